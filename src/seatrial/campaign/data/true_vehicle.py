@@ -125,17 +125,23 @@ def true_vehicle(campaign: Campaign) -> TrueVehicle:
     model = with_actuators(model, {name: Actuator(time) for name, time in times.items() if time > 0})
     sensors = tuple(_true_sensor(sensor, truth) for sensor in campaign.sensor_models)
     values = {**noise, **truth, **true_coefficients(campaign, model)}
-    shaken = tuple(state for state in model.states if truth.get(process_name(state), 0.0) > 0)
+    simulator = Simulator(model, sensors, truth.get(DELAY, 0.0) > 0, CURRENT in truth)
+    return shaken_vehicle(campaign, simulator, values, campaign.state_trim(model), campaign.control_trim(model))
+
+
+def shaken_vehicle(
+    campaign: Campaign,
+    simulator: Simulator,
+    values: Mapping[str, float],
+    start: tuple[float, ...],
+    trim: tuple[tuple[str, float], ...],
+) -> TrueVehicle:
+    """Return a true vehicle under the campaign's autopilot, with the process noise that its values name; arguments as its attributes."""
+    model = simulator.model
+    shaken = tuple(state for state in model.states if values.get(process_name(state), 0.0) > 0)
     moved = with_process_noise(model, shaken)
-    return TrueVehicle(
-        Simulator(moved, sensors, truth.get(DELAY, 0.0) > 0, CURRENT in truth),
-        values,
-        campaign.state_trim(model),
-        campaign.control_trim(model),
-        campaign.where("truth"),
-        campaign.pilot(moved.controls),
-        shaken,
-    )
+    autopilot, where = campaign.pilot(moved.controls), campaign.where("truth")
+    return TrueVehicle(replace(simulator, model=moved), values, start, trim, where, autopilot, shaken)
 
 
 def with_process_noise(model: VehicleModel, states: Sequence[str]) -> VehicleModel:

@@ -1,0 +1,204 @@
+"""Closed-loop campaigns on vehicles drawn from the priors: coverage, what moving several set-points together saves, and time of safety.
+
+    python benchmarks/closed_loop.py coverage remus --vehicles 40
+    python benchmarks/closed_loop.py coverage rov --vehicles 40
+    python benchmarks/closed_loop.py together remus
+    python benchmarks/closed_loop.py safety
+"""
+
+import argparse
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+from scipy.stats import binom, norm
+
+from seatrial.campaign.config.load import check_text
+from seatrial.campaign.design.evaluate import plan_of
+from seatrial.campaign.design.prior_state_space import prior_draws
+from seatrial.campaign.design.sweep import design_first
+from seatrial.campaign.rehearsal.run import rehearse
+from seatrial.design.safety import judge_safety
+from seatrial.design.sweep import all_controls
+from seatrial.vehicles.linearise import linearise
+
+LEVEL, BAND = 0.90, 0.99
+"""Of the intervals, and probability with which a right answer is inside its band."""
+DESIGN = """
+[design]
+control = "psi_set"
+families = {families}
+utility = "fisher-d"
+duration = "{duration:g} s"
+active = "{active:g} s"
+sample_time = "0.1 s"
+amplitude = {{ from = "15 deg", to = "40 deg", points = 3 }}
+period = {{ from = "8 s", to = "20 s", points = 3 }}
+{more}
+[goal]
+sd = {{ {wanted} }}
+trials = 2
+"""
+REMUS = """
+[campaign]
+name = "REMUS 100, unstable in yaw, under its autopilot"
+seed = 1
+[vehicle]
+catalogue = "remus100_hall_anstee"
+moves = ["v", "r"]
+given = ["u"]
+published_to = "20 %"
+trim = { u = "1.5 m/s" }
+[structure]
+always = ["Y_uv", "Y_uudelta_r", "N_uv", "N_ur", "N_uudelta_r"]
+[prior]
+process_v = { distribution = "log-uniform", lower = 0.003, upper = 0.03 }
+process_r = { distribution = "log-uniform", lower = 0.003, upper = 0.03 }
+process_psi = { distribution = "log-uniform", lower = 0.0001, upper = 0.001 }
+[sensors]
+v = { noise = "0.02 m/s" }
+r = { noise = "0.004 rad/s" }
+psi = { noise = "0.5 deg" }
+[autopilot.psi]
+moves = { delta_r = -1 }
+kp = "1 rad/rad"
+kd = "3 rad s/rad"
+derivative = "r"
+limit = "13 deg"
+[limits.delta_r]
+lower = "-13.6 deg"
+upper = "13.6 deg"
+[estimation]
+initial = "measured"
+likelihood = "filter-error"
+"""
+ROV = """
+[campaign]
+name = "BlueROV2 under depth and heading hold"
+seed = 1
+[vehicle]
+catalogue = "bluerov2_heavy"
+moves = ["w", "r"]
+positions = ["z"]
+published_to = "40 %"
+trim = { f_5 = "0.3 N", f_6 = "0.3 N", f_7 = "0.3 N", f_8 = "0.3 N", z = "5 m" }
+[structure]
+always = ["Z_w", "Z_wabsw", "N_r", "N_rabsr"]
+[prior.N_r]
+distribution = "normal"
+mean = -1.0
+sd = 0.3
+[sensors]
+z = { noise = "0.01 m" }
+psi = { noise = "1 deg" }
+r = { noise = "0.5 deg/s" }
+[autopilot.psi]
+moves = { f_1 = -1, f_2 = 1, f_3 = 1, f_4 = -1 }
+kp = "6 N/rad"
+ki = "0.5 N/(rad s)"
+kd = "3 N s/rad"
+derivative = "r"
+limit = "15 N"
+[autopilot.z]
+moves = { f_5 = -1, f_6 = -1, f_7 = -1, f_8 = -1 }
+kp = "15 N/m"
+ki = "1 N/(m s)"
+kd = "6 N s/m"
+interval = "0.2 s"
+limit = "20 N"
+[limits.z]
+lower = "3 m"
+upper = "7 m"
+"""
+VEHICLES = {
+    "remus": (REMUS, {"duration": 50.0, "active": 42.0, "more": ""}),
+    "rov": (ROV, {"duration": 40.0, "active": 34.0, "more": 'together = { z_set = "0.8 m" }'}),
+}
+
+
+def campaign_of(folder, name, families=("repeated-doublet", "multisine"), **changes):
+    text, settings = VEHICLES[name]
+    more = {**settings, **changes}
+    together = more.pop("more")
+    wanted = 'Y_uv = "0.1 %"' if name == "remus" else 'Z_w = "0.001 %"'
+    design = DESIGN.format(families=list(families), more="", wanted=wanted, **more)
+    design = design.replace('control = "psi_set"\n', f'control = "psi_set"\n{together}\n')
+    path = Path(folder) / name
+    path.mkdir(exist_ok=True)
+    (path / "campaign.toml").write_text(text + design)
+    return check_text(path, text + design)
+
+
+def coverage(name, vehicles):
+    """Count true coefficients inside intervals of each strategy after each trial."""
+    with tempfile.TemporaryDirectory() as folder:
+        campaign, start = campaign_of(folder, name), time.process_time()
+        data = rehearse(campaign, vehicles).data
+    truth, estimate, sd = (data[one].values for one in ("truth", "estimate", "sd"))
+    strategies, names = list(data["strategy"].values), list(data["coefficient"].values)
+    if name == "remus":
+        print(f"unstable without the autopilot: {open_loop_unstable(campaign, truth):.0%} of the vehicles")
+    low, high = binom.ppf([(1 - BAND) / 2, (1 + BAND) / 2], vehicles, LEVEL)
+    print(f"{vehicles} vehicles; right intervals hold the truth in {low:.0f} to {high:.0f} of them ({BAND:.0%})")
+    half = norm.ppf((1 + LEVEL) / 2)
+    for at, strategy in enumerate(strategies):
+        inside = np.abs(estimate[:, at, -1] - truth) <= half * sd[:, at, -1]
+        share = np.mean(sd[:, at, -1] / np.abs(truth), axis=0)
+        for i, coefficient in enumerate(names):
+            count = int(inside[:, i].sum())
+            verdict = "inside" if low <= count <= high else "OUTSIDE"
+            print(f"{strategy:9s} {coefficient:12s} {count:3d} of {vehicles} {verdict}; sd {share[i]:.1%}")
+    print(f"{time.process_time() - start:.0f} processor seconds")
+
+
+def open_loop_unstable(campaign, truth):
+    model = campaign.model(campaign.full)
+    names = [term.text for term in model.coefficients]
+    controls = [value for _, value in campaign.control_trim(model)][: len(model.controls)]
+    lost = []
+    for values in truth:
+        slopes, _ = linearise(model, dict(zip(names, values, strict=True)), campaign.state_trim(model), controls)
+        lost.append(np.linalg.eigvals(np.asarray(slopes)).real.max() > 1.0 / campaign.family.duration)
+    return np.mean(lost)
+
+
+def safety(designs=400, vehicles=200):
+    """Time the closed-loop check of many designs on many vehicles, when its program is there."""
+    with tempfile.TemporaryDirectory() as folder:
+        for name in VEHICLES:
+            campaign = campaign_of(folder, name)
+            model = campaign.model(campaign.full)
+            plan, draws = plan_of(campaign, model), prior_draws(campaign, model)[:vehicles]
+            size = np.sqrt(designs)
+            grid = np.meshgrid(np.linspace(0.2, 0.7, int(size)), np.linspace(8.0, 20.0, int(size)))
+            controls = all_controls(campaign.family, campaign.control_trim(model), *(x.ravel() for x in grid))
+            limits = campaign.motion_limits or default_limits()
+            judge_safety(plan, controls, draws, limits)
+            begin, wall = time.process_time(), time.perf_counter()
+            judge_safety(plan, controls, draws, limits)
+            spent = time.process_time() - begin, time.perf_counter() - wall
+            print(f"{name}: {len(controls)} designs x {vehicles} vehicles x {controls.shape[1]} samples: ", end="")
+            print(f"{spent[0]:.1f} processor seconds, {spent[1]:.1f} s")
+
+
+def default_limits():
+    from seatrial.design.motion_limits import MotionLimit
+
+    return (MotionLimit("psi", -1.5, 1.5),)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("what", choices=["coverage", "safety"])
+    parser.add_argument("vehicle", nargs="?", choices=list(VEHICLES))
+    parser.add_argument("--vehicles", type=int, default=40)
+    asked = parser.parse_args()
+    if asked.what == "safety":
+        safety()
+    else:
+        coverage(asked.vehicle, asked.vehicles)
+
+
+if __name__ == "__main__":
+    main()
