@@ -1,9 +1,10 @@
 """Closed-loop campaigns on vehicles drawn from the priors: coverage, what moving several set-points together saves, and time of safety.
 
-    python benchmarks/closed_loop.py coverage remus --vehicles 40
-    python benchmarks/closed_loop.py coverage rov --vehicles 40
-    python benchmarks/closed_loop.py together remus
-    python benchmarks/closed_loop.py safety
+python benchmarks/closed_loop.py coverage remus --vehicles 40
+python benchmarks/closed_loop.py coverage rov --vehicles 40
+python benchmarks/closed_loop.py together rov
+python benchmarks/closed_loop.py together remus
+python benchmarks/closed_loop.py safety
 """
 
 import argparse
@@ -17,8 +18,11 @@ from scipy.stats import binom, norm
 from seatrial.campaign.config.load import check_text
 from seatrial.campaign.design.evaluate import plan_of
 from seatrial.campaign.design.prior_state_space import prior_draws
+from seatrial.campaign.design.schedule import design_words
 from seatrial.campaign.design.sweep import design_first
 from seatrial.campaign.rehearsal.run import rehearse
+from seatrial.design.motion_limits import MotionLimit
+from seatrial.design.robust import information_table
 from seatrial.design.safety import judge_safety
 from seatrial.design.sweep import all_controls
 from seatrial.vehicles.linearise import linearise
@@ -27,19 +31,49 @@ LEVEL, BAND = 0.90, 0.99
 """Of the intervals, and probability with which a right answer is inside its band."""
 DESIGN = """
 [design]
-control = "psi_set"
-families = {families}
+control = "{control}"
+{more}
+families = ["repeated-doublet", "multisine"]
 utility = "fisher-d"
 duration = "{duration:g} s"
 active = "{active:g} s"
 sample_time = "0.1 s"
-amplitude = {{ from = "15 deg", to = "40 deg", points = 3 }}
+amplitude = {{ from = {least}, to = {most}, points = 3 }}
 period = {{ from = "8 s", to = "20 s", points = 3 }}
-{more}
 [goal]
 sd = {{ {wanted} }}
 trials = 2
 """
+PITCH_SENSORS = """[sensors]
+w = { noise = "0.02 m/s" }
+q = { noise = "0.004 rad/s" }
+theta = { noise = "0.5 deg" }"""
+PITCH_LOOP = """[autopilot.theta]
+moves = { delta_s = -1 }
+kp = "1 rad/rad"
+kd = "2 rad s/rad"
+derivative = "q"
+limit = "13 deg"
+[limits.delta_s]
+lower = "-13.6 deg"
+upper = "13.6 deg"
+[prior.process_w]
+distribution = "log-uniform"
+lower = 0.003
+upper = 0.03
+[prior.process_q]
+distribution = "log-uniform"
+lower = 0.003
+upper = 0.03
+[prior.process_theta]
+distribution = "log-uniform"
+lower = 0.0001
+upper = 0.001
+[prior.process_phi]
+distribution = "log-uniform"
+lower = 0.0001
+upper = 0.001
+[limits.delta_r]"""
 REMUS = """
 [campaign]
 name = "REMUS 100, unstable in yaw, under its autopilot"
@@ -112,19 +146,28 @@ lower = "3 m"
 upper = "7 m"
 """
 VEHICLES = {
-    "remus": (REMUS, {"duration": 50.0, "active": 42.0, "more": ""}),
-    "rov": (ROV, {"duration": 40.0, "active": 34.0, "more": 'together = { z_set = "0.8 m" }'}),
+    "remus": (REMUS, {"duration": 50.0, "active": 42.0, "more": "", "wanted": 'Y_uv = "0.1 %"'}),
+    "rov": (
+        ROV,
+        {
+            "duration": 40.0,
+            "active": 34.0,
+            "more": 'together = { z_set = "0.8 m" }',
+            "wanted": 'Z_w = "0.001 %"',
+        },
+    ),
 }
 
 
-def campaign_of(folder, name, families=("repeated-doublet", "multisine"), **changes):
+def campaign_of(folder, name, changes=(), control="psi_set", more=None, most='"40 deg"'):
     text, settings = VEHICLES[name]
-    more = {**settings, **changes}
-    together = more.pop("more")
-    wanted = 'Y_uv = "0.1 %"' if name == "remus" else 'Z_w = "0.001 %"'
-    design = DESIGN.format(families=list(families), more="", wanted=wanted, **more)
-    design = design.replace('control = "psi_set"\n', f'control = "psi_set"\n{together}\n')
-    path = Path(folder) / name
+    for old, new in changes:
+        assert old in text, old
+        text = text.replace(old, new)
+    more = settings["more"] if more is None else more
+    least = most.replace(most.split()[0], f'"{float(most.split()[0][1:]) / 2.5:g}')
+    design = DESIGN.format(**{**settings, "more": more}, control=control, least=least, most=most)
+    path = Path(folder) / f"{name}_{control}_{len(more)}"
     path.mkdir(exist_ok=True)
     (path / "campaign.toml").write_text(text + design)
     return check_text(path, text + design)
@@ -163,6 +206,74 @@ def open_loop_unstable(campaign, truth):
     return np.mean(lost)
 
 
+BOTH_PLANES = (
+    ('moves = ["v", "r"]', 'moves = ["v", "w", "q", "r"]'),
+    ('"N_uudelta_r"]', '"N_uudelta_r", "Z_uw", "Z_uudelta_s", "M_uw", "M_uq", "M_uudelta_s"]'),
+    ("[sensors]", PITCH_SENSORS),
+    ("[limits.delta_r]", PITCH_LOOP),
+)
+"""What makes the REMUS of the steering plane one of both planes."""
+
+
+def together(name, vehicles=200, trials=2):
+    """Time of trials of one set-point at a time that know every coefficient as well as trials that move both."""
+    with tempfile.TemporaryDirectory() as folder:
+        changes = BOTH_PLANES if name == "remus" else ()
+        other = "theta_set" if name == "remus" else "z_set"
+        size = '"12 deg"' if name == "remus" else '"0.8 m"'
+        moved = {
+            "both": ("psi_set", f"together = {{ {other} = {size} }}"),
+            "psi_set": ("psi_set", ""),
+            other: (other, ""),
+        }
+        found = {}
+        for kind, (control, more) in moved.items():
+            campaign = campaign_of(folder, name, changes, control, more, size if control == other else '"40 deg"')
+            model = campaign.model(campaign.full)
+            best, draws = design_first(campaign).best, prior_draws(campaign, model)[:vehicles]
+            controls = best.best_controls()[None]
+            found[kind] = information_table(plan_of(campaign, model), controls, draws)[0]
+            print(f"{kind}: {design_words(best.family, best.amplitude[best.best[0]], best.period[best.best[1]])}")
+    prior = np.linalg.inv(np.cov(draws, rowvar=False))
+    ratios = []
+    for both, one, two in zip(found["both"], found["psi_set"], found[other], strict=True):
+        wanted = sds(prior + trials * both)
+        ratios.append(min(trials_needed(prior, one, two, share, wanted) for share in np.linspace(0.05, 0.95, 19)))
+    ratios = np.array(ratios) / trials
+    low, middle, high = np.quantile(ratios, [0.05, 0.5, 0.95])
+    print(f"one at a time takes {middle:.2f} times as long ({low:.2f} to {high:.2f}, 90 % of {vehicles} vehicles)")
+    print(f"saved: {1 - 1 / middle:.0%} ({1 - 1 / low:.0%} to {1 - 1 / high:.0%})")
+    names = [term.text for term in model.coefficients]
+    mean = {
+        "both": found["both"].mean(0) * trials,
+        "one at a time": 0.5 * trials * (found["psi_set"] + found[other]).mean(0),
+    }
+    for kind, information in mean.items():
+        cov = np.linalg.inv(prior + information)
+        correlation = np.abs(cov / np.outer(*2 * [np.sqrt(np.diag(cov))]) - np.eye(len(cov)))
+        i, j = np.unravel_index(correlation.argmax(), correlation.shape)
+        left = np.sqrt(np.diag(cov) * np.diag(prior))
+        print(
+            f"{kind}, {trials} trials: at most {left.max():.0%} of a prior sd is left ({names[left.argmax()]}); ",
+            end="",
+        )
+        print(f"strongest correlation {correlation[i, j]:.2f}, {names[i]} with {names[j]}")
+
+
+def sds(precision):
+    return np.sqrt(np.diag(np.linalg.inv(precision)))
+
+
+def trials_needed(prior, one, two, share, wanted):
+    """Trials, of which a share moves one set-point and the rest the other, after which no coefficient is known worse than wanted."""
+    low, high = 0.0, 1e4
+    for _ in range(50):
+        middle = 0.5 * (low + high)
+        enough = (sds(prior + middle * (share * one + (1 - share) * two)) <= wanted).all()
+        low, high = (low, middle) if enough else (middle, high)
+    return high
+
+
 def safety(designs=400, vehicles=200):
     """Time the closed-loop check of many designs on many vehicles, when its program is there."""
     with tempfile.TemporaryDirectory() as folder:
@@ -183,19 +294,19 @@ def safety(designs=400, vehicles=200):
 
 
 def default_limits():
-    from seatrial.design.motion_limits import MotionLimit
-
     return (MotionLimit("psi", -1.5, 1.5),)
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=["coverage", "safety"])
+    parser.add_argument("what", choices=["coverage", "together", "safety"])
     parser.add_argument("vehicle", nargs="?", choices=list(VEHICLES))
     parser.add_argument("--vehicles", type=int, default=40)
     asked = parser.parse_args()
     if asked.what == "safety":
         safety()
+    elif asked.what == "together":
+        together(asked.vehicle)
     else:
         coverage(asked.vehicle, asked.vehicles)
 
