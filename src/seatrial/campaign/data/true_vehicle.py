@@ -102,9 +102,11 @@ class TrueVehicle:
         if not (np.isfinite(shown).all() and np.isfinite(end).all()):
             raise InputError(
                 self.where,
-                found="a simulated vehicle that diverges",
-                expected="damping that dissipates",
-                remedy="check signs: negative damping coefficients dissipate",
+                found="a simulated vehicle that diverges" + " under its autopilot" * (self.autopilot is not None),
+                expected="damping that dissipates" if self.autopilot is None else "an autopilot that holds it",
+                remedy="check signs: negative damping coefficients dissipate"
+                if self.autopilot is None
+                else "check the signs under `moves` of [autopilot], and lower its gains",
             )
         exact = np.asarray(shown)
         return told | {
