@@ -19,10 +19,10 @@ from seatrial.campaign.config.load import check_text
 from seatrial.campaign.design.evaluate import plan_of
 from seatrial.campaign.design.prior_state_space import prior_draws
 from seatrial.campaign.design.schedule import design_words
-from seatrial.campaign.design.sweep import design_first
 from seatrial.campaign.rehearsal.run import rehearse
+from seatrial.design.fisher_utilities import find_criterion
 from seatrial.design.motion_limits import MotionLimit
-from seatrial.design.robust import information_table
+from seatrial.design.robust import information_table, utility_table
 from seatrial.design.safety import judge_safety
 from seatrial.design.sweep import all_controls
 from seatrial.vehicles.linearise import linearise
@@ -230,10 +230,10 @@ def together(name, vehicles=200, trials=2):
         for kind, (control, more) in moved.items():
             campaign = campaign_of(folder, name, changes, control, more, size if control == other else '"40 deg"')
             model = campaign.model(campaign.full)
-            best, draws = design_first(campaign).best, prior_draws(campaign, model)[:vehicles]
-            controls = best.best_controls()[None]
-            found[kind] = information_table(plan_of(campaign, model), controls, draws)[0]
-            print(f"{kind}: {design_words(best.family, best.amplitude[best.best[0]], best.period[best.best[1]])}")
+            plan, draws = plan_of(campaign, model), prior_draws(campaign, model)[:vehicles]
+            words, controls = most_informative(campaign, plan, draws)
+            found[kind] = information_table(plan, controls[None], draws)[0]
+            print(f"{kind}: {words}", flush=True)
     prior = np.linalg.inv(np.cov(draws, rowvar=False))
     ratios = []
     for both, one, two in zip(found["both"], found["psi_set"], found[other], strict=True):
@@ -258,6 +258,19 @@ def together(name, vehicles=200, trials=2):
             end="",
         )
         print(f"strongest correlation {correlation[i, j]:.2f}, {names[i]} with {names[j]}")
+
+
+def most_informative(campaign, plan, draws, few=8):
+    """Return the design of the grid with the largest Bayesian D gain on average over a few draws: its words and commands."""
+    words, controls, trim = [], [], campaign.control_trim(plan.model)
+    for family in campaign.families:
+        amplitude, period = (axis.ravel() for axis in np.meshgrid(*campaign.design.grid(), indexing="ij"))
+        words += [design_words(family, *settings) for settings in zip(amplitude, period, strict=True)]
+        controls.append(all_controls(family, trim, amplitude, period))
+    controls = np.concatenate(controls)
+    criterion = find_criterion("fisher-d", np.cov(draws, rowvar=False))
+    best = int(np.argmax(utility_table(plan, controls, draws[:few], criterion).mean))
+    return words[best], controls[best]
 
 
 def sds(precision):

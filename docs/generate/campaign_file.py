@@ -23,6 +23,7 @@ HEADINGS: dict[str, type[BaseModel]] = {
     "[autopilot.CHANNEL]": schema.LoopTable,
     "[design]": schema.DesignTable,
     "Ranges: design.amplitude, design.period, design.relay.threshold": schema.RangeTable,
+    "[design.together.CONTROL]": schema.BesideTable,
     "[design.relay]": schema.RelayTable,
     "[design.prediction]": schema.PredictionTable,
     "[power]": schema.PowerTable,

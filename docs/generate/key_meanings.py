@@ -155,6 +155,10 @@ MEANINGS: dict[str, dict[str, tuple[str, str]]] = {
         "output": ("", "measured state that reverses the control"),
         "threshold": ("that of the output", "distances from trim that are tried"),
     },
+    "BesideTable": {
+        "amplitude": ("that of the control", "its amplitude where that of the designed control is the largest"),
+        "period": ("1", "its period over that of the designed control"),
+    },
     "PredictionTable": {
         "of": ("", "what is predicted: a state, `distance` or `advance`"),
         "control": ("that of the control", "value to which the control is set"),

@@ -7,7 +7,14 @@ from pathlib import Path
 import numpy as np
 
 from seatrial.campaign.config.file_keys import FileKeys
-from seatrial.campaign.config.schema import DesignTable, LimitsTable, PowerTable, PredictionTable, RelayTable
+from seatrial.campaign.config.schema import (
+    BesideTable,
+    DesignTable,
+    LimitsTable,
+    PowerTable,
+    PredictionTable,
+    RelayTable,
+)
 from seatrial.campaign.config.settings import DesignSettings, OwnSchedule, Power, RelaySettings, StatedPrediction
 from seatrial.core.errors import InputError, located, nearest
 from seatrial.core.signals import signal_unit
@@ -211,7 +218,16 @@ def _family(table: DesignTable, keys: FileKeys, controls: Sequence[str], trims: 
     }
     largest = keys.si(table.amplitude.stop, unit, "design.amplitude.to")
     beside = tuple(
-        _beside(name, text, keys, controls, trims, table.control, largest) for name, text in table.together.items()
+        _beside(
+            name,
+            one if isinstance(one, BesideTable) else BesideTable(amplitude=one),
+            keys,
+            controls,
+            trims,
+            table.control,
+            largest,
+        )
+        for name, one in table.together.items()
     )
     try:
         return Family(table.control, trim, **seconds, beside=beside)
@@ -222,7 +238,7 @@ def _family(table: DesignTable, keys: FileKeys, controls: Sequence[str], trims: 
 
 def _beside(
     name: str,
-    text: str | float,
+    table: BesideTable,
     keys: FileKeys,
     controls: Sequence[str],
     trims: Mapping[str, float],
@@ -239,15 +255,15 @@ def _beside(
             expected="another control of the vehicle: " + (", ".join(others) or "it has none"),
             remedy=nearest(name, others) if others else "remove it",
         )
-    amplitude = keys.si(text, signal_unit(name), key)
+    amplitude = keys.si(table.amplitude, signal_unit(name), key)
     if not amplitude > 0:
         raise InputError(
             keys.where(key),
-            found=f"{text}",
+            found=f"{table.amplitude}",
             expected="more than 0",
             remedy="remove it where the control is to stay at trim",
         )
-    return Beside(name, trims.get(name, 0.0), amplitude / largest)
+    return Beside(name, trims.get(name, 0.0), amplitude / largest, table.period)
 
 
 def _relay(table: RelayTable, keys: FileKeys, channels: Sequence[str]) -> RelaySettings:

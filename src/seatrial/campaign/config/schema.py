@@ -240,6 +240,13 @@ class PredictionTable(Table):
     after: Quantity
 
 
+class BesideTable(Table):
+    """`[design.together.CONTROL]`: a control that moves with the designed one, with a period of its own, `period` times as long."""
+
+    amplitude: Quantity
+    period: float = Field(default=1.0, ge=0.1, le=10.0)
+
+
 class DesignTable(Table):
     """`[design]`: shapes of input that are compared on one grid of amplitudes and periods, and what makes one of them the best.
 
@@ -257,7 +264,8 @@ class DesignTable(Table):
 
     `schedule` is a CSV of your own, with columns `time_s` and one for each control that moves, with its unit, such as `n_rpm`: it is
     weighed beside the families, and is the first trial that is run. Controls named under `together` move at the same
-    time, each with its amplitude where that of `control` is the largest: `{ n = "100 rpm" }`.
+    time, each with its amplitude where that of `control` is the largest: `{ n = "100 rpm" }`; one whose motion is slower may have
+    a longer period: `{ n = { amplitude = "100 rpm", period = 2.0 } }`.
     """
 
     control: str
@@ -269,7 +277,7 @@ class DesignTable(Table):
     turnaround: Quantity = "0 s"
     probability: float = Field(default=0.95, gt=0.0, lt=0.99)
     trim: Quantity | None = None
-    together: dict[str, Quantity] = {}
+    together: dict[str, Quantity | BesideTable] = {}
     duration: Quantity
     active: Quantity
     start: Quantity = "1 s"
