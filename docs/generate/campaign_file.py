@@ -20,8 +20,10 @@ HEADINGS: dict[str, type[BaseModel]] = {
     "[sensors.CHANNEL]": schema.SensorTable,
     "[mounts.NAME]": schema.MountTable,
     "[limits.NAME]": schema.LimitsTable,
+    "[autopilot.CHANNEL]": schema.LoopTable,
     "[design]": schema.DesignTable,
     "Ranges: design.amplitude, design.period, design.relay.threshold": schema.RangeTable,
+    "[design.together.CONTROL]": schema.BesideTable,
     "[design.relay]": schema.RelayTable,
     "[design.prediction]": schema.PredictionTable,
     "[power]": schema.PowerTable,
@@ -65,6 +67,7 @@ term that is left out is 0. These are allowed too:
 | `sigma_CHANNEL` | that of the channel | its noise, if it is not that of `[sensors]` |
 | `tau_CHANNEL`, `dof_CHANNEL` | s, 1 | correlation time of that noise, or degrees of freedom of its heavy tails |
 | `lag_CONTROL` | s | time constant of an actuator, which no structure has |
+| `process_STATE` | that of the state | process noise: what it adds to a state in one second |
 """
 
 

@@ -108,6 +108,23 @@ MEANINGS: dict[str, dict[str, tuple[str, str]]] = {
         "lag": ("", "whether the sensor answers late; needs `[prior.lag_CHANNEL]`"),
         "over": ("", "whether a speed is measured over ground or through the water"),
     },
+    "LoopTable": {
+        "moves": (
+            "1",
+            "controls that it moves, or set-points of loops further down, each with its share of the output",
+        ),
+        "kp": ("that of what it moves, over that of the channel", "proportional gain"),
+        "ki": ("the same, per second", "integral gain"),
+        "kd": ("the same, times seconds", "derivative gain; it acts on the measurement, not on the set-point"),
+        "derivative": ("", "channel that shows the rate of change, such as `r`; without it differences are taken"),
+        "set_point": ("that of the channel", "what is held while a trial leaves it alone; its trim if not given"),
+        "limit": ("that of what it moves", "largest output, to either side"),
+        "rate": ("that of what it moves, per second", "fastest change of the output"),
+        "interval": (
+            "time",
+            "from one decision to the next, a multiple of `design.sample_time`, which it is if not given",
+        ),
+    },
     "LimitsTable": {
         "lower": ("that of the quantity", "lower bound"),
         "upper": ("that of the quantity", "upper bound"),
@@ -146,6 +163,10 @@ MEANINGS: dict[str, dict[str, tuple[str, str]]] = {
     "RelayTable": {
         "output": ("", "measured state that reverses the control"),
         "threshold": ("that of the output", "distances from trim that are tried"),
+    },
+    "BesideTable": {
+        "amplitude": ("that of the control", "its amplitude where that of the designed control is the largest"),
+        "period": ("1", "its period over that of the designed control"),
     },
     "PredictionTable": {
         "of": ("", "what is predicted: a state, `distance` or `advance`"),

@@ -72,13 +72,13 @@ def information(control, values, noise=0.05):
 
 
 def test_the_noise_of_a_trial_does_not_depend_on_the_design(small, space):
-    vehicle = draw_vehicle(small, space.extremes, jax.random.key(1))
+    vehicle = draw_vehicle(small, space.plan, space.trying, jax.random.key(1))
     truth = vehicle.values["X_uabsu"], vehicle.values["T_nabsn"]
     noise = {}
     for number in (1, 2):
         for design in (space.design(0), space.random(0, number)):
             record = run_trial(small, vehicle, number, design.control)
-            noise.setdefault(number, []).append(record.channel("u") - speed(design.control, *truth))
+            noise.setdefault(number, []).append(record.channel("u") - speed(design.control[:, 0], *truth))
     for one, other in noise.values():
         np.testing.assert_allclose(one, other, rtol=0, atol=1e-9)
     assert np.abs(np.corrcoef(noise[1][0], noise[2][0])[0, 1]) < 4 / np.sqrt(300)
@@ -115,7 +115,7 @@ def test_the_sd_is_that_of_the_information_of_all_trials(small, found, space):
     trials = found.needed[vehicle, 1]
     assert trials > 1
     designs = design_first(small)
-    control = space.best_of(designs, designs.best.family.kind).control
+    control = space.best_of(designs, designs.best.family.kind).control[:, 0]
     values = found.data["estimate"].values[vehicle, 1, trials - 1]
     expected = np.sqrt(np.diag(np.linalg.inv(trials * information(control, values))))
     np.testing.assert_allclose(found.data["sd"].values[vehicle, 1, trials - 1], expected, rtol=0.1)
@@ -126,7 +126,7 @@ def test_gains_of_the_designs(space):
     values, cov = np.array([-3.0, 6e-4]), np.array([[0.09, -1e-5], [-1e-5, 4e-9]])
     gains = space.gains(values, cov)
     for i in (0, len(gains) // 2, len(gains) - 1):
-        expected = 0.5 * np.linalg.slogdet(np.eye(2) + cov @ information(space.control[i], values))[1]
+        expected = 0.5 * np.linalg.slogdet(np.eye(2) + cov @ information(space.control[i, :, 0], values))[1]
         assert gains[i] == pytest.approx(expected, rel=1e-4)
     chosen = space.most_informative(values, cov)
     np.testing.assert_array_equal(chosen.control, space.control[np.argmax(gains)])
@@ -135,10 +135,10 @@ def test_gains_of_the_designs(space):
 def test_random_steps_are_new_in_every_trial_and_inside_the_limits(small, space):
     drawn = [space.random(vehicle, number).control for vehicle in (0, 1) for number in (1, 2)]
     assert len({control.tobytes() for control in drawn}) == 4
-    for control in drawn:
+    for control in (one[:, 0] for one in drawn):
         assert not small.limits.excess(control, small.family.sample_time)
         assert np.abs(control - small.family.trim).max() <= space.swing
-        assert space.extremes[0, 0] <= control.min() <= control.max() <= space.extremes[1, 0]
+        assert space.trying[0].min() <= control.min() <= control.max() <= space.trying[1].max()
 
 
 def test_resumes_to_the_same_bits_and_grows(small, found, monkeypatch):

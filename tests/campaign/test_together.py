@@ -6,6 +6,7 @@ import pytest
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.config.templates import template_text
 from seatrial.campaign.data.import_logs import get_trials
+from seatrial.campaign.design.schedule import design_words
 from seatrial.campaign.design.sweep import design_first
 from seatrial.campaign.store.stored_result import Store
 from seatrial.core.errors import InputError
@@ -69,6 +70,12 @@ def test_both_controls_are_designed_written_and_run(tmp_path):
 def test_what_cannot_move_together_is_told_by_its_key(tmp_path, old, new, said):
     with pytest.raises(InputError, match=said):
         campaign(tmp_path, (old, new))
+
+
+def test_a_period_of_its_own_is_read_and_told(tmp_path):
+    made = campaign(tmp_path, ('{ n = "150 rpm" }', '{ n = { amplitude = "150 rpm", period = 2.0 } }'))
+    assert made.family.beside[0].period == 2.0
+    assert "rpm in n, 2 times as slowly" in design_words(made.families[0], 5 * DEG, 8.0)
 
 
 def test_another_control_beyond_its_limits_leaves_no_design(tmp_path):

@@ -30,8 +30,8 @@ def slow(tau, scale=NOISE, seed=1):
     return scale * np.array(e)
 
 
-def verdict(score, held_back=False, coloured=False) -> FitVerdict:
-    return judge_fit(score, "u", held_back, coloured)
+def verdict(score, held_back=False, coloured=False, feedback=False) -> FitVerdict:
+    return judge_fit(score, "u", held_back, coloured, feedback=feedback)
 
 
 def test_numbers_by_hand():
@@ -98,6 +98,10 @@ def test_slow_residuals():
     assert "by a factor of about 3." in found.reason
     assert 'set estimation.residuals = "coloured"' in found.reason
     assert verdict(scored(errors, slow=SlowNoise(0.25, 1.0)), coloured=True).level == "pass"
+    through = verdict(scored(errors), feedback=True)
+    assert through.about == "biased through the autopilot"
+    assert 'set estimation.likelihood = "filter-error"' in through.reason
+    assert verdict(scored(white()), feedback=True).level == "pass"
     both = np.sqrt(0.5) * (errors + white())
     assert verdict(scored(both, slow=SlowNoise(0.25, 0.5)), coloured=True).level == "pass"
     assert verdict(scored(both, slow=SlowNoise(0.25, 1.0)), coloured=True).about == "correlated beyond the model"

@@ -5,6 +5,7 @@ import pytest
 from seatrial.estimation.delayed_control import delay_control
 from seatrial.estimation.sensor_errors import Sensor
 from seatrial.estimation.simulation import Feedback, Simulator
+from seatrial.manoeuvres.pilot import Moment
 from seatrial.vehicles.actuators import Actuator, with_actuators
 from seatrial.vehicles.surge import SurgeHull, surge_vehicle
 from tests.cases import TRUTH, U0, paper_model, surge_rate
@@ -79,16 +80,27 @@ def test_an_actuator_that_is_late_follows_its_equation(actuator, error, of_mean)
     np.testing.assert_allclose(mean, [one for _, one in found][:-1], atol=of_mean)
 
 
+class TurnsRound:
+    """A pilot whose force turns round where the speed has gone far enough."""
+
+    outputs = ("u",)
+
+    def begin(self):
+        return 1.0
+
+    def decide(self, side, time, seen, told):
+        return jnp.where(seen[0] >= 0.1, -1.0, jnp.where(seen[0] <= -0.1, 1.0, side))
+
+    def controls(self, side, told):
+        return (side * 0.7,)
+
+
 @pytest.mark.parametrize("delay", [0.0, 0.2, 0.35])
 def test_a_feedback_sees_what_its_sensor_shows(delay):
     """By a plain loop: a force that turns round where the biased, noisy, sometimes missing speed has gone far enough."""
     n, h, bias = 60, 0.1, 0.03
     error = np.where(np.arange(n) % 4 == 1, np.nan, RNG.normal(size=n) * 0.01)
-
-    def decide(side, time, seen):
-        return jnp.where(seen >= 0.1, -1.0, jnp.where(seen <= -0.1, 1.0, side))
-
-    feedback = Feedback("u", 1.0, lambda side: (side * 0.7,), decide, jnp.arange(n) * h, jnp.asarray(error))
+    feedback = Feedback(TurnsRound(), Moment(jnp.arange(n) * h, (), (jnp.asarray(error),)))
     simulator = Simulator(FORCED, (Sensor("u", bias=True), Sensor("udot")), delay=delay > 0)
     found = simulator.follow({**FREE, "bias_u": bias, "delay": delay}, jnp.zeros(1), feedback, jnp.full(n, h))
     u, side, forces, speed = 0.0, 1.0, [0.7] * 10, []

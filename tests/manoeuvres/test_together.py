@@ -52,6 +52,22 @@ def test_doublets_are_orthogonal_but_for_the_ends_at_which_one_of_them_is_still(
     np.testing.assert_allclose(within @ within.T / inside.sum(), np.eye(count), atol=2e-3)
 
 
+@pytest.mark.parametrize(("kind", "most"), [("repeated-doublet", 1 / 16), ("multisine", 1e-6)])
+@pytest.mark.parametrize("longer", [2.0, 0.5])
+def test_a_control_may_have_a_period_of_its_own(kind, most, longer):
+    """Both end whole: one wave at the frequencies of its own period, and still none that the other one has."""
+    made = replace(family(kind, 1, active=88.0), beside=(Beside("delta_r", 0.0, 0.5, longer),))
+    assert np.abs(correlations(made, 8.0)).max() < most
+    one, two = shares(made, 8.0)
+    inside = (made.time() >= 10.0) & (made.time() < 74.0 - 1e-9)
+    power = np.abs(np.fft.rfft(two[inside])) ** 2
+    waves = np.fft.rfftfreq(inside.sum(), 0.01)[power > 1e-3 * power.max()] * 8.0 * longer
+    np.testing.assert_allclose(waves, np.round(waves), atol=1e-6)
+    assert waves.min() == pytest.approx(1.0)
+    assert 0 < np.abs(one[inside]).max() <= 1 + 1e-4
+    assert not made.fits(np.array([88.0 / longer + 1.0, 89.0])).any()
+
+
 def test_a_3211_beside_another_is_barkers_code_three_levels_later():
     one = shares(family("multistep-3211", 2, active=10.0, sample_time=0.001), 7.0)
     code = np.array([1, 1, 1, -1, -1, 1, -1])

@@ -81,6 +81,8 @@ OVER_EARTH = ("v_north", "v_east", "v_down")
 """Velocity over ground along north, east and down, as some logs hold it; in m/s."""
 ACTUAL = "_act"
 """Ending of an actuator's state, where the bare name is the command: `n_act` follows `n`."""
+SET = "_set"
+"""Ending of a set-point of an autopilot: `psi_set` is the heading that it is told to hold."""
 RATES = ("u", "v", "w", "p", "q", "r")
 """Signals whose time derivative may be written, as in `X_udot`."""
 
@@ -89,6 +91,8 @@ def signal_unit(name: str) -> str:
     """SI unit of a signal, position or other state, or of its derivative when written with `dot` (`udot` is in m/s^2)."""
     if name in SIGNALS:
         return str(SIGNALS[name].dimension)
+    if name.endswith(SET):
+        return signal_unit(name.removesuffix(SET))
     base = name.removesuffix("dot")
     if base != name and (base not in SIGNALS or base in (*RATES, *ANGLES)):
         return str(_dimension(base).times(Dimension(s=-1)))
@@ -102,6 +106,11 @@ def is_signal(name: str) -> bool:
     except KeyError:
         return False
     return True
+
+
+def set_point(channel: str) -> str:
+    """Return the name of the set-point of a channel: `psi_set` of `psi`."""
+    return channel + SET
 
 
 def thruster_controls(count: int, commanded_force: bool) -> tuple[str, ...]:

@@ -152,7 +152,7 @@ def expected_cost(
     check_cost(plan, cost)
     controls, draws = check_runs(plan, controls, draws)
     names = plan.model.controls
-    if all(name in names for consumer in cost.consumers for name in consumer.signals):
+    if plan.autopilot is None and all(name in names for consumer in cost.consumers for name in consumer.signals):
         now = {name: controls[..., i] for i, name in enumerate(names)}
         spent = np.broadcast_to(cost.per_second(now), controls.shape[:2]) @ np.asarray(plan.step)
         none = np.zeros(len(controls))

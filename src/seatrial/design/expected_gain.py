@@ -364,7 +364,7 @@ def _check(plan: TrialPlan, belief: Belief, control: np.ndarray) -> None:
             expected=f"{len(plan.names)}: {', '.join(plan.names)}",
             remedy="give the priors of the plan's coefficients in its order",
         )
-    expected = (plan.step.shape[0], len(plan.model.controls))
+    expected = (plan.step.shape[0], len(plan.commands))
     if np.shape(control) != expected:
         raise InputError(
             "control",

@@ -140,9 +140,9 @@ def _control(setup: Setup, x: Array) -> Array:
 
 def _information(plan: TrialPlan, values: Array, control: Array, block: int) -> Array:
     """`TrialPlan.information` in blocks that are computed anew on the way back."""
-    begin, advance = sensitivity_loop(plan.model, plan.channels, plan.named(values), plan.start)
+    begin, advance = sensitivity_loop(plan.model, plan.channels, plan.named(values), plan.start, plan.autopilot)
     over_block = jax.checkpoint(lambda carry, samples: jax.lax.scan(advance, carry, samples))
-    (_, _, total), _ = jax.lax.scan(over_block, begin, _blocks(plan, control, block))
+    (_, _, total, _), _ = jax.lax.scan(over_block, begin, _blocks(plan, control, block))
     return total
 
 

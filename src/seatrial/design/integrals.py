@@ -14,7 +14,7 @@ from jaxtyping import Array, Float
 
 from seatrial.core.errors import InputError, nearest
 from seatrial.design.trial_plan import TrialPlan
-from seatrial.numerics.integrate import Move, time_loop
+from seatrial.numerics.integrate import Move
 from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.simulate import move_by
 
@@ -98,6 +98,7 @@ def follow_joint(
     control: Float[Array, "n c"],
     look: Callable[[Any, Mapping[str, Any]], tuple[Any, Any]],
     memory: Any = (),
+    noise: Float[Array, "n m"] | None = None,
 ) -> tuple[dict[str, Any], Any, Any]:
     """Follow state and integrals through a trial; traced, may be batched and differentiated.
 
@@ -105,18 +106,18 @@ def follow_joint(
         plan: vehicle and start.
         integrals: what travels with the state.
         values: coefficients, SI.
-        control: every control, held from each sample to the next, SI.
+        control: every command, held from each sample to the next, SI.
         look: `(memory, signals) ->` the memory and what is kept of each sample.
         memory: before the first sample.
+        noise: of each channel over its standard deviation, as an autopilot sees it; None for perfect sensors.
 
     Returns:
         Signals at the end of the last step, the memory, and what was kept.
     """
-    columns = tuple(control[:, i] for i in range(control.shape[1]))
 
     def seen(joint: tuple, memory: Any, held: tuple, _: None) -> tuple:
         return look(memory, signals_at(plan, integrals, joint, held))
 
     move, start = joint_move(plan, integrals, values), joint_start(plan, integrals)
-    (end, memory), kept = time_loop(move, start, columns, plan.step, seen, memory)
-    return signals_at(plan, integrals, end, tuple(column[-1] for column in columns)), memory, kept
+    end, held, memory, kept = plan.follow(values, move, start, control, seen, memory, noise=noise)
+    return signals_at(plan, integrals, end, held), memory, kept

@@ -52,7 +52,11 @@ def normal_of(belief: Belief) -> Gaussian:
 
 
 def coefficient_space(
-    model: VehicleModel, belief: Gaussian, start: Sequence[float], noise: Mapping[str, float]
+    model: VehicleModel,
+    belief: Gaussian,
+    start: Sequence[float],
+    noise: Mapping[str, float],
+    process: Float[np.ndarray, " d"] | None = None,
 ) -> tuple[StateSpace, Float[np.ndarray, " k"]]:
     """State space of a trial, and the standard deviations in whose units its coefficients are, so that each is of order one.
 
@@ -61,14 +65,16 @@ def coefficient_space(
         belief: about its k coefficients, SI.
         start: state at the first sample, SI.
         noise: standard deviation of each measured channel, SI.
+        process: of what each state gains by noise from one sample to the next, SI; None for none.
     """
     scales, d = np.asarray(belief.sd), len(model.states)
     chol = np.zeros((d + scales.size,) * 2)
     chol[range(d), range(d)] = STATE_SD
     chol[d:, d:] = np.asarray(belief.chol_cov) / scales[:, None]
     initial = Gaussian(np.concatenate([start, np.asarray(belief.mean) / scales]), chol)
-    process, shown = np.zeros(d + scales.size), np.array(list(noise.values()))
-    return discretise(model, tuple(noise), initial, process, shown, scales.tolist()), scales
+    gained, shown = np.zeros(d + scales.size), np.array(list(noise.values()))
+    gained[:d] = 0.0 if process is None else process
+    return discretise(model, tuple(noise), initial, gained, shown, scales.tolist()), scales
 
 
 def prior_cov(belief: Belief) -> Float[np.ndarray, "k k"]:

@@ -106,7 +106,7 @@ def information_or_nan(
         InputError: shapes that do not fit the plan.
     """
     controls, draws = np.asarray(controls, float), np.asarray(draws, float)
-    expected = (plan.step.shape[0], len(plan.model.controls))
+    expected = (plan.step.shape[0], len(plan.commands))
     if controls.ndim != 3 or controls.shape[1:] != expected:
         raise _misfit("controls", controls, f"(designs, {expected[0]} samples, {expected[1]} controls)")
     if draws.ndim != 2 or draws.shape[1] != len(plan.names):

@@ -137,8 +137,8 @@ def judge_safety(
     """Simulate every design with every draw and count which limits hold from the first sample to the end of the last step.
 
     Args:
-        plan: vehicle and start of the trial.
-        controls: every control of each design, held from each sample to the next, SI.
+        plan: vehicle and start of the trial; each vehicle's autopilot, where there is one, sees noise of its own.
+        controls: every command of each design, held from each sample to the next, SI.
         draws: coefficients drawn from what is believed, SI.
         limits: limits of the motion.
         probability: with which all must hold together.
@@ -153,7 +153,9 @@ def judge_safety(
     _check(probability, confidence, len(draws))
     controls, draws = check_runs(plan, controls, draws)
     ends = np.full(len(controls), plan.step.shape[0]) if samples is None else np.asarray(samples)
-    least, finite = in_blocks(partial(_rooms, plan, tuple(limits), np.asarray(draws, float)), controls, ends)
+    noise = None if plan.autopilot is None else _noise(plan, len(draws))
+    run = partial(_rooms, plan, tuple(limits), np.asarray(draws, float), noise)
+    least, finite = in_blocks(run, controls, ends)
     rooms = np.where(finite[..., None], least, -np.inf)
     return Safety(tuple(limits), probability, confidence, rooms, (~finite).sum(1))
 
@@ -185,7 +187,11 @@ def judge_runs(
 
 
 def least_rooms(
-    plan: TrialPlan, limits: tuple[MotionLimit, ...], values: Float[Array, " k"], control: Float[Array, "n c"]
+    plan: TrialPlan,
+    limits: tuple[MotionLimit, ...],
+    values: Float[Array, " k"],
+    control: Float[Array, "n c"],
+    noise: Float[Array, "n m"] | None = None,
 ) -> tuple[Float[Array, " m"], Bool[Array, ""]]:
     """Least room of each limit over one trial, and whether the motion stays finite; traced, may be batched and differentiated.
 
@@ -195,7 +201,8 @@ def least_rooms(
         plan: vehicle and start.
         limits: checked limits.
         values: coefficients, SI.
-        control: every control, SI.
+        control: every command, SI.
+        noise: of each channel over its standard deviation, as an autopilot sees it; None for perfect sensors.
     """
     integrals = limit_integrals(plan.model, limits)
 
@@ -203,7 +210,7 @@ def least_rooms(
         return tuple(jnp.minimum(least, room(limit, now)) for limit, least in zip(limits, rooms, strict=True)), None
 
     widest = tuple(jnp.asarray(jnp.inf) for _ in limits)
-    end, rooms, _ = follow_joint(plan, integrals, values, control, narrowed, widest)
+    end, rooms, _ = follow_joint(plan, integrals, values, control, narrowed, widest, noise)
     rooms, _ = narrowed(rooms, end)
     moved = jnp.stack([end[name] for name in (*plan.model.states, *integrals)])
     return jnp.stack(rooms), jnp.isfinite(moved).all()
@@ -222,9 +229,9 @@ def check_runs(
     Raises:
         InputError: another shape, or entries that are no finite numbers.
     """
-    n, model = plan.step.shape[0], plan.model
+    n, commands = plan.step.shape[0], plan.commands
     expected = {
-        "controls": (controls, (n, len(model.controls)), f"designs of {n} samples of {', '.join(model.controls)}"),
+        "controls": (controls, (n, len(commands)), f"designs of {n} samples of {', '.join(commands)}"),
         "draws": (draws, (len(plan.names),), "rows of " + ", ".join(plan.names)),
     }
     for name, (given, shape, words) in expected.items():
@@ -244,10 +251,17 @@ def check_runs(
     return np.asarray(controls, float), np.asarray(draws, float)
 
 
+def _noise(plan: TrialPlan, count: int) -> Float[np.ndarray, "S n m"]:
+    """Noise of every vehicle's sensors over its standard deviation, the same for all designs and in every call."""
+    return np.random.default_rng(0).standard_normal((count, *plan.weight.shape))
+
+
 @program
-def _rooms(plan: TrialPlan, limits: tuple, draws: Array, controls: Array, ends: Array) -> tuple[Array, Array]:
-    of_draws = jax.vmap(least_rooms, in_axes=(None, None, 0, None))
-    return jax.vmap(lambda control, end: of_draws(plan.until(end), limits, draws, control))(controls, ends)
+def _rooms(
+    plan: TrialPlan, limits: tuple, draws: Array, noise: Array | None, controls: Array, ends: Array
+) -> tuple[Array, Array]:
+    of_draws = jax.vmap(least_rooms, in_axes=(None, None, 0, None, None if noise is None else 0))
+    return jax.vmap(lambda control, end: of_draws(plan.until(end), limits, draws, control, noise))(controls, ends)
 
 
 @program

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -21,12 +22,14 @@ from seatrial.filters.extended import ExtendedKalmanFilter
 from seatrial.filters.run import filter_within
 from seatrial.filters.square_root import unscented_filter
 from seatrial.filters.unscented import UnscentedKalmanFilter
+from seatrial.manoeuvres.autopilot import Autopilot
 from seatrial.manoeuvres.family import Family
 from seatrial.manoeuvres.manoeuvre import Limits, Manoeuvre
-from seatrial.numerics.integrate import time_loop
+from seatrial.manoeuvres.pilot import Moment, close_loop
+from seatrial.numerics.integrate import Law, time_loop
 
 Trim = tuple[tuple[str, float], ...]
-"""Every control's name and trim value, SI, in the vehicle's order."""
+"""Every command's name and trim value, SI: controls in the vehicle's order, then set-points of an autopilot."""
 LANES = 80
 """Designs in one call on a processor: fewer leave its vector units idle, more no longer fit its cache."""
 
@@ -113,6 +116,7 @@ def sweep_family(
     truth: Float[np.ndarray, " d"] | None = None,
     trim: Trim | None = None,
     others: Mapping[str, Limits] | None = None,
+    autopilot: Autopilot | None = None,
 ) -> Sweep:
     """Predict every design's entropy reduction by running the filter over the motion the current belief expects.
 
@@ -125,8 +129,9 @@ def sweep_family(
         method: filter; the square-root unscented one, if not given.
         measured: 1 where a channel is measured, 0 elsewhere; None for every sample.
         truth: state and coefficients that generate the noise-free measurements; None for the mean of the initial belief.
-        trim: every control's name and trim value, in the vehicle's order; None where the family's is the only one.
+        trim: every command's name and trim value, in order; None where the family's is the only one.
         others: bounds of controls that move with it, by name.
+        autopilot: through which the designs act; the filter is given the controls that it makes.
 
     Raises:
         InputError: no design of the grid is inside the limits; the gentlest is named with all that it breaks.
@@ -146,7 +151,9 @@ def sweep_family(
     n, size = controls.shape[1], bucket_length(controls.shape[1])
     step, gaps = filled(np.full(n - 1, family.sample_time), size, 0.0), filled(gaps, size, np.nan)
     lanes = filled(controls.swapaxes(0, 1), size).swapaxes(0, 1)
-    gain, peak, sd, failures = in_blocks(lambda control: _predict(chosen, space, start, control, step, gaps), lanes)
+    gain, peak, sd, failures = in_blocks(
+        lambda control: _predict(chosen, space, start, control, step, gaps, autopilot), lanes
+    )
     broken = allowed & ((failures > 0) | ~np.isfinite(gain))
     if broken.sum() == allowed.sum():
         worst, (factor, unit), name = int(np.argmax(broken)), _shown(family.control), FILTERS.get(type(method))
@@ -265,20 +272,37 @@ def in_blocks(run: Callable[..., tuple], *designs: np.ndarray) -> list[np.ndarra
 
 
 @program(static_argnums=0)
-def _predict(method: Filter, space: StateSpace, start: Array, controls: Array, steps: Array, gaps: Array):
-    def one(control: Array):
-        d = space.n_dynamic
-        fixed = tuple(start[d:])
+def _predict(
+    method: Filter,
+    space: StateSpace,
+    start: Array,
+    controls: Array,
+    steps: Array,
+    gaps: Array,
+    autopilot: Autopilot | None,
+):
+    d = space.n_dynamic
+    fixed = tuple(start[d:])
+    fed_back = [] if autopilot is None else [space.outputs.index(name) for name in autopilot.outputs]
 
+    def observe(state: tuple, held: tuple) -> tuple:
+        return space.observe((*state, *fixed), held)
+
+    def one(told: Array):
         def move(state: tuple, held: tuple, h: Array) -> tuple:
             return space.transition((*state, *fixed), held, h)
 
-        def look(state: tuple, memory: tuple, held: tuple, _: None) -> tuple:
-            return memory, (space.observe((*state, *fixed), held), state[0])
+        def look(state: tuple, memory: Any, held: tuple, _: Any) -> tuple:
+            return memory, (observe(state, held), state[0], held)
 
-        columns = tuple(control[:, i] for i in range(control.shape[1]))
-        _, (outputs, speed) = time_loop(move, tuple(start[:d]), columns, steps, look)
-        measurement = jnp.stack(outputs, 1) + gaps
+        columns: tuple | Law = tuple(told[:, i] for i in range(told.shape[1]))
+        memory, moments = (), None
+        if autopilot is not None:
+            time = jnp.concatenate([jnp.zeros(1), jnp.cumsum(steps)[:-1]])
+            moments, memory = Moment(time, columns, tuple(gaps[:, i] for i in fed_back)), autopilot.begin()
+            columns = close_loop(autopilot, lambda state, held: tuple(observe(state, held)[i] for i in fed_back))
+        _, (outputs, speed, held) = time_loop(move, tuple(start[:d]), columns, steps, look, memory, moments)
+        control, measurement = jnp.stack(held, 1), jnp.stack(outputs, 1) + gaps
         summary = filter_within(method, space, control, measurement, steps, growth=jnp.where(steps > 0, 1.0, 0.0))
         gain = entropy_reduction(space.initial, summary.final, d)
         return gain, jnp.max(jnp.abs(speed)), summary.final.sd[d:], summary.failures

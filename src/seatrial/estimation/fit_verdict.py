@@ -60,6 +60,7 @@ def judge_fit(
     coloured: bool,
     outside: Sequence[str] = (),
     lacks: Sequence[str] = LACKS,
+    feedback: bool = False,
 ) -> FitVerdict:
     """Say what the scores of one channel mean; of several departures the first in order of gravity.
 
@@ -70,6 +71,7 @@ def judge_fit(
         coloured: whether the noise is modelled as correlated in time.
         outside: where the run leaves the range that was fitted, in words.
         lacks: what the model may lack and does not have yet.
+        feedback: whether what the sensors showed made the controls, through an autopilot.
     """
     use = "prediction" if held_back else "fit"
     if not score.samples:
@@ -86,11 +88,11 @@ def judge_fit(
             "check units and signs, or narrow the priors to damping that dissipates",
         )
     if score.effective < FEWEST and score.variance < ONE_SAMPLE:
-        return _few(score, channel, held_back, coloured, lacks)
+        return _few(score, channel, held_back, coloured, feedback, lacks)
     return (
         _sizes(score, channel, held_back, outside)
         or _motion(score, channel, held_back, lacks)
-        or _colour(score, channel, coloured)
+        or _colour(score, channel, coloured, feedback)
         or _shape(score, channel)
         or FitVerdict("pass", "", _praise(score, channel))
     )
@@ -125,9 +127,11 @@ def worst(verdicts: Sequence[FitVerdict]) -> FitVerdict:
     return max(verdicts, key=lambda verdict: LEVELS.index(verdict.level))
 
 
-def _few(score: Score, channel: str, held_back: bool, coloured: bool, lacks: Sequence[str]) -> FitVerdict:
+def _few(
+    score: Score, channel: str, held_back: bool, coloured: bool, feedback: bool, lacks: Sequence[str]
+) -> FitVerdict:
     """Say that a run tells too little of its band, and what it shows nevertheless."""
-    if not held_back and (found := _colour(score, channel, coloured)):
+    if not held_back and (found := _colour(score, channel, coloured, feedback)):
         return found
     motion = _motion(score, channel, held_back, lacks)
     worth = "one independent sample" if score.effective < 1.5 else f"{score.effective:.0f} independent samples"
@@ -229,7 +233,7 @@ def _left(outside: Sequence[str]) -> str:
     )
 
 
-def _colour(score: Score, channel: str, coloured: bool) -> FitVerdict | None:
+def _colour(score: Score, channel: str, coloured: bool, feedback: bool) -> FitVerdict | None:
     """Return the residuals that remember, by more than chance and by enough to matter."""
     if score.white > LIKELY or abs(score.correlation) < CORRELATED:
         return None
@@ -247,6 +251,13 @@ def _colour(score: Score, channel: str, coloured: bool) -> FitVerdict | None:
             "correlated residuals",
             f"{result}, which white noise is not: neighbours err in opposite directions, so stated standard deviations are "
             "too large; check whether the sensor or the import filtered or differenced the channel",
+        )
+    if feedback:
+        return FitVerdict(
+            "caution",
+            "biased through the autopilot",
+            f"{result}: through the autopilot these errors reach the controls, which biases the coefficients, and more data do not help; "
+            'set estimation.likelihood = "filter-error"',
         )
     rho = min(score.correlation, 0.999)
     return FitVerdict(

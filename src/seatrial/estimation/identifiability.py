@@ -26,6 +26,7 @@ from seatrial.estimation.information import coefficient_information, likelihood_
 from seatrial.estimation.mode import Mode
 from seatrial.estimation.posterior import Parameter, Posterior
 from seatrial.estimation.remedies import is_coefficient, listed, measured, percent, what_separates
+from seatrial.manoeuvres.autopilot import Autopilot
 from seatrial.vehicles.model import VehicleModel
 
 CONTRACTION = 0.9
@@ -270,17 +271,21 @@ def identifiability_of_design(
     start: Sequence[float],
     noise: Mapping[str, float],
     at: Mapping[str, float] | None = None,
+    autopilot: Autopilot | None = None,
+    process: Sequence[float] | None = None,
 ) -> Identifiability:
     """Judge one planned trial from the vehicle's coefficients at their prior means.
 
     Args:
         parameters: the model's coefficients with their priors, in its order.
         model: vehicle.
-        control: control held from each sample to the next.
+        control: control held from each sample to the next; under an autopilot what is commanded.
         sample_time: s.
         start: state at the first sample.
         noise: standard deviation of each measured channel, SI.
         at: operating point, signal name to SI value.
+        autopilot: through which the trial runs.
+        process: standard deviation that each state gains in one second, SI; None for none.
     """
     values = _prior_means(parameters)
     params = {parameter.name: value for parameter, value in zip(parameters, values, strict=True)}
@@ -288,7 +293,9 @@ def identifiability_of_design(
     control, step = filled(np.asarray(control, float), size), filled(np.full(n, float(sample_time)), size, 0.0)
     weight = filled(np.broadcast_to(1.0 / np.array(list(noise.values()), float), (n, len(noise))), size, 0.0)
     begin = np.asarray(start, float)
-    information = np.asarray(coefficient_information(model, tuple(noise), params, control, step, begin, weight))
+    parts = model, tuple(noise), params, control, step, begin, weight
+    gained = None if process is None else np.asarray(process, float)
+    information = np.asarray(coefficient_information(*parts, autopilot, gained))
     return identify(parameters, values, information, at=at)
 
 

@@ -25,6 +25,8 @@ from seatrial.estimation.posterior import Posterior
 from seatrial.estimation.sensor_errors import correlation_name, dof_name, drift_name, drift_time_name, noise_name
 from seatrial.estimation.slopes import Slopes, likelihood_slopes
 from seatrial.estimation.trial_data import TrialData
+from seatrial.manoeuvres.autopilot import Autopilot
+from seatrial.manoeuvres.pilot import Moment, Pilot, close_loop
 from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.simulate import move_by
 
@@ -137,6 +139,8 @@ def coefficient_information(
     step: Float[Array, " n"],
     start: Float[Array, " n_states"],
     weight: Float[Array, "n m"],
+    autopilot: Autopilot | None = None,
+    process: Float[Array, " n_states"] | None = None,
 ) -> Float[Array, "k k"]:
     """Return the expected information of one planned trial about the model's coefficients, SI and in its order; may be batched.
 
@@ -146,36 +150,61 @@ def coefficient_information(
         model: vehicle; static.
         channels: measured channels, white noise; static.
         params: coefficients about which it is linearised.
-        control: control held from each sample to the next.
+        control: control held from each sample to the next; what is commanded under an autopilot.
         step: time to the next sample, s.
         start: state at the first sample.
         weight: one over the standard deviation of each channel at each sample, SI; 0 where it is not measured.
+        autopilot: that makes the controls, which are logged: given them, what it decides has no part in the slopes.
+        process: standard deviation that each state gains in one second, SI; None where the motion follows the model exactly.
     """
-    begin, advance = sensitivity_loop(model, channels, params, start)
+    if process is None:
+        begin, advance = sensitivity_loop(model, channels, params, start, autopilot)
+    else:
+        begin, advance = _innovation_loop(model, channels, params, start, process, autopilot)
     columns = tuple(control[:, i] for i in range(control.shape[1]))
-    (_, _, total), _ = jax.lax.scan(advance, begin, (columns, step, weight))
+    (_, _, total, *_), _ = jax.lax.scan(advance, begin, (columns, step, weight))
     return total
 
 
+def fed_back(model: VehicleModel, pilot: Pilot, params: Mapping[str, Any]) -> Callable[[tuple, tuple], tuple]:
+    """Return the channels that a pilot feeds back, by the state, the vehicle's first, and the controls; for `close_loop`."""
+    n = len(model.states)
+
+    def show(state: tuple, held: tuple) -> tuple:
+        return tuple(model.output(name, params, state[:n], held) for name in pilot.outputs)
+
+    return show
+
+
 def sensitivity_loop(
-    model: VehicleModel, channels: tuple[str, ...], params: Mapping[str, Any], start: Float[Array, " n_states"]
+    model: VehicleModel,
+    channels: tuple[str, ...],
+    params: Mapping[str, Any],
+    start: Float[Array, " n_states"],
+    autopilot: Autopilot | None = None,
 ) -> tuple[tuple, Callable[[tuple, tuple], tuple[tuple, None]]]:
     """Time loop that sums the information of `coefficient_information`: its first carry, and its step.
 
     Not `time_loop`: state, slopes and what is shown come out of one derivative, where looking first and moving then would take two, and
     the searches of free forms cut it into blocks.
 
-    The carry is the state, its slopes along the k coefficients and the information so far, shape (k, k); a sample is the controls, the
-    time to the next sample and the weights.
+    The carry is the state, its slopes along the k coefficients, the information so far, shape (k, k), and what the autopilot remembers; a
+    sample is what is commanded, the time to the next sample and the weights.
     """
     names = tuple(coefficient.text for coefficient in model.coefficients)
     point = tuple(jnp.asarray(params[name], float) for name in names)
     k = len(names)
     directions = tuple(jnp.eye(k)[i] for i in range(k))
 
+    law = None if autopilot is None else close_loop(autopilot, fed_back(model, autopilot, params))
+    seen = [] if autopilot is None else [channels.index(name) for name in autopilot.outputs]
+
     def advance(carry: tuple, sample: tuple) -> tuple[tuple, None]:
-        state, slopes, total = carry
+        state, slopes, total, memory = carry
         held, h, counts = sample
+        if law is not None:
+            errors = tuple(jnp.where(counts[at] > 0, 0.0, jnp.nan) for at in seen)
+            held, memory = law(state, memory, Moment(0.0, held, errors))
 
         def moved_and_shown(point: tuple, state: tuple) -> tuple[tuple, Array]:
             named = dict(zip(names, point, strict=True))
@@ -187,10 +216,63 @@ def sensitivity_loop(
             return moved, moved_slope, shown_slope
 
         state, slopes, shown = jax.vmap(along, out_axes=(None, 0, 0))(directions, slopes)
-        return (state, slopes, total + shown @ shown.T), None
+        return (state, slopes, total + shown @ shown.T, memory), None
 
     state = tuple(start[i] for i in range(start.shape[0]))
-    return (state, tuple(jnp.zeros(k) for _ in state), jnp.zeros((k, k))), advance
+    begin = () if autopilot is None else autopilot.begin()
+    return (state, tuple(jnp.zeros(k) for _ in state), jnp.zeros((k, k)), begin), advance
+
+
+def _innovation_loop(
+    model: VehicleModel,
+    channels: tuple[str, ...],
+    params: Mapping[str, Any],
+    start: Float[Array, " n_states"],
+    process: Float[Array, " n_states"],
+    autopilot: Autopilot | None,
+) -> tuple[tuple, Callable[[tuple, tuple], tuple[tuple, None]]]:
+    """Time loop that sums the information of the innovations of a Kalman filter about the motion; carry as `sensitivity_loop`, then P.
+
+        s_y = H s + dh/dc,  I += s_y' S^-1 s_y,  s <- F (s - K s_y) + df/dc,  S = H P H' + R,  K = P H' S^-1
+
+    What S and K owe to the coefficients is left out. A motion that runs away, or drifts, is remembered as long as the filter does, and
+    not for ever: without process noise the slopes of an unstable vehicle grow without bound.
+    """
+    names = tuple(coefficient.text for coefficient in model.coefficients)
+    point = jnp.stack([jnp.asarray(params[name], float) for name in names])
+    k, n, m = len(names), len(model.states), len(channels)
+    law = None if autopilot is None else close_loop(autopilot, fed_back(model, autopilot, params))
+    seen = [] if autopilot is None else [channels.index(name) for name in autopilot.outputs]
+
+    def advance(carry: tuple, sample: tuple) -> tuple[tuple, None]:
+        state, slopes, total, memory, cov = carry
+        held, h, counts = sample
+        if law is not None:
+            errors = tuple(jnp.where(counts[at] > 0, 0.0, jnp.nan) for at in seen)
+            held, memory = law(tuple(state[i] for i in range(n)), memory, Moment(0.0, held, errors))
+
+        def moved_and_shown(joint: Array) -> tuple[Array, Array]:
+            named = dict(zip(names, (joint[i] for i in range(k)), strict=True))
+            now = tuple(joint[k + i] for i in range(n))
+            shown = jnp.stack([jnp.asarray(model.output(name, named, now, held), float) for name in channels]) * counts
+            moved = jnp.stack(move_by(model, named)(now, held, h))
+            return jnp.concatenate([moved, shown]), moved
+
+        jacobian, moved = jax.jacfwd(moved_and_shown, has_aux=True)(jnp.concatenate([point, state]))
+        by_point, by_state = jacobian[:, :k], jacobian[:, k:]
+        shown_slope = by_state[n:] @ slopes + by_point[n:]
+        innovation = by_state[n:] @ cov @ by_state[n:].T + jnp.eye(m)
+        factor = jnp.linalg.cholesky(innovation)
+        scaled = jax.scipy.linalg.solve_triangular(factor, shown_slope, lower=True)
+        gain = jax.scipy.linalg.cho_solve((factor, True), by_state[n:] @ cov).T
+        slopes = by_state[:n] @ (slopes - gain @ shown_slope) + by_point[:n]
+        kept = cov - gain @ innovation @ gain.T
+        cov = by_state[:n] @ (0.5 * (kept + kept.T)) @ by_state[:n].T + jnp.diag(process**2) * h
+        return (moved, slopes, total + scaled.T @ scaled, memory, cov), None
+
+    begin = () if autopilot is None else autopilot.begin()
+    carry = (jnp.asarray(start, float), jnp.zeros((n, k)), jnp.zeros((k, k)), begin, jnp.zeros((n, n)))
+    return carry, advance
 
 
 @program

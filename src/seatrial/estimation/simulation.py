@@ -19,6 +19,7 @@ from jaxtyping import Array, Float
 from seatrial.estimation.delayed_control import DELAY, delay_control
 from seatrial.estimation.mounts import MOST_LATE
 from seatrial.estimation.sensor_errors import Memory, Sensor, lag_name, lags_before
+from seatrial.manoeuvres.pilot import Moment, Pilot
 from seatrial.numerics.integrate import Law, time_loop
 from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.simulate import move_by
@@ -33,23 +34,15 @@ Watch = Callable[[Any, tuple, Any], tuple[Any, Any]]
 
 @dataclass(frozen=True, eq=False)
 class Feedback:
-    """A control that answers a sensor: at each sample it sees what that shows under the control so far, and decides anew.
+    """Controls that a pilot gives: at each sample it sees what its sensors show under those in force so far.
 
     Attributes:
-        output: channel that is fed back.
-        begin: what it remembers before the first sample.
-        command: every control, SI, by what it remembers.
-        decide: `(memory, time, seen) ->` what it remembers next; `seen` is NaN where nothing is measured.
-        time: of each sample, s, shape (n,).
-        error: noise of the sensor, SI, NaN where nothing is measured, shape (n,).
+        pilot: that decides; it feeds back channels that are measured.
+        moments: what it is given from outside at every sample, n of them.
     """
 
-    output: str
-    begin: Any
-    command: Callable[[Any], tuple]
-    decide: Callable[[Any, Any, Any], Any]
-    time: Float[Array, " n"]
-    error: Float[Array, " n"]
+    pilot: Pilot
+    moments: Moment
 
 
 class Followed(NamedTuple):
@@ -141,7 +134,7 @@ class Simulator:
             for sensor in self.sensors
         )
         if isinstance(control, Feedback):
-            clock = control.time, control.error
+            clock = control.moments
             drive, past = self._closed(values, control, step)
         else:
             drive = self.delayed(values, control, step)
@@ -180,7 +173,8 @@ class Simulator:
 
     def _closed(self, values: Mapping[str, Any], feedback: Feedback, step: Float[Array, " n"]) -> tuple[Law, tuple]:
         """Return the law of a feedback, and what it remembers: its memory, and its commands so far, the last one first."""
-        at = [sensor.channel for sensor in self.sensors].index(feedback.output)
+        pilot, channels = feedback.pilot, [sensor.channel for sensor in self.sensors]
+        places = [channels.index(output) for output in pilot.outputs]
         samples = float(values[DELAY]) / float(step[0]) if self.delay else 0.0
         whole = int(samples)
         share = samples - whole
@@ -191,13 +185,16 @@ class Simulator:
             return tuple((1.0 - share) * here + share * before for here, before in pairs)
 
         def law(state: tuple, carry: tuple, sample: tuple) -> tuple[tuple, tuple]:
-            (memories, (before, commands), memory), (lags, (time, error), _) = carry, sample
-            seen = self.show(values, state, in_force(commands), memories, lags)[at][0] + error
-            decided = feedback.decide(before, time, seen)
-            commands = (feedback.command(decided), *commands[:-1])
+            (memories, (before, commands), memory), (lags, moment, _) = carry, sample
+            shown = self.show(values, state, in_force(commands), memories, lags)
+            seen = tuple(shown[at][0] + error for at, error in zip(places, moment.error, strict=True))
+            decided = pilot.decide(before, moment.time, seen, moment.told)
+            commands = (pilot.controls(decided, moment.told), *commands[:-1])
             return in_force(commands), (memories, (decided, commands), memory)
 
-        return law, (feedback.begin, (feedback.command(feedback.begin),) * (whole + 2))
+        begin = pilot.begin()
+        first = pilot.controls(begin, tuple(told[0] for told in feedback.moments.told))
+        return law, (begin, (first,) * (whole + 2))
 
 
 def samples_remembered(sensors: Sequence[Sensor], step: float) -> int:

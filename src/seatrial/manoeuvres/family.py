@@ -23,11 +23,13 @@ class Beside:
         control: channel.
         trim: its trim value.
         ratio: its amplitude over that of the driven control.
+        period: its period over that of the driven control.
     """
 
     control: str
     trim: float
     ratio: float
+    period: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -112,8 +114,10 @@ class Family:
     @property
     def parts(self) -> tuple[Part, ...]:
         """What each control runs, the driven one first."""
-        of = 1 + len(self.beside)
-        return (Part(self.shape),) if of == 1 else tuple(self.shape.part(k, of) for k in range(of))
+        if not self.beside:
+            return (Part(self.shape),)
+        longer = (1.0, *(one.period for one in self.beside))
+        return tuple(self.shape.part(k, longer) for k in range(len(longer)))
 
     def signals(self, amplitude: Any, period: Any, time: Any) -> dict[str, Array]:
         """Return every control that moves, by name, at given times, SI; settings and times broadcast.
@@ -144,8 +148,13 @@ class Family:
         """Return whether the whole shape fits into the active time, and its edges and samples between its turns."""
         period = np.asarray(period, float)
         turns = self._turns * period * (1 + 1e-9)
-        within = (period > 0) & (period <= self.shape.longest(self._acting(period)) * (1 + 1e-9))
+        within = (period > 0) & (self._longest * period <= self.shape.longest(self._acting(period)) * (1 + 1e-9))
         return within & (turns >= max(self.ramp, self.sample_time))
+
+    @property
+    def _longest(self) -> float:
+        """Longest period of any control, as a share of that of the driven one."""
+        return max(part.period for part in self.parts)
 
     @property
     def _turns(self) -> float:
@@ -203,7 +212,7 @@ class Family:
         """Say what a period has to be, and how to mend one that is not, for errors."""
         shortest = max(self.ramp, self.sample_time) / self._turns
         whole = float(self.shape.longest(1.0))
-        longest = whole * self.active / (1.0 + whole * max(part.delay for part in self.parts))
+        longest = whole * self.active / (self._longest + whole * max(part.delay for part in self.parts))
         return {
             "expected": f"a {self.shape.period_is} from {shortest:.4g} s, where its edges take {self.ramp:g} s and samples "
             f"{self.sample_time:g} s, to {longest:.4g} s, so that it fits into {self.active:g} s",

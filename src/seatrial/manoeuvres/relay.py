@@ -18,6 +18,7 @@ from seatrial.core.errors import InputError
 from seatrial.core.programs import program
 from seatrial.core.state_space import StateSpace
 from seatrial.manoeuvres.manoeuvre import Manoeuvre
+from seatrial.manoeuvres.pilot import Moment, close_loop
 from seatrial.numerics.integrate import time_loop
 
 
@@ -83,8 +84,49 @@ class RelayMemory(NamedTuple):
     applied: Any
 
 
-BEGIN = RelayMemory(1.0, 0.0)
-"""Before the first sample: on the positive side, at trim."""
+@dataclass(frozen=True, eq=False)
+class Relay:
+    """One self-oscillating test, a pilot that is told nothing, see `seatrial.manoeuvres.pilot.Pilot`.
+
+    Attributes:
+        family: effect, rate and timing.
+        amplitude: of the control, SI.
+        threshold: change of the output from trim at which the control is reversed, SI.
+    """
+
+    family: RelayFamily
+    amplitude: Any
+    threshold: Any
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """See `Pilot.outputs`."""
+        return (self.family.output,)
+
+    def begin(self) -> RelayMemory:
+        """See `Pilot.begin`: on the positive side, at trim."""
+        return RelayMemory(1.0, 0.0)
+
+    def decide(self, memory: RelayMemory, time: Any, seen: tuple, told: tuple) -> RelayMemory:
+        """See `Pilot.decide`; an output that is not measured leaves the relay as it is."""
+        family = self.family
+        # Times that should be equal differ by rounding (k * 0.01 s against 1 s); a nanosecond decides.
+        elapsed = time - family.start + 1e-9
+        running = (elapsed >= 0) & (elapsed < family.active)
+        driven = family.effect * (seen[0] - family.output_trim)
+        reversed_side = jnp.where(
+            driven >= self.threshold, -1.0, jnp.where(driven <= -self.threshold, 1.0, memory.side)
+        )
+        side = jnp.where(running, reversed_side, memory.side)
+        wanted = jnp.where(running, self.amplitude * side, 0.0)
+        if family.rate < inf:
+            step = family.rate * family.sample_time
+            wanted = memory.applied + jnp.clip(wanted - memory.applied, -step, step)
+        return RelayMemory(side, wanted)
+
+    def controls(self, memory: RelayMemory, told: tuple) -> tuple:
+        """See `Pilot.controls`."""
+        return self.family.command(memory.applied)
 
 
 class RelayRun(NamedTuple):
@@ -103,32 +145,6 @@ class RelayRun(NamedTuple):
     outputs: Float[Array, "n m"]
     switches: Float[Array, ""]
     reached: Float[Array, ""]
-
-
-def relay_control(
-    family: RelayFamily, amplitude: Any, threshold: Any, time: Any, deviation: Any, memory: RelayMemory
-) -> RelayMemory:
-    """Take one decision of the relay; traced.
-
-    Args:
-        family: effect, rate and timing.
-        amplitude: of the control.
-        threshold: change of the output from trim at which the control is reversed.
-        time: s.
-        deviation: measured output less its trim value; NaN, not measured, leaves the relay as it is.
-        memory: from the sample before.
-    """
-    # Times that should be equal differ by rounding (k * 0.01 s against 1 s); a nanosecond decides.
-    elapsed = time - family.start + 1e-9
-    running = (elapsed >= 0) & (elapsed < family.active)
-    driven = family.effect * deviation
-    reversed_side = jnp.where(driven >= threshold, -1.0, jnp.where(driven <= -threshold, 1.0, memory.side))
-    side = jnp.where(running, reversed_side, memory.side)
-    wanted = jnp.where(running, amplitude * side, 0.0)
-    if family.rate < inf:
-        step = family.rate * family.sample_time
-        wanted = memory.applied + jnp.clip(wanted - memory.applied, -step, step)
-    return RelayMemory(side, wanted)
 
 
 def run_relay(
@@ -218,28 +234,28 @@ def check_family(family: RelayFamily, space: StateSpace) -> None:
 @program(static_argnums=1)
 def _run(space: StateSpace, family: RelayFamily, amplitude: Array, threshold: Array, start: Array, noise: Array):
     d, fed_back = space.n_dynamic, space.outputs.index(family.output)
-    fixed = tuple(start[d:])
+    fixed, relay = tuple(start[d:]), Relay(family, amplitude, threshold)
+    law = close_loop(relay, lambda state, held: (space.observe((*state, *fixed), held)[fed_back],))
 
-    def decide(state: tuple, memory: tuple, sample: tuple) -> tuple[tuple, tuple]:
+    def decide(state: tuple, memory: tuple, moment: Moment) -> tuple[tuple, tuple]:
         before, switches, reached = memory
-        time, error = sample
-        deviation = (
-            space.observe((*state, *fixed), family.command(before.applied))[fed_back] + error - family.output_trim
-        )
-        decided = relay_control(family, amplitude, threshold, time, deviation, before)
-        acts = jnp.isfinite(deviation) & (time < family.start + family.active)
+        held, decided = law(state, before, moment)
+        shown = space.observe((*state, *fixed), relay.controls(before, ()))[fed_back]
+        deviation = shown + moment.error[0] - family.output_trim
+        acts = jnp.isfinite(deviation) & (moment.time < family.start + family.active)
         reached = jnp.maximum(reached, jnp.where(acts, jnp.abs(deviation), 0.0))
-        return family.command(decided.applied), (decided, switches + (decided.side != before.side), reached)
+        return held, (decided, switches + (decided.side != before.side), reached)
 
-    def look(state: tuple, memory: tuple, held: tuple, _: tuple) -> tuple[tuple, tuple]:
+    def look(state: tuple, memory: tuple, held: tuple, _: Moment) -> tuple[tuple, tuple]:
         return memory, (held, state, space.observe((*state, *fixed), held))
 
     def move(state: tuple, held: tuple, h: Any) -> tuple:
         return space.transition((*state, *fixed), held, h)
 
     time = jnp.asarray(family.time())
-    steps, begin = jnp.full(time.size, family.sample_time), (BEGIN, jnp.zeros(()), jnp.zeros(()))
-    (_, (_, switches, reached)), kept = time_loop(move, tuple(start[:d]), decide, steps, look, begin, (time, noise))
+    steps, begin = jnp.full(time.size, family.sample_time), (relay.begin(), jnp.zeros(()), jnp.zeros(()))
+    moments = Moment(time, (), (noise,))
+    (_, (_, switches, reached)), kept = time_loop(move, tuple(start[:d]), decide, steps, look, begin, moments)
     control, state, outputs = (jnp.stack([jnp.asarray(x, float) for x in part], -1) for part in kept)
     return RelayRun(control, state, outputs, switches, reached)
 

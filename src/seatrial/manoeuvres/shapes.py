@@ -1,5 +1,6 @@
 """Every shape of an open-loop input by its name in a campaign file."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from math import log, pi
@@ -74,8 +75,13 @@ class Shape(Protocol):
         """Return the longest period that fits into the active time, s."""
         ...
 
-    def part(self, k: int, of: int) -> Part:
-        """Return what the k-th of several controls runs, so that all together are orthogonal over whole periods, or nearly so."""
+    def part(self, k: int, longer: Sequence[float]) -> Part:
+        """Return what the k-th of several controls runs, so that all together are orthogonal over whole periods, or nearly so.
+
+        Args:
+            k: from 0.
+            longer: period of each control over that of the first.
+        """
         ...
 
 
@@ -139,7 +145,7 @@ class Steps:
         """See `Shape.longest`."""
         return active if self.runs == "cut" or isinstance(self.levels, str) else active * self.parts / len(self.levels)
 
-    def part(self, k: int, of: int) -> Part:
+    def part(self, k: int, longer: Sequence[float]) -> Part:
         """See `Shape.part`.
 
         Doublets of equal period a quarter of it apart are orthogonal, and so are those of half the period (Rademacher functions). 3-2-1-1
@@ -147,11 +153,14 @@ class Steps:
         further on; single steps come one after the other.
         """
         if isinstance(self.levels, str):
-            return Part(self, seed=k * (127 // of) if self.levels == "prbs" else k * 104_729)
+            seed = k * (127 // len(longer)) if self.levels == "prbs" else k * 104_729
+            return Part(self, period=longer[k], seed=seed)
         if self.levels == (1.0, -1.0):
-            share = 0.5 ** (k // 2)
+            share = 0.5 ** (k // 2) * longer[k]
             return Part(self, delay=(k % 2) * share / 4, period=share)
-        return Part(self, delay=3 * k / self.parts if self.parts > 1 else float(k))
+        # Single steps come one after the other; patterns begin at turns of the one before.
+        delay = sum(longer[:k]) if self.parts == 1 else 3 * k / self.parts * longer[k]
+        return Part(self, delay=delay, period=longer[k])
 
     def _count(self, size: int, hold: Any, active: Any) -> Any:
         xp = array_module(hold)
@@ -227,9 +236,15 @@ class Multisine:
         """See `Shape.longest`."""
         return active
 
-    def part(self, k: int, of: int) -> Part:
-        """See `Shape.part`: every `of`-th harmonic, from the k-th on."""
-        return Part(Multisine(self.period_is, self.harmonics[k::of], lowest=True))
+    def part(self, k: int, longer: Sequence[float]) -> Part:
+        """See `Shape.part`: of as many controls every so many-th harmonic, of those whose frequency no earlier control has."""
+        taken: set[float] = set()
+        own = self.harmonics
+        for i, period in enumerate(longer[: k + 1]):
+            free = [h for h in self.harmonics if round(h / period, 9) not in taken]
+            own = tuple(free[:: len(longer) - i])
+            taken |= {round(h / period, 9) for h in own}
+        return Part(Multisine(self.period_is, own, lowest=True), period=longer[k])
 
 
 @dataclass(frozen=True)
@@ -268,9 +283,9 @@ class Chirp:
         """See `Shape.longest`."""
         return active
 
-    def part(self, k: int, of: int) -> Part:
+    def part(self, k: int, longer: Sequence[float]) -> Part:
         """See `Shape.part`: later by a quarter of the first wave, so that two are never at one frequency at a time."""
-        return Part(self, delay=k / 4)
+        return Part(self, delay=k / 4, period=longer[k])
 
 
 def low_peak_phases(harmonics: tuple[int, ...], rounds: int = 300) -> tuple[float, ...]:

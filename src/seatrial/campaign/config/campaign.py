@@ -4,12 +4,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from functools import cached_property
+from math import inf
 from pathlib import Path
 
 import numpy as np
 
 from seatrial.campaign.config.nuisance_parameters import Nuisance, nuisances
 from seatrial.campaign.config.settings import (
+    AutopilotSettings,
     ComputeSettings,
     DesignSettings,
     EstimationSettings,
@@ -30,9 +32,11 @@ from seatrial.core.errors import InputError, located
 from seatrial.design.motion_limits import MotionLimit
 from seatrial.design.stated_prediction import Prediction, prediction
 from seatrial.design.sweep import Trim
+from seatrial.estimation.filter_error import process_name
 from seatrial.estimation.priors import Prior
 from seatrial.estimation.sensor_errors import Sensor, bias_name
 from seatrial.estimation.simulation import CURRENT
+from seatrial.manoeuvres.autopilot import Autopilot
 from seatrial.manoeuvres.family import Family
 from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.selection.rules import CompiledRules
@@ -57,6 +61,7 @@ class Campaign:
         limits: of the designed control.
         other_limits: of other controls, by name, which schedules may move.
         motion_limits: of the motion.
+        autopilot: through which trials run.
         power: what a trial draws; None where nobody asks.
         goal: what ends the campaign; None where nothing is said.
         plan: what a day at sea allows.
@@ -82,6 +87,7 @@ class Campaign:
     limits: Limits = Limits()
     other_limits: Mapping[str, Limits] = field(default_factory=dict)
     motion_limits: tuple[MotionLimit, ...] = ()
+    autopilot: AutopilotSettings = AutopilotSettings()
     power: Power | None = None
     goal: Goal | None = None
     plan: PlanSettings = PlanSettings()
@@ -166,6 +172,20 @@ class Campaign:
                 remedy="`seatrial design`, `select`, `estimate`, `run`, `profile` and `criteria` work on other axes",
             )
 
+    def check_no_autopilot(self, what: str) -> None:
+        """Check that trials act on the controls themselves, for what cannot follow an autopilot.
+
+        Raises:
+            InputError: trials run through an autopilot.
+        """
+        if self.autopilot.loops:
+            raise InputError(
+                self.where(f"autopilot.{self.autopilot.loops[0].holds}"),
+                found=f"trials through an autopilot, with {what}",
+                expected="trials that act on the controls themselves",
+                remedy=f"leave out {what}; the designs of the families, --search and --trials run through the autopilot",
+            )
+
     @property
     def channels(self) -> tuple[str, ...]:
         """Measured channels."""
@@ -199,6 +219,16 @@ class Campaign:
         """Standard deviation that each state and coefficient of a model gains in one second, SI."""
         names = (*model.states, *(term.text for term in model.coefficients))
         return np.array([self.process_noise.get(name, 0.0) for name in names])
+
+    def expected_process(self, model: VehicleModel) -> tuple[float, ...] | None:
+        """Return what each state is expected to gain in one second by process noise, SI, the medians of its priors; None for none.
+
+        A trial is designed for the likelihood by which it will be judged.
+        """
+        priors = [self.priors.get(process_name(state)) for state in model.states]
+        if self.estimation.likelihood == "output-error" or not any(priors):
+            return None
+        return tuple(0.0 if prior is None else float(prior.constrain(0.0)) for prior in priors)
 
     def prior(self, name: str) -> Prior:
         """Prior of a coefficient or of the delay, SI.
@@ -264,14 +294,24 @@ class Campaign:
         """Trim value of every state of a model, SI; level and 0 where nothing is said."""
         return level_start(model, {**self.hull.trim, self.family.control: self.family.trim})
 
+    def pilot(self, controls: Sequence[str]) -> Autopilot | None:
+        """Return the autopilot of a vehicle of these controls; None where trials act on them directly."""
+        if not self.autopilot.loops:
+            return None
+        bounds = [self.control_limits.get(name, Limits()) for name in controls]
+        lower = tuple(-inf if one.lower is None else one.lower for one in bounds)
+        upper = tuple(inf if one.upper is None else one.upper for one in bounds)
+        return Autopilot(tuple(controls), self.autopilot.loops, lower, upper)
+
     def control_trim(self, model: VehicleModel) -> Trim:
-        """Every control of a model with its trim value, SI; what a designed trial leaves alone stays there.
+        """All that a trial commands with its trim value, SI: controls of a model, then set-points; what a design leaves alone stays there.
 
         Raises:
             InputError: a control without a trim value.
         """
-        known = {**self.hull.trim, self.family.control: self.family.trim}
-        for name in model.controls:
+        known = {**self.autopilot.moved, **self.hull.trim, **self.autopilot.trim, self.family.control: self.family.trim}
+        commands = (*model.controls, *self.autopilot.trim)
+        for name in commands:
             if name not in known:
                 raise InputError(
                     self.where(f"vehicle.trim.{name}"),
@@ -279,7 +319,7 @@ class Campaign:
                     expected=f"the value at which {name} is held while {self.family.control} is driven",
                     remedy=f'add it to the trim of [vehicle], for example {name} = "0 {shown_unit(name)[1]}"',
                 )
-        return tuple((name, known[name]) for name in model.controls)
+        return tuple((name, known[name]) for name in commands)
 
     def prediction(self, model: VehicleModel) -> Prediction | None:
         """What the coefficients are wanted for, by one structure's model; None where nothing is stated.
@@ -290,7 +330,8 @@ class Campaign:
         stated, family = self.design.prediction, self.family
         if stated is None:
             return None
-        controls = [stated.control if name == family.control else value for name, value in self.control_trim(model)]
+        trim = self.control_trim(model)[: len(model.controls)]
+        controls = [stated.control if name == family.control else value for name, value in trim]
         with located(self.where("design.prediction.of")):
             start = self.state_trim(model)
             return prediction(model, stated.of, start, controls, stated.after, family.sample_time)

@@ -7,7 +7,14 @@ from pathlib import Path
 import numpy as np
 
 from seatrial.campaign.config.file_keys import FileKeys
-from seatrial.campaign.config.schema import DesignTable, LimitsTable, PowerTable, PredictionTable, RelayTable
+from seatrial.campaign.config.schema import (
+    BesideTable,
+    DesignTable,
+    LimitsTable,
+    PowerTable,
+    PredictionTable,
+    RelayTable,
+)
 from seatrial.campaign.config.settings import DesignSettings, OwnSchedule, Power, RelaySettings, StatedPrediction
 from seatrial.core.errors import InputError, located, nearest
 from seatrial.core.signals import signal_unit
@@ -23,15 +30,15 @@ LONGEST = 1e5
 
 
 def read_design(
-    table: DesignTable, keys: FileKeys, model: VehicleModel, trim: Mapping[str, float], channels: Sequence[str]
+    table: DesignTable, keys: FileKeys, commands: Sequence[str], trim: Mapping[str, float], channels: Sequence[str]
 ) -> DesignSettings:
     """Read what designs are tried.
 
     Args:
         table: as written.
         keys: of the file.
-        model: of the full structure.
-        trim: of the vehicle, SI.
+        commands: what a schedule may move: controls of the full structure's model, and set-points of the autopilot.
+        trim: of the vehicle and of the set-points, SI.
         channels: that are measured.
 
     Raises:
@@ -44,7 +51,7 @@ def read_design(
             expected="each family once",
             remedy="remove the repetition",
         )
-    family, unit = _family(table, keys, model.controls, trim), signal_unit(table.control)
+    family, unit = _family(table, keys, commands, trim), signal_unit(table.control)
     return DesignSettings(
         family,
         tuple(table.families),
@@ -61,12 +68,19 @@ def read_design(
     )
 
 
-def check_utility(design: DesignSettings, keys: FileKeys, is_one_structure: bool) -> None:
+def check_utility(design: DesignSettings, keys: FileKeys, is_one_structure: bool, has_autopilot: bool) -> None:
     """Check what makes a design the best: what the utility needs, and what is counted.
 
     Raises:
         InputError: naming the key at fault.
     """
+    if design.per == "second" and has_autopilot:
+        raise InputError(
+            keys.where("design.per"),
+            found='"second" with trials that run through an autopilot',
+            expected='"trial" or "joule"',
+            remedy='set per = "trial"',
+        )
     if design.utility == "fisher-c" and design.prediction is None:
         raise InputError(
             keys.where("design.utility"),
@@ -131,15 +145,15 @@ def read_own(path: Path, controls: Sequence[str], limits: Mapping[str, Limits], 
 
 
 def read_limits(
-    tables: Mapping[str, LimitsTable], keys: FileKeys, model: VehicleModel
+    tables: Mapping[str, LimitsTable], keys: FileKeys, model: VehicleModel, commands: Sequence[str]
 ) -> tuple[dict[str, Limits], tuple[MotionLimit, ...]]:
-    """Read the limits of the controls by name, and those of the motion, in the order of the file.
+    """Read the limits of what is commanded by name, and those of the motion, in the order of the file.
 
     Raises:
         InputError: a name that is neither a control nor a signal of the motion, a rate of the motion, a lower bound of the distance, no
             bound at all, units that do not fit, or lower above upper.
     """
-    known = [*model.controls, *motion_signals(model)]
+    known = [*commands, *motion_signals(model)]
     for name in tables:
         if name not in known:
             raise InputError(
@@ -148,10 +162,8 @@ def read_limits(
                 expected="a control, a state or a track: " + ", ".join(known),
                 remedy=nearest(name, known),
             )
-    of_controls = {name: _control_limits(one, keys, name) for name, one in tables.items() if name in model.controls}
-    return of_controls, tuple(
-        _motion_limit(name, one, keys) for name, one in tables.items() if name not in model.controls
-    )
+    of_controls = {name: _control_limits(one, keys, name) for name, one in tables.items() if name in commands}
+    return of_controls, tuple(_motion_limit(name, one, keys) for name, one in tables.items() if name not in commands)
 
 
 def read_power(table: PowerTable | None, keys: FileKeys, control: str) -> Power:
@@ -195,7 +207,7 @@ def _family(table: DesignTable, keys: FileKeys, controls: Sequence[str], trims: 
         raise InputError(
             keys.where("design.control"),
             found=f'"{table.control}"',
-            expected="a control of the vehicle: " + ", ".join(controls),
+            expected="a control of the vehicle, or a set-point of its autopilot: " + ", ".join(controls),
             remedy=nearest(table.control, controls),
         )
     unit = signal_unit(table.control)
@@ -206,7 +218,16 @@ def _family(table: DesignTable, keys: FileKeys, controls: Sequence[str], trims: 
     }
     largest = keys.si(table.amplitude.stop, unit, "design.amplitude.to")
     beside = tuple(
-        _beside(name, text, keys, controls, trims, table.control, largest) for name, text in table.together.items()
+        _beside(
+            name,
+            one if isinstance(one, BesideTable) else BesideTable(amplitude=one),
+            keys,
+            controls,
+            trims,
+            table.control,
+            largest,
+        )
+        for name, one in table.together.items()
     )
     try:
         return Family(table.control, trim, **seconds, beside=beside)
@@ -217,7 +238,7 @@ def _family(table: DesignTable, keys: FileKeys, controls: Sequence[str], trims: 
 
 def _beside(
     name: str,
-    text: str | float,
+    table: BesideTable,
     keys: FileKeys,
     controls: Sequence[str],
     trims: Mapping[str, float],
@@ -234,15 +255,15 @@ def _beside(
             expected="another control of the vehicle: " + (", ".join(others) or "it has none"),
             remedy=nearest(name, others) if others else "remove it",
         )
-    amplitude = keys.si(text, signal_unit(name), key)
+    amplitude = keys.si(table.amplitude, signal_unit(name), key)
     if not amplitude > 0:
         raise InputError(
             keys.where(key),
-            found=f"{text}",
+            found=f"{table.amplitude}",
             expected="more than 0",
             remedy="remove it where the control is to stay at trim",
         )
-    return Beside(name, trims.get(name, 0.0), amplitude / largest)
+    return Beside(name, trims.get(name, 0.0), amplitude / largest, table.period)
 
 
 def _relay(table: RelayTable, keys: FileKeys, channels: Sequence[str]) -> RelaySettings:

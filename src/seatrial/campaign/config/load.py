@@ -5,6 +5,7 @@ from dataclasses import replace
 from math import inf
 from pathlib import Path
 
+from seatrial.campaign.config.autopilot_table import read_autopilot
 from seatrial.campaign.config.campaign import Campaign, sensor_models
 from seatrial.campaign.config.design_table import check_utility, read_design, read_limits, read_own, read_power
 from seatrial.campaign.config.earlier_campaigns import found_before, unknowns_before, with_fixed, with_known
@@ -115,17 +116,21 @@ def _campaign(file: CampaignFile, keys: FileKeys) -> Campaign:
     inertia = 1.0 if vehicle.hull.mass is None else vehicle.hull.mass
     priors = read_priors(tables, keys, units, tuple(unknown), rules.never, inertia)
     process_noise = _process_noise(file.filter, keys, units, model)
-    design = read_design(file.design, keys, model, vehicle.hull.trim, tuple(sensors))
-    check_utility(design, keys, is_one_structure=not rules.optional)
-    limits, motion_limits = read_limits(file.limits, keys, model)
+    sample_time = keys.si(file.design.sample_time, "s", "design.sample_time")
+    autopilot = read_autopilot(file.autopilot, keys, model, tuple(sensors), vehicle.hull.trim, sample_time)
+    commands = (*model.controls, *autopilot.trim)
+    trim = {**vehicle.hull.trim, **autopilot.trim}
+    design = read_design(file.design, keys, commands, trim, tuple(sensors))
+    check_utility(design, keys, is_one_structure=not rules.optional, has_autopilot=bool(autopilot.loops))
+    limits, motion_limits = read_limits(file.limits, keys, model, commands)
     if file.design.schedule is not None:
         where = keys.where("design.schedule")
         with located(where):
-            own = read_own(find(folder, file.design.schedule, where), model.controls, limits, design.family.sample_time)
+            own = read_own(find(folder, file.design.schedule, where), commands, limits, design.family.sample_time)
         design = replace(design, own=own)
     is_powered = file.power is not None or design.per == "joule"
     _check_one_source(file, keys)
-    recorded = (*model.controls, *model.channel_units())
+    recorded = (*commands, *model.channel_units())
     campaign = Campaign(
         name=file.campaign.name,
         seed=file.campaign.seed,
@@ -137,6 +142,7 @@ def _campaign(file: CampaignFile, keys: FileKeys) -> Campaign:
         limits=limits.pop(file.design.control, Limits()),
         other_limits=limits,
         motion_limits=motion_limits,
+        autopilot=autopilot,
         power=read_power(file.power, keys, file.design.control) if is_powered else None,
         goal=None if file.goal is None else _goal(file.goal, keys, units),
         plan=PlanSettings() if file.plan is None else _plan(file.plan, keys, is_power_known=file.power is not None),

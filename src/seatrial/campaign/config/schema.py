@@ -190,6 +190,25 @@ class LimitsTable(Table):
     rate: Quantity | None = None
 
 
+class LoopTable(Table):
+    """`[autopilot.CHANNEL]`: a loop of the vehicle's autopilot, which holds a measured channel such as `psi`, `z`, `u` or `theta`.
+
+    With e the set-point less the measured channel, its output is kp e + ki times the integral of e - kd times the channel's rate of
+    change. It `moves` controls, each by its share of that, or the set-point of a loop further down (`theta_set`): depth through pitch.
+    Trials then run through the autopilot: what `[design]` drives is a set-point such as `psi_set`, or a control, to which it is added.
+    """
+
+    moves: dict[str, float] = Field(min_length=1)
+    kp: Quantity
+    ki: Quantity | None = None
+    kd: Quantity | None = None
+    derivative: str | None = None
+    set_point: Quantity | None = None
+    limit: Quantity | None = None
+    rate: Quantity | None = None
+    interval: Quantity | None = None
+
+
 class RangeTable(Table):
     """An evenly spaced range of a quantity."""
 
@@ -223,6 +242,13 @@ class PredictionTable(Table):
     after: Quantity
 
 
+class BesideTable(Table):
+    """`[design.together.CONTROL]`: a control that moves with the designed one, with a period of its own, `period` times as long."""
+
+    amplitude: Quantity
+    period: float = Field(default=1.0, ge=0.1, le=10.0)
+
+
 class DesignTable(Table):
     """`[design]`: shapes of input that are compared on one grid of amplitudes and periods, and what makes one of them the best.
 
@@ -240,7 +266,8 @@ class DesignTable(Table):
 
     `schedule` is a CSV of your own, with columns `time_s` and one for each control that moves, with its unit, such as `n_rpm`: it is
     weighed beside the families, and is the first trial that is run. Controls named under `together` move at the same
-    time, each with its amplitude where that of `control` is the largest: `{ n = "100 rpm" }`.
+    time, each with its amplitude where that of `control` is the largest: `{ n = "100 rpm" }`; one whose motion is slower may have
+    a longer period: `{ n = { amplitude = "100 rpm", period = 2.0 } }`.
     """
 
     control: str
@@ -252,7 +279,7 @@ class DesignTable(Table):
     turnaround: Quantity = "0 s"
     probability: float = Field(default=0.95, gt=0.0, lt=0.99)
     trim: Quantity | None = None
-    together: dict[str, Quantity] = {}
+    together: dict[str, Quantity | BesideTable] = {}
     duration: Quantity
     active: Quantity
     start: Quantity = "1 s"
@@ -446,6 +473,7 @@ class CampaignFile(Table):
     sensors: dict[str, SensorTable] = Field(min_length=1)
     mounts: dict[str, MountTable] = {}
     limits: dict[str, LimitsTable] = {}
+    autopilot: dict[str, LoopTable] = {}
     design: DesignTable
     power: PowerTable | None = None
     goal: GoalTable | None = None

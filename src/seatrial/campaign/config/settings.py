@@ -10,6 +10,7 @@ import numpy as np
 
 from seatrial.estimation.mounts import Mount
 from seatrial.logs.keep import Comparison
+from seatrial.manoeuvres.autopilot import Loop
 from seatrial.manoeuvres.family import Family
 from seatrial.manoeuvres.schedule import Schedule
 from seatrial.sampling.names import DEFAULT, SamplerName
@@ -144,6 +145,24 @@ class DesignSettings:
     def grid(self) -> tuple[np.ndarray, np.ndarray]:
         """Return amplitudes, SI, and periods, s."""
         return np.array(self.amplitudes), np.array(self.periods)
+
+
+@dataclass(frozen=True)
+class AutopilotSettings:
+    """The loops of the autopilot, none where there is none, and the set-point of each while a trial leaves it alone, SI."""
+
+    loops: tuple[Loop, ...] = ()
+    set_points: tuple[float, ...] = ()
+
+    @property
+    def trim(self) -> dict[str, float]:
+        """Set-points by name, SI."""
+        return {loop.set_point: value for loop, value in zip(self.loops, self.set_points, strict=True)}
+
+    @property
+    def moved(self) -> dict[str, float]:
+        """All that loops move, with 0: what is added where nothing else is said."""
+        return {name: 0.0 for loop in self.loops for name, _ in loop.moves}
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """What is true of a simulated vehicle: `[truth]` holds a value of each coefficient, and what sensors and actuators add to it.
 
 What is simulated is what is fitted: beside coefficients stand the names of an estimate (`bias_u`, `lag_u`, `delay`, `current`, `sigma_u`,
-`tau_u`, `dof_u`), and `lag_n`, the lag of an actuator, in place of what `[vehicle.actuators]` states.
+`tau_u`, `dof_u`, `process_u`), and `lag_n`, the lag of an actuator, in place of what `[vehicle.actuators]` states.
 """
 
 from collections.abc import Mapping
@@ -11,6 +11,7 @@ from seatrial.campaign.config.vehicle import WholeVehicle
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.signals import ACTUAL
 from seatrial.estimation.delayed_control import DELAY
+from seatrial.estimation.filter_error import process_name
 from seatrial.estimation.mounts import mount_names
 from seatrial.estimation.sensor_errors import (
     bias_name,
@@ -39,6 +40,7 @@ def beyond_structures(campaign: Campaign) -> set[str]:
     return (
         {actuator_lag(control) for control in campaign.model(campaign.full).controls}
         | {CURRENT, DELAY}
+        | {process_name(state) for state in campaign.model(campaign.full).states if not state.endswith(ACTUAL)}
         | {name(channel) for channel in campaign.channels for name in of_channel}
         | {name for one in campaign.sensors.values() if one.mount for name in mount_names(one.mount.name)}
     )
@@ -100,6 +102,7 @@ def check_truth(campaign: Campaign) -> None:
             )
     spreads = {name(channel) for channel in campaign.channels for name in (noise_name, *KINDS, drift_time_name)}
     model = campaign.model(campaign.full)
+    spreads |= {process_name(state) for state in model.states}
     lags = {lag_name(name) for name in (*model.controls, *campaign.channels)}
     late = {lag_name(name) for name in model.controls if name + ACTUAL in model.states}
     for name, value in truth.items():
@@ -116,7 +119,7 @@ def check_truth(campaign: Campaign) -> None:
                 campaign.where(f"truth.{name}"),
                 found=f"{value:g}{unit}",
                 expected="more than 0" if name in spreads else "0 s or more",
-                remedy="leave it out for the noise that [sensors] says"
+                remedy="leave it out for none, or for the noise that [sensors] says"
                 if name in spreads
                 else "0 s is none: give the time by which it is late",
             )

@@ -55,7 +55,7 @@ def read_vehicle(
                 remedy=f"write {-value:g}, if {value:g} is the mass of that water",
             )
     for name in table.trim:
-        if name not in SIGNALS:
+        if not is_signal(name):
             raise InputError(
                 keys.where(f"vehicle.trim.{name}"),
                 found=f'signal "{name}"',

@@ -1,6 +1,6 @@
 """Getting the trial's records: simulated from the campaign's truth, or imported from real logs."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from decimal import Decimal
 from pathlib import Path
@@ -12,6 +12,7 @@ from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.named_files import find
 from seatrial.campaign.config.settings import Imports, LogColumn, LogFile
 from seatrial.campaign.data.no_record import no_record
+from seatrial.campaign.data.rebuilt_controls import with_rebuilt_controls
 from seatrial.campaign.data.simulate import check_simulated, simulated_records
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.argument_checks import check_kind
@@ -144,7 +145,8 @@ def _import_run(campaign: Campaign, imports: Imports, run: str) -> tuple[Record,
 
     def read_files() -> Dataset:
         paths = _located(campaign, imports, run)
-        return record_dataset(_aligned(campaign, imports, run, paths, imports.ends.get(run, {})))
+        aligned = _aligned(campaign, imports, run, paths, imports.ends.get(run, {}))
+        return record_dataset(with_rebuilt_controls(campaign, aligned))
 
     return kept.read_or_make(read_files), kept.key
 
@@ -158,7 +160,8 @@ def _aligned(campaign: Campaign, imports: Imports, run: str, paths: list[Path], 
         return align(tables, step=imports.step, **ends, label=run)
     path, whole = _commanded(campaign, imports, run), align(tables, step=imports.step, label=run)
     with located(campaign.where("import.schedule")):
-        commanded = read_rows(path, campaign.model(campaign.full).controls).schedule(campaign.family.sample_time)
+        commands = [name for name, _ in campaign.control_trim(campaign.model(campaign.full))]
+        commanded = read_rows(path, commands).schedule(campaign.family.sample_time)
         followed = follow(whole, commanded.time, commanded.controls, path.name)
     record = align(tables, step=imports.step, **(ends or followed.ends), label=run)
     options = record.provenance.options
@@ -207,7 +210,7 @@ def _commanded(campaign: Campaign, imports: Imports, run: str) -> Path:
 
 def _tables(campaign: Campaign, imports: Imports, paths: list[Path]) -> list[LogTable]:
     """Read the files of a run, with velocities along the body."""
-    logs, roles = [], signal_roles(campaign.model(campaign.full))
+    logs, roles = [], signal_roles(campaign.model(campaign.full), campaign.autopilot.trim)
     for index, (file, path) in enumerate(zip(imports.files, paths, strict=True)):
         _check_layout(campaign, file, path, index)
         source = log_source(campaign, file, path, index, roles)
@@ -256,6 +259,7 @@ def _key(campaign: Campaign, imports: Imports, run: str, paths: list[Path], hash
     )
     keep = [hash_of(path) for path in _keep_paths(campaign, imports, run)]
     kept = (keep, imports.keep) if keep else ()
+    kept += (campaign.pilot(campaign.model(campaign.full).controls),) if campaign.autopilot.loops else ()
     return key_of("record", run, hashes, imports.step, imports.files, imports.ends.get(run, {}), *sent, *kept)
 
 
@@ -264,12 +268,10 @@ def _curve(campaign: Campaign, index: int, name: str, written: str) -> Path:
     return find(campaign.folder, written, campaign.where(f"import.files[{index}].channels.{name}.curve"))
 
 
-def signal_roles(model: VehicleModel) -> dict[str, Role]:
-    """Return every signal that a record may hold, and whether it drives the vehicle or observes it."""
-    return {
-        name: "control" if name in model.controls else "measurement"
-        for name in (*model.controls, *model.channel_units())
-    }
+def signal_roles(model: VehicleModel, set_points: Collection[str] = ()) -> dict[str, Role]:
+    """Return every signal that a record may hold, and whether it drives the vehicle, as `set_points` do, or observes it."""
+    driving = (*model.controls, *set_points)
+    return {name: "control" if name in driving else "measurement" for name in (*driving, *model.channel_units())}
 
 
 def _check_layout(campaign: Campaign, file: LogFile, path: Path, index: int) -> None:

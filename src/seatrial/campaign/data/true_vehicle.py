@@ -1,14 +1,15 @@
 """The simulated vehicle of a campaign: what is true of it, and what its sensors show in a trial.
 
 What is simulated is what is fitted: [truth] holds a value of each coefficient, and may hold what an estimate knows beside them, by the same
-names (`bias_u`, `lag_u`, `delay`, `current`, `sigma_u`, `tau_u`, `dof_u`), and `lag_n`, the lag of an actuator, in place of what
-[vehicle.actuators] states.
+names (`bias_u`, `lag_u`, `delay`, `current`, `sigma_u`, `tau_u`, `dof_u`, `process_u`), and `lag_n`, the lag of an actuator, in place of
+what [vehicle.actuators] states.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
@@ -19,6 +20,7 @@ from seatrial.core.errors import InputError
 from seatrial.core.programs import program
 from seatrial.core.signals import ACTUAL
 from seatrial.estimation.delayed_control import DELAY
+from seatrial.estimation.filter_error import process_name
 from seatrial.estimation.replicate import draw_noise
 from seatrial.estimation.sensor_errors import (
     Sensor,
@@ -31,9 +33,12 @@ from seatrial.estimation.sensor_errors import (
 )
 from seatrial.estimation.simulation import CURRENT, Feedback, Simulator, samples_remembered
 from seatrial.estimation.trial_data import ChannelData, channel_data
-from seatrial.manoeuvres.relay import BEGIN, read_relay_family, relay_control
+from seatrial.manoeuvres.autopilot import Autopilot
+from seatrial.manoeuvres.pilot import Moment, Pilot
+from seatrial.manoeuvres.relay import Relay, read_relay_family
 from seatrial.manoeuvres.schedule import Schedule
 from seatrial.vehicles.actuators import Actuator, with_actuators
+from seatrial.vehicles.model import VehicleModel
 
 FIRST = "trial"
 """Label of the first trial of a campaign; those decided later are `trial-2`, `trial-3` and so on."""
@@ -47,8 +52,10 @@ class TrueVehicle:
         simulator: of the vehicle; what is true of its sensors are parameters.
         values: parameters by name, SI.
         start: state at the first sample, SI.
-        trim: every control with the value at which it is held where a schedule leaves it alone.
+        trim: all that a schedule commands, with the value at which it is held where that leaves it alone.
         where: what says so, for errors.
+        autopilot: through which a schedule acts; None where it acts on the controls.
+        shaken: states with process noise, each of which has a control of its own, the last ones of the simulator's model.
     """
 
     simulator: Simulator
@@ -56,6 +63,8 @@ class TrueVehicle:
     start: tuple[float, ...]
     trim: tuple[tuple[str, float], ...]
     where: str
+    autopilot: Autopilot | None = None
+    shaken: tuple[str, ...] = ()
 
     def show(
         self,
@@ -64,40 +73,51 @@ class TrueVehicle:
         keys: Sequence[Array],
         relay: Mapping[str, Any] | None = None,
     ) -> dict[str, Float[np.ndarray, " n"]]:
-        """Return every control, and what every sensor shows of a trial, SI, NaN where it does not measure.
+        """Return every control, every set-point, and what every sensor shows of a trial, SI, NaN where it does not measure.
 
         Args:
-            schedule: controls over time, sampled evenly from 0.
+            schedule: controls and set-points over time, sampled evenly from 0.
             measured: whether each sensor gives a sample.
-            keys: random key of each sensor's noise.
+            keys: random key of each sensor's noise; that of the process noise follows from the first.
             relay: the self-oscillating test that makes its control itself, for as long as the schedule is; None where that is run.
 
         Raises:
             InputError: a true vehicle that runs away, or a schedule or test that is not of this vehicle.
         """
-        columns = schedule.columns(self.trim)
-        _check_controls(tuple(schedule.controls), tuple(columns))
+        told = schedule.columns(self.trim)
+        _check_controls(tuple(schedule.controls), tuple(told))
         there = np.where(measured, 0.0, np.nan)
         channels = tuple(channel_data(schedule.time, column) for column in there.T)
         sensors = self.simulator.sensors
         noise = [np.asarray(one) for one in _noise(sensors, self.values, channels, tuple(keys))]
-        start, step = self._start(columns), np.full(schedule.time.size, schedule.time[1])
-        if relay is None:
-            shown, end = _follow(self.simulator, self.values, start, tuple(columns.values()), step)
+        errors = {sensor.channel: noise[i] + there[:, i] for i, sensor in enumerate(sensors)}
+        count = len(told) - (0 if self.autopilot is None else len(self.autopilot.loops))
+        names = tuple(told)[:count]
+        pilot = self.autopilot if relay is None else _relay_of(relay, tuple(errors), names)
+        step = np.full(schedule.time.size, schedule.time[1])
+        pushes = _pushes(self.shaken, self.values, step, jax.random.fold_in(keys[0], 1))
+        held = list(told.values())
+        if pilot is None:
+            shown, end = _follow(self.simulator, self.values, self._start(told), (*held, *pushes), step)
         else:
-            at = _fed_back(self.simulator, relay, tuple(columns))
-            run = _closed_loop(self.simulator, relay, self.values, step)
-            shown, end, command = run(start, schedule.time, noise[at] + there[:, at])
-            columns = dict(zip(columns, map(np.asarray, command), strict=True))
+            moments = Moment(
+                schedule.time, (*held[:count], *pushes, *held[count:]), tuple(errors[name] for name in pilot.outputs)
+            )
+            if relay is not None:
+                moments = moments._replace(told=())
+            shown, end, command = _closed_loop(self.simulator, pilot, self.values, step)(self._start(told), moments)
+            told |= dict(zip(names, map(np.asarray, command), strict=False))
         if not (np.isfinite(shown).all() and np.isfinite(end).all()):
             raise InputError(
                 self.where,
-                found="a simulated vehicle that diverges",
-                expected="damping that dissipates",
-                remedy="check signs: negative damping coefficients dissipate",
+                found="a simulated vehicle that diverges" + " under its autopilot" * (self.autopilot is not None),
+                expected="damping that dissipates" if self.autopilot is None else "an autopilot that holds it",
+                remedy="check signs: negative damping coefficients dissipate"
+                if self.autopilot is None
+                else "check the signs under `moves` of [autopilot], and lower its gains",
             )
         exact = np.asarray(shown)
-        return columns | {
+        return told | {
             sensor.channel: np.where(measured[:, i], exact[:, i] + noise[i], np.nan) for i, sensor in enumerate(sensors)
         }
 
@@ -114,19 +134,45 @@ def true_vehicle(campaign: Campaign) -> TrueVehicle:
     times = {name: truth.get(actuator_lag(name), 0.0) for name in model.controls if name + ACTUAL not in model.states}
     model = with_actuators(model, {name: Actuator(time) for name, time in times.items() if time > 0})
     sensors = tuple(_true_sensor(sensor, truth) for sensor in campaign.sensor_models)
-    return TrueVehicle(
-        Simulator(
-            model,
-            sensors,
-            truth.get(DELAY, 0.0) > 0,
-            CURRENT in truth,
-            samples_remembered(sensors, campaign.family.sample_time),
-        ),
-        {**noise, **truth, **true_coefficients(campaign, model)},
-        campaign.state_trim(model),
-        campaign.control_trim(model),
-        campaign.where("truth"),
-    )
+    values = {**noise, **truth, **true_coefficients(campaign, model)}
+    remembered = samples_remembered(sensors, campaign.family.sample_time)
+    simulator = Simulator(model, sensors, truth.get(DELAY, 0.0) > 0, CURRENT in truth, remembered)
+    return shaken_vehicle(campaign, simulator, values, campaign.state_trim(model), campaign.control_trim(model))
+
+
+def shaken_vehicle(
+    campaign: Campaign,
+    simulator: Simulator,
+    values: Mapping[str, float],
+    start: tuple[float, ...],
+    trim: tuple[tuple[str, float], ...],
+) -> TrueVehicle:
+    """Return a true vehicle under the campaign's autopilot, with the process noise that its values name; arguments as its attributes."""
+    model = simulator.model
+    shaken = tuple(state for state in model.states if values.get(process_name(state), 0.0) > 0)
+    moved = with_process_noise(model, shaken)
+    autopilot, where = campaign.pilot(moved.controls), campaign.where("truth")
+    return TrueVehicle(replace(simulator, model=moved), values, start, trim, where, autopilot, shaken)
+
+
+def with_process_noise(model: VehicleModel, states: Sequence[str]) -> VehicleModel:
+    """Return the vehicle with a further control for each of some states, which is added to its rate of change."""
+    if not states:
+        return model
+    count, places = len(model.controls), [model.states.index(state) for state in states]
+
+    def derivative(params: Any, state: tuple, control: tuple) -> tuple:
+        rates = list(model.derivative(params, state, control[:count]))
+        for place, push in zip(places, control[count:], strict=True):
+            rates[place] = rates[place] + push
+        return tuple(rates)
+
+    views = {
+        name: lambda params, state, control, view=view: view(params, state, control[:count])
+        for name, view in model.views.items()
+    }
+    controls = (*model.controls, *map(process_name, states))
+    return replace(model, controls=controls, derivative=derivative, views=views)
 
 
 def _true_sensor(sensor: Sensor, truth: Mapping[str, float]) -> Sensor:
@@ -171,45 +217,35 @@ def _follow(
     return jnp.stack(followed.kept, -1), jnp.stack(followed.end)
 
 
-def _fed_back(simulator: Simulator, relay: Mapping[str, Any], controls: tuple[str, ...]) -> int:
-    """Place of the sensor that is fed back."""
-    channels, output = [sensor.channel for sensor in simulator.sensors], relay["family"]["output"]
+def _pushes(
+    shaken: tuple[str, ...], values: Mapping[str, float], step: Float[np.ndarray, " n"], key: Array
+) -> tuple[Float[np.ndarray, " n"], ...]:
+    """Draw the rates, held over each step, by which states gain the process noise of that step."""
+    draws = np.asarray(jax.random.normal(key, (len(shaken), step.size)))
+    return tuple(values[process_name(state)] * one / np.sqrt(step) for state, one in zip(shaken, draws, strict=True))
+
+
+def _relay_of(relay: Mapping[str, Any], channels: tuple[str, ...], controls: tuple[str, ...]) -> Relay:
+    """Return a self-oscillating test, checked."""
     family = read_relay_family(relay["family"])
-    if output not in channels or tuple(name for name, _ in family.trim) != controls:
+    if family.output not in channels or tuple(name for name, _ in family.trim) != controls:
         raise InputError(
             "self-oscillation",
-            found=f"a test that feeds {output} back and holds {', '.join(name for name, _ in family.trim)}",
+            found=f"a test that feeds {family.output} back and holds {', '.join(name for name, _ in family.trim)}",
             expected=f"sensors {', '.join(channels)} and controls {', '.join(controls)}, which the campaign now has",
             remedy="design the test again, or change the campaign back",
         )
-    return channels.index(output)
+    return Relay(family, relay["amplitude"], relay["threshold"])
 
 
 def _closed_loop(
-    simulator: Simulator, relay: Mapping[str, Any], values: Mapping[str, float], step: Float[np.ndarray, " n"]
-) -> Callable[[Array, Array, Array], tuple[Array, Array, tuple]]:
-    """Return what a self-oscillating test shows, its last state and its controls, by its start, times and errors; compiled."""
+    simulator: Simulator, pilot: Pilot, values: Mapping[str, float], step: Float[np.ndarray, " n"]
+) -> Callable[[Array, Moment], tuple[Array, Array, tuple]]:
+    """Return what a trial under a pilot shows, its last state and its controls; compiled."""
 
     @program
-    def run(start: Array, time: Array, error: Array) -> tuple[Array, Array, tuple]:
-        followed = simulator.follow(values, start, _relay_feedback(relay, time, error), step)
+    def run(start: Array, moments: Moment) -> tuple[Array, Array, tuple]:
+        followed = simulator.follow(values, start, Feedback(pilot, moments), step)
         return jnp.stack(followed.kept, -1), jnp.stack(followed.end), followed.command
 
     return run
-
-
-def _relay_feedback(relay: Mapping[str, Any], time: Float[Array, " n"], error: Float[Array, " n"]) -> Feedback:
-    """Return the law of a self-oscillating test."""
-    family = read_relay_family(relay["family"])
-
-    def decide(memory: Any, now: Any, seen: Any) -> Any:
-        return relay_control(family, relay["amplitude"], relay["threshold"], now, seen - family.output_trim, memory)
-
-    return Feedback(
-        family.output,
-        BEGIN,
-        lambda memory: family.command(memory.applied),
-        decide,
-        time,
-        error,
-    )

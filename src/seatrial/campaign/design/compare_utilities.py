@@ -47,6 +47,7 @@ def compare_measures(campaign: Campaign, count: int, reporter: Reporter = SILENT
         NumericalError: the motion diverges at a draw of the priors.
     """
     check_whole_trials(campaign, "--compare", joules=True)
+    campaign.check_no_autopilot("--compare")
     return stored_measures(campaign, count).read_or_make(lambda: _compute(campaign, count, reporter))
 
 

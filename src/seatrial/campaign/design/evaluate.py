@@ -30,8 +30,26 @@ def plan_of(campaign: Campaign, model: VehicleModel) -> TrialPlan:
     """Plan of the campaign's trials: from trim, with its sensors."""
     time = campaign.family.time()
     start = campaign.state_trim(model)
-    noise = campaign.noise
-    return plan_trial(model, start, noise, time.size, campaign.family.sample_time, campaign.measured_mask(time))
+    measured = campaign.noise, time.size, campaign.family.sample_time, campaign.measured_mask(time)
+    return plan_trial(model, start, *measured, campaign.pilot(model.controls), campaign.expected_process(model))
+
+
+def applied_controls(
+    campaign: Campaign,
+    model: VehicleModel,
+    values: Float[np.ndarray, " k"],
+    controls: Float[np.ndarray, "D n c"],
+) -> Float[np.ndarray, "D n n_controls"]:
+    """Return the controls of a vehicle under some designs, SI: as its autopilot makes them for these coefficients, or as commanded."""
+    plan = plan_of(campaign, model)
+    if plan.autopilot is None:
+        return controls
+    return in_blocks(lambda control: (_applied(plan, values, control),), controls)[0]
+
+
+@program
+def _applied(plan: TrialPlan, values: Array, controls: Array) -> Array:
+    return jax.vmap(lambda control: plan.applied(values, control))(controls)
 
 
 def weigh(

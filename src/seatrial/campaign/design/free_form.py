@@ -72,6 +72,7 @@ def check_free_trial(campaign: Campaign) -> None:
     """
     campaign.check_surge("a free form")
     check_whole_trials(campaign, "--free-form")
+    campaign.check_no_autopilot("--free-form")
     limits, control = campaign.limits, campaign.family.control
     if None in (limits.lower, limits.upper) or inf in (abs(limits.lower or 0.0), abs(limits.upper or 0.0)):
         unit = shown_unit(control)[1]

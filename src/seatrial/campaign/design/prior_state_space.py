@@ -35,4 +35,6 @@ def belief_space(campaign: Campaign, model: VehicleModel, belief: Gaussian) -> t
         model: vehicle.
         belief: about its coefficients, SI.
     """
-    return coefficient_space(model, belief, campaign.state_trim(model), campaign.noise)
+    process = np.array(campaign.expected_process(model) or np.zeros(len(model.states)))
+    per_sample = process * np.sqrt(campaign.family.sample_time)
+    return coefficient_space(model, belief, campaign.state_trim(model), campaign.noise, per_sample)

@@ -22,7 +22,8 @@ def design_words(family: Family, amplitude: float, period: float) -> str:
     others = []
     for one in family.beside:
         own, its = shown_unit(one.control)
-        others.append(f" and {family.shape.sides}{one.ratio * amplitude * own:.4g} {its} in {one.control}")
+        slower = f", {one.period:g} times as slowly" if one.period != 1 else ""
+        others.append(f" and {family.shape.sides}{one.ratio * amplitude * own:.4g} {its} in {one.control}{slower}")
     return (
         f"{family.words} of {family.shape.sides}{amplitude * factor:.4g} {unit} about {family.trim * factor:.4g} {unit} "
         f"in {family.control}{''.join(others)}, {family.shape.period_is} {period:.3g} s"

@@ -61,7 +61,8 @@ def sensor_table(campaign: Campaign, reporter: Reporter = SILENT) -> SensorCompa
     best, model, family = design_first(campaign, reporter).best, campaign.model(campaign.full), campaign.family
     noise = campaign.noise
     controls = best.best_controls()
-    plan = plan_trial(model, campaign.state_trim(model), noise, len(controls), family.sample_time)
+    through = campaign.pilot(model.controls), campaign.expected_process(model)
+    plan = plan_trial(model, campaign.state_trim(model), noise, len(controls), family.sample_time, None, *through)
     words, choices = zip(
         *_choices(campaign.noise, campaign.measured_mask(family.time()), family.sample_time), strict=True
     )

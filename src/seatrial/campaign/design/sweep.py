@@ -13,6 +13,7 @@ from jaxtyping import Float
 from seatrial.campaign.compute.place import workers_of
 from seatrial.campaign.compute.shared_work import Study
 from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.design.check_autopilot import check_autopilot
 from seatrial.campaign.design.evaluate import plan_as_run, plan_of, safety_lines, utility_unit, weigh
 from seatrial.campaign.design.found_noise import with_found_noise
 from seatrial.campaign.design.prior_state_space import HALF, belief_space, believed, prior_draws
@@ -141,8 +142,8 @@ def _prepare(campaign: Campaign, believed: Believed) -> _Prepared:
     mask, limits = campaign.measured_mask(campaign.family.time()), campaign.limits
 
     def predict(family: Family, amplitude: np.ndarray, period: np.ndarray) -> Sweep:
-        others = campaign.other_limits
-        return sweep_family(space, family, amplitude, period, limits, method, mask, trim=trim, others=others)
+        more = {"trim": trim, "others": campaign.other_limits, "autopilot": campaign.pilot(model.controls)}
+        return sweep_family(space, family, amplitude, period, limits, method, mask, **more)
 
     return _Prepared(plan_of(campaign, model), scales, predict)
 
@@ -179,7 +180,9 @@ def design_key(campaign: Campaign) -> str:
         "design",
         *(campaign.vehicle, campaign.structure, campaign.design, campaign.power),
         *(campaign.priors, campaign.sensors, campaign.limits, campaign.motion_limits, campaign.seed),
-        *([campaign.other_limits] if campaign.family.beside else []),
+        *([campaign.other_limits] if campaign.family.beside or campaign.autopilot.loops else []),
+        *([campaign.autopilot] if campaign.autopilot.loops else []),
+        *([process] if (process := campaign.expected_process(campaign.model(campaign.full))) else []),
     )
 
 
@@ -332,6 +335,7 @@ def _sweep(
     reporter: Reporter,
 ) -> Dataset:
     model, families, (amplitude, period) = campaign.model(structure), campaign.families, campaign.design.grid()
+    check_autopilot(campaign, model, draws, reporter)
     scales, plan, trim = (
         belief_space(campaign, model, belief)[1],
         plan_of(campaign, model),

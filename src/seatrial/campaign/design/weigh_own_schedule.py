@@ -106,7 +106,8 @@ def plan_own(campaign: Campaign, own: OwnSchedule, model: VehicleModel) -> Trial
     """Plan of the trial of a schedule: from trim, with the campaign's sensors, as long as it is."""
     time = own.schedule.time
     start, mask = campaign.state_trim(model), campaign.measured_mask(time)
-    return plan_trial(model, start, campaign.noise, time.size, float(time[1]), mask)
+    through = campaign.pilot(model.controls), campaign.expected_process(model)
+    return plan_trial(model, start, campaign.noise, time.size, float(time[1]), mask, *through)
 
 
 def _sd_after(plan: TrialPlan, controls: np.ndarray, draws: np.ndarray) -> tuple[float, ...]:

@@ -74,9 +74,9 @@ def known_before(campaign: Campaign, sweep: Sweep) -> Known:
             for channel, present in zip(campaign.channels, share, strict=True)
         }
         start = campaign.state_trim(model)
-        found = identifiability_of_design(
-            parameters, model, sweep.best_controls(), family.sample_time, start, noise, campaign.hull.trim
-        )
+        trial = sweep.best_controls(), family.sample_time, start, noise
+        through = campaign.pilot(model.controls), campaign.expected_process(model)
+        found = identifiability_of_design(parameters, model, *trial, campaign.hull.trim, *through)
         return asdict(_known(found, None, structure.label))
 
     return stored_known_before(campaign).read_or_make(judge)

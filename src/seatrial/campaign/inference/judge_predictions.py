@@ -282,9 +282,8 @@ def _fits(
         if near is not None and near.leaves:
             verdict = FitVerdict("caution", LEAVES, words)
         else:
-            verdict = judge_fit(
-                score, channel, held_back, score.correlation_time > 0, outside, _lacks(campaign, channel)
-            )
+            lacks, feedback = _lacks(campaign, channel), bool(campaign.autopilot.loops)
+            verdict = judge_fit(score, channel, held_back, score.correlation_time > 0, outside, lacks, feedback)
         of = {"record": record.label, "held_back": held_back, "channel": channel, "outside": outside, "ahead": words}
         found.append(Fit(**vars(score), **of, **verdict._asdict()))
     return found

@@ -324,6 +324,7 @@ def predict_from_prior(campaign: Campaign, reporter: Reporter = SILENT) -> Prior
         InputError: logs that cannot be read, no design inside the limits, or a vehicle that does not only move along X.
     """
     campaign.check_surge("the prior predictive check")
+    campaign.check_no_autopilot("the prior predictive check")
     model = campaign.model(campaign.full)
     trial = prior_trial(campaign, reporter)
     key = random_key(campaign.seed, "prior predictive")

@@ -19,9 +19,8 @@ from seatrial.campaign.design.sweep import Designs
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.programs import program
 from seatrial.design.fisher_utilities import find_criterion
-from seatrial.design.sweep import in_blocks
+from seatrial.design.sweep import Trim, all_controls, in_blocks
 from seatrial.design.trial_plan import TrialPlan
-from seatrial.manoeuvres.manoeuvre import Manoeuvre
 
 RANDOM = "random-steps"
 """Shape of the trials that are drawn and not designed."""
@@ -29,12 +28,12 @@ RANDOM = "random-steps"
 
 @dataclass(frozen=True, eq=False)
 class Design:
-    """One trial: its shape, settings (SI) and sampled control."""
+    """One trial: its shape, settings (SI) and all that it commands, sampled."""
 
     kind: str
     amplitude: float
     period: float
-    control: Float[np.ndarray, " n"]
+    control: Float[np.ndarray, "n c"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +45,7 @@ class DesignSpace:
         kind: shape of each.
         amplitude: SI, shape (D,).
         period: s, shape (D,).
-        control: SI, shape (D, n).
+        control: every command, SI, shape (D, n, c).
         plan: start, sensors and times of any trial.
     """
 
@@ -54,7 +53,7 @@ class DesignSpace:
     kind: tuple[str, ...]
     amplitude: Float[np.ndarray, " D"]
     period: Float[np.ndarray, " D"]
-    control: Float[np.ndarray, "D n"]
+    control: Float[np.ndarray, "D n c"]
     plan: TrialPlan
 
     def design(self, index: int) -> Design:
@@ -65,8 +64,7 @@ class DesignSpace:
         """The design of one family that was the most informative in a sweep."""
         sweep = next(sweep for sweep in designs.sweeps if sweep.family.kind == kind)
         row, column = sweep.best
-        manoeuvre = sweep.best_manoeuvre()
-        return Design(kind, float(sweep.amplitude[row]), float(sweep.period[column]), self._sampled(manoeuvre))
+        return Design(kind, float(sweep.amplitude[row]), float(sweep.period[column]), sweep.best_controls())
 
     def most_informative(self, values: Float[np.ndarray, " k"], cov: Float[np.ndarray, "k k"]) -> Design:
         """The design of the largest Bayesian D gain.
@@ -100,7 +98,13 @@ class DesignSpace:
         seed = zlib.crc32(f"{self.campaign.seed} {vehicle} {number}".encode())
         hold = float(np.mean(self.campaign.design.grid()[1]))
         family = replace(self.campaign.family, kind=RANDOM, seed=seed)
-        return Design(RANDOM, self.swing, hold, self._sampled(family.manoeuvre(self.swing, hold)))
+        controls = all_controls(family, self.trim, np.array([self.swing]), np.array([hold]))
+        return Design(RANDOM, self.swing, hold, controls[0])
+
+    @property
+    def trim(self) -> Trim:
+        """Every command at trim."""
+        return self.campaign.control_trim(self.plan.model)
 
     @cached_property
     def swing(self) -> float:
@@ -119,14 +123,20 @@ class DesignSpace:
         return float(max(inside))
 
     @cached_property
-    def extremes(self) -> Float[np.ndarray, "2 n"]:
-        """Least and largest control of any trial, each held throughout, SI."""
-        trim, n = self.campaign.family.trim, self.control.shape[1]
-        low, high = min(self.control.min(), trim - self.swing), max(self.control.max(), trim + self.swing)
-        return np.stack([np.full(n, low), np.full(n, high)])
+    def trying(self) -> Float[np.ndarray, "D n c"]:
+        """All designs, behind the least and the largest of any command, each held throughout, SI."""
+        reach = self.swing * np.array([self._ratios.get(name, 0.0) for name, _ in self.trim])
+        trim = np.array([value for _, value in self.trim])
+        low = np.minimum(self.control.min((0, 1)), trim - reach)
+        high = np.maximum(self.control.max((0, 1)), trim + reach)
+        held = np.broadcast_to(np.stack([low, high])[:, None], (2, *self.control.shape[1:]))
+        return np.concatenate([held, self.control])
 
-    def _sampled(self, manoeuvre: Manoeuvre) -> np.ndarray:
-        return manoeuvre.sample(self.campaign.family.sample_time)[1]
+    @property
+    def _ratios(self) -> dict[str, float]:
+        """Amplitude of each command that moves, over that of the driven one."""
+        family = self.campaign.family
+        return {family.control: 1.0, **{one.control: one.ratio for one in family.beside}}
 
 
 def design_space(campaign: Campaign, designs: Designs) -> DesignSpace:
@@ -135,12 +145,12 @@ def design_space(campaign: Campaign, designs: Designs) -> DesignSpace:
     for sweep in designs.sweeps:
         rows, columns, control = sweep.inside()
         kinds += [sweep.family.kind] * rows.size
-        parts.append((sweep.amplitude[rows], sweep.period[columns], control[..., 0]))
+        parts.append((sweep.amplitude[rows], sweep.period[columns], control))
     amplitudes, periods, controls = (np.concatenate(column) for column in zip(*parts, strict=True))
     plan = plan_of(campaign, campaign.model(campaign.full))
     return DesignSpace(campaign, tuple(kinds), amplitudes, periods, controls, plan)
 
 
 @program
-def _information(plan: TrialPlan, values: Array, controls: Float[Array, "lanes n"]) -> Float[Array, "lanes k k"]:
-    return jax.vmap(lambda control: plan.information(values, control[:, None]))(controls)
+def _information(plan: TrialPlan, values: Array, controls: Float[Array, "lanes n c"]) -> Float[Array, "lanes k k"]:
+    return jax.vmap(lambda control: plan.information(values, control))(controls)

@@ -32,6 +32,7 @@ from seatrial.core.dataset import Dataset
 from seatrial.core.errors import InputError
 from seatrial.core.record import Record
 from seatrial.core.reporter import SILENT, Reporter, run_side_by_side
+from seatrial.estimation.disturbance import disturbance_name
 from seatrial.estimation.mode import find_mode
 from seatrial.manoeuvres.family import Family
 
@@ -67,11 +68,12 @@ def rehearse(campaign: Campaign, truths: int, reporter: Reporter = SILENT) -> Re
         reporter: receives what happens.
 
     Raises:
-        InputError: no standard deviation is asked for, the vehicle does not only move along X, or too few vehicles.
+        InputError: no standard deviation is asked for, or too few vehicles.
         NumericalError: a prior of which hardly a draw can be simulated.
     """
-    campaign.check_surge("a rehearsal")
     check_whole_trials(campaign, "a rehearsal", joules=True)
+    if any(name.startswith(disturbance_name("")) for name in campaign.priors):
+        campaign.check_no_autopilot("a rehearsal of disturbances")
     goal = goal_of(campaign)
     if truths < FEWEST_VEHICLES:
         raise InputError(
@@ -115,7 +117,9 @@ def _rehearse_one(
     campaign: Campaign, goal: Goal, space: DesignSpace, fixed: Mapping[str, Design], index: int
 ) -> Outcome:
     """Every strategy on one vehicle."""
-    vehicle = draw_vehicle(campaign, space.extremes, jax.random.fold_in(random_key(campaign.seed, "rehearsal"), index))
+    vehicle = draw_vehicle(
+        campaign, space.plan, space.trying, jax.random.fold_in(random_key(campaign.seed, "rehearsal"), index)
+    )
 
     def adaptive(number: int, values: np.ndarray | None, cov: np.ndarray | None) -> Design:
         return fixed["fixed"] if values is None or cov is None else space.most_informative(values, cov)

@@ -4,27 +4,35 @@ Every vehicle starts each trial at trim. Its sensors have the noise that `[senso
 the priors, what is each trial's own anew for each. The noise of a vehicle's k-th trial is the same whatever is run as that trial.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import jax
+import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Float
 
 from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.data.true_vehicle import shaken_vehicle
 from seatrial.campaign.inference.posterior import build_likelihood, build_parameters, build_posterior
-from seatrial.campaign.prior.predictive import speeds
-from seatrial.core.errors import NumericalError
+from seatrial.core.errors import InputError, NumericalError
+from seatrial.core.programs import program
 from seatrial.core.record import Channel, Provenance, Record, make_record
 from seatrial.core.signals import signal_unit
-from seatrial.estimation.output_error import initial_name
+from seatrial.design.sweep import in_blocks
+from seatrial.design.trial_plan import TrialPlan
+from seatrial.estimation.output_error import OutputError, initial_name
 from seatrial.estimation.posterior import Posterior
 from seatrial.estimation.replicate import replicate
 from seatrial.estimation.sensor_errors import noise_name
 from seatrial.estimation.trial_data import FOREVER
+from seatrial.manoeuvres.schedule import Schedule
 
 TRIES = 200
 """Draws from the prior until one is a vehicle that does not run away."""
+FASTEST = 20.0
+"""Speed from which a vehicle has run away, m/s."""
 FEWEST = 4
 """Trials in the smallest posterior that is compiled."""
 LABEL = "1"
@@ -46,67 +54,99 @@ class Vehicle:
     refused: int
 
 
-def draw_vehicle(campaign: Campaign, extremes: Float[np.ndarray, "2 n"], key: jax.Array) -> Vehicle:
-    """Draw from the priors of the full structure until a vehicle stays below 20 m/s under either extreme of the control.
+def draw_vehicle(campaign: Campaign, plan: TrialPlan, trying: Float[np.ndarray, "D n c"], key: jax.Array) -> Vehicle:
+    """Draw from the priors of the full structure until a vehicle stays below 20 m/s in every trial that there is.
 
-    Where du/dt rises with the control, the speed in any trial lies between those with its extremes held throughout: a vehicle that
-    passes runs away in no trial, so that what a strategy chooses to run does not decide which vehicles count.
+    Among the trials are the extremes of all commands, each held throughout. Where du/dt rises with the control, the speed in any trial lies
+    between those: what a strategy chooses to run does not decide which vehicles count.
 
     Args:
         campaign: configuration.
-        extremes: least and largest control of any trial, held, SI.
+        plan: of its trials.
+        trying: every command of the trials that a vehicle has to bear, SI.
         key: random key of the vehicle.
 
     Raises:
         NumericalError: nearly all draws run away.
     """
     draw_key, trial_key = jax.random.split(key)
-    posterior = _posterior_of_one(campaign, extremes[0])
+    posterior = _posterior_of_one(campaign, _columns(campaign, trying[0]))
     drawn = np.asarray(posterior.constrain(posterior.sample_prior(draw_key, TRIES)))
     columns = dict(zip(posterior.names, drawn.T, strict=True))
-    model = campaign.model(campaign.full)
-    params = {term.text: columns[term.text] for term in model.coefficients}
-    start = np.tile(_trim(campaign), (TRIES, 1))
-    step = np.full(extremes.shape[1], campaign.family.sample_time)
-    lost = [speeds(model, "u", params, None, start, control[:, None], step, [0])[1] for control in extremes]
-    stays = np.flatnonzero(~np.any(lost, axis=0))
-    if not stays.size:
+    coefficients = np.stack([columns[name] for name in plan.names], -1)
+    bears = (i for i, values in enumerate(coefficients) if in_blocks(partial(_stays, plan, values), trying)[0].all())
+    if (first := next(bears, None)) is None:
         raise NumericalError(
             f"each of {TRIES} vehicles drawn from the prior runs away under a control that the designs use: narrow the priors; "
             "`seatrial prior` shows why"
         )
-    first = int(stays[0])
     values = {name: float(column[first]) for name, column in columns.items() if not _is_own(name)}
     values |= {noise_name(channel): campaign.noise[channel] for channel in campaign.channels}
     return Vehicle(values, trial_key, first)
 
 
-def run_trial(campaign: Campaign, vehicle: Vehicle, number: int, control: Float[np.ndarray, " n"]) -> Record:
-    """Record of a vehicle's trial of this number, from 1.
+def run_trial(campaign: Campaign, vehicle: Vehicle, number: int, control: Float[np.ndarray, "n c"]) -> Record:
+    """Record of a vehicle's trial of this number, from 1, through the autopilot where there is one.
 
     Raises:
         NumericalError: the vehicle runs away.
     """
     own_key, noise_key = jax.random.split(jax.random.fold_in(vehicle.key, number))
-    posterior, trim = _posterior_of_one(campaign, control), _trim(campaign)
+    told, trim = _columns(campaign, control), _trim(campaign)
+    posterior = _posterior_of_one(campaign, told)
     drawn = np.asarray(posterior.constrain(posterior.sample_prior(own_key, 1)))[0]
     own = {name: float(value) for name, value in zip(posterior.names, drawn, strict=True) if _is_own(name)}
     starts = {initial_name(state, LABEL): trim[i] for i, state in enumerate(campaign.model(campaign.full).states)}
     own |= {name: value for name, value in starts.items() if name in own}
-    data = posterior.data._replace(initial=np.asarray(trim, float)[None])
-    shown = replicate(posterior.likelihood, vehicle.values | own, data, noise_key).channels
-    present, measured = (
-        np.stack([np.asarray(column)[0, : control.size] for column in columns], -1)
-        for columns in zip(*((channel.present, channel.measured) for channel in shown), strict=True)
-    )
-    measured = np.where(present > 0, measured, np.nan)
-    if not (np.isfinite(measured) == (present > 0)).all():
+    run = _run_through_autopilot if campaign.autopilot.loops else _run_directly
+    columns = run(campaign, posterior, vehicle.values | own, told, noise_key)
+    present = campaign.measured_mask(campaign.family.time()) > 0
+    measured = np.stack([columns[name] for name in campaign.channels], -1)
+    if not (np.isfinite(measured) == present).all():
         raise NumericalError(f"a vehicle drawn from the prior runs away in its trial {number}: narrow the priors")
-    columns = dict(zip((campaign.family.control, *campaign.channels), (control, *measured.T), strict=True))
     provenance = Provenance("rehearsed", "", {"trial": number})
-    return make_record(
-        campaign.family.time(), columns, _channels(campaign.family.control, campaign.channels), provenance, str(number)
-    )
+    return make_record(campaign.family.time(), columns, _channels(campaign, columns), provenance, str(number))
+
+
+def _run_directly(
+    campaign: Campaign,
+    posterior: Posterior,
+    values: Mapping[str, float],
+    told: Mapping[str, np.ndarray],
+    key: jax.Array,
+) -> dict[str, Float[np.ndarray, " n"]]:
+    """Return controls and measurements of a trial that acts on the controls, by the likelihood's own simulation."""
+    data = posterior.data._replace(initial=np.asarray(_trim(campaign), float)[None])
+    shown = replicate(posterior.likelihood, values, data, key).channels
+    size = campaign.family.time().size
+    measured = [
+        np.where(np.asarray(one.present)[0, :size] > 0, np.asarray(one.measured)[0, :size], np.nan) for one in shown
+    ]
+    return {**told, **dict(zip(campaign.channels, measured, strict=True))}
+
+
+def _run_through_autopilot(
+    campaign: Campaign,
+    posterior: Posterior,
+    values: Mapping[str, float],
+    told: Mapping[str, np.ndarray],
+    key: jax.Array,
+) -> dict[str, Float[np.ndarray, " n"]]:
+    """Return controls, set-points and measurements of a trial that runs through the autopilot."""
+    likelihood = posterior.likelihood
+    output = likelihood if isinstance(likelihood, OutputError) else likelihood.output
+    here = {name.removesuffix(f"[{LABEL}]"): value for name, value in values.items()}
+    start, trim = tuple(_trim(campaign)), campaign.control_trim(output.model)
+    vehicle = shaken_vehicle(campaign, output.simulator, here, start, trim)
+    keys = jax.random.split(key, len(campaign.channels))
+    try:
+        return vehicle.show(
+            Schedule(campaign.family.time(), told), campaign.measured_mask(campaign.family.time()) > 0, tuple(keys)
+        )
+    except InputError as cause:
+        raise NumericalError(
+            "a vehicle drawn from the prior runs away under the autopilot: narrow the priors"
+        ) from cause
 
 
 def joint_posterior(campaign: Campaign, records: Sequence[Record], most: int) -> Posterior:
@@ -138,18 +178,19 @@ def joint_posterior(campaign: Campaign, records: Sequence[Record], most: int) ->
     return replace(posterior, data=jax.device_put(data._replace(channels=channels)))
 
 
-def _posterior_of_one(campaign: Campaign, control: np.ndarray) -> Posterior:
+def _posterior_of_one(campaign: Campaign, told: Mapping[str, np.ndarray]) -> Posterior:
     """Posterior of one trial whose sensors show zero: what of it is used are parameters, priors and the simulation.
 
     Not by `build_posterior`, which asks for two trials where coefficients vary between them.
     """
-    mask = campaign.measured_mask(campaign.family.time())
-    nothing = np.where(mask > 0, 0.0, np.nan)
+    time = campaign.family.time()
+    nothing = np.where(campaign.measured_mask(time) > 0, 0.0, np.nan)
+    columns = {**told, **dict(zip(campaign.channels, nothing.T, strict=True))}
     blank = Record(
-        campaign.family.time(),
-        control[:, None],
+        time,
+        np.column_stack([columns[name] for name in told]),
         nothing,
-        _channels(campaign.family.control, campaign.channels),
+        _channels(campaign, columns),
         Provenance("rehearsed", ""),
         LABEL,
     )
@@ -157,9 +198,28 @@ def _posterior_of_one(campaign: Campaign, control: np.ndarray) -> Posterior:
     return Posterior(build_parameters(campaign, model, [blank]), *build_likelihood(campaign, model, [blank]))
 
 
-def _channels(control: str, channels: Sequence[str]) -> tuple[Channel, ...]:
-    measured = (Channel(name, signal_unit(name), "measurement") for name in channels)
-    return (Channel(control, signal_unit(control), "control"), *measured)
+def _columns(campaign: Campaign, control: Float[np.ndarray, "n c"]) -> dict[str, Float[np.ndarray, " n"]]:
+    """Return every command of a trial by its name."""
+    names = [name for name, _ in campaign.control_trim(campaign.model(campaign.full))]
+    return dict(zip(names, control.T, strict=True))
+
+
+@program
+def _stays(plan: TrialPlan, values: Array, controls: Array) -> tuple[Array]:
+    """Return whether a vehicle stays below `FASTEST` in each trial."""
+    fast = [i for i, name in enumerate(plan.model.states) if name in ("u", "v", "w")]
+
+    def one(control: Array) -> Array:
+        motion = plan.motion(values, control)
+        return jnp.isfinite(motion).all() & (jnp.abs(motion[:, jnp.array(fast, int)]) < FASTEST).all()
+
+    return (jax.vmap(one)(controls),)
+
+
+def _channels(campaign: Campaign, names: Collection[str]) -> tuple[Channel, ...]:
+    return tuple(
+        Channel(name, signal_unit(name), "measurement" if name in campaign.channels else "control") for name in names
+    )
 
 
 def _trim(campaign: Campaign) -> Float[np.ndarray, " n_states"]:

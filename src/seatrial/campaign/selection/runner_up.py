@@ -12,6 +12,7 @@ from jaxtyping import Array, Float
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
+from seatrial.campaign.design.evaluate import applied_controls
 from seatrial.campaign.design.schedule import design_words
 from seatrial.campaign.design.sweep import design_key, design_next
 from seatrial.campaign.inference.estimate import estimate_all
@@ -104,7 +105,8 @@ def expected_nats(
     a, b = set(best.structure.terms), set(runner.structure.terms)
     pairs = [(runner, best)] if a < b else [(best, runner)] if b < a else [(best, runner), (runner, best)]
     every = campaign.control_trim(campaign.model(campaign.full))
-    (rows, columns, controls), time = sweep.inside(every), sweep.family.time()
+    (rows, columns, told), time = sweep.inside(every), sweep.family.time()
+    controls = _applied(campaign, best, told, campaign.full)
     nats = np.full(sweep.gain.shape, np.nan)
     nats[rows, columns] = np.min(
         [_nats(campaign, best, truth, other, trials, time, controls) for truth, other in pairs], axis=0
@@ -152,7 +154,8 @@ def _speeds(
         for i, (one, record) in enumerate(zip(here, trials.fit, strict=True))
     ]
     found = []
-    designed = sweep.family.time(), sweep.best_controls(campaign.control_trim(model))
+    told = sweep.best_controls(campaign.control_trim(model))[None]
+    designed = sweep.family.time(), _applied(campaign, estimate, told, estimate.structure)[0]
     absent = np.zeros(len(trim))
     for one, start, time, control in [*runs, (values, trim, *designed)]:
         coefficients = {term.text: np.asarray(one.get(term.text, absent)) for term in model.coefficients}
@@ -166,6 +169,14 @@ def _speeds(
             )
         found.append((time, np.where(lost[:, None], np.nan, speed)))
     return found
+
+
+def _applied(campaign: Campaign, estimate: Estimate, told: np.ndarray, structure: Structure) -> np.ndarray:
+    """Return the controls under some designs, as an autopilot makes them for the posterior mean; terms that it has not are 0."""
+    model = campaign.model(structure)
+    mean = dict(zip(estimate.names, estimate.draws().mean(0), strict=True))
+    values = np.array([mean.get(term.text, 0.0) for term in model.coefficients])
+    return applied_controls(campaign, model, values, told)
 
 
 @program(static_argnums=0)

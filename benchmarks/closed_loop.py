@@ -1,0 +1,328 @@
+"""Closed-loop campaigns on vehicles drawn from the priors: coverage, what moving several set-points together saves, and time of safety.
+
+python benchmarks/closed_loop.py coverage remus --vehicles 40
+python benchmarks/closed_loop.py coverage rov --vehicles 40
+python benchmarks/closed_loop.py together rov
+python benchmarks/closed_loop.py together remus
+python benchmarks/closed_loop.py safety
+"""
+
+import argparse
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+from scipy.stats import binom, norm
+
+from seatrial.campaign.config.load import check_text
+from seatrial.campaign.design.evaluate import plan_of
+from seatrial.campaign.design.prior_state_space import prior_draws
+from seatrial.campaign.design.schedule import design_words
+from seatrial.campaign.rehearsal.run import rehearse
+from seatrial.design.fisher_utilities import find_criterion
+from seatrial.design.motion_limits import MotionLimit
+from seatrial.design.robust import information_table, utility_table
+from seatrial.design.safety import judge_safety
+from seatrial.design.sweep import all_controls
+from seatrial.vehicles.linearise import linearise
+
+LEVEL, BAND = 0.90, 0.99
+"""Of the intervals, and probability with which a right answer is inside its band."""
+DESIGN = """
+[design]
+control = "{control}"
+{more}
+families = ["repeated-doublet", "multisine"]
+utility = "fisher-d"
+duration = "{duration:g} s"
+active = "{active:g} s"
+sample_time = "0.1 s"
+amplitude = {{ from = {least}, to = {most}, points = 3 }}
+period = {{ from = "8 s", to = "20 s", points = 3 }}
+[goal]
+sd = {{ {wanted} }}
+trials = 2
+"""
+PITCH_SENSORS = """[sensors]
+w = { noise = "0.02 m/s" }
+q = { noise = "0.004 rad/s" }
+theta = { noise = "0.5 deg" }"""
+PITCH_LOOP = """[autopilot.theta]
+moves = { delta_s = -1 }
+kp = "1 rad/rad"
+kd = "2 rad s/rad"
+derivative = "q"
+limit = "13 deg"
+[limits.delta_s]
+lower = "-13.6 deg"
+upper = "13.6 deg"
+[prior.process_w]
+distribution = "log-uniform"
+lower = 0.003
+upper = 0.03
+[prior.process_q]
+distribution = "log-uniform"
+lower = 0.003
+upper = 0.03
+[prior.process_theta]
+distribution = "log-uniform"
+lower = 0.0001
+upper = 0.001
+[prior.process_phi]
+distribution = "log-uniform"
+lower = 0.0001
+upper = 0.001
+[limits.delta_r]"""
+REMUS = """
+[campaign]
+name = "REMUS 100, unstable in yaw, under its autopilot"
+seed = 1
+[vehicle]
+catalogue = "remus100_hall_anstee"
+moves = ["v", "r"]
+given = ["u"]
+published_to = "20 %"
+trim = { u = "1.5 m/s" }
+[structure]
+always = ["Y_uv", "Y_uudelta_r", "N_uv", "N_ur", "N_uudelta_r"]
+[prior]
+process_v = { distribution = "log-uniform", lower = 0.003, upper = 0.03 }
+process_r = { distribution = "log-uniform", lower = 0.003, upper = 0.03 }
+process_psi = { distribution = "log-uniform", lower = 0.0001, upper = 0.001 }
+[sensors]
+v = { noise = "0.02 m/s" }
+r = { noise = "0.004 rad/s" }
+psi = { noise = "0.5 deg" }
+[autopilot.psi]
+moves = { delta_r = -1 }
+kp = "1 rad/rad"
+kd = "3 rad s/rad"
+derivative = "r"
+limit = "13 deg"
+[limits.delta_r]
+lower = "-13.6 deg"
+upper = "13.6 deg"
+[estimation]
+initial = "measured"
+likelihood = "filter-error"
+"""
+ROV = """
+[campaign]
+name = "BlueROV2 under depth and heading hold"
+seed = 1
+[vehicle]
+catalogue = "bluerov2_heavy"
+moves = ["w", "r"]
+positions = ["z"]
+published_to = "40 %"
+trim = { f_5 = "0.3 N", f_6 = "0.3 N", f_7 = "0.3 N", f_8 = "0.3 N", z = "5 m" }
+[structure]
+always = ["Z_w", "Z_wabsw", "N_r", "N_rabsr"]
+[prior.N_r]
+distribution = "normal"
+mean = -1.0
+sd = 0.3
+[sensors]
+z = { noise = "0.01 m" }
+psi = { noise = "1 deg" }
+r = { noise = "0.5 deg/s" }
+[autopilot.psi]
+moves = { f_1 = -1, f_2 = 1, f_3 = 1, f_4 = -1 }
+kp = "6 N/rad"
+ki = "0.5 N/(rad s)"
+kd = "3 N s/rad"
+derivative = "r"
+limit = "15 N"
+[autopilot.z]
+moves = { f_5 = -1, f_6 = -1, f_7 = -1, f_8 = -1 }
+kp = "15 N/m"
+ki = "1 N/(m s)"
+kd = "6 N s/m"
+interval = "0.2 s"
+limit = "20 N"
+[limits.z]
+lower = "3 m"
+upper = "7 m"
+"""
+VEHICLES = {
+    "remus": (REMUS, {"duration": 50.0, "active": 42.0, "more": "", "wanted": 'Y_uv = "0.1 %"'}),
+    "rov": (
+        ROV,
+        {
+            "duration": 40.0,
+            "active": 34.0,
+            "more": 'together = { z_set = "0.8 m" }',
+            "wanted": 'Z_w = "0.001 %"',
+        },
+    ),
+}
+
+
+def campaign_of(folder, name, changes=(), control="psi_set", more=None, most='"40 deg"'):
+    text, settings = VEHICLES[name]
+    for old, new in changes:
+        assert old in text, old
+        text = text.replace(old, new)
+    more = settings["more"] if more is None else more
+    least = most.replace(most.split()[0], f'"{float(most.split()[0][1:]) / 2.5:g}')
+    design = DESIGN.format(**{**settings, "more": more}, control=control, least=least, most=most)
+    path = Path(folder) / f"{name}_{control}_{len(more)}"
+    path.mkdir(exist_ok=True)
+    (path / "campaign.toml").write_text(text + design)
+    return check_text(path, text + design)
+
+
+def coverage(name, vehicles):
+    """Count true coefficients inside intervals of each strategy after each trial."""
+    with tempfile.TemporaryDirectory() as folder:
+        campaign, start = campaign_of(folder, name), time.process_time()
+        data = rehearse(campaign, vehicles).data
+    truth, estimate, sd = (data[one].values for one in ("truth", "estimate", "sd"))
+    strategies, names = list(data["strategy"].values), list(data["coefficient"].values)
+    if name == "remus":
+        print(f"unstable without the autopilot: {open_loop_unstable(campaign, truth):.0%} of the vehicles")
+    low, high = binom.ppf([(1 - BAND) / 2, (1 + BAND) / 2], vehicles, LEVEL)
+    print(f"{vehicles} vehicles; right intervals hold the truth in {low:.0f} to {high:.0f} of them ({BAND:.0%})")
+    half = norm.ppf((1 + LEVEL) / 2)
+    for at, strategy in enumerate(strategies):
+        inside = np.abs(estimate[:, at, -1] - truth) <= half * sd[:, at, -1]
+        share = np.mean(sd[:, at, -1] / np.abs(truth), axis=0)
+        for i, coefficient in enumerate(names):
+            count = int(inside[:, i].sum())
+            verdict = "inside" if low <= count <= high else "OUTSIDE"
+            print(f"{strategy:9s} {coefficient:12s} {count:3d} of {vehicles} {verdict}; sd {share[i]:.1%}")
+    print(f"{time.process_time() - start:.0f} processor seconds")
+
+
+def open_loop_unstable(campaign, truth):
+    model = campaign.model(campaign.full)
+    names = [term.text for term in model.coefficients]
+    controls = [value for _, value in campaign.control_trim(model)][: len(model.controls)]
+    lost = []
+    for values in truth:
+        slopes, _ = linearise(model, dict(zip(names, values, strict=True)), campaign.state_trim(model), controls)
+        lost.append(np.linalg.eigvals(np.asarray(slopes)).real.max() > 1.0 / campaign.family.duration)
+    return np.mean(lost)
+
+
+BOTH_PLANES = (
+    ('moves = ["v", "r"]', 'moves = ["v", "w", "q", "r"]'),
+    ('"N_uudelta_r"]', '"N_uudelta_r", "Z_uw", "Z_uudelta_s", "M_uw", "M_uq", "M_uudelta_s"]'),
+    ("[sensors]", PITCH_SENSORS),
+    ("[limits.delta_r]", PITCH_LOOP),
+)
+"""What makes the REMUS of the steering plane one of both planes."""
+
+
+def together(name, vehicles=200, trials=2):
+    """Time of trials of one set-point at a time that know every coefficient as well as trials that move both."""
+    with tempfile.TemporaryDirectory() as folder:
+        changes = BOTH_PLANES if name == "remus" else ()
+        other = "theta_set" if name == "remus" else "z_set"
+        size = '"12 deg"' if name == "remus" else '"0.8 m"'
+        moved = {
+            "both": ("psi_set", f"together = {{ {other} = {size} }}"),
+            "psi_set": ("psi_set", ""),
+            other: (other, ""),
+        }
+        found = {}
+        for kind, (control, more) in moved.items():
+            campaign = campaign_of(folder, name, changes, control, more, size if control == other else '"40 deg"')
+            model = campaign.model(campaign.full)
+            plan, draws = plan_of(campaign, model), prior_draws(campaign, model)[:vehicles]
+            words, controls = most_informative(campaign, plan, draws)
+            found[kind] = information_table(plan, controls[None], draws)[0]
+            print(f"{kind}: {words}", flush=True)
+    prior = np.linalg.inv(np.cov(draws, rowvar=False))
+    ratios = []
+    for both, one, two in zip(found["both"], found["psi_set"], found[other], strict=True):
+        wanted = sds(prior + trials * both)
+        ratios.append(min(trials_needed(prior, one, two, share, wanted) for share in np.linspace(0.05, 0.95, 19)))
+    ratios = np.array(ratios) / trials
+    low, middle, high = np.quantile(ratios, [0.05, 0.5, 0.95])
+    print(f"one at a time takes {middle:.2f} times as long ({low:.2f} to {high:.2f}, 90 % of {vehicles} vehicles)")
+    print(f"saved: {1 - 1 / middle:.0%} ({1 - 1 / low:.0%} to {1 - 1 / high:.0%})")
+    names = [term.text for term in model.coefficients]
+    mean = {
+        "both": found["both"].mean(0) * trials,
+        "one at a time": 0.5 * trials * (found["psi_set"] + found[other]).mean(0),
+    }
+    for kind, information in mean.items():
+        cov = np.linalg.inv(prior + information)
+        correlation = np.abs(cov / np.outer(*2 * [np.sqrt(np.diag(cov))]) - np.eye(len(cov)))
+        i, j = np.unravel_index(correlation.argmax(), correlation.shape)
+        left = np.sqrt(np.diag(cov) * np.diag(prior))
+        print(
+            f"{kind}, {trials} trials: at most {left.max():.0%} of a prior sd is left ({names[left.argmax()]}); ",
+            end="",
+        )
+        print(f"strongest correlation {correlation[i, j]:.2f}, {names[i]} with {names[j]}")
+
+
+def most_informative(campaign, plan, draws, few=8):
+    """Return the design of the grid with the largest Bayesian D gain on average over a few draws: its words and commands."""
+    words, controls, trim = [], [], campaign.control_trim(plan.model)
+    for family in campaign.families:
+        amplitude, period = (axis.ravel() for axis in np.meshgrid(*campaign.design.grid(), indexing="ij"))
+        words += [design_words(family, *settings) for settings in zip(amplitude, period, strict=True)]
+        controls.append(all_controls(family, trim, amplitude, period))
+    controls = np.concatenate(controls)
+    criterion = find_criterion("fisher-d", np.cov(draws, rowvar=False))
+    best = int(np.argmax(utility_table(plan, controls, draws[:few], criterion).mean))
+    return words[best], controls[best]
+
+
+def sds(precision):
+    return np.sqrt(np.diag(np.linalg.inv(precision)))
+
+
+def trials_needed(prior, one, two, share, wanted):
+    """Trials, of which a share moves one set-point and the rest the other, after which no coefficient is known worse than wanted."""
+    low, high = 0.0, 1e4
+    for _ in range(50):
+        middle = 0.5 * (low + high)
+        enough = (sds(prior + middle * (share * one + (1 - share) * two)) <= wanted).all()
+        low, high = (low, middle) if enough else (middle, high)
+    return high
+
+
+def safety(designs=400, vehicles=200):
+    """Time the closed-loop check of many designs on many vehicles, when its program is there."""
+    with tempfile.TemporaryDirectory() as folder:
+        for name in VEHICLES:
+            campaign = campaign_of(folder, name)
+            model = campaign.model(campaign.full)
+            plan, draws = plan_of(campaign, model), prior_draws(campaign, model)[:vehicles]
+            size = np.sqrt(designs)
+            grid = np.meshgrid(np.linspace(0.2, 0.7, int(size)), np.linspace(8.0, 20.0, int(size)))
+            controls = all_controls(campaign.family, campaign.control_trim(model), *(x.ravel() for x in grid))
+            limits = campaign.motion_limits or default_limits()
+            judge_safety(plan, controls, draws, limits)
+            begin, wall = time.process_time(), time.perf_counter()
+            judge_safety(plan, controls, draws, limits)
+            spent = time.process_time() - begin, time.perf_counter() - wall
+            print(f"{name}: {len(controls)} designs x {vehicles} vehicles x {controls.shape[1]} samples: ", end="")
+            print(f"{spent[0]:.1f} processor seconds, {spent[1]:.1f} s")
+
+
+def default_limits():
+    return (MotionLimit("psi", -1.5, 1.5),)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("what", choices=["coverage", "together", "safety"])
+    parser.add_argument("vehicle", nargs="?", choices=list(VEHICLES))
+    parser.add_argument("--vehicles", type=int, default=40)
+    asked = parser.parse_args()
+    if asked.what == "safety":
+        safety()
+    elif asked.what == "together":
+        together(asked.vehicle)
+    else:
+        coverage(asked.vehicle, asked.vehicles)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,156 @@
+"""Whether an autopilot keeps vehicles stable: how fast small motions about a quiet trial grow, for every vehicle that is believed possible.
+
+    z' = F(z),  growth = ln max |eigenvalue of dF/dz| / time,  z = (vehicle, what the autopilot remembers)
+
+F is the motion over one cycle of all loops, sampled and held as it is; its derivative is exact. It is taken where the trial begins and
+where a quiet trial ends. The state that takes the largest part in the fastest mode, by participation factors (Pérez-Arriaga, Verghese and
+Schweppe, IEEE Trans. Power App. Syst. 101, 1982), names the axis.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from seatrial.core.errors import InputError
+from seatrial.core.programs import program
+from seatrial.design.sweep import in_blocks
+from seatrial.design.trial_plan import TrialPlan
+from seatrial.estimation.information import fed_back
+from seatrial.manoeuvres.autopilot import GAINS, Autopilot, LoopMemory, Memory
+from seatrial.manoeuvres.pilot import Moment, close_loop
+from seatrial.vehicles.simulate import move_by
+
+FACTORS = (0.5, 2.0)
+"""By which gains are tried."""
+
+
+@dataclass(frozen=True, eq=False)
+class LoopGrowth:
+    """How fast small motions grow, S vehicles.
+
+    Attributes:
+        rate: 1/s, infinite where the quiet trial itself diverges, shape (S,).
+        state: index of the state with the largest part in the fastest mode, shape (S,).
+        duration: of the trial, s.
+    """
+
+    rate: Float[np.ndarray, " S"]
+    state: np.ndarray
+    duration: float
+
+    @property
+    def unstable(self) -> Bool[np.ndarray, " S"]:
+        """Whether a small motion grows e-fold or more within the trial."""
+        return self.rate > 1.0 / self.duration
+
+
+class GainChange(NamedTuple):
+    """One gain of an autopilot, multiplied, and the share of vehicles that are unstable then."""
+
+    holds: str
+    gain: str
+    factor: float
+    unstable: float
+
+
+def loop_growth(
+    plan: TrialPlan, trim: Float[np.ndarray, " c"], draws: Float[np.ndarray, "S k"], autopilot: Autopilot | None = None
+) -> LoopGrowth:
+    """Return how fast small motions grow under the autopilot of a plan.
+
+    Args:
+        plan: vehicle, start and autopilot.
+        trim: every command of a quiet trial, SI.
+        draws: coefficients, SI.
+        autopilot: in place of that of the plan.
+
+    Raises:
+        InputError: a plan without an autopilot.
+    """
+    pilot = _pilot_of(plan) if autopilot is None else autopilot
+    samples, step = plan.step.shape[0], float(np.asarray(plan.step)[0])
+    cycles = max(1, samples // pilot.cycle)
+    parts = in_blocks(lambda values: _linearised(plan, pilot, cycles, np.asarray(trim, float), values), draws)
+    finite = np.isfinite(parts[1]).all((1, 2))
+    found = [_fastest(np.where(np.isfinite(part), part, 0.0), len(plan.model.states)) for part in parts]
+    sizes = np.stack([size for size, _ in found])
+    rate = np.log(np.maximum(sizes.max(0), 1e-300)) / (pilot.cycle * step)
+    state = np.stack([state for _, state in found])[sizes.argmax(0), np.arange(len(draws))]
+    return LoopGrowth(np.where(finite, rate, np.inf), state, samples * step)
+
+
+def best_gain_change(
+    plan: TrialPlan, trim: Float[np.ndarray, " c"], draws: Float[np.ndarray, "S k"]
+) -> GainChange | None:
+    """Return the one gain whose halving or doubling leaves the fewest vehicles unstable; None where no change helps.
+
+    Arguments and errors as `loop_growth`.
+    """
+    autopilot = _pilot_of(plan)
+    best, least = None, float(loop_growth(plan, trim, draws).unstable.mean())
+    for loop in autopilot.loops:
+        for gain in GAINS:
+            if getattr(loop, gain) == 0:
+                continue
+            for factor in FACTORS:
+                changed = autopilot.with_gain(loop.holds, gain, factor)
+                share = float(loop_growth(plan, trim, draws, changed).unstable.mean())
+                if share < least:
+                    best, least = GainChange(loop.holds, gain, factor, share), share
+    return best
+
+
+def _pilot_of(plan: TrialPlan) -> Autopilot:
+    if plan.autopilot is None:
+        raise InputError("plan, autopilot", found="none", expected="an autopilot", remedy="plan the trial with one")
+    return plan.autopilot
+
+
+def _fastest(jacobians: Float[np.ndarray, "S d d"], n_states: int) -> tuple[Float[np.ndarray, " S"], np.ndarray]:
+    """Return the largest size of an eigenvalue, and the state with the largest part in its mode."""
+    values, right = np.linalg.eig(jacobians)
+    at = np.abs(values).argmax(1)
+    each = np.arange(len(at))
+    left = np.linalg.pinv(right)[each, at]
+    part = np.abs(right[each, :, at] * left)[:, :n_states]
+    return np.abs(values[each, at]), part.argmax(1)
+
+
+@program(static_argnums=2)
+def _linearised(plan: TrialPlan, pilot: Autopilot, cycles: int, trim: Array, draws: Array) -> tuple[Array, Array]:
+    """Return dF/dz where the trial begins, and where a quiet one ends."""
+    n, n_loops, told = len(plan.model.states), len(pilot.loops), tuple(trim)
+    quiet = Moment(0.0, told, tuple(jnp.zeros(()) for _ in pilot.outputs))
+
+    def apart(z: Array, count: Array) -> tuple[tuple, Memory]:
+        loops = tuple(LoopMemory(*(z[n + 4 * i + j] for j in range(4))) for i in range(n_loops))
+        return tuple(z[i] for i in range(n)), Memory(count, loops)
+
+    def together(state: tuple, memory: Memory) -> Array:
+        return jnp.stack([jnp.asarray(x, float) for x in (*state, *(x for loop in memory.loops for x in loop))])
+
+    def one(values: Array) -> tuple[Array, Array]:
+        params = plan.named(values)
+        law, move = close_loop(pilot, fed_back(plan.model, pilot, params)), move_by(plan.model, params)
+
+        def over_cycle(z: Array, count: Array) -> Array:
+            def advance(carry: tuple, _: None) -> tuple[tuple, None]:
+                state, memory = apart(*carry)
+                held, memory = law(state, memory, quiet)
+                return (together(move(state, held, plan.step[0]), memory), memory.count), None
+
+            (z, _), _ = jax.lax.scan(advance, (z, count), None, length=pilot.cycle)
+            return z
+
+        begin = pilot.begin()
+        first = over_cycle(together(tuple(plan.start[i] for i in range(n)), begin), begin.count)
+        later = jnp.asarray(pilot.cycle)  # any count but the first: from then on there is a measurement before
+        last, _ = jax.lax.scan(lambda z, _: (over_cycle(z, later), None), first, None, length=cycles)
+        slope = jax.jacfwd(over_cycle)
+        return slope(first, later), slope(last, later)
+
+    return jax.vmap(one)(draws)

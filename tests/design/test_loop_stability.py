@@ -1,0 +1,113 @@
+"""Stability under an autopilot against textbook loops and brute force; the information of innovations against generalised least squares."""
+
+from dataclasses import replace
+
+import jax
+import numpy as np
+import pytest
+
+from seatrial.core.coefficients import CoefficientName
+from seatrial.design.loop_stability import best_gain_change, loop_growth
+from seatrial.design.trial_plan import plan_trial
+from seatrial.manoeuvres.autopilot import Autopilot, Loop
+from seatrial.vehicles.model import VehicleModel
+
+H = 0.05
+TURNING = VehicleModel(
+    "turning",
+    ("r", "psi"),
+    ("delta_r",),
+    (CoefficientName.parse("N_r"), CoefficientName.parse("N_delta_r")),
+    (),
+    False,
+    lambda params, state, held: (params["N_r"] * state[0] + params["N_delta_r"] * held[0], state[0]),
+)
+"""Yaw about a fixed axis, without mass: everything of it is known in closed form."""
+
+
+def plan(kp, kd, ki=0.0, every=1, **more):
+    loop = Loop("psi", (("delta_r", 1.0),), kp, ki, kd, "r", every=every, interval=every * H)
+    pilot = Autopilot(("delta_r",), (loop,), (-np.inf,), (np.inf,))
+    return plan_trial(TURNING, (0.0, 0.0), {"r": 0.01, "psi": 0.02}, 400, H, autopilot=pilot, **more)
+
+
+def test_growth_is_that_of_the_sampled_loop():
+    """One step of the vehicle by its own exact formula; RK4 is that to 1e-7 here."""
+    draws = np.array([[0.5, 1.0], [-0.2, 2.0], [0.5, 0.2]])
+    found = loop_growth(plan(1.0, 1.5), np.zeros(2), draws)
+    for rate, (a, b) in zip(found.rate, draws, strict=True):
+        e = np.exp(a * H)
+        move = np.array([[e, 0.0], [(e - 1) / a, 1.0]])
+        push = np.array([b * (e - 1) / a, b * ((e - 1) / a - H) / a])
+        closed = move + np.outer(push, [-1.5, -1.0])
+        own = np.abs(np.linalg.eigvals(closed)).max()
+        # Without an integral gain the sum of the errors is there, and leads nowhere: an eigenvalue of one.
+        assert rate == pytest.approx(max(np.log(own), 0.0) / H, abs=1e-5)
+    assert found.unstable.tolist() == [False, False, True]
+
+
+def test_slow_decisions_make_it_unstable_and_the_gain_to_lower_is_named():
+    draws = np.array([[-0.2, 4.0 + 0.1 * i] for i in range(10)])
+    assert not loop_growth(plan(1.0, 1.5), np.zeros(2), draws).unstable.any()
+    slow = plan(1.0, 1.5, every=8)
+    growth = loop_growth(slow, np.zeros(2), draws)
+    assert growth.unstable.all()
+    change = best_gain_change(slow, np.zeros(2), draws)
+    assert (change.holds, change.gain, change.factor) == ("psi", "kd", 0.5)
+    halved = replace(slow, autopilot=slow.autopilot.with_gain("psi", "kd", 0.5))
+    assert change.unstable == loop_growth(halved, np.zeros(2), draws).unstable.mean()
+    motion = np.array(jax.vmap(lambda values: slow.motion(values, np.tile([0.0, 0.01], (400, 1))))(draws))
+    assert (np.abs(motion[:, -1]).max(1) > 100 * np.abs(motion[:, 40]).max(1)).all()
+
+
+def test_too_little_derivative_is_doubled():
+    draws = np.array([[0.5, 0.4]] * 5)
+    change = best_gain_change(plan(1.0, 0.8), np.zeros(2), draws)
+    assert (change.gain, change.factor, change.unstable) == ("kd", 2.0, 0.0)
+
+
+def outputs(values, applied):
+    """Rate and heading by the exact formula of a held rudder, over their noise."""
+    a, b = values
+    e, r, psi, shown = np.exp(a * H), 0.0, 0.0, []
+    for rudder in applied:
+        shown.append((r / 0.01, psi / 0.02))
+        psi += r * (e - 1) / a + b * rudder * ((e - 1) / a - H) / a
+        r = r * e + b * rudder * (e - 1) / a
+    return np.array(shown).ravel()
+
+
+def slopes(values, applied):
+    steps = [1e-6 * np.eye(2)[i] for i in range(2)]
+    return np.array([(outputs(values + h, applied) - outputs(values - h, applied)) / 2e-6 for h in steps]).T
+
+
+def test_information_is_that_given_the_controls_that_the_loop_made():
+    told = np.column_stack([0.02 * np.sin(np.arange(400) / 9), np.where(np.arange(400) % 160 < 80, 0.3, -0.3)])
+    values, made = np.array([0.3, 1.1]), plan(1.0, 1.5, every=2)
+    applied = np.asarray(made.applied(values, told))[:, 0]
+    by_hand = slopes(values, applied)
+    np.testing.assert_allclose(np.asarray(made.information(values, told)), by_hand.T @ by_hand, rtol=1e-5)
+
+
+def test_with_process_noise_it_is_that_of_generalised_least_squares():
+    """The covariance of all outputs, from noise of each step carried on by powers of the transition."""
+    told = np.column_stack([np.zeros(400), np.where(np.arange(400) % 160 < 80, 0.3, -0.3)])
+    values, process = np.array([0.3, 1.1]), np.array([0.02, 0.01])
+    made = plan(1.0, 1.5, process=process)
+    e = np.exp(values[0] * H)
+    move = np.array([[e, 0.0], [(e - 1) / values[0], 1.0]])
+    states = np.zeros((800, 800))
+    now = np.zeros((2, 2))
+    powers = [np.linalg.matrix_power(move, k) for k in range(400)]
+    for k in range(400):
+        for j in range(k, 400):
+            block = powers[j - k] @ now
+            states[2 * j : 2 * j + 2, 2 * k : 2 * k + 2] = block
+            states[2 * k : 2 * k + 2, 2 * j : 2 * j + 2] = block.T
+        now = move @ now @ move.T + np.diag(process**2) * H
+    scale = np.tile([1 / 0.01, 1 / 0.02], 400)
+    cov = states * np.outer(scale, scale) + np.eye(800)
+    by_hand = slopes(values, np.asarray(made.applied(values, told))[:, 0])
+    expected = by_hand.T @ np.linalg.solve(cov, by_hand)
+    np.testing.assert_allclose(np.asarray(made.information(values, told)), expected, rtol=1e-4)
