@@ -211,7 +211,7 @@ def table_6(study: Study) -> Item:
     for name, delta in deltas.items():
         printed = printed_reduced[name] - printed_full[name] if name in printed_full else None
         numbers.append(Number(f"{name} of M-1 less that of M-0", study.reading.printed(printed), *delta))
-    healthy, tighter = max(float(study.part(part)["r_hat"].max()) for part in TABLE_6) < 1.01, _tighter(study)
+    healthy, tighter = max(float(study.part(part)["r_hat"].max()) for part in TABLE_6) < MAX_R_HAT, _tighter(study)
     ties = [name for name, (value, error) in deltas.items() if abs(value) < max(TIE, 2 * error)]
     return Item(
         "table-6",

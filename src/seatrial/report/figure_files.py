@@ -1,4 +1,4 @@
-"""The picture of smoothed channels and their rates: a stand-alone SVG in the campaign's folder."""
+"""Pictures that commands write into a campaign's folder: profiles, priors, designs, smoothed channels; stand-alone SVG each."""
 
 import re
 from collections.abc import Mapping, Sequence
