@@ -61,6 +61,7 @@ class Kind:
         current: whether the size is the standard deviation of a current, m/s, with a memory of 40 s.
         duration: of each run, s.
         further: runs on which the verdict is checked: as many as tell a share of 90 % to a few per cent.
+        share: of the vehicles that are asked for.
     """
 
     words: str
@@ -71,6 +72,7 @@ class Kind:
     current: bool = False
     duration: float = 60.0
     further: int = 10
+    share: float = 1.0
 
 
 KINDS = {
@@ -78,7 +80,9 @@ KINDS = {
     "lag": Kind("a thruster that lags", 2.0, lag=True),
     "waves": Kind("waves of 7 s", 3.0, force=lambda t, u, size, phase: size * np.sin(2 * np.pi * t / 7.0 + phase)),
     "current": Kind("a current that drifts", 0.15, current=True, further=60),
-    "current, long runs": Kind("a current that drifts, runs of 5 min", 0.15, current=True, duration=300.0, further=30),
+    "current, long runs": Kind(
+        "a current that drifts, runs of 5 min", 0.15, current=True, duration=300.0, further=30, share=0.3
+    ),
     "dead zone": Kind("a dead zone", 90.0, thrust=lambda n, size: np.where(np.abs(n) < size, 0.0, n)),
     "cubic": Kind("cubic drag", 2.0, force=lambda t, u, size, phase: -size * u**3),
 }
@@ -104,10 +108,10 @@ def main() -> None:
     parser.add_argument("--kinds", nargs="*", default=list(KINDS))
     parser.add_argument("--errors", nargs="*", default=list(ERRORS))
     asked = parser.parse_args()
-    count = asked.vehicles
     st.configure()
     rows = []
     for kind in asked.kinds:
+        count = round(asked.vehicles * KINDS[kind].share)
         for error in asked.errors:
             path = STATE / f"{kind}-{error}-{count}.json"
             if not path.exists():
