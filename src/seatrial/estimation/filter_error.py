@@ -100,7 +100,7 @@ class FilterError:
             start: mean of the vehicle's state at the first sample, SI.
         """
         model, simulator, n = self.model, self.output.simulator, len(self.model.states)
-        none = (None,) * len(simulator.sensors)
+        none = ((None, None),) * len(simulator.sensors)
         spreads = [jnp.asarray(values[disturbance_name(axis)], float) for axis in self.disturbed]
         times = [values[disturbance_time_name(axis)] for axis in self.disturbed]
 
