@@ -25,13 +25,13 @@ from seatrial.core.batching import lanes_at_once, map_lanes
 from seatrial.core.errors import InputError
 from seatrial.core.programs import program
 from seatrial.estimation.filter_error import FilterError
-from seatrial.estimation.information import expand_likelihood
 from seatrial.estimation.mode import Mode, expand_prior
 from seatrial.estimation.output_error import OutputError
 from seatrial.estimation.pooled_coverage import RunResiduals, run_residuals
 from seatrial.estimation.posterior import Parameter, Posterior, check_posterior
 from seatrial.estimation.prediction import ANY, noise_sd, outputs_of_draws, prior_of_unseen, slow_noise
 from seatrial.estimation.prediction_scores import Score, score_channel
+from seatrial.estimation.slopes import likelihood_slopes
 from seatrial.sampling.target import AT_ONCE, LANES
 
 LEAST = 1e-2
@@ -125,7 +125,7 @@ def split_runs(posterior: Posterior) -> RunPosteriors:
 
 
 def expand_runs(runs: RunPosteriors, z: Float[np.ndarray, " d"], weight: Sequence[float] | None = None) -> RunExpansion:
-    """Return what each run says about one joint z, by forward derivatives along its own parameters only.
+    """Return what each run says about one joint z, with minus its information for the Hessian, along its own parameters only.
 
     Args:
         runs: of `split_runs`.
@@ -139,10 +139,9 @@ def expand_runs(runs: RunPosteriors, z: Float[np.ndarray, " d"], weight: Sequenc
         if weight is not None and weight[r] == 0:
             continue
         at = runs.places(r)
-        found = expand_likelihood(one, values[at])
-        value[r] = found.value
-        gradient[r, at] = slope[at] * found.gradient
-        block = np.outer(slope[at], slope[at]) * found.hessian + np.diag(curvature[at] * found.gradient)
+        value[r], own, information = map(np.asarray, likelihood_slopes(one, values[at]))
+        gradient[r, at] = slope[at] * own
+        block = np.diag(curvature[at] * own) - np.outer(slope[at], slope[at]) * information
         hessian[r][np.ix_(at, at)] = block
     return RunExpansion(np.asarray(z), value, gradient, hessian, prior[0], prior[1], prior[2], slope)
 
