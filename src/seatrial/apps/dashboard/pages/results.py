@@ -1,5 +1,7 @@
 """What the data say: coefficients, fit and residuals, posteriors, probabilities of models, and the next trial."""
 
+import re
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -16,7 +18,7 @@ from seatrial.campaign.store.estimates import Predictions
 from seatrial.campaign.store.stored_result import Store
 from seatrial.campaign.store.structures import StoredCoefficient, Summary, read_selection, read_summary
 from seatrial.core.coefficients import CoefficientName
-from seatrial.core.errors import SeatrialError
+from seatrial.core.errors import InputError, SeatrialError
 from seatrial.estimation.fit_verdict import explained_share
 from seatrial.report.labels import label_html, name_html, sentence_about
 from seatrial.report.numbers import Digits, percent, probability, short, times_ten, unit_html, with_sd
@@ -84,6 +86,7 @@ async def _results(context: AppContext, campaign: str, folder: Path) -> None:
         )
 
 
+_TERM = re.compile(r"\b[A-Z]_\w+")
 _TITLE = {
     "alarms": "Do not use these numbers yet",
     "verdicts": "What the data say",
@@ -93,8 +96,11 @@ _TITLE = {
 
 def names_and_labels(summary: Summary) -> tuple[dict[str, str], dict[str, str]]:
     """Names of the structures by their terms, as the report has them, and the label of each parameter."""
-    terms = dict.fromkeys(term for one in summary.structures for term in one.terms)
-    labels = {term: CoefficientName.parse(term).label for term in terms}
+    said = " ".join((*summary.verdicts, *(term for one in summary.structures for term in one.terms)))
+    labels = {}
+    for term in set(_TERM.findall(said)):
+        with suppress(InputError):
+            labels[term] = CoefficientName.parse(term).label
     labels |= {row.name: row.label for row in summary.coefficients}
     return structure_names([Structure(one.label, one.terms) for one in summary.structures]), labels
 
