@@ -276,6 +276,7 @@ async def _watch(address: str, page: str, seconds: float) -> None:
         transports=["websocket"],
         socketio_path="/_nicegui_ws/socket.io",
         headers={"Origin": address.rstrip("/")},
+        wait_timeout=30,  # as patient as a browser; one second is the default
     )
     await asyncio.sleep(seconds)
     alive = socket.connected

@@ -11,6 +11,7 @@ pytest.importorskip("nicegui", reason="the dashboard needs NiceGUI: pip install 
 
 from seatrial.apps.dashboard import model_queries, result_charts, result_plots
 from seatrial.apps.dashboard.pages.compare import is_of_vehicle, joint_difference, shared_sides
+from seatrial.apps.dashboard.pages.results import by_origin
 from seatrial.apps.dashboard.view_models import FitAbout, Swept
 from seatrial.core.dataset_file import write_dataset
 from tests.export.finished import finished
@@ -127,3 +128,12 @@ def test_only_targets_that_can_hold_the_vehicle_are_offered(monkeypatch, tmp_pat
     assert any("K_nabsn" in term for term in whole["gz"].unsupported)
     trials = [one for one in model_queries.export_targets(folder, "") if one.is_trial]
     assert all("no schedule" in one.refusal for one in trials)
+
+
+def test_probabilities_of_the_screening_stand_apart_from_those_of_simulated_structures():
+    selection = SimpleNamespace(inclusion={"X_u": 0.96, "X_u3": 0.11, "T_un": 0.24, "X_0": 0.3})
+    structures = (("X_u",), ("X_u", "T_un"), ("X_u", "X_0"))
+    summary = SimpleNamespace(structures=tuple(SimpleNamespace(terms=terms) for terms in structures))
+    simulated, screened = by_origin(selection, summary).values()
+    assert simulated == ["X_0", "T_un"]
+    assert screened == ["X_u", "X_u3"]

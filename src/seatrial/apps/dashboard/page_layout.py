@@ -97,7 +97,8 @@ LONG = 40
 
 
 def table(head: list[str], rows: list[list[str | Markup]], caption: str = "", left: int = 1) -> Markup:
-    """A table that scrolls inside its own frame; the first `left` columns are text, as is every long cell."""
+    """A table that scrolls inside its own frame; the first `left` columns are text, as is every column with a long cell."""
+    long = {i for row in rows for i, cell in enumerate(row) if len(escape(cell).striptags()) > LONG}
 
     def cells(row: list[str | Markup], tag: str) -> Markup:
         parts = []
@@ -108,7 +109,7 @@ def table(head: list[str], rows: list[list[str | Markup]], caption: str = "", le
                 Markup("<{}{}{}>{}</{}>").format(
                     Markup(kind),
                     scope,
-                    Markup(' class="text"') if i < left or len(escape(cell).striptags()) > LONG else "",
+                    Markup(' class="text"') if i < left or i in long else "",
                     cell,
                     Markup(kind),
                 )

@@ -211,7 +211,7 @@ def probability_chart(bars: Sequence[Probability], title: str) -> ui.echart:
     whiskers = [[i, max(0.0, one.share - one.error), min(1.0, one.share + one.error), 0] for i, one in enumerate(bars)]
     share = [{"value": one.share, "name": text} for one, text in zip(bars, words, strict=True)]
     options = {
-        "grid": {"left": 10, "right": 20, "top": 10, "bottom": 44, "containLabel": True},
+        "grid": {"left": 36, "right": 20, "top": 10, "bottom": 44, "containLabel": True},
         "xAxis": axis("probability", nameLocation="middle", nameGap=26, min=0, max=1),
         "yAxis": {**_categories(rows, ""), "inverse": True},
         "tooltip": {**tooltip(_AT_POINT), "trigger": "item"},

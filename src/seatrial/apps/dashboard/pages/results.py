@@ -1,5 +1,7 @@
 """What the data say: coefficients, fit and residuals, posteriors, probabilities of models, and the next trial."""
 
+import re
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -14,9 +16,9 @@ from seatrial.apps.dashboard.view_models import Marginal
 from seatrial.apps.dashboard.worker_pool import stamp
 from seatrial.campaign.store.estimates import Predictions
 from seatrial.campaign.store.stored_result import Store
-from seatrial.campaign.store.structures import StoredCoefficient, Summary, read_selection, read_summary
+from seatrial.campaign.store.structures import StoredCoefficient, StoredSelection, Summary, read_selection, read_summary
 from seatrial.core.coefficients import CoefficientName
-from seatrial.core.errors import SeatrialError
+from seatrial.core.errors import InputError, SeatrialError
 from seatrial.estimation.fit_verdict import explained_share
 from seatrial.report.labels import label_html, name_html, sentence_about
 from seatrial.report.numbers import Digits, percent, probability, short, times_ten, unit_html, with_sd
@@ -84,6 +86,7 @@ async def _results(context: AppContext, campaign: str, folder: Path) -> None:
         )
 
 
+_TERM = re.compile(r"\b[A-Z]_\w+")
 _TITLE = {
     "alarms": "Do not use these numbers yet",
     "verdicts": "What the data say",
@@ -93,8 +96,11 @@ _TITLE = {
 
 def names_and_labels(summary: Summary) -> tuple[dict[str, str], dict[str, str]]:
     """Names of the structures by their terms, as the report has them, and the label of each parameter."""
-    terms = dict.fromkeys(term for one in summary.structures for term in one.terms)
-    labels = {term: CoefficientName.parse(term).label for term in terms}
+    said = " ".join((*summary.verdicts, *(term for one in summary.structures for term in one.terms)))
+    labels = {}
+    for term in set(_TERM.findall(said)):
+        with suppress(InputError):
+            labels[term] = CoefficientName.parse(term).label
     labels |= {row.name: row.label for row in summary.coefficients}
     return structure_names([Structure(one.label, one.terms) for one in summary.structures]), labels
 
@@ -243,6 +249,20 @@ async def _posteriors(context: AppContext, folder: Path, summary: Summary) -> No
     await show()
 
 
+def by_origin(chosen: StoredSelection, summary: Summary) -> dict[str, list[str]]:
+    """Optional terms, the most probable first, by what their probability comes from: simulated structures differ in them, or not."""
+    ranked = sorted(chosen.inclusion, key=lambda term: -chosen.inclusion[term])
+    counts = {term: sum(term in one.terms for one in summary.structures) for term in ranked}
+    differ = [term for term in ranked if 0 < counts[term] < len(summary.structures)]
+    found = {
+        "Probability that the vehicle needs each term, by the simulated structures": differ,
+        "Likewise by the screening alone: the simulated structures do not differ in these terms": [
+            term for term in ranked if term not in differ
+        ],
+    }
+    return {title: terms for title, terms in found.items() if terms}
+
+
 async def _truth(context: AppContext, folder: Path) -> tuple[tuple[str, float], ...]:
     """True values of a simulated vehicle, as the campaign file has them."""
     from seatrial.apps.campaign_text import read_file
@@ -268,12 +288,12 @@ def _models(store: Store, summary: Summary) -> None:
                 chosen = read_selection(store.selection, "seatrial select")
             except (SeatrialError, OSError):
                 chosen = None
-            if chosen is not None and chosen.inclusion:
-                terms = sorted(chosen.inclusion, key=lambda term: -chosen.inclusion[term])
-                bars = [Probability(term, chosen.inclusion[term], chosen.inclusion_error[term]) for term in terms]
-                with ui.element("figure"):
-                    probability_chart(bars, "Probability that the vehicle needs each optional term")
-                    markup("<figcaption>Probability that the vehicle needs each optional term.</figcaption>")
+            if chosen is not None:
+                for title, terms in by_origin(chosen, summary).items():
+                    bars = [Probability(term, chosen.inclusion[term], chosen.inclusion_error[term]) for term in terms]
+                    with ui.element("figure"):
+                        probability_chart(bars, title)
+                        markup(Markup("<figcaption>{}.</figcaption>").format(title))
     rows = [
         [
             name_html(names[one.label], labels) + (" (chosen)" if one.label == summary.chosen else ""),
