@@ -336,8 +336,8 @@ def own_lines(campaign: Campaign, own: OwnSchedule) -> list[str]:
             f"caution: {own.source}:{lost[0]}, {len(lost)} row{'s' * (len(lost) != 1)} between samples of "
             f"{own.schedule.time[1]:g} s: corners there are left out; lower `sample_time` of [design]"
         )
-    trim = campaign.control_trim(campaign.model(campaign.full))
-    if still := [control for control, _ in trim if control not in own.schedule.controls]:
+    trim, moved = campaign.control_trim(campaign.model(campaign.full)), campaign.autopilot.moved
+    if still := [control for control, _ in trim if control not in (*own.schedule.controls, *moved)]:
         said.append(f"{name}: {', '.join(still)} held at trim")
     return said
 

@@ -17,7 +17,7 @@ from seatrial.campaign.workflow.status import StepState, standing
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError, nearest
-from seatrial.core.signals import SIGNALS, signal_unit
+from seatrial.core.signals import SET, SIGNALS, signal_unit
 from seatrial.export.from_campaign import stored_estimate
 from seatrial.manoeuvres.schedule import read_rows
 from seatrial.vehicles.model import VehicleModel
@@ -128,7 +128,8 @@ class EitherWayError(Exception):
 
 def _row(control: str) -> tuple[str, str, int]:
     if control not in _STICKS:
-        what = SIGNALS[control].meaning if control in SIGNALS else "one thruster of several"
+        others = "a set-point of the autopilot" if control.endswith(SET) else "one thruster of several"
+        what = SIGNALS[control].meaning if control in SIGNALS else others
         raise _unfit(
             control,
             f"{control}, {what}",
