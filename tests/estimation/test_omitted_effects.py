@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from seatrial.estimation.mode import find_mode
-from seatrial.estimation.omitted_effects import Linear, half_width, omitted_effects, score_effects
+from seatrial.estimation.omitted_effects import Linear, half_width, omitted_effects, score_effects, whiten
 from seatrial.estimation.posterior import posterior_of_density
 from seatrial.estimation.priors import LogUniform, Normal
 from seatrial.estimation.record_posterior import make_posterior
+from seatrial.estimation.sensor_errors import Sensor
 from seatrial.vehicles.surge import surge_vehicle
 from tests.estimation_cases import make_trial
 from tests.selection.run_cases import FIXED_DRAG
@@ -82,6 +83,22 @@ def test_half_width_is_the_quantile_of_a_mixture():
     inside = np.mean(np.abs(drawn) < half_width(weight, shift, sd), 0)
     assert np.abs(inside - 0.9).max() < 4 * np.sqrt(0.09 / which.size)
     assert half_width(np.ones(1), np.zeros((1, 1)), np.ones((1, 1)))[0] == pytest.approx(1.644854, rel=1e-6)
+
+
+@pytest.mark.parametrize("noise", ["coloured", "drifting"])
+def test_whitened_columns_give_the_inverse_covariance(noise):
+    """x' C^-1 y with C written out: an Ornstein-Uhlenbeck process at uneven times, white noise over it where it drifts."""
+    rng = np.random.default_rng(8)
+    time = np.cumsum(rng.uniform(0.05, 0.6, 40))
+    apart = np.abs(time[:, None] - time)
+    if noise == "coloured":
+        values, cov = {"sigma_u": 0.3, "tau_u": 0.7}, np.exp(-apart / 0.7)
+    else:
+        values = {"sigma_u": 0.3, "drift_u": 0.5, "drift_time_u": 2.0}
+        cov = 0.09 * np.eye(40) + 0.25 * np.exp(-apart / 2.0)
+    columns = rng.normal(size=(40, 3))
+    new = whiten(Sensor("u", noise), values, np.concatenate([[1e12], np.diff(time)]), columns)
+    np.testing.assert_allclose(new.T @ new, columns.T @ np.linalg.solve(cov, columns), rtol=1e-9)
 
 
 STEP, SAMPLES = 0.1, 900

@@ -1,7 +1,7 @@
 """Effects that a fitted model leaves out: which the data ask for, and by how much each would move the parameters.
 
 A model may explain nearly all of its data and still be wrong: what it lacks hides in its coefficients. With residuals r and sensitivities J
-over the noise, posterior covariance C, and the signature g of an effect that is left out,
+over the noise, whitened where the noise is coloured or drifts, posterior covariance C, and the signature g of an effect that is left out,
 
     information = g' (I - J C J') g,  size = g' (I - J C J') r / information,  shift of the parameters = -C J' g size
 
@@ -20,7 +20,7 @@ parameter lies within x of its value at the mode with the probability
 deviation: where no effect is probable it is the first one.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal, NamedTuple
 
@@ -39,6 +39,7 @@ from seatrial.estimation.mode import Mode, expand_prior
 from seatrial.estimation.output_error import OutputError
 from seatrial.estimation.posterior import Posterior
 from seatrial.estimation.prediction_scores import effective_samples, whiteness
+from seatrial.estimation.sensor_errors import Sensor, correlation_name, drift_name, drift_time_name, noise_name
 from seatrial.vehicles.model import VehicleModel, outside_force
 
 SPEEDS = dict(zip("XYZKMN", "uvwpqr", strict=True))
@@ -163,6 +164,14 @@ class Score(NamedTuple):
     variance: Float[np.ndarray, " d"]
 
 
+class _Problem(NamedTuple):
+    """What is searched: a posterior, the effects that are looked for, and its parameters at the mode by name, SI, for the noise."""
+
+    posterior: Posterior
+    effects: tuple[Effect, ...]
+    values: Mapping[str, float]
+
+
 class _Fit(NamedTuple):
     """The parameters and some effects fitted together.
 
@@ -196,9 +205,10 @@ def omitted_effects(posterior: Posterior, mode: Mode) -> OmittedEffects:
     effects = tuple(_candidates(posterior)) if isinstance(posterior.likelihood, OutputError) else ()
     if not effects:
         return OmittedEffects((), 0, np.ones(posterior.dim))
-    sd, none, none_moved = np.sqrt(np.diag(mode.cov)), np.zeros(len(effects)), np.zeros(posterior.dim)
-    fit = _Fit(mode.z, none, (), mode.cov, 0.0, _linear(posterior, effects, mode.z, none))
-    tried, found = [(0.0, sd**2, none_moved)], []
+    problem, none = _Problem(posterior, effects, mode.by_name), np.zeros(len(effects))
+    sd = np.sqrt(np.diag(mode.cov))
+    fit = _Fit(mode.z, none, (), mode.cov, 0.0, _linear(problem, mode.z, none))
+    tried, found = [(0.0, sd**2, np.zeros(posterior.dim))], []
     while True:
         scores = score_effects(fit.at, fit.cov, fit.taken)
         scores = {i: one for i, one in scores.items() if one.size > 0 or not effects[i].is_positive}
@@ -206,7 +216,7 @@ def omitted_effects(posterior: Posterior, mode: Mode) -> OmittedEffects:
         if len(fit.taken) == MOST or not ranked or scores[ranked[0]].log_odds < 0:
             break
         near = [i for i in ranked if scores[i].log_odds >= ALIKE * scores[ranked[0]].log_odds]
-        fits = [_fitted(posterior, effects, fit, i) for i in near]
+        fits = [_fitted(problem, fit, i) for i in near]
         tried += [(one.log_odds, np.diag(one.cov)[: posterior.dim], one.z - mode.z) for one in fits]
         best = max(fits, key=lambda one: one.log_odds)
         if best.log_odds <= fit.log_odds:
@@ -269,8 +279,9 @@ def score_effects(at: Linear, cov: Float[np.ndarray, "dk dk"], taken: tuple[int,
     return scores
 
 
-def _fitted(posterior: Posterior, effects: tuple[Effect, ...], before: _Fit, added: int) -> _Fit:
+def _fitted(problem: _Problem, before: _Fit, added: int) -> _Fit:
     """Return the fit with one more effect, by Gauss and Newton's steps from the fit without it; what only noise depends on stays."""
+    posterior, effects = problem.posterior, problem.effects
     taken, d = (*before.taken, added), posterior.dim
     here = list(taken)
     lowest = np.where([effects[i].is_positive for i in taken], 0.0, -np.inf)
@@ -286,7 +297,7 @@ def _fitted(posterior: Posterior, effects: tuple[Effect, ...], before: _Fit, add
             tried, new = z.copy(), sizes.copy()
             tried[moves] += share * step[: moves.size]
             new[here] = np.maximum(sizes[here] + share * step[moves.size :], lowest)
-            near = _linear(posterior, effects, tried, new)
+            near = _linear(problem, tried, new)
             gain = _priors(posterior, tried, moves)[0].sum() - near.log_noise - height
             if gain > 0:
                 break
@@ -315,26 +326,60 @@ def _inverse(slopes: np.ndarray, prior: np.ndarray) -> np.ndarray:
     return np.linalg.pinv(curvature / np.outer(size, size), rcond=SINGULAR, hermitian=True) / np.outer(size, size)
 
 
-def _linear(posterior: Posterior, effects: tuple[Effect, ...], z: np.ndarray, sizes: np.ndarray) -> Linear:
+def _linear(problem: _Problem, z: np.ndarray, sizes: np.ndarray) -> Linear:
     """Return what is linear about one point, over the noise that the residuals themselves show there; no sample where it diverges."""
+    posterior, effects, values = problem
     shown, slopes, signatures = map(np.asarray, _shown(posterior, effects, z, sizes))
-    data = posterior.data
-    present = np.stack([np.asarray(one.present) for one in data.channels], -1)
-    residual = np.where(present > 0, np.stack([np.asarray(one.measured) for one in data.channels], -1) - shown, 0.0)
-    count = np.maximum(present.sum((0, 1)), 1.0)
-    noise = np.sqrt((residual**2).sum((0, 1)) / count)
-    finite = all(np.isfinite(one).all() for one in (noise, slopes, signatures))
-    if not finite:
+    data, likelihood = posterior.data, posterior.likelihood
+    present = np.stack([np.asarray(one.present) for one in data.channels], -1) > 0
+    residual = np.where(present, np.stack([np.asarray(one.measured) for one in data.channels], -1) - shown, 0.0)
+    columns = np.concatenate([residual[..., None], slopes, signatures], -1) * present[..., None]
+    if not np.isfinite(columns).all():
         return Linear(np.zeros(0), np.zeros((0, z.size)), np.zeros((0, sizes.size)), 1.0, np.inf)
+    for i, (sensor, channel) in enumerate(zip(likelihood.simulator.sensors, data.channels, strict=True)):
+        for trial, here in enumerate(present[..., i]):
+            gaps = np.asarray(channel.gaps)[trial][np.asarray(channel.kind)[trial][here]]
+            columns[trial, here, i] = whiten(sensor, values, gaps, columns[trial, here, i])
+    residual, count = columns[..., 0], np.maximum(present.sum((0, 1)), 1)
+    noise = np.sqrt((residual**2).sum((0, 1)) / count)
     noise = np.where(noise > 0, noise, 1.0)
-    weight = present / noise
+    columns = (columns / noise[:, None]).reshape(-1, columns.shape[-1])
     return Linear(
-        (residual / noise).ravel(),
-        (slopes * weight[..., None]).reshape(-1, z.size),
-        (signatures * weight[..., None]).reshape(-1, sizes.size) * _absent(posterior, effects),
+        columns[:, 0],
+        columns[:, 1 : 1 + z.size],
+        columns[:, 1 + z.size :] * _absent(posterior, effects),
         _worth(residual, present, np.asarray(data.step)),
         float(count @ np.log(noise)),
     )
+
+
+def whiten(
+    sensor: Sensor, values: Mapping[str, float], gaps: Float[np.ndarray, " n"], columns: Float[np.ndarray, "n c"]
+) -> Float[np.ndarray, "n c"]:
+    """Return what is new in each sample of columns that have the noise of a sensor, over its standard deviation but for a common factor.
+
+    Args:
+        sensor: whose noise it is.
+        values: its parameters by name, SI.
+        gaps: time from the measurement before, s.
+        columns: residuals, or what they change with.
+    """
+    channel = sensor.channel
+    if sensor.noise == "coloured":
+        memory = np.exp(-gaps / values[correlation_name(channel)])[:, None]
+        before = np.concatenate([np.zeros((1, columns.shape[1])), columns[:-1]])
+        return (columns - memory * before) / np.sqrt(1.0 - memory**2)
+    if sensor.noise != "drifting":
+        return columns
+    sd, drift = values[noise_name(channel)], values[drift_name(channel)]
+    new, mean, variance = np.empty_like(columns), np.zeros(columns.shape[1]), 0.0
+    for k, memory in enumerate(np.exp(-gaps / values[drift_time_name(channel)])):
+        expected = memory * mean
+        before = memory**2 * variance + drift**2 * (1.0 - memory**2)
+        innovation, gain = columns[k] - expected, before / (before + sd**2)
+        new[k] = innovation / np.sqrt(before + sd**2)
+        mean, variance = expected + gain * innovation, before * (1.0 - gain)
+    return new
 
 
 def _absent(posterior: Posterior, effects: tuple[Effect, ...]) -> np.ndarray:

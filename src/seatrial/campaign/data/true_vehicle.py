@@ -95,7 +95,7 @@ class TrueVehicle:
         names = tuple(told)[:count]
         pilot = self.autopilot if relay is None else _relay_of(relay, tuple(errors), names)
         step = np.full(schedule.time.size, schedule.time[1])
-        pushes = _pushes(self.shaken, self.values, step, jax.random.fold_in(keys[0], 1))
+        pushes = _pushes(self.shaken, self.values, step, keys[0])
         held = list(told.values())
         if pilot is None:
             shown, end = _follow(self.simulator, self.values, self._start(told), (*held, *pushes), step)
@@ -221,7 +221,9 @@ def _pushes(
     shaken: tuple[str, ...], values: Mapping[str, float], step: Float[np.ndarray, " n"], key: Array
 ) -> tuple[Float[np.ndarray, " n"], ...]:
     """Draw the rates, held over each step, by which states gain the process noise of that step."""
-    draws = np.asarray(jax.random.normal(key, (len(shaken), step.size)))
+    if not shaken:
+        return ()
+    draws = np.asarray(jax.random.normal(jax.random.fold_in(key, 1), (len(shaken), step.size)))
     return tuple(values[process_name(state)] * one / np.sqrt(step) for state, one in zip(shaken, draws, strict=True))
 
 
