@@ -124,6 +124,7 @@ def test_steps_need_only_steps_before_them_and_settings():
         "designs",
         "together",
         "vehicles",
+        "so_far",
         "parameters",
         "from_time",
         "block",
