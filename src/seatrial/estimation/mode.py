@@ -34,6 +34,8 @@ FARTHEST, NEAR = 3.0, 12.0
 """How far a delay is looked for: in standard deviations of its prior, and closer in those of the posterior about the mode."""
 DOUBLINGS, NOTHING = 3, 1e-4
 """Times that the closer look is widened at most, until the density at its ends is such a share of that at the mode."""
+SPARE = 5
+"""Further draws that take the places of those from which there is no way up."""
 INSIDE = 0.02
 """Share of the width between the bounds of a prior that a start keeps away from them: at the bound itself z is infinite."""
 FOLLOWED, ROUNDS = 3, 3
@@ -148,21 +150,24 @@ def find_mode(
     if near is not None:
         inside = _inside(posterior, near)
         candidates[: len(inside)] = inside
-    drawn = _best(_heights(posterior, candidates))[:tries]
-    followed = [*_guessed(posterior, candidates), *candidates[drawn]]
+    drawn = _best(_heights(posterior, candidates))[: tries + SPARE]
+    followed = [*(guessed := _guessed(posterior, candidates)), *candidates[drawn]]
     if not followed:
         raise NumericalError(
             f"none of {starts} draws from the prior gives a finite likelihood: under this prior the model diverges, for example at "
             f"{_point(posterior, candidates[0])}. Narrow the prior to damping that dissipates (negative coefficients), or check units."
         )
     results: list[tuple[np.ndarray, float]] = []
-    lost = None
+    lost, left = None, len(guessed) + tries
     for start in followed:
+        if not left:
+            break
+        left -= 1
         if not any(rises(posterior, start, z) for z, _ in results):
             try:
                 results.append(_climb(posterior, start))
             except NumericalError as error:
-                lost = error
+                lost, left = error, left + 1
     if lost is not None and not results:
         raise lost
     z, log_density = max(results, key=lambda pair: pair[1])
@@ -398,7 +403,7 @@ def follow(
     words: Callable[[np.ndarray], str],
     most: int = 300,
 ) -> tuple[Float[np.ndarray, " d"], float]:
-    """Follow one start to its maximum; steps that end where the density is zero are refused by the trust region.
+    """Follow one start to its maximum; steps that end where the density is zero or has no derivative are refused by the trust region.
 
     Args:
         expand_at: expansion of the log density at a point.
@@ -410,13 +415,14 @@ def follow(
         the maximum, shape (d,), and the log density there.
 
     Raises:
-        NumericalError: the density has no finite derivative on the way.
+        NumericalError: the density has no finite derivative at the start.
     """
     expand = lru_cache(maxsize=2)(lambda z: expand_at(np.array(z)))
 
     def height(z: np.ndarray) -> float:
-        density = expand(tuple(z)).value
-        return -density if np.isfinite(density) else 1e100
+        there = expand(tuple(z))
+        is_smooth = all(np.isfinite(one).all() for one in (there.value, there.gradient, there.hessian))
+        return -there.value if is_smooth else 1e100
 
     def derivative(z: np.ndarray, order: str) -> np.ndarray:
         values = -getattr(expand(tuple(z)), order)
