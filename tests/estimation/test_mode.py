@@ -1,3 +1,5 @@
+from types import SimpleNamespace
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -5,7 +7,7 @@ import pytest
 
 from seatrial.core.errors import NumericalError
 from seatrial.estimation import mode as module
-from seatrial.estimation.mode import find_mode
+from seatrial.estimation.mode import find_mode, follow
 from seatrial.estimation.priors import LogNormal, Normal, Uniform
 from tests.estimation_cases import GOLDEN_LOG_EVIDENCE, THRUST_UNIT, golden_posterior, linear_gaussian, posterior
 
@@ -171,3 +173,22 @@ def test_a_peak_that_is_told_of(near, found):
 
     mode = find_mode(posterior({"a": Uniform(-10.0, 10.0)}, peaks), KEY, near=near)
     assert mode.values == pytest.approx([found], abs=1e-6)
+
+
+def test_a_step_to_where_the_density_is_zero_is_refused():
+    """Newton's first step from -3 ends near 60, where nothing is finite; the maximum lies at 1."""
+
+    def expanded(z):
+        away = z[0] - 1.0
+        if away > 4.0:
+            return SimpleNamespace(value=-np.inf, gradient=np.full(1, np.nan), hessian=np.full((1, 1), np.nan))
+        long = np.sqrt(1.0 + away**2)
+        return SimpleNamespace(
+            value=-5.0 * long, gradient=np.array([-5.0 * away / long]), hessian=np.array([[-5.0 / long**3]])
+        )
+
+    found, height = follow(expanded, np.array([-3.0]), str)
+    assert found == pytest.approx([1.0], abs=1e-5)
+    assert height == pytest.approx(-5.0)
+    with pytest.raises(NumericalError, match="no finite derivative"):
+        follow(expanded, np.array([6.0]), str)

@@ -34,8 +34,6 @@ FARTHEST, NEAR = 3.0, 12.0
 """How far a delay is looked for: in standard deviations of its prior, and closer in those of the posterior about the mode."""
 DOUBLINGS, NOTHING = 3, 1e-4
 """Times that the closer look is widened at most, until the density at its ends is such a share of that at the mode."""
-SPARE = 5
-"""Further draws that take the places of those from which there is no way up."""
 INSIDE = 0.02
 """Share of the width between the bounds of a prior that a start keeps away from them: at the bound itself z is infinite."""
 FOLLOWED, ROUNDS = 3, 3
@@ -150,24 +148,21 @@ def find_mode(
     if near is not None:
         inside = _inside(posterior, near)
         candidates[: len(inside)] = inside
-    drawn = _best(_heights(posterior, candidates))[: tries + SPARE]
-    followed = [*(guessed := _guessed(posterior, candidates)), *candidates[drawn]]
+    drawn = _best(_heights(posterior, candidates))[:tries]
+    followed = [*_guessed(posterior, candidates), *candidates[drawn]]
     if not followed:
         raise NumericalError(
             f"none of {starts} draws from the prior gives a finite likelihood: under this prior the model diverges, for example at "
             f"{_point(posterior, candidates[0])}. Narrow the prior to damping that dissipates (negative coefficients), or check units."
         )
     results: list[tuple[np.ndarray, float]] = []
-    lost, left = None, len(guessed) + tries
+    lost = None
     for start in followed:
-        if not left:
-            break
-        left -= 1
         if not any(rises(posterior, start, z) for z, _ in results):
             try:
                 results.append(_climb(posterior, start))
             except NumericalError as error:
-                lost, left = error, left + 1
+                lost = error
     if lost is not None and not results:
         raise lost
     z, log_density = max(results, key=lambda pair: pair[1])
@@ -419,25 +414,21 @@ def follow(
     """
     expand = lru_cache(maxsize=2)(lambda z: expand_at(np.array(z)))
 
-    def height(z: np.ndarray) -> float:
+    def is_smooth(z: np.ndarray) -> bool:
         there = expand(tuple(z))
-        is_smooth = all(np.isfinite(one).all() for one in (there.value, there.gradient, there.hessian))
-        return -there.value if is_smooth else 1e100
+        return all(np.isfinite(one).all() for one in (there.value, there.gradient, there.hessian))
 
-    def derivative(z: np.ndarray, order: str) -> np.ndarray:
-        values = -getattr(expand(tuple(z)), order)
-        if not np.isfinite(values).all():
-            raise NumericalError(
-                f"the log-likelihood has no finite derivative at {words(z)}; narrow the priors around there"
-            )
-        return values
-
+    if not is_smooth(start):
+        raise NumericalError(
+            f"the log-likelihood has no finite derivative at {words(start)}; narrow the priors around there"
+        )
+    # The derivatives at a step that is refused are asked for all the same, and not used.
     result = scipy.optimize.minimize(
-        height,
+        lambda z: -expand(tuple(z)).value if is_smooth(z) else 1e100,
         start,
         method="trust-exact",
-        jac=lambda z: derivative(z, "gradient"),
-        hess=lambda z: derivative(z, "hessian"),
+        jac=lambda z: -expand(tuple(z)).gradient if is_smooth(z) else np.zeros(z.size),
+        hess=lambda z: -expand(tuple(z)).hessian if is_smooth(z) else np.eye(z.size),
         options={"gtol": 1e-6, "maxiter": most},
     )
     return result.x, -float(result.fun)
