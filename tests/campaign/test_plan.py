@@ -109,7 +109,7 @@ def test_the_promised_share_of_vehicles_meets_the_goals(tmp_path):
         known = dict(zip(names, values, strict=True)) | {noise_name("u"): asked.noise["u"]}
         vehicle = Vehicle(known, jax.random.fold_in(jax.random.key(7), number), 0)
         records = [
-            run_trial(asked, vehicle, place, np.interp(time, rows[:, 0], rows[:, 1]) * 2 * np.pi / 60)
+            run_trial(asked, vehicle, place, np.interp(time, rows[:, 0], rows[:, 1])[:, None] * 2 * np.pi / 60)
             for place, rows in enumerate(controls, 1)
         ]
         estimate, cov = _known(asked, records, len(records), len(names))
