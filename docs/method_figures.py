@@ -111,9 +111,7 @@ def memory() -> None:
 
 def held_back() -> None:
     """What bands and coefficients hold when the model is wrong, from the table of held_back.md."""
-    rows = [
-        [cell.strip() for cell in line.split("|")[1:-1]] for line in _lines("held_back.md") if "| white |" in line
-    ]
+    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in _lines("held_back.md") if "| white |" in line]
     figure, axes = plt.subplots(figsize=(5.2, 3.3))
     place = np.arange(len(rows))[::-1]
     for column, marker, label in (
