@@ -31,20 +31,20 @@ from jaxtyping import Array, Float
 from scipy.special import ndtr, ndtri
 
 from seatrial.core.coefficients import CoefficientName
-from seatrial.core.errors import InputError
 from seatrial.core.programs import program
-from seatrial.core.signals import signal_unit
+from seatrial.core.signals import ACTUAL, QUATERNION, RATES, signal_unit
 from seatrial.estimation.delayed_control import delay_control
 from seatrial.estimation.mode import Mode, expand_prior
 from seatrial.estimation.output_error import OutputError
 from seatrial.estimation.posterior import Posterior
 from seatrial.estimation.prediction_scores import effective_samples, whiteness
+from seatrial.estimation.remedies import is_coefficient
 from seatrial.estimation.sensor_errors import Sensor, correlation_name, drift_name, drift_time_name, noise_name
 from seatrial.vehicles.model import VehicleModel, outside_force
 
-SPEEDS = dict(zip("XYZKMN", "uvwpqr", strict=True))
+SPEEDS = dict(zip("XYZKMN", RATES, strict=True))
 """Velocity along or about each axis."""
-MOTIONS = {*SPEEDS.values(), "phi", "theta", "psi"}
+MOTIONS = {*RATES, "phi", "theta", "psi"}
 """Controls that are motions given as measured, and no commands."""
 HIDDEN = 1e-4
 """Share of a signature that the parameters must leave for it to be told from them."""
@@ -391,7 +391,7 @@ def _candidates(posterior: Posterior) -> Iterator[Effect]:
     """Yield what to look for: the same for all structures of a vehicle, so that they share a program."""
     likelihood: Any = posterior.likelihood
     model, simulator = likelihood.model, likelihood.simulator
-    known = {one for name, _ in model.constants if (one := _coefficient(name))}
+    known = {CoefficientName.parse(name) for name, _ in model.constants if is_coefficient(name)}
     terms = {one: one.text for one in model.coefficients}
     for axis in model.pushed:
         speed = SPEEDS[axis]
@@ -406,7 +406,7 @@ def _candidates(posterior: Posterior) -> Iterator[Effect]:
     for control in model.controls:
         if control not in MOTIONS:
             yield Effect("command offset", control, signal_unit(control))
-            if f"lag_{control}" not in lags and control + "_act" not in model.states:
+            if f"lag_{control}" not in lags and control + ACTUAL not in model.states:
                 yield Effect("command lag", control, "s")
     if not simulator.delay and not MOTIONS & set(model.controls):
         yield Effect("delay", "", "s")
@@ -415,19 +415,12 @@ def _candidates(posterior: Posterior) -> Iterator[Effect]:
             yield Effect("sensor offset", sensor.channel, signal_unit(sensor.channel))
     if not likelihood.free_initial:
         for state in model.states:
-            if not state.startswith("q_"):
+            if state not in QUATERNION:
                 yield Effect("start", state, signal_unit(state))
 
 
-def _coefficient(name: str) -> CoefficientName | None:
-    try:
-        return CoefficientName.parse(name)
-    except InputError:
-        return None
-
-
 def _worth(residual: np.ndarray, present: np.ndarray, step: np.ndarray) -> float:
-    """Share of the samples that residuals are worth, of the channel and trial where they are worth least; 1 where all are white."""
+    """Return the share of the samples that residuals are worth, of the channel and trial where they are worth least; 1 where all are white."""
     shares = [1.0]
     for trial in range(residual.shape[0]):
         time = np.concatenate([[0.0], np.cumsum(step[trial])[:-1]])
