@@ -420,7 +420,7 @@ def _candidates(posterior: Posterior) -> Iterator[Effect]:
 
 
 def _worth(residual: np.ndarray, present: np.ndarray, step: np.ndarray) -> float:
-    """Return the share of the samples that residuals are worth, of the channel and trial where they are worth least; 1 where all are white."""
+    """Return the share of the samples that residuals are worth, where they are worth least of all channels and trials; 1 if white."""
     shares = [1.0]
     for trial in range(residual.shape[0]):
         time = np.concatenate([[0.0], np.cumsum(step[trial])[:-1]])
