@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from seatrial.campaign.config.load import load_campaign
-from seatrial.campaign.live.kept import Kept
 from seatrial.campaign.live.session import Session
+from seatrial.campaign.live.session_files import Kept
 from seatrial.campaign.live.sources import Piece
 from seatrial.core import engine
 

@@ -140,8 +140,8 @@ def _follow_datagrams(campaign: Any, pieces: list[bytes]) -> None:
 
 
 def _session(campaign: Any, name: str, suffix: str) -> Any:
-    from seatrial.campaign.live.kept import Kept
     from seatrial.campaign.live.session import Session
+    from seatrial.campaign.live.session_files import Kept
 
     session = Session(campaign, name)
     session.kept = Kept(campaign, suffix, (*session.controls, *session.measured))
@@ -168,7 +168,7 @@ def _import_kept(place: Path) -> None:
     """Import the samples that were kept as the campaign would."""
     from seatrial.campaign.config.load import check_text, load_campaign
     from seatrial.campaign.data.import_logs import get_trials
-    from seatrial.campaign.live.kept import import_lines, sessions
+    from seatrial.campaign.live.session_files import import_lines, sessions
 
     campaign = load_campaign(place)
     (run,) = sessions(place)

@@ -21,10 +21,10 @@ from seatrial.campaign.data.import_logs import import_trials
 from seatrial.campaign.live.channels import Arrival
 from seatrial.campaign.live.gates import ClockGate, Notes, SignGate, ValueGate
 from seatrial.campaign.live.innovations import InnovationMemory, discounted
-from seatrial.campaign.live.kept import Kept, with_session
 from seatrial.campaign.live.next_segment import make_library
 from seatrial.campaign.live.recursion import live_recursion, within_bounds
 from seatrial.campaign.live.session import LiveSettings, Session
+from seatrial.campaign.live.session_files import Kept, with_session
 from seatrial.campaign.live.sources import GrowingText, MavlinkUdp, Piece, PipedText, open_source
 from seatrial.core.errors import InputError
 from seatrial.filters.run import filter_within

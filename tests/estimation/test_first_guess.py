@@ -8,11 +8,12 @@ from scipy.integrate import solve_ivp
 from seatrial.core.record import Channel, Provenance, make_record
 from seatrial.core.signals import signal_unit
 from seatrial.estimation.first_guess import _inside, first_guess
-from seatrial.estimation.mode import find_mode
+from seatrial.estimation.mode import climb, find_mode
 from seatrial.estimation.output_error import output_error
 from seatrial.estimation.posterior import Parameter, Posterior
 from seatrial.estimation.priors import LogUniform, Normal, Uniform
 from seatrial.estimation.sensor_errors import Sensor
+from seatrial.sampling.target import evaluate
 from seatrial.vehicles.axis_equation import axes_vehicle, axis_equation
 from seatrial.vehicles.surge import SurgeHull, surge_vehicle
 
@@ -110,7 +111,8 @@ def test_the_mode_is_found_where_draws_of_wide_priors_end_on_another_hill():
     guess = first_guess(vehicle, [log], [(0.0, 0.0)], wide)
     places = np.array([guess.get(parameter.name, np.nan) for parameter in parameters])
     plain = Posterior(tuple(parameters), likelihood, data)
-    alone = find_mode(plain, jax.random.key(0), starts=32, tries=1)
+    draws = np.array(plain.sample_prior(jax.random.key(0), 32))
+    alone = climb(plain, draws[np.argmax(evaluate(plain, draws))])
     helped = find_mode(Posterior(plain.parameters, likelihood, data, places), jax.random.key(0), starts=32, tries=1)
     assert helped.log_density > alone.log_density + 50
     for value, sd, (name, truth) in zip(helped.values, helped.sd, TRUTH.items(), strict=False):

@@ -49,7 +49,7 @@ def test_value_gradient_and_hessian(case):
     size = np.sqrt(np.abs(np.diag(hessian)))
     assert found.value == pytest.approx(value, abs=1e-9)
     np.testing.assert_allclose(found.gradient / size, gradient / size, atol=1e-9)
-    np.testing.assert_allclose(found.hessian / np.outer(size, size), hessian / np.outer(size, size), atol=1e-6)
+    np.testing.assert_allclose(found.hessian / np.outer(size, size), hessian / np.outer(size, size), atol=1e-5)
 
 
 def test_information_is_minus_the_hessian_where_no_residual_is_left(case):

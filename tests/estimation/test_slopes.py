@@ -61,7 +61,7 @@ def test_gradient(name):
 
 @pytest.mark.proof
 def test_hessian():
-    """Central differences of exact gradients."""
+    """Differences of exact gradients."""
     short = make_trial(TIME[:17], REV[:17], u=MEASURED[:17])
     posterior = posterior_of(PUSHED, [short])
     point = np.array(list(PUSHED.values()))

@@ -193,7 +193,7 @@ def test_a_gyro_that_turns_otherwise_than_the_attitude_is_doubted(tmp_path, what
     """The attitude is SciPy's, turned by known body rates; quaternions have any sign."""
     from scipy.spatial.transform import Rotation
 
-    from seatrial.logs.one_log import record_of_log
+    from seatrial.logs.record_of_log import record_of_log
 
     time = 0.02 * np.arange(1000)
     rates = np.stack([0.8 * np.sin(0.9 * time), 0.7 * np.cos(0.7 * time), 0.5 + 0.6 * np.sin(0.5 * time)], axis=1)
@@ -215,7 +215,7 @@ def test_a_gyro_that_turns_otherwise_than_the_attitude_is_doubted(tmp_path, what
 
 
 def test_an_accelerometer_in_units_of_gravity_is_refused(tmp_path):
-    from seatrial.logs.one_log import record_of_log
+    from seatrial.logs.record_of_log import record_of_log
 
     time = 0.1 * np.arange(50)
     noise = 0.01 * np.random.default_rng(0).normal(size=(50, 3))

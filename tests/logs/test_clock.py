@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from seatrial.logs.read import even_clock, read_log
+from seatrial.logs.read import read_log
+from seatrial.logs.time_stamps import even_clock
 from tests.logs.log_cases import GOOD, SPEED, refusal, source, written
 
 

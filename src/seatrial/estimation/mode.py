@@ -4,7 +4,7 @@ A likelihood of records is climbed with its information in place of second deriv
 at the mode alone.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache, partial
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
@@ -21,7 +21,9 @@ from seatrial.core.programs import program
 from seatrial.estimation.delayed_control import DELAY
 from seatrial.estimation.filter_error import FilterError
 from seatrial.estimation.information import expand_likelihood
+from seatrial.estimation.output_error import OutputError
 from seatrial.estimation.posterior import Posterior, as_key, check_posterior, values_of
+from seatrial.estimation.sensor_errors import noise_name
 from seatrial.estimation.slopes import likelihood_slopes
 from seatrial.sampling.target import AT_ONCE, LANES, evaluate
 
@@ -36,6 +38,10 @@ DOUBLINGS, NOTHING = 3, 1e-4
 """Times that the closer look is widened at most, until the density at its ends is such a share of that at the mode."""
 INSIDE = 0.02
 """Share of the width between the bounds of a prior that a start keeps away from them: at the bound itself z is infinite."""
+SAME_TOP, NEAR_TOP = 0.01, 1.0
+"""A top is known where a Newton step that gains less than so many nats ends beside it, squared and in standard deviations."""
+NOISE_ROUNDS, LEAST_SHARE = 4, 1e-3
+"""Looks at what a start leaves over, and the least share of the variance of the noise that one of them leaves."""
 FOLLOWED, ROUNDS = 3, 3
 """Peaks along the delay that are followed each time, and times."""
 
@@ -145,6 +151,7 @@ def find_mode(
     starts = _at_once(posterior) if starts is None else check_count(starts, "starts", remedy="take some hundreds")
     check_count(tries, "tries", remedy="leave it out, or follow a few")
     candidates = np.array(posterior.sample_prior(as_key(key), starts))
+    candidates[-1] = 0.0  # the middle of the prior
     if near is not None:
         inside = _inside(posterior, near)
         candidates[: len(inside)] = inside
@@ -157,10 +164,11 @@ def find_mode(
         )
     results: list[tuple[np.ndarray, float]] = []
     lost = None
-    for start in followed:
-        if not any(rises(posterior, start, z) for z, _ in results):
+    for start in (_with_noise(posterior, one) for one in followed):
+        tops = [z for z, _ in results]
+        if not any(rises(posterior, start, top) for top in tops):
             try:
-                results.append(_climb(posterior, start))
+                results.append(_climb(posterior, start, tops))
             except NumericalError as error:
                 lost = error
     if lost is not None and not results:
@@ -309,6 +317,34 @@ def _guessed(posterior: Posterior, candidates: np.ndarray) -> np.ndarray:
     return moved[_best(_heights(posterior, moved))[:1]]
 
 
+def _with_noise(posterior: Posterior, start: np.ndarray) -> np.ndarray:
+    """Return a start with the size of each noise at what the motion there leaves over, as long as the likelihood rises.
+
+    n samples with a sum of squares S have the slope g = -n / sigma + S / sigma^3, so that S / n = sigma^2 (1 + sigma g / n): exact for
+    white noise about a simulation, and nearer in every round for other noise.
+    """
+    likelihood, data = posterior.likelihood, posterior.data
+    if not isinstance(likelihood, OutputError | FilterError):
+        return start
+    count = {
+        noise_name(name): np.sum(one.present) for name, one in zip(likelihood.channels, data.channels, strict=True)
+    }
+    at = [i for i in posterior.places if posterior.names[i] in count]
+    samples = np.array([count[posterior.names[i]] for i in at])
+    best, highest, moved = start, -np.inf, start
+    for _ in range(NOISE_ROUNDS):
+        values = values_of(posterior, moved)
+        here = likelihood_slopes(posterior, values)
+        share = 1.0 + values[at] * np.asarray(here.gradient)[at] / samples
+        if not (here.value > highest and np.isfinite(share).all()):
+            break
+        best, highest = moved, here.value
+        values[at] *= np.sqrt(share.clip(LEAST_SHARE))
+        moved = best.copy()
+        moved[at] = _inside(posterior, dict(zip(posterior.names, values, strict=True)))[0, at]
+    return best
+
+
 class _Expansion(NamedTuple):
     """What is needed of one point.
 
@@ -369,8 +405,8 @@ def expand_prior(posterior: Posterior, z: Array) -> tuple[Array, Array, Array, A
     )
 
 
-def _climb(posterior: Posterior, start: np.ndarray) -> tuple[np.ndarray, float]:
-    return follow(lambda z: _expand(posterior, z, climbing=True), start, partial(_point, posterior))
+def _climb(posterior: Posterior, start: np.ndarray, tops: Sequence[np.ndarray] = ()) -> tuple[np.ndarray, float]:
+    return follow(lambda z: _expand(posterior, z, climbing=True), start, partial(_point, posterior), tops=tops)
 
 
 class Expanded(Protocol):
@@ -397,17 +433,21 @@ def follow(
     start: Float[np.ndarray, " d"],
     words: Callable[[np.ndarray], str],
     most: int = 300,
+    tops: Sequence[np.ndarray] = (),
 ) -> tuple[Float[np.ndarray, " d"], float]:
     """Follow one start to its maximum; steps that end where the density is zero or has no derivative are refused by the trust region.
+
+    It ends where what is left to climb is lost in the rounding of the density, or on the slope of a top that is known.
 
     Args:
         expand_at: expansion of the log density at a point.
         start: where it begins, shape (d,).
         words: names a point, for the error.
         most: steps.
+        tops: maxima that are known, shape (d,) each; one whose slope is reached is not climbed again.
 
     Returns:
-        the maximum, shape (d,), and the log density there.
+        where it ended, shape (d,), and the log density there.
 
     Raises:
         NumericalError: the density has no finite derivative at the start.
@@ -422,6 +462,19 @@ def follow(
         raise NumericalError(
             f"the log-likelihood has no finite derivative at {words(start)}; narrow the priors around there"
         )
+
+    def stop_if_there(intermediate_result: scipy.optimize.OptimizeResult) -> None:
+        there = expand(tuple(intermediate_result.x))
+        curvature = -there.hessian
+        if np.linalg.eigvalsh(curvature)[0] <= 0:
+            return
+        step = np.linalg.solve(curvature, there.gradient)
+        gain = 0.5 * there.gradient @ step
+        missed = [top - intermediate_result.x - step for top in tops]
+        known = any(off @ curvature @ off < SAME_TOP for off in missed) and gain < NEAR_TOP
+        if known or gain < np.finfo(float).eps * abs(there.value):
+            raise StopIteration
+
     # The derivatives at a step that is refused are asked for all the same, and not used.
     result = scipy.optimize.minimize(
         lambda z: -expand(tuple(z)).value if is_smooth(z) else 1e100,
@@ -429,6 +482,7 @@ def follow(
         method="trust-exact",
         jac=lambda z: -expand(tuple(z)).gradient if is_smooth(z) else np.zeros(z.size),
         hess=lambda z: -expand(tuple(z)).hessian if is_smooth(z) else np.eye(z.size),
+        callback=stop_if_there,
         options={"gtol": 1e-6, "maxiter": most},
     )
     return result.x, -float(result.fun)

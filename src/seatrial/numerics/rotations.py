@@ -98,7 +98,7 @@ def matrix_of_quaternion(q: Quaternion) -> Rows:
 
 
 def quaternion_rate(q: Quaternion, rotation: Vector, pull: float) -> Quaternion:
-    """dq/dt for the body rates (p, q, r), and a pull of the length towards 1 at the rate 2 `pull`, 1/s.
+    """Return dq/dt for the body rates (p, q, r), with a pull that keeps q normalised: its length goes to 1 at the rate 2 `pull`, 1/s.
 
     The pull does not turn the body; it removes the error of length that any integrator makes.
     """

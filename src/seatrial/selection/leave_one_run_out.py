@@ -149,18 +149,17 @@ def leave_one_run_out(
     progress(0, count + 2)
     mode = find_mode(posterior, jax.random.fold_in(key, 0)) if mode is None else mode
     progress(1, count + 2)
-    known, refitted = _draw(runs, mode, jax.random.fold_in(key, 1), draws, max_k_hat)
+    known, (*without, (_, worst)), refitted = _draw(runs, mode, jax.random.fold_in(key, 1), draws, max_k_hat)
     progress(2, count + 2)
     found, predicted, poor = [], [], []
-    for r, label in enumerate(runs.labels):
-        weights, k_hat = _weights(known, _without(count, r))
+    for r, (label, (weights, k_hat)) in enumerate(zip(runs.labels, without, strict=True)):
         joint = weights + known.table[:, r]
         elpd = float(logsumexp(joint))
         if not np.isfinite(elpd):
             raise NumericalError(
                 f'leave one run out: no draw that the other runs allow gives run "{label}" a finite density: the model diverges there'
             )
-        k_hat = max(k_hat, _weights(known, np.ones(count))[1])
+        k_hat = max(k_hat, worst)
         error = float(np.linalg.norm(np.exp(joint - elpd) - np.exp(weights)))
         predict_key = jax.random.fold_in(key, 2 + r)
         predicted.append(predict_run(runs, r, _resampled(known.z, weights, predict_key), predict_key))
@@ -192,26 +191,32 @@ class _Drawn(NamedTuple):
     Attributes:
         z: unconstrained.
         proposals: what they were drawn from, each with its share.
-        log_prior: of each draw, shape (n,).
+        log_ratio: log prior density of each draw over that of the mixture of all proposals, shape (n,).
         table: what each run says, shape (n, R).
     """
 
     z: np.ndarray
     proposals: tuple[ProposalComponent, ...]
-    log_prior: np.ndarray
+    log_ratio: np.ndarray
     table: np.ndarray
 
 
-def _draw(runs: RunPosteriors, mode: Mode, key: jax.Array, n: int, max_k_hat: float) -> tuple[_Drawn, set[int]]:
-    """Return draws that serve all posteriors, and for which runs the mode of the others was found."""
+def _draw(
+    runs: RunPosteriors, mode: Mode, key: jax.Array, n: int, max_k_hat: float
+) -> tuple[_Drawn, list[tuple[np.ndarray, float]], set[int]]:
+    """Return draws that serve all posteriors, their `_weights` for each, and for which runs the mode of the others was found.
+
+    The posteriors are those that each lack one run, in the order of the runs, and then that of all.
+    """
     count = len(runs.runs)
     there = expand_runs(runs, mode.z)
     targets = [*(_without(count, r) for r in range(count)), np.ones(count)]
     latest = [_approximation(runs, there, weight) for weight in targets]
-    known, components, refitted = _nothing(runs), latest, set[int]()
+    known, weighed, components, refitted = _nothing(runs), [], latest, set[int]()
     for again in range(ROUNDS):
         known = _more(known, runs, mode, there, components, jax.random.fold_in(key, again), n)
-        bad = [t for t, weight in enumerate(targets) if not _weights(known, weight)[1] <= max_k_hat]
+        weighed = [_weights(known, weight) for weight in targets]
+        bad = [t for t, (_, k_hat) in enumerate(weighed) if not k_hat <= max_k_hat]
         if not bad:
             break
         for t in bad:
@@ -219,7 +224,7 @@ def _draw(runs: RunPosteriors, mode: Mode, key: jax.Array, n: int, max_k_hat: fl
             latest[t] = _refitted(runs, there, t) if first else _moved(latest[t], known, targets[t])
         refitted.update(t for t in bad if t < count)
         components = [latest[t] for t in bad]
-    return known, refitted
+    return known, weighed, refitted
 
 
 def _nothing(runs: RunPosteriors) -> _Drawn:
@@ -240,10 +245,11 @@ def _more(
     z = draw_mixture([one._replace(share=equal) for one in components], key, n)
     kept = [one._replace(share=one.share * len(known.z) / total) for one in known.proposals]
     new = [one._replace(share=equal * n / total) for one in components]
+    proposals, every = (*kept, *new), np.concatenate([known.z, z])
     return _Drawn(
-        np.concatenate([known.z, z]),
-        (*kept, *new),
-        np.concatenate([known.log_prior, shared_log_prior(runs, z)]),
+        every,
+        proposals,
+        shared_log_prior(runs, every) - log_mixture(proposals, every),
         np.concatenate([known.table, marginal_log_likelihoods(runs, mode, there, z)]),
     )
 
@@ -257,7 +263,7 @@ def _moved(component: ProposalComponent, known: _Drawn, weight: np.ndarray) -> P
 
 def _log_weight(known: _Drawn, weight: np.ndarray) -> np.ndarray:
     """Log weights of draws for the posterior in which each run counts by its weight, 0 or 1."""
-    return known.log_prior - log_mixture(known.proposals, known.z) + known.table[:, weight > 0].sum(1)
+    return known.log_ratio + known.table[:, weight > 0].sum(1)
 
 
 def _weights(known: _Drawn, weight: np.ndarray) -> tuple[Float[np.ndarray, " n"], float]:

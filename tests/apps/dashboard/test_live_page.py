@@ -13,7 +13,7 @@ import pytest
 pytest.importorskip("nicegui", reason="the dashboard needs NiceGUI: pip install 'seatrial[dashboard]'")
 
 from seatrial.apps.dashboard.pages.live import look_html
-from seatrial.campaign.live.kept import LAST_LOOK, last_look
+from seatrial.campaign.live.session_files import LAST_LOOK, last_look
 from tests.apps.dashboard.served import served
 from tests.campaign.test_live import write_campaign
 

@@ -72,9 +72,9 @@ def _begin(
     """Read the campaign, open the stream, and compile all that is needed before the first sample."""
     from seatrial.apps.campaign_lock import occupying
     from seatrial.campaign.config.load import load_campaign
-    from seatrial.campaign.live.kept import Kept, with_session
     from seatrial.campaign.live.next_segment import make_library
     from seatrial.campaign.live.session import Session
+    from seatrial.campaign.live.session_files import Kept, with_session
     from seatrial.campaign.live.sources import open_source
     from seatrial.core.errors import NumericalError, SeatrialError
 
@@ -124,7 +124,7 @@ def _follow(session: Any, stream: Any, idle: float, stopped: list[int], show: An
 def _end(session: Any, as_json: bool, with_import: bool) -> Exit:
     """Say what was found at last, what was left out, and how the whole analysis goes on from the session."""
     from seatrial.apps.campaign_text import read_file, write_file
-    from seatrial.campaign.live.kept import import_lines, with_session
+    from seatrial.campaign.live.session_files import import_lines, with_session
 
     campaign, kept = session.campaign, session.kept
     if session.belief is not None:

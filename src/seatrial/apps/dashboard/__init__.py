@@ -1,1 +1,1 @@
-"""The web page of `seatrial serve`: campaigns on disk as they are. NiceGUI is imported in `server`, `frame` and `pages` only."""
+"""The web page of `seatrial serve`: campaigns on disk as they are. Commands import none of it, nor NiceGUI."""

@@ -11,9 +11,9 @@ from seatrial.campaign.live.advice import Adviser, Look
 from seatrial.campaign.live.channels import Arrival, Channels
 from seatrial.campaign.live.gates import ClockGate, Notes, SignGate, ValueGate
 from seatrial.campaign.live.innovations import InnovationMemory
-from seatrial.campaign.live.kept import Kept
 from seatrial.campaign.live.next_segment import Library
 from seatrial.campaign.live.recursion import live_recursion
+from seatrial.campaign.live.session_files import Kept
 from seatrial.campaign.live.sources import Piece
 from seatrial.core.gaussian import Gaussian
 

@@ -11,7 +11,7 @@ from nicegui import ui
 
 from seatrial.apps.dashboard.app_context import AppContext, markup
 from seatrial.apps.dashboard.run_bar import duration_text
-from seatrial.campaign.live.kept import last_look
+from seatrial.campaign.live.session_files import last_look
 
 EVERY = 1.0
 """Seconds between looks."""

@@ -1,0 +1,137 @@
+"""Time stamps of a log: read exactly, then trusted, thinned, or rebuilt from arrivals in bursts.
+
+Rows that leave a source evenly, at a + b k, arrive at t_k = a + b k + d_k with delays d_k >= 0. The clock is the
+line below every arrival with the least total delay: min sum_k (t_k - a - b k) subject to t_k >= a + b k, a linear
+programme solved by the edge of the lower convex hull that spans the middle row.
+"""
+
+import math
+from collections.abc import Callable
+from decimal import Decimal
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from seatrial.core.errors import InputError
+from seatrial.core.record import check_time
+from seatrial.core.units import to_si
+from seatrial.logs.source import Clock
+
+_PLAUSIBLE_STEP = (1e-5, 1e3)
+_USUAL_STEP = 0.03
+_COMMON_UNITS = ("ns", "us", "ms", "s", "min")
+
+
+def elapsed(
+    stamps: Int[np.ndarray, " n"] | Float[np.ndarray, " n"] | list[str], scale: Decimal
+) -> tuple[Float[np.ndarray, " n"], Decimal]:
+    """Return the time since the first stamp, subtracted before anything is rounded.
+
+    Args:
+        stamps: whole numbers as int64, floats of a binary log, or decimal numbers as text.
+        scale: seconds in one unit.
+
+    Returns:
+        seconds since the first stamp, shape (n,), and that stamp in seconds, exactly.
+    """
+    if isinstance(stamps, np.ndarray):
+        whole = stamps.dtype.kind == "i"
+        count, first = (stamps - stamps[0]).astype(float), Decimal(int(stamps[0]) if whole else repr(float(stamps[0])))
+    else:
+        decimals = [Decimal(text) for text in stamps]
+        first = decimals[0]
+        count = np.array([float(value - first) for value in decimals])
+    # Dividing by a whole number of units per second rounds once; multiplying by 1e-9 would round twice.
+    return (count / float(1 / scale) if scale < 1 else count * float(scale)), first * scale
+
+
+def checked_time(
+    time: Float[np.ndarray, " n"], clock: Clock, line_of: Callable[[int], int], where: str
+) -> tuple[Float[np.ndarray, " m"], Int[np.ndarray, " m"], list[str]]:
+    """Apply the chosen clock.
+
+    Args:
+        time: stamps, s.
+        clock: which.
+        line_of: line of a row in the file, for errors.
+        where: file and column, for errors.
+
+    Returns:
+        strictly increasing time, s; the rows kept; and notes.
+
+    Raises:
+        InputError: time running backwards, or repeated stamps where the clock is `as_stamped`.
+    """
+    rows = np.arange(time.size)
+    moving = rows if clock == "as_stamped" else np.flatnonzero(np.diff(time, prepend=-np.inf) != 0)
+    _check_increasing(time[moving], moving, line_of, where)
+    if clock == "even":
+        rebuilt, notes = even_clock(time)
+        return rebuilt, rows, notes
+    dropped = time.size - moving.size
+    return time[moving], moving, [f"{dropped} of {time.size} rows repeated a stamp and were dropped"] if dropped else []
+
+
+def even_clock(arrival: Float[np.ndarray, " n"]) -> tuple[Float[np.ndarray, " n"], list[str]]:
+    """Rebuild the evenly spaced clock a + b k below arrival times that come in bursts.
+
+    The line rests on two rows and shares their delays: between them no rebuilt time is later than the truth by more
+    than the greater of the two. A delay common to all rows cannot be told from a later clock; rows that were lost
+    shift the clock, which shows in the last note.
+
+    Args:
+        arrival: s, not decreasing.
+
+    Returns:
+        rebuilt time, s, and notes with the period and the delays.
+    """
+    index = np.arange(arrival.size)
+    middle = (arrival.size - 1) / 2
+    left, right = 0, arrival.size - 1
+    while True:
+        period = (arrival[right] - arrival[left]) / (right - left)
+        below = int(np.argmin(arrival - period * index))
+        drop = arrival[below] - arrival[left] - period * (below - left)
+        if drop >= -1e-12 * max(abs(arrival[-1]), 1.0) or below in (left, right):
+            break
+        left, right = (below, right) if below <= middle else (left, below)
+    time = arrival[left] + period * (index - left)
+    delay = np.maximum(arrival - time, 0.0)
+    quiet = max(part.min() for part in np.array_split(delay, min(10, delay.size)))
+    return time, [
+        f"clock rebuilt: period {period:.6g} s; rows arrived {np.median(delay):.3g} s late at the median and "
+        f"{delay.max():.3g} s at most; in every tenth of the rows one was at most {quiet:.2g} s late"
+    ]
+
+
+def check_unit(time: Float[np.ndarray, " n"], unit: str, where: str) -> None:
+    """Refuse a time unit that makes the rows implausibly dense or sparse.
+
+    Args:
+        time: s, as the unit says, rising, shape (n,).
+        unit: as stated.
+        where: file and column, for the error.
+
+    Raises:
+        InputError: median and mean step both outside 1e-5 s to 1e3 s; suggests the unit that would fit.
+    """
+    steps = (float(np.median(np.diff(time))), float(time[-1] - time[0]) / (time.size - 1))
+    low, high = _PLAUSIBLE_STEP
+    if any(low <= step <= high for step in steps):
+        return
+    in_file = steps[0] / to_si(1.0, unit, "s", where)
+    fitting = {name: in_file * to_si(1.0, name, "s", where) for name in _COMMON_UNITS}
+    best = min(fitting, key=lambda name: abs(math.log(max(fitting[name], 1e-300) / _USUAL_STEP)))
+    raise InputError(
+        where,
+        found=f'a median step of {steps[0]:.3g} s with the time unit "{unit}"',
+        expected=f"between {low:g} s and {high:g} s",
+        remedy=f'is the unit "{best}"? Then the step would be {fitting[best]:.3g} s',
+    )
+
+
+def _check_increasing(time: np.ndarray, rows: np.ndarray, line_of: Callable[[int], int], where: str) -> None:
+    """Check as `check_time`, with the offending row numbered as a text editor shows it, blank lines counted."""
+    bad = np.flatnonzero(~(np.diff(time) > 0))
+    sample = int(bad[0]) + 1 if bad.size else 0
+    check_time(time, where, line_of(int(rows[sample])) - sample)
