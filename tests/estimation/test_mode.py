@@ -4,14 +4,21 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.stats import norm
 
+import seatrial as st
 from seatrial.core.errors import NumericalError
+from seatrial.core.record import Channel, Provenance, make_record
 from seatrial.estimation import mode as module
 from seatrial.estimation.mode import find_mode, follow
+from seatrial.estimation.posterior import values_of
 from seatrial.estimation.priors import LogNormal, Normal, Uniform
+from seatrial.estimation.trial_data import first_samples, stack_trials
 from tests.estimation_cases import GOLDEN_LOG_EVIDENCE, THRUST_UNIT, golden_posterior, linear_gaussian, posterior
 
 KEY = jax.random.key(0)
+TWO_SD = 20.0 * norm.cdf(-2.0) - 10.0
+"""Where two standard deviations of z below the middle lie in a uniform prior from -10 to 10."""
 
 
 @pytest.mark.parametrize("d", [1, 2, 6])
@@ -163,12 +170,12 @@ def test_what_is_expected_of_the_others_if_some_are_known():
     assert list(found.values()) == pytest.approx(expected, abs=1e-7)
 
 
-@pytest.mark.parametrize(("near", "found"), [({"a": 7.0}, 7.0), ({"a": -11.0}, -9.6), ({"b": 7.0}, 0.0), (None, 0.0)])
+@pytest.mark.parametrize(("near", "found"), [({"a": 7.0}, 7.0), ({"a": -11.0}, TWO_SD), ({"b": 7.0}, 0.0), (None, 0.0)])
 def test_a_peak_that_is_told_of(near, found):
-    """No draw meets a peak a millionth as wide as its box; what lies outside the box is moved inside by a fiftieth of its width."""
+    """No draw meets a peak a millionth as wide as its box; what lies outside the box is moved to two standard deviations of z."""
 
     def peaks(values, data):
-        sharp = [-0.5 * ((values["a"] - at) / 1e-5) ** 2 + 20.0 for at in (7.0, -9.6)]
+        sharp = [-0.5 * ((values["a"] - at) / 1e-5) ** 2 + 20.0 for at in (7.0, TWO_SD)]
         return jax.scipy.special.logsumexp(jnp.stack([*sharp, -0.5 * values["a"] ** 2]))
 
     mode = find_mode(posterior({"a": Uniform(-10.0, 10.0)}, peaks), KEY, near=near)
@@ -192,3 +199,75 @@ def test_a_step_to_where_the_density_is_zero_is_refused():
     assert height == pytest.approx(-5.0)
     with pytest.raises(NumericalError, match="no finite derivative"):
         follow(expanded, np.array([6.0]), str)
+
+
+def surge_posterior(samples=400, sigma=(1e-4, 10.0)):
+    truth = {"X_u": -1.21, "X_uabsu": -2.93, "T_nabsn": 6.28e-4, "sigma_u": 0.02}
+    model = st.load_vehicle("remus100_surge").build(free=[name for name in truth if name != "sigma_u"])
+    levels = np.repeat(np.random.default_rng(3).uniform(65.0, 185.0, samples // 40), 40)
+    schedule = st.Schedule(np.arange(samples) * 0.1, {"n": levels})
+    record = st.simulate(model, truth, schedule, ["u"], start={"u": 1.5}, key=4)
+    priors = {"X_u": st.Normal(-1.2, 1.5), "X_uabsu": st.Normal(-3.0, 3.0), "T_nabsn": st.Normal(6e-4, 3e-4)}
+    return st.make_posterior(model, record, priors | {"sigma_u": st.LogUniform(*sigma)}), record
+
+
+def test_noise_begins_at_the_size_of_the_residuals():
+    """White noise: the root mean square of what a simulation at the start misses, whatever the start says of it."""
+    target, record = surge_posterior()
+    start = np.zeros(target.dim)
+    start[target.names.index("sigma_u")] = 1.2  # ten times too large, and more
+    named = dict(zip(target.names, values_of(target, start), strict=True))
+    simulator, data = target.likelihood.simulator, target.data
+    begun = target.likelihood.starts(named, data)[0]
+    shown = simulator.outputs(named, begun, jax.tree.map(lambda x: x[0], data.control), data.step[0])
+    missed = np.asarray(shown)[: record.time.size, 0] - record.channel("u")
+    found = values_of(target, module._with_noise(target, start))
+    assert found[target.names.index("sigma_u")] == pytest.approx(np.sqrt(np.mean(missed**2)), rel=1e-6)
+    kept = [name != "sigma_u" for name in target.names]
+    assert np.array_equal(found[kept], values_of(target, start)[kept])
+
+
+def test_a_long_record_has_the_mode_that_a_search_of_all_of_it_finds(monkeypatch):
+    target, _ = surge_posterior()
+    whole = find_mode(target, KEY)
+    monkeypatch.setattr(module, "LONG", 100)
+    sizes, inner = [], module._climb
+    monkeypatch.setattr(
+        module, "_climb", lambda post, *rest: sizes.append(post.data.step.shape[1]) or inner(post, *rest)
+    )
+    long = find_mode(target, KEY)
+    assert sizes[0] == target.data.step.shape[1] // module.PARTS
+    assert sizes[-1] == target.data.step.shape[1]
+    assert (np.abs(long.values - whole.values) < 1e-6 * whole.sd).all()
+    assert long.log_evidence == pytest.approx(whole.log_evidence, abs=1e-6)
+
+
+def test_the_first_samples_of_trials_are_those_of_shorter_records():
+    """Two channels, one measured now and then, so that gaps and their counts differ."""
+    time = np.arange(64) * 0.1
+    rng = np.random.default_rng(2)
+    columns = {"n": rng.normal(size=64), "u": np.where(np.arange(64) % 3 == 0, rng.normal(size=64), np.nan)}
+    channels = (Channel("n", "rad/s", "control"), Channel("u", "m/s", "measurement"))
+    model = st.load_vehicle("remus100_surge").build(free=["X_u"])
+
+    def record(n):
+        made = {name: column[:n] for name, column in columns.items()}
+        return make_record(time[:n], made, channels, Provenance("made", "0" * 64), str(n))
+
+    cut = first_samples(stack_trials([record(64)], model, ["u"], [(1.5,)]), 16)
+    short = stack_trials([record(16)], model, ["u"], [(1.5,)])
+    assert jax.tree.map(np.shape, cut) == jax.tree.map(np.shape, short)
+    for found, expected in zip(jax.tree.leaves(cut), jax.tree.leaves(short), strict=True):
+        np.testing.assert_allclose(np.asarray(found)[..., :15], np.asarray(expected)[..., :15])
+
+
+def test_a_climb_far_below_a_known_top_is_given_up():
+    """A ridge that rises by a nat a step towards a top a thousand below the one that is known."""
+    looks = []
+
+    def expand_at(z):
+        looks.append(z)
+        return SimpleNamespace(value=float(z[0]), gradient=np.ones(1), hessian=np.full((1, 1), -1e-3))
+
+    follow(expand_at, np.zeros(1), str, tops=[(np.array([50.0]), 1e6)])
+    assert len(looks) <= module.PATIENCE + 4

@@ -5,6 +5,7 @@ at the mode alone.
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import lru_cache, partial
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
@@ -25,6 +26,7 @@ from seatrial.estimation.output_error import OutputError
 from seatrial.estimation.posterior import Posterior, as_key, check_posterior, values_of
 from seatrial.estimation.sensor_errors import noise_name
 from seatrial.estimation.slopes import likelihood_slopes
+from seatrial.estimation.trial_data import first_samples
 from seatrial.sampling.target import AT_ONCE, LANES, evaluate
 
 if TYPE_CHECKING:
@@ -36,10 +38,14 @@ FARTHEST, NEAR = 3.0, 12.0
 """How far a delay is looked for: in standard deviations of its prior, and closer in those of the posterior about the mode."""
 DOUBLINGS, NOTHING = 3, 1e-4
 """Times that the closer look is widened at most, until the density at its ends is such a share of that at the mode."""
-INSIDE = 0.02
-"""Share of the width between the bounds of a prior that a start keeps away from them: at the bound itself z is infinite."""
+LONG, PARTS = 8192, 8
+"""Samples of a trial from which the mode of its first such part is found first: with wrong coefficients a long simulation goes astray."""
+INSIDE = 2.0
+"""Standard deviations of z within which a start keeps where a prior has bounds: at the bound itself z is infinite."""
 SAME_TOP, NEAR_TOP = 0.01, 1.0
 """A top is known where a Newton step that gains less than so many nats ends beside it, squared and in standard deviations."""
+PATIENCE, LEAST_GAIN = 5, 0.2
+"""A climb is given up whose last steps closed less than such a share of what a known top is higher."""
 NOISE_ROUNDS, LEAST_SHARE = 4, 1e-3
 """Looks at what a start leaves over, and the least share of the variance of the noise that one of them leaves."""
 FOLLOWED, ROUNDS = 3, 3
@@ -155,29 +161,47 @@ def find_mode(
     if near is not None:
         inside = _inside(posterior, near)
         candidates[: len(inside)] = inside
-    drawn = _best(_heights(posterior, candidates))[:tries]
-    followed = [*_guessed(posterior, candidates), *candidates[drawn]]
-    if not followed:
-        raise NumericalError(
-            f"none of {starts} draws from the prior gives a finite likelihood: under this prior the model diverges, for example at "
-            f"{_point(posterior, candidates[0])}. Narrow the prior to damping that dissipates (negative coefficients), or check units."
-        )
-    results: list[tuple[np.ndarray, float]] = []
-    lost = None
-    for start in (_with_noise(posterior, one) for one in followed):
-        tops = [z for z, _ in results]
-        if not any(rises(posterior, start, top) for top in tops):
-            try:
-                results.append(_climb(posterior, start, tops))
-            except NumericalError as error:
-                lost = error
-    if lost is not None and not results:
-        raise lost
-    z, log_density = max(results, key=lambda pair: pair[1])
+    z, log_density = _highest(posterior, candidates, tries)
     if not np.isfinite(log_density):
         raise NumericalError("the search for the posterior mode left the region of finite likelihood; narrow the prior")
     mode = _about(posterior, z, log_density)
     return _along_delay(posterior, mode) if DELAY in posterior.present_names else mode
+
+
+def _highest(
+    posterior: Posterior, candidates: Float[np.ndarray, "n d"], tries: int
+) -> tuple[Float[np.ndarray, " d"], float]:
+    """Return the highest maximum above the guess and the best candidates; that of a long record begins at that of its first part."""
+    part = _first_part(posterior)
+    if part is not None:
+        start = _highest(part, candidates, tries)[0]
+        if np.isfinite(_heights(posterior, start[None])).all():
+            return _climb(posterior, _with_noise(posterior, start))
+    drawn = _best(_heights(posterior, candidates))[:tries]
+    followed = [*_guessed(posterior, candidates), *candidates[drawn]]
+    if not followed:
+        raise NumericalError(
+            f"none of {len(candidates)} draws from the prior gives a finite likelihood: under this prior the model diverges, for example "
+            f"at {_point(posterior, candidates[0])}. Narrow the prior to damping that dissipates (negative coefficients), or check units."
+        )
+    results: list[tuple[np.ndarray, float]] = []
+    lost = None
+    for start in (_with_noise(posterior, one) for one in followed):
+        if not any(rises(posterior, start, top) for top, _ in results):
+            try:
+                results.append(_climb(posterior, start, results))
+            except NumericalError as error:
+                lost = error
+    if lost is not None and not results:
+        raise lost
+    return max(results, key=lambda pair: pair[1])
+
+
+def _first_part(posterior: Posterior) -> Posterior | None:
+    """Return the posterior of the first part of long trials; None where they are short, or of a density of one's own."""
+    if not isinstance(posterior.likelihood, OutputError | FilterError) or posterior.data.step.shape[1] < LONG:
+        return None
+    return replace(posterior, data=first_samples(posterior.data, posterior.data.step.shape[1] // PARTS))
 
 
 def climb(posterior: Posterior, start: Float[np.ndarray, " d"]) -> Mode:
@@ -295,9 +319,8 @@ def _inside(posterior: Posterior, values: Mapping[str, float]) -> np.ndarray:
     """Return where parameters have such values, moved inside their bounds, shape (1, d); none where one is not told."""
     told = np.array([values.get(name, np.nan) for name in posterior.names])
     low, high = np.array([parameter.prior.bounds for parameter in posterior.parameters], float).T
-    bounded = np.isfinite(high - low)
-    margin = INSIDE * np.where(bounded, high - low, 0.0)
-    z = np.asarray(posterior.unconstrain(np.clip(told, low + margin, high - margin)))[None]
+    z = np.asarray(posterior.unconstrain(np.clip(told, np.nextafter(low, np.inf), np.nextafter(high, -np.inf))))[None]
+    z = np.where(np.isfinite(high - low), z.clip(-INSIDE, INSIDE), z)
     return z[np.isfinite(z).all(1)]
 
 
@@ -405,7 +428,9 @@ def expand_prior(posterior: Posterior, z: Array) -> tuple[Array, Array, Array, A
     )
 
 
-def _climb(posterior: Posterior, start: np.ndarray, tops: Sequence[np.ndarray] = ()) -> tuple[np.ndarray, float]:
+def _climb(
+    posterior: Posterior, start: np.ndarray, tops: Sequence[tuple[np.ndarray, float]] = ()
+) -> tuple[np.ndarray, float]:
     return follow(lambda z: _expand(posterior, z, climbing=True), start, partial(_point, posterior), tops=tops)
 
 
@@ -433,18 +458,19 @@ def follow(
     start: Float[np.ndarray, " d"],
     words: Callable[[np.ndarray], str],
     most: int = 300,
-    tops: Sequence[np.ndarray] = (),
+    tops: Sequence[tuple[np.ndarray, float]] = (),
 ) -> tuple[Float[np.ndarray, " d"], float]:
     """Follow one start to its maximum; steps that end where the density is zero or has no derivative are refused by the trust region.
 
-    It ends where what is left to climb is lost in the rounding of the density, or on the slope of a top that is known.
+    It ends where what is left to climb is lost in the rounding of the density, on the slope of a top that is known, or where it would not
+    come as high in many more steps.
 
     Args:
         expand_at: expansion of the log density at a point.
         start: where it begins, shape (d,).
         words: names a point, for the error.
         most: steps.
-        tops: maxima that are known, shape (d,) each; one whose slope is reached is not climbed again.
+        tops: maxima that are known, each with the log density there; one whose slope is reached is not climbed again.
 
     Returns:
         where it ended, shape (d,), and the log density there.
@@ -463,14 +489,20 @@ def follow(
             f"the log-likelihood has no finite derivative at {words(start)}; narrow the priors around there"
         )
 
+    heights: list[float] = []
+    highest = max((height for _, height in tops), default=-np.inf)
+
     def stop_if_there(intermediate_result: scipy.optimize.OptimizeResult) -> None:
         there = expand(tuple(intermediate_result.x))
+        heights.append(there.value)
+        if len(heights) > PATIENCE and there.value - heights[-1 - PATIENCE] < LEAST_GAIN * (highest - there.value):
+            raise StopIteration
         curvature = -there.hessian
         if np.linalg.eigvalsh(curvature)[0] <= 0:
             return
         step = np.linalg.solve(curvature, there.gradient)
         gain = 0.5 * there.gradient @ step
-        missed = [top - intermediate_result.x - step for top in tops]
+        missed = [top - intermediate_result.x - step for top, _ in tops]
         known = any(off @ curvature @ off < SAME_TOP for off in missed) and gain < NEAR_TOP
         if known or gain < np.finfo(float).eps * abs(there.value):
             raise StopIteration

@@ -77,6 +77,22 @@ def stack_trials(
     return jax.device_put(stacked._replace(channels=channels_of_all))
 
 
+def first_samples(data: TrialData, samples: int) -> TrialData:
+    """Return so many samples of the beginning of every trial."""
+
+    def cut(array: Array) -> np.ndarray:
+        return np.asarray(array)[:, :samples]
+
+    def cut_channel(whole: ChannelData) -> ChannelData:
+        present, kind = cut(whole.present), cut(whole.kind)
+        size = whole.gaps.shape[1]
+        counts = [np.bincount(k[p > 0], minlength=size) for k, p in zip(kind, present, strict=True)]
+        return whole._replace(measured=cut(whole.measured), present=present, kind=kind, counts=np.array(counts, float))
+
+    control, channels = tuple(map(cut, data.control)), tuple(map(cut_channel, data.channels))
+    return jax.device_put(data._replace(control=control, channels=channels, step=cut(data.step)))
+
+
 def _trial(
     record: Record, model: VehicleModel, channels: Sequence[str], initial: Sequence[float], samples: int
 ) -> TrialData:
