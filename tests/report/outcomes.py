@@ -242,7 +242,7 @@ def make_known(estimate: Estimate) -> Known:
         Direction(2.0, ((names[1], 1.9), (names[2], 0.3)), (True, False)),
     )
     verdict = (
-        f"what is known is {names[0]} + {names[1]} to 2 %; the split is not; to separate them, run <b>faster</b>",
+        f"known only in combination: {names[0]} + {names[1]} to 2 %; to separate them, run <b>faster</b>",
     )
     return Known("after", estimate.structure.label, rows, directions, verdict)
 

@@ -122,7 +122,7 @@ class LeastKnown:
     factor: Float[np.ndarray, "k k"]
     name = "fisher-e"
     unit = "1"
-    wording = "factor by which the variance falls of the combination of coefficients that the trial teaches least about"
+    wording = "factor by which the variance falls of the combination of coefficients that the trial improves least"
 
     def __call__(self, information: Float[Array, "*batch k k"]) -> Float[Array, "*batch"]:
         """See `Criterion`."""

@@ -249,21 +249,21 @@ def _colour(score: Score, channel: str, coloured: bool, feedback: bool) -> FitVe
         return FitVerdict(
             "caution",
             "correlated residuals",
-            f"{result}, which white noise is not: neighbours err in opposite directions, so stated standard deviations are "
+            f"{result}, so they are not white noise: neighbours have opposite errors, and the stated standard deviations are "
             "too large; check whether the sensor or the import filtered or differenced the channel",
         )
     if feedback:
         return FitVerdict(
             "caution",
             "biased through the autopilot",
-            f"{result}: through the autopilot these errors reach the controls, which biases the coefficients, and more data do not help; "
+            f"{result}: the autopilot puts these errors into the controls, which biases the coefficients, and more data do not help; "
             'set estimation.likelihood = "filter-error"',
         )
     rho = min(score.correlation, 0.999)
     return FitVerdict(
         "caution",
         "correlated residuals",
-        f"{result}, which white noise is not: stated standard deviations are too small, by a factor of about "
+        f"{result}, so they are not white noise: the stated standard deviations are too small, by a factor of about "
         f'{np.sqrt((1 + rho) / (1 - rho)):.1f}; set estimation.residuals = "coloured"',
     )
 

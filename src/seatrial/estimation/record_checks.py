@@ -200,9 +200,9 @@ def says_direction(expected: Float[np.ndarray, " n"], drawn: Float[np.ndarray, "
 
 def not_judged(names: Sequence[str]) -> RecordFinding:
     """Return the note about channels of which the priors do not say which way they go."""
-    value = "not judged, nor size and delay; vehicles drawn from the priors go either way or run away"
-    remedy = "priors of known sign, such as half-normal ones, would say"
-    return RecordFinding(", ".join(names), "direction", "note", value, f"judged where {AGREED:.0%} go one way", remedy)
+    value = "not judged, like size and delay: vehicles drawn from the priors go in both directions or diverge"
+    remedy = "use priors of known sign, such as half-normal"
+    return RecordFinding(", ".join(names), "direction", "note", value, f"judged if {AGREED:.0%} go in one direction", remedy)
 
 
 def _delay(name: str, late: float, shifted: float, direct: float, has_delay: bool) -> list[RecordFinding]:

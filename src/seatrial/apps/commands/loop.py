@@ -51,7 +51,7 @@ def next_trial(
     by: Annotated[
         NextBy,
         typer.Option(
-            help="chains go through the whole loop; mode says it in seconds, from the posterior mode, while the boat waits."
+            help="chains: run the whole loop. mode: answer in seconds from the posterior mode, while the boat waits."
         ),
     ] = NextBy.CHAINS,
     quiet: Quiet = False,

@@ -88,7 +88,7 @@ def design(
         for line in (*others, *designs.safety, *designs.prediction):
             answer.say(f"  {line}")
         promised = flow.get("promised")
-        answer.say(f"what it would tell about each coefficient of {promised.structure} at the prior means:")
+        answer.say(f"expected precision of each coefficient of {promised.structure} at the prior means:")
         answer.say("\n".join(promised.lines()))
         own = flow.get("own")
         if own is not None:

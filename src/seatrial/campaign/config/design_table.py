@@ -138,7 +138,7 @@ def read_own(path: Path, controls: Sequence[str], limits: Mapping[str, Limits], 
         raise InputError(
             str(path),
             found=f"{', '.join(schedule.controls)} held at one value",
-            expected="a control that moves: what stands still teaches little",
+            expected="a control that moves: a constant control gives little information",
             remedy="add the rows at which it changes",
         )
     return OwnSchedule(str(path), schedule, rows.skipped(schedule))

@@ -257,8 +257,8 @@ class DesignTable(Table):
     | `entropy` | lowers the entropy of the coefficients most, in nats, as the `filter` computes it |
     | `fisher-d` | the same, by the Fisher information |
     | `fisher-a` | leaves the smallest mean variance |
-    | `fisher-e` | teaches most about the combination that is least known |
-    | `fisher-me` | teaches about all combinations alike |
+    | `fisher-e` | gives the most information about the combination that is least known |
+    | `fisher-me` | gives similar information about all combinations |
     | `fisher-c` | makes the stated `prediction` most certain |
     | `discrimination` | tells the full structure best from the one most like it |
 

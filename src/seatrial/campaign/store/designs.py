@@ -167,7 +167,7 @@ class OwnTrial:
         return [
             f"your schedule {self.source}, {self.duration:.4g} s: {worth}; the best of the families ({self.best}), "
             f"{self.best_duration:.4g} s: {beside} by the same measure",
-            f"  after it, and in brackets after that one: {', '.join(sds)}",
+            f"  expected after your schedule, in brackets after the best of the families: {', '.join(sds)}",
             *(f"  {line}" for line in self.safety),
         ]
 

@@ -29,7 +29,7 @@ VAIN = 10.0
 """Standard deviation over the value from which a percentage says nothing."""
 
 
-BY_ITSELF = "each parameter is known by itself"
+BY_ITSELF = "each parameter is known separately"
 
 
 class HasKey(Protocol):
