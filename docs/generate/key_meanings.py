@@ -135,7 +135,10 @@ MEANINGS: dict[str, dict[str, tuple[str, str]]] = {
         "families": ("", "shapes of input to compare, from the list below"),
         "utility": ("", "what makes a design the best; see above"),
         "filter": ("", "filter that computes the entropy reduction"),
-        "over": ("", "whether the utility is the mean over what is believed, that at its mean (`local`), or the worst"),
+        "over": (
+            "",
+            "the utility is the mean over draws of the coefficients, the value at their mean (`local`), or the worst",
+        ),
         "per": ("", "whether a trial counts as a whole, by the energy it takes, or by the time"),
         "turnaround": ("time", 'time between trials, counted with `per = "second"`'),
         "probability": ("1", "probability with which the limits of the motion must be kept"),

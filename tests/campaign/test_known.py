@@ -64,7 +64,13 @@ def test_a_direction_is_a_change_of_one_standard_error():
 def test_the_table_names_the_verdict_or_says_that_there_is_none():
     known, _, _ = judged(regressors())
     said = "\n".join(known.lines())
-    for word in ("known to", "strongest correlation", "with X_uabsu", "known only in combination", "least-known direction"):
+    for word in (
+        "known to",
+        "strongest correlation",
+        "with X_uabsu",
+        "known only in combination",
+        "least-known direction",
+    ):
         assert word in said
     alone, _, _ = judged(np.kron(np.eye(3), np.ones((4, 1))) * np.array([10.0, 10.0, 1e5]))
     assert alone.verdict == ()

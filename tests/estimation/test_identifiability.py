@@ -256,7 +256,7 @@ def test_every_channel_missing():
 def test_model_that_diverges():
     """Nothing is invented where the likelihood has no derivatives."""
     found = identify(WIDE, np.ones(3), np.full((3, 3), np.nan))
-    assert "was not judged" in found.cautions()[0]
+    assert found.cautions()[0].startswith("not judged")
     assert len(found.lines()) == 5
 
 

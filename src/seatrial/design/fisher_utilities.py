@@ -225,7 +225,7 @@ def _checked(gradient: np.ndarray | None, k: int) -> np.ndarray:
             f"utility {PredictionCriterion.name}, gradient",
             found="none" if result is None else f"{result}",
             expected=f"{k} finite numbers, not all 0: how the prediction changes with each coefficient",
-            remedy="state the prediction whose variance is to fall",
+            remedy="state the prediction to improve",
         )
     return result
 

@@ -218,9 +218,9 @@ def _motion(score: Score, channel: str, held_back: bool, lacks: Sequence[str]) -
 
 
 def _noise_words(score: Score, channel: str) -> str:
-    """Size of the noise of the fit, and over what time it remembers."""
+    """Size of the noise of the fit, and its correlation time."""
     factor, unit = shown_unit(channel)
-    slow = f" with a memory of {score.correlation_time:.2g} s" if score.correlation_time else ""
+    slow = f" with a correlation time of {score.correlation_time:.2g} s" if score.correlation_time else ""
     return f"{score.noise_sd * factor:.2g} {unit}{slow}"
 
 

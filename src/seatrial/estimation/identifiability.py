@@ -177,9 +177,9 @@ class Identifiability:
             for i, name in zip(at, group.names, strict=True)
         ]
         sums = [f"{item.text}{f' ({item.meaning})' if item.meaning else ''} {item.known}" for item in group.headline]
-        known = {"before": "would be known", "after": "known"}[self.stage]
+        would_be = {"before": "would be ", "after": ""}[self.stage]
         return (
-            f"{known} only in combination: {listed(sums)}; separately {listed(each)}, correlation "
+            f"{would_be}known only in combination: {listed(sums)}; separately {listed(each)}, correlation "
             f"{group.correlation:+.3f}; to separate them, {group.remedy}"
         )
 

@@ -25,21 +25,27 @@ def _line(meaning: str) -> Any:
 Template = Annotated[
     str | None, _one("NAME", "A template: remus100 (simulated), design or steering (no data yet), log (a CSV log).")
 ]
-Vehicle = Annotated[str | None, _one("NAME", "Published vehicle, see `seatrial vehicle`; for your own vehicle give --mass instead.")]
+Vehicle = Annotated[
+    str | None, _one("NAME", "Published vehicle, see `seatrial vehicle`; for your own vehicle give --mass instead.")
+]
 Mass = Annotated[str | None, _one("QUANTITY", 'Mass of your own vehicle in air, such as "30 kg".')]
 Inertia = Annotated[str | None, _one("THREE", 'Its moments of inertia, if it turns: "0.2, 3.4, 3.4 kg m^2".')]
 Moves = Annotated[
     str | None, _one("NAMES", "Velocities of the model, such as u,v,r; if not given, u, or all that are published.")
 ]
 Known = Annotated[list[str] | None, _line('A known coefficient, in SI units: "X_udot -1.0".')]
-Deduction = Annotated[str | None, _one("SHARE", "Thrust deduction, the share of the thrust that is lost at the stern, such as 0.1.")]
+Deduction = Annotated[
+    str | None, _one("SHARE", "Thrust deduction, the share of the thrust that is lost at the stern, such as 0.1.")
+]
 Seek = Annotated[
     list[str] | None,
     _line(
         'A coefficient to find, with its plausible range: "X_uabsu -4.5 to -1.5 kg/m"; if it is published, the name is enough.',
     ),
 ]
-Optional = Annotated[list[str] | None, _line("A coefficient in doubt, written like --seek: the data decide whether the model needs it.")]
+Optional = Annotated[
+    list[str] | None, _line("A coefficient in doubt, written like --seek: the data decide whether the model needs it.")
+]
 Speed = Annotated[str | None, _one("QUANTITY", 'Speed at which a trial begins, such as "1.5 m/s".')]
 Control = Annotated[
     list[str] | None,
@@ -212,15 +218,15 @@ def _asked() -> dict[str, Any] | str:
     if first == "own":
         said["mass"] = _ask("mass in air, such as 30 kg", _quantity_text("kg"))
     if not first.endswith(SURGE):
-        said["moves"] = _ask(
-            "velocities of the model, of u v w p q r", _one_text, "u" if first == "own" else "u,v,r"
-        )
+        said["moves"] = _ask("velocities of the model, of u v w p q r", _one_text, "u" if first == "own" else "u,v,r")
         said["speed"] = _ask("speed at which a trial begins, such as 1.5 m/s", _quantity_text("m/s"))
     if first == "own":
         if set(said["moves"]) & set("pqr"):
             said["inertia"] = _ask("inertia about its three axes, such as 0.2, 3.4, 3.4 kg m^2", _one_text)
         said["known"] = _several('known coefficients, such as "X_udot -1.0"', parts.read_known)
-        said["thrust_deduction"] = _ask("thrust deduction, the share of the thrust that is lost at the stern", _quantity_text("1"), "0")
+        said["thrust_deduction"] = _ask(
+            "thrust deduction, the share of the thrust that is lost at the stern", _quantity_text("1"), "0"
+        )
     else:
         _say_published(first, said.get("moves", "u"))
     range_of = 'such as "X_uabsu -4.5 to -1.5 kg/m"' + (", or a published name alone" if first != "own" else "")
@@ -228,7 +234,9 @@ def _asked() -> dict[str, Any] | str:
     said["seek"] = _several(f"coefficients to find, {range_of}", sought, least=1)
     said["optional"] = _several("coefficients in doubt, which the data keep or drop", sought)
     example = "n 1200 rpm, 700 to 1600 rpm, 800 rpm/s"
-    said["control"] = _several(f'controls, first the one that moves: trim, range, rate; "{example}"', parts.read_control, 1)
+    said["control"] = _several(
+        f'controls, first the one that moves: trim, range, rate; "{example}"', parts.read_control, 1
+    )
     said["sensor"] = _several('sensors: noise of one sample, rate; "u 0.05 m/s, 5 Hz"', parts.read_sensor, 1)
     said["limit"] = _several('limits of the motion, such as "u above 0.5 m/s"', parts.read_limit)
     said["duration"] = _ask("duration of a trial", _quantity_text("s"), "60 s")

@@ -26,7 +26,8 @@ def live(
     ] = 10.0,
     as_json: Annotated[bool, typer.Option("--json", help="Print lines of JSON instead of text.")] = False,
     gap: Annotated[
-        float, typer.Option(min=0.01, help="Seconds without a sample after which the vehicle's states are initialised again.")
+        float,
+        typer.Option(min=0.01, help="Seconds without a sample after which the vehicle's states are initialised again."),
     ] = 2.0,
     hold: Annotated[
         float, typer.Option(min=0.0, help="Seconds for which the goal must be met before the advice is to stop.")

@@ -14,7 +14,10 @@ def serve(
     host: Annotated[str, typer.Option(help="Address to listen on; any but loopback needs a token.")] = "127.0.0.1",
     port: Annotated[int, typer.Option(min=0, max=65535, help="Port; 0 for any that is free.")] = 8080,
     token: Annotated[
-        str | None, typer.Option(help="Token that every request must have; if it is needed and not given, one is made and printed.")
+        str | None,
+        typer.Option(
+            help="Token that every request must have; if it is needed and not given, one is made and printed."
+        ),
     ] = None,
     also: Annotated[
         list[Path] | None,

@@ -28,9 +28,7 @@ _REMEMBERED = 1000
 
 def shell(
     folder: Folder,
-    cold: Annotated[
-        bool, typer.Option("--cold", help="Do not prepare the next step while you type nothing.")
-    ] = False,
+    cold: Annotated[bool, typer.Option("--cold", help="Do not prepare the next step while you type nothing.")] = False,
 ) -> None:
     """Run commands in one session, without a new start for each.
 

@@ -85,7 +85,7 @@ def check_utility(design: DesignSettings, keys: FileKeys, is_one_structure: bool
         raise InputError(
             keys.where("design.utility"),
             found='"fisher-c" without [design.prediction]',
-            expected="the prediction whose variance is to fall",
+            expected="the prediction to improve",
             remedy='add [design.prediction] with of = "distance", control = "0 rpm" and after = "30 s"',
         )
     if design.utility == "discrimination" and is_one_structure:

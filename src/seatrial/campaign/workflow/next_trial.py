@@ -90,7 +90,9 @@ def propose_by_mode(campaign: Campaign, first: FirstAnswer, designs: Designs, tr
     counting = goal is not None and goal.only_trials
     if goal is not None and not (unmet or goal.decided or counting):
         return Proposal(
-            None, tuple(standing), ("stop: the posterior mode meets the goal; confirm it by `seatrial next` without --by",)
+            None,
+            tuple(standing),
+            ("stop: the posterior mode meets the goal; confirm it by `seatrial next` without --by",),
         )
     assert first.drawn is not None
     return _most_informative(designs, known, noise_words(campaign, first.drawn), tuple(standing), counting)

@@ -80,9 +80,7 @@ def sweep_drawings(outcome: Outcome, designs: Designs, name: str) -> list[Drawin
         if grid.size > 1 and at in (0, grid.size - 1)
     ]
     if edges:
-        caption += (
-            f" The best {' and '.join(edges)} {'lies' if len(edges) == 1 else 'lie'} on the edge of the grid."
-        )
+        caption += f" The best {' and '.join(edges)} {'lies' if len(edges) == 1 else 'lie'} on the edge of the grid."
     surface = design_surface(
         sweep.period,
         sweep.amplitude * factor,

@@ -124,7 +124,10 @@ def _files(outcome: Outcome) -> list[tuple[str, str]]:
             for estimate in outcome.estimates
         ),
         *(
-            (store.known(estimate.structure.label), f"standard deviations and known combinations of {estimate.structure.label}")
+            (
+                store.known(estimate.structure.label),
+                f"standard deviations and known combinations of {estimate.structure.label}",
+            )
             for estimate in outcome.estimates
         ),
         (store.selection, "evidences, probabilities and verdicts"),

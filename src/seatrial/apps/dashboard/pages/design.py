@@ -34,7 +34,7 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
         if there:
             Surface(context, folder, paths, there[-1], there)
         else:
-            words = "Run the design below: every trial of the grid is weighed, which takes seconds to minutes."
+            words = "Run the design below: every trial of the grid is computed, which takes seconds to minutes."
             with section("No design yet", words):
                 pass
 
@@ -198,7 +198,7 @@ class Surface:
             holder,
             answer,
             self._details,
-            "simulating it with what is believed, to see how far it stays from the limits …",
+            "simulating this design, to see its distance from the limits …",
         )
 
     def _details(self, clicked: Clicked) -> None:
