@@ -218,7 +218,7 @@ class RangeTable(Table):
 
 
 class PowerTable(Table):
-    """`[power]`: the power from the battery during a trial: the hotel load, and the propulsion, which grows with the cube of the control."""
+    """`[power]`: the power that the battery gives: the hotel load, and the propulsion, which grows with the cube of the control."""
 
     hotel: Quantity
     propulsion: Quantity
