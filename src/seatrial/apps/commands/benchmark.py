@@ -27,7 +27,7 @@ def benchmark(
     ] = False,
     quiet: Quiet = False,
 ) -> None:
-    """Fit methods to public records and score them on held-back runs."""
+    """Compare methods on held-back runs of public records."""
 
     def work(reporter: Any) -> Exit:
         if list_:

@@ -125,7 +125,7 @@ def criteria(
     ] = None,
     quiet: Quiet = False,
 ) -> None:
-    """Compare structures by AIC, BIC, DIC, WAIC, PSIS-LOO and others."""
+    """Compare structures by AIC, BIC, WAIC and others."""
 
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
         from seatrial.apps import results

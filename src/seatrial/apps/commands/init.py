@@ -84,7 +84,10 @@ def init(
     log: Log = None,
     name: Name = None,
 ) -> None:
-    """Write a commented campaign file, from the data of a vehicle or from a template; without options, in a terminal, it asks."""
+    """Write a commented campaign file.
+
+    The options describe the vehicle, or name a template. Without options it asks, in a terminal.
+    """
     said = {
         **{"vehicle": vehicle, "mass": mass, "inertia": inertia, "moves": moves, "known": known},
         **{"thrust_deduction": thrust_deduction, "seek": seek, "optional": optional, "speed": speed},

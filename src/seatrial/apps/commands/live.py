@@ -44,7 +44,7 @@ def live(
     ] = False,
     quiet: Quiet = False,
 ) -> None:
-    """Follow a trial while it runs: coefficients against the goal, what is excited, and one sentence of advice.
+    """Follow a trial while it runs, and say when to stop.
 
     It never commands the vehicle. Everything that comes is kept under results/live; Ctrl-C ends the session.
     """

@@ -112,9 +112,9 @@ def design(
 
 
 def plan_campaign(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
-    """Plan all trials of a campaign: their order, the chance of meeting the goals, and what to drop first.
+    """Plan all trials of a campaign within time and battery.
 
-    After a trial it plans the rest, from the posterior mode.
+    It prints their order, the chance of meeting the goals, and what to drop first. After a trial it plans the rest from the posterior mode.
     """
 
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
