@@ -200,7 +200,7 @@ def _motion(score: Score, channel: str, held_back: bool, lacks: Sequence[str]) -
         return FitVerdict(
             "unjudged",
             "noise hides the motion",
-            f"{result}: the residuals of the fit, {left}, are as large as the motion of this run, which therefore tests little; "
+            f"{result}: the residuals of the fit, {left}, are as large as the motion of this run, so this run tests little; "
             "use one that moves more, or add a term if the sensor is better than that",
         )
     if held_back:
