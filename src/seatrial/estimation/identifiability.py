@@ -162,7 +162,7 @@ class Identifiability:
                 )
             elif is_coefficient(name) and sd > VAGUE * abs(value):
                 said.append(
-                    f"{name} {verb} {measured(value, sd, unit)} (practical): the data narrow the prior but settle "
+                    f"{name} {verb} {measured(value, sd, unit)} (practical): the data narrow the prior but determine "
                     f"{'not even its sign' if 1.96 * sd > abs(value) else 'little more than its sign'}; "
                     "run a trial that excites it more, or leave it out"
                 )
