@@ -51,8 +51,11 @@ def panels(outcome: Outcome) -> list[tuple[str, Drawing]]:
     """The loop in four pictures, with their headings."""
     terms = term_figures(outcome.campaign.units, outcome.selection, None, None)[0]
     return [
-        ("1. Which doublet teaches most (entropy reduction, nat)", sweep_drawings(outcome, outcome.first, "first")[0]),
-        ("2. What the trial taught about quadratic drag", posterior_of(outcome, "X_uabsu")),
+        (
+            "1. The most informative doublet (entropy reduction, nat)",
+            sweep_drawings(outcome, outcome.first, "first")[0],
+        ),
+        ("2. Quadratic drag before and after the trial", posterior_of(outcome, "X_uabsu")),
         ("3. Which terms the data support", draw(terms.figure, "terms", terms.heading)),
         ("4. What to run next", sweep_drawings(outcome, outcome.next, "next")[1]),
     ]

@@ -117,7 +117,7 @@ MEANINGS: dict[str, dict[str, tuple[str, str]]] = {
         "ki": ("the same, per second", "integral gain"),
         "kd": ("the same, times seconds", "derivative gain; it acts on the measurement, not on the set-point"),
         "derivative": ("", "channel that shows the rate of change, such as `r`; without it differences are taken"),
-        "set_point": ("that of the channel", "what is held while a trial leaves it alone; its trim if not given"),
+        "set_point": ("that of the channel", "value that is held if the trial does not move it; its trim if not given"),
         "limit": ("that of what it moves", "largest output, to either side"),
         "rate": ("that of what it moves, per second", "fastest change of the output"),
         "interval": (
@@ -135,7 +135,10 @@ MEANINGS: dict[str, dict[str, tuple[str, str]]] = {
         "families": ("", "shapes of input to compare, from the list below"),
         "utility": ("", "what makes a design the best; see above"),
         "filter": ("", "filter that computes the entropy reduction"),
-        "over": ("", "whether the utility is the mean over what is believed, that at its mean (`local`), or the worst"),
+        "over": (
+            "",
+            "the utility is the mean over draws of the coefficients, the value at their mean (`local`), or the worst",
+        ),
         "per": ("", "whether a trial counts as a whole, by the energy it takes, or by the time"),
         "turnaround": ("time", 'time between trials, counted with `per = "second"`'),
         "probability": ("1", "probability with which the limits of the motion must be kept"),
@@ -165,7 +168,7 @@ MEANINGS: dict[str, dict[str, tuple[str, str]]] = {
         "threshold": ("that of the output", "distances from trim that are tried"),
     },
     "BesideTable": {
-        "amplitude": ("that of the control", "its amplitude where that of the designed control is the largest"),
+        "amplitude": ("that of the control", "its amplitude at the largest amplitude of the designed control"),
         "period": ("1", "its period over that of the designed control"),
     },
     "PredictionTable": {
@@ -186,7 +189,7 @@ MEANINGS: dict[str, dict[str, tuple[str, str]]] = {
     "PlanTable": {
         "time": ("time", "time on the water, all trials with their turnaround"),
         "battery": ("energy", "energy for all trials, by [power]"),
-        "turnaround": ("time", "what each trial takes beside its own duration, such as the way back"),
+        "turnaround": ("time", "time between trials, such as the way back"),
         "chance": ("1", "chance of meeting all goals from which on no trial is added"),
     },
     "ImportTable": {
@@ -198,7 +201,7 @@ MEANINGS: dict[str, dict[str, tuple[str, str]]] = {
         "trim": ("", "`[import.trim.RUN]`, for a run with its own start and end"),
         "split": ("time", "length of the pieces into which a long record is cut"),
         "schedule": ("", "CSV of what was commanded, with `{run}` for the label of a run; the record is cut to it"),
-        "keep": ("", "when a run is what it is taken for, `[[import.keep]]`; it is cut to the longest such stretch"),
+        "keep": ("", "conditions that a run must meet, `[[import.keep]]`; it is cut to the longest such stretch"),
         "files": ("", "the logs, `[[import.files]]`, one or more"),
     },
     "KeepTable": {
@@ -270,7 +273,7 @@ MEANINGS: dict[str, dict[str, tuple[str, str]]] = {
             "",
             "where the work is done: `local`, `slurm`, or the address of a Dask scheduler such as `tcp://10.0.0.1:8786`",
         ),
-        "slurm": ("", "what each job asks for, `[compute.slurm]`"),
+        "slurm": ("", "resources of each job, `[compute.slurm]`"),
     },
     "SlurmTable": {
         "memory": ("memory", "memory of each job, such as `4 GB`"),

@@ -82,7 +82,7 @@ def test_a_posterior_that_is_too_narrow_is_caught(small, monkeypatch):
     assert {"X_uabsu", "T_nabsn", "X_u"} <= set(spoilt.calibration.outside())
     said = " ".join(spoilt.lines())
     assert "the posterior is overconfident" in said
-    assert "it is not the sampling that makes the ranks uneven" in said
+    assert "so the sampling is not the cause of the uneven ranks" in said
 
 
 def test_unknown_method(small):
@@ -125,16 +125,18 @@ def test_poor_mixing_is_told_from_a_wrong_posterior(bad, words):
     assert said.startswith("the draws mixed poorly in 2 of 100 replicates")
     assert words in said
     assert said.endswith(
-        "uneven ranks may be the sampling's and not the posterior's; try another method, or narrower priors"
+        "this may be the cause of uneven ranks, not the posterior; try another method, or narrower priors"
     )
-    assert spoken([GOOD] * 99 + [bad]).endswith("too few to make ranks uneven")
+    assert spoken([GOOD] * 99 + [bad]).endswith("too few to cause uneven ranks")
 
 
 def test_good_mixing_is_not_blamed():
     assert spoken([GOOD] * 100).startswith(
         "the draws mixed well in all 100 replicates (R-hat up to 1.01, 800 effective"
     )
-    assert spoken([GOOD] * 100, np.zeros((100, 1), int)).endswith("it is not the sampling that makes the ranks uneven")
+    assert spoken([GOOD] * 100, np.zeros((100, 1), int)).endswith(
+        "so the sampling is not the cause of the uneven ranks"
+    )
     assert "30% of the moves made at least" in spoken([(np.nan, np.nan, np.nan, 0.3)] * 40)
 
 

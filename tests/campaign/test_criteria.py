@@ -54,7 +54,7 @@ def test_differences_are_to_the_best_with_the_error_of_the_difference():
     assert table["DIC"][2] == pytest.approx((90.0, np.hypot(0.3, 0.3)))
     said = "\n".join(criteria_lines(found))
     assert (
-        "M-2 is behind by DIC, BPIC, AIC, BIC, WAIC, PSIS-LOO, leave-future-out; the others are not told apart" in said
+        "M-2 is behind by DIC, BPIC, AIC, BIC, WAIC, PSIS-LOO, leave-future-out; the others cannot be separated" in said
     )
     assert "DIC and BPIC decide little" in said
     assert said.count("best ") + said.count("best\n") >= 7

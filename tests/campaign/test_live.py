@@ -173,7 +173,7 @@ def test_states_begin_anew_and_coefficients_keep_what_is_known(campaign):
     for old, new in zip(before.coefficients, after.coefficients, strict=True):
         assert new.sd <= 1.05 * old.sd
         assert new.mean == pytest.approx(old.mean, abs=0.5 * old.sd)
-    assert any("begun anew" in note for note in session.notes.take())
+    assert any("initialised again" in note for note in session.notes.take())
 
 
 def test_values_of_another_unit_and_of_the_other_sign_are_told_once():
@@ -440,7 +440,7 @@ def test_the_next_segment_is_the_one_that_meets_the_goal_soonest(campaign):
     assert 1.5 < library.sizes["u"] < 15.0
     session = Session(campaign, "simulated", library=library)
     session.add(Arrival(Decimal(0), 0, {"n": 100.0, "u": 1500.0}))
-    assert "the priors foresee" in session.notes.take()[0]
+    assert "the priors allow" in session.notes.take()[0]
 
 
 def test_topics_of_ros_where_rclpy_is(monkeypatch):

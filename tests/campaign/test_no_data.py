@@ -79,7 +79,7 @@ def test_priors_and_designs_are_told(monkeypatch, capsys, designed, tmp_path):
     code, out, _ = run(monkeypatch, capsys, "design", tmp_path / "boat", "--quiet", "--sensors", "--trials", 2)
     assert code == Exit.OK
     assert "best design: repeated doublet" in out
-    assert "what it would tell about each coefficient" in out
+    assert "expected precision of each coefficient" in out
     assert out.endswith("add its log to this campaign: `seatrial check " + f"{tmp_path / 'boat'}` says how\n")
     assert "2 trials together" in out
     assert "u of noise" in out

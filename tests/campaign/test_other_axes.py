@@ -137,7 +137,7 @@ def test_the_loop_against_plain_steps_of_the_exact_solution(tmp_path):
         ([('upper = "10 deg/s"', 'upper = "1 deg/s"')], r"r at most 1 deg/s: holds in \d+ of 400 draws"),
         (
             [("sd = 0.05", "sd = 0.25")],
-            r"3 of 4 designs of the grid oscillate.*the surest, ±12.5 deg reversed at ±2 deg/s, oscillates in \d\d%",
+            r"3 of 4 designs of the grid oscillate.*the best, ±12.5 deg reversed at ±2 deg/s, oscillates in \d\d%",
         ),
     ],
 )

@@ -193,7 +193,9 @@ def test_priors_that_run_away_are_called_so(tmp_path):
     some = predicted(tmp_path / "some", (LINEAR, "lower = -3.6\nupper = 6.0"), (DRAG, "lower = -0.5\nupper = 0.0"))
     assert 0.01 < some.lost.mean() < 0.5
     assert prior_alarms(some) == []
-    assert any("run away" in text and "physical = true in [prior.X_u]" in text for text in prior_cautions(some))
+    assert any(
+        "reach no steady speed" in text and "physical = true in [prior.X_u]" in text for text in prior_cautions(some)
+    )
     assert np.nanmax(np.abs(some.single)) <= FASTEST
 
 

@@ -128,7 +128,7 @@ def test_proposals_weigh_goal_doubt_and_gain(tmp_path):
     assert any(line.startswith("X_u is known to") and line.endswith(" 1 % wanted") for line in strict_lines(outcome))
     little = replace(outcome.next.best, gain=outcome.next.best.gain * 1e-3)
     quiet = replace(outcome, next=replace(outcome.next, sweeps=(little,)), contenders=None)
-    assert "would teach little" in propose(quiet).lines[-1]
+    assert "would give little information" in propose(quiet).lines[-1]
 
 
 def test_a_model_that_fails_on_held_back_runs_stops_the_sequence_and_takes_the_headline(tmp_path):

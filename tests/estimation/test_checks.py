@@ -105,7 +105,7 @@ def test_only_the_sum_is_seen(prior):
     assert "structural" in said[0]
     assert "changing a by +1 % and b by -1" in said[0]
     assert "leaves every measurement as it is" in said[0]
-    assert said[1].startswith("what is known is a + b to ")
+    assert said[1].startswith("known only in combination: a + b to ")
     assert "correlation -1.000" in said[1]
 
 

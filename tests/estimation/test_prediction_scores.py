@@ -131,7 +131,7 @@ def test_the_coefficients_are_blamed_only_where_their_uncertainty_covers_the_err
     missed, wide = 0.1 * MOTION, np.full(TIME.size, 0.8)
     noise = scored(white(), mean=missed, noise=0.6, slow=SlowNoise(1.2, 1.0))
     said = verdict(replace(noise, effective=20.0, noise_share=0.4), held_back=True, coloured=True).reason
-    assert "because of the residuals of the fit, 0.6 m/s with a memory of 1.2 s" in said
+    assert "because of the residuals of the fit, 0.6 m/s with a correlation time of 1.2 s" in said
     assert "not because the coefficients are uncertain" in said
     known = scored(white(), mean=missed, motion_sd=0.8)
     assert "next trial" in verdict(replace(known, effective=20.0), held_back=True).reason

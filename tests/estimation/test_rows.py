@@ -154,7 +154,7 @@ def test_coloured_forces_are_noticed_and_wider_windows_taken():
     record = ship_record(time, np.array(states) + 0.001 * rng.normal(size=(time.size, 2)))
     noise = {"v": 0.001, "r": 0.001}
     narrow = fit_rows(whitened_rows(SHIP_EQUATIONS, weak_trials([record], SHIP_EQUATIONS, 2.0), noise))
-    assert "residuals of axis N follow one another" in narrow.status
+    assert "residuals of axis N are correlated" in narrow.status
     assert narrow.correlation.min() > 0.2
     assert narrow.effective.max() < 0.7 * 399
     rows, fit = independent_rows(SHIP_EQUATIONS, [record], noise, 2.0)

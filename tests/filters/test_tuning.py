@@ -63,7 +63,7 @@ def test_well_tuned(seed, gaps):
         ({"r": 100}, ("R", "down"), ["smaller than R alone", "u to a standard deviation of 0.02", "udot"]),
         ({"r": 0.01}, ("R", "up"), ["chases the noise", "raise R of u", "udot to a standard deviation of 0.0"]),
         ({"q": 1e4}, ("Q", "down"), ["though not smaller than R", "chases the noise", "lower Q of u"]),
-        ({"q": 1e-4}, ("Q", "up"), ["follow one another", "raise Q of u"]),
+        ({"q": 1e-4}, ("Q", "up"), ["are correlated in time", "raise Q of u"]),
         ({"p": 1e6}, ("P", "down"), ["less than P_0 expects", "lower P_0 of X_uabsu, T_nabsn"]),
         ({"p": 1e-3}, ("P", "up"), ["raise P_0 of X_uabsu, T_nabsn, then check again"]),
     ],
@@ -324,9 +324,7 @@ def test_what_the_findings_say_in_numbers():
     assert f"lower R of u to a standard deviation of {0.5 * MEASUREMENT_SD[0]:.2g} or" in words(
         spread=np.array([0.25, 1.0])
     )
-    assert "of udot follow one another (correlation -0.30)" in words(
-        correlation=np.array([0.2, -0.3]), whiteness=np.zeros(2)
-    )
+    assert "of udot are correlated in time (-0.30)" in words(correlation=np.array([0.2, -0.3]), whiteness=np.zeros(2))
 
 
 def test_settling_and_travel_of_the_constants_by_hand():

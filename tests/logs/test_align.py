@@ -209,7 +209,7 @@ def test_channel_given_twice_or_not_at_all(tmp_path, control):
 @pytest.mark.parametrize(
     ("values", "parts"),
     [
-        (1e-155 * np.arange(1, 6), ('channel "p"', "at most 5.0e-155 rad/s", "garbage")),
+        (1e-155 * np.arange(1, 6), ('channel "p"', "at most 5.0e-155 rad/s", "invalid")),
         (np.full(5, 0.25), ('channel "p"', "0.25", "varies")),
     ],
 )

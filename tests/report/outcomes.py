@@ -241,9 +241,7 @@ def make_known(estimate: Estimate) -> Known:
         Direction(0.01, ((names[0], 0.01), (names[1], -0.004)), (True, True)),
         Direction(2.0, ((names[1], 1.9), (names[2], 0.3)), (True, False)),
     )
-    verdict = (
-        f"what is known is {names[0]} + {names[1]} to 2 %; the split is not; to separate them, run <b>faster</b>",
-    )
+    verdict = (f"known only in combination: {names[0]} + {names[1]} to 2 %; to separate them, run <b>faster</b>",)
     return Known("after", estimate.structure.label, rows, directions, verdict)
 
 

@@ -167,7 +167,7 @@ def test_alarms_come_first_and_take_the_answer_over(tmp_path):
 
 def test_a_family_that_is_exhausted_is_said_to_be(tmp_path):
     html = render(make_outcome(tmp_path, gain=0.01))
-    assert "another trial of this kind would teach little" in html
+    assert "another trial of this kind would give little information" in html
     assert "What next" not in html
 
 
@@ -198,7 +198,7 @@ def test_what_is_known_together_is_named_and_what_is_not_is_flagged(html):
     assert "to 2\u202f%" in said
     assert "run &lt;b&gt;faster&lt;/b&gt;" in said
     assert said.count('<span class="flag"') >= 4
-    assert "known together rather than each" in said
+    assert "known in combination only" in said
     assert "+190\u202f%" in said
     assert "prior sd" in said
 
@@ -208,20 +208,20 @@ def test_a_design_is_judged_before_the_data(tmp_path):
     before = replace(outcome, first=outcome.next, promised=replace(outcome.known, stage="before", directions=()))
     html = render(before)
     said = html[html.index('id="next"') : html.index('id="parameters"')]
-    assert "What this design could tell" in said
+    assert "Expected before the trial" in said
     assert "run &lt;b&gt;faster&lt;/b&gt;" in said
-    assert "What this design could tell" not in render(outcome)
+    assert "Expected before the trial" not in render(outcome)
 
 
 def test_a_campaign_in_which_nothing_was_scored_says_so(tmp_path):
     html = render(replace(make_outcome(tmp_path), fits=(), compared=(), pooled=()))
-    assert "Nothing was measured that could be compared" in html
+    assert "No measurement could be compared" in html
 
 
 def test_a_model_beside_simpler_ones(tmp_path, html):
     said = html[html.index('id="fit"') : html.index('id="next"')]
     assert "the model predicts u better than every baseline" in said
-    table = said[said.index("<summary>Beside simpler models") :]
+    table = said[said.index("<summary>Comparison with simpler models") :]
     assert table[: table.index("</table>")].count("<tr") == 4
     assert "Not fitted: nomoto; no yaw rate r is among the channels &lt;script&gt;" in said
     alone = render(replace(make_outcome(tmp_path / "alone"), baselines=None, compared=()))

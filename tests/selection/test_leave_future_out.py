@@ -217,7 +217,7 @@ def test_coloured_residuals_remember_across_the_edge():
     [
         (np.full(10, 0.69), 0.7, ""),
         (np.full(9, 0.5), 0.7, "only 9 blocks"),
-        (np.append(np.full(9, 0.5), 0.71), 0.7, "1 of 10 blocks are predicted"),
+        (np.append(np.full(9, 0.5), 0.71), 0.7, "predictions of 1 of 10 blocks depend"),
         (np.append(np.full(9, 0.5), 0.71), 0.5, "k-hat up to 0.71"),
         (np.append(np.full(9, 0.5), 0.71), 0.75, ""),
         (np.append(np.full(9, 0.5), np.nan), 0.7, "1 of 10"),

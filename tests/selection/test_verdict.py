@@ -98,7 +98,7 @@ def test_pairs_are_all_looked_at():
 def test_unhealthy_evidence_is_named():
     status = ("", "", "repeats differ by 2.1 nats", "")
     (alarm,) = selection([0.0, 0.1, 0.2, 0.3], status=status).alarms
-    assert alarm == "the evidence of M-2 is not to be trusted: repeats differ by 2.1 nats"
+    assert alarm == "the evidence of M-2 is not reliable: repeats differ by 2.1 nats"
 
 
 def test_unhealthy_evidence_that_decides_nothing_is_no_alarm():
@@ -145,7 +145,7 @@ def test_a_verdict_that_hangs_on_a_doubtful_evidence_is_withheld():
         for lead in (4.0, 20.0)
     )
     assert shaken.verdicts[0] == (
-        "it cannot be said whether the data support X_u: its probability is 0.98 by evidences of which one is not to be trusted, "
+        "it cannot be said whether the data support X_u: its probability of 0.98 depends on an evidence that is not reliable, "
         f"and may be anything from {reached:.2f} to 1.00"
     )
     assert len(shaken.alarms) == 1

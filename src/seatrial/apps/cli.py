@@ -86,8 +86,8 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
-    help="Identify the dynamics of underwater vehicles: design a trial, estimate the coefficients, select the terms the data support, "
-    "say what to run next.",
+    help="Identify the dynamics of underwater vehicles: design a trial, estimate the coefficients, select the terms that the data "
+    "support, and say what to run next.",
     epilog="Exit codes: 0 done; 2 the input cannot be used (the message says what is wrong and what to do); 3 done, but a health "
     "check failed (see the report); 4 the computation failed; 130 interrupted (run again to resume).",
 )

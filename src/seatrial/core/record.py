@@ -252,5 +252,5 @@ def _check_garbage(values: np.ndarray, channel: Channel, where: str) -> None:
             where,
             found=f"values of at most {size:.1e} {channel.unit}",
             expected="magnitudes a vehicle can have",
-            remedy="the column holds garbage or the unit is wrong: map another column or correct the unit",
+            remedy="the column has invalid values or the unit is wrong: map another column or correct the unit",
         )

@@ -122,7 +122,7 @@ class LeastKnown:
     factor: Float[np.ndarray, "k k"]
     name = "fisher-e"
     unit = "1"
-    wording = "factor by which the variance falls of the combination of coefficients that the trial teaches least about"
+    wording = "factor by which the variance falls of the combination of coefficients that the trial improves least"
 
     def __call__(self, information: Float[Array, "*batch k k"]) -> Float[Array, "*batch"]:
         """See `Criterion`."""
@@ -225,7 +225,7 @@ def _checked(gradient: np.ndarray | None, k: int) -> np.ndarray:
             f"utility {PredictionCriterion.name}, gradient",
             found="none" if result is None else f"{result}",
             expected=f"{k} finite numbers, not all 0: how the prediction changes with each coefficient",
-            remedy="state the prediction whose variance is to fall",
+            remedy="state the prediction to improve",
         )
     return result
 

@@ -81,7 +81,7 @@ def _misses(safety: Safety, kept: np.ndarray) -> tuple[list[str], str]:
     if pairs:
         told = [
             f"{limits[i].words} and {limits[j].words} conflict: alone they leave {kept[:, i].sum()} and {kept[:, j].sum()} "
-            f"designs, together none; beside the first the second {_miss(safety, j, (i,))}, beside the second the first "
+            f"designs, together none; if the first is kept, the second {_miss(safety, j, (i,))}; if the second is kept, the first "
             f"{_miss(safety, i, (j,))}"
             for i, j in pairs
         ]

@@ -42,7 +42,9 @@ RELEVANT = 0.1
 """A correlation of innovations below this does no harm, however significant."""
 HEAVY = 6.0
 """Kurtosis of the innovations, 3 for normal ones, from which outliers are told."""
-HIDDEN = "the noise cannot be told from the motion, which changes from sample to sample: give the sensor's noise"
+HIDDEN = (
+    "noise and motion cannot be separated, because the motion changes from sample to sample: give the sensor's noise"
+)
 STILL = "nothing moves but along a straight line, as far as the noise shows"
 BLOCK = 512
 """Samples are filled up to a multiple of this, so that records of like length share compiled code."""
@@ -241,8 +243,8 @@ def _innovation_complaints(z: np.ndarray) -> list[str]:
     worst = int(np.argmax(np.abs(result)))
     if abs(result[worst]) > max(RELEVANT, CHANCE / np.sqrt(z.size)):
         said.append(
-            f"the innovations are not white (correlation {result[worst]:+.2f} at lag {lags[worst]}): noise or motion has a memory "
-            "that the model has not, and the standard deviations cannot be believed"
+            f"the innovations are not white (correlation {result[worst]:+.2f} at lag {lags[worst]}): noise or motion is correlated "
+            "in time more than the model says, so the standard deviations are not reliable"
         )
     kurtosis = float(np.mean(centred**4) / np.mean(centred**2) ** 2)
     if kurtosis > HEAVY:
@@ -251,5 +253,5 @@ def _innovation_complaints(z: np.ndarray) -> list[str]:
         )
     size = float(np.sqrt(np.mean(z**2)))
     if abs(np.log(size)) > max(np.log(1.2), CHANCE / np.sqrt(2 * z.size)):
-        said.append(f"the innovations are {size:.2g} times as large as the noise that was given makes them")
+        said.append(f"the innovations are {size:.2g} times as large as expected from the given noise")
     return said

@@ -248,6 +248,6 @@ def _complaint(names: tuple[str, ...], plain: np.ndarray, plain_sd: np.ndarray, 
         return ""
     return (
         f"noise in the speed biases the plain regression: {names[worst]} comes out as {plain[worst]:.4g} ± {plain_sd[worst]:.2g}, "
-        f"and {refined[worst]:.4g} along the fitted vehicle's own motion, {moved[worst]:.0f} of those errors away; use the refined "
-        "values as a first answer, and the output-error likelihood as the final one"
+        f"and {refined[worst]:.4g} with the simulated speeds of the fitted vehicle, {moved[worst]:.0f} of those errors away; use the "
+        "refined values as a first answer, and the output-error likelihood as the final one"
     )

@@ -200,7 +200,7 @@ def _motion(score: Score, channel: str, held_back: bool, lacks: Sequence[str]) -
         return FitVerdict(
             "unjudged",
             "noise hides the motion",
-            f"{result}: the residuals of the fit, {left}, are as large as the motion of this run, which therefore tests little; "
+            f"{result}: the residuals of the fit, {left}, are as large as the motion of this run, so this run tests little; "
             "use one that moves more, or add a term if the sensor is better than that",
         )
     if held_back:
@@ -218,9 +218,9 @@ def _motion(score: Score, channel: str, held_back: bool, lacks: Sequence[str]) -
 
 
 def _noise_words(score: Score, channel: str) -> str:
-    """Size of the noise of the fit, and over what time it remembers."""
+    """Size of the noise of the fit, and its correlation time."""
     factor, unit = shown_unit(channel)
-    slow = f" with a memory of {score.correlation_time:.2g} s" if score.correlation_time else ""
+    slow = f" with a correlation time of {score.correlation_time:.2g} s" if score.correlation_time else ""
     return f"{score.noise_sd * factor:.2g} {unit}{slow}"
 
 
@@ -249,21 +249,21 @@ def _colour(score: Score, channel: str, coloured: bool, feedback: bool) -> FitVe
         return FitVerdict(
             "caution",
             "correlated residuals",
-            f"{result}, which white noise is not: neighbours err in opposite directions, so stated standard deviations are "
+            f"{result}, so they are not white noise: neighbours have opposite errors, and the stated standard deviations are "
             "too large; check whether the sensor or the import filtered or differenced the channel",
         )
     if feedback:
         return FitVerdict(
             "caution",
             "biased through the autopilot",
-            f"{result}: through the autopilot these errors reach the controls, which biases the coefficients, and more data do not help; "
+            f"{result}: the autopilot puts these errors into the controls, which biases the coefficients, and more data do not help; "
             'set estimation.likelihood = "filter-error"',
         )
     rho = min(score.correlation, 0.999)
     return FitVerdict(
         "caution",
         "correlated residuals",
-        f"{result}, which white noise is not: stated standard deviations are too small, by a factor of about "
+        f"{result}, so they are not white noise: the stated standard deviations are too small, by a factor of about "
         f'{np.sqrt((1 + rho) / (1 - rho)):.1f}; set estimation.residuals = "coloured"',
     )
 

@@ -135,7 +135,7 @@ class Identifiability:
         together = [self._together(group) for group in self.groups]
         if np.isfinite(self.eigenvalues).all():
             return [*self._structural(), *self._practical(), *together]
-        blind = "what the data can tell at all was not judged: the log-likelihood has no derivatives at the values used"
+        blind = "not judged which parameters the data can determine: the log-likelihood has no derivatives at the values used"
         return [blind] if self.stage == "before" else [blind, *self._practical(), *together]
 
     def _structural(self) -> list[str]:
@@ -162,7 +162,7 @@ class Identifiability:
                 )
             elif is_coefficient(name) and sd > VAGUE * abs(value):
                 said.append(
-                    f"{name} {verb} {measured(value, sd, unit)} (practical): the data narrow the prior but settle "
+                    f"{name} {verb} {measured(value, sd, unit)} (practical): the data narrow the prior but determine "
                     f"{'not even its sign' if 1.96 * sd > abs(value) else 'little more than its sign'}; "
                     "run a trial that excites it more, or leave it out"
                 )
@@ -177,9 +177,9 @@ class Identifiability:
             for i, name in zip(at, group.names, strict=True)
         ]
         sums = [f"{item.text}{f' ({item.meaning})' if item.meaning else ''} {item.known}" for item in group.headline]
-        is_known, is_not = {"before": ("would be", "would not be"), "after": ("is", "is not")}[self.stage]
+        would_be = {"before": "would be ", "after": ""}[self.stage]
         return (
-            f"what {is_known} known is {listed(sums)}; the split {is_not}: {listed(each)}, correlation "
+            f"{would_be}known only in combination: {listed(sums)}; separately {listed(each)}, correlation "
             f"{group.correlation:+.3f}; to separate them, {group.remedy}"
         )
 
@@ -301,7 +301,7 @@ def identifiability_of_design(
 
 def _untouched(name: str) -> str:
     if name.startswith("sigma_"):
-        return f"no measurement of {name.removeprefix('sigma_')} is left, so that the data do not touch {name}"
+        return f"no measurement of {name.removeprefix('sigma_')} is left, so the data say nothing about {name}"
     return f"the data do not touch {name}: no measurement depends on it; fix it, or measure what it moves"
 
 

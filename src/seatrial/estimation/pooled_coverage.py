@@ -334,14 +334,14 @@ def _judge(pooled: Pooled, excused: bool, mend: str) -> FitVerdict:
         return FitVerdict(
             "unjudged",
             "too little to judge",
-            f"{inside}: too few inside for a pass, and too few independent samples to tell that from chance; hold back more or "
+            f"{inside}: too few inside for a pass, but with so few independent samples this may be chance; hold back more or "
             f"longer runs. Bands {_factor(pooled)} as wide would have held 90 %; {mend}",
         )
     if pooled.lower > BAND and pooled.coverage > WIDE and pooled.variance < TAME:
         return FitVerdict(
             "caution",
             "bands too wide",
-            f"{inside}: bands {_factor(pooled)} as wide would do; these runs are quieter than the noise that was fitted",
+            f"{inside}: bands {_factor(pooled)} as wide are enough; these runs are quieter than the fitted noise",
         )
     return FitVerdict("pass", "", f"{inside}, which does not contradict 90 %")
 

@@ -77,8 +77,8 @@ def information_complaints(
         at: operating point, signal name to SI value, at which sums of force coefficients have a meaning.
     """
     said = identifiability_of_fit(posterior, mode, draws, at).cautions() + [
-        f"the posterior of {parameter.name} leans on the bound {bound:.4g} {parameter.unit} of its prior ({share:.0%} of it within "
-        f"{EDGE:.0%} of the width): the prior decides as much as the data; widen it, or say why it ends there"
+        f"the posterior of {parameter.name} is cut off at the bound {bound:.4g} {parameter.unit} of its prior ({share:.0%} of it within "
+        f"{EDGE:.0%} of the width): the prior decides as much as the data; widen it, or give a reason for the bound"
         for parameter, column in zip(posterior.present_parameters, draws.T, strict=True)
         for bound, share in _leaning(parameter, column)
     ]

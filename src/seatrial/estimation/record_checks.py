@@ -200,9 +200,11 @@ def says_direction(expected: Float[np.ndarray, " n"], drawn: Float[np.ndarray, "
 
 def not_judged(names: Sequence[str]) -> RecordFinding:
     """Return the note about channels of which the priors do not say which way they go."""
-    value = "not judged, nor size and delay; vehicles drawn from the priors go either way or run away"
-    remedy = "priors of known sign, such as half-normal ones, would say"
-    return RecordFinding(", ".join(names), "direction", "note", value, f"judged where {AGREED:.0%} go one way", remedy)
+    value = "not judged, like size and delay: vehicles drawn from the priors go in both directions or diverge"
+    remedy = "use priors of known sign, such as half-normal"
+    return RecordFinding(
+        ", ".join(names), "direction", "note", value, f"judged if {AGREED:.0%} go in one direction", remedy
+    )
 
 
 def _delay(name: str, late: float, shifted: float, direct: float, has_delay: bool) -> list[RecordFinding]:
@@ -211,12 +213,15 @@ def _delay(name: str, late: float, shifted: float, direct: float, has_delay: boo
     if abs(late) < LATE or shifted < TOLD or (1.0 - direct) < 2.0 * (1.0 - shifted):
         return []
     if late > 0 and has_delay:
-        remedy = "the delay is estimated: see that its prior, [prior.delay], reaches so far"
+        remedy = "the delay is estimated: check that its prior, [prior.delay], includes this value"
         return [RecordFinding(name, "delay", "note", f"about {late:.2g} s late", limit, remedy)]
     if late > 0:
-        remedy = "give the delay a prior, [prior.delay], unless the vehicle is slower than believed"
+        remedy = "give the delay a prior, [prior.delay], unless the vehicle is slower than the priors say"
         return [RecordFinding(name, "delay", "caution", f"about {late:.2g} s late", limit, remedy)]
-    remedy = "the response comes before its command: put command and response on one clock, unless the vehicle is quicker than believed"
+    remedy = (
+        "the response comes before its command: put command and response on one clock, unless the vehicle is quicker than "
+        "the priors say"
+    )
     return [RecordFinding(name, "delay", "caution", f"about {-late:.2g} s early", limit, remedy)]
 
 

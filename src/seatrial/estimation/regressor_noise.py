@@ -181,7 +181,7 @@ def _solved(each: Float[np.ndarray, "pairs k k1"], scale: np.ndarray) -> tuple[n
 def _words(names: tuple[str, ...], values: np.ndarray, sd: np.ndarray, bias: np.ndarray, error: np.ndarray) -> str:
     if not np.isfinite(bias).all():
         return (
-            "noise and unexplained forces make all that some combination of the regressors varies by, so that the bias cannot be told: "
+            "some combination of the regressors varies by noise and unexplained forces only, so the bias cannot be estimated: "
             "drop terms, or run a trial with larger controls"
         )
     worst = int(np.argmax(np.abs(bias) / sd))

@@ -42,7 +42,7 @@ LENGTHS = 3.0
 """Length of a block over the time that one independent sample takes: blocks have to be nearly independent of each other."""
 TELLING = 1.5
 """Ratio of the two standard deviations from which both are shown."""
-BEYOND = "what is not looked for can move values further"
+BEYOND = "effects that are not tested can move values further"
 """What no second standard deviation can show."""
 BAND = 0.95
 """Probability below the upper end of a 90 % interval."""
@@ -97,23 +97,19 @@ class RobustErrors:
     @property
     def words(self) -> str:
         """What the second standard deviation is made of, that no value needs one, or that there is none and why."""
-        pieces, tests = self.pieces, []
+        pieces, tests, is_wider = self.pieces, [], bool((self.ratio > TELLING).any())
         if pieces.count:
-            tests.append(f"each of {pieces.basis} is left out")
+            few = f" (widened for so few: Student's t, {pieces.freedom} degrees of freedom)"
+            tests.append(f"each of {pieces.basis} is left out{few if is_wider else ''}")
         if self.omitted.sought:
             tests.append(f"one of {self.omitted.sought} effects that the model may lack is added")
         if not tests:
             return f"± with model error: not judged; {pieces.basis}"
         why = "" if pieces.count else f"; nothing was left out: {pieces.basis}"
-        moves = f"when {' or '.join(tests)}{why}; {BEYOND}"
-        if not (self.ratio > TELLING).any():
-            return f"± with model error: no value moves by much more than its ± {moves}"
-        few = (
-            f", widened because the pieces are few (Student's t, {pieces.freedom} degrees of freedom)"
-            if pieces.count
-            else ""
-        )
-        return f"± with model error: by how much a value moves{few}, if that is more than half larger, {moves}"
+        moves = f"if {' or '.join(tests)}{why}"
+        if not is_wider:
+            return f"± with model error: not needed, no value moves by much more than its ± {moves}; {BEYOND}"
+        return f"± with model error: how far a value moves {moves}; printed if it is more than half larger; {BEYOND}"
 
     def wider(self, name: str, sd: float) -> float | None:
         """Return the standard deviation of a parameter with the error of the model, widened for few pieces.

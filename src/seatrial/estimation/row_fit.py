@@ -71,9 +71,9 @@ def fit_rows(rows: WhitenedRows) -> RowFit:
         worth.append(own.sum() / max(1.0 + 2.0 * memory, 1.0))
         if correlations[0] > max(chance, RELEVANT):
             said.append(
-                f"residuals of axis {equation.axis} follow one another (correlation {correlations[0]:+.2f}): the {own.sum()} rows are "
-                f"worth {worth[-1]:.0f}, and errors are up to {np.sqrt(own.sum() / worth[-1]):.1f} times what is stated; a term is "
-                "missing, or the noise is coloured: choose wider windows"
+                f"residuals of axis {equation.axis} are correlated ({correlations[0]:+.2f}): the {own.sum()} rows are worth "
+                f"{worth[-1]:.0f} independent ones, and errors are up to {np.sqrt(own.sum() / worth[-1]):.1f} times the stated ones; "
+                "a term is missing, or the noise is coloured: choose wider windows"
             )
     return RowFit(rows.names, values, cov, residual, np.array(first), np.array(worth), "; ".join(said))
 

@@ -162,7 +162,7 @@ def _findings(report: TuningReport, space: StateSpace, counts: list[int]) -> lis
 def _innovation_findings(report: TuningReport, space: StateSpace, counts: list[int]) -> list[TuningFinding]:
     significant = np.where(report.whiteness < LEVEL, report.correlation, 0.0)
     worst = int(np.argmax(np.abs(significant)))
-    follows = f"innovations of {space.outputs[worst]} follow one another (correlation {report.correlation[worst]:+.2f})"
+    follows = f"innovations of {space.outputs[worst]} are correlated in time ({report.correlation[worst]:+.2f})"
     sluggish, chasing = significant[worst] > RELEVANT, significant[worst] < -RELEVANT
     too_large = (
         f"innovations are smaller than the filter expects (NIS {report.nis:.2g} for each measurement, expected 1)"

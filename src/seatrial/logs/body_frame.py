@@ -114,8 +114,8 @@ def doubts_of_gyro(tables: Sequence[LogTable]) -> list[str] | None:
     signs[range(3), main] = np.sign(matrix[range(3), main])
     if np.linalg.det(signs) < -0.5:
         said.append(
-            f'channels "p", "q", "r" of {gyro.source}: beside the attitude of {attitude.source} they are left-handed, as no mounting makes '
-            "them: one sign is wrong, or two axes are exchanged without one"
+            f'channels "p", "q", "r" of {gyro.source}: compared with the attitude of {attitude.source} their axes are left-handed, which '
+            "no mounting gives: one sign is wrong, or two axes are exchanged"
         )
     return said
 
@@ -156,7 +156,7 @@ def doubts_of_speed(source: LogTable, angle: str) -> list[str]:
         return []
     return [
         f'channel "{angle}" of {source.source}: it changes by {np.degrees(most):.0f} deg from one sample to the next, and velocities over '
-        "the earth are turned by what lies between: use a faster log of the attitude"
+        "the earth are turned by interpolated angles: use a faster log of the attitude"
     ]
 
 

@@ -363,13 +363,13 @@ def _weigh(posterior: Posterior, piece: Piece, key: jax.Array, draws: int) -> We
 def _higher(posterior: Posterior, cold: np.ndarray, warm: np.ndarray, known: Sequence[float]) -> list[str]:
     """Return whether cold particles met a peak higher than those known and than where the others are, in words."""
     if not cold.size:
-        return ["the particles could not be cooled, so that no further peak was searched for"]
+        return ["the particles could not be cooled, so no further peaks were searched for"]
     normal = float(evaluate(posterior, warm).max()) + 0.5 * float(chdtri(posterior.dim, 1.0 - 1e-3))
     higher = float(evaluate(posterior, cold).max()) - max([*known, normal])
     if higher <= HIGHER:
         return []
     return [
-        f"a point {higher:.1f} nats above the highest peak the methods know exists: a narrow peak was passed by and may "
+        f"a point {higher:.1f} nats above the highest peak the methods know exists: a narrow peak was missed and may "
         "hold most of the evidence; narrow the prior about it, or integrate each peak by itself"
     ]
 

@@ -227,7 +227,7 @@ def _complaints(weights: Weights) -> list[str]:
     said = []
     if not weights.k_hat <= MAX_K_HAT:
         said.append(
-            f"a few draws carry the sum (Pareto k {weights.k_hat:.2f}, at most {MAX_K_HAT}): the posterior is far from normal, "
+            f"the sum depends on a few draws (Pareto k {weights.k_hat:.2f}, at most {MAX_K_HAT}): the posterior is far from normal, "
             "use tempered SMC"
         )
     if weights.ess < MIN_ESS:

@@ -236,7 +236,7 @@ def _complaints(k_hat: np.ndarray, max_k_hat: float) -> list[str]:
     bad = int((~(k_hat <= max(max_k_hat, MAX_K_HAT))).sum())
     if bad:
         said.append(
-            f"{bad} of {k_hat.size} blocks are predicted from weights that a few draws carry (k-hat up to {k_hat.max():.2f}, "
+            f"the predictions of {bad} of {k_hat.size} blocks depend on a few draws (k-hat up to {k_hat.max():.2f}, "
             f"at most {MAX_K_HAT}) although the posterior was sampled again: it is far from normal there; lengthen the first stretch"
         )
     if k_hat.size < FEW_BLOCKS:

@@ -168,7 +168,7 @@ def leave_one_run_out(
         poor += [f"{label} (k-hat {k_hat:.2f})"] * (not k_hat <= MAX_K_HAT)
         progress(3 + r, count + 2)
     status = (
-        f"a few draws carry what is said of run {', '.join(poor)}: the posterior is far from normal" if poor else ""
+        f"the score of run {', '.join(poor)} depends on a few draws: the posterior is far from normal" if poor else ""
     )
     log_evidence = float(logsumexp(_log_weight(known, np.ones(count)))) - float(np.log(len(known.z)))
     bands = {name: pooled_verdict([one[name].residuals for one in predicted], name) for name in predicted[0]}

@@ -101,7 +101,7 @@ def _quadratic(
             "screening",
             found="coefficients that these data tell only together, or not at all",
             expected="terms whose coefficients the data tell apart when all are there",
-            remedy="`seatrial identify` names them: take one of them out, fix it, or add a trial that excites it",
+            remedy="`seatrial estimate --by mode` names them: take one of them out, fix it, or add a trial that excites it",
         )
     moment = matrix @ mode.values[at] + gradient
     cov = np.linalg.inv(matrix)

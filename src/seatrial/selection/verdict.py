@@ -128,7 +128,7 @@ def select(
             f"{shortlist.share:.2f} of all; raise structure.shortlist to simulate more"
         )
     unsettled = [
-        f"the evidence of {structure.label} is not to be trusted: {evidence.status}"
+        f"the evidence of {structure.label} is not reliable: {evidence.status}"
         for index, (structure, evidence) in enumerate(zip(structures, evidences, strict=True))
         if _decides(logs, index, doubts[index])
     ]
@@ -242,8 +242,8 @@ def term_verdict(term: str, inclusion: float, error: float, reached: tuple[float
     without = 1.0 - inclusion
     if reached and np.searchsorted(EDGES, reached[0]) != np.searchsorted(EDGES, reached[1]):
         return (
-            f"it cannot be said whether the data support {term}: its probability is {inclusion:.2f} by evidences of which one is not "
-            f"to be trusted, and may be anything from {reached[0]:.2f} to {reached[1]:.2f}"
+            f"it cannot be said whether the data support {term}: its probability of {inclusion:.2f} depends on an evidence that is not "
+            f"reliable, and may be anything from {reached[0]:.2f} to {reached[1]:.2f}"
         )
     margin = f" (± {max(error, 0.005):.2f} Monte Carlo)"
     if error > NOISY and any(abs(inclusion - edge) < 2.0 * error for edge in EDGES):

@@ -69,7 +69,7 @@ def test_a_question_is_asked_once_while_its_files_stay(tmp_path):
                 await worker_pool._ask("record_views", "about_record", (tmp_path / "none.nc",), ())
             process = next(iter(worker_pool.pools["record_views"]._processes))
             os.kill(process, 9)
-            with pytest.raises(NumericalError, match="ended without a word"):
+            with pytest.raises(NumericalError, match="ended without a message"):
                 await worker_pool._ask("record_views", "text_of", (b"z",), ())
             assert await worker_pool._ask("record_views", "text_of", (b"z",), ()) == "z"
         finally:

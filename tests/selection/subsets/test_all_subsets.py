@@ -244,5 +244,5 @@ def test_numbers_out_of_range():
     phi, _, stats = problem(4)
     with pytest.raises(NumericalError, match="more than a number can hold"):
         all_subsets(stats, some_prior(4).scaled(1e100), NAMES[:4])
-    with pytest.raises(NumericalError, match="fits the response to rounding"):
+    with pytest.raises(NumericalError, match="fits the response exactly"):
         all_subsets(gram(phi, phi @ np.ones(4) * 1e9), GPrior(1e30, 2.0, 1e-30), NAMES[:4])

@@ -77,7 +77,7 @@ def test_unit_information_is_one_measurement():
 
 def test_exact_fit_is_refused():
     phi, _, _ = problem(3)
-    with pytest.raises(NumericalError, match="fits the response to rounding"):
+    with pytest.raises(NumericalError, match="fits the response exactly"):
         evidence_of(gram(phi, phi @ np.ones(3) * 1e9), GPrior(1e30, 2.0, 1e-30), (0, 1, 2))
 
 

@@ -27,7 +27,7 @@ def benchmark(
     ] = False,
     quiet: Quiet = False,
 ) -> None:
-    """Fit methods to public records and score them on held-back runs."""
+    """Compare methods on held-back runs of public records."""
 
     def work(reporter: Any) -> Exit:
         if list_:
@@ -72,7 +72,7 @@ def _run(name: str | None, data: Path | None, out: Path, methods: str | None, re
             "seatrial benchmark",
             found="no set",
             expected="one of " + ", ".join(set_names()) + ", or a set file",
-            remedy="`seatrial benchmark --list` tells what each is",
+            remedy="`seatrial benchmark --list` describes each",
         )
     found, chosen = read_set(name), choose(None if methods is None else [one.strip() for one in methods.split(",")])
     variable = os.environ.get("SEATRIAL_DATA")

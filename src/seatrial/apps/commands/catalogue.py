@@ -11,7 +11,7 @@ def vehicle(
     name: Annotated[str | None, typer.Argument(help="A vehicle of the catalogue; all of them if left out.")] = None,
     names: Annotated[bool, typer.Option("--names", help="List the names alone, one a line.")] = False,
 ) -> None:
-    """List published vehicles, or show one: body, coefficients, sources."""
+    """List the published vehicles, or show one of them."""
     from seatrial.apps import results
     from seatrial.core.errors import InputError
     from seatrial.report.vehicle_page import vehicle_page

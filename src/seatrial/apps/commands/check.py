@@ -77,16 +77,16 @@ def tuning(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None
 def calibrate(
     context: typer.Context,
     folder: Folder,
-    replicates: Annotated[int, typer.Option(min=20, max=100_000, help="Number of simulated truths.")] = 400,
+    replicates: Annotated[int, typer.Option(min=20, max=100_000, help="Number of simulated records.")] = 400,
     method: Annotated[
         str,
         typer.Option(help=f"{', '.join(METHODS[:-1])} or {METHODS[-1]}."),
     ] = DEFAULT,
     quiet: Quiet = False,
 ) -> None:
-    """Check that the stated uncertainty is right, on simulated data.
+    """Test the stated uncertainty on simulated records.
 
-    Truths are drawn from the priors, records simulated and estimated, and the place of each truth in its posterior is counted.
+    True values are drawn from the priors, records are simulated and estimated, and the rank of each true value is counted.
     """
 
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:

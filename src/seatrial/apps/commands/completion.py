@@ -36,7 +36,7 @@ class Known(NamedTuple):
 
 
 def completion(shell: Annotated[Shell, typer.Argument(help="Shell that is to complete.")]) -> None:
-    """Print a script that completes commands and options in a shell.
+    """Print the completion script of a shell.
 
     bash: seatrial completion bash > ~/.local/share/bash-completion/completions/seatrial;
     zsh: seatrial completion zsh > _seatrial in a folder of $fpath;

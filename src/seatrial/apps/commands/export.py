@@ -43,7 +43,7 @@ def export(
     ] = None,
     quiet: Quiet = False,
 ) -> None:
-    """Export the vehicle to a simulator, or the next trial to a vehicle.
+    """Export the vehicle to a simulator, or the next trial.
 
     Every file lists unsupported terms, and how much they change the motion.
     """

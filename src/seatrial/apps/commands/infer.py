@@ -22,7 +22,7 @@ def estimate(
     by: Annotated[
         By,
         typer.Option(
-            help="chains draw the whole posterior; mode and equation-error give first answers in about a second, which are not kept."
+            help="chains: sample the whole posterior. mode, equation-error: first answers in about a second, which are not kept."
         ),
     ] = By.CHAINS,
     window: Annotated[
@@ -125,7 +125,7 @@ def criteria(
     ] = None,
     quiet: Quiet = False,
 ) -> None:
-    """Compare structures by AIC, BIC, DIC, WAIC, PSIS-LOO and others."""
+    """Compare structures by AIC, BIC, WAIC and others."""
 
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
         from seatrial.apps import results

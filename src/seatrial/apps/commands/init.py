@@ -25,38 +25,43 @@ def _line(meaning: str) -> Any:
 Template = Annotated[
     str | None, _one("NAME", "A template: remus100 (simulated), design or steering (no data yet), log (a CSV log).")
 ]
-Vehicle = Annotated[str | None, _one("NAME", "Published vehicle, see `seatrial vehicle`; or your own, by --mass.")]
-Mass = Annotated[str | None, _one("QUANTITY", 'Mass in air of your own, such as "30 kg".')]
-Inertia = Annotated[str | None, _one("THREE", 'Its inertia where it turns: "0.2, 3.4, 3.4 kg m^2".')]
-Moves = Annotated[
-    str | None, _one("NAMES", "Velocities that are modelled, such as u,v,r; if not given, u, or all that is published.")
+Vehicle = Annotated[
+    str | None, _one("NAME", "Published vehicle, see `seatrial vehicle`; for your own vehicle give --mass instead.")
 ]
-Known = Annotated[list[str] | None, _line('A coefficient that is not in doubt, SI: "X_udot -1.0".')]
-Deduction = Annotated[str | None, _one("SHARE", "Share of the thrust that the stern takes back, such as 0.1.")]
+Mass = Annotated[str | None, _one("QUANTITY", 'Mass of your own vehicle in air, such as "30 kg".')]
+Inertia = Annotated[str | None, _one("THREE", 'Its moments of inertia, if it turns: "0.2, 3.4, 3.4 kg m^2".')]
+Moves = Annotated[
+    str | None, _one("NAMES", "Velocities of the model, such as u,v,r; if not given, u, or all that are published.")
+]
+Known = Annotated[list[str] | None, _line('A known coefficient, in SI units: "X_udot -1.0".')]
+Deduction = Annotated[
+    str | None, _one("SHARE", "Thrust deduction, the share of the thrust that is lost at the stern, such as 0.1.")
+]
 Seek = Annotated[
     list[str] | None,
     _line(
-        "A coefficient to find, with the least and the largest value that would not surprise: "
-        '"X_uabsu -4.5 to -1.5 kg/m"; of a published one the name is enough.',
+        'A coefficient to find, with its plausible range: "X_uabsu -4.5 to -1.5 kg/m"; if it is published, the name is enough.',
     ),
 ]
-Optional = Annotated[list[str] | None, _line("Likewise, of which the data are to decide whether it is there.")]
+Optional = Annotated[
+    list[str] | None, _line("A coefficient in doubt, written like --seek: the data decide whether the model needs it.")
+]
 Speed = Annotated[str | None, _one("QUANTITY", 'Speed at which a trial begins, such as "1.5 m/s".')]
 Control = Annotated[
     list[str] | None,
     _line(
-        'A control: trim, range, rate of change: "n 1200 rpm, 700 to 1600 rpm, 800 rpm/s". The first is driven; of others '
-        "the trim is enough.",
+        'A control: trim, range, rate of change: "n 1200 rpm, 700 to 1600 rpm, 800 rpm/s". The trial moves the first one; for '
+        "others the trim is enough.",
     ),
 ]
 Sensor = Annotated[list[str] | None, _line('A sensor: noise of one sample, rate: "u 0.05 m/s, 5 Hz".')]
-Limit = Annotated[list[str] | None, _line('What the motion may do: "u above 0.5 m/s", "distance below 150 m".')]
-Duration = Annotated[str | None, _one("TIME", 'Of one trial; "60 s" if not given.')]
-Goal = Annotated[list[str] | None, _line('How well a coefficient has to be known: "X_uabsu 3 %".')]
+Limit = Annotated[list[str] | None, _line('A limit of the motion: "u above 0.5 m/s", "distance below 150 m".')]
+Duration = Annotated[str | None, _one("TIME", 'Duration of one trial; "60 s" if not given.')]
+Goal = Annotated[list[str] | None, _line('How well a coefficient must be known: "X_uabsu 3 %".')]
 Log = Annotated[
     Path | None, _one("FILE", "A log of the published vehicle: its columns are guessed, and the campaign imports it.")
 ]
-Name = Annotated[str | None, _one("TEXT", "Of the campaign, in headings.")]
+Name = Annotated[str | None, _one("TEXT", "Name of the campaign, for headings.")]
 
 
 def init(
@@ -79,7 +84,10 @@ def init(
     log: Log = None,
     name: Name = None,
 ) -> None:
-    """Write a commented campaign file to start from: by what is known of a vehicle, or from a template; in a terminal it asks."""
+    """Write a commented campaign file.
+
+    The options describe the vehicle, or name a template. Without options it asks, in a terminal.
+    """
     said = {
         **{"vehicle": vehicle, "mass": mass, "inertia": inertia, "moves": moves, "known": known},
         **{"thrust_deduction": thrust_deduction, "seek": seek, "optional": optional, "speed": speed},
@@ -96,7 +104,7 @@ def init(
             template = answers
         else:
             given = answers
-            typer.echo(f"the same by options:\n  {_command(folder, given)}")
+            typer.echo(f"the same command with options:\n  {_command(folder, given)}")
     if given:
         _write_new(folder, given)
     else:
@@ -178,7 +186,7 @@ def _write_new(folder: Path, said: dict[str, Any]) -> None:
     answer.say(f"wrote {path}: {new.name}")
     answer.name_file("campaign", path)
     answer.give(template=None)
-    answer.say(f"what it means in m/s: seatrial prior {folder}; then: seatrial design {folder}")
+    answer.say(f"next, see the priors as speeds: seatrial prior {folder}; then: seatrial design {folder}")
 
 
 def _command(folder: Path, said: dict[str, Any]) -> str:
@@ -202,7 +210,7 @@ def _asked() -> dict[str, Any] | str:
 
     published = vehicle_names()
     typer.echo(
-        "Begin from a published vehicle, from your own, or from a template. What is asked can be changed in the file."
+        "Begin with a published vehicle, your own vehicle, or a template. You can change every answer later in the file."
     )
     typer.echo("  published: " + ", ".join(published))
     typer.echo("  templates: " + "; ".join(f"{name}, {meaning}" for name, meaning in TEMPLATES.items()))
@@ -213,27 +221,29 @@ def _asked() -> dict[str, Any] | str:
     if first == "own":
         said["mass"] = _ask("mass in air, such as 30 kg", _quantity_text("kg"))
     if not first.endswith(SURGE):
-        said["moves"] = _ask(
-            "velocities that are modelled, of u v w p q r", _one_text, "u" if first == "own" else "u,v,r"
-        )
+        said["moves"] = _ask("velocities of the model, of u v w p q r", _one_text, "u" if first == "own" else "u,v,r")
         said["speed"] = _ask("speed at which a trial begins, such as 1.5 m/s", _quantity_text("m/s"))
     if first == "own":
         if set(said["moves"]) & set("pqr"):
             said["inertia"] = _ask("inertia about its three axes, such as 0.2, 3.4, 3.4 kg m^2", _one_text)
-        said["known"] = _several('coefficients that are not in doubt, such as "X_udot -1.0"', parts.read_known)
-        said["thrust_deduction"] = _ask("share of the thrust that the stern takes back", _quantity_text("1"), "0")
+        said["known"] = _several('known coefficients, such as "X_udot -1.0"', parts.read_known)
+        said["thrust_deduction"] = _ask(
+            "thrust deduction, the share of the thrust that is lost at the stern", _quantity_text("1"), "0"
+        )
     else:
         _say_published(first, said.get("moves", "u"))
     range_of = 'such as "X_uabsu -4.5 to -1.5 kg/m"' + (", or a published name alone" if first != "own" else "")
     sought = partial(parts.read_sought, is_published=first != "own")
     said["seek"] = _several(f"coefficients to find, {range_of}", sought, least=1)
-    said["optional"] = _several("coefficients of which the data are to decide", sought)
+    said["optional"] = _several("coefficients in doubt, which the data keep or drop", sought)
     example = "n 1200 rpm, 700 to 1600 rpm, 800 rpm/s"
-    said["control"] = _several(f'controls, the driven one first: trim, range, rate; "{example}"', parts.read_control, 1)
+    said["control"] = _several(
+        f'controls, first the one that moves: trim, range, rate; "{example}"', parts.read_control, 1
+    )
     said["sensor"] = _several('sensors: noise of one sample, rate; "u 0.05 m/s, 5 Hz"', parts.read_sensor, 1)
     said["limit"] = _several('limits of the motion, such as "u above 0.5 m/s"', parts.read_limit)
     said["duration"] = _ask("duration of a trial", _quantity_text("s"), "60 s")
-    said["goal"] = _several('how well coefficients have to be known, such as "X_uabsu 3 %"', parts.read_goal)
+    said["goal"] = _several('how well coefficients must be known, such as "X_uabsu 3 %"', parts.read_goal)
     said["name"] = _ask("name of the campaign", _one_text, "first trial")
     return {option: value for option, value in said.items() if value and value != "0"}
 

@@ -17,33 +17,34 @@ def live(
         str,
         typer.Argument(
             metavar="[SOURCE]",
-            help="A text that grows, - for standard input, udp:HOST:PORT for MAVLink that is sent there, or ros2 for the topics of "
-            "the [import] table.",
+            help="A text file that grows, - for standard input, udp:HOST:PORT for MAVLink that arrives there, or ros2 for the topics "
+            "of the [import] table.",
         ),
     ] = "-",
     every: Annotated[
-        float, typer.Option(min=0.1, help="Seconds between two lines where the output is no terminal, or with --json.")
+        float, typer.Option(min=0.1, help="Seconds between two lines if the output is not a terminal, or with --json.")
     ] = 10.0,
-    as_json: Annotated[bool, typer.Option("--json", help="A line of JSON each time in place of text.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print lines of JSON instead of text.")] = False,
     gap: Annotated[
-        float, typer.Option(min=0.01, help="Seconds without a sample after which the vehicle's states begin anew.")
+        float,
+        typer.Option(min=0.01, help="Seconds without a sample after which the vehicle's states are initialised again."),
     ] = 2.0,
     hold: Annotated[
-        float, typer.Option(min=0.0, help="Seconds for which the goal has to be met before `stop` is said.")
+        float, typer.Option(min=0.0, help="Seconds for which the goal must be met before the advice is to stop.")
     ] = 5.0,
     idle: Annotated[
         float, typer.Option(min=0.0, help="End when nothing has come for so many seconds; 0 to wait for ever.")
     ] = 0.0,
     no_library: Annotated[
         bool,
-        typer.Option("--no-library", help="Do without the designs, and so without the advice which segment to run."),
+        typer.Option("--no-library", help="Compute no designs; then no other input is proposed."),
     ] = False,
     with_import: Annotated[
-        bool, typer.Option("--import", help="At the end put the session among the runs of the campaign file.")
+        bool, typer.Option("--import", help="At the end add the session to the runs of the campaign file.")
     ] = False,
     quiet: Quiet = False,
 ) -> None:
-    """Follow a trial while it runs: coefficients against the goal, what is excited, and one sentence of advice.
+    """Follow a trial while it runs, and say when to stop.
 
     It never commands the vehicle. Everything that comes is kept under results/live; Ctrl-C ends the session.
     """
@@ -132,7 +133,7 @@ def _end(session: Any, as_json: bool, with_import: bool) -> Exit:
         typer.echo(json.dumps(last.as_json()) if as_json else "\n".join(last.lines()))
     counted = ", ".join(f"{kind}: {count}" for kind, count in session.notes.counts.items() if count > 1)
     typer.echo(
-        f"kept: {kept.path} ({session.samples} samples)" + (f"; left out or mended: {counted}" if counted else ""),
+        f"kept: {kept.path} ({session.samples} samples)" + (f"; left out or corrected: {counted}" if counted else ""),
         err=as_json,
     )
     if with_import:
@@ -143,7 +144,7 @@ def _end(session: Any, as_json: bool, with_import: bool) -> Exit:
         )
     elif session.samples:
         typer.echo(
-            f"for the whole analysis put these lines into {campaign.path}, as --import does, then: seatrial run {campaign.folder}",
+            f"for the whole analysis put these lines into {campaign.path} (--import does it), then: seatrial run {campaign.folder}",
             err=as_json,
         )
         typer.echo(import_lines(campaign, kept.run), err=as_json)

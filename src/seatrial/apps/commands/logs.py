@@ -38,7 +38,7 @@ def inspect(
     encoding: Annotated[str, typer.Option(help="Encoding of text files.")] = "utf-8",
     quiet: Quiet = False,
 ) -> None:
-    """List what a log holds, and guess its columns, units and clock."""
+    """List the columns of a log, and guess its channel map."""
 
     def work(reporter: Any) -> Exit:
         from seatrial.apps import results

@@ -29,9 +29,9 @@ def report(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None
 
 
 def run(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
-    """Run the whole loop, from where it stopped, and write report.html.
+    """Run the whole loop and write report.html.
 
-    On a simulated vehicle it runs trial after trial until the goal is met.
+    It continues where it stopped. On a simulated vehicle it runs trial after trial until the goal is met.
     """
 
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
@@ -51,7 +51,7 @@ def next_trial(
     by: Annotated[
         NextBy,
         typer.Option(
-            help="chains go through the whole loop; mode says it in seconds, from the posterior mode, while the boat waits."
+            help="chains: run the whole loop. mode: answer in seconds from the posterior mode, while the boat waits."
         ),
     ] = NextBy.CHAINS,
     quiet: Quiet = False,

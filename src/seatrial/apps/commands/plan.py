@@ -88,7 +88,7 @@ def design(
         for line in (*others, *designs.safety, *designs.prediction):
             answer.say(f"  {line}")
         promised = flow.get("promised")
-        answer.say(f"what it would tell about each coefficient of {promised.structure} at the prior means:")
+        answer.say(f"expected precision of each coefficient of {promised.structure} at the prior means:")
         answer.say("\n".join(promised.lines()))
         own = flow.get("own")
         if own is not None:
@@ -112,9 +112,9 @@ def design(
 
 
 def plan_campaign(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
-    """Plan all trials of a campaign: their order, the chance of meeting the goals, and what to drop first.
+    """Plan all trials of a campaign within time and battery.
 
-    After a trial it plans the rest, from the posterior mode.
+    It prints their order, the chance of meeting the goals, and what to drop first. After a trial it plans the rest from the posterior mode.
     """
 
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:

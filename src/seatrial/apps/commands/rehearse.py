@@ -15,9 +15,9 @@ def rehearse(
     ] = 20,
     quiet: Quiet = False,
 ) -> None:
-    """Say how many trials the goal will take, on simulated vehicles.
+    """Simulate how many trials the goal needs.
 
-    Each vehicle is identified until the goal is met, with trials designed one after the other, one trial repeated, and random ones.
+    Trials of each vehicle are simulated until the goal is met: each designed from the ones before, one repeated, and random ones.
     """
 
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:

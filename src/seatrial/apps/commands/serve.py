@@ -14,7 +14,10 @@ def serve(
     host: Annotated[str, typer.Option(help="Address to listen on; any but loopback needs a token.")] = "127.0.0.1",
     port: Annotated[int, typer.Option(min=0, max=65535, help="Port; 0 for any that is free.")] = 8080,
     token: Annotated[
-        str | None, typer.Option(help="Token that every request has to show; made and printed if needed and not given.")
+        str | None,
+        typer.Option(
+            help="Token that every request must have; if it is needed and not given, one is made and printed."
+        ),
     ] = None,
     also: Annotated[
         list[Path] | None,
@@ -24,7 +27,7 @@ def serve(
     ] = None,
     cold: Annotated[
         bool,
-        typer.Option("--cold", help="Do not get the next step ready in the background while a campaign is looked at."),
+        typer.Option("--cold", help="Do not prepare the next step in the background while a campaign is open."),
     ] = False,
     no_browser: Annotated[bool, typer.Option("--no-browser", help="Do not open a browser.")] = False,
 ) -> None:

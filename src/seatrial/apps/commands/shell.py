@@ -28,11 +28,9 @@ _REMEMBERED = 1000
 
 def shell(
     folder: Folder,
-    cold: Annotated[
-        bool, typer.Option("--cold", help="Do not get the next step ready while nothing is asked.")
-    ] = False,
+    cold: Annotated[bool, typer.Option("--cold", help="Do not prepare the next step while you type nothing.")] = False,
 ) -> None:
-    """Run commands in one session that stays warm.
+    """Run commands in one session, without a new start for each.
 
     Commands may be piped in; the exit code is then that of the first one that failed.
     """

@@ -58,7 +58,7 @@ class Kind(NamedTuple):
 def kinds(is_published: bool) -> tuple[Kind, ...]:
     """Return the kinds of rows: of a published vehicle the name of a coefficient is enough, and none is fixed by hand."""
     seek = partial(read_sought, is_published=is_published)
-    alone = " Without a range, the published value is believed to 30 %." if is_published else ""
+    alone = " Without a range, the prior is the published value ± 30 %." if is_published else ""
     ranges = {
         "name": ("coefficient", "X_uabsu"),
         "lower": ("least", "-4.5"),
@@ -67,7 +67,7 @@ def kinds(is_published: bool) -> tuple[Kind, ...]:
     }
     known = Kind(
         "known",
-        "Coefficients that are not in doubt",
+        "Known coefficients",
         "known coefficient",
         "In SI; added mass such as X_udot is below zero.",
         {"name": ("coefficient", "X_udot"), "value": ("value", "-1.0")},
@@ -82,7 +82,7 @@ def kinds(is_published: bool) -> tuple[Kind, ...]:
             "seek",
             "Coefficients to find",
             "coefficient",
-            f"The least and the largest value that would not surprise you.{alone}",
+            f"The range of plausible values.{alone}",
             ranges,
             TERMS,
             _sought_line,
@@ -105,7 +105,7 @@ def kinds(is_published: bool) -> tuple[Kind, ...]:
             "control",
             "Controls",
             "control",
-            "The first is driven in the trial: its trim, range and rate. The trim is enough of the others, which are held.",
+            "The trial moves the first one: give its trim, range and rate. The others are held at trim.",
             {
                 "name": ("control", "n"),
                 "trim": ("trim", "1200"),

@@ -47,7 +47,7 @@ def surface_chart(found: Swept, family: int, measure: str, at: tuple[int, int]) 
     values = (found.gain if measure == "gain" else found.worth)[family]
     what = "entropy reduction [nat]" if measure == "gain" else "utility"
     names = unit_label(f"amplitude of {found.control}", found.unit), "period [s]"
-    title = f"What each design would teach: {found.families[family].replace('-', ' ')}"
+    title = f"Information of each design: {found.families[family].replace('-', ' ')}"
     best = np.unravel_index(int(np.nanargmax(found.worth[family])), values.shape)
     if min(values.shape) == 1:
         return _sweep_line(found, values.ravel(), at[0] + at[1], int(best[0] + best[1]), (*names, what), title)

@@ -19,7 +19,7 @@ _FULL = b"HTTP/1.1 503 Service Unavailable\r\nretry-after: 10\r\nconnection: clo
 _GONE = {"type": "http.disconnect"}
 COME_AGAIN = HTMLResponse(
     "<!doctype html><meta charset='utf-8'><meta http-equiv='refresh' content='5'><title>seatrial</title>"
-    "<p>Many ask for a page at once. This one asks again by itself in 5 seconds.",
+    "<p>Too many pages are requested at the same time. This page tries again in 5 seconds.",
     503,
     {"retry-after": "5", "cache-control": "no-store"},
 )

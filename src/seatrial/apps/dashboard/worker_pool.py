@@ -69,9 +69,7 @@ class WorkerPool:
         except BrokenProcessPool as cause:
             self.pools.pop(pool, None)
             self.answers.pop(name, None)
-            raise NumericalError(
-                "the process that does this ended without a word, perhaps for lack of memory"
-            ) from cause
+            raise NumericalError("the process ended without a message, perhaps because memory ran out") from cause
         except Exception:
             self.answers.pop(name, None)
             raise

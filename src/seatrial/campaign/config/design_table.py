@@ -85,7 +85,7 @@ def check_utility(design: DesignSettings, keys: FileKeys, is_one_structure: bool
         raise InputError(
             keys.where("design.utility"),
             found='"fisher-c" without [design.prediction]',
-            expected="the prediction whose variance is to fall",
+            expected="the prediction to improve",
             remedy='add [design.prediction] with of = "distance", control = "0 rpm" and after = "30 s"',
         )
     if design.utility == "discrimination" and is_one_structure:
@@ -138,7 +138,7 @@ def read_own(path: Path, controls: Sequence[str], limits: Mapping[str, Limits], 
         raise InputError(
             str(path),
             found=f"{', '.join(schedule.controls)} held at one value",
-            expected="a control that moves: what stands still teaches little",
+            expected="a control that moves: a constant control gives little information",
             remedy="add the rows at which it changes",
         )
     return OwnSchedule(str(path), schedule, rows.skipped(schedule))

@@ -92,7 +92,7 @@ def log_campaign_text(vehicle: str, log: Path, moves: tuple[str, ...] = (), name
         *([_BELIEVED] if _is_commanded(summary, controls) else []),
         *(text for axis, text in _TRIM.items() if body.thrusters and set(axis) & {*axes}),
         _measured(sensors),
-        '# A log says itself where it begins.\n[estimation]\ninitial = "estimated"',
+        '# The log determines the initial state.\n[estimation]\ninitial = "estimated"',
         _next_trial(controls[0]),
         f'[import]\nfit = ["1"]\nstep = "{_step(summary, controls)} s"',
         summary.as_toml([*controls, *_mapped(sensors, summary)]).rstrip("\n"),
@@ -102,15 +102,15 @@ def log_campaign_text(vehicle: str, log: Path, moves: tuple[str, ...] = (), name
 
 def _head(name: str, log: Path) -> str:
     return (
-        f"# A campaign from the log {log.name}: check the map at the end, the thrust, and what the sensors are believed to be.\n"
-        "# seatrial import DIR; seatrial check DIR; seatrial estimate DIR --by mode. `seatrial inspect LOG` shows all that the log holds."
+        f"# A campaign from the log {log.name}: check the map at the end, the thrust, and the noise of the sensors.\n"
+        "# seatrial import DIR; seatrial check DIR; seatrial estimate DIR --by mode. `seatrial inspect LOG` shows the contents of the log."
         f"\n\n[campaign]\nname = {json.dumps(name, ensure_ascii=False)}\nseed = 1"
     )
 
 
 def _vehicle(vehicle: str, moves: tuple[str, ...], positions: list[str]) -> str:
     lines = [
-        "# Coefficients are believed to be within a share of the published ones (one sd); `seatrial vehicle NAME` shows them.",
+        "# Priors are about the published coefficients; published_to is their sd. `seatrial vehicle NAME` shows the coefficients.",
         "[vehicle]",
         f'catalogue = "{vehicle}"',
         *([f"moves = {json.dumps(list(moves))}"] if moves else []),
@@ -153,7 +153,7 @@ def _mapped(sensors: list[str], summary: LogSummary) -> list[str]:
 
 
 def _measured(sensors: list[str]) -> str:
-    lines = ["# Noise of one sample, as believed; up to five times as much is found by the fit."]
+    lines = ["# Assumed noise of one sample; the fit can find up to five times as much."]
     return "\n".join([*lines, "[sensors]", *(f'{name} = {{ noise = "{_NOISE[name]}" }}' for name in sensors)])
 
 

@@ -43,8 +43,8 @@ def campaign_text(new: NewCampaign) -> str:
 def _head(new: NewCampaign) -> list[str]:
     said = "put yours in their place" if new in (OWN, PUBLISHED) else "as they were given; correct what has changed"
     return [
-        "# A campaign before there are any data: what is known, what may be done, and what is asked. A trial is designed from it.",
-        f"# seatrial prior DIR; seatrial design DIR; seatrial rehearse DIR. The numbers stand for one vehicle: {said}.",
+        "# A campaign before there are any data: the vehicle, the limits of a trial, and the goal. A trial is designed from it.",
+        f"# seatrial prior DIR; seatrial design DIR; seatrial rehearse DIR. The numbers are for one vehicle: {said}.",
         "# Quantities with a dimension are strings with a unit; plain numbers are SI in the coefficient's own unit.",
         "",
         "[campaign]",
@@ -60,8 +60,8 @@ def _vehicle(new: NewCampaign) -> list[str]:
     moves = [f"moves = {_list(new.moves)}"] * bool(new.moves and (new.vehicle or new.moves != ("u",)))
     if new.vehicle:
         return [
-            "# Coefficients that are not sought stay as published; those that are sought without a prior of their own are believed to be",
-            "# within a share of the published value (one sd). `seatrial vehicle NAME` shows what is published.",
+            "# Other coefficients keep their published values. Those that are estimated without a prior in this file get a prior about the",
+            "# published value; published_to is its sd. `seatrial vehicle NAME` shows the published values.",
             "[vehicle]",
             f"catalogue = {_text(new.vehicle)}",
             *moves,
@@ -70,7 +70,7 @@ def _vehicle(new: NewCampaign) -> list[str]:
         ]
     fixed = ", ".join(f"{name} = {value}" for name, value in new.known)
     return [
-        "# What is not in doubt: mass in air, added mass (X_udot, below zero), the share of thrust that the stern takes back, and trim:",
+        "# Known values: mass in air, added mass (X_udot, below zero), thrust deduction (the share of thrust lost at the stern), and trim:",
         "# the speed at which a trial begins, and the controls that hold it. `seatrial vehicle` lists published vehicles.",
         "[vehicle]",
         f"name = {_text(new.name.partition(',')[0])}",
@@ -96,8 +96,8 @@ def _structure(new: NewCampaign) -> list[str]:
 
 def _priors(new: NewCampaign) -> list[str]:
     lines = [
-        "# What you believe of each, as the least and the largest value that would not surprise you; `seatrial prior` says in m/s and",
-        "# s what they mean together. `unit` converts: thrust of a propeller is easiest to think of per revolution.",
+        "# The range of plausible values of each coefficient. `seatrial prior` shows the speeds and times that the ranges allow together.",
+        "# `unit` converts: thrust of a propeller is easier to state per revolution.",
     ]
     for one in _all(new):
         if one.lower:
@@ -108,7 +108,7 @@ def _priors(new: NewCampaign) -> list[str]:
 
 def _sensors(new: NewCampaign) -> list[str]:
     lines = [
-        "# What will be measured: standard deviation of one sample, and how often it comes; `seatrial design DIR --sensors` tries others."
+        "# Sensors: standard deviation of one sample, and the rate. `seatrial design DIR --sensors` compares others."
     ]
     for one in new.sensors:
         rate = [f"rate = {_text(one.rate)}"] * bool(one.rate)
@@ -118,7 +118,7 @@ def _sensors(new: NewCampaign) -> list[str]:
 
 def _limits(new: NewCampaign) -> list[str]:
     lines = [
-        "# What a trial may do: the control, how fast it may change, the slowest speed at which the vehicle dives, the room there is."
+        "# Limits of a trial: the control and its rate of change, the lowest speed at which the vehicle can dive, the space."
     ]
     driven = new.controls[0]
     for name, bounds in [
@@ -135,7 +135,7 @@ def _design(new: NewCampaign) -> list[str]:
     families = ["repeated-doublet", "multistep-3211", "step" if ahead else "doublet"]
     low, high, ramp = _amplitudes(driven)
     return [
-        "# Which trials are weighed: shapes of the input about trim, each with every amplitude and period. `active` ends in a rest.",
+        "# Trials to compare: shapes of the input about trim, each with every amplitude and period. After `active` the control rests.",
         "[design]",
         f"control = {_text(driven.name)}",
         f"families = {_list(families)}",
@@ -180,7 +180,7 @@ def _goal(new: NewCampaign) -> list[str]:
         return []
     wanted = ", ".join(f"{name} = {_text(text)}" for name, text in new.goal)
     return [
-        "# How well each coefficient has to be known. `seatrial rehearse DIR` says how many trials that takes.",
+        "# How well each coefficient must be known. `seatrial rehearse DIR` says how many trials this needs.",
         "[goal]",
         f"sd = {{ {wanted} }}",
         f"trials = {new.trials}",
@@ -188,7 +188,7 @@ def _goal(new: NewCampaign) -> list[str]:
 
 
 def _estimation(new: NewCampaign) -> list[str]:
-    return ["# A log says itself where it begins.", "[estimation]", 'initial = "estimated"']
+    return ["# The log determines the initial state.", "[estimation]", 'initial = "estimated"']
 
 
 def _import(new: NewCampaign) -> list[str]:

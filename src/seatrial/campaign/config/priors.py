@@ -203,7 +203,7 @@ def _physical(prior: Prior, name: str, inertia: float, where: str) -> Prior:
     if support is None:
         raise InputError(
             where,
-            found=f"true for {name}, whose sign physics leaves open",
+            found=f"true for {name}, whose sign is not fixed by physics",
             expected="damping along the term's own axis (X_u, X_uabsu) or its added mass (X_udot)",
             remedy="remove the key, and bound the prior by lower and upper where you know better",
         )

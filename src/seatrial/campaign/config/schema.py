@@ -44,9 +44,9 @@ class ThrustLawTable(Table):
     """`[vehicle.thrust_laws.NAME]`: the thrust of a logged command, such as a pulse width in microseconds.
 
     `curve` is a CSV of two columns with a header, the command and the thrust in N; in its place `polynomial` gives the thrust in N by
-    powers of the command less `neutral`, the constant first. There is no thrust between the two commands of `dead_zone`, and where it is
-    negative the share `reverse` of it; `lag` is the time constant by which the thrust follows. A channel f_1 in the unit "command" goes
-    through the law of thruster 1.
+    powers of the command minus `neutral`, the constant first. Between the two commands of `dead_zone` there is no thrust. Negative thrust
+    is multiplied by `reverse`. `lag` is the time constant of the thrust. A channel f_1 in the unit "command" is converted by the law of
+    thruster 1.
     """
 
     curve: str | None = None
@@ -60,7 +60,7 @@ class ThrustLawTable(Table):
 class ThrusterTable(Table):
     """`[[vehicle.thrusters]]`: place from the body's origin and direction of positive thrust, forward, starboard and down.
 
-    `law` names its law of thrust; where there is one alone it is that of every thruster.
+    `law` names its law of thrust; if there is only one law, all thrusters use it.
     """
 
     place: Triple = Field(min_length=3, max_length=3)
@@ -120,7 +120,7 @@ class StructureTable(Table):
 
 
 class PriorTable(Table):
-    """`[prior.NAME]`: what is believed of a coefficient before the trial.
+    """`[prior.NAME]`: the plausible values of a coefficient before the trial.
 
     | distribution | numbers |
     |---|---|
@@ -149,7 +149,7 @@ class PriorTable(Table):
 
 
 class SensorTable(Table):
-    """`[sensors.CHANNEL]`: the noise of a sensor, how often it measures, and what is unknown about it.
+    """`[sensors.CHANNEL]`: the noise of a sensor, how often it measures, and its unknown errors.
 
     An unknown `bias` (a constant error) or `lag` (a time constant) needs a prior, `[prior.bias_u]` or `[prior.lag_u]`.
 
@@ -168,7 +168,7 @@ class MountTable(Table):
     """`[mounts.NAME]`: a sensor of several `channels`, such as the u, v and w of a Doppler log or the z of a pressure cell.
 
     `place` is from the body's origin, forward, starboard and down; `roll`, `pitch` and `yaw` turn the sensor's axes in those of the body;
-    `scale` is what it shows of what is there; `late` is how long its clock is behind, 1 s at most. Each is an unknown where it has a
+    `scale` is the shown value over the true one; `late` is the delay of its clock, 1 s at most. Each is estimated if it has a
     prior: `[prior.x_NAME]`, `[prior.yaw_NAME]`, `[prior.scale_NAME]`, `[prior.late_NAME]`.
     """
 
@@ -218,7 +218,7 @@ class RangeTable(Table):
 
 
 class PowerTable(Table):
-    """`[power]`: what a trial draws from the battery: the hotel load, and the propulsion, which grows with the cube of the control."""
+    """`[power]`: the power that the battery gives: the hotel load, and the propulsion, which grows with the cube of the control."""
 
     hotel: Quantity
     propulsion: Quantity
@@ -257,17 +257,17 @@ class DesignTable(Table):
     | `entropy` | lowers the entropy of the coefficients most, in nats, as the `filter` computes it |
     | `fisher-d` | the same, by the Fisher information |
     | `fisher-a` | leaves the smallest mean variance |
-    | `fisher-e` | teaches most about the combination that is least known |
-    | `fisher-me` | teaches about all combinations alike |
+    | `fisher-e` | gives the most information about the combination that is least known |
+    | `fisher-me` | gives similar information about all combinations |
     | `fisher-c` | makes the stated `prediction` most certain |
     | `discrimination` | tells the full structure best from the one most like it |
 
-    With `per` a joule or a second, a trial ends when more of it does not pay.
+    With `per` a joule or a second, a trial ends where more of it would lower the information per cost.
 
-    `schedule` is a CSV of your own, with columns `time_s` and one for each control that moves, with its unit, such as `n_rpm`: it is
-    weighed beside the families, and is the first trial that is run. Controls named under `together` move at the same
-    time, each with its amplitude where that of `control` is the largest: `{ n = "100 rpm" }`; one whose motion is slower may have
-    a longer period: `{ n = { amplitude = "100 rpm", period = 2.0 } }`.
+    `schedule` is a CSV of your own, with columns `time_s` and one for each control that moves, with its unit, such as `n_rpm`. It is
+    compared with the families, and is the first trial that is run. Controls named under `together` move at the same
+    time. The amplitude of each belongs to the largest amplitude of `control`: `{ n = "100 rpm" }`. A control with slower motion may
+    have a longer period: `{ n = { amplitude = "100 rpm", period = 2.0 } }`.
     """
 
     control: str
@@ -304,8 +304,8 @@ class GoalTable(Table):
 
 
 class PlanTable(Table):
-    """`[plan]`: what a day at sea allows: `time` on the water and the `battery`, the `turnaround` that each trial takes beside its own
-    duration, and the `chance` of meeting the goals from which on `seatrial plan` adds no further trial."""
+    """`[plan]`: limits of a day at sea: `time` on the water, the `battery`, and the `turnaround`, the time between trials. `seatrial plan`
+    adds no further trial once the `chance` of meeting the goals is reached."""
 
     time: Quantity | None = None
     battery: Quantity | None = None
@@ -327,7 +327,7 @@ class ColumnTable(Table):
     Use it for the maker's table of thrust over PWM width.
 
     In place of a column, `sum` is a sum of columns of the table with factors, such as "0.12 data[0] - 0.12 data[1]"; names with other
-    signs than letters, digits and . _ / [ ] stand between single quotes, and the curve holds for each column. Forces of thrusters may be
+    signs than letters, digits and . _ / [ ] are written in single quotes. The curve is applied to each column. Forces of thrusters may be
     in the unit "command", see `[vehicle.thrust_laws]`.
     """
 
@@ -361,7 +361,7 @@ class FileTable(Table):
 
 
 class KeepTable(Table):
-    """`[[import.keep]]`: when a run is what it is taken for, by a log of the trial: `when = "armed == 1 and voltage > 14.5"`.
+    """`[[import.keep]]`: conditions on a log of the trial that a run must meet: `when = "armed == 1 and voltage > 14.5"`.
 
     Each run is cut to the longest stretch in which every condition holds, between its start and end. Comparisons of columns with numbers
     (`==`, `!=`, `<`, `<=`, `>`, `>=`) are joined by `and`; a number holds from its stamp to the next.
@@ -386,7 +386,7 @@ class ImportTable(Table):
 
     Every run is cut to `start` and `end`, counted from where its files overlap. `split` divides it into pieces, each a trial with a start
     of its own: for long records, and for vehicles that leave their course slowly. `schedule` is the table that was
-    commanded, `{run}` standing for the run's label: a run without `start` and `end` is cut to it, and how well it was followed is told.
+    commanded; `{run}` stands for the run's label. A run without `start` and `end` is cut to it, and `import` says how well it was followed.
     """
 
     fit: list[str] = Field(min_length=1)
@@ -402,7 +402,7 @@ class ImportTable(Table):
 
 
 class FilterTable(Table):
-    """`[filter]`: process noise of the filter, for what the model leaves out."""
+    """`[filter]`: process noise of the filter, for effects that the model lacks."""
 
     process_noise: dict[str, Quantity | float] = {}
 
@@ -445,7 +445,7 @@ class SelectionTable(Table):
 
 
 class SlurmTable(Table):
-    """`[compute.slurm]`: what each job asks for. Its memory is shared by its workers, one on each core."""
+    """`[compute.slurm]`: the resources of each job. Its memory is shared by its workers, one on each core."""
 
     memory: str = Field(pattern=r"^[0-9.]+ ?[kMGT]i?B$")
     walltime: str = Field(pattern=r"^[0-9:-]+$")
@@ -457,7 +457,7 @@ class SlurmTable(Table):
 
 
 class ComputeTable(Table):
-    """`[compute]`: where the work is done. It does not change any result."""
+    """`[compute]`: where the computation runs. It does not change any result."""
 
     workers: str = "local"
     slurm: SlurmTable | None = None

@@ -141,7 +141,7 @@ def _excitation_as_moved(
         "the vehicle fitted to the measured motion runs away" if found else "too few velocities are measured to fit it"
     )
     value = "not judged; the vehicle at the prior means does not move as this one did"
-    remedy = "priors of known sign would say"
+    remedy = "use priors of known sign"
     return [RecordFinding("all", "excitation", "note", value, f"but {reason}", remedy)]
 
 

@@ -51,9 +51,8 @@ def check_autopilot(
     state = model.states[int(states[counts.argmax()])]
     axis = AXES.get(state, f"the actuator {state.removesuffix(ACTUAL)}")
     doubling = float(np.log(2) / np.median(growth.rate[lost]))
-    found = (
-        f"{share:.0%} of the vehicles that are believed possible are unstable under the autopilot, most in {axis}"
-        + (f": a small motion there doubles in {doubling:.2g} s" if doubling > 0 else ": they run away")
+    found = f"{share:.0%} of the vehicles that the priors allow are unstable under the autopilot, most in {axis}" + (
+        f": a small motion there doubles in {doubling:.2g} s" if doubling > 0 else ": they run away"
     )
     remedy = _advice(best_gain_change(plan, trim, few))
     if share > 1.0 - probability:

@@ -186,7 +186,7 @@ def plan_trials(campaign: Campaign, so_far: SoFar | None = None, reporter: Repor
     inside, ended_by = _inside(campaign, chosen, seconds, joules, spent, most)
     is_enough = judge.chance(chosen, slice(0, HALF)) >= campaign.plan.chance
     if not is_enough and len(inside) == len(chosen):
-        ended_by = "no design teaches what is missing" if len(chosen) < MOST else f"{MOST} trials do not do"
+        ended_by = "no design gives the missing information" if len(chosen) < MOST else f"{MOST} trials are not enough"
     further = (len(chosen), _sum(seconds, chosen), _energy(campaign, joules, chosen)) if is_enough else None
     return _told(campaign, basis, stages, designs, sorted(inside), judge, seconds, joules, ended_by, further)
 

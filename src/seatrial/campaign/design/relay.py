@@ -156,7 +156,7 @@ def _closed(
 CONFIDENCE = 0.95
 """Of the claim that a test oscillates inside the limits with the probability asked for."""
 RANGE = (0.05, 0.5, 0.95)
-"""Quantiles over the vehicles that are believed possible."""
+"""Quantiles over the vehicles that the priors allow."""
 
 
 def stored_relay(campaign: Campaign) -> StoredResult[RelayTrial]:
@@ -255,7 +255,7 @@ def _sure_best(
     raise InputError(
         campaign.where("design.relay"),
         found=f"{len(order)} of {sweep.gain.size} designs of the grid oscillate at the prior means"
-        f", none of them surely enough; the surest, {most[1]}",
+        f", none of them with the required probability; the best, {most[1]}",
         expected=f"one at least that oscillates inside every limit with probability {probability:g}",
         remedy="lower the thresholds, lengthen the trial, narrow priors that let a vehicle hardly answer the control, or widen the limits",
     )

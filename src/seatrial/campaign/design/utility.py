@@ -63,7 +63,7 @@ def criterion_of(campaign: Campaign, plan: TrialPlan, draws: Float[np.ndarray, "
         raise InputError(
             campaign.where("design.utility"),
             found='"fisher-c" without a prediction',
-            expected="the prediction whose variance is to fall",
+            expected="the prediction to improve",
             remedy="state it beside the utility",
         )
     return find_criterion(name, cov, wanted.at(draws.mean(0))[1])

@@ -140,7 +140,7 @@ def _coloured(campaign: Campaign, model: VehicleModel, scale: Scale) -> ErrorMod
         "upper": _round(0.5 * scale.duration),
     }
     names = [correlation_name(channel) for channel in campaign.channels]
-    return _residuals(campaign, "coloured", "errors with a memory", dict.fromkeys(names, table))
+    return _residuals(campaign, "coloured", "errors correlated in time", dict.fromkeys(names, table))
 
 
 def _drifting(campaign: Campaign, model: VehicleModel, scale: Scale) -> ErrorModel | None:
@@ -166,7 +166,7 @@ def _process(campaign: Campaign, model: VehicleModel, scale: Scale) -> ErrorMode
     if campaign.estimation.likelihood == "filter-error" or _is_late(campaign):
         return None
     tables = {process_name(state): _log_uniform(scale.sizes.get(state, 1.0)) for state in model.states}
-    return ErrorModel("process noise", "pushes that the motion remembers", _filtered(), _missing(campaign, tables))
+    return ErrorModel("process noise", "random forces on every state", _filtered(), _missing(campaign, tables))
 
 
 def _disturbed(campaign: Campaign, model: VehicleModel, scale: Scale) -> ErrorModel | None:
@@ -185,7 +185,7 @@ def _disturbed(campaign: Campaign, model: VehicleModel, scale: Scale) -> ErrorMo
             "lower": _round(scale.interval),
             "upper": _round(0.5 * scale.duration),
         }
-    return ErrorModel("disturbance", "a force with a memory", _filtered(), _missing(campaign, tables))
+    return ErrorModel("disturbance", "a force correlated in time", _filtered(), _missing(campaign, tables))
 
 
 def _offset(campaign: Campaign, model: VehicleModel, scale: Scale) -> ErrorModel | None:

@@ -45,12 +45,12 @@ DESIGNED_FROM = 800
 MOST_ROBUST = 8
 """Structures of which the standard deviations with model error are told at first sight; of more they would take longer than the modes."""
 MODE = (
-    "first answers: the posterior mode, and standard deviations as if the posterior were normal about it, which has not been "
-    "checked; `seatrial estimate` without --by draws the whole posterior"
+    "first answers: the posterior mode, with standard deviations of a normal approximation, which is not checked; "
+    "`seatrial estimate` without --by samples the whole posterior"
 )
 REGRESSION = (
-    "first answers: a regression of accelerations, priors unused; plain at the speeds as measured, refined along the fitted "
-    "vehicle's own motion; `seatrial estimate` without --by uses the likelihood of the measurements themselves"
+    "first answers: a regression of accelerations without priors; plain with the measured speeds, refined with the simulated "
+    "speeds of the fitted vehicle; `seatrial estimate` without --by uses the likelihood of the measurements"
 )
 
 

@@ -209,30 +209,30 @@ class Adviser:
                 f"the model is wrong: innovations of {self.channels[worst]} are {rms[worst]:.1f} times what its sensor noise allows"
             )
         if not np.isfinite(wanted).any():
-            return "go on", "go on: [goal] asks for no standard deviation, so that nothing says when to stop"
+            return "go on", "go on: [goal] has no standard deviation, so there is no point at which to stop"
         if self.met_since is not None:
             if time - self.met_since >= self.hold:
                 return "stop", "the goal is met: stop"
             return (
                 "go on",
-                f"go on: the goal is met, and is to stay so for {self.hold - (time - self.met_since):.0f} s more",
+                f"go on: the goal is met, and must stay met for {self.hold - (time - self.met_since):.0f} s more",
             )
         if left is None:
-            return "go on", "go on: too little has come to say how long"
+            return "go on", "go on: there are too few samples to say how long"
         choice = self.choice
         if left > SOON and choice is not None and (not np.isfinite(left) or left > SLOWER * choice.seconds):
             if np.isfinite(choice.seconds):
                 return (
                     "switch",
-                    f"this input will not get there: switch to {choice.words}, about {choice.seconds:.0f} s of it",
+                    f"this input will not reach the goal: switch to {choice.words}, about {choice.seconds:.0f} s of it",
                 )
             return "switch", (
-                f"this input will not get there, nor does any that was designed; {choice.unmet} stays furthest from its goal: "
+                f"neither this input nor any design will reach the goal; {choice.unmet} stays furthest from it: "
                 f"switch to {choice.words}"
             )
         if not np.isfinite(left) or left > 100 * HALVES:
             short = self.recursion.names[int(np.argmax(sd / wanted))]
-            return "switch", f"this input will not get there: it teaches nothing about {short}; excite it"
+            return "switch", f"this input will not reach the goal: it gives no information about {short}; excite it"
         return "go on", f"go on, about {left:.0f} s more at this rate"
 
     def _ask(self, time: float, mean: np.ndarray, honest: np.ndarray, discount: float, wanted: np.ndarray) -> None:

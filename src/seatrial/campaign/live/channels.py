@@ -109,7 +109,7 @@ class Channels:
         missing = [name for name in self.model.controls if name not in given]
         if not missing and set(self.campaign.channels) & given:
             for name in (name for name in self.campaign.channels if name not in given):
-                self.say(f"without {name}", f"the stream has no {name}: what it would tell is not counted")
+                self.say(f"without {name}", f"the stream has no {name}: the coefficients are estimated without it")
             return
         what = ", ".join(missing) or "none of " + ", ".join(self.campaign.channels)
         raise InputError(

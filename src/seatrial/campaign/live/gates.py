@@ -89,15 +89,14 @@ class ClockGate:
         if step < -Decimal(LATE):
             self.say(
                 "restart",
-                f"the clock went back by {-step:.6g} s: the stream has begun anew, and so do the states; "
-                "what is known of the coefficients stays",
+                f"the clock went back by {-step:.6g} s: the states are initialised again, the estimates of the coefficients stay",
             )
             return self._pass(stamp, part, max(elapsed, 1e-3), "begins")
         if step < 0:
             self.say("late", f"samples that come late (by {-step:.3g} s) are dropped")
             return Passed(0.0, "dropped")
         if step > self.gap:
-            self.say("gap", f"nothing came for {step:.4g} s: the states begin anew")
+            self.say("gap", f"nothing came for {step:.4g} s: the states are initialised again")
             return self._pass(stamp, part, float(step), "begins")
         return self._pass(stamp, part, float(step), "goes on")
 
@@ -137,7 +136,7 @@ class ValueGate:
         if name in self.limits:
             known = f"its limit is {most / BEYOND_LIMIT * factor:.3g} {unit}"
         elif name in self.sizes:
-            known = f"the priors foresee {most / BEYOND * factor:.3g} {unit} at most"
+            known = f"the priors allow {most / BEYOND * factor:.3g} {unit} at most"
         self.say(
             f"beyond {name}",
             f"{name} of {value * factor:.3g} {unit}, where {known}: check the unit of its column; such values are left out",
@@ -184,7 +183,7 @@ class SignGate:
         for name in found:
             self.say(
                 f"sign {name}",
-                f"{name} moves against what the model foresees (correlation {correlation[self.names.index(name)]:.2f}): check its sign, "
+                f"{name} moves opposite to the model (correlation {correlation[self.names.index(name)]:.2f}): check its sign, "
                 f"that of {' and '.join(self.controls)}, and the axes of the log",
             )
         return found

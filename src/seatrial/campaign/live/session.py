@@ -149,7 +149,7 @@ class Session:
         if found.failed:
             self.notes.say(
                 "failed",
-                "the filter lost its covariance: the states begin anew; check units and signs, or narrow the priors",
+                "the filter lost its covariance: the states are initialised again; check units and signs, or narrow the priors",
             )
             self.belief = None
             return

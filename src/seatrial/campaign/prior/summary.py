@@ -66,7 +66,7 @@ def prior_cautions(found: PriorPredictive) -> list[str]:
     said = []
     if found.lost.mean() > SOME and found.diverged.mean() <= MOST and most_have(found.steady):
         said.append(
-            f"{_percent(found.lost)} of the draws from the prior run away, which no vehicle does: {_mend(found)}"
+            f"{_percent(found.lost)} of the draws from the prior diverge or reach no steady speed, which no vehicle does: {_mend(found)}"
         )
     if most_have(found.steady) and not found.held < HARDLY:
         low, high = np.nanquantile(np.abs(found.steady), (0.05, 0.95))

@@ -235,8 +235,8 @@ def _criteria_in(stored: StoredCriteria) -> dict[str, PredictiveCriterion]:
 
 METHODS = ("DIC", "BPIC", "AIC", "BIC", "WAIC", "PSIS-LOO", FUTURE)
 WHY = (
-    "DIC and BPIC decide little: a useless term changes them by 2 or 3 less a random 1 ± 1.4, so that a few units are noise; and "
-    "neither charges a term for a wide prior. Decide by evidence (seatrial select)"
+    "DIC and BPIC decide little: a term without effect changes them by 2 or 3 minus a random 1 ± 1.4, so a few units are noise. "
+    "Neither penalises a wide prior. Decide by evidence (seatrial select)"
 )
 
 
@@ -417,5 +417,5 @@ def _apart(found: Sequence[Criteria], table: dict[str, list[Difference]]) -> lis
         return ["only one structure: there is nothing to compare it with"]
     clear = {one.structure.label: [name for name in METHODS if table[name][i].is_clear] for i, one in enumerate(found)}
     behind = [f"{label} is behind by {', '.join(names)}" for label, names in clear.items() if names]
-    rest = "no criterion tells the structures apart" if not behind else "the others are not told apart"
+    rest = "no criterion separates the structures" if not behind else "the others cannot be separated"
     return [f"beyond {SMALL_DIFFERENCE:g} and two standard errors: {'; '.join([*behind, rest])}"]

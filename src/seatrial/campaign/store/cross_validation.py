@@ -245,7 +245,7 @@ class CrossValidation:
         apart = gap(better, chosen)
         return (
             f"{chosen.name} has the highest evidence; {better.name} predicts runs left out better by {apart.delta:.1f} ± "
-            f"{apart.std_error:.1f} nats, which these {len(self.runs)} runs do not tell from chance"
+            f"{apart.std_error:.1f} nats; with {len(self.runs)} runs this may be chance"
         )
 
     def _bands(self) -> list[str]:

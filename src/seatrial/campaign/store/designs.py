@@ -167,7 +167,7 @@ class OwnTrial:
         return [
             f"your schedule {self.source}, {self.duration:.4g} s: {worth}; the best of the families ({self.best}), "
             f"{self.best_duration:.4g} s: {beside} by the same measure",
-            f"  after it, and in brackets after that one: {', '.join(sds)}",
+            f"  expected after your schedule, in brackets after the best of the families: {', '.join(sds)}",
             *(f"  {line}" for line in self.safety),
         ]
 
@@ -240,7 +240,7 @@ class RelayTrial:
             f"{self.reversals[1]:g} reversals (90 % of vehicles {self.reversals[0]:g} to {self.reversals[2]:g}), period "
             f"{self.period[1]:.3g} s ({self.period[0]:.3g} to {self.period[2]:.3g}), first overshoot {middle:.3g} {y_unit} "
             f"({low:.3g} to {high:.3g}), second {after[1]:.3g} {y_unit} ({after[0]:.3g} to {after[2]:.3g})",
-            f"it oscillates in {self.oscillates:.0%} of the vehicles that are believed possible",
+            f"it oscillates in {self.oscillates:.0%} of the vehicles that the priors allow",
             *(
                 (
                     f"{self.passed_over} more informative design{'s' * (self.passed_over != 1)} may not oscillate, or break a limit",

@@ -29,7 +29,7 @@ VAIN = 10.0
 """Standard deviation over the value from which a percentage says nothing."""
 
 
-BY_ITSELF = "each parameter is known by itself"
+BY_ITSELF = "each parameter is known separately"
 
 
 class HasKey(Protocol):
@@ -411,12 +411,14 @@ class Calibrated:
         ]
         numbers = ", ".join(worst)
         if not poor.any():
-            end = ": it is not the sampling that makes the ranks uneven" if self.calibration.outside() else ""
+            end = ": so the sampling is not the cause of the uneven ranks" if self.calibration.outside() else ""
             return f"the draws mixed well in all {r} replicates ({numbers}){end}"
         said = f"the draws mixed poorly in {poor.sum()} of {r} replicates ({numbers})"
         if poor.mean() < MANY_POOR:
-            return f"{said}: too few to make ranks uneven"
-        return f"{said}: uneven ranks may be the sampling's and not the posterior's; try another method, or narrower priors"
+            return f"{said}: too few to cause uneven ranks"
+        return (
+            f"{said}: this may be the cause of uneven ranks, not the posterior; try another method, or narrower priors"
+        )
 
 
 @dataclass(frozen=True)

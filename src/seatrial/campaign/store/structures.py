@@ -327,7 +327,7 @@ def undecided_words(selection: "Selection") -> str:
     doubtful = [f"{term} ({p:.2f})" for term, p in selection.inclusion.items() if 1 - DECIDED < p < DECIDED]
     if not doubtful:
         return "these data decide about every optional term"
-    return f"not settled beyond doubt: {', '.join(doubtful)}; in brackets the probability that it is needed"
+    return f"not decided: {', '.join(doubtful)}; in brackets the probability that it is needed"
 
 
 @dataclass(frozen=True, eq=False)

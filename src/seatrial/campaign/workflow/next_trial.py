@@ -90,7 +90,9 @@ def propose_by_mode(campaign: Campaign, first: FirstAnswer, designs: Designs, tr
     counting = goal is not None and goal.only_trials
     if goal is not None and not (unmet or goal.decided or counting):
         return Proposal(
-            None, tuple(standing), ("stop: by the mode the goal is met; `seatrial next` without --by says surely",)
+            None,
+            tuple(standing),
+            ("stop: the posterior mode meets the goal; confirm it by `seatrial next` without --by",),
         )
     assert first.drawn is not None
     return _most_informative(designs, known, noise_words(campaign, first.drawn), tuple(standing), counting)
@@ -101,7 +103,7 @@ def _most_informative(
 ) -> Proposal:
     gain = float(designs.best.gain[designs.best.best])
     if gain < ENOUGH and not counting:
-        why = f"stop: another trial of this kind would teach little ({gain:.2f} nat): change sensors, limits or manoeuvres"
+        why = f"stop: another trial of this kind would give little information ({gain:.2f} nat): change sensors, limits or manoeuvres"
         return Proposal(None, standing, (why,))
     return _run(designs, designs.best.best, known, noise, standing, _gain_words(gain))
 

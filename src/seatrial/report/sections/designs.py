@@ -34,7 +34,7 @@ from seatrial.report.sections.parameters import verdict_of
 
 
 def trial_section(outcome: Outcome) -> dict[str, Any]:
-    """Return what `trial.html` prints."""
+    """Return what `next.html` and `method.html` print of the first trial and the records."""
     first = outcome.first
     imported = outcome.campaign.imports is not None
     return {
@@ -80,9 +80,7 @@ def sweep_drawings(outcome: Outcome, designs: Designs, name: str) -> list[Drawin
         if grid.size > 1 and at in (0, grid.size - 1)
     ]
     if edges:
-        caption += (
-            f" The best {' and '.join(edges)} {'lies' if len(edges) == 1 else 'lie'} on the edge of what was searched."
-        )
+        caption += f" The best {' and '.join(edges)} {'lies' if len(edges) == 1 else 'lie'} on the edge of the grid."
     surface = design_surface(
         sweep.period,
         sweep.amplitude * factor,
@@ -98,7 +96,7 @@ def sweep_drawings(outcome: Outcome, designs: Designs, name: str) -> list[Drawin
             f"{name}-surface",
             f"Entropy reduction over period and amplitude of the {sweep.family.words}",
             caption,
-            "What each design would teach",
+            "Information of each design",
         ),
         draw(
             chosen,

@@ -115,7 +115,7 @@ def _files(outcome: Outcome) -> list[tuple[str, str]]:
     store = Store(outcome.campaign.folder)
     folder = outcome.campaign.folder
     listed = [
-        (folder / FILE_NAME, "what was known, asked and allowed"),
+        (folder / FILE_NAME, "the campaign file: vehicle, priors, goals and limits"),
         *((store.record(run), f"record {run}") for run in _runs(outcome)),
         (store.design, "designs swept for the trial"),
         (store.schedule(store.design), "control of the trial over time, its unit in the header"),
@@ -124,7 +124,10 @@ def _files(outcome: Outcome) -> list[tuple[str, str]]:
             for estimate in outcome.estimates
         ),
         *(
-            (store.known(estimate.structure.label), f"what is known of {estimate.structure.label}, alone and together")
+            (
+                store.known(estimate.structure.label),
+                f"standard deviations and known combinations of {estimate.structure.label}",
+            )
             for estimate in outcome.estimates
         ),
         (store.selection, "evidences, probabilities and verdicts"),

@@ -170,7 +170,7 @@ def _filter(outcome: Outcome) -> dict[str, Any]:
         rows.append(Traced(symbol, mean, sd, float(row["prior_mean"]), float(row["mean"]), truth.get(name)))
     return {
         "figure": draw(
-            belief_rows(time, rows, starts), "filter", "The filter's belief about each coefficient over time"
+            belief_rows(time, rows, starts), "filter", "The filter's estimate of each coefficient over time"
         ),
         "name": data.attrs["filter"],
         "model": model_said(outcome, full.structure.label),

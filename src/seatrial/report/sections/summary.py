@@ -95,12 +95,12 @@ def _found(outcome: Outcome) -> Markup:
     count, verb = len(outcome.selection.structures), "" if len(outcome.trials.fit) > 1 else "s"
     if count == 1:
         return Markup(
-            "give{} the coefficients below; only one model was compared, so whether its terms are needed was not asked."
+            "give{} the coefficients below; only one model was fitted, so the need for its terms was not tested."
         ).format(verb)
     name = model_html(outcome, outcome.chosen.structure.label)
     if outcome.selection.probability[outcome.selection.chosen] >= DECIDED:
         return Markup("support{} one model of {}: <strong>{}</strong>.").format(verb, count, name)
-    return Markup("favour{} <strong>{}</strong> among {} models, but do{} not settle it.").format(
+    return Markup("favour{} <strong>{}</strong> among {} models, but do{} not decide.").format(
         verb, name, count, "es" if verb else ""
     )
 
@@ -109,7 +109,7 @@ def _predicts(outcome: Outcome) -> str:
     scored = [fit for fit in outcome.fits if fit.samples > 0 and not fit.missing]
     held_back = [fit for fit in scored if fit.held_back]
     if not scored:
-        return "Nothing was measured that could be compared with it."
+        return "No measurement could be compared with it."
     shown = held_back or scored
     runs = len({fit.record for fit in shown})
     what = (

@@ -159,7 +159,7 @@ def evidence_of(stats: Gram, prior: Prior, terms: Sequence[int]) -> SubsetFit:
     rate = 0.5 * (2 * prior.rate + stats.square + posterior.square[chosen].sum() - explained)
     if not rate > ROUNDING * stats.square:
         raise NumericalError(
-            "a structure fits the response to rounding, so that no noise is left to judge by: is the response made from the "
+            "a structure fits the response exactly, so there is no noise to judge by: is the response made from the "
             "regressors? Give measured data, or a prior of the noise that is not tiny"
         )
     shape = prior.shape + 0.5 * stats.n

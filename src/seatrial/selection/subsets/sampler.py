@@ -402,7 +402,7 @@ def _status(
     if apart.any():
         said.append(
             f"the chains disagree about {_listed(names, apart)} (R-hat {errors['r_hat'].max():.2f}, at most {MAX_PRESENCE_R_HAT}): "
-            "let them make more moves; if they still disagree, terms stand in for one another in ways that single moves miss"
+            "let them make more moves; if they still disagree, some terms can replace others, and single moves do not find this"
         )
     # what was not evaluated may change the renormalised probabilities by its own probability
     odd = np.abs(inclusion - renormalised) > 5 * errors["inclusion_error"] + (1 - covered) + 0.01

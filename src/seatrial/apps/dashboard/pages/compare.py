@@ -106,7 +106,7 @@ def side_by_side(ours: Summary, theirs: Summary, here: str, there: str) -> Marku
     facts = [
         ["model", _model(ours), _model(theirs)],
         ["probability of it", *(_probability(one) for one in (ours, theirs))],
-        ["next trial would teach", *(f"{one.next_trial.gain_nat:.2f} nat" for one in (ours, theirs))],
+        ["information of the next trial", *(f"{one.next_trial.gain_nat:.2f} nat" for one in (ours, theirs))],
         ["alarms", *(str(len(one.alarms)) for one in (ours, theirs))],
         ["cautions", *(str(len(one.cautions)) for one in (ours, theirs))],
     ]

@@ -22,7 +22,7 @@ from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import SeatrialError
 from seatrial.report.numbers import percent, short, unit_html
 
-WHICH = {"design": "the first trial, from the priors", "next": "the next trial, from what the data taught"}
+WHICH = {"design": "the first trial, from the priors", "next": "the next trial, from the posterior"}
 
 
 async def build(context: AppContext, campaign: str, folder: Path) -> None:
@@ -34,7 +34,7 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
         if there:
             Surface(context, folder, paths, there[-1], there)
         else:
-            words = "Run the design below: every trial of the grid is weighed, which takes seconds to minutes."
+            words = "Run the design below: every trial of the grid is computed, which takes seconds to minutes."
             with section("No design yet", words):
                 pass
 
@@ -74,7 +74,7 @@ class Surface:
         self.context, self.folder, self.paths, self.which = context, folder, paths, which
         self.family, self.measure, self.found = 0, "gain", None
         self.at = (0, 0)
-        with section("What each design would teach", "Click a design, or choose its amplitude and period below."):
+        with section("Information of each design", "Click a design, or choose its amplitude and period below."):
             with ui.element("div").classes("line"):
                 options = {one: WHICH[one] for one in there}
                 ui.select(options, value=which, label="Sweep", on_change=self._other).props(
@@ -198,7 +198,7 @@ class Surface:
             holder,
             answer,
             self._details,
-            "simulating it with what is believed, to see how far it stays from the limits …",
+            "simulating this design, to see its distance from the limits …",
         )
 
     def _details(self, clicked: Clicked) -> None:

@@ -86,7 +86,7 @@ class Start:
         said = self.forms[start].read() if start in self.forms else {}
         with self.said:
             if folder is None or said is None:
-                say("Something in the form is wrong: it is said beside the fields. Nothing was written.")
+                say("Some fields are wrong: see the messages beside them. Nothing was written.")
                 return None
             try:
                 template = "" if start in self.places else start

@@ -71,7 +71,7 @@ async def _card(
 
         async def show() -> None:
             part, steps = ui.element("div"), first.pop() if first else context.steps(folder)
-            waiting = "looking at what is current …"
+            waiting = "checking which results are current …"
             await fill(part, steps, lambda found: markup(steps_html(found)), waiting, patience=0.001)
 
         await keep_current(ui.element("div"), lambda: change_of(folder), show)

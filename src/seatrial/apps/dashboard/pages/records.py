@@ -33,7 +33,7 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
         await keep_current(ui.element("div"), lambda: tuple(map(stamp, records())), draw)
     with section(
         "Checks",
-        "What seatrial check says: direction, size, delay, outliers, holes, and what each record can tell.",
+        "What seatrial check says: direction, size, delay, outliers, gaps, and which coefficients each record can determine.",
     ):
         live, said = Live(context, folder), ui.element("div")
         with ui.element("div").classes("line"):

@@ -101,7 +101,10 @@ class ExportForm:
             return rests, await think("export_targets", str(self.folder), rest, files=files)
 
         await fill(
-            self.place, asked(), lambda found: self._offer(rest, *found), "asking every target what it can hold …"
+            self.place,
+            asked(),
+            lambda found: self._offer(rest, *found),
+            "checking which targets can represent this campaign …",
         )
 
     def _offer(self, rest: str, rests: tuple[str, ...], targets: tuple[ExportTarget, ...]) -> None:

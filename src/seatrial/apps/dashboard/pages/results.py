@@ -137,10 +137,10 @@ async def _currency(context: AppContext, campaign: str, folder: Path) -> None:
             [one.name for one in steps if one.state == state and one.name != "report"] for state in ("stale", "missing")
         )
         if context.jobs.look(folder).running:
-            words = '<p class="note" role="status">A command is at work. These are the results from before it; the page follows.</p>'
+            words = '<p class="note" role="status">A command is running. These are the earlier results; the page updates itself.</p>'
             markup(words)
         elif old:
-            words = "These results are from before the campaign file or its logs were changed: {} {} stale. "
+            words = "These results are older than the last change of the campaign file or its logs: {} {} stale. "
             if "import" in old:
                 words += "If nothing was changed, its logs lie where this dashboard may not read: start it with --also FOLDER. "
             markup(

@@ -49,7 +49,9 @@ async def standing_part(context: AppContext, folder: Path) -> None:
 
     async def show() -> None:
         part = ui.element("div")
-        await fill(part, context.steps(folder), lambda steps: markup(steps_html(steps)), "looking at what is current …")
+        await fill(
+            part, context.steps(folder), lambda steps: markup(steps_html(steps)), "checking which results are current …"
+        )
 
     await keep_current(holder, lambda: change_of(folder), show)
 
