@@ -4,7 +4,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.stats import norm
 
 import seatrial as st
 from seatrial.core.errors import NumericalError
@@ -17,7 +16,7 @@ from seatrial.estimation.trial_data import first_samples, stack_trials
 from tests.estimation_cases import GOLDEN_LOG_EVIDENCE, THRUST_UNIT, golden_posterior, linear_gaussian, posterior
 
 KEY = jax.random.key(0)
-TWO_SD = 20.0 * norm.cdf(-2.0) - 10.0
+TWO_SD = float(Uniform(-10.0, 10.0).constrain(-2.0))
 """Where two standard deviations of z below the middle lie in a uniform prior from -10 to 10."""
 
 
