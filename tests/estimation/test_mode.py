@@ -1,3 +1,4 @@
+from dataclasses import replace
 from types import SimpleNamespace
 
 import jax
@@ -203,7 +204,7 @@ def test_a_step_to_where_the_density_is_zero_is_refused():
 def surge_posterior(samples=400, sigma=(1e-4, 10.0)):
     truth = {"X_u": -1.21, "X_uabsu": -2.93, "T_nabsn": 6.28e-4, "sigma_u": 0.02}
     model = st.load_vehicle("remus100_surge").build(free=[name for name in truth if name != "sigma_u"])
-    levels = np.repeat(np.random.default_rng(3).uniform(65.0, 185.0, samples // 40), 40)
+    levels = np.repeat(np.random.default_rng(3).uniform(65.0, 185.0, samples // 8), 8)
     schedule = st.Schedule(np.arange(samples) * 0.1, {"n": levels})
     record = st.simulate(model, truth, schedule, ["u"], start={"u": 1.5}, key=4)
     priors = {"X_u": st.Normal(-1.2, 1.5), "X_uabsu": st.Normal(-3.0, 3.0), "T_nabsn": st.Normal(6e-4, 3e-4)}
@@ -238,7 +239,17 @@ def test_a_long_record_has_the_mode_that_a_search_of_all_of_it_finds(monkeypatch
     assert sizes[0] == target.data.step.shape[1] // module.PARTS
     assert sizes[-1] == target.data.step.shape[1]
     assert (np.abs(long.values - whole.values) < 1e-6 * whole.sd).all()
-    assert long.log_evidence == pytest.approx(whole.log_evidence, abs=1e-6)
+    assert long.log_evidence == pytest.approx(whole.log_evidence, abs=1e-5)
+
+
+@pytest.mark.parametrize(("still", "expected"), [(0, True), (200, False)])
+def test_a_part_in_which_the_controls_rest_says_nothing(still, expected, monkeypatch):
+    target, _ = surge_posterior()
+    monkeypatch.setattr(module, "LONG", 100)
+    n = np.array(target.data.control[0])
+    n[:, :still] = n[:, :1]
+    resting = replace(target, data=target.data._replace(control=(jnp.asarray(n),)))
+    assert (module._first_part(resting) is not None) == expected
 
 
 def test_the_first_samples_of_trials_are_those_of_shorter_records():

@@ -38,8 +38,9 @@ FARTHEST, NEAR = 3.0, 12.0
 """How far a delay is looked for: in standard deviations of its prior, and closer in those of the posterior about the mode."""
 DOUBLINGS, NOTHING = 3, 1e-4
 """Times that the closer look is widened at most, until the density at its ends is such a share of that at the mode."""
-LONG, PARTS = 8192, 8
-"""Samples of a trial from which the mode of its first such part is found first: with wrong coefficients a long simulation goes astray."""
+LONG, PARTS, EXCITED = 8192, 8, 0.5
+"""Samples of a trial from which the mode of its first such part is found first, as with wrong coefficients a long simulation goes astray;
+and the share of their standard deviation over all trials that the controls must reach in it."""
 INSIDE = 2.0
 """Standard deviations of z within which a start keeps where a prior has bounds: at the bound itself z is infinite."""
 SAME_TOP, NEAR_TOP = 0.01, 1.0
@@ -198,10 +199,17 @@ def _highest(
 
 
 def _first_part(posterior: Posterior) -> Posterior | None:
-    """Return the posterior of the first part of long trials; None where they are short, or of a density of one's own."""
-    if not isinstance(posterior.likelihood, OutputError | FilterError) or posterior.data.step.shape[1] < LONG:
+    """Return the posterior of the first part of long trials in which every control moves about as much as in all of them; None without."""
+    data = posterior.data
+    if not isinstance(posterior.likelihood, OutputError | FilterError) or data.step.shape[1] < LONG:
         return None
-    return replace(posterior, data=first_samples(posterior.data, posterior.data.step.shape[1] // PARTS))
+    length = data.step.shape[1] // PARTS
+    inside = np.asarray(data.step) > 0  # what fills up a trial takes no time
+    columns = [np.asarray(column) for column in data.control]
+    moves = [(column[:, :length][inside[:, :length]].std(), column[inside].std()) for column in columns]
+    if any(part < EXCITED * whole for part, whole in moves):
+        return None
+    return replace(posterior, data=first_samples(data, length))
 
 
 def climb(posterior: Posterior, start: Float[np.ndarray, " d"]) -> Mode:
