@@ -24,8 +24,8 @@ from seatrial.vehicles.model import VehicleModel
 STATE_SD = 0.05
 """Standard deviation of the vehicle's own state about its start at the begin of a designed trial, in its unit (m/s)."""
 ACTUATOR_SD = 1e-4 * STATE_SD
-"""What an actuator gains by noise from one sample to the next, in its unit: without any it ends where it is told to be, exactly, and a
-covariance without full rank has no factor."""
+"""What an actuator gains by noise in a sample or a second, in its unit: without any it ends exactly where it is told to be, and covariances
+without full rank have no factor."""
 Belief = tuple[Prior, ...] | Gaussian
 """What is known before: independent priors of the coefficients in the plan's order, or their joint normal distribution, SI."""
 
