@@ -238,6 +238,21 @@ def test_a_vehicle_that_is_towed_shows_drag_and_the_loss_of_thrust_with_speed(tm
         assert abs(at[name][0] - exact) < 4 * at[name][1], name
 
 
+def test_a_simulated_pull_is_that_of_plain_formulas(tmp_path):
+    truth = {"T_f": GAIN, "T_absf": ASTERN, "T_fdV": PER_VOLT, "bias_force_X": OFFSET, "dead_f": DEAD}
+    text = (VEHICLE + REST[: REST.index("[import]")]).replace('V = "16 V"', 'V = "16 V", f_2 = "0 N"')
+    dead = SOUGHT[SOUGHT.index("[prior.dead_f]") :]
+    lines = "\n".join(f"{name} = {value}" for name, value in truth.items())
+    (tmp_path / "campaign.toml").write_text(f"{text}{dead}\n[truth]\n{lines}\n")
+    (record,) = get_trials(load_campaign(tmp_path)).fit
+    actual = late(np.column_stack([record.channel("f_1"), record.channel("f_2")]))
+    beyond = np.sign(actual) * np.maximum(np.abs(actual) - DEAD, 0.0)
+    left = record.channel("force_X") - (GAIN * beyond + ASTERN * np.abs(beyond)).sum(1) - OFFSET
+    assert np.ptp(record.channel("force_X")) > 30
+    assert left.std() == pytest.approx(0.3, rel=4 / np.sqrt(2 * left.size))
+    assert abs(left.mean()) < 4 * 0.3 / np.sqrt(left.size)
+
+
 # What the next campaign makes of it.
 
 ADDED, DRAG = -5.0, {"X_u": -9.0, "X_uabsu": -22.0}
@@ -288,17 +303,17 @@ MOVES = ("moves = []", 'moves = ["u"]')
 ALONE = (VEHICLE[VEHICLE.index("[prior.T_f]") :], "")
 
 
-def driven(command, start=0.0, n_inner=20):
-    """Measured surge speed under two thrusters at the voltage of trim, by small steps of the midpoint rule."""
+def driven(command, start=0.0, loss=0.0, n_inner=20):
+    """Measured surge speed under two thrusters at the voltage of trim, by small steps of the midpoint rule; `loss` is T_uabsf."""
     told, h = 0.08 * (command - 1500.0), STEP / n_inner
     u, speeds = start, []
     for held, begun in zip(told, late(told), strict=True):
         speeds.append(u)
         for k in range(n_inner):
             actual = held + (begun - held) * np.exp(-(k + 0.5) * h / LAG)
-            push = GAIN * actual.sum() + ASTERN * np.abs(actual).sum()
-            middle = u + 0.5 * h * rate(push, u)
-            u += h * rate(push, middle)
+            push, size = GAIN * actual.sum() + ASTERN * np.abs(actual).sum(), loss * np.abs(actual).sum()
+            middle = u + 0.5 * h * rate(push + size * u, u)
+            u += h * rate(push + size * middle, middle)
     return np.array(speeds) + 0.01 * np.random.default_rng(9).normal(size=len(speeds))
 
 
@@ -306,8 +321,8 @@ def rate(push, u):
     return (push + DRAG["X_u"] * u + DRAG["X_uabsu"] * u * abs(u)) / (MASS - ADDED)
 
 
-def sail(folder, command, *changes, start=0.0):
-    rows = np.column_stack([command, driven(command, start)])
+def sail(folder, command, *changes, start=0.0, loss=0.0):
+    rows = np.column_stack([command, driven(command, start, loss)])
     return campaign(folder, rows, MOVES, *changes, head="t,left,right,u", text=VEHICLE + DRIVEN)
 
 
@@ -334,6 +349,20 @@ def test_a_bollard_record_sharpens_the_drag_of_the_next_campaign(tmp_path, pull)
         assert abs(at[name][0] - value) < 4 * at[name][1], name
         assert at[name][1] < (0.2 if name == "X_udot" else 0.8) * before[name][1], name
     assert abs(at["T_f"][0] - GAIN) < 4 * at["T_f"][1]
+
+
+def test_driven_runs_show_the_loss_with_speed_of_a_thrust_that_is_known_at_rest(tmp_path):
+    command = np.repeat(pulls(seed=12)[0][:, :1], 2, axis=1)
+    sought = (
+        ("moves", f"fixed = {{ T_absf = {ASTERN} }}\nmoves"),
+        ('"X_uabsu", "T_f"', '"X_uabsu", "T_f", "T_uabsf"'),
+        ("[prior.X_udot]", '[prior.T_uabsf]\ndistribution = "normal"\nmean = 0.0\nsd = 0.5\n\n[prior.X_udot]'),
+        ("mean = 1.0\nsd = 0.3", f"mean = {GAIN}\nsd = 0.001"),
+    )
+    _, _, at = mode_of(sail(tmp_path, command, *sought, loss=-0.15))
+    for name, value in {**DRAG, "X_udot": ADDED, "T_uabsf": -0.15}.items():
+        assert abs(at[name][0] - value) < 4 * at[name][1], name
+    assert at["T_uabsf"][1] < 0.02
 
 
 def test_coasting_gives_the_drag_of_a_known_mass_and_nothing_of_the_thrust(tmp_path):
