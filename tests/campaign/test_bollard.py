@@ -142,7 +142,7 @@ def pull():
 def test_the_mode_is_least_squares_on_the_known_shapes(tmp_path, pull):
     """With Gaussian priors and a known lag the coefficients are those of weighted least squares, at the noise of the mode."""
     command, volt, gauge = pull
-    _, _, at = mode_of(campaign(tmp_path, np.column_stack(pull)))
+    _, mode, at = mode_of(campaign(tmp_path, np.column_stack(pull)))
     design, sigma = columns_of(command, volt), at["sigma_force_X"][0]
     names = ["T_f", "T_absf", "T_fdV", "bias_force_X"]
     mean, sd = np.array([1.0, 0.0, 0.0, 0.0]), np.array([0.3, 0.2, 0.2, 5.0])
@@ -152,6 +152,9 @@ def test_the_mode_is_least_squares_on_the_known_shapes(tmp_path, pull):
     for name, value, error in zip(names, expected, expected_sd, strict=True):
         assert at[name][0] == pytest.approx(value, abs=1e-4 * error), name
         assert at[name][1] == pytest.approx(error, rel=1e-3), name
+    # What the next campaign takes without its correlations has small ones.
+    kept = mode.cov[:3, :3] / np.sqrt(np.outer(*[np.diag(mode.cov)[:3]] * 2))
+    assert np.abs(kept - np.eye(3)).max() < 0.35
     for name, value in zip(names, [GAIN, ASTERN, PER_VOLT, OFFSET], strict=True):
         assert abs(at[name][0] - value) < 4 * at[name][1], name
     assert sigma == pytest.approx(0.3, rel=4 / np.sqrt(2 * len(gauge)))

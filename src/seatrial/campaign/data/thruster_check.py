@@ -118,7 +118,7 @@ def _gains(campaign: Campaign, vehicle: WholeVehicle, record: Record) -> list[Re
 
 def _judged(control: str, gain: float, sd: float) -> RecordFinding:
     value, limit = (
-        f"{gain:.2f} ± {sd:.2f} of the thrust stated, by the measured motion",
+        f"{gain:.2f} ± {sd:.2f} of the thrust stated, by what was measured",
         "near 1; below 0 it is turned round",
     )
     if sd > KNOWN:
