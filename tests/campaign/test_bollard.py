@@ -1,5 +1,7 @@
 """A vehicle tied to a force gauge: its thrust against least squares in closed form, and what the next campaign makes of it."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -8,7 +10,9 @@ from seatrial.campaign.data.check import check_records
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.data.thruster_check import thruster_lines
 from seatrial.campaign.design.sweep import design_first
-from seatrial.campaign.inference.posterior import build_posterior, random_key
+from seatrial.campaign.inference.posterior import build_posterior, initial_state, random_key
+from seatrial.campaign.prior.predictive import speeds
+from seatrial.campaign.selection.runner_up import noise_of
 from seatrial.core.errors import InputError
 from seatrial.estimation.identifiability import identifiability_of_fit
 from seatrial.estimation.mode import find_mode
@@ -254,6 +258,31 @@ def test_a_simulated_pull_is_that_of_plain_formulas(tmp_path):
     assert np.ptp(record.channel("force_X")) > 30
     assert left.std() == pytest.approx(0.3, rel=4 / np.sqrt(2 * left.size))
     assert abs(left.mean()) < 4 * 0.3 / np.sqrt(left.size)
+
+
+def test_structures_are_compared_by_the_force_on_the_gauge(tmp_path, pull):
+    """However large it is: forces do not run away; a dead zone counts."""
+    command, *_ = pull
+    found = campaign(tmp_path, np.column_stack(pull), ("[sensors", SOUGHT + "[sensors"))
+    assert found.leading == "force_X"
+    model, (record,) = found.model(found.full), get_trials(found).fit
+    control = np.column_stack([record.channel(name) for name in model.controls])
+    gain, width = np.array([GAIN, 40.0]), np.array([0.0, DEAD])
+    params = {"T_f": gain, "T_absf": 0 * gain, "T_fdV": 0 * gain, "dead_f": width, "lag_f": np.full(2, LAG)}
+    start = np.array([initial_state(found, model, record)] * 2)
+    step = np.append(np.diff(record.time), 0.0)
+    force, lost = speeds(model, "force_X", params, None, start, control, step, range(record.time.size))
+    actual = late(0.08 * (command - 1500.0))
+    beyond = np.sign(actual) * np.maximum(np.abs(actual) - DEAD, 0.0)
+    assert not lost.any()
+    np.testing.assert_allclose(force, [GAIN * actual.sum(1), 40.0 * beyond.sum(1)], atol=1e-9)
+
+
+def test_a_gauge_whose_offset_differs_between_trials_has_one_noise(tmp_path, pull):
+    found = campaign(tmp_path, np.column_stack(pull), ('bias = "shared"', 'bias = "own"'))
+    draws = {"sigma_force_X": np.full((5, 1), 0.3), "bias_force_X[log]": np.full((5, 1), 1.7)}
+    estimate = SimpleNamespace(draws=lambda names: draws[names[0]])
+    assert noise_of(found, estimate, "force_X") == pytest.approx(0.3)
 
 
 # What the next campaign makes of it.

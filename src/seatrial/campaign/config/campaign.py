@@ -29,7 +29,7 @@ from seatrial.campaign.config.vehicle import CampaignVehicle, level_start
 from seatrial.campaign.store.stored_result import FILE_NAME
 from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError, located
-from seatrial.core.signals import ACTUAL
+from seatrial.core.signals import ACTUAL, HELD
 from seatrial.design.motion_limits import MotionLimit
 from seatrial.design.prior_belief import ACTUATOR_SD
 from seatrial.design.stated_prediction import Prediction, prediction
@@ -156,9 +156,9 @@ class Campaign:
 
     @property
     def leading(self) -> str:
-        """The state that is shown where one alone is: the surge speed, or the first."""
-        states = self.model(self.full).states
-        return "u" if "u" in states else states[0]
+        """The channel that is shown where one alone is: the surge speed, or the first state; of a held vehicle the first sensor's."""
+        model = self.model(self.full)
+        return "u" if "u" in model.states else self.channels[0] if HELD[0] in model.views else model.states[0]
 
     def check_surge(self, what: str) -> None:
         """Check that the vehicle only moves along X, for what knows no other.
