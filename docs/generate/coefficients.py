@@ -5,6 +5,7 @@ from seatrial.core.signals import RATES, SIGNALS
 
 EXAMPLES = (
     "X_0", "X_u", "X_uabsu", "X_uu", "X_u3", "X_du3", "X_udot", "X_vr", "X_tau_X", "T_nabsn", "T_absnu", "Q_nabsn",
+    "T_f", "T_fdV", "T_uabsf",
     "Y_v", "Y_vabsv", "Y_ur", "Y_uv", "Y_uudelta_r", "Y_vdot", "Z_w", "Z_uw", "Z_uq", "Z_uudelta_s", "K_p", "K_pabsp",
     "M_q", "M_uq", "M_uw", "M_uudelta_s", "M_qdot", "N_r", "N_rabsr", "N_ur", "N_uv", "N_uudelta_r", "N_tau_N",
 )  # fmt: skip

@@ -15,7 +15,10 @@ MEANINGS: dict[str, dict[str, tuple[str, str]]] = {
         "centre_of_buoyancy": ("length", "its place forward, starboard and down of the body's origin"),
         "weight": ("force", "weight, if it is not mass times gravity"),
         "buoyancy": ("force", "buoyancy; equal to the weight if not given"),
-        "moves": ("", 'velocities that are simulated: `["u"]` makes a surge model, `["v", "r"]` a steering model'),
+        "moves": (
+            "",
+            'velocities that are simulated: `["u"]` makes a surge model, `["v", "r"]` a steering model, `[]` a vehicle that is held',
+        ),
         "given": ("", "velocities and angles that are taken from the record instead of simulated"),
         "positions": ("", "positions that are simulated too"),
         "attitude": ("", "how the attitude is simulated; quaternions also work at a pitch of 90 degrees"),
@@ -31,7 +34,7 @@ MEANINGS: dict[str, dict[str, tuple[str, str]]] = {
         "known_from": (
             "",
             "folders of earlier campaigns: a coefficient they found becomes a prior if it is estimated here, else a fixed value; "
-            "gains and lags of thrusters, net weight and centre of buoyancy become priors",
+            "gains, dead zones and lags of thrusters, net weight and centre of buoyancy become priors",
         ),
         "thrust_deduction": ("1", "thrust deduction t_d: share of the thrust that the hull takes back"),
         "wake": ("1", "wake fraction: share by which the water reaches the propeller more slowly"),

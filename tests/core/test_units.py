@@ -90,7 +90,7 @@ def test_wrong_dimension(text, si):
         ("5 KN", 'did you mean "kN" or "kn"?'),
         ("3 meters", '"meter"'),
         ("2 degre", '"degree"'),
-        ("1 lbf", "use one of: m/s, kn"),
+        ("1 fathom", "use one of: m/s, kn"),
         ("1 rads", '"rad'),
     ],
 )

@@ -326,6 +326,7 @@ def test_thrust_and_drag_are_separated_without_the_propeller():
         "fix the thrust by a bollard pull, or add a coast-down with the propeller stopped"
     )
     assert "bollard" not in what_separates(("T_nabsn", "T_n"))
+    assert what_separates(("T_f", "dead_f", "lag_f")) == "use steps from small to large thrust"
 
 
 def test_covariance_of_a_fit_has_the_signs_of_the_information():

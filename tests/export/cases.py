@@ -57,6 +57,13 @@ def rich() -> ExportedVehicle:
     return replace(with_terms(vehicle, **linear), hull=hull, actuators=actuators)
 
 
+def commanded():
+    """An open frame whose thrust has terms in the commanded force, the inflow and the voltage."""
+    frame = published("bluerov2_heavy")
+    frame = replace(frame, hull=replace(frame.hull, trim={**frame.hull.trim, "V": 16.0}))
+    return with_terms(frame, T_f=0.85, T_absf=-0.06, T_uabsf=-0.1, T_fdV=0.05)
+
+
 def states(vehicle: ExportedVehicle, seed=0, count=COUNT):
     """Velocities (6, n), roll, pitch and controls, all random."""
     rng = np.random.default_rng(seed)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from seatrial.export.targets.fossen import Fossen, _limit, controls_of, scales_of
-from tests.export.cases import assert_equal, own_force, published, rich, states, with_terms, written
+from tests.export.cases import assert_equal, commanded, own_force, published, rich, states, with_terms, written
 
 BASE = '''
 """Stands for the simulator's class: what its loop and its subclasses use of it."""
@@ -53,10 +53,15 @@ def ran(vehicle, tmp_path, rows=(), steps=()):
 
 @pytest.mark.parametrize(
     "name",
-    ["rich", *(pytest.param(name, marks=pytest.mark.proof) for name in ("remus100_prestero", "bluerov2_heavy"))],
+    [
+        "rich",
+        "commanded",
+        *(pytest.param(name, marks=pytest.mark.proof) for name in ("remus100_prestero", "bluerov2_heavy")),
+    ],
 )
 def test_accelerations_are_ours(name, tmp_path):
-    vehicle = rich() if name == "rich" else published(name)
+    made = {"rich": rich, "commanded": commanded}
+    vehicle = made[name]() if name in made else published(name)
     nu, phi, theta, controls = states(vehicle)
     order = controls_of(vehicle)
     signs = {"delta_r": -1.0, "n": 30 / np.pi}

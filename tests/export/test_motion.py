@@ -8,11 +8,13 @@ import pytest
 from seatrial.export.motion import force_of, motion_of
 from seatrial.export.rigid_body import body_of, drives_of, fin_force, fins_of, point_mass, volume_of
 from seatrial.export.terms import all_products, automatic_products, product_name, sorted_terms
-from tests.export.cases import assert_equal, own_force, published, rich, states, with_terms
+from tests.export.cases import assert_equal, commanded, own_force, published, rich, states, with_terms
 
 
 @pytest.mark.parametrize(
-    "vehicle", [published(), rich(), published("bluerov2_heavy")], ids=["published", "rich", "frame"]
+    "vehicle",
+    [published(), rich(), published("bluerov2_heavy"), commanded()],
+    ids=["published", "rich", "frame", "commanded"],
 )
 def test_forces_are_those_of_the_model(vehicle):
     nu, phi, theta, controls = states(vehicle)
@@ -118,6 +120,9 @@ def test_thrust_of_a_drive_is_net_of_the_deduction():
     assert (free.lower, free.upper) == (-np.inf, np.inf)
     without, terms = drives_of(with_terms(replace(vehicle, coefficients={}), T_absnu=0.1))
     assert (without, terms) == ((), ("T_absnu",))
+    drives, terms = drives_of(commanded())
+    assert (drives[2].control, drives[2].thrust(10.0)) == ("f_3", pytest.approx(8.5))
+    assert terms == ("T_absf", "T_uabsf", "T_fdV")
 
 
 def test_volume_displaces_the_buoyancy():

@@ -220,6 +220,7 @@ def make_contenders(campaign: Campaign, selection: Selection, nats: float = 5.0)
             attrs={
                 "best": best.label,
                 "runner_up": runner.label,
+                "channel": "u",
                 "change": change_words(best.terms, runner.terms),
                 "noise": 0.02,
                 "control": "tau_X",

@@ -56,7 +56,7 @@ def test_measured_added_mass_need_not_be_symmetric():
         (["X_vr"], {"moves": ("u", "r")}, "v is zero"),
         (["Y_rdot"], {"moves": ("v",)}, "no part in the motion"),
         ([], {"moves": ("u", "z")}, "moves"),
-        ([], {"moves": ()}, "nothing that moves"),
+        ([], {"moves": ()}, "is held, whose thrusters have no lag"),
         ([], {"moves": ("u", "u")}, "each once"),
         ([], {"given": ("u",)}, "a velocity is a state, a given signal, or zero"),
         ([], {"positions": ("depth",)}, "positions"),
@@ -68,7 +68,7 @@ def test_measured_added_mass_need_not_be_symmetric():
         (["Y_ur"], {"added_coriolis": "automatic"}, "already follows from X_udot"),
         (["N_uv"], {"added_coriolis": "automatic"}, "already follows from"),
         (["T_nabsn"], {"thrusters": (Thruster((0, 0, 0), (0, 0, 0)),)}, "thruster 1"),
-        (["K_nabsn"], {"thrusters": (Thruster((0, 0, 0), (1, 0, 0)),)}, "n on the axis T alone"),
+        (["K_nabsn"], {"thrusters": (Thruster((0, 0, 0), (1, 0, 0)),)}, "on the axis T alone"),
     ],
 )
 def test_impossible_vehicles(terms, options, words):

@@ -2,9 +2,14 @@
 
 from math import pi
 
-from seatrial.core.signals import ANGLE, ANGULAR_RATE, FORCE, MOMENT, SET, SIGNALS, signal_unit
+from seatrial.core.signals import ANGLE, ANGULAR_RATE, FORCE, HELD, MOMENT, SET, SIGNALS, signal_unit
 
-_SHOWN = {ANGLE: (180 / pi, "deg"), ANGULAR_RATE: (180 / pi, "deg/s"), FORCE: (1.0, "N"), MOMENT: (1.0, "N m")}
+_SHOWN = {
+    str(ANGLE): (180 / pi, "deg"),
+    str(ANGULAR_RATE): (180 / pi, "deg/s"),
+    str(FORCE): (1.0, "N"),
+    str(MOMENT): (1.0, "N m"),
+}
 
 
 def shown_unit(signal: str) -> tuple[float, str]:
@@ -12,6 +17,5 @@ def shown_unit(signal: str) -> tuple[float, str]:
     signal = signal.removesuffix(SET)
     if signal == "n":
         return 30 / pi, "rpm"
-    if signal in SIGNALS:
-        return _SHOWN.get(SIGNALS[signal].dimension, (1.0, signal_unit(signal)))
-    return 1.0, signal_unit(signal)
+    unit = signal_unit(signal)
+    return _SHOWN.get(unit, (1.0, unit)) if signal in (*SIGNALS, *HELD) or signal[:2] == "f_" else (1.0, unit)

@@ -1,6 +1,6 @@
 """The named signals a hydrodynamic force may depend on: body velocities, attitude and controls (SNAME and Fossen).
 
-A unit is kept as integer exponents of (kg, m, s, rad), so that the unit of any product of signals is exact.
+A unit is kept as integer exponents of (kg, m, s, rad, V), so that the unit of any product of signals is exact.
 """
 
 from dataclasses import dataclass
@@ -8,12 +8,13 @@ from typing import NamedTuple
 
 
 class Dimension(NamedTuple):
-    """Integer exponents of the four base units; angles count, so that rad/s is not 1/s."""
+    """Integer exponents of the base units; angles count, so that rad/s is not 1/s, and so does a battery's voltage."""
 
     kg: int = 0
     m: int = 0
     s: int = 0
     rad: int = 0
+    V: int = 0
 
     def times(self, other: "Dimension", power: int = 1) -> "Dimension":
         """Return the dimension of `self * other**power`."""
@@ -43,6 +44,7 @@ MOMENT = Dimension(kg=1, m=2, s=-2)
 SPEED = Dimension(m=1, s=-1)
 ANGLE = Dimension(rad=1)
 ANGULAR_RATE = Dimension(rad=1, s=-1)
+VOLTAGE = Dimension(V=1)
 
 SIGNALS: dict[str, Signal] = {
     "u": Signal(SPEED, "u", "surge velocity"),
@@ -55,6 +57,8 @@ SIGNALS: dict[str, Signal] = {
     "theta": Signal(ANGLE, r"\theta", "pitch angle"),
     "psi": Signal(ANGLE, r"\psi", "heading"),
     "n": Signal(ANGULAR_RATE, "n", "propeller speed"),
+    "f": Signal(FORCE, "f", "commanded thrust of a thruster"),
+    "V": Signal(VOLTAGE, "V", "battery voltage"),
     "delta_r": Signal(ANGLE, r"\delta_r", "rudder angle"),
     "delta_s": Signal(ANGLE, r"\delta_s", "stern plane angle"),
     "tau_X": Signal(FORCE, r"\tau_X", "commanded surge force"),
@@ -77,6 +81,8 @@ OVER_GROUND = ("u_g", "v_g", "w_g")
 """Velocity over ground along the body axes, where u, v and w are through the water; in m/s."""
 SPECIFIC_FORCE = ("a_x", "a_y", "a_z")
 """What an accelerometer shows: acceleration less gravity along the body axes, (0, 0, -9.81) at rest and level; in m/s^2."""
+HELD = ("force_X", "force_Y", "force_Z", "moment_K", "moment_M", "moment_N")
+"""What a gauge that holds the vehicle shows: force and moment that thrust and water exert on it along the body axes; in N and N m."""
 OVER_EARTH = ("v_north", "v_east", "v_down")
 """Velocity over ground along north, east and down, as some logs hold it; in m/s."""
 ACTUAL = "_act"
@@ -125,6 +131,8 @@ def _dimension(name: str) -> Dimension:
         (QUATERNION, Dimension()),
         ((*CURRENT_COMPONENTS, *OVER_GROUND, *OVER_EARTH), SPEED),
         (SPECIFIC_FORCE, Dimension(m=1, s=-2)),
+        (HELD[:3], FORCE),
+        (HELD[3:], MOMENT),
     ):
         if base in names:
             return dimension

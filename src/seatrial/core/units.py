@@ -31,13 +31,15 @@ class Unit:
     powers: tuple[tuple[str, int], ...]
 
 
-_DIMENSIONS = {"meter": "[length]", "second": "[time]", "kilogram": "[mass]", "radian": "[angle]"}
+_DIMENSIONS = {"meter": "[length]", "second": "[time]", "kilogram": "[mass]", "radian": "[angle]", "volt": "[voltage]"}
 """Units in which all others are defined, and what they measure."""
 _DEFINITIONS = (
     ("meter", "m", 1.0, {"meter": 1}),
     ("second", "s", 1.0, {"second": 1}),
     ("kilogram", "kg", 1.0, {"kilogram": 1}),
     ("radian", "rad", 1.0, {"radian": 1}),
+    ("volt", "V", 1.0, {"volt": 1}),
+    ("millivolt", "mV", 1e-3, {"volt": 1}),
     ("millimeter", "mm", 1e-3, {"meter": 1}),
     ("centimeter", "cm", 1e-2, {"meter": 1}),
     ("kilometer", "km", 1e3, {"meter": 1}),
@@ -56,6 +58,8 @@ _DEFINITIONS = (
     ("hertz", "Hz", 1.0, {"second": -1}),
     ("newton", "N", 1.0, {"kilogram": 1, "meter": 1, "second": -2}),
     ("kilonewton", "kN", 1e3, {"kilogram": 1, "meter": 1, "second": -2}),
+    ("kilogram_force", "kgf", 9.80665, {"kilogram": 1, "meter": 1, "second": -2}),
+    ("pound_force", "lbf", 4.4482216152605, {"kilogram": 1, "meter": 1, "second": -2}),
     ("pascal", "Pa", 1.0, {"kilogram": 1, "meter": -1, "second": -2}),
     ("joule", "J", 1.0, {"kilogram": 1, "meter": 2, "second": -2}),
     ("watt", "W", 1.0, {"kilogram": 1, "meter": 2, "second": -3}),
@@ -67,8 +71,8 @@ _FACTORS = {name: factor for name, _, factor, _ in _DEFINITIONS}
 _POWERS = {name: {_DIMENSIONS[one]: power for one, power in powers.items()} for name, _, _, powers in _DEFINITIONS}
 UNITS = tuple(sorted(_NAMES))
 _USUAL = (
-    *("m/s", "kn", "rpm", "deg/s", "rad/s", "deg", "rad", "m", "km", "s", "ms", "min", "kg", "t", "N", "kN"),
-    *("N m", "W", "Hz", "1/s", "kg/s", "m/s^2", "%"),
+    *("m/s", "kn", "rpm", "deg/s", "rad/s", "deg", "rad", "m", "km", "s", "ms", "min", "kg", "t", "N", "kN", "kgf"),
+    *("N m", "V", "W", "Hz", "1/s", "kg/s", "m/s^2", "%"),
 )
 """Units that errors suggest, those of one dimension in this order."""
 _LONGEST = 120

@@ -14,6 +14,7 @@ from jaxtyping import Array, Float
 from seatrial.core.errors import InputError
 from seatrial.core.gaussian import Gaussian
 from seatrial.core.programs import program
+from seatrial.core.signals import ACTUAL
 from seatrial.core.state_space import StateSpace
 from seatrial.design.trial_plan import TrialPlan
 from seatrial.estimation.priors import Prior
@@ -22,6 +23,9 @@ from seatrial.vehicles.model import VehicleModel
 
 STATE_SD = 0.05
 """Standard deviation of the vehicle's own state about its start at the begin of a designed trial, in its unit (m/s)."""
+ACTUATOR_SD = 1e-4 * STATE_SD
+"""What an actuator gains by noise in a sample or a second, in its unit: without any it ends exactly where it is told to be, and covariances
+without full rank have no factor."""
 Belief = tuple[Prior, ...] | Gaussian
 """What is known before: independent priors of the coefficients in the plan's order, or their joint normal distribution, SI."""
 
@@ -73,7 +77,8 @@ def coefficient_space(
     chol[d:, d:] = np.asarray(belief.chol_cov) / scales[:, None]
     initial = Gaussian(np.concatenate([start, np.asarray(belief.mean) / scales]), chol)
     gained, shown = np.zeros(d + scales.size), np.array(list(noise.values()))
-    gained[:d] = 0.0 if process is None else process
+    late = [ACTUATOR_SD if state.endswith(ACTUAL) else 0.0 for state in model.states]
+    gained[:d] = np.maximum(0.0 if process is None else process, late)
     return discretise(model, tuple(noise), initial, gained, shown, scales.tolist()), scales
 
 

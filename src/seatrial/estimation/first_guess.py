@@ -2,7 +2,8 @@
 
     x_i(t_b) - x_i(t_a) = integral over (t_a, t_b) of f_i(x, c; coefficients) dt
 
-for the measured velocities x_i over windows, the states between samples on straight lines. Forces are linear in all coefficients but
+for the measured velocities x_i over windows, the states between samples on straight lines; of a vehicle that is held, the impulse of each
+measured force in place of the change of x_i. Forces are linear in all coefficients but
 added masses, and in gains, net weight and centre of buoyancy, so few Gauss-Newton steps end it; noise in the states draws it aside,
 which a place to start from may be.
 """
@@ -18,7 +19,7 @@ from jaxtyping import Array, Float
 
 from seatrial.core.programs import program
 from seatrial.core.record import Record
-from seatrial.core.signals import ACTUAL, ANGLES, QUATERNION, RATES
+from seatrial.core.signals import ACTUAL, ANGLES, HELD, QUATERNION, RATES
 from seatrial.estimation.priors import Prior
 from seatrial.numerics.rotations import quaternion_of_angles
 from seatrial.vehicles.model import VehicleModel
@@ -38,7 +39,7 @@ def first_guess(
     priors: Mapping[str, Prior],
     terms: Sequence[str] | None = None,
 ) -> dict[str, float]:
-    """Return the coefficients that explain the measured velocities of several trials, drawn to the means of their priors.
+    """Return the coefficients that explain the measured velocities or forces of several trials, drawn to the means of their priors.
 
     Unknowns of the vehicle beside them are among them where they have a prior.
 
@@ -50,7 +51,7 @@ def first_guess(
         terms: coefficients that are not zero; None for all.
 
     Returns:
-        each coefficient inside the support of its prior; none where no velocity is measured, or where the motion has no end.
+        each coefficient inside the support of its prior; none where no velocity or force is measured, or where the motion has no end.
     """
     found = fit_motion(model, records, starts, priors, terms)
     return {name: _inside(value, priors[name]) for name, (value, _) in found.items()}
@@ -69,8 +70,9 @@ def fit_motion(
     at = [i for i, name in enumerate(every) if name in priors and (terms is None or name in terms or name in beside)]
     names = tuple(every[i] for i in at)
     mean, sd = (np.array([float(getattr(priors[name], key)) for name in names]) for key in ("mean", "sd"))
-    trials = [_motion(model, record, start) for record, start in zip(records, starts, strict=True)]
-    rates = tuple(i for i, state in enumerate(model.states) if state in RATES and _measured_by_all(state, records))
+    known = (*(state for state in model.states if state in RATES), *(view for view in model.views if view in HELD))
+    rates = tuple(name for name in known if all(name in record.measured for record in records))
+    trials = [_motion(model, record, start, rates) for record, start in zip(records, starts, strict=True)]
     if not rates or not names:
         return {}
     values, spread = mean, sd
@@ -96,10 +98,6 @@ def _names(model: VehicleModel) -> tuple[str, ...]:
     return (*(str(term) for term in model.coefficients), *(one.name for one in model.unknowns))
 
 
-def _measured_by_all(state: str, records: Sequence[Record]) -> bool:
-    return all(state in record.measured for record in records)
-
-
 def _inside(value: float, prior: Prior) -> float:
     """Return a value a hair inside the support."""
     lower, upper = prior.bounds
@@ -108,14 +106,15 @@ def _inside(value: float, prior: Prior) -> float:
 
 
 class _Motion(NamedTuple):
-    """Time, shape (n,), states and controls of one trial at every sample; states by straight lines between measured ones."""
+    """Time, shape (n,), states, controls and what is explained of one trial at every sample, by straight lines between measured ones."""
 
     time: Float[np.ndarray, " n"]
     state: Float[np.ndarray, "n s"]
     control: Float[np.ndarray, "n c"]
+    explained: Float[np.ndarray, "n r"]
 
 
-def _motion(model: VehicleModel, record: Record, start: Sequence[float]) -> _Motion:
+def _motion(model: VehicleModel, record: Record, start: Sequence[float], rates: Sequence[str]) -> _Motion:
     columns, turned = [], {}
     if set(ANGLES) <= set(record.measured):
         angles = (_joined(record, angle) for angle in ANGLES)
@@ -130,7 +129,8 @@ def _motion(model: VehicleModel, record: Record, start: Sequence[float]) -> _Mot
         else:
             columns.append(np.full(record.time.size, value))
     control = np.column_stack([record.channel(name) for name in model.controls])
-    return _Motion(record.time, np.column_stack(columns), control)
+    explained = np.column_stack([_joined(record, name) for name in rates] or [np.empty((record.time.size, 0))])
+    return _Motion(record.time, np.column_stack(columns), control, explained)
 
 
 def _joined(record: Record, name: str) -> Float[np.ndarray, " n"]:
@@ -140,9 +140,12 @@ def _joined(record: Record, name: str) -> Float[np.ndarray, " n"]:
 
 
 def _rows(
-    model: VehicleModel, rates: tuple[int, ...], motion: _Motion, values: np.ndarray, at: Sequence[int]
+    model: VehicleModel, rates: tuple[str, ...], motion: _Motion, values: np.ndarray, at: Sequence[int]
 ) -> tuple[Float[np.ndarray, "w r"], Float[np.ndarray, "w r k"]]:
-    """Change of each velocity over each window less what no coefficient makes, and its derivatives; `values` are at `at`, the rest 0."""
+    """Change of each velocity, or impulse of each force, over each window less what no coefficient makes, and its derivatives.
+
+    `values` are at `at`, the rest 0.
+    """
     everywhere = np.array([0.0] * len(model.coefficients) + [one.stated for one in model.unknowns])
     everywhere[at] = values
     rate, slope = map(np.asarray, _linearised(model, rates)(everywhere, motion.state, motion.control))
@@ -151,18 +154,25 @@ def _rows(
     begins = np.arange(0, step.size, SAMPLES)
     made = np.add.reduceat(step[:, None] * rate, begins)
     design = np.add.reduceat(step[:, None, None] * slope, begins)
-    change = np.diff(motion.state[np.append(begins, step.size)][:, list(rates)], axis=0)
+    if rates[0] in HELD:
+        change = np.add.reduceat(step[:, None] * motion.explained[:-1], begins)
+    else:
+        change = np.diff(motion.explained[np.append(begins, step.size)], axis=0)
     return change - made + design @ values, design
 
 
 @lru_cache(maxsize=16)
-def _linearised(model: VehicleModel, rates: tuple[int, ...]):
+def _linearised(model: VehicleModel, rates: tuple[str, ...]):
     names = _names(model)
 
     def rate(values: Array, state: Array, control: Array) -> Array:
         known = dict(zip(names, values, strict=True))
-        result = model.derivative(known, tuple(state), tuple(control))
-        return jnp.stack([jnp.asarray(result[i]) for i in rates])
+        if rates[0] in HELD:
+            result = [model.output(name, known, tuple(state), tuple(control)) for name in rates]
+        else:
+            change = model.derivative(known, tuple(state), tuple(control))
+            result = [change[model.states.index(name)] for name in rates]
+        return jnp.stack([jnp.asarray(one) for one in result])
 
     @program
     def along(values: Array, state: Array, control: Array) -> tuple[Array, Array]:

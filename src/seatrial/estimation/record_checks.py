@@ -4,13 +4,15 @@ A vehicle simulated from the record's own commands is no prediction yet, but it 
 A channel that goes the other way has its sign wrong; one that goes 57.3 times as far is in degrees.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import pi
 from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
+
+from seatrial.core.signals import HELD
 
 RecordLevel = Literal["pass", "note", "caution", "fail"]
 """A note says what was not judged, and why; it casts no doubt on the record."""
@@ -26,6 +28,13 @@ CONFUSED = {
     "minutes taken for seconds, or the reverse": 60.0,
 }
 """Factors of unit errors."""
+FORCES = {
+    "kilograms-force taken for newtons, or the reverse": 9.80665,
+    "pounds-force taken for newtons, or the reverse": 4.44822,
+}
+"""Those of a force gauge."""
+CUT = 0.02
+"""Share of the samples that may lie at the very end of a channel's range while the expected motion goes on."""
 APART = 0.1
 """Share of the motion by which a mirror has to explain more than a turn; either has to explain twice as much more than neither."""
 SPIKE = 8.0
@@ -110,9 +119,34 @@ def check_motion(
     ratio = float(np.std(measured[there]) / max(np.std(expected[there]), 1e-300))
     limits = f"between 1/{SIZE:g} and {SIZE:g}"
     fits = 1 / SIZE <= ratio <= SIZE
-    value, remedy = f"{ratio:.3g} times the motion expected", "" if fits else _unit_guess(ratio)
+    value, remedy = (
+        f"{ratio:.3g} times the motion expected",
+        "" if fits else _unit_guess(ratio, FORCES if name in HELD else CONFUSED),
+    )
     results.append(RecordFinding(name, "size", "pass" if fits else "caution", value, limits, remedy))
     return [*results, *_delay(name, lag * step, correlation, _correlation(measured, expected), has_delay)]
+
+
+def check_range(
+    name: str, measured: Float[np.ndarray, " n"], expected: Float[np.ndarray, " n"], noise: float
+) -> list[RecordFinding]:
+    """Return the ends of a channel's range at which many samples lie exactly, while the expected motion goes on: a gauge at its limit.
+
+    Args:
+        name: channel.
+        measured: SI, NaN where not measured.
+        expected: of the vehicle at the prior means, SI.
+        noise: standard deviation of the sensor, SI.
+    """
+    there = np.isfinite(measured)
+    x, y = measured[there], expected[there]
+    for end, word in ((x.min(initial=np.inf), "least"), (x.max(initial=-np.inf), "greatest")):
+        at = x == end
+        if at.mean() > CUT and np.ptp(y[at]) > max(SPIKE * noise, CUT * np.ptp(y)):
+            value = f"{at.mean():.0%} of the samples are {end:.4g}, its {word} value, while the expected motion goes on"
+            remedy = "the sensor is at its limit, a rope is slack, or the value is frozen: leave these samples out, or measure them again"
+            return [RecordFinding(name, "range", "fail", value, f"under {CUT:.0%}", remedy)]
+    return []
 
 
 def check_turn(
@@ -311,9 +345,9 @@ def _correlation(a: np.ndarray, b: np.ndarray) -> float:
     return float(np.corrcoef(a[there], b[there])[0, 1])
 
 
-def _unit_guess(ratio: float) -> str:
+def _unit_guess(ratio: float, confused: Mapping[str, float]) -> str:
     size = max(ratio, 1 / ratio)
-    near = [words for words, factor in CONFUSED.items() if 0.6 < size / factor < 1.6]
+    near = [words for words, factor in confused.items() if 0.6 < size / factor < 1.6]
     return (
         f"{near[0]}? check the unit in the channel map"
         if near

@@ -25,6 +25,8 @@ def what_separates(names: Sequence[str]) -> str:
         return "fix the thrust by a bollard pull, or add a coast-down with the propeller stopped"
     if any(name.startswith("gain_") for name in names):
         return "fix the thrust by a bollard pull, or the other by a measurement of its own"
+    if any(name.startswith("dead_") for name in names):
+        return "use steps from small to large thrust"
     if any(name == "delay" or name.startswith("lag_") for name in names):
         return "use sharper steps, or measure the delay on the bench"
     if axes and len(terms) == len(names):

@@ -91,6 +91,13 @@ def stored_estimate(campaign: Campaign, label: str | None = None) -> Estimate:
 def _alone(campaign: Campaign, estimate: Estimate) -> tuple[ExportedVehicle, ExportProvenance]:
     """Return what the campaign itself knows."""
     hull, vehicle, structure = campaign.hull, campaign.vehicle, estimate.structure
+    if isinstance(vehicle, WholeVehicle) and not vehicle.moves:
+        raise InputError(
+            campaign.where("vehicle.moves"),
+            found="a vehicle that is held: its thrust is known, and nothing of its motion",
+            expected="a vehicle that moves",
+            remedy="name this campaign in known_from of one whose vehicle moves, and export that",
+        )
     if hull.mass is None:
         raise InputError(
             campaign.where("vehicle.mass"),

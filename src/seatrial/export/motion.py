@@ -16,6 +16,7 @@ from seatrial.core.coefficients import CoefficientName
 from seatrial.core.signals import RATES
 from seatrial.export.vehicle import ExportedVehicle
 from seatrial.vehicles.hull import AXES
+from seatrial.vehicles.thrusters import controls_of
 
 Velocity = Float[np.ndarray, "6 *n"]
 Motion = Callable[[Velocity, Any, Any, Mapping[str, Any]], Velocity]
@@ -53,7 +54,7 @@ def force_of(vehicle: ExportedVehicle) -> Motion:
     thrust = [(name, value) for name, value in named if name.axis == "T"]
     acting = [(AXES.index(name.axis), name, value) for name, value in named if name.axis in AXES]
     share, inflow = 1.0 - hull.thrust_deduction, 1.0 - hull.wake
-    righting = np.array(hull.righting)
+    righting, commands = np.array(hull.righting), controls_of(vehicle.thrusters, [name for name, _ in thrust])
 
     def force(nu: Velocity, phi: Any, theta: Any, controls: Mapping[str, Any]) -> Velocity:
         nu = np.asarray(nu, float)
@@ -65,11 +66,10 @@ def force_of(vehicle: ExportedVehicle) -> Motion:
             local = {**known, "u": inflow * known["u"]}
             result[0] += share * sum(value * name.regressor(local, hull.trim) for name, value in thrust)
         for number, thruster in enumerate(vehicle.thrusters, 1):
+            push = controls[commands[number - 1]]
             if thrust:
-                local = {**known, "n": controls[f"n_{number}"], "u": inflow * thruster.inflow(tuple(nu))}
+                local = {**known, commands[number - 1][0]: push, "u": inflow * thruster.inflow(tuple(nu))}
                 push = sum(value * name.regressor(local, hull.trim) for name, value in thrust)
-            else:
-                push = controls[f"f_{number}"]
             result += share * np.multiply.outer(np.array(thruster.column), push)
         return result
 

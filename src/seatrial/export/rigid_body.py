@@ -27,6 +27,7 @@ SIGN = np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0])
 DENSITY = 1025.0
 """Of the water, kg/m^3, where the user says nothing: the catalogue does not know it, and only its product with the volume counts."""
 _SQUARE = CoefficientName.parse("T_nabsn")
+_GAIN = CoefficientName.parse("T_f")
 _PAIRS = {"delta_r": (1, 5, 1.0), "delta_s": (2, 4, -1.0)}
 """Axis of the force, of the moment, and the sign by which moment = sign x place x force."""
 
@@ -140,11 +141,11 @@ def flu(place: tuple[float, float, float] | Float[np.ndarray, " 3"]) -> Float[np
 
 
 def drives_of(vehicle: ExportedVehicle) -> tuple[tuple[Drive, ...], tuple[str, ...]]:
-    """Return the thrusters, and the terms of thrust that are not n|n|."""
-    share = 1.0 - vehicle.hull.thrust_deduction
+    """Return the thrusters, and the terms of thrust that are neither n|n| nor the gain of a commanded force."""
     thrust = {name: value for name, value in vehicle.forces.items() if CoefficientName.parse(name).axis == "T"}
     square = next((value for name, value in thrust.items() if CoefficientName.parse(name).key == _SQUARE.key), None)
-    others = tuple(name for name in thrust if CoefficientName.parse(name).key != _SQUARE.key)
+    others = tuple(name for name in thrust if CoefficientName.parse(name).key not in (_SQUARE.key, _GAIN.key))
+    share = (1.0 - vehicle.hull.thrust_deduction) * thrust.get("T_f", 1.0)
     if not vehicle.thrusters and square is None:
         return (), others
     results = []

@@ -7,7 +7,9 @@ import numpy as np
 
 from seatrial.campaign.store.structures import Contenders, Screened
 from seatrial.core.coefficients import CoefficientName
+from seatrial.core.display_units import shown_unit
 from seatrial.core.record import Record
+from seatrial.report.drawing import signal_axis
 from seatrial.report.figures.structures import (
     CoefficientPath,
     Gap,
@@ -16,7 +18,7 @@ from seatrial.report.figures.structures import (
     mark_decided,
     model_space,
     probability_bars,
-    speed_gaps,
+    structure_gaps,
 )
 from seatrial.report.figures.style import thin
 from seatrial.report.labels import label_mathtext
@@ -112,21 +114,23 @@ def contenders_figure(contenders: Contenders, names: Mapping[str, str], records:
     Args:
         contenders: of the selection.
         names: of the structures, by their labels.
-        records: fitted ones, of which one is drawn with its measured speeds; without, the next trial is drawn too.
+        records: fitted ones, of which one is drawn with what was measured; without, the next trial is drawn too.
     """
     best, runner = (names[label] for label in contenders.labels)
-    measured = {f"run {record.label}": _measured(record) for record in records}
+    channel = contenders.data.attrs["channel"]
+    factor = shown_unit(channel)[0]
+    measured = {f"run {record.label}": _measured(record, channel, factor) for record in records}
     gaps = []
     for index in contenders.shown[: 1 if records else None]:
         curve, words = contenders.curve(index), contenders.where(index)
-        columns = {name: curve[name].values for name in ("time", "best", "difference", "lower", "upper")}
-        gaps.append(Gap(words[:1].upper() + words[1:], **columns, measured=measured.get(words)))
+        columns = {name: curve[name].values * factor for name in ("best", "difference", "lower", "upper")}
+        gaps.append(Gap(words[:1].upper() + words[1:], curve["time"].values, **columns, measured=measured.get(words)))
     return TermFigure(
         "contenders",
-        speed_gaps(gaps, float(contenders.data.attrs["noise"])),
+        structure_gaps(gaps, factor * float(contenders.data.attrs["noise"]), signal_axis(channel)),
         "The two most probable models over one plot",
         f"Blue: {best}. Orange, dashed: {runner}. Dots: measured. Below, by how much they differ: at the posterior means (line), "
-        "and the 90 % band of both posteriors. Dashed, where it is in sight: the noise of the speed sensor.",
+        "and the 90 % band of both posteriors. Dashed, where it is in sight: the noise of the sensor.",
     )
 
 
@@ -152,9 +156,9 @@ def _bars(terms: Sequence[str], value: Mapping[str, float], error: Mapping[str, 
     return figure
 
 
-def _measured(record: Record) -> tuple[np.ndarray, np.ndarray] | None:
-    if "u" not in record.measured:
+def _measured(record: Record, channel: str, factor: float) -> tuple[np.ndarray, np.ndarray] | None:
+    if channel not in record.measured:
         return None
-    there = np.flatnonzero(np.isfinite(record.channel("u")))
+    there = np.flatnonzero(np.isfinite(record.channel(channel)))
     there = there[thin(there.size, DOTS)]
-    return record.time[there], record.channel("u")[there]
+    return record.time[there], factor * record.channel(channel)[there]

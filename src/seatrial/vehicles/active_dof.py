@@ -19,7 +19,7 @@ class Freedom:
     """What of the motion is modelled; a restriction of the whole vehicle is one with less of it.
 
     Attributes:
-        moves: velocities that are states.
+        moves: velocities that are states; none of a vehicle that is held, of which forces are measured.
         given: velocities and angles that are measured, and enter as controls.
         attitude: how an attitude is kept that turns about more than one axis.
         positions: positions that are states.
@@ -46,7 +46,7 @@ def acts(name: CoefficientName, freedom: Freedom, thrusters: Sequence[Thruster])
     rates = {AXES.index(name.axis)} if name.axis in AXES else {0}
     if name.axis == "T" and thrusters:
         rates = {i for thruster in thrusters for i, x in enumerate(thruster.column) if abs(x) > 0}
-    if not any(RATES[i] in freedom.moves for i in rates):
+    if freedom.moves and not any(RATES[i] in freedom.moves for i in rates):
         return False
     if name.is_added_mass:
         return name.signals[0] in freedom.moves

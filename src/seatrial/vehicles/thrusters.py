@@ -2,11 +2,12 @@
 
     column of B = (d, r x d)    d: direction, r: place;    inflow = d . (v + omega x r)
 
-Thrust is the sum of the terms of the axis T, the same for every thruster, in its own speed n and inflow u; or the commanded force.
+Thrust is the sum of the terms of the axis T, the same for every thruster, in its own speed n or commanded force f, its inflow u and the
+voltage V; without such terms it is the commanded force. In a dead zone d of the command, f - d sign(f) acts, or nothing.
 Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control, 2nd ed., 2021, section 9.1.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,7 +15,9 @@ import numpy as np
 from jaxtyping import Float
 
 from seatrial.core.array_module import array_module
+from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError
+from seatrial.core.signals import signal_unit, thruster_controls
 from seatrial.numerics.rotations import cross, dot, total
 from seatrial.vehicles.model import Unknown
 
@@ -82,8 +85,13 @@ def allocation(thrusters: Sequence[Thruster]) -> Float[np.ndarray, "6 n"]:
     return np.array([thruster.column for thruster in thrusters]).reshape(-1, 6).T
 
 
+def controls_of(thrusters: Sequence[Thruster], named: Iterable[CoefficientName]) -> tuple[str, ...]:
+    """Return the controls of thrusters: their speeds if a term of T has the speed n, their forces if not."""
+    return thruster_controls(len(thrusters), not any(one.axis == "T" and "n" in one.signals for one in named))
+
+
 def thrust_unknowns(controls: Sequence[str], thrusters: Sequence[Thruster]) -> tuple[Unknown, ...]:
-    """Return what of thrust may be sought: a gain of each thruster, one of all, and the share of thrust that is left astern.
+    """Return what of thrust may be sought: a gain of each thruster, and of all a gain, the share that is left astern, and a dead zone.
 
     Args:
         controls: of the vehicle.
@@ -95,7 +103,17 @@ def thrust_unknowns(controls: Sequence[str], thrusters: Sequence[Thruster]) -> t
         *(Unknown(f"gain_{name}", "1", rf"g_{{{name[2:]}}}", 1.0) for name in own),
         *(Unknown(f"gain_{letter}", "1", "g", 1.0) for letter in letters),
         *(Unknown(f"reverse_{letter}", "1", r"g_{\mathrm{astern}}", 1.0, signed=False) for letter in letters),
+        *(Unknown(f"dead_{letter}", signal_unit(letter), f"{letter}_{{0}}", 0.0, signed=False) for letter in letters),
     )
+
+
+def beyond_dead_zone(values: Mapping[str, Any], control: str, command: Any) -> Any:
+    """Return what of a thruster's command lies beyond the dead zone, if one is among the values."""
+    width = values.get(f"dead_{control[0]}")
+    if width is None:
+        return command
+    xp = array_module(command, width)
+    return xp.sign(command) * xp.maximum(xp.abs(command) - width, 0.0)
 
 
 def real_thrust(values: Mapping[str, Any], control: str, push: Any) -> Any:

@@ -2,6 +2,7 @@
 
     (M_RB + M_A) d(nu_r)/dt = sum c_j phi_j(nu_r, attitude, controls) + B T - C(nu_r) nu_r - g(attitude)
 
+Of a vehicle that is held, gauges show the right side: the thrust of a bollard pull, and what the water adds where it is towed.
 The velocity nu_r = (u, v, w, p, q, r) is that through the water: in a uniform current the vehicle moves as in still water, and the
 current shows in its path and in its velocity over ground alone. Coefficients are on the left as added mass (`Y_rdot`), on the right
 by their names. A velocity that does not move is zero, or given as a measured signal and then taken for steady.
@@ -21,12 +22,12 @@ from seatrial.core.coefficients import CoefficientName
 from seatrial.core.signals import (
     ANGLES,
     CURRENT_COMPONENTS,
+    HELD,
     OVER_GROUND,
     POSITIONS,
     RATES,
     SIGNALS,
     SPECIFIC_FORCE,
-    thruster_controls,
 )
 from seatrial.numerics.rotations import cross, dot, times, total
 from seatrial.vehicles.active_dof import AddedCoriolis, Current, Freedom, acts
@@ -44,8 +45,8 @@ from seatrial.vehicles.hull import (
     rigid_mass_matrix,
 )
 from seatrial.vehicles.model import Params, VehicleModel, outside_force
-from seatrial.vehicles.thrusters import Thruster, real_thrust, thrust_unknowns
-from seatrial.vehicles.whole_checks import check_whole
+from seatrial.vehicles.thrusters import Thruster, beyond_dead_zone, controls_of, real_thrust, thrust_unknowns
+from seatrial.vehicles.whole_checks import check_has_state, check_whole
 
 # Forces on the six axes but weight and buoyancy: one coefficient for each regressor, made of all that multiplies it.
 #
@@ -95,7 +96,7 @@ def forces_of(
     for product in constant:
         sums.setdefault(product, [])
     columns = [tuple(share * x for x in thruster.column) for thruster in thrusters]
-    names = thruster_controls(len(thrusters), commanded_force=not thrust)
+    names = controls_of(thrusters, named)
 
     def forces(values: Mapping[str, Any], known: Mapping[str, Any], velocity: tuple) -> list[Any]:
         results: list[Any] = [0.0] * 6
@@ -107,9 +108,9 @@ def forces_of(
             scale = total((constant.get(name, 0.0), *(times(factor, values[text]) for factor, text in parts)))
             results[axis] = total((results[axis], times(scale, made[name.key])))
         for thruster, control, column in zip(thrusters, names, columns, strict=True):
-            push = known[control]
+            push = beyond_dead_zone(values, control, known[control])
             if thrust:
-                local = {**known, "n": push, "u": times(inflow, thruster.inflow(velocity))}
+                local = {**known, control[0]: push, "u": times(inflow, thruster.inflow(velocity))}
                 push = total(times(values[term.text], term.regressor(local, hull.trim)) for term in thrust)
             push = real_thrust(values, control, push)
             results = [total((force, times(x, push))) for force, x in zip(results, column, strict=True)]
@@ -241,7 +242,7 @@ def whole_vehicle(
     Args:
         hull: rigid body, weight, buoyancy, fixed coefficients and trim.
         terms: coefficient names on any axis but Q; those fixed by the hull are left out of `params`.
-        moves: velocities that are states, of u v w p q r; the others are zero.
+        moves: velocities that are states, of u v w p q r; the others are zero. None of them for a vehicle that is held by gauges.
         given: velocities and angles that are measured, and enter as controls.
         attitude: quaternion or Euler angles, where the vehicle turns about more than one axis.
         positions: those of x, y and z (north, east, down) that are states.
@@ -252,7 +253,8 @@ def whole_vehicle(
         thrusters: those of an open frame, driven by n_1, n_2, …, by the terms of T; or, without such terms, by forces f_1, f_2, ….
         actuators: lags and limits by control, see `with_actuators`.
         unknowns: numbers that are parameters beside the coefficients, where this vehicle has them: `net_weight`, `x_b`, `y_b`, `z_b`,
-            `gain_f_3` of one thruster, `gain_f` of all and `reverse_f`, their share of thrust astern, and lags of actuators.
+            `gain_f_3` of one thruster, `gain_f` of all, `reverse_f`, their share of thrust astern, `dead_f`, their dead zone, and lags of
+            actuators.
 
     Raises:
         InputError: malformed name, a signal the model lacks, two names of one regressor, an unphysical constant, or Coriolis forces twice.
@@ -268,7 +270,9 @@ def whole_vehicle(
     check_whole(hull, terms, (moves, given, positions, angles, current), added_coriolis, thrusters)
     free = tuple(CoefficientName.parse(term) for term in terms if term not in hull.fixed)
     model = assemble(hull, free, freedom, added_coriolis, tuple(thrusters), tuple(unknowns))
-    return with_actuators(model, actuators, unknowns) if actuators else model
+    model = with_actuators(model, actuators, unknowns) if actuators else model
+    check_has_state(model)
+    return model
 
 
 def assemble(
@@ -333,7 +337,7 @@ def assemble(
         )
 
     def shown(name: str) -> Callable[[Params, tuple, tuple], Any]:
-        """Return a channel that is no state: an Euler angle, a velocity over ground, or a specific force."""
+        """Return a channel that is no state: an Euler angle, a velocity over ground, a specific force, or the force on a gauge."""
 
         def value(params: Params, state: tuple, control: tuple) -> Any:
             known = known_at(state, control)
@@ -344,6 +348,10 @@ def assemble(
                 u, v, w, p, q, r = (known.get(rate, 0.0) for rate in RATES)
                 turning = cross((p, q, r), (u, v, w))[axis]
                 return total((rates.get(RATES[axis], 0.0), turning, times(-GRAVITY, pose.rows[2][axis])))
+            if name in HELD:
+                velocity = tuple(known.get(rate, 0.0) for rate in RATES)
+                angled = known | (dict(zip(ANGLES, pose.euler(), strict=True)) if angles else {})
+                return forces({**fixed, **params}, angled, velocity)[HELD.index(name)]
             if name in ANGLES:
                 return pose.euler()[ANGLES.index(name)]
             axis = OVER_GROUND.index(name)
@@ -358,6 +366,7 @@ def assemble(
         *(ANGLES if attitude.by_quaternion else ()),
         *(OVER_GROUND if freedom.current is not None else ()),
         *(SPECIFIC_FORCE if hull.mass is not None and len(moving) > 1 else ()),
+        *(() if moving else HELD),
     )
     constants = _constants(hull, fixed, named, freedom, added_coriolis, thrusters)
     return VehicleModel(
@@ -404,11 +413,10 @@ def _controls(
     named: Sequence[CoefficientName], freedom: Freedom, states: Sequence[str], thrusters: Sequence[Thruster]
 ) -> tuple[str, ...]:
     used = {signal for name in named for signal in name.signals} | set(freedom.given)
-    used -= {"n"} if thrusters else set()
+    used -= {"n", "f"} if thrusters else set()
     plain = (name for name in SIGNALS if name in used and name not in (*states, *RATES, *ANGLES))
     given = (name for name in SIGNALS if name in freedom.given)
-    driven = any(name.axis == "T" for name in named)
-    return (*given, *plain, *thruster_controls(len(thrusters), commanded_force=not driven))
+    return (*given, *plain, *controls_of(thrusters, named))
 
 
 def _constants(

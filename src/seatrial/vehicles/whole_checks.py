@@ -13,6 +13,7 @@ from seatrial.core.signals import ANGLES, POSITIONS, RATES
 from seatrial.core.term_checks import check_each_once, check_trim
 from seatrial.vehicles.coriolis import entry_products
 from seatrial.vehicles.hull import AXES, Hull, added_mass_entry, added_mass_matrix, asymmetric_pairs, rigid_mass_matrix
+from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.thrusters import Thruster
 
 
@@ -76,11 +77,11 @@ def _check_freedom(
                 expected="each once, of " + " ".join(allowed),
                 remedy="name the signals of this vehicle's motion",
             )
-    if not moves or set(moves) & set(given):
+    if set(moves) & set(given):
         raise InputError(
             f"{place}, moves",
-            found=", ".join(moves) + " moves, given " + ", ".join(given) if moves else "nothing that moves",
-            expected="at least one velocity, and none that is given as well",
+            found=", ".join(moves) + " moves, given " + ", ".join(given),
+            expected="velocities of which none is given as well",
             remedy="a velocity is a state, a given signal, or zero",
         )
     numbers = isinstance(current, tuple | list) and len(current) == 3 and all(isfinite(as_number(x)) for x in current)
@@ -117,13 +118,13 @@ def _check_part(
     place: str, name: CoefficientName, moves: Sequence[str], given: Sequence[str], thrusters: Sequence[Thruster]
 ) -> None:
     present = {*moves, *given}
-    axis_moves = (name.axis == "T" and bool(thrusters)) or _rate_of(name.axis) in moves
+    axis_moves = not moves or (name.axis == "T" and bool(thrusters)) or _rate_of(name.axis) in moves
     held = [
         factor.signal
         for factor in name.factors
         if factor.signal in RATES and factor.signal not in present and not factor.change
     ]
-    if held and name.axis == "T" and thrusters:
+    if held and name.axis == "T" and thrusters and moves:
         held = []
     if axis_moves and not held and not (name.is_added_mass and name.signals[0] not in moves):
         return
@@ -131,7 +132,7 @@ def _check_part(
         f"{place}, term {name}",
         found="no part in the motion: "
         + (f"axis {name.axis} does not move" if not axis_moves else f"{', '.join(held) or name.signals[0]} is zero"),
-        expected=f"terms of {', '.join(present)}",
+        expected=f"terms of {', '.join(present)}" if present else "terms of thrust: the vehicle is held",
         remedy="leave it out; acting_terms(terms, moves) keeps those that act",
     )
 
@@ -149,18 +150,30 @@ def _check_thrusters(place: str, named: Iterable[CoefficientName], thrusters: Se
                 expected="finite numbers, and a direction that is not zero",
                 remedy="give both in body axes, in m",
             )
+    thrust = [name for name in named if name.axis == "T"]
+    driven = {signal for name in thrust for signal in ("n", "f") if signal in name.signals}
     wrong = [
         name
         for name in named
-        if thrusters
-        and ((name.axis == "T" and set(name.signals) - {"n", "u"}) or (name.axis != "T" and "n" in name.signals))
+        if ("f" in name.signals and not (thrusters and name.axis == "T"))
+        or (thrusters and name.axis == "T" and set(name.signals) - {"n", "f", "u", "V"})
+        or (thrusters and name.axis != "T" and "n" in name.signals)
+        or ("f" in name.signals and "n" in driven)
     ]
     if wrong:
         raise InputError(
             f"{place}, term {wrong[0]}",
             found=f"signals {', '.join(wrong[0].signals)}, of a vehicle with {len(thrusters)} thrusters",
-            expected="n on the axis T alone, in products with u, its speed along the thruster",
+            expected="the thrusters' speed n, or their commanded force f, on the axis T alone, in products with V and with u, the velocity "
+            "along the thruster",
             remedy="leave the term out",
+        )
+    if "f" in driven and CoefficientName.parse("T_f") not in thrust:
+        raise InputError(
+            f"{place}, term {thrust[0]}",
+            found="terms of the commanded force f without T_f: without it a command makes no thrust",
+            expected="T_f, the thrust of a newton that is commanded",
+            remedy="add T_f to [structure], or fixed = { T_f = 1.0 } to [vehicle] if thrust is as commanded",
         )
 
 
@@ -191,6 +204,8 @@ def _check_automatic(place: str, hull: Hull, named: Sequence[CoefficientName]) -
 
 def _check_mass(place: str, hull: Hull, moves: Sequence[str]) -> None:
     moving = [RATES.index(rate) for rate in RATES if rate in moves]
+    if not moving:
+        return
     unknown = [i for i in moving if i >= 3 and hull.mass is not None and hull.inertia[i - 3] is None]
     if unknown:
         axis = "xyz"[unknown[0] - 3]
@@ -207,4 +222,19 @@ def _check_mass(place: str, hull: Hull, moves: Sequence[str]) -> None:
             found=f"rows {matrix.tolist()}",
             expected="a positive definite matrix of rigid body and added mass",
             remedy="added masses on the diagonal are negative in SNAME notation: check their signs, and the centre of gravity",
+        )
+
+
+def check_has_state(model: VehicleModel) -> None:
+    """Check that something of a vehicle changes in time.
+
+    Raises:
+        InputError: it is held, and its thrusters have no lag.
+    """
+    if not model.states:
+        raise InputError(
+            f'vehicle "{model.name}", moves',
+            found="a vehicle that is held, whose thrusters have no lag",
+            expected="the time constant with which the thrust follows its command",
+            remedy='add lag = "0.1 s" to [vehicle.thrust_laws.NAME] or [vehicle.actuators.CONTROL]; [prior.lag_f] seeks it',
         )

@@ -23,7 +23,8 @@ def _line(meaning: str) -> Any:
 
 # Quantities are written as in the file; each line of a list as `seatrial.campaign.config.new_campaign` reads it.
 Template = Annotated[
-    str | None, _one("NAME", "A template: remus100 (simulated), design or steering (no data yet), log (a CSV log).")
+    str | None,
+    _one("NAME", "A template: remus100 (simulated), design or steering (no data yet), log or bollard (a CSV log)."),
 ]
 Vehicle = Annotated[
     str | None, _one("NAME", "Published vehicle, see `seatrial vehicle`; for your own vehicle give --mass instead.")
@@ -135,7 +136,7 @@ def _write_template(folder: Path, template: str) -> None:
     answer.say(f"wrote {path}: {TEMPLATES[template]}")
     answer.name_file("campaign", path)
     answer.give(template=template)
-    answer.say(f"edit it, then: seatrial {'run' if template in ('remus100', 'log') else 'design'} {folder}")
+    answer.say(f"edit it, then: seatrial {'run' if template in ('remus100', 'log', 'bollard') else 'design'} {folder}")
     for other, meaning in TEMPLATES.items():
         if other != template:
             answer.say(f"instead, --template {other}: {meaning}")

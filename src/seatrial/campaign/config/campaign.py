@@ -29,7 +29,9 @@ from seatrial.campaign.config.vehicle import CampaignVehicle, level_start
 from seatrial.campaign.store.stored_result import FILE_NAME
 from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError, located
+from seatrial.core.signals import ACTUAL, HELD
 from seatrial.design.motion_limits import MotionLimit
+from seatrial.design.prior_belief import ACTUATOR_SD
 from seatrial.design.stated_prediction import Prediction, prediction
 from seatrial.design.sweep import Trim
 from seatrial.estimation.filter_error import process_name
@@ -154,9 +156,9 @@ class Campaign:
 
     @property
     def leading(self) -> str:
-        """The state that is shown where one alone is: the surge speed, or the first."""
-        states = self.model(self.full).states
-        return "u" if "u" in states else states[0]
+        """The channel that is shown where one alone is: the surge speed, or the first state; of a held vehicle the first sensor's."""
+        model = self.model(self.full)
+        return "u" if "u" in model.states else self.channels[0] if HELD[0] in model.views else model.states[0]
 
     def check_surge(self, what: str) -> None:
         """Check that the vehicle only moves along X, for what knows no other.
@@ -216,9 +218,9 @@ class Campaign:
         return np.column_stack(columns)
 
     def process_sds(self, model: VehicleModel) -> np.ndarray:
-        """Standard deviation that each state and coefficient of a model gains in one second, SI."""
+        """Standard deviation that each state and coefficient of a model gains in one second, SI; see `ACTUATOR_SD`."""
         names = (*model.states, *(term.text for term in model.coefficients))
-        return np.array([self.process_noise.get(name, 0.0) for name in names])
+        return np.array([self.process_noise.get(name, ACTUATOR_SD * name.endswith(ACTUAL)) for name in names])
 
     def expected_process(self, model: VehicleModel) -> tuple[float, ...] | None:
         """Return what each state is expected to gain in one second by process noise, SI, the medians of its priors; None for none.

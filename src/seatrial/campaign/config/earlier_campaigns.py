@@ -10,30 +10,34 @@ from pathlib import Path
 
 from seatrial.campaign.config.file_keys import FileKeys
 from seatrial.campaign.config.named_files import find
-from seatrial.campaign.config.schema import PriorTable, VehicleTable
+from seatrial.campaign.config.schema import CampaignFile, PriorTable, VehicleTable
+from seatrial.campaign.config.templates import example_of
+from seatrial.campaign.config.toml import parse_toml, read_text
 from seatrial.campaign.config.vehicle_table import UNKNOWN
-from seatrial.campaign.store.stored_result import Store
+from seatrial.campaign.store.stored_result import FILE_NAME, Store
 from seatrial.campaign.store.structures import read_summary
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError
+from seatrial.core.signals import signal_unit
+from seatrial.core.units import quantity
 
 Found = Mapping[str, tuple[float, float]]
 """Mean and standard deviation of coefficients and of a vehicle's other unknowns, SI."""
 
 
-def found_before(folder: Path, items: Sequence[str], keys: FileKeys) -> Found:
+def found_before(folder: Path, table: VehicleTable, keys: FileKeys) -> Found:
     """Return what earlier campaigns found of every coefficient, thruster and centre of buoyancy; the last one counts.
 
     Args:
         folder: of this campaign.
-        items: folders of the others, as written.
+        table: `[vehicle]`, which names the folders of the others.
         keys: of the file.
 
     Raises:
-        InputError: an earlier campaign that is not there or has no results.
+        InputError: an earlier campaign that is not there or has no results, or one of another trim.
     """
     found: dict[str, tuple[float, float]] = {}
-    for item in items:
+    for item in table.known_from:
         where = keys.where("vehicle.known_from")
         there = find(folder, item, where)
         store = Store(there)
@@ -47,12 +51,32 @@ def found_before(folder: Path, items: Sequence[str], keys: FileKeys) -> Found:
         if store.summary.exists():  # a link may lead outside
             find(folder, str(Path(item) / store.summary.relative_to(there)), where)
         summary = read_summary(store.summary, f"seatrial run {there}")
+        if any(CoefficientName.parse(name).trim_signals for name in summary.terms):
+            _check_trim(find(folder, str(Path(item) / FILE_NAME), where), summary.terms, table, where)
         found |= {
             row.name: (row.mean, row.sd)
             for row in summary.coefficients
             if row.name in summary.terms or UNKNOWN.fullmatch(row.name)
         }
     return found
+
+
+def _check_trim(path: Path, terms: Sequence[str], table: VehicleTable, where: str) -> None:
+    """Check that terms which are changes from trim, such as T_fdV,, have one trim here and in the earlier file."""
+    trim = parse_toml(path, read_text(path), CampaignFile, example_of).vehicle.trim
+    for name in terms:
+        for signal in CoefficientName.parse(name).trim_signals:
+            before = trim.get(signal)
+            now, unit = table.trim.get(signal), signal_unit(signal)
+            if now is None or before is None or quantity(now, unit, where) != quantity(before, unit, str(path)):
+                raise InputError(
+                    where,
+                    found=f"{name} about {signal} = {before or 'nothing'}, and here a trim of {now or 'nothing'}",
+                    expected="one trim: the coefficient counts from it, and so do others, such as T_f beside T_fdV",
+                    remedy=f'give trim = {{ {signal} = "{before}" }} to [vehicle] here'
+                    if before
+                    else "give it in both",
+                )
 
 
 def unknowns_before(found: Found) -> dict[str, PriorTable]:
@@ -63,7 +87,7 @@ def unknowns_before(found: Found) -> dict[str, PriorTable]:
     """
     return {
         name: PriorTable(distribution="log-normal", median=mean, factor=1.0 + sd / mean)
-        if name.startswith(("gain_", "reverse_", "lag_")) and mean > 0
+        if name.startswith(("gain_", "reverse_", "dead_", "lag_")) and mean > 0
         else PriorTable(distribution="normal", mean=mean, sd=sd)
         for name, (mean, sd) in found.items()
         if UNKNOWN.fullmatch(name)

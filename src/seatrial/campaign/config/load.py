@@ -94,7 +94,7 @@ def check_text(folder: Path, text: str) -> Campaign:
 def _campaign(file: CampaignFile, keys: FileKeys) -> Campaign:
     """Everything in SI, so that mistakes are found before any work is done."""
     folder, known_from = keys.path.parent, tuple(file.vehicle.known_from)
-    found = found_before(folder, known_from, keys)
+    found = found_before(folder, file.vehicle, keys)
     structure = _structure(file.structure)
     with located(keys.where("structure")):
         rules = structure.compiled()

@@ -72,10 +72,11 @@ class VehicleTable(Table):
     """`[vehicle]`: a vehicle of the catalogue by name, or one described here.
 
     A surge vehicle needs a mass, a thrust deduction and its known coefficients. A whole vehicle is one of the catalogue in six degrees
-    of freedom, or one that says which of u v w p q r it `moves` in. Lengths count from the body's origin.
+    of freedom, or one that says which of u v w p q r it `moves` in. Lengths count from the body's origin. With `moves = []` it is held, as
+    at a bollard, and gauges measure `force_X` to `moment_N`.
 
-    `thrusters`, those of the catalogue where there are none, are driven by the forces f_1, f_2, …, or with terms of T by the speeds n_1,
-    n_2, …. `added_coriolis` says whether Coriolis forces of the added mass are terms (X_wq, …) or follow from it.
+    `thrusters`, those of the catalogue where there are none, are driven by the forces f_1, f_2, …, or with terms of T in n by the speeds
+    n_1, n_2, …. `added_coriolis` says whether Coriolis forces of the added mass are terms (X_wq, …) or follow from it.
     """
 
     catalogue: str | None = None
@@ -87,7 +88,7 @@ class VehicleTable(Table):
     centre_of_buoyancy: Triple | None = Field(default=None, min_length=3, max_length=3)
     weight: Quantity | None = None
     buoyancy: Quantity | None = None
-    moves: list[Literal["u", "v", "w", "p", "q", "r"]] | None = Field(default=None, min_length=1)
+    moves: list[Literal["u", "v", "w", "p", "q", "r"]] | None = None
     given: list[str] = []
     positions: list[Literal["x", "y", "z"]] = []
     attitude: Literal["quaternion", "euler"] = "euler"

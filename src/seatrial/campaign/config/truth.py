@@ -1,7 +1,8 @@
 """What is true of a simulated vehicle: `[truth]` holds a value of each coefficient, and what sensors and actuators add to it.
 
 What is simulated is what is fitted: beside coefficients stand the names of an estimate (`bias_u`, `lag_u`, `delay`, `current`, `sigma_u`,
-`tau_u`, `dof_u`, `process_u`), and `lag_n`, the lag of an actuator, in place of what `[vehicle.actuators]` states.
+`tau_u`, `dof_u`, `process_u`), and `lag_n`, the lag of an actuator, in place of what `[vehicle.actuators]` states; and what else is sought
+of the vehicle (`dead_f`, `gain_f_3`).
 """
 
 from collections.abc import Mapping
@@ -39,6 +40,7 @@ def beyond_structures(campaign: Campaign) -> set[str]:
     of_channel = (noise_name, *KINDS, drift_time_name, bias_name, lag_name)
     return (
         {actuator_lag(control) for control in campaign.model(campaign.full).controls}
+        | {one.name for one in campaign.model(campaign.full).unknowns}
         | {CURRENT, DELAY}
         | {process_name(state) for state in campaign.model(campaign.full).states if not state.endswith(ACTUAL)}
         | {name(channel) for channel in campaign.channels for name in of_channel}

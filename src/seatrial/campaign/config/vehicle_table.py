@@ -10,11 +10,12 @@ from seatrial.campaign.config.thruster_table import read_thrust_laws, read_thrus
 from seatrial.campaign.config.vehicle import AxesVehicle, CampaignVehicle, WholeVehicle, axes_of
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError, located, nearest
-from seatrial.core.signals import RATES, SIGNALS, is_signal, signal_unit, thruster_controls
+from seatrial.core.signals import RATES, SIGNALS, is_signal, signal_unit
 from seatrial.vehicles.actuators import Actuator
 from seatrial.vehicles.catalogue import PublishedVehicle, load_surge, load_vehicle, surge_names
 from seatrial.vehicles.hull import Hull, whole_hull
 from seatrial.vehicles.surge import SurgeHull
+from seatrial.vehicles.thrusters import controls_of
 
 BY_AXES = ("catalogue", "name", "mass", "thrust_deduction", "fixed", "trim", "published_to", "known_from")
 """Keys of a vehicle by its axes."""
@@ -23,7 +24,7 @@ BODY = (
     *("thrust_deduction", "wake", "added_coriolis"),
 )
 """Keys of a body that a catalogue entry already says."""
-UNKNOWN = re.compile(r"net_weight|[xyz]_b|(gain|reverse)_[fn](_\d+)?|lag_.+")
+UNKNOWN = re.compile(r"net_weight|[xyz]_b|(gain|reverse|dead)_[fn](_\d+)?|lag_.+")
 """Names of priors that may be unknowns of a whole vehicle beside its coefficients."""
 OWN_ADDED_MASS = tuple(f"{axis}_{rate}dot" for axis, rate in zip("XYZKMN", RATES, strict=True))
 """Added masses that act against the acceleration which they are of; the others may have either sign."""
@@ -124,12 +125,12 @@ def _whole_vehicle(
     sought = {CoefficientName.parse(term) for term in terms}
     known = {**body.hull.fixed, **body.coefficients, **table.fixed}
     fixed = {name: value for name, value in known.items() if CoefficientName.parse(name) not in sought}
-    controls = thruster_controls(len(body.thrusters), not any(term.axis == "T" for term in sought))
+    controls = controls_of(body.thrusters, (*sought, *map(CoefficientName.parse, fixed)))
     actuators = _actuators(table, keys, body, thruster_lags(table, keys, controls))
     return WholeVehicle(
         body,
         replace(body.hull, fixed=fixed, trim={**body.hull.trim, **_trim(table, keys)}),
-        tuple(table.moves or body.moves),
+        tuple(body.moves if table.moves is None else table.moves),
         tuple(table.given),
         tuple(table.positions),
         tuple(angles),

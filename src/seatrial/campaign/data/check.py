@@ -23,6 +23,7 @@ from seatrial.estimation.record_checks import (
     RecordFinding,
     check_excitation,
     check_motion,
+    check_range,
     check_samples,
     check_turn,
     not_judged,
@@ -101,6 +102,7 @@ def _judge(campaign: Campaign, record: Record) -> RecordJudgement:
         return RecordJudgement(record, tuple(findings), tuple(record_cautions(record)))
     usual, unsaid = float(np.median(np.diff(record.time))), []
     for index, (name, column) in enumerate(measured.items()):
+        findings += check_range(name, column, expected[:, index], campaign.noise[name])
         ways = np.array([one[:, index] for one in drawn])
         if says_direction(expected[:, index], ways, campaign.noise[name]):
             findings += check_motion(name, usual, column, expected[:, index], campaign.has_delay)

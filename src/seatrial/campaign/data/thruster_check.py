@@ -13,7 +13,7 @@ from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.vehicle import WholeVehicle
 from seatrial.campaign.inference.posterior import initial_state
 from seatrial.core.record import Record
-from seatrial.core.signals import RATES, thruster_controls
+from seatrial.core.signals import HELD, RATES, thruster_controls
 from seatrial.estimation.first_guess import fit_motion
 from seatrial.estimation.priors import Normal, Prior
 from seatrial.estimation.record_checks import RecordFinding
@@ -33,7 +33,7 @@ def thruster_lines(campaign: Campaign) -> list[str]:
     vehicle = campaign.vehicle
     if not isinstance(vehicle, WholeVehicle) or not vehicle.body.thrusters:
         return []
-    thrusters, moving = vehicle.body.thrusters, [RATES.index(rate) for rate in vehicle.moves]
+    thrusters, moving = vehicle.body.thrusters, _axes(campaign, vehicle)
     matrix = allocation(thrusters)
     rank = int(np.linalg.matrix_rank(matrix[moving], tol=1e-6 * float(np.abs(matrix).max())))
     head = "".join(f"{number:>9}" for number in range(1, len(thrusters) + 1))
@@ -41,11 +41,19 @@ def thruster_lines(campaign: Campaign) -> list[str]:
     names = " ".join(AXES[i] for i in moving)
     lines = [f"allocation of {len(thrusters)} thrusters, for 1 N each: N, and N m from K on", f"   {head}"]
     lines += [f"  {axis}{row}" for axis, row in zip(AXES, rows, strict=True)]
-    told = f"  rank {rank} on the {len(moving)} axes that move, {names}"
+    what = "move" if vehicle.moves else "are measured"
+    told = f"  rank {rank} on the {len(moving)} axes that {what}, {names}"
     lines.append(f"{told}: {_not_spanned(matrix, moving)}" if rank < len(moving) else told)
     alone = [str(number) for number, one in enumerate(thrusters, 1) if not _has_mirror(one, thrusters)]
     said = f"no mirror image of {', '.join(alone)} on the other side" if alone else "each has its mirror image"
     return [*lines, f"  port and starboard: {said}"]
+
+
+def _axes(campaign: Campaign, vehicle: WholeVehicle) -> list[int]:
+    """Return the axes that move, or along which a gauge holds the vehicle."""
+    if vehicle.moves:
+        return [RATES.index(rate) for rate in vehicle.moves]
+    return [i for i, force in enumerate(HELD) if force in campaign.channels]
 
 
 def _not_spanned(matrix: np.ndarray, moving: Sequence[int]) -> str:
@@ -75,7 +83,7 @@ def check_thrusters(campaign: Campaign, record: Record) -> list[RecordFinding]:
         return []
     matrix, hull = allocation(vehicle.body.thrusters), vehicle.hull
     can_right = np.array([hull.weight != hull.buoyancy] * 3 + [any(hull.righting)] * 3)
-    idle = [RATES.index(rate) for rate in vehicle.moves if np.abs(matrix[RATES.index(rate)]).max() < SMALL]
+    idle = [i for i in _axes(campaign, vehicle) if np.abs(matrix[i]).max() < SMALL]
     findings = [
         RecordFinding(
             AXES[i],
@@ -110,7 +118,7 @@ def _gains(campaign: Campaign, vehicle: WholeVehicle, record: Record) -> list[Re
 
 def _judged(control: str, gain: float, sd: float) -> RecordFinding:
     value, limit = (
-        f"{gain:.2f} ± {sd:.2f} of the thrust stated, by the measured motion",
+        f"{gain:.2f} ± {sd:.2f} of the thrust stated, by the measurements",
         "near 1; below 0 it is reversed",
     )
     if sd > KNOWN:

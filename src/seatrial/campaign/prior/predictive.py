@@ -50,7 +50,7 @@ BATCH = 100
 
 def speeds(
     model: VehicleModel,
-    state: str,
+    channel: str,
     params: Mapping[str, Float[np.ndarray, " d"]],
     delay: Float[np.ndarray, " d"] | None,
     start: Float[np.ndarray, "d n_states"],
@@ -62,8 +62,8 @@ def speeds(
 
     Args:
         model: vehicle.
-        state: which of its speeds.
-        params: coefficients of each, SI.
+        channel: which of its speeds, or the force on a gauge, which has no such limit.
+        params: coefficients and other unknowns of each, SI.
         delay: between command and action of each, s; None for none.
         start: state of each at the first sample, SI.
         control: held from each sample to the next, SI.
@@ -77,7 +77,7 @@ def speeds(
     for i in range(0, count, BATCH):
         part = np.minimum(np.arange(i, i + BATCH), count - 1)  # the last vehicle fills the last batch
         values = {name: column[part] for name, column in params.items()}
-        speed, whole = _batch(model, state, delayed, values, late[part], start[part], control, step)
+        speed, whole = _batch(model, channel, delayed, values, late[part], start[part], control, step)
         kept[part], lost[part] = np.asarray(speed)[:, chosen], ~np.asarray(whole)
     return kept, lost
 
@@ -85,7 +85,7 @@ def speeds(
 @program(static_argnums=(0, 1, 2))
 def _batch(
     model: VehicleModel,
-    state: str,
+    channel: str,
     delayed: bool,
     values: dict,
     late: Array,
@@ -95,8 +95,12 @@ def _batch(
 ) -> tuple[Array, Array]:
     def one(values: dict, late: Array, start: Array) -> tuple[Array, Array]:
         held = jax.vmap(delay_control, in_axes=(1, None), out_axes=1)(control, late / step[0]) if delayed else control
-        speed = simulate(model, values, held, step, start)[:, model.states.index(state)]
-        return speed, (jnp.abs(speed) <= FASTEST).all()
+        states = simulate(model, values, held, step, start)
+        if channel in model.states:
+            speed = states[:, model.states.index(channel)]
+            return speed, (jnp.abs(speed) <= FASTEST).all()
+        shown = jax.vmap(lambda state, told: model.output(channel, values, tuple(state), tuple(told)))(states, held)
+        return shown, jnp.isfinite(shown).all()
 
     return jax.vmap(one)(values, late, starts)
 

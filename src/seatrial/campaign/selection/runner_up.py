@@ -158,10 +158,11 @@ def _speeds(
     designed = sweep.family.time(), _applied(campaign, estimate, told, estimate.structure)[0]
     absent = np.zeros(len(trim))
     for one, start, time, control in [*runs, (values, trim, *designed)]:
-        coefficients = {term.text: np.asarray(one.get(term.text, absent)) for term in model.coefficients}
+        params = {term.text: np.asarray(one.get(term.text, absent)) for term in model.coefficients}
+        params |= {unknown.name: np.asarray(one[unknown.name]) for unknown in model.unknowns}
         delay = np.asarray(one["delay"]) if campaign.has_delay else None
         step = np.append(np.diff(time), 0.0)
-        speed, lost = speeds(model, campaign.leading, coefficients, delay, start, control, step, range(time.size))
+        speed, lost = speeds(model, campaign.leading, params, delay, start, control, step, range(time.size))
         if lost[0]:
             raise NumericalError(
                 f"{estimate.structure.label} runs away at its posterior mean, so that its speed cannot be compared: "
@@ -296,9 +297,9 @@ def _memory(campaign: Campaign, estimate: Estimate, channel: str, gap: float) ->
 
 
 def _noise_draws(campaign: Campaign, estimate: Estimate, channel: str) -> tuple[Sensor, dict[str, np.ndarray]]:
-    """Return a sensor, and the draws of what is unknown about it."""
+    """Return a sensor, and the draws of what is unknown about it in all trials alike, as its noise is."""
     sensor = next(one for one in campaign.sensor_models if one.channel == channel)
-    return sensor, {name: estimate.draws([name])[:, 0] for name in sensor.parameters}
+    return sensor, {name: estimate.draws([name])[:, 0] for name in sensor.parameters if name not in campaign.own}
 
 
 NEXT = "the next trial"
@@ -387,6 +388,7 @@ def _dataset(campaign: Campaign, best: Estimate, runner: Estimate, trials: Trial
         attrs={
             "best": best.structure.label,
             "runner_up": runner.structure.label,
+            "channel": campaign.leading,
             "change": change_words(best.structure.terms, runner.structure.terms),
             "noise": noise_of(campaign, best, campaign.leading)
             if campaign.leading in campaign.channels

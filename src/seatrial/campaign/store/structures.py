@@ -13,6 +13,7 @@ from seatrial.campaign.store.estimates import Fit, Known, decode_fit, decode_kno
 from seatrial.campaign.store.stored_result import decoding, read_json
 from seatrial.core.dataset import Dataset
 from seatrial.core.dataset_file import open_dataset
+from seatrial.core.display_units import shown_unit
 from seatrial.estimation.baseline_comparison import Comparison
 from seatrial.estimation.pooled_coverage import Pooled
 
@@ -285,16 +286,17 @@ class Contenders:
         return [self.difference_words(), undecided_words(selection), self.trial_words(selection)]
 
     def difference_words(self) -> str:
-        """What choosing the runner-up would change in speed."""
-        data = self.data
+        """What choosing the runner-up would change in speed, or in force."""
+        data, channel = self.data, self.data.attrs["channel"]
+        (factor, unit), name = shown_unit(channel), "the speed" if channel == "u" else channel
         parts = [
-            f"{float(data['largest'][i]):.2g} m/s (rms {float(data['rms'][i]):.2g}) in {self.where(i)}"
+            f"{float(data['largest'][i]) * factor:.2g} {unit} (rms {float(data['rms'][i]) * factor:.2g}) in {self.where(i)}"
             for i in reversed(self.shown)
         ]
         noise = data.attrs["noise"]
-        end = f"the sensor's noise is {noise:.2g} m/s" if np.isfinite(noise) else "the speed is not measured"
+        end = f"the sensor's noise is {noise * factor:.2g} {unit}" if np.isfinite(noise) else f"{name} is not measured"
         change = f"{self.labels[1]}, {data.attrs['change']}"
-        return f"the runner-up ({change}) would change the speed by at most {' and '.join(parts)}; {end}"
+        return f"the runner-up ({change}) would change {name} by at most {' and '.join(parts)}; {end}"
 
     def trial_words(self, selection: "Selection") -> str:
         """Which design of the best family would decide between the two, or that none would."""

@@ -155,7 +155,7 @@ def _forces(vehicle: ExportedVehicle) -> str:
         if thrust:
             inflow_row = [*thruster.column[:3], *np.cross(thruster.place, thruster.column[:3])]
             lines.append(f"        inflow = {number(1.0 - hull.wake)} * np.dot({_row(inflow_row)}, nu_r)")
-            names = {"n": f"n_{number_}", "u": "inflow"}
+            names = {"n": f"n_{number_}", "f": f"f_{number_}", "u": "inflow"}
             push = "(" + " + ".join(f"{number(x)} * {_regressor(name, hull.trim, names)}" for name, x in thrust) + ")"
         lines.append(f"        tau = tau + {_row([share * x for x in thruster.column])} * {push}")
     return "\n".join(lines)

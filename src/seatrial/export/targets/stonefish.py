@@ -363,7 +363,7 @@ def _named(vehicle: ExportedVehicle, solid: Solid) -> set[str]:
     """Return the forces of the vehicle that the target has in one form or another."""
     terms = sorted_terms(vehicle.forces)
     drives, other = drives_of(vehicle)
-    results = {name for name in terms.thrust if drives and drives[0].factor is not None and name not in other}
+    results = {name for name in terms.thrust if drives and name not in other}
     results |= {name for fin in rudders_of(vehicle) for name in _fin_terms(fin)}
     for i in range(6):
         own = f"{AXES[i]}_{RATES[i]}"

@@ -48,9 +48,9 @@ NEAR = 11.0
 
 
 class Gap(NamedTuple):
-    """Speed of the best minus the runner-up's in one manoeuvre, m/s, with its 90 % band; `where` is plain text.
+    """Speed, or force, of the best minus the runner-up's in one manoeuvre, as shown, with its 90 % band; `where` is plain text.
 
-    `best` is the speed of the best; `measured` are times and speeds of the record, none of a trial that was not run.
+    `best` is that of the best; `measured` are times and values of the record, none of a trial that was not run.
     """
 
     where: str
@@ -111,12 +111,13 @@ def model_space(
     return figure
 
 
-def speed_gaps(gaps: Sequence[Gap], noise: float) -> "Figure":
+def structure_gaps(gaps: Sequence[Gap], noise: float, axis: str) -> "Figure":
     """Draw two panels for each manoeuvre: both structures over what was measured, and their difference, on one scale.
 
     Args:
         gaps: from the top.
-        noise: standard deviation of the sensor, m/s; NaN where the speed is not measured.
+        noise: standard deviation of the sensor, as shown; NaN where there is none.
+        axis: symbol of the channel and its unit in brackets.
     """
     heights = [MOTION_ROW, GAP_ROW] * len(gaps)
     figure, panels = new_figure(WIDE, heights, left=58, right=14, top=HEAD, gap=HEAD + 14, bottom=38, share_x=False)
@@ -141,8 +142,8 @@ def speed_gaps(gaps: Sequence[Gap], noise: float) -> "Figure":
             panel.set_xlim(float(gap.time[0]), float(gap.time[-1]))
         motion.tick_params(labelbottom=False)
         motion.set_title(gap.where.replace("$", r"\$"), fontsize=SMALL, color=INK, loc="left", pad=4)
-        label_axes(motion, y="$u$ [m/s]")
-        label_axes(axes, y="difference\n[m/s]")
+        label_axes(motion, y=axis)
+        label_axes(axes, y=f"difference\n[{axis.rpartition('[')[2]}")
     label_axes(panels[-1], "time [s]")
     return figure
 

@@ -16,6 +16,7 @@ TEMPLATES = {
     "design": "a vehicle of your own before there are any data: a first trial to design",
     "steering": "a published vehicle before there are any data: which rudder to try first",
     "log": "a CSV log of a trial that was run",
+    "bollard": "a CSV log of a vehicle tied to a force gauge: its thrust",
 }
 """What each template is, by name."""
 WRITTEN = {"design": OWN, "steering": PUBLISHED}
@@ -27,7 +28,8 @@ def init_campaign(folder: Path | str, template: str | NewCampaign) -> Path:
 
     Args:
         folder: of the new campaign.
-        template: `remus100` (simulated), `design` or `steering` (no data yet), or `log` (a CSV log); or what is known of a vehicle.
+        template: `remus100` (simulated), `design` or `steering` (no data yet), `log` (a CSV log) or `bollard` (a CSV log of a
+            force gauge); or what is known of a vehicle.
 
     Returns:
         the path of the file.

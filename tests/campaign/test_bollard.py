@@ -1,0 +1,505 @@
+"""A vehicle tied to a force gauge: its thrust against least squares in closed form, and what the next campaign makes of it."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from seatrial.campaign.config.load import load_campaign
+from seatrial.campaign.data.check import check_records
+from seatrial.campaign.data.import_logs import get_trials
+from seatrial.campaign.data.thruster_check import thruster_lines
+from seatrial.campaign.design.sweep import design_first
+from seatrial.campaign.inference.posterior import build_posterior, initial_state, random_key
+from seatrial.campaign.prior.predictive import speeds
+from seatrial.campaign.selection.runner_up import noise_of
+from seatrial.core.errors import InputError
+from seatrial.estimation.identifiability import identifiability_of_fit
+from seatrial.estimation.mode import find_mode
+from seatrial.manoeuvres.schedule import schedule_of
+from tests.campaign.small import write_summary
+
+MASS, STEP, LAG = 20.0, 0.1, 0.25
+GAIN, ASTERN, PER_VOLT, OFFSET, DEAD = 0.85, -0.06, 0.09, 1.7, 1.2
+VEHICLE = """
+[campaign]
+name = "bollard"
+seed = 1
+
+[vehicle]
+mass = "20 kg"
+moves = []
+trim = { V = "16 V" }
+
+[vehicle.thrust_laws.main]
+polynomial = [0.0, 0.08]
+neutral = 1500
+lag = "0.25 s"
+
+[[vehicle.thrusters]]
+place = ["-0.3 m", "0.2 m", "0 m"]
+direction = [1, 0, 0]
+
+[[vehicle.thrusters]]
+place = ["-0.3 m", "-0.2 m", "0 m"]
+direction = [1, 0, 0]
+
+[prior.T_f]
+distribution = "normal"
+mean = 1.0
+sd = 0.3
+"""
+REST = """
+[structure]
+always = ["T_f", "T_absf", "T_fdV"]
+
+[prior.T_absf]
+distribution = "normal"
+mean = 0.0
+sd = 0.2
+
+[prior.T_fdV]
+distribution = "normal"
+mean = 0.0
+sd = 0.2
+
+[prior.bias_force_X]
+distribution = "normal"
+mean = 0.0
+sd = 5.0
+
+[sensors.force_X]
+noise = "0.3 N"
+bias = "shared"
+
+[estimation]
+initial = "measured"
+
+[design]
+control = "f_1"
+together = { f_2 = "20 N" }
+duration = "30 s"
+active = "20 s"
+sample_time = "0.1 s"
+amplitude = { from = "10 N", to = "20 N", points = 2 }
+period = { from = "2 s", to = "8 s", points = 2 }
+
+[import]
+fit = ["log"]
+
+[[import.files]]
+path = "{run}.csv"
+time = { column = "t", unit = "s" }
+channels.f_1 = { column = "left", unit = "command" }
+channels.f_2 = { column = "right", unit = "command" }
+channels.V = { column = "battery", unit = "V" }
+channels.force_X = { column = "gauge", unit = "N" }
+"""
+
+
+def late(command, lag=LAG):
+    """A command that is held over each step, followed with a time constant; both columns at once."""
+    actual = [command[0]]
+    for held in command[:-1]:
+        actual.append(held + (actual[-1] - held) * np.exp(-STEP / lag))
+    return np.array(actual)
+
+
+def pulls(n=600, seed=3):
+    """Pulse widths of two thrusters that step together and apart, and a battery that sags and recovers."""
+    rng = np.random.default_rng(seed)
+    pwm = 1500.0 + np.repeat(np.round(rng.uniform(-250, 250, (n // 20, 2))), 20, axis=0)
+    return pwm, 16.5 - 2.0 * np.arange(n) / n + 0.3 * np.sin(0.05 * np.arange(n))
+
+
+def columns_of(command, volt):
+    """What a newton of T_f, T_absf and T_fdV pulls, and the gauge's offset."""
+    actual = late(0.08 * (command - 1500.0))
+    return np.column_stack([actual.sum(1), np.abs(actual).sum(1), actual.sum(1) * (volt - 16.0), np.ones(len(command))])
+
+
+def campaign(folder, rows, *changes, head="t,left,right,battery,gauge", text=VEHICLE + REST):
+    for old, new in changes:
+        assert old in text, old
+        text = text.replace(old, new, 1)
+    folder.mkdir(exist_ok=True)
+    (folder / "campaign.toml").write_text(text)
+    lines = (",".join(f"{x:.10g}" for x in (STEP * k, *row)) for k, row in enumerate(rows))
+    (folder / "log.csv").write_text(f"{head}\n" + "\n".join(lines) + "\n")
+    return load_campaign(folder)
+
+
+def mode_of(found):
+    posterior = build_posterior(found, found.full, get_trials(found).fit)
+    mode = find_mode(posterior, random_key(1, "mode"))
+    return posterior, mode, dict(zip(mode.names, zip(mode.values, mode.sd, strict=True), strict=True))
+
+
+@pytest.fixture(scope="module")
+def pull():
+    command, volt = pulls()
+    truth = [GAIN, ASTERN, PER_VOLT, OFFSET]
+    noise = 0.3 * np.random.default_rng(4).normal(size=len(command))
+    return command, volt, columns_of(command, volt) @ truth + noise
+
+
+def test_the_mode_is_least_squares_on_the_known_shapes(tmp_path, pull):
+    """With Gaussian priors and a known lag the coefficients are those of weighted least squares, at the noise of the mode."""
+    command, volt, gauge = pull
+    _, mode, at = mode_of(campaign(tmp_path, np.column_stack(pull)))
+    design, sigma = columns_of(command, volt), at["sigma_force_X"][0]
+    names = ["T_f", "T_absf", "T_fdV", "bias_force_X"]
+    mean, sd = np.array([1.0, 0.0, 0.0, 0.0]), np.array([0.3, 0.2, 0.2, 5.0])
+    precision = design.T @ design / sigma**2 + np.diag(sd**-2.0)
+    expected = np.linalg.solve(precision, design.T @ gauge / sigma**2 + mean / sd**2)
+    expected_sd = np.sqrt(np.diag(np.linalg.inv(precision)))
+    for name, value, error in zip(names, expected, expected_sd, strict=True):
+        assert at[name][0] == pytest.approx(value, abs=1e-4 * error), name
+        assert at[name][1] == pytest.approx(error, rel=1e-3), name
+    # What the next campaign takes without its correlations has small ones.
+    kept = mode.cov[:3, :3] / np.sqrt(np.outer(*[np.diag(mode.cov)[:3]] * 2))
+    assert np.abs(kept - np.eye(3)).max() < 0.35
+    for name, value in zip(names, [GAIN, ASTERN, PER_VOLT, OFFSET], strict=True):
+        assert abs(at[name][0] - value) < 4 * at[name][1], name
+    assert sigma == pytest.approx(0.3, rel=4 / np.sqrt(2 * len(gauge)))
+
+
+SOUGHT = """
+[prior.lag_f]
+distribution = "log-normal"
+median = 0.2
+factor = 2.0
+
+[prior.dead_f]
+distribution = "half-normal"
+scale = 2.0
+lower = 0.0
+"""
+
+
+def test_a_dead_zone_and_a_time_constant_are_found(tmp_path):
+    command, volt = pulls()
+    actual = late(0.08 * (command - 1500.0))
+    beyond = np.sign(actual) * np.maximum(np.abs(actual) - DEAD, 0.0)
+    gauge = (beyond * (GAIN + PER_VOLT * (volt - 16.0)[:, None]) + ASTERN * np.abs(beyond)).sum(1) + OFFSET
+    gauge += 0.3 * np.random.default_rng(5).normal(size=len(gauge))
+    rows = np.column_stack([command, volt, gauge])
+    _, _, at = mode_of(campaign(tmp_path, rows, ("[sensors", SOUGHT + "[sensors")))
+    for name, value in {"dead_f": DEAD, "lag_f": LAG, "T_f": GAIN, "T_absf": ASTERN, "T_fdV": PER_VOLT}.items():
+        assert abs(at[name][0] - value) < 4 * at[name][1], name
+    assert at["dead_f"][1] < 0.1
+    assert at["lag_f"][1] < 0.01
+
+
+def test_a_propeller_is_pulled_by_its_speed(tmp_path):
+    """F = (1 - t) T n|n|, one propeller on the axis with a measured speed."""
+    change = (
+        (VEHICLE[VEHICLE.index("\ntrim = {") : VEHICLE.index("[prior.T_f]")], PROPELLER),
+        ("[prior.T_f]\n", "[prior.T_nabsn]\n"),
+        ("mean = 1.0\nsd = 0.3", "mean = 6.0e-4\nsd = 3.0e-4"),
+        ('["T_f", "T_absf", "T_fdV"]', '["T_nabsn"]'),
+        (REST[REST.index("[prior.T_absf]") : REST.index("[prior.bias")], ""),
+        ('control = "f_1"\ntogether = { f_2 = "20 N" }', 'control = "n"'),
+        ('"10 N", to = "20 N"', '"200 rpm", to = "600 rpm"'),
+        ('channels.f_1 = { column = "left", unit = "command" }', 'channels.n = { column = "left", unit = "rpm" }'),
+        ('channels.f_2 = { column = "right", unit = "command" }\nchannels.V = { column = "battery", unit = "V" }', ""),
+    )
+    command, volt = pulls()
+    n = late(command) * np.pi / 30
+    gauge = 0.9 * 6.28e-4 * n[:, 0] * np.abs(n[:, 0])
+    rows = np.column_stack([command, volt, gauge + 0.3 * np.random.default_rng(6).normal(size=len(gauge))])
+    _, _, at = mode_of(campaign(tmp_path, rows, *change))
+    assert abs(at["T_nabsn"][0] - 6.28e-4) < 4 * at["T_nabsn"][1]
+    assert at["T_nabsn"][1] < 1e-5
+
+
+PROPELLER = """
+thrust_deduction = 0.1
+
+[vehicle.actuators.n]
+lag = "0.25 s"
+
+"""
+
+
+def test_a_vehicle_that_is_towed_shows_drag_and_the_loss_of_thrust_with_speed(tmp_path):
+    """At a given velocity the gauge shows sum T_f f + T_uabsf u |f| + X_uabsu u|u|; least squares has the same numbers."""
+    command, volt = pulls()
+    u = 0.8 * np.repeat(np.random.default_rng(7).uniform(-1, 1, len(volt) // 30), 30)
+    actual = late(0.08 * (command - 1500.0))
+    shapes = np.column_stack([actual.sum(1), u * np.abs(actual).sum(1), u * np.abs(u), np.ones(len(u))])
+    truth = np.array([GAIN, -0.2, -30.0, OFFSET])
+    gauge = shapes @ truth + 0.3 * np.random.default_rng(8).normal(size=len(u))
+    change = (
+        ('trim = { V = "16 V" }', 'given = ["u"]\ntrim = { u = "0 m/s" }'),
+        ('["T_f", "T_absf", "T_fdV"]', '["T_f", "T_uabsf", "X_uabsu"]'),
+        ("[prior.T_absf]", "[prior.T_uabsf]"),
+        ("[prior.T_fdV]", "[prior.X_uabsu]"),
+        ("mean = 0.0\nsd = 0.2\n\n[prior.bias", "mean = -20.0\nsd = 50.0\n\n[prior.bias"),
+        ('channels.V = { column = "battery", unit = "V" }', 'channels.u = { column = "battery", unit = "m/s" }'),
+    )
+    _, _, at = mode_of(campaign(tmp_path, np.column_stack([command, u, gauge]), *change))
+    solved = np.linalg.lstsq(shapes, gauge, rcond=None)[0]
+    for name, value, exact in zip(("T_f", "T_uabsf", "X_uabsu"), solved, truth, strict=False):
+        assert at[name][0] == pytest.approx(value, abs=0.1 * at[name][1]), name
+        assert abs(at[name][0] - exact) < 4 * at[name][1], name
+
+
+def test_a_simulated_pull_is_that_of_plain_formulas(tmp_path):
+    truth = {"T_f": GAIN, "T_absf": ASTERN, "T_fdV": PER_VOLT, "bias_force_X": OFFSET, "dead_f": DEAD}
+    text = (VEHICLE + REST[: REST.index("[import]")]).replace('V = "16 V"', 'V = "16 V", f_2 = "0 N"')
+    dead = SOUGHT[SOUGHT.index("[prior.dead_f]") :]
+    lines = "\n".join(f"{name} = {value}" for name, value in truth.items())
+    (tmp_path / "campaign.toml").write_text(f"{text}{dead}\n[truth]\n{lines}\n")
+    (record,) = get_trials(load_campaign(tmp_path)).fit
+    actual = late(np.column_stack([record.channel("f_1"), record.channel("f_2")]))
+    beyond = np.sign(actual) * np.maximum(np.abs(actual) - DEAD, 0.0)
+    left = record.channel("force_X") - (GAIN * beyond + ASTERN * np.abs(beyond)).sum(1) - OFFSET
+    assert np.ptp(record.channel("force_X")) > 30
+    assert left.std() == pytest.approx(0.3, rel=4 / np.sqrt(2 * left.size))
+    assert abs(left.mean()) < 4 * 0.3 / np.sqrt(left.size)
+
+
+def test_structures_are_compared_by_the_force_on_the_gauge(tmp_path, pull):
+    """However large it is: forces do not run away; a dead zone counts."""
+    command, *_ = pull
+    found = campaign(tmp_path, np.column_stack(pull), ("[sensors", SOUGHT + "[sensors"))
+    assert found.leading == "force_X"
+    model, (record,) = found.model(found.full), get_trials(found).fit
+    control = np.column_stack([record.channel(name) for name in model.controls])
+    gain, width = np.array([GAIN, 40.0]), np.array([0.0, DEAD])
+    params = {"T_f": gain, "T_absf": 0 * gain, "T_fdV": 0 * gain, "dead_f": width, "lag_f": np.full(2, LAG)}
+    start = np.array([initial_state(found, model, record)] * 2)
+    step = np.append(np.diff(record.time), 0.0)
+    force, lost = speeds(model, "force_X", params, None, start, control, step, range(record.time.size))
+    actual = late(0.08 * (command - 1500.0))
+    beyond = np.sign(actual) * np.maximum(np.abs(actual) - DEAD, 0.0)
+    assert not lost.any()
+    np.testing.assert_allclose(force, [GAIN * actual.sum(1), 40.0 * beyond.sum(1)], atol=1e-9)
+
+
+def test_a_gauge_whose_offset_differs_between_trials_has_one_noise(tmp_path, pull):
+    found = campaign(tmp_path, np.column_stack(pull), ('bias = "shared"', 'bias = "own"'))
+    draws = {"sigma_force_X": np.full((5, 1), 0.3), "bias_force_X[log]": np.full((5, 1), 1.7)}
+    estimate = SimpleNamespace(draws=lambda names: draws[names[0]])
+    assert noise_of(found, estimate, "force_X") == pytest.approx(0.3)
+
+
+# What the next campaign makes of it.
+
+ADDED, DRAG = -5.0, {"X_u": -9.0, "X_uabsu": -22.0}
+DRIVEN = """
+[structure]
+always = ["X_udot", "X_u", "X_uabsu", "T_f"]
+
+[prior.X_udot]
+distribution = "normal"
+mean = -6.0
+sd = 4.0
+
+[prior.X_u]
+distribution = "uniform"
+lower = -60.0
+upper = 0.0
+
+[prior.X_uabsu]
+distribution = "uniform"
+lower = -120.0
+upper = 0.0
+
+[sensors.u]
+noise = "0.01 m/s"
+
+[estimation]
+initial = "measured"
+
+[design]
+control = "f_1"
+duration = "30 s"
+active = "20 s"
+sample_time = "0.1 s"
+amplitude = { from = "5 N", to = "10 N", points = 2 }
+period = { from = "4 s", to = "8 s", points = 2 }
+
+[import]
+fit = ["log"]
+
+[[import.files]]
+path = "{run}.csv"
+time = { column = "t", unit = "s" }
+channels.f_1 = { column = "left", unit = "command" }
+channels.f_2 = { column = "right", unit = "command" }
+channels.u = { column = "u", unit = "m/s" }
+"""
+MOVES = ("moves = []", 'moves = ["u"]')
+ALONE = (VEHICLE[VEHICLE.index("[prior.T_f]") :], "")
+
+
+def driven(command, start=0.0, loss=0.0, n_inner=20):
+    """Measured surge speed under two thrusters at the voltage of trim, by small steps of the midpoint rule; `loss` is T_uabsf."""
+    told, h = 0.08 * (command - 1500.0), STEP / n_inner
+    u, speeds = start, []
+    for held, begun in zip(told, late(told), strict=True):
+        speeds.append(u)
+        for k in range(n_inner):
+            actual = held + (begun - held) * np.exp(-(k + 0.5) * h / LAG)
+            push, size = GAIN * actual.sum() + ASTERN * np.abs(actual).sum(), loss * np.abs(actual).sum()
+            middle = u + 0.5 * h * rate(push + size * u, u)
+            u += h * rate(push + size * middle, middle)
+    return np.array(speeds) + 0.01 * np.random.default_rng(9).normal(size=len(speeds))
+
+
+def rate(push, u):
+    return (push + DRAG["X_u"] * u + DRAG["X_uabsu"] * u * abs(u)) / (MASS - ADDED)
+
+
+def sail(folder, command, *changes, start=0.0, loss=0.0):
+    rows = np.column_stack([command, driven(command, start, loss)])
+    return campaign(folder, rows, MOVES, *changes, head="t,left,right,u", text=VEHICLE + DRIVEN)
+
+
+def test_a_bollard_record_sharpens_the_drag_of_the_next_campaign(tmp_path, pull):
+    command = np.repeat(pulls(seed=11)[0][:, :1], 2, axis=1)
+    asymmetry = ("moves", f"fixed = {{ T_absf = {ASTERN} }}\nmoves")
+    posterior, mode, before = mode_of(sail(tmp_path / "alone", command, asymmetry))
+    assert "bollard" in "\n".join(identifiability_of_fit(posterior, mode).cautions())
+
+    bollard = campaign(tmp_path / "bollard", np.column_stack(pull))
+    found = mode_of(bollard)[2]
+    write_summary(bollard.folder, bollard.full.terms, **{name: found[name] for name in bollard.full.terms})
+    known = ("moves =", 'known_from = ["../bollard"]\nmoves =')
+    volt = ("channels.u = {", 'channels.V = { column = "battery", unit = "V" }\nchannels.u = {')
+    rows = np.column_stack([command, np.full(len(command), 16.0), driven(command)])
+    after = campaign(
+        tmp_path / "after", rows, MOVES, ALONE, known, volt, head="t,left,right,battery,u", text=VEHICLE + DRIVEN
+    )
+    # What is not sought again is fixed as it was found, the loss with the voltage too.
+    assert after.hull.fixed["T_fdV"] == pytest.approx(found["T_fdV"][0])
+    assert float(after.prior("T_f").sd) == pytest.approx(found["T_f"][1])
+    at = mode_of(after)[2]
+    for name, value in {**DRAG, "X_udot": ADDED}.items():
+        assert abs(at[name][0] - value) < 4 * at[name][1], name
+        assert at[name][1] < (0.2 if name == "X_udot" else 0.8) * before[name][1], name
+    assert abs(at["T_f"][0] - GAIN) < 4 * at["T_f"][1]
+
+
+def test_driven_runs_show_the_loss_with_speed_of_a_thrust_that_is_known_at_rest(tmp_path):
+    command = np.repeat(pulls(seed=12)[0][:, :1], 2, axis=1)
+    sought = (
+        ("moves", f"fixed = {{ T_absf = {ASTERN} }}\nmoves"),
+        ('"X_uabsu", "T_f"', '"X_uabsu", "T_f", "T_uabsf"'),
+        ("[prior.X_udot]", '[prior.T_uabsf]\ndistribution = "normal"\nmean = 0.0\nsd = 0.5\n\n[prior.X_udot]'),
+        ("mean = 1.0\nsd = 0.3", f"mean = {GAIN}\nsd = 0.001"),
+    )
+    _, _, at = mode_of(sail(tmp_path, command, *sought, loss=-0.15))
+    for name, value in {**DRAG, "X_udot": ADDED, "T_uabsf": -0.15}.items():
+        assert abs(at[name][0] - value) < 4 * at[name][1], name
+    assert at["T_uabsf"][1] < 0.02
+
+
+def test_coasting_gives_the_drag_of_a_known_mass_and_nothing_of_the_thrust(tmp_path):
+    command = np.full((150, 2), 1500.0)
+    known = (
+        ('"X_udot", ', ""),
+        (DRIVEN[DRIVEN.index("[prior.X_udot]") : DRIVEN.index("[prior.X_u]")], ""),
+        ("moves", "fixed = { X_udot = -5.0 }\nmoves"),
+    )
+    posterior, mode, at = mode_of(sail(tmp_path, command, *known, start=1.5))
+    assert identifiability_of_fit(posterior, mode).untouched == ("T_f",)
+    for name, value in DRAG.items():
+        assert abs(at[name][0] - value) < 4 * at[name][1], name
+    assert at["T_f"][1] == pytest.approx(0.3, rel=1e-3)
+
+
+def test_coasting_with_an_unknown_added_mass_gives_drag_over_mass_only(tmp_path):
+    command = np.full((150, 2), 1500.0)
+    posterior, mode, at = mode_of(sail(tmp_path, command, start=1.5))
+    found = identifiability_of_fit(posterior, mode)
+    assert found.untouched == ("T_f",)
+    assert any({"X_udot", "X_u", "X_uabsu"} <= set(one.names) for one in found.invisible)
+    assert "weigh the vehicle" in "\n".join(found.cautions())
+    mass = MASS - at["X_udot"][0]
+    for name, value in DRAG.items():
+        assert at[name][0] / mass == pytest.approx(value / (MASS - ADDED), rel=0.1), name
+
+
+# What is refused, and what a check tells.
+
+
+def test_terms_about_another_voltage_are_refused(tmp_path, pull):
+    bollard = campaign(tmp_path / "bollard", np.column_stack(pull))
+    write_summary(bollard.folder, bollard.full.terms, T_f=(0.85, 0.01), T_absf=(0.0, 0.01), T_fdV=(0.09, 0.01))
+    known = ("moves =", 'known_from = ["../bollard"]\nmoves =')
+    with pytest.raises(InputError, match="T_fdV about V = 16 V, and here a trim of 14 V"):
+        sail(tmp_path / "rov", pulls()[0], known, ('V = "16 V"', 'V = "14 V"'))
+
+
+REFUSED = {
+    "no force": ([("[sensors.force_X]", "[sensors.u]")], ('channel "u"', "force_X")),
+    "a force that is not in the log": ([('channels.force_X = { column = "gauge", unit = "N" }', "")], ("force_X",)),
+    "a force in metres": ([('"gauge", unit = "N"', '"gauge", unit = "m"')], ("force_X", "N")),
+    "no voltage": ([('channels.V = { column = "battery", unit = "V" }', "")], ('"V"',)),
+    "no trim of the voltage": ([('trim = { V = "16 V" }\n', "")], ("T_fdV", "trim.V")),
+    "drag of a vehicle that is held": ([('"T_absf", "T_fdV"', '"X_u"')], ("X_u", "u is zero", "held")),
+    "inflow of a vehicle that is held": ([('"T_absf", "T_fdV"', '"T_uabsf"')], ("T_uabsf", "u is zero")),
+    "no lag": ([('lag = "0.25 s"\n', "")], ("no lag", "lag_f")),
+    "no gain": ([('"T_f", ', "")], ("without T_f",)),
+    "speed and force": ([('"T_f", ', '"T_f", "T_nabsn", ')], ("commanded force f",)),
+    "force on the hull": ([('"T_absf"', '"X_f"')], ("X_f", "axis T alone")),
+    "commands beyond the curve": (
+        [("polynomial = [0.0, 0.08]\nneutral = 1500", 'curve = "thrust.csv"')],
+        ("1450 to 1550",),
+    ),
+}
+
+
+@pytest.mark.parametrize("what", REFUSED)
+def test_refusals(tmp_path, pull, what):
+    changes, parts = REFUSED[what]
+    (tmp_path / "thrust.csv").write_text("pwm,thrust\n1450,-4\n1550,4\n")
+    with pytest.raises(InputError) as refused:
+        mode_of(campaign(tmp_path, np.column_stack(pull), *changes))
+    for part in parts:
+        assert part in str(refused.value), str(refused.value)
+
+
+FAULTS = {
+    "kgf": (lambda gauge: gauge / 9.80665, "size", "kilograms-force taken for newtons"),
+    "tension": (lambda gauge: -gauge, "direction", "reversed"),
+    "limit": (lambda gauge: np.clip(gauge, -14.0, 14.0), "range", "at its limit"),
+    "slack": (lambda gauge: np.maximum(gauge, 0.0), "range", "a rope is slack"),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_check_tells_what_is_wrong_with_a_gauge(tmp_path, pull, fault):
+    change, check, remedy = FAULTS[fault]
+    command, volt, gauge = pull
+    found = campaign(tmp_path, np.column_stack([command, volt, change(gauge)]))
+    (judged,) = check_records(found, get_trials(found))
+    (wrong,) = [one for one in judged.findings if one.level in ("caution", "fail") and one.signal == "force_X"]
+    assert wrong.check == check
+    assert remedy in wrong.remedy
+
+
+def test_check_passes_a_sound_record(tmp_path, pull):
+    found = campaign(tmp_path, np.column_stack(pull))
+    (judged,) = check_records(found, get_trials(found))
+    assert judged.level == "pass", judged.lines()
+    assert any("rank 1 on the 1 axes that are measured, X" in line for line in thruster_lines(found))
+
+
+def test_a_pull_is_designed(tmp_path):
+    """Every design is weighed, by the entropy of a linear model: half the log det of what a pull tells of T_f and T_absf."""
+    text = (VEHICLE + REST[: REST.index("[import]")]).replace('V = "16 V"', 'V = "16 V", f_2 = "0 N"')
+    (tmp_path / "campaign.toml").write_text(text)
+    found = load_campaign(tmp_path)
+    best = design_first(found).best
+    prior = np.diag([0.3**2, 0.2**2])
+    for (row, column), worth in np.ndenumerate(best.utility):
+        pull = schedule_of(best.family.manoeuvre(best.amplitude[row], best.period[column]), STEP)
+        actual = late(np.column_stack([pull.controls["f_1"], pull.controls["f_2"]]))
+        shapes = np.column_stack([actual.sum(1), np.abs(actual).sum(1)])
+        expected = 0.5 * np.linalg.slogdet(np.eye(2) + prior @ shapes.T @ shapes / 0.3**2)[1]
+        assert worth == pytest.approx(expected, abs=1e-6), (row, column)
+    assert best.amplitude[best.best[0]] == 20.0
