@@ -220,13 +220,14 @@ def _delay(name: str, late: float, shifted: float, direct: float, has_delay: boo
     return [RecordFinding(name, "delay", "caution", f"about {-late:.2g} s early", limit, remedy)]
 
 
-def check_samples(name: str, values: Float[np.ndarray, " n"], noise: float) -> list[RecordFinding]:
+def check_samples(name: str, values: Float[np.ndarray, " n"], noise: float, sensor: str) -> list[RecordFinding]:
     """Return the samples that stand out from both of their sides, alone or up to three together.
 
     Args:
         name: channel.
         values: SI, NaN where not measured.
         noise: standard deviation of the sensor, SI; neighbours of a steep but quiet signal differ by less.
+        sensor: whose channel it is, as the campaign names it.
     """
     x = values[np.isfinite(values)]
     if x.size < 25:
@@ -235,7 +236,7 @@ def check_samples(name: str, values: Float[np.ndarray, " n"], noise: float) -> l
     limit = f"under {SPIKES:.1%} beyond {SPIKE:g} robust standard deviations"
     if share < SPIKES:
         return [RecordFinding(name, "outliers", "pass", f"{share:.2%} of the samples", limit)]
-    remedy = f'residuals = "heavy" under [sensors.{name}] tolerates them; look at the raw plot first'
+    remedy = f'residuals = "heavy" under [sensors.{sensor}] tolerates them; look at the raw plot first'
     return [RecordFinding(name, "outliers", "caution", f"{share:.2%} of the samples", limit, remedy)]
 
 
