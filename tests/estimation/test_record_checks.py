@@ -12,6 +12,7 @@ from seatrial.estimation.record_checks import (
     check_excitation,
     check_motion,
     check_samples,
+    check_turn,
     says_direction,
 )
 
@@ -327,3 +328,13 @@ def test_vehicles_that_move_by_less_than_the_noise_say_that_a_channel_stays_stil
 def test_a_correlation_takes_ten_pairs():
     assert _correlation(EXPECTED[:10], EXPECTED[:10]) == pytest.approx(1.0)
     assert _correlation(EXPECTED[:9], EXPECTED[:9]) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("names", "signs", "is_enu"), [("uvw", (1, -1, -1), True), ("vw", (-1, -1), True), ("uvw", (-1, -1, 1), False)]
+)
+def test_forward_left_up_is_named(names, signs, is_enu):
+    motion = np.random.default_rng(3).normal(size=(200, len(names)))
+    (finding,) = check_turn(tuple(names), motion * signs, motion)
+    assert finding.level == "fail"
+    assert ('axes = "ENU"' in finding.remedy) == is_enu

@@ -200,6 +200,22 @@ def test_a_gyro_that_turns_otherwise_than_the_attitude_is_doubted(tmp_path, what
         assert part in text
 
 
+@pytest.mark.parametrize(
+    ("order", "signs", "told"),
+    [
+        ("xyzw", (1, 1, 1, 1), "hold x, y, z and w"),
+        ("zwxy", (1, 1, 1, 1), "hold z, w, x and y"),
+        ("wxyz", (1, -1, -1, -1), "scale = -1 for q_x, q_y and q_z"),
+    ],
+)
+def test_another_reading_of_the_quaternion_is_named_where_the_gyro_agrees_with_it(tmp_path, order, signs, told):
+    time, rates, turns = turned()
+    held = dict(zip("xyzw", turns.as_quat().T, strict=True))
+    columns = {f"q_{part}": sign * held[holds] for part, sign, holds in zip("wxyz", signs, order, strict=True)}
+    (text,) = cautions_of(tmp_path, time, rates, **columns)
+    assert told in text
+
+
 @pytest.mark.parametrize("in_degrees", [False, True])
 def test_jumps_of_the_attitude_are_told_and_hide_no_unit(tmp_path, in_degrees):
     """The mean of angles on both sides of half a turn is an angle where the vehicle never was."""

@@ -152,6 +152,8 @@ def check_turn(
     else:
         value = f"turned: {_axes_words(names, turn)} would agree by {turned:+.2f}"
         remedy = f"swap columns in the channel map, or state how it is mounted, about {_mount_words(names, turn)} under [mounts.NAME]"
+        if np.allclose(turn, np.diag([1.0 if name in "up" else -1.0 for name in names]), atol=0.3):
+            remedy = f'the log has body axes forward, left, up: axes = "ENU" under [[import.files]]; or {remedy}'
     return [RecordFinding(", ".join(names), "axes", "fail", value, limit, remedy)]
 
 

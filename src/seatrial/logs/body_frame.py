@@ -25,6 +25,12 @@ _FEWEST = 10
 _IN_G = 0.5, 2.0
 """Length, m/s^2, of a specific force that is rather one in units of gravity."""
 _GYRO = ("p", "q", "r")
+_OTHER_READINGS = {
+    "q_w, q_x, q_y and q_z of the map hold x, y, z and w": ((3, 0, 1, 2), (1, 1, 1, 1)),
+    "q_w, q_x, q_y and q_z of the map hold z, w, x and y": ((1, 2, 3, 0), (1, 1, 1, 1)),
+    "it turns the earth's axes into the body's (scale = -1 for q_x, q_y and q_z)": ((0, 1, 2, 3), (1, -1, -1, -1)),
+}
+"""What a quaternion may be instead: which of its columns are w, x, y and z, and their signs."""
 _JUMP = np.radians(45.0)
 """Turn in one window beyond that of the gyro from which it is a jump."""
 _MOST_JUMPS = 0.1
@@ -90,7 +96,19 @@ def doubts_of_gyro(tables: Sequence[LogTable]) -> list[str] | None:
     gyro = next((one for one in tables if set(_GYRO) <= set(one.columns)), None)
     if attitude is None or gyro is None:
         return None
-    turns, shown, start = _turns(attitude, gyro)
+    parts = np.stack([np.asarray(one) for one in quaternion_of_angles(*(attitude.columns[name] for name in ANGLES))])
+    said = _doubts(attitude, gyro, parts)
+    for words, (order, signs) in _OTHER_READINGS.items() if said else ():
+        if _doubts(attitude, gyro, parts[list(order)] * np.array(signs)[:, None]) == []:
+            return [
+                f"the attitude of {attitude.source} turns as the gyro of {gyro.source} does if {words}: correct the channel map"
+            ]
+    return said
+
+
+def _doubts(attitude: LogTable, gyro: LogTable, parts: Float[np.ndarray, "4 n"]) -> list[str] | None:
+    """Say the same of an attitude by its quaternion, w, x, y, z, shape (4, n)."""
+    turns, shown, start = _turns(attitude, gyro, parts)
     if len(turns) < _FEWEST or np.sqrt(np.linalg.eigvalsh(turns.T @ turns)[0]) < _TURNED:
         return None  # it hardly turned about some axis
     beyond = _beyond_all_others(turns, shown)
@@ -144,10 +162,9 @@ def _beyond_all_others(turns: Float[np.ndarray, "n 3"], shown: Float[np.ndarray,
 
 
 def _turns(
-    attitude: LogTable, gyro: LogTable
+    attitude: LogTable, gyro: LogTable, parts: Float[np.ndarray, "4 n"]
 ) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"], Float[np.ndarray, " n"]]:
     """Return by how much the attitude turns about the body's axes in windows, what the gyro says of these, rad, and when they begin, s."""
-    parts = np.stack([np.asarray(one) for one in quaternion_of_angles(*(attitude.columns[name] for name in ANGLES))])
     known = np.isfinite(parts).all(axis=0)
     rates = np.stack([gyro.columns[name] for name in _GYRO], axis=1)
     there = np.isfinite(rates).all(axis=1)
@@ -238,7 +255,8 @@ def _with_angles(table: LogTable, keeps_quaternion: bool) -> LogTable:
             f"{table.source}, channels {', '.join(QUATERNION)}",
             found=f"a length of {length[wrong[0]]:.3g} at {table.time[wrong[0]]:g} s; {wrong.size} such rows",
             expected="unit quaternions",
-            remedy="map q_w to the scalar part and q_x, q_y, q_z to the others; leave out rows before the filter had started",
+            remedy="map q_w to the scalar part and q_x, q_y, q_z to the others; leave out rows before the filter had started, and rows "
+            "averaged or interpolated where the quaternion changes its sign",
         )
     w, x, y, z = parts
     angles = {name: np.asarray(one) for name, one in zip(ANGLES, angles_of_quaternion((w, x, y, z)), strict=True)}
