@@ -69,3 +69,14 @@ def speeds(values):
 def test_a_range_is_left_by_a_tenth_of_it_and_by_a_hundredth_of_the_samples(values, said):
     """Fitted from 1 to 2 m/s: 0.1 m/s beyond is told, and five of 500 samples; the furthest comes first."""
     assert outside_fitted([speeds([2.0])], speeds(values)) == said
+
+
+def test_full_turns_of_roll_are_not_beyond_what_was_fitted():
+    channels = (Channel("delta_r", "rad", "control"), Channel("phi", "rad", "measurement"))
+
+    def rolling(reach):
+        columns = {"delta_r": np.sin(TIME), "phi": np.radians(reach) * np.sin(0.5 * TIME)}
+        return make_record(TIME, columns, channels, Provenance("own", ""), "1")
+
+    assert outside_fitted([rolling(185)], rolling(735)) == ()
+    assert outside_fitted([rolling(20)], rolling(60))[0].endswith("60 deg where the fit saw 20")

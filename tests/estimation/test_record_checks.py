@@ -12,6 +12,7 @@ from seatrial.estimation.record_checks import (
     check_excitation,
     check_motion,
     check_samples,
+    check_turn,
     says_direction,
 )
 
@@ -66,10 +67,10 @@ def test_gaps_do_not_matter():
 
 def test_spikes_are_told_and_steep_quiet_signals_are_not():
     steep = 5.0 * EXPECTED + 1e-4 * NOISE
-    assert check_samples("u", steep, 0.02)[0].level == "pass"
+    assert check_samples("u", steep, 0.02, "u")[0].level == "pass"
     spiky = steep.copy()
     spiky[::100] += 3.0
-    (finding,) = check_samples("u", spiky, 0.02)
+    (finding,) = check_samples("u", spiky, 0.02, "u")
     assert finding.level == "caution"
     assert 'residuals = "heavy"' in finding.remedy
 
@@ -82,7 +83,7 @@ def test_spikes_alone_and_together_are_counted(together, share, most):
     clean = np.sin(0.5 * time) + 0.02 * rng.normal(size=time.size)
     first = rng.random(time.size) < share / together
     spiked = np.any([np.roll(first, steps) for steps in range(together)], axis=0)
-    (finding,) = check_samples("u", clean + 2.0 * spiked, 0.02)
+    (finding,) = check_samples("u", clean + 2.0 * spiked, 0.02, "u")
     assert finding.level == "caution"
     assert 0.75 * spiked.mean() < float(finding.value.split("%")[0]) / 100 < (most + 0.05) * spiked.mean()
 
@@ -108,7 +109,7 @@ def test_spikes_alone_and_together_are_counted(together, share, most):
 )
 def test_motion_that_turns_is_no_outlier(motion):
     quiet = 1e-4 * np.random.default_rng(5).normal(size=TIME.size)
-    assert check_samples("r", motion + quiet, 1e-4)[0].value == "0.00% of the samples"
+    assert check_samples("r", motion + quiet, 1e-4, "r")[0].value == "0.00% of the samples"
 
 
 def test_whether_priors_say_a_direction():
@@ -227,9 +228,9 @@ def test_scatter_around_a_sample_by_a_naive_twin(size):
 
 @pytest.mark.parametrize(("samples", "judged"), [(24, 0), (25, 1)])
 def test_records_of_a_few_samples_are_not_searched_for_outliers(samples, judged):
-    assert len(check_samples("u", NOISE[:samples], 0.02)) == judged
+    assert len(check_samples("u", NOISE[:samples], 0.02, "u")) == judged
     gappy = np.where(np.arange(600) < samples, NOISE, np.nan)
-    assert len(check_samples("u", gappy, 0.02)) == judged
+    assert len(check_samples("u", gappy, 0.02, "u")) == judged
 
 
 @pytest.mark.parametrize(("spikes", "level"), [(1, "pass"), (2, "caution")])
@@ -238,7 +239,7 @@ def test_samples_stand_out_from_eight_deviations_on(spikes, level, size, counts)
     """Two in a thousand are told; a quiet signal's deviation is that of its sensor at least."""
     x = np.zeros(1000)
     x[np.arange(spikes) * 300 + 200] = size * 0.02
-    (finding,) = check_samples("u", x, 0.02)
+    (finding,) = check_samples("u", x, 0.02, "u")
     assert finding.level == (level if counts else "pass")
     assert finding.value == f"{100 * counts * spikes / 1000:.2f}% of the samples"
 
@@ -303,8 +304,10 @@ def test_shifts_are_sought_up_to_a_quarter_of_the_record(steps, found):
 def test_outliers_are_told_of_their_channel():
     spiky = np.where(np.arange(600) % 100 == 50, 1.0, NOISE)
     for values, level in ((NOISE, "pass"), (spiky, "caution")):
-        (finding,) = check_samples("r", values, 0.02)
+        (finding,) = check_samples("r", values, 0.02, "r")
         assert (finding.signal, finding.check, finding.level) == ("r", "outliers", level)
+    (finding,) = check_samples("q_w", spiky, 0.02, "attitude")
+    assert "[sensors.attitude]" in finding.remedy
 
 
 @pytest.mark.parametrize(("against", "lost", "says"), [(8, 0, True), (9, 0, False), (0, 24, True), (0, 25, False)])
@@ -325,3 +328,13 @@ def test_vehicles_that_move_by_less_than_the_noise_say_that_a_channel_stays_stil
 def test_a_correlation_takes_ten_pairs():
     assert _correlation(EXPECTED[:10], EXPECTED[:10]) == pytest.approx(1.0)
     assert _correlation(EXPECTED[:9], EXPECTED[:9]) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("names", "signs", "is_enu"), [("uvw", (1, -1, -1), True), ("vw", (-1, -1), True), ("uvw", (-1, -1, 1), False)]
+)
+def test_forward_left_up_is_named(names, signs, is_enu):
+    motion = np.random.default_rng(3).normal(size=(200, len(names)))
+    (finding,) = check_turn(tuple(names), motion * signs, motion)
+    assert finding.level == "fail"
+    assert ('axes = "ENU"' in finding.remedy) == is_enu

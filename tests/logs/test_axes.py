@@ -191,9 +191,49 @@ GYROS = {
 @pytest.mark.parametrize("what", GYROS)
 def test_a_gyro_that_turns_otherwise_than_the_attitude_is_doubted(tmp_path, what):
     """The attitude is SciPy's, turned by known body rates; quaternions have any sign."""
-    from scipy.spatial.transform import Rotation
+    matrix, expected = GYROS[what]
+    time, rates, turns = turned()
+    x, y, z, w = (turns.as_quat() * np.where(np.arange(1000) % 7, 1, -1)[:, None]).T
+    cautions = cautions_of(tmp_path, time, rates @ matrix.T, q_w=w, q_x=x, q_y=y, q_z=z)
+    assert len(cautions) == len(expected)
+    for text, part in zip(cautions, expected, strict=True):
+        assert part in text
 
-    from seatrial.logs.record_of_log import record_of_log
+
+@pytest.mark.parametrize(
+    ("order", "signs", "told"),
+    [
+        ("xyzw", (1, 1, 1, 1), "hold x, y, z and w"),
+        ("zwxy", (1, 1, 1, 1), "hold z, w, x and y"),
+        ("wxyz", (1, -1, -1, -1), "scale = -1 for q_x, q_y and q_z"),
+    ],
+)
+def test_another_reading_of_the_quaternion_is_named_where_the_gyro_agrees_with_it(tmp_path, order, signs, told):
+    time, rates, turns = turned()
+    held = dict(zip("xyzw", turns.as_quat().T, strict=True))
+    columns = {f"q_{part}": sign * held[holds] for part, sign, holds in zip("wxyz", signs, order, strict=True)}
+    (text,) = cautions_of(tmp_path, time, rates, **columns)
+    assert told in text
+
+
+@pytest.mark.parametrize("in_degrees", [False, True])
+def test_jumps_of_the_attitude_are_told_and_hide_no_unit(tmp_path, in_degrees):
+    """The mean of angles on both sides of half a turn is an angle where the vehicle never was."""
+    time, rates, turns = turned()
+    psi, theta, phi = turns.as_euler("ZYX").T
+    (over,) = np.flatnonzero(np.abs(np.diff(psi)) > np.pi)
+    psi[over : over + 10] = 0.0
+    cautions = cautions_of(tmp_path, time, rates * (180 / np.pi if in_degrees else 1.0), phi=phi, theta=theta, psi=psi)
+    jumps = [text for text in cautions if "jumps" in text]
+    assert len(jumps) == 1
+    assert float(jumps[0].split("first at ")[1].split(" s")[0]) == pytest.approx(time[over], abs=0.2)
+    assert len(cautions) == (4 if in_degrees else 1)
+    assert all("degrees taken for radians" in text for text in cautions if text not in jumps)
+
+
+def turned():
+    """Instants, body rates, and the attitude that SciPy makes of them, over several turns."""
+    from scipy.spatial.transform import Rotation
 
     time = 0.02 * np.arange(1000)
     rates = np.stack([0.8 * np.sin(0.9 * time), 0.7 * np.cos(0.7 * time), 0.5 + 0.6 * np.sin(0.5 * time)], axis=1)
@@ -201,17 +241,23 @@ def test_a_gyro_that_turns_otherwise_than_the_attitude_is_doubted(tmp_path, what
     for row in rates:
         turns.append(turn)
         turn = turn * Rotation.from_rotvec(0.02 * row)
-    x, y, z, w = (Rotation.concatenate(turns).as_quat() * np.where(np.arange(1000) % 7, 1, -1)[:, None]).T
-    matrix, expected = GYROS[what]
-    columns = np.column_stack([time, np.sin(time), rates @ matrix.T, w, x, y, z])
-    path = tmp_path / "log.csv"
-    np.savetxt(path, columns, delimiter=",", header="t,n,p,q,r,q_w,q_x,q_y,q_z", comments="", fmt="%.9g")
-    channels = {name: (name, "rad/s") for name in "npqr"} | {f"q_{part}": (f"q_{part}", "1") for part in "wxyz"}
-    record = record_of_log(path, channels, ["n"], time=("t", "s"))
-    cautions = record.provenance.options["cautions"]
-    assert len(cautions) == len(expected)
-    for text, part in zip(cautions, expected, strict=True):
-        assert part in text
+    return time, rates, Rotation.concatenate(turns)
+
+
+def cautions_of(folder, time, rates, **attitude):
+    """What is doubted in a log of a gyro and an attitude."""
+    from seatrial.logs.record_of_log import record_of_log
+
+    columns = {"t": time, "n": np.sin(time), **dict(zip("pqr", rates.T, strict=True)), **attitude}
+    path = folder / "log.csv"
+    np.savetxt(
+        path, np.column_stack([*columns.values()]), delimiter=",", header=",".join(columns), comments="", fmt="%.9g"
+    )
+    channels = {
+        name: (name, "1" if name.startswith("q_") else "rad" if name in attitude else "rad/s") for name in columns
+    }
+    record = record_of_log(path, {name: one for name, one in channels.items() if name != "t"}, ["n"], time=("t", "s"))
+    return record.provenance.options["cautions"]
 
 
 def test_an_accelerometer_in_units_of_gravity_is_refused(tmp_path):

@@ -297,3 +297,22 @@ def test_decimal_stamps_are_seconds_whatever_the_name(tmp_path):
     whole = "".join(f"{1_700_000_000_000_000_000 + 100_000_000 * k},{0.01 * k:.2f}\n" for k in range(50))
     (table,) = inspect_log(written(tmp_path, "stamp,dvl_u\n" + whole, "whole.csv")).tables
     assert (table.clock.unit, table.clock.rate) == ("ns", pytest.approx(10.0, rel=1e-6))
+
+
+@pytest.mark.parametrize(
+    ("name", "per_second", "unit"),
+    [("timestamps", 1e9, "ns"), ("time", 1e6, "us"), ("t_ms", 1e3, "ms"), ("t", 1.0, "s")],
+)
+def test_unit_of_a_clock_is_one_that_logs_have(tmp_path, name, per_second, unit):
+    """Float stamps of an archive are in no stated unit; those of a name that fits keep it."""
+    np.savez(tmp_path / "run.npz", **{name: (1.7e9 + 0.2 * np.arange(30)) * per_second, "u": np.linspace(0.0, 1.0, 30)})
+    (table,) = inspect_log(tmp_path / "run.npz").tables
+    assert (table.clock.unit, table.clock.rate) == (unit, pytest.approx(5.0, rel=1e-3))
+
+
+def test_map_without_a_guess_has_the_file_and_its_clock(tmp_path):
+    np.savez(tmp_path / "run.npz", timestamps=1.7e18 + 2e8 * np.arange(30), state=np.ones((30, 2)), beside=np.ones(7))
+    text = inspect_log(tmp_path / "run.npz").as_toml()
+    assert 'table = "timestamps"\ntime = { column = "timestamps", unit = "ns" }' in text
+    assert "beside" not in text
+    assert "No column could be guessed" in text

@@ -47,7 +47,8 @@ def outside_fitted(fitted: Sequence[Record], record: Record) -> tuple[str, ...]:
 
 
 def _samples(records: Sequence[Record], name: str) -> Float[np.ndarray, " n"]:
-    """All samples of a signal that are there."""
+    """All samples of a signal that are there; a roll without its full turns, which no force sees."""
     columns = [record.channel(name) for record in records if name in (*record.controls, *record.measured)]
     values = np.concatenate(columns) if columns else np.empty(0)
-    return values[np.isfinite(values)]
+    values = values[np.isfinite(values)]
+    return np.remainder(values + np.pi, 2 * np.pi) - np.pi if name == "phi" else values

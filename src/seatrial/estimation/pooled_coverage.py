@@ -377,5 +377,8 @@ def _without_numbers(channel: str, runs: int, samples: int) -> Pooled:
     none = unjudged(channel, runs, f"nothing was measured of {channel} in held-back runs: it cannot be judged")
     if not samples:
         return none
-    reason = f"the simulated {channel} grows without bound on held-back runs: the model cannot move as they did; check units and signs"
+    reason = (
+        f"the simulated {channel} grows without bound on held-back runs: the model cannot move as they did; check units and signs, "
+        "or narrow the priors to damping that dissipates"
+    )
     return replace(none, samples=samples, level="fail", about="diverges", reason=reason)

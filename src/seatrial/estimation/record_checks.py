@@ -186,6 +186,8 @@ def check_turn(
     else:
         value = f"turned: {_axes_words(names, turn)} would agree by {turned:+.2f}"
         remedy = f"swap columns in the channel map, or state how it is mounted, about {_mount_words(names, turn)} under [mounts.NAME]"
+        if np.allclose(turn, np.diag([1.0 if name in "up" else -1.0 for name in names]), atol=0.3):
+            remedy = f'the log has body axes forward, left, up: axes = "ENU" under [[import.files]]; or {remedy}'
     return [RecordFinding(", ".join(names), "axes", "fail", value, limit, remedy)]
 
 
@@ -259,13 +261,14 @@ def _delay(name: str, late: float, shifted: float, direct: float, has_delay: boo
     return [RecordFinding(name, "delay", "caution", f"about {-late:.2g} s early", limit, remedy)]
 
 
-def check_samples(name: str, values: Float[np.ndarray, " n"], noise: float) -> list[RecordFinding]:
+def check_samples(name: str, values: Float[np.ndarray, " n"], noise: float, sensor: str) -> list[RecordFinding]:
     """Return the samples that stand out from both of their sides, alone or up to three together.
 
     Args:
         name: channel.
         values: SI, NaN where not measured.
         noise: standard deviation of the sensor, SI; neighbours of a steep but quiet signal differ by less.
+        sensor: whose channel it is, as the campaign names it.
     """
     x = values[np.isfinite(values)]
     if x.size < 25:
@@ -274,7 +277,7 @@ def check_samples(name: str, values: Float[np.ndarray, " n"], noise: float) -> l
     limit = f"under {SPIKES:.1%} beyond {SPIKE:g} robust standard deviations"
     if share < SPIKES:
         return [RecordFinding(name, "outliers", "pass", f"{share:.2%} of the samples", limit)]
-    remedy = f'residuals = "heavy" under [sensors.{name}] tolerates them; look at the raw plot first'
+    remedy = f'residuals = "heavy" under [sensors.{sensor}] tolerates them; look at the raw plot first'
     return [RecordFinding(name, "outliers", "caution", f"{share:.2%} of the samples", limit, remedy)]
 
 

@@ -25,6 +25,16 @@ _FEWEST = 10
 _IN_G = 0.5, 2.0
 """Length, m/s^2, of a specific force that is rather one in units of gravity."""
 _GYRO = ("p", "q", "r")
+_OTHER_READINGS = {
+    "q_w, q_x, q_y and q_z of the map hold x, y, z and w": ((3, 0, 1, 2), (1, 1, 1, 1)),
+    "q_w, q_x, q_y and q_z of the map hold z, w, x and y": ((1, 2, 3, 0), (1, 1, 1, 1)),
+    "it turns the earth's axes into the body's (scale = -1 for q_x, q_y and q_z)": ((0, 1, 2, 3), (1, -1, -1, -1)),
+}
+"""What a quaternion may be instead: which of its columns are w, x, y and z, and their signs."""
+_JUMP = np.radians(45.0)
+"""Turn in one window beyond that of the gyro from which it is a jump."""
+_MOST_JUMPS = 0.1
+"""Share of windows up to which jumps are exceptions."""
 _WINDOW = 0.2
 """Length of a window in which turns are compared, s."""
 
@@ -86,11 +96,33 @@ def doubts_of_gyro(tables: Sequence[LogTable]) -> list[str] | None:
     gyro = next((one for one in tables if set(_GYRO) <= set(one.columns)), None)
     if attitude is None or gyro is None:
         return None
-    turns, shown = _turns(attitude, gyro)
+    parts = np.stack([np.asarray(one) for one in quaternion_of_angles(*(attitude.columns[name] for name in ANGLES))])
+    said = _doubts(attitude, gyro, parts)
+    for words, (order, signs) in _OTHER_READINGS.items() if said else ():
+        if _doubts(attitude, gyro, parts[list(order)] * np.array(signs)[:, None]) == []:
+            return [
+                f"the attitude of {attitude.source} turns as the gyro of {gyro.source} does if {words}: correct the channel map"
+            ]
+    return said
+
+
+def _doubts(attitude: LogTable, gyro: LogTable, parts: Float[np.ndarray, "4 n"]) -> list[str] | None:
+    """Say the same of an attitude by its quaternion, w, x, y, z, shape (4, n)."""
+    turns, shown, start = _turns(attitude, gyro, parts)
     if len(turns) < _FEWEST or np.sqrt(np.linalg.eigvalsh(turns.T @ turns)[0]) < _TURNED:
         return None  # it hardly turned about some axis
-    matrix = np.linalg.lstsq(turns, shown, rcond=None)[0].T
+    beyond = _beyond_all_others(turns, shown)
+    jumps = beyond > _JUMP
+    if jumps.mean() > _MOST_JUMPS:
+        jumps[:] = False  # no exceptions: unit, sign or axes
     said = []
+    if jumps.any():
+        said.append(
+            f"the attitude of {attitude.source} jumps {jumps.sum()} times where the gyro of {gyro.source} does not, by up to "
+            f"{np.degrees(beyond[jumps].max()):.0f} deg, first at {start[jumps][0]:.1f} s: angles averaged or interpolated over a "
+            'full turn? Import the quaternion, or set residuals = "heavy" for the attitude'
+        )
+    matrix = np.linalg.lstsq(turns[~jumps], shown[~jumps], rcond=None)[0].T
     for i, row in enumerate(matrix):
         largest = int(np.argmax(np.abs(row)))
         if largest == i and 1 / _ALIKE < row[i] < _ALIKE:
@@ -120,20 +152,30 @@ def doubts_of_gyro(tables: Sequence[LogTable]) -> list[str] | None:
     return said
 
 
-def _turns(attitude: LogTable, gyro: LogTable) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
-    """Return by how much the attitude turns about the body's axes in windows, and what the gyro says of these, rad."""
-    parts = np.stack([np.asarray(one) for one in quaternion_of_angles(*(attitude.columns[name] for name in ANGLES))])
+def _beyond_all_others(turns: Float[np.ndarray, "n 3"], shown: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
+    """Return how far each turn of the attitude is from what most windows make of the gyro's: least absolute deviations, rad."""
+    far = np.ones(len(turns))
+    for _ in range(20):
+        weight = np.maximum(far, 1e-3)[:, None] ** -0.5
+        far = np.linalg.norm(turns - shown @ np.linalg.lstsq(weight * shown, weight * turns, rcond=None)[0], axis=1)
+    return far
+
+
+def _turns(
+    attitude: LogTable, gyro: LogTable, parts: Float[np.ndarray, "4 n"]
+) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"], Float[np.ndarray, " n"]]:
+    """Return by how much the attitude turns about the body's axes in windows, what the gyro says of these, rad, and when they begin, s."""
     known = np.isfinite(parts).all(axis=0)
     rates = np.stack([gyro.columns[name] for name in _GYRO], axis=1)
     there = np.isfinite(rates).all(axis=1)
     clock, rates = gyro.time[there] + float(gyro.epoch - attitude.epoch), rates[there]
     if not (known.any() and there.any()):
-        return np.zeros((0, 3)), np.zeros((0, 3))
+        return np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0)
     time, parts = attitude.time[known], parts[:, known]
     inside = (time >= clock[0]) & (time <= clock[-1])
     time, parts = time[inside], parts[:, inside]
     if time.size < 2:
-        return np.zeros((0, 3)), np.zeros((0, 3))
+        return np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0)
     chosen = np.unique(np.searchsorted(time, np.arange(time[0], time[-1], _WINDOW)))
     time, (w, x, y, z) = time[chosen], parts[:, chosen]
     before, after = np.stack([w, -x, -y, -z])[:, :-1], np.stack([w, x, y, z])[:, 1:]
@@ -145,7 +187,7 @@ def _turns(attitude: LogTable, gyro: LogTable) -> tuple[Float[np.ndarray, "n 3"]
     summed = np.concatenate([np.zeros((1, 3)), np.cumsum(np.diff(clock)[:, None] * rates[:-1], axis=0)])
     shown = np.diff(np.stack([np.interp(time, clock, one) for one in summed.T], axis=1), axis=0)
     short = np.diff(time) < 3 * _WINDOW
-    return turns[short], shown[short]
+    return turns[short], shown[short], time[:-1][short]
 
 
 def doubts_of_speed(source: LogTable, angle: str) -> list[str]:
@@ -213,7 +255,8 @@ def _with_angles(table: LogTable, keeps_quaternion: bool) -> LogTable:
             f"{table.source}, channels {', '.join(QUATERNION)}",
             found=f"a length of {length[wrong[0]]:.3g} at {table.time[wrong[0]]:g} s; {wrong.size} such rows",
             expected="unit quaternions",
-            remedy="map q_w to the scalar part and q_x, q_y, q_z to the others; leave out rows before the filter had started",
+            remedy="map q_w to the scalar part and q_x, q_y, q_z to the others; leave out rows before the filter had started, and rows "
+            "averaged or interpolated where the quaternion changes its sign",
         )
     w, x, y, z = parts
     angles = {name: np.asarray(one) for name, one in zip(ANGLES, angles_of_quaternion((w, x, y, z)), strict=True)}

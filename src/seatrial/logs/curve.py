@@ -54,7 +54,7 @@ class Curve:
                 where,
                 found=f"{cells[outside[0]]:g} in sample {outside[0] + 1}, and {outside.size} such samples in all",
                 expected=f"{self.logged[0]:g} to {self.logged[-1]:g}, the ends of {self.name}",
-                remedy="map the column that the curve is for, or extend the curve",
+                remedy="map the column that the curve is for, or extend the curve, by a row 0,0 for pulses of a vehicle that is not armed",
             )
         return np.interp(cells, self.logged, self.value)
 

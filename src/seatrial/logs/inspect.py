@@ -66,10 +66,13 @@ class LogSummary:
         lines = ["# Guesses by names and types: check column, unit and sign of each line before you believe a result."]
         for table in self.tables:
             mine = [guess for guess in chosen if guess.table == table.info.name]
-            if mine and table.clock is not None:
+            if (mine or not chosen) and table.clock is not None:
                 lines += ["", *self._block(table, table.clock, mine)]
         if not chosen:
-            lines.append("# No column could be guessed; `seatrial inspect` without --map lists them.")
+            lines.append(
+                "# No column could be guessed; `seatrial inspect` without --map lists them. A line for each: "
+                'channels.u = { column = "...", unit = "m/s" }'
+            )
         return "\n".join([*lines, *(f"# {remark}" for remark in self.remarks)]) + "\n"
 
     def head_toml(self, table: TableSummary) -> str:

@@ -7,6 +7,7 @@ import numpy as np
 
 from seatrial.core.units import to_si
 from seatrial.logs.formats.protocol import TIME_UNITS, Block, TableInfo
+from seatrial.logs.time_stamps import fitting_unit, is_plausible
 
 _TINY, _HUGE = 1e-6, 1e15
 _LONGEST = 1e18
@@ -136,9 +137,10 @@ class _Column:
 
 @dataclass(eq=False)
 class _Clock:
-    """Running sums of a clock's steps, about a typical one so that nothing cancels."""
+    """Running sums of a clock's steps, about a typical one so that nothing cancels; in another unit where no log has such steps in that of
+    the name."""
 
-    scale: float
+    unit: str
     first: np.ndarray | None = None
     last: np.ndarray | None = None
     typical: float = 0.0
@@ -149,6 +151,11 @@ class _Clock:
     repeated: int = 0
     backward: int = 0
 
+    @property
+    def scale(self) -> float:
+        """Seconds in one unit."""
+        return to_si(1.0, self.unit, "s", "clock")
+
     def take(self, stamps: np.ndarray) -> None:
         stamps = stamps[np.isfinite(stamps)]
         if not stamps.size:
@@ -157,6 +164,8 @@ class _Clock:
             self.first, joined = stamps[:1].copy(), stamps
             with np.errstate(over="ignore"):
                 step = np.diff(stamps)
+            if step.size and step.any() and not is_plausible(stamps * self.scale):
+                self.unit = fitting_unit(abs(float(np.median(step))))
             self.typical = float(np.clip(np.median(step) * self.scale, -_LONGEST, _LONGEST)) if step.size else 0.0
         else:
             joined = np.concatenate([self.last, stamps])
@@ -171,14 +180,14 @@ class _Clock:
             self.repeated += int((step == 0).sum())
             self.backward += int((step < 0).sum())
 
-    def summary(self, name: str, unit: str) -> ClockSummary:
+    def summary(self, name: str) -> ClockSummary:
         if self.first is None or self.last is None or not self.steps:
-            return ClockSummary(name, unit, 0.0, math.nan, math.nan, 0.0, 0, 0)
+            return ClockSummary(name, self.unit, 0.0, math.nan, math.nan, 0.0, 0, 0)
         duration = float((self.last - self.first)[0]) * self.scale
         mean = self.total / self.steps
         jitter = math.sqrt(max(self.squares / self.steps - mean**2, 0.0))
         rate = self.steps / duration if duration > 0 else math.nan
-        return ClockSummary(name, unit, duration, rate, jitter, self.gap, self.repeated, self.backward)
+        return ClockSummary(name, self.unit, duration, rate, jitter, self.gap, self.repeated, self.backward)
 
 
 @dataclass(eq=False)
@@ -195,7 +204,7 @@ class Gathered:
         for name in self.info.clocks:
             unit = self.info.unit(name)
             if unit in TIME_UNITS:
-                self.clocks[name] = _Clock(to_si(1.0, unit, "s", name))
+                self.clocks[name] = _Clock(unit)
 
     def take(self, block: Block) -> None:
         """Add some rows."""
@@ -222,5 +231,5 @@ class Gathered:
             )
             for name, found in self.columns.items()
         )
-        clocks = tuple(clock.summary(name, units[name] or "s") for name, clock in self.clocks.items())
+        clocks = tuple(clock.summary(name) for name, clock in self.clocks.items())
         return TableSummary(self.info, self.rows, clocks, columns)

@@ -104,6 +104,20 @@ def even_clock(arrival: Float[np.ndarray, " n"]) -> tuple[Float[np.ndarray, " n"
     ]
 
 
+def is_plausible(time: Float[np.ndarray, " n"]) -> bool:
+    """Return whether the median or the mean step of stamps, s, is one that a log can have."""
+    low, high = _PLAUSIBLE_STEP
+    return any(
+        low <= abs(float(step)) <= high for step in (np.median(np.diff(time)), (time[-1] - time[0]) / (time.size - 1))
+    )
+
+
+def fitting_unit(step: float) -> str:
+    """Return the unit in which a step, as it stands in a log, is nearest to a usual one."""
+    far = {name: math.log(max(step * to_si(1.0, name, "s", name), 1e-300) / _USUAL_STEP) for name in _COMMON_UNITS}
+    return min(far, key=lambda name: abs(far[name]))
+
+
 def check_unit(time: Float[np.ndarray, " n"], unit: str, where: str) -> None:
     """Refuse a time unit that makes the rows implausibly dense or sparse.
 
@@ -115,18 +129,17 @@ def check_unit(time: Float[np.ndarray, " n"], unit: str, where: str) -> None:
     Raises:
         InputError: median and mean step both outside 1e-5 s to 1e3 s; suggests the unit that would fit.
     """
-    steps = (float(np.median(np.diff(time))), float(time[-1] - time[0]) / (time.size - 1))
-    low, high = _PLAUSIBLE_STEP
-    if any(low <= step <= high for step in steps):
+    if is_plausible(time):
         return
-    in_file = steps[0] / to_si(1.0, unit, "s", where)
-    fitting = {name: in_file * to_si(1.0, name, "s", where) for name in _COMMON_UNITS}
-    best = min(fitting, key=lambda name: abs(math.log(max(fitting[name], 1e-300) / _USUAL_STEP)))
+    low, high = _PLAUSIBLE_STEP
+    step = float(np.median(np.diff(time)))
+    in_file = step / to_si(1.0, unit, "s", where)
+    best = fitting_unit(in_file)
     raise InputError(
         where,
-        found=f'a median step of {steps[0]:.3g} s with the time unit "{unit}"',
+        found=f'a median step of {step:.3g} s with the time unit "{unit}"',
         expected=f"between {low:g} s and {high:g} s",
-        remedy=f'is the unit "{best}"? Then the step would be {fitting[best]:.3g} s',
+        remedy=f'is the unit "{best}"? Then the step would be {in_file * to_si(1.0, best, "s", where):.3g} s',
     )
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Array
 
 from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.config.sensor_table import ATTITUDE
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.data.record_cautions import record_cautions
 from seatrial.campaign.data.thruster_check import check_thrusters
@@ -14,7 +15,7 @@ from seatrial.campaign.inference.posterior import initial_state, random_key
 from seatrial.core.batching import bucket_length, filled
 from seatrial.core.programs import program
 from seatrial.core.record import Record
-from seatrial.core.signals import RATES
+from seatrial.core.signals import QUATERNION, RATES
 from seatrial.design.prior_belief import draw_values
 from seatrial.design.trial_plan import TrialPlan
 from seatrial.estimation.first_guess import first_guess
@@ -89,7 +90,9 @@ def _judge(campaign: Campaign, record: Record) -> RecordJudgement:
     tried = np.vstack([mean, draw_values(priors, random_key(campaign.seed, "vehicles of the priors"), DRAWS)])
     expected, *drawn = np.asarray(_shown(alone, tried, control))[:, :n]
     findings = [
-        finding for name, column in measured.items() for finding in check_samples(name, column, campaign.noise[name])
+        finding
+        for name, column in measured.items()
+        for finding in check_samples(name, column, campaign.noise[name], ATTITUDE if name in QUATERNION else name)
     ]
     findings += check_thrusters(campaign, record)
     if not np.isfinite(expected).all():
@@ -101,7 +104,10 @@ def _judge(campaign: Campaign, record: Record) -> RecordJudgement:
         )
         return RecordJudgement(record, tuple(findings), tuple(record_cautions(record)))
     usual, unsaid = float(np.median(np.diff(record.time))), []
+    turns = [name for name in measured if name in QUATERNION]
     for index, (name, column) in enumerate(measured.items()):
+        if name in turns:
+            continue
         findings += check_range(name, column, expected[:, index], campaign.noise[name])
         ways = np.array([one[:, index] for one in drawn])
         if says_direction(expected[:, index], ways, campaign.noise[name]):
@@ -113,8 +119,13 @@ def _judge(campaign: Campaign, record: Record) -> RecordJudgement:
         if len(said) > 1:
             places = [campaign.channels.index(name) for name in said]
             findings += check_turn(said, np.column_stack([measured[name] for name in said]), expected[:, places])
+    if turns:
+        value = "not judged, nor size and delay; errors of all rates add up in it"
+        findings.append(RecordFinding(ATTITUDE, "direction", "note", value, "the rates are judged"))
     if unsaid:
-        findings += [not_judged(unsaid), *_excitation_as_moved(record, plan, priors, control)]
+        findings.append(not_judged(unsaid))
+    if unsaid or turns:
+        findings += _excitation_as_moved(record, plan, priors, control)
     else:
         findings += _excitation(plan, priors, mean, control)
     return RecordJudgement(record, tuple(findings), tuple(record_cautions(record)))
