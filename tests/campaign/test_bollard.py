@@ -444,6 +444,10 @@ REFUSED = {
     "inflow of a vehicle that is held": ([('"T_absf", "T_fdV"', '"T_uabsf"')], ("T_uabsf", "u is zero")),
     "no lag": ([('lag = "0.25 s"\n', "")], ("no lag", "lag_f")),
     "no gain": ([('"T_f", ', "")], ("without T_f",)),
+    "a gain that may be dropped": (
+        [('"T_f", "T_absf", "T_fdV"]', '"T_absf"]\noptional = ["T_f", "T_fdV"]')],
+        ("always",),
+    ),
     "speed and force": ([('"T_f", ', '"T_f", "T_nabsn", ')], ("commanded force f",)),
     "force on the hull": ([('"T_absf"', '"X_f"')], ("X_f", "axis T alone")),
     "commands beyond the curve": (

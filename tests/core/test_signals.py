@@ -1,7 +1,7 @@
 import pytest
 
 from seatrial.core.errors import InputError, nearest
-from seatrial.core.signals import Dimension, signal_unit
+from seatrial.core.signals import Dimension, signal_label, signal_unit
 
 
 @pytest.mark.parametrize(
@@ -21,6 +21,9 @@ from seatrial.core.signals import Dimension, signal_unit
         ("n_actdot", "rad/s^2"),
         ("current_x", "m/s"),
         ("f_1", "kg m/s^2"),
+        ("force_Z", "kg m/s^2"),
+        ("moment_K", "kg m^2/s^2"),
+        ("V", "V"),
     ],
 )
 def test_signal_unit(name, unit):
@@ -46,3 +49,8 @@ def test_error_says_where_what_and_how():
     assert all(part in str(error) for part in ("a.toml, key mass", "-3 kg", "a positive mass", "give the dry mass"))
     assert nearest("delta_t", ["u", "delta_r"]) == 'did you mean "delta_r"?'
     assert nearest("xyz", ["u", "v"]) == "use one of: u, v"
+
+
+def test_forces_on_a_gauge_have_symbols_as_other_signals_have():
+    labels = [signal_label(name) for name in ("force_X", "moment_N", "force_Ydot", "delta_r", "udot", "z")]
+    assert labels == ["F_X", "M_N", r"\dot{F_Y}", r"\delta_r", r"\dot{u}", "z"]

@@ -105,6 +105,14 @@ def signal_unit(name: str) -> str:
     return str(_dimension(name))
 
 
+def signal_label(name: str) -> str:
+    """LaTeX of a signal, of the force on a gauge, or of their derivative when written with `dot`; the name itself of all others."""
+    base = name.removesuffix("dot")
+    label = f"{'F' if base in HELD[:3] else 'M'}_{base[-1]}" if base in HELD else base
+    label = SIGNALS[base].label if base in SIGNALS else label
+    return label if base == name else rf"\dot{{{label}}}"
+
+
 def is_signal(name: str) -> bool:
     """Whether `signal_unit` knows a name."""
     try:

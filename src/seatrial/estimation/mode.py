@@ -38,6 +38,8 @@ FARTHEST, NEAR = 3.0, 12.0
 """How far a delay is looked for: in standard deviations of its prior, and closer in those of the posterior about the mode."""
 DOUBLINGS, NOTHING = 3, 1e-4
 """Times that the closer look is widened at most, until the density at its ends is such a share of that at the mode."""
+PRIOR_DRAWS, PRIOR_DRAWS_OF_FILTER = 512, 64
+"""Prior draws among which a search begins; fewer of a filter, each of which costs ten simulations."""
 LONG, PARTS, EXCITED = 8192, 8, 0.5
 """Samples of a trial from which the mode of its first such part is found first, as with wrong coefficients a long simulation goes astray;
 and the share of their standard deviation over all trials that the controls must reach in it."""
@@ -155,7 +157,9 @@ def find_mode(
         NumericalError: no prior draw has a finite likelihood, or no maximum was found.
     """
     check_posterior(posterior)
-    starts = _at_once(posterior) if starts is None else check_count(starts, "starts", remedy="take some hundreds")
+    if starts is None:
+        starts = PRIOR_DRAWS_OF_FILTER if isinstance(posterior.likelihood, FilterError) else PRIOR_DRAWS
+    check_count(starts, "starts", remedy="take some hundreds")
     check_count(tries, "tries", remedy="leave it out, or follow a few")
     candidates = np.array(posterior.sample_prior(as_key(key), starts))
     candidates[-1] = 0.0  # the middle of the prior
@@ -235,7 +239,7 @@ def rises(posterior: Posterior, start: Float[np.ndarray, " d"], end: Float[np.nd
 
 
 def _at_once(posterior: Posterior) -> int:
-    """Return how many densities are computed at once: fewer of a filter, each of which costs ten simulations."""
+    """Return how many densities are computed at once."""
     return LANES if isinstance(posterior.likelihood, FilterError) else AT_ONCE
 
 

@@ -34,7 +34,7 @@ FORCES = {
 }
 """Those of a force gauge."""
 CUT = 0.02
-"""Share of the samples that may lie at the very end of a channel's range while the expected motion goes on."""
+"""Share of the samples that may lie at the very end of a gauge's range while the expected force goes on."""
 APART = 0.1
 """Share of the motion by which a mirror has to explain more than a turn; either has to explain twice as much more than neither."""
 SPIKE = 8.0
@@ -130,21 +130,21 @@ def check_motion(
 def check_range(
     name: str, measured: Float[np.ndarray, " n"], expected: Float[np.ndarray, " n"], noise: float
 ) -> list[RecordFinding]:
-    """Return the ends of a channel's range at which many samples lie exactly, while the expected motion goes on: a gauge at its limit.
+    """Return an end of a gauge's range at which many samples lie exactly, while the expected force goes on: it is at its limit.
 
     Args:
         name: channel.
         measured: SI, NaN where not measured.
         expected: of the vehicle at the prior means, SI.
-        noise: standard deviation of the sensor, SI.
+        noise: standard deviation of the gauge, SI.
     """
     there = np.isfinite(measured)
     x, y = measured[there], expected[there]
     for end, word in ((x.min(initial=np.inf), "least"), (x.max(initial=-np.inf), "greatest")):
         at = x == end
-        if at.mean() > CUT and np.ptp(y[at]) > max(SPIKE * noise, CUT * np.ptp(y)):
-            value = f"{at.mean():.0%} of the samples are {end:.4g}, its {word} value, while the expected motion goes on"
-            remedy = "the sensor is at its limit, a rope is slack, or the value is frozen: leave these samples out, or measure them again"
+        if at.sum() > CUT * x.size and np.ptp(y[at]) > max(SPIKE * noise, CUT * np.ptp(y)):
+            value = f"{at.mean():.0%} of the samples are {end:.4g}, its {word} value, while the expected force goes on"
+            remedy = "the gauge is at its limit, a rope is slack, or the value is frozen: leave these samples out, or measure them again"
             return [RecordFinding(name, "range", "fail", value, f"under {CUT:.0%}", remedy)]
     return []
 

@@ -19,7 +19,7 @@ from seatrial.core.coefficients import CoefficientName
 from seatrial.core.engine import check_precision
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.record import Record
-from seatrial.core.signals import ACTUAL, ANGLES, QUATERNION, RATES, SIGNALS, signal_unit
+from seatrial.core.signals import ACTUAL, ANGLES, QUATERNION, RATES, signal_label, signal_unit
 from seatrial.estimation.delayed_control import DELAY
 from seatrial.estimation.disturbance import disturbance_name, disturbance_time_name, disturbed_axes
 from seatrial.estimation.filter_error import FilterError, filter_error, process_name
@@ -263,12 +263,14 @@ def _unknowns(model: VehicleModel, sensors: Sequence[Sensor], stated: Collection
         found.append(_Unknown(disturbance_name(axis), unit, rf"s_{{d,{axis}}}"))
         found.append(_Unknown(disturbance_time_name(axis), "s", rf"\tau_{{d,{axis}}}"))
     noisy = noisy_states(stated, model)
-    found += [_Unknown(process_name(state), signal_unit(state), rf"q_{{{_label(state)}}}") for state in noisy]
+    found += [_Unknown(process_name(state), signal_unit(state), rf"q_{{{signal_label(state)}}}") for state in noisy]
     # A filter takes initial states as uncertain anyway.
     if disturbed or noisy:
         return found
     if any(f"{state}_0" in stated for state in model.states):
-        found += [_Unknown(f"{state}_0", signal_unit(state), f"{_label(state)}_0", True) for state in model.states]
+        found += [
+            _Unknown(f"{state}_0", signal_unit(state), f"{signal_label(state)}_0", True) for state in model.states
+        ]
     return found
 
 
@@ -285,7 +287,7 @@ def noisy_states(stated: Collection[str], model: VehicleModel) -> tuple[str, ...
 
 def _of_sensor(sensor: Sensor, name: str) -> _Unknown:
     channel = sensor.channel
-    unit, label = signal_unit(channel), _label(channel)
+    unit, label = signal_unit(channel), signal_label(channel)
     known = {
         noise_name(channel): (unit, rf"\sigma_{{{label}}}"),
         correlation_name(channel): ("s", rf"\tau_{{{label}}}"),
@@ -377,9 +379,3 @@ def _first_measured(record: Record) -> dict[str, float]:
     columns = {name: record.channel(name) for name in (*record.controls, *record.measured)}
     finite = {name: column[np.isfinite(column)] for name, column in columns.items()}
     return {name: float(column[0]) for name, column in finite.items() if column.size}
-
-
-def _label(channel: str) -> str:
-    base = channel.removesuffix("dot")
-    label = SIGNALS[base].label if base in SIGNALS else base
-    return label if base == channel else rf"\dot{{{label}}}"

@@ -17,7 +17,7 @@ from seatrial.campaign.config.truth import true_coefficients
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import shown_unit
 from seatrial.core.record import Record
-from seatrial.core.signals import SIGNALS
+from seatrial.core.signals import HELD, SIGNALS, signal_label
 from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.manoeuvres.schedule import Schedule
 from seatrial.report.figures.fit import Driven, Predicted
@@ -131,7 +131,7 @@ def draw(figure: "Figure", name: str, title: str, caption: str = "", heading: st
 @lru_cache(maxsize=1)
 def labels_of(outcome: "Outcome") -> dict[str, str]:
     """Return the LaTeX label of every parameter of every structure, of terms that none has, and of signals whose names are no symbols."""
-    signals = {name: signal.label for name, signal in SIGNALS.items() if "_" in name}
+    signals = {name: signal_label(name) for name in (*SIGNALS, *HELD) if "_" in name}
     optional = {term: CoefficientName.parse(term).label for term in outcome.campaign.structure.optional}
     return signals | optional | _of_parameters(outcome, "label")
 
@@ -194,10 +194,8 @@ def _of_parameters(outcome: "Outcome", column: str) -> dict[str, str]:
 
 def signal_symbol(name: str) -> str:
     """Return a signal's symbol for a figure, within dollars; `udot` is the derivative of `u`."""
-    if name in SIGNALS:
-        return label_mathtext(SIGNALS[name].label)
-    base = name.removesuffix("dot")
-    return label_mathtext(rf"\dot{{{SIGNALS[base].label}}}" if base in SIGNALS else rf"\mathrm{{{name}}}")
+    known = name.removesuffix("dot") in (*SIGNALS, *HELD)
+    return label_mathtext(signal_label(name) if known else rf"\mathrm{{{name}}}")
 
 
 def signal_axis(name: str) -> str:

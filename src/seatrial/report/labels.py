@@ -14,7 +14,7 @@ from markupsafe import Markup, escape
 
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError
-from seatrial.core.signals import SIGNALS
+from seatrial.core.signals import HELD, SIGNALS, signal_label
 from seatrial.report.numbers import typeset
 
 GREEK = {
@@ -82,10 +82,8 @@ def name_mathtext(name: str) -> str:
 
 def _label_of(name: str) -> str:
     """Return the LaTeX of a coefficient, of a signal or its rate; the name itself of what is none of these."""
-    if name in SIGNALS:
-        return SIGNALS[name].label
-    if name.removesuffix("dot") in SIGNALS:
-        return rf"\dot{{{SIGNALS[name.removesuffix('dot')].label}}}"
+    if name.removesuffix("dot") in (*SIGNALS, *HELD):
+        return signal_label(name)
     try:
         return CoefficientName.parse(name).label
     except InputError:

@@ -168,12 +168,12 @@ def _check_thrusters(place: str, named: Iterable[CoefficientName], thrusters: Se
             "along the thruster",
             remedy="leave the term out",
         )
-    if "f" in driven and CoefficientName.parse("T_f") not in thrust:
+    if thrusters and thrust and "n" not in driven and CoefficientName.parse("T_f") not in thrust:
         raise InputError(
             f"{place}, term {thrust[0]}",
-            found="terms of the commanded force f without T_f: without it a command makes no thrust",
+            found="terms of thrust without T_f: without it a command makes none",
             expected="T_f, the thrust of a newton that is commanded",
-            remedy="add T_f to [structure], or fixed = { T_f = 1.0 } to [vehicle] if thrust is as commanded",
+            remedy="add T_f to `always` of [structure], or fixed = { T_f = 1.0 } to [vehicle] if thrust is as commanded",
         )
 
 

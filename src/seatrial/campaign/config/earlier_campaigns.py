@@ -62,7 +62,7 @@ def found_before(folder: Path, table: VehicleTable, keys: FileKeys) -> Found:
 
 
 def _check_trim(path: Path, terms: Sequence[str], table: VehicleTable, where: str) -> None:
-    """Check that terms which are changes from trim, such as T_fdV,, have one trim here and in the earlier file."""
+    """Check that terms which are changes from trim, such as T_fdV, have one trim here and in the earlier file."""
     trim = parse_toml(path, read_text(path), CampaignFile, example_of).vehicle.trim
     for name in terms:
         for signal in CoefficientName.parse(name).trim_signals:

@@ -99,6 +99,13 @@ def _campaign(file: CampaignFile, keys: FileKeys) -> Campaign:
     with located(keys.where("structure")):
         rules = structure.compiled()
     terms = rules.always + rules.optional
+    if "T_f" in rules.optional:
+        raise InputError(
+            keys.where("structure.optional"),
+            found="T_f, the thrust of a newton that is commanded",
+            expected="T_f in every structure: without it a command makes no thrust",
+            remedy="move it to always",
+        )
     angles = tuple(angle for angle in ANGLES if angle in (*measured_angles(file.sensors, file.mounts), *file.limits))
     table = with_attitude(with_fixed(file.vehicle, found, terms), file.sensors, keys)
     before = unknowns_before(found)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 from seatrial.campaign.config.settings import EstimationSettings
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError
-from seatrial.core.signals import SIGNALS, signal_unit
+from seatrial.core.signals import signal_label, signal_unit
 from seatrial.estimation.disturbance import AXES, disturbance_name, disturbance_time_name, disturbed_axes
 from seatrial.estimation.filter_error import process_name
 from seatrial.estimation.mounts import LATE, SCALE, mount_unit
@@ -117,7 +117,7 @@ def nuisances(
             if disturbed and process_name(state) not in stated:
                 continue
             # Its own unit: what a state gains in one second.
-            name, label, because = process_name(state), _label(state), 'estimation.likelihood = "filter-error"'
+            name, label, because = process_name(state), signal_label(state), 'estimation.likelihood = "filter-error"'
             yield Nuisance(name, signal_unit(state), rf"q_{{{label}}}", None, because, _SCALE)
 
 
@@ -185,7 +185,7 @@ def _of_disturbance(axis: str, model: VehicleModel) -> list[Nuisance]:
 
 
 def _of_sensor(sensor: Sensor, noise: float) -> list[Nuisance]:
-    channel, label = sensor.channel, _label(sensor.channel)
+    channel, label = sensor.channel, signal_label(sensor.channel)
     unit, key = signal_unit(channel), f"sensors.{channel}"
     slow, biased = f'the residuals of {channel} are "{sensor.noise}"', f"{key}.bias says that there is one"
     lag, own = f"{key}.lag = true", Uniform(0.0, NOISES * noise)
@@ -200,9 +200,3 @@ def _of_sensor(sensor: Sensor, noise: float) -> list[Nuisance]:
     ]
     by_name = {one.name: one for one in known}
     return [by_name[name] for name in sensor.parameters]
-
-
-def _label(channel: str) -> str:
-    base = channel.removesuffix("dot")
-    label = SIGNALS[base].label if base in SIGNALS else base
-    return label if base == channel else rf"\dot{{{label}}}"

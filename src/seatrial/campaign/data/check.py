@@ -15,7 +15,7 @@ from seatrial.campaign.inference.posterior import initial_state, random_key
 from seatrial.core.batching import bucket_length, filled
 from seatrial.core.programs import program
 from seatrial.core.record import Record
-from seatrial.core.signals import QUATERNION, RATES
+from seatrial.core.signals import HELD, QUATERNION, RATES
 from seatrial.design.prior_belief import draw_values
 from seatrial.design.trial_plan import TrialPlan
 from seatrial.estimation.first_guess import first_guess
@@ -108,7 +108,8 @@ def _judge(campaign: Campaign, record: Record) -> RecordJudgement:
     for index, (name, column) in enumerate(measured.items()):
         if name in turns:
             continue
-        findings += check_range(name, column, expected[:, index], campaign.noise[name])
+        if name in HELD:
+            findings += check_range(name, column, expected[:, index], campaign.noise[name])
         ways = np.array([one[:, index] for one in drawn])
         if says_direction(expected[:, index], ways, campaign.noise[name]):
             findings += check_motion(name, usual, column, expected[:, index], campaign.has_delay)
