@@ -260,14 +260,15 @@ def cautions_of(folder, time, rates, **attitude):
     return record.provenance.options["cautions"]
 
 
-def test_an_accelerometer_in_units_of_gravity_is_refused(tmp_path):
+@pytest.mark.parametrize("gravity", [1.0, 0.0])
+def test_an_accelerometer_in_units_of_gravity_or_without_it_is_refused(tmp_path, gravity):
     from seatrial.logs.one_log import record_of_log
 
     time = 0.1 * np.arange(50)
     noise = 0.01 * np.random.default_rng(0).normal(size=(50, 3))
     np.savetxt(
         tmp_path / "log.csv",
-        np.column_stack([time, np.sin(time), noise - [0, 0, 1]]),
+        np.column_stack([time, np.sin(time), noise - [0, 0, gravity]]),
         delimiter=",",
         header="t,n,ax,ay,az",
         comments="",

@@ -22,8 +22,8 @@ _ALIKE = 1.5
 _TURNED = np.radians(20.0)
 """Turn from which they are compared."""
 _FEWEST = 10
-_IN_G = 0.5, 2.0
-"""Length, m/s^2, of a specific force that is rather one in units of gravity."""
+_LEAST_FORCE = 5.0
+"""Length, m/s^2, of a specific force below which it is in units of gravity, or gravity was taken off."""
 _GYRO = ("p", "q", "r")
 _OTHER_READINGS = {
     "q_w, q_x, q_y and q_z of the map hold x, y, z and w": ((3, 0, 1, 2), (1, 1, 1, 1)),
@@ -40,20 +40,20 @@ _WINDOW = 0.2
 
 
 def check_specific_force(tables: Sequence[LogTable]) -> None:
-    """Refuse an accelerometer whose numbers are those of one in units of gravity.
+    """Refuse an accelerometer in units of gravity, or one whose gravity was taken off.
 
     Raises:
-        InputError: three components whose length is about 1 m/s^2.
+        InputError: three components whose length is far below that of gravity.
     """
     for table in tables:
         if set(SPECIFIC_FORCE) <= set(table.columns):
             size = float(np.nanmedian(np.sqrt(sum(table.columns[name] ** 2 for name in SPECIFIC_FORCE))))
-            if _IN_G[0] < size < _IN_G[1]:
+            if size < _LEAST_FORCE:
                 raise InputError(
                     f"{table.source}, channels {', '.join(SPECIFIC_FORCE)}",
                     found=f"a specific force of {size:.3g} m/s^2 at the median",
                     expected="about 9.8 m/s^2, as an accelerometer shows at rest",
-                    remedy='it is in units of gravity, or gravity was taken off: unit = "m/s^2" with scale = 9.81, or drop the channels',
+                    remedy='unit = "m/s^2" with scale = 9.81 where it is in units of gravity; drop the channels where gravity was taken off',
                 )
 
 
