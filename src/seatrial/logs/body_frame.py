@@ -53,7 +53,7 @@ def check_specific_force(tables: Sequence[LogTable]) -> None:
                     f"{table.source}, channels {', '.join(SPECIFIC_FORCE)}",
                     found=f"a specific force of {size:.3g} m/s^2 at the median",
                     expected="about 9.8 m/s^2, as an accelerometer shows at rest",
-                    remedy='unit = "m/s^2" with scale = 9.81 where it is in units of gravity; drop the channels where gravity was taken off',
+                    remedy='unit = "m/s^2" with scale = 9.81 if it is in units of gravity; drop the channels if gravity was taken off',
                 )
 
 
