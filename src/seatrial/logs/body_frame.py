@@ -1,6 +1,6 @@
 """Velocities over the earth turned into the body's by the attitude, and quaternions into angles, whichever files of a run hold them."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -25,6 +25,11 @@ _FEWEST = 10
 _LEAST_FORCE = 5.0
 """Length, m/s^2, of a specific force below which it is in units of gravity, or gravity was taken off."""
 _GYRO = ("p", "q", "r")
+_IN_DEGREES = {
+    "phi, theta and psi are in degrees": (True, True, True),
+    "psi is in degrees": (False, False, True),
+    "phi and theta are in degrees": (True, True, False),
+}
 _OTHER_READINGS = {
     "q_w, q_x, q_y and q_z of the map hold x, y, z and w": ((3, 0, 1, 2), (1, 1, 1, 1)),
     "q_w, q_x, q_y and q_z of the map hold z, w, x and y": ((1, 2, 3, 0), (1, 1, 1, 1)),
@@ -96,14 +101,23 @@ def doubts_of_gyro(tables: Sequence[LogTable]) -> list[str] | None:
     gyro = next((one for one in tables if set(_GYRO) <= set(one.columns)), None)
     if attitude is None or gyro is None:
         return None
-    parts = np.stack([np.asarray(one) for one in quaternion_of_angles(*(attitude.columns[name] for name in ANGLES))])
-    said = _doubts(attitude, gyro, parts)
-    for words, (order, signs) in _OTHER_READINGS.items() if said else ():
-        if _doubts(attitude, gyro, parts[list(order)] * np.array(signs)[:, None]) == []:
+    angles = np.stack([attitude.columns[name] for name in ANGLES])
+    said = _doubts(attitude, gyro, np.stack(quaternion_of_angles(*angles)))
+    for words, parts in _other_readings(angles) if said else ():
+        if _doubts(attitude, gyro, parts) == []:
             return [
                 f"the attitude of {attitude.source} turns as the gyro of {gyro.source} does if {words}: correct the channel map"
             ]
     return said
+
+
+def _other_readings(angles: Float[np.ndarray, "3 n"]) -> Iterator[tuple[str, Float[np.ndarray, "4 n"]]]:
+    """Yield what an attitude may be instead, in words, and its quaternion."""
+    for words, units in _IN_DEGREES.items():
+        yield words, np.stack(quaternion_of_angles(*(angles * np.where(units, np.pi / 180, 1.0)[:, None])))
+    parts = np.stack(quaternion_of_angles(*angles))
+    for words, (order, signs) in _OTHER_READINGS.items():
+        yield words, parts[list(order)] * np.array(signs)[:, None]
 
 
 def _doubts(attitude: LogTable, gyro: LogTable, parts: Float[np.ndarray, "4 n"]) -> list[str] | None:
