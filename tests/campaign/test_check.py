@@ -147,3 +147,18 @@ def test_excitation_of_a_whole_vehicle_under_priors_that_say_neither_way(tmp_pat
     assert result.exit_code == 0, result.output
     assert "excitation (at a fit of the measured motion)" in result.output
     assert "record one: pass" in result.output
+
+
+@pytest.mark.parametrize(
+    ("mass", "says"), [("30 kg", ""), ("0.5 kg", "they differ by up to 3"), ("0.25 kg", "they do not run away")]
+)
+def test_steps_that_are_too_long_for_a_quick_vehicle_are_told(tmp_path, mass, says):
+    """Naive Runge-Kutta steps of this vehicle in 0.1 s and 0.05 s differ by 4e-6, by 36 and by no end, over the noise."""
+    write(tmp_path / "a", "1.0", CAMPAIGN.replace("30 kg", mass))
+    campaign = load_campaign(tmp_path / "a")
+    (judged,) = check_records(campaign, get_trials(campaign))
+    found = [finding for finding in judged.findings if finding.check == "step"]
+    assert [finding.signal for finding in found] == (["u"] if says else [])
+    for finding in found:
+        assert says in finding.value
+        assert 'step = "0.025 s"' in finding.remedy

@@ -148,3 +148,11 @@ def test_states_that_no_sensor_shows_are_named_where_a_run_is_lost(known):
     assert said.endswith("not measured: v and r")
     simulator.model.states = ("u",)
     assert _unseen({"output": SimpleNamespace(simulator=simulator)}, trials.fit[0]) == ""
+
+
+def test_states_of_actuators_are_named_by_what_they_are():
+    """Eight thrusters with a lag have eight states that no log holds."""
+    states = ("u", "theta", *(f"f_{number}_act" for number in range(1, 9)))
+    piece = {"output": SimpleNamespace(simulator=SimpleNamespace(model=SimpleNamespace(states=states)))}
+    said = _unseen(piece, SimpleNamespace(measured=("u",)))  # pyright: ignore[reportArgumentType]
+    assert said.endswith("not measured: theta and what the actuators with a lag have reached")

@@ -216,6 +216,22 @@ def test_another_reading_of_the_quaternion_is_named_where_the_gyro_agrees_with_i
     assert told in text
 
 
+@pytest.mark.parametrize(
+    ("in_degrees", "told"),
+    [
+        ("phi theta psi", "phi, theta and psi are in degrees"),
+        ("psi", "if psi is in"),
+        ("phi theta", "phi and theta are"),
+    ],
+)
+def test_angles_in_degrees_are_named_where_the_gyro_agrees_with_them(tmp_path, in_degrees, told):
+    time, rates, turns = turned()
+    angles = dict(zip(("psi", "theta", "phi"), turns.as_euler("ZYX").T, strict=True))
+    shown = {name: np.degrees(one) if name in in_degrees.split() else one for name, one in angles.items()}
+    (text,) = cautions_of(tmp_path, time, rates, **shown)
+    assert told in text
+
+
 @pytest.mark.parametrize("in_degrees", [False, True])
 def test_jumps_of_the_attitude_are_told_and_hide_no_unit(tmp_path, in_degrees):
     """The mean of angles on both sides of half a turn is an angle where the vehicle never was."""
@@ -260,14 +276,15 @@ def cautions_of(folder, time, rates, **attitude):
     return record.provenance.options["cautions"]
 
 
-def test_an_accelerometer_in_units_of_gravity_is_refused(tmp_path):
+@pytest.mark.parametrize("gravity", [1.0, 0.0])
+def test_an_accelerometer_in_units_of_gravity_or_without_it_is_refused(tmp_path, gravity):
     from seatrial.logs.record_of_log import record_of_log
 
     time = 0.1 * np.arange(50)
     noise = 0.01 * np.random.default_rng(0).normal(size=(50, 3))
     np.savetxt(
         tmp_path / "log.csv",
-        np.column_stack([time, np.sin(time), noise - [0, 0, 1]]),
+        np.column_stack([time, np.sin(time), noise - [0, 0, gravity]]),
         delimiter=",",
         header="t,n,ax,ay,az",
         comments="",

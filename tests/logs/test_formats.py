@@ -361,6 +361,19 @@ def test_a_numpy_archive_has_a_table_for_its_clock(tmp_path):
     np.testing.assert_array_equal(second, np.load(without)["b"][:, 1])
 
 
+def test_a_numpy_archive_of_instants_and_what_is_not_read_of_one(tmp_path):
+    path = tmp_path / "instants.npz"
+    time = np.datetime64("2025-05-27T11:40:38", "us") + 100_000 * np.arange(5)
+    np.savez(path, time=time, u=np.arange(5.0), poses=np.zeros((5, 3, 3)), z=1j * np.arange(5), mass=np.float64(11.2))
+    (table,) = catalogue(LogFile(path))
+    assert [*map(tuple, table.columns)] == [("time", "us"), ("u", None)]
+    assert table.clocks == ("time",)
+    (note,) = table.notes
+    for name in ("poses (float64, shape (5, 3, 3))", "z (complex128", "mass (float64, shape ())"):
+        assert name in note
+    np.testing.assert_array_equal(read_columns(LogFile(path), "time", ["time"]).columns["time"], time.astype(np.int64))
+
+
 def test_a_numpy_archive_of_objects_is_refused_and_never_unpickled(tmp_path):
     path = tmp_path / "objects.npz"
     np.savez(path, things=np.array([{"a": 1}, None, 2.0], dtype=object))

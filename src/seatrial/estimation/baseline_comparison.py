@@ -195,9 +195,11 @@ def _said(channel: str, own: PooledScore, best: PooledScore, p_value: float, lev
     if level == "pass":
         beaten = f"held-back runs: the model predicts {channel} better than every baseline"
         return f"{beaten}{chance}; the best of them is {best.words} ({shares}, {scores})"
-    result = f"held-back runs: {best.words} predicts {channel} better than the model ({shares}, {scores})"
+    how = "no worse than the model" if chance else "better than the model"
+    result = f"held-back runs: {best.words} predicts {channel} {how} ({shares}, {scores})"
     if level == "caution":
-        return f"{result}{chance or ', though by little'}: the model does not beat it; prefer the simpler model, or correct the model"
+        little = f"a difference that chance may make (p = {p_value:.2g})" if chance else "though by little"
+        return f"{result}, {little}: the model does not beat it; prefer the simpler model, or correct the model"
     if own.explained >= best.explained:
         return f"{result}: the model's motion is no worse, but its bands are too narrow or too wide; change its model of the residuals"
     return f"{result}: prefer it, or correct the model"

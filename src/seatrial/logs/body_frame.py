@@ -1,6 +1,6 @@
 """Velocities over the earth turned into the body's by the attitude, and quaternions into angles, whichever files of a run hold them."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -22,9 +22,14 @@ _ALIKE = 1.5
 _TURNED = np.radians(20.0)
 """Turn from which they are compared."""
 _FEWEST = 10
-_IN_G = 0.5, 2.0
-"""Length, m/s^2, of a specific force that is rather one in units of gravity."""
+_LEAST_FORCE = 5.0
+"""Length, m/s^2, of a specific force below which it is in units of gravity, or gravity was taken off."""
 _GYRO = ("p", "q", "r")
+_IN_DEGREES = {
+    "phi, theta and psi are in degrees": (True, True, True),
+    "psi is in degrees": (False, False, True),
+    "phi and theta are in degrees": (True, True, False),
+}
 _OTHER_READINGS = {
     "q_w, q_x, q_y and q_z of the map hold x, y, z and w": ((3, 0, 1, 2), (1, 1, 1, 1)),
     "q_w, q_x, q_y and q_z of the map hold z, w, x and y": ((1, 2, 3, 0), (1, 1, 1, 1)),
@@ -40,20 +45,20 @@ _WINDOW = 0.2
 
 
 def check_specific_force(tables: Sequence[LogTable]) -> None:
-    """Refuse an accelerometer whose numbers are those of one in units of gravity.
+    """Refuse an accelerometer in units of gravity, or one whose gravity was taken off.
 
     Raises:
-        InputError: three components whose length is about 1 m/s^2.
+        InputError: three components whose length is far below that of gravity.
     """
     for table in tables:
         if set(SPECIFIC_FORCE) <= set(table.columns):
             size = float(np.nanmedian(np.sqrt(sum(table.columns[name] ** 2 for name in SPECIFIC_FORCE))))
-            if _IN_G[0] < size < _IN_G[1]:
+            if size < _LEAST_FORCE:
                 raise InputError(
                     f"{table.source}, channels {', '.join(SPECIFIC_FORCE)}",
                     found=f"a specific force of {size:.3g} m/s^2 at the median",
                     expected="about 9.8 m/s^2, as an accelerometer shows at rest",
-                    remedy='it is in units of gravity, or gravity was taken off: unit = "m/s^2" with scale = 9.81, or drop the channels',
+                    remedy='unit = "m/s^2" with scale = 9.81 if it is in units of gravity; drop the channels if gravity was taken off',
                 )
 
 
@@ -96,14 +101,23 @@ def doubts_of_gyro(tables: Sequence[LogTable]) -> list[str] | None:
     gyro = next((one for one in tables if set(_GYRO) <= set(one.columns)), None)
     if attitude is None or gyro is None:
         return None
-    parts = np.stack([np.asarray(one) for one in quaternion_of_angles(*(attitude.columns[name] for name in ANGLES))])
-    said = _doubts(attitude, gyro, parts)
-    for words, (order, signs) in _OTHER_READINGS.items() if said else ():
-        if _doubts(attitude, gyro, parts[list(order)] * np.array(signs)[:, None]) == []:
+    angles = np.stack([attitude.columns[name] for name in ANGLES])
+    said = _doubts(attitude, gyro, np.stack(quaternion_of_angles(*angles)))
+    for words, parts in _other_readings(angles) if said else ():
+        if _doubts(attitude, gyro, parts) == []:
             return [
                 f"the attitude of {attitude.source} turns as the gyro of {gyro.source} does if {words}: correct the channel map"
             ]
     return said
+
+
+def _other_readings(angles: Float[np.ndarray, "3 n"]) -> Iterator[tuple[str, Float[np.ndarray, "4 n"]]]:
+    """Yield what an attitude may be instead, in words, and its quaternion."""
+    for words, units in _IN_DEGREES.items():
+        yield words, np.stack(quaternion_of_angles(*(angles * np.where(units, np.pi / 180, 1.0)[:, None])))
+    parts = np.stack(quaternion_of_angles(*angles))
+    for words, (order, signs) in _OTHER_READINGS.items():
+        yield words, parts[list(order)] * np.array(signs)[:, None]
 
 
 def _doubts(attitude: LogTable, gyro: LogTable, parts: Float[np.ndarray, "4 n"]) -> list[str] | None:

@@ -1,6 +1,6 @@
 """Judges a campaign's records before anything is fitted to them: direction, size, delay, outliers, holes and excitation."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import jax
 import numpy as np
@@ -14,7 +14,7 @@ from seatrial.campaign.data.thruster_check import check_thrusters
 from seatrial.campaign.inference.posterior import initial_state, random_key
 from seatrial.core.batching import bucket_length, filled
 from seatrial.core.programs import program
-from seatrial.core.record import Record
+from seatrial.core.record import SIMULATED, Record
 from seatrial.core.signals import HELD, QUATERNION, RATES
 from seatrial.design.prior_belief import draw_values
 from seatrial.design.trial_plan import TrialPlan
@@ -33,6 +33,8 @@ from seatrial.estimation.record_checks import (
 
 SENSORS = (RATES[:3], RATES[3:])
 """Channels that one sensor has: a Doppler log, a gyro."""
+COARSE = 0.5
+"""Root mean square change of a rate in steps half as long, over its noise, from which steps are too long."""
 DRAWS = 32
 """Vehicles drawn from the priors, beside the one at their means, to see whether they go the same way."""
 
@@ -95,13 +97,14 @@ def _judge(campaign: Campaign, record: Record) -> RecordJudgement:
         for finding in check_samples(name, column, campaign.noise[name], ATTITUDE if name in QUATERNION else name)
     ]
     findings += check_thrusters(campaign, record)
-    if not np.isfinite(expected).all():
-        remedy = "narrow the priors, so that the vehicle at their means can be simulated over this record"
-        findings.append(
-            RecordFinding(
-                "motion", "direction", "caution", "the vehicle at the prior means runs away", "finite", remedy
-            )
-        )
+    runs_away = not np.isfinite(expected).all()
+    steps = _steps(campaign, record, alone, tried, control, expected)
+    findings += steps
+    if runs_away:
+        if not steps:
+            remedy = "check units and signs, or narrow the priors, so that the vehicle at their means can be simulated over this record"
+            value = "the vehicle at the prior means runs away"
+            findings.append(RecordFinding("motion", "direction", "caution", value, "it must not", remedy))
         return RecordJudgement(record, tuple(findings), tuple(record_cautions(record)))
     usual, unsaid = float(np.median(np.diff(record.time))), []
     turns = [name for name in measured if name in QUATERNION]
@@ -130,6 +133,31 @@ def _judge(campaign: Campaign, record: Record) -> RecordJudgement:
     else:
         findings += _excitation(plan, priors, mean, control)
     return RecordJudgement(record, tuple(findings), tuple(record_cautions(record)))
+
+
+def _steps(
+    campaign: Campaign, record: Record, alone: TrialPlan, tried: np.ndarray, control: np.ndarray, expected: np.ndarray
+) -> list[RecordFinding]:
+    """Say where the vehicle at the prior means moves otherwise in steps half as long; of the first half, which has as many of them."""
+    half, size = record.time.size // 2, control.shape[0]
+    rates = [index for index, name in enumerate(campaign.channels) if name in RATES]
+    if not half or not rates or record.provenance.source == SIMULATED:
+        return []
+    finer = replace(alone, step=filled(np.repeat(np.asarray(alone.step)[:half], 2) / 2, size, 0.0))
+    shown = np.asarray(_shown(finer, tried, filled(np.repeat(control[:half], 2, axis=0), size)))[0, : 2 * half : 2]
+    noise = np.array([campaign.noise[campaign.channels[index]] for index in rates])
+    with np.errstate(over="ignore", invalid="ignore"):
+        off = np.sqrt(np.mean(((shown - expected[:half])[:, rates] / noise) ** 2, axis=0))
+    usual = float(np.median(np.diff(record.time)))
+    names = ", ".join(campaign.channels[index] for index, far in zip(rates, off, strict=True) if not far <= COARSE)
+    if not names or not np.isfinite(shown).all():
+        return []
+    differ = (
+        f"they differ by up to {off.max():.2g} times the noise" if np.isfinite(off).all() else "they do not run away"
+    )
+    value = f"in steps half as long {differ}"
+    remedy = f'the simulation\'s steps of {usual:.2g} s are too long for so quick a vehicle: step = "{usual / 4:.2g} s" under [import]'
+    return [RecordFinding(names, "step", "caution", value, f"under {COARSE:g}", remedy)]
 
 
 def _excitation(

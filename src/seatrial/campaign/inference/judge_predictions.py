@@ -17,6 +17,7 @@ from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.dataset import Dataset
 from seatrial.core.dataset_file import open_dataset
 from seatrial.core.record import Record
+from seatrial.core.signals import ACTUAL
 from seatrial.estimation.filter_error import FilterError
 from seatrial.estimation.fit_verdict import LEVELS, POOR, FitVerdict, explained_short, judge_fit, worst
 from seatrial.estimation.fitted_range import outside_fitted
@@ -316,6 +317,8 @@ def _ahead(piece: Mapping[str, Any], record: Record) -> dict[str, ShortHorizon]:
 def _unseen(piece: Mapping[str, Any], record: Record) -> str:
     """Say which states would have to be measured for scores over short horizons; empty where all are."""
     unseen = [name for name in piece["output"].simulator.model.states if name not in record.measured]
+    if any(name.endswith(ACTUAL) for name in unseen):
+        unseen = [*(name for name in unseen if not name.endswith(ACTUAL)), "what the actuators with a lag have reached"]
     words = "it has no scores over short horizons, which begin at measured states; not measured:"
     return f"{words} {listed(unseen)}" if unseen else ""
 

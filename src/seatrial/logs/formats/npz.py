@@ -1,7 +1,7 @@
 """NumPy archives: a table for each clock, of the arrays with as many rows, or one fewer, which then hold between two samples.
 
-Arrays of one or two axes are read, by their name, or name and element such as `velocities[2]`; nothing in the file is ever run: arrays of
-Python objects are passed over. Without a clock the arrays of one number of rows are a table.
+Arrays of one or two axes are read, by their name, or name and element such as `velocities[2]`, and instants (`datetime64`) in their unit;
+nothing in the file is ever run: arrays of Python objects are passed over. Without a clock the arrays of one number of rows are a table.
 """
 
 import zipfile
@@ -31,19 +31,27 @@ _LONGEST_HEADER = 10_000
 _MOST_ARRAYS = 10_000
 _MOST_BYTES = 1 << 29
 """Of one array."""
+_SHOWN = 8
+"""Arrays that are not read, of which the names are told."""
+_UNITS = {
+    (name, 1): unit for name, unit in {"ns": "ns", "us": "us", "ms": "ms", "s": "s", "m": "min", "h": "h"}.items()
+}
+"""Units of `datetime64`."""
 _READERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
 
 
 class _Array(NamedTuple):
-    """A numeric array of the archive: its name, and rows and elements of each."""
+    """An array of the archive that is read: its name, rows, elements of each, and unit of instants."""
 
     name: str
     rows: int
     elements: int | None
+    unit: str | None
 
-    def columns(self) -> list[str]:
-        """Names of its columns."""
-        return [self.name] if self.elements is None else [f"{self.name}[{k}]" for k in range(self.elements)]
+    def columns(self) -> list[ColumnInfo]:
+        """Its columns."""
+        names = [self.name] if self.elements is None else [f"{self.name}[{k}]" for k in range(self.elements)]
+        return [ColumnInfo(name, self.unit) for name in names]
 
 
 def _recognises(path: Path, head: bytes) -> bool:
@@ -52,19 +60,20 @@ def _recognises(path: Path, head: bytes) -> bool:
 
 def _catalogue(log: LogFile) -> tuple[TableInfo, ...]:
     with _opened(log) as archive:
-        tables = _tables(_arrays(archive, log))
+        arrays, notes = _arrays(archive, log)
+        tables = _tables(arrays)
     found = []
     for name, arrays in tables.items():
-        clocks, infos = clocks_among([ColumnInfo(column) for array in arrays for column in array.columns()])
+        clocks, infos = clocks_among([column for array in arrays for column in array.columns()])
         first = (name,) if name in clocks else ()
         clocks = first + tuple(clock for clock in clocks if clock != name)
-        found.append(TableInfo(name, infos, clocks, max(array.rows for array in arrays)))
+        found.append(TableInfo(name, infos, clocks, max(array.rows for array in arrays), notes=notes))
     return tuple(found)
 
 
 def _blocks(log: LogFile, wanted: Wanted) -> Iterator[Block]:
     with _opened(log) as archive:
-        tables = _tables(_arrays(archive, log))
+        tables = _tables(_arrays(archive, log)[0])
         for name, columns in wanted.items():
             rows = max(array.rows for array in tables[name])
             loaded = {column: _column(archive, log, column, rows) for column in columns}
@@ -79,20 +88,19 @@ def _opened(log: LogFile) -> Iterator[zipfile.ZipFile]:
         yield archive
 
 
-def _arrays(archive: zipfile.ZipFile, log: LogFile) -> list[_Array]:
-    """Numeric arrays of one or two axes and two rows or more."""
+def _arrays(archive: zipfile.ZipFile, log: LogFile) -> tuple[list[_Array], tuple[str, ...]]:
+    """Arrays of numbers and instants, of one or two axes and two rows or more; and which others there are, for the user."""
     names = [info.filename for info in archive.infolist() if info.filename.endswith(_NPY)]
-    found = []
+    found, others = [], []
     for name in names[:_MOST_ARRAYS]:
         with archive.open(name) as stream:
             shape, kind, _ = _header(stream)
-        if (
-            kind.kind in "biuf"
-            and len(shape) in (1, 2)
-            and shape[0] >= 2
-            and (len(shape) == 1 or shape[1] <= MOST_ELEMENTS)
-        ):
-            found.append(_Array(name.removesuffix(_NPY), shape[0], None if len(shape) == 1 else shape[1]))
+        unit = _UNITS.get(np.datetime_data(kind)) if kind.kind == "M" else None
+        elements = None if len(shape) == 1 else shape[-1] if len(shape) == 2 else MOST_ELEMENTS + 1
+        if (kind.kind in "biuf" or unit) and shape and shape[0] >= 2 and (elements or 0) <= MOST_ELEMENTS:
+            found.append(_Array(name.removesuffix(_NPY), shape[0], elements, unit))
+        else:
+            others.append(f"{name.removesuffix(_NPY)} ({kind}, shape {shape})")
     if not found:
         raise InputError(
             str(log.path),
@@ -100,13 +108,14 @@ def _arrays(archive: zipfile.ZipFile, log: LogFile) -> list[_Array]:
             expected="arrays of one or two axes, of which each row is a sample",
             remedy="save them by np.savez; arrays of Python objects are not read",
         )
-    return found
+    left = f" and {len(others) - _SHOWN} more" if len(others) > _SHOWN else ""
+    return found, (f"arrays that are not read: {', '.join(others[:_SHOWN])}{left}",) if others else ()
 
 
 def _tables(arrays: list[_Array]) -> dict[str, list[_Array]]:
     """Arrays by the clock they go with; those without one by their number of rows."""
     singles = [array for array in arrays if array.elements is None]
-    clocks, _ = clocks_among([ColumnInfo(array.name) for array in singles])
+    clocks, _ = clocks_among([column for array in singles for column in array.columns()])
     tables: dict[str, list[_Array]] = {}
     for name in clocks:
         rows = next(array.rows for array in singles if array.name == name)

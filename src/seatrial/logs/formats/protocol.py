@@ -204,13 +204,13 @@ def optional(module: str, extra: str, path: Path) -> Any:
 
 
 def as_column(values: np.ndarray) -> np.ndarray:
-    """Return the numbers as int64 where that is exact, else as float64."""
+    """Return numbers, and instants in their unit, as int64 where that is exact, else as float64."""
     if values.dtype.kind == "u" and values.dtype.itemsize == 8 and values.size and values.max() >= 2**63:
         return values.astype(float)
     if values.dtype.kind == "b":
         return values.astype(np.int64)
     with np.errstate(invalid="ignore"):
-        return values.astype(np.int64 if values.dtype.kind in "iu" else float)
+        return values.astype(np.int64 if values.dtype.kind in "iuM" else float)
 
 
 def clock_unit(name: str, stated: str | None = None) -> str | None:
