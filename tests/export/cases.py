@@ -9,6 +9,7 @@ from seatrial.export.target import Carried, Exporter, Statement
 from seatrial.export.vehicle import CoefficientEstimates, ExportedVehicle, ExportProvenance, of_published
 from seatrial.vehicles.actuators import Actuator
 from seatrial.vehicles.catalogue import load_vehicle
+from seatrial.vehicles.tether import Tether
 
 SIGN = np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0])
 COUNT = 1000
@@ -55,6 +56,12 @@ def rich() -> ExportedVehicle:
     }
     linear = {"X_u": -1.2, "Y_v": -3.0, "Y_r": 0.4, "Z_w": -2.0, "K_p": -0.05, "M_q": -0.7, "N_r": -0.6, "N_v": 0.3}
     return replace(with_terms(vehicle, **linear), hull=hull, actuators=actuators)
+
+
+def towing(name="bluerov2_heavy") -> ExportedVehicle:
+    """A published vehicle with a tether."""
+    vehicle = published(name)
+    return replace(vehicle, hull=replace(vehicle.hull, tether=Tether((-0.3, 0.0, -0.1), 5.0, 30.0)))
 
 
 def states(vehicle: ExportedVehicle, seed=0, count=COUNT):

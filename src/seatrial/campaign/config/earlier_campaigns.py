@@ -22,7 +22,7 @@ Found = Mapping[str, tuple[float, float]]
 
 
 def found_before(folder: Path, items: Sequence[str], keys: FileKeys) -> Found:
-    """Return what earlier campaigns found of every coefficient, thruster and centre of buoyancy; the last one counts.
+    """Return what earlier campaigns found of every coefficient and every other unknown of the vehicle; the last one counts.
 
     Args:
         folder: of this campaign.
@@ -56,14 +56,14 @@ def found_before(folder: Path, items: Sequence[str], keys: FileKeys) -> Found:
 
 
 def unknowns_before(found: Found) -> dict[str, PriorTable]:
-    """Return the priors of what no coefficient is: of a gain, a share or a lag log-normal, of what may have either sign normal.
+    """Return the priors of what no coefficient is: of a gain, a share, a lag or a tether log-normal, of what may have either sign normal.
 
     Args:
         found: by earlier campaigns.
     """
     return {
         name: PriorTable(distribution="log-normal", median=mean, factor=1.0 + sd / mean)
-        if name.startswith(("gain_", "reverse_", "lag_")) and mean > 0
+        if name.startswith(("gain_", "reverse_", "lag_", "tether_")) and mean > 0
         else PriorTable(distribution="normal", mean=mean, sd=sd)
         for name, (mean, sd) in found.items()
         if UNKNOWN.fullmatch(name)
