@@ -239,8 +239,9 @@ def _check_tether(
             expected="three finite numbers",
             remedy="give them forward, starboard and down of the body's origin, in m",
         )
-    check_number(tether.linear, f"{place}, linear", least=0.0)
-    check_number(tether.quadratic, f"{place}, quadratic", least=0.0)
+    for key in ("linear", "quadratic"):
+        remedy = "a drag against the motion is positive"
+        check_number(getattr(tether, key), f"{place}, {key}", least=0.0, remedy=remedy)
     sought = [one.name for one in tether.unknowns if one.name in unknowns]
     if not sought:
         return
