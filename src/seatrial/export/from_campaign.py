@@ -105,8 +105,8 @@ def _alone(campaign: Campaign, estimate: Estimate) -> tuple[ExportedVehicle, Exp
     common, beside = {"coefficients": coefficients, "estimated": estimated}, {}
     if isinstance(vehicle, WholeVehicle):
         model, tether = vehicle.model(structure), vehicle.hull.tether
-        sought = tuple(one.name for one in model.unknowns if one.name in estimate.names)
-        beside = dict(zip(sought, map(float, estimate.draws(sought).mean(0)), strict=True))
+        sought = [one.name for one in model.unknowns if one.name in estimate.names]
+        beside = {name: float(estimate.draws([name]).mean()) for name in sought}
         moves = tuple(rate for rate in RATES if rate in vehicle.body.moves) or ("u",)
         result = ExportedVehicle(
             hull.name,
