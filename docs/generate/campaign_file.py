@@ -15,6 +15,7 @@ HEADINGS: dict[str, type[BaseModel]] = {
     "[vehicle.actuators.CONTROL]": schema.ActuatorTable,
     "[[vehicle.thrusters]]": schema.ThrusterTable,
     "[vehicle.thrust_laws.NAME]": schema.ThrustLawTable,
+    "[vehicle.tether]": schema.TetherTable,
     "[structure]": schema.StructureTable,
     "[prior.NAME]": schema.PriorTable,
     "[sensors.CHANNEL]": schema.SensorTable,
@@ -67,6 +68,7 @@ term that is left out is 0. These are allowed too:
 | `sigma_CHANNEL` | that of the channel | its noise, if it is not that of `[sensors]` |
 | `tau_CHANNEL`, `dof_CHANNEL` | s, 1 | correlation time of that noise, or degrees of freedom of its heavy tails |
 | `lag_CONTROL` | s | time constant of an actuator, which no structure has |
+| `net_weight`, `x_b`, `gain_f`, `tether_linear`, … | that of its prior | another unknown of the vehicle that has a prior |
 | `process_STATE` | that of the state | process noise: what it adds to a state in one second |
 """
 

@@ -34,7 +34,7 @@ MEANINGS: dict[str, dict[str, tuple[str, str]]] = {
         "known_from": (
             "",
             "folders of earlier campaigns: a coefficient they found becomes a prior if it is estimated here, else a fixed value; "
-            "gains, dead zones and lags of thrusters, net weight and centre of buoyancy become priors",
+            "gains, dead zones and lags of thrusters, net weight, centre of buoyancy and drag of a tether become priors",
         ),
         "thrust_deduction": ("1", "thrust deduction t_d: share of the thrust that the hull takes back"),
         "wake": ("1", "wake fraction: share by which the water reaches the propeller more slowly"),
@@ -45,6 +45,7 @@ MEANINGS: dict[str, dict[str, tuple[str, str]]] = {
         ),
         "thrusters": ("", "place and direction of each thruster, in place of those of the catalogue"),
         "thrust_laws": ("", "thrust of logged commands, by name"),
+        "tether": ("", "drag of a tether at a point of the vehicle"),
         "added_coriolis": ("", "whether Coriolis forces of the added mass are terms, or follow from it"),
     },
     "ActuatorTable": {
@@ -52,6 +53,17 @@ MEANINGS: dict[str, dict[str, tuple[str, str]]] = {
         "lower": ("that of the control", "smallest command"),
         "upper": ("that of the control", "largest command"),
         "rate": ("that of the control, per second", "largest rate of change"),
+    },
+    "TetherTable": {
+        "point": (
+            "length",
+            "where it is made fast, forward, starboard and down of the body's origin; the origin if not given",
+        ),
+        "linear": ("force per speed", "drag per m/s of the point; a guess if `[prior.tether_linear]` seeks it"),
+        "quadratic": (
+            "force per speed squared",
+            "drag per square of the point's speed; a guess if `[prior.tether_quadratic]` seeks it",
+        ),
     },
     "ThrustLawTable": {
         "curve": ("", "CSV with a header and two columns: the command, and the thrust in N"),

@@ -9,6 +9,7 @@ from seatrial.export.target import Carried, Exporter, Statement
 from seatrial.export.vehicle import CoefficientEstimates, ExportedVehicle, ExportProvenance, of_published
 from seatrial.vehicles.actuators import Actuator
 from seatrial.vehicles.catalogue import load_vehicle
+from seatrial.vehicles.tether import Tether
 
 SIGN = np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0])
 COUNT = 1000
@@ -62,6 +63,12 @@ def commanded():
     frame = published("bluerov2_heavy")
     frame = replace(frame, hull=replace(frame.hull, trim={**frame.hull.trim, "V": 16.0}))
     return with_terms(frame, T_f=0.85, T_absf=-0.06, T_uabsf=-0.1, T_fdV=0.05)
+
+
+def towing(name="bluerov2_heavy") -> ExportedVehicle:
+    """A published vehicle with a tether."""
+    vehicle = published(name)
+    return replace(vehicle, hull=replace(vehicle.hull, tether=Tether((-0.3, 0.0, -0.1), 5.0, 30.0)))
 
 
 def states(vehicle: ExportedVehicle, seed=0, count=COUNT):

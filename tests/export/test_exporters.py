@@ -11,10 +11,10 @@ from seatrial.core.errors import InputError
 from seatrial.export import manoeuvre
 from seatrial.export.motion import motion_of
 from seatrial.export.vehicle import of_published, rest_for
-from seatrial.export.write import EXPORTERS, export_vehicle, loss_words, make_exporter, state
+from seatrial.export.write import EXPORTERS, carried_by, export_vehicle, loss_words, make_exporter, state
 from seatrial.vehicles.actuators import Actuator
 from seatrial.vehicles.catalogue import load_vehicle
-from tests.export.cases import HOSTILE, PROVENANCE, published, rich, states, with_terms
+from tests.export.cases import HOSTILE, PROVENANCE, published, rich, states, towing, with_terms
 
 OWN = ("json", "csv")
 
@@ -212,3 +212,20 @@ def test_a_target_that_runs_away_is_said_to(monkeypatch):
             return make_exporter("json").carries(with_terms(vehicle, X_uabsu=500.0))._replace(lost=("drag",))
 
     assert "u runs away in the target" in loss_words(state(Wild(), vehicle, PROVENANCE).loss)
+
+
+@pytest.mark.parametrize("name", EXPORTERS)
+def test_no_target_keeps_a_tether_and_each_says_so(name, tmp_path, monkeypatch):
+    """The files are those of the vehicle without it but for the statement, and what it does to the motion is lost."""
+    monkeypatch.setattr(manoeuvre, "DURATION", 8.0)
+    exporter, kind = make_exporter(name), "bluerov2_heavy" if name in (*OWN, "gz") else "remus100_hall_anstee"
+    vehicle, towed = published(kind), towing(kind)
+    statement, paths = export_vehicle(exporter, towed, PROVENANCE, tmp_path / "towing")
+    words = "not supported: tether drag of 5 kg/s and 30 kg/m at (-0.3, 0, -0.1) m"
+    assert words in statement.lines
+    assert max(change.largest for change in statement.loss) > 0.01
+    assert all(words in path.read_text() for path in paths)
+    nu, phi, theta, controls = states(vehicle, count=1)
+    here = nu[:, 0], float(phi[0]), float(theta[0]), {key: float(value[0]) for key, value in controls.items()}
+    np.testing.assert_array_equal(carried_by(exporter, towed).motion(*here), exporter.carries(vehicle).motion(*here))
+    assert np.abs(motion_of(towed)(*here) - motion_of(vehicle)(*here)).max() > 0.01

@@ -9,6 +9,7 @@ from seatrial.core.errors import InputError
 from seatrial.core.signals import RATES
 from seatrial.export.from_campaign import of_campaign
 from seatrial.export.write import of_catalogue
+from seatrial.vehicles.tether import Tether
 from tests.export.finished import finished
 
 WHOLE = (
@@ -87,6 +88,23 @@ def test_a_whole_campaign_brings_its_own_rest(monkeypatch, tmp_path):
     assert vehicle.coefficients["N_rabsr"] == -94.0
     assert vehicle.coefficients["X_u"] != 0
     assert "motion in u, w, q" in provenance.structure
+
+
+def test_what_was_found_of_a_tether_goes_along_and_of_other_unknowns_is_told(monkeypatch, tmp_path):
+    """Both by the means of the posterior; what has no prior is as stated."""
+    sought = {"tether_linear": "log-normal", "net_weight": "normal"}
+    numbers = {"log-normal": "median = 5.0\nfactor = 2.0", "normal": "mean = 0.0\nsd = 4.0"}
+    priors = "".join(f'[prior.{name}]\ndistribution = "{kind}"\n{numbers[kind]}\n\n' for name, kind in sought.items())
+    tether = '[vehicle.tether]\npoint = ["-0.7 m", "0 m", "0.1 m"]\nquadratic = "3 kg/m"\n\n'
+    changes = (*WHOLE, ("[structure]", f"{tether}[structure]"), ("[sensors.u]", f"{priors}[sensors.u]"))
+    folder = finished(monkeypatch, tmp_path / "c", *changes, beside=tuple(sought))
+    data = open_dataset(folder / "results" / "posterior" / "M-0.nc")["draws"]
+    mean = {name: float(data.sel(parameter=name).values.mean()) for name in sought}
+    for rest in (None, "remus100_prestero"):
+        vehicle, provenance = of_campaign(folder, rest=rest)
+        assert vehicle.hull.tether == Tether((-0.7, 0.0, 0.1), pytest.approx(mean["tether_linear"]), 3.0)
+        assert f"net_weight = {mean['net_weight']:.4g} was found and is not in this export" in provenance.cautions
+        assert not any("tether" in line for line in provenance.cautions)
 
 
 def test_results_of_another_configuration_are_refused(monkeypatch, tmp_path):

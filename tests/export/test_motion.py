@@ -8,13 +8,13 @@ import pytest
 from seatrial.export.motion import force_of, motion_of
 from seatrial.export.rigid_body import body_of, drives_of, fin_force, fins_of, point_mass, volume_of
 from seatrial.export.terms import all_products, automatic_products, product_name, sorted_terms
-from tests.export.cases import assert_equal, commanded, own_force, published, rich, states, with_terms
+from tests.export.cases import assert_equal, commanded, own_force, published, rich, states, towing, with_terms
 
 
 @pytest.mark.parametrize(
     "vehicle",
-    [published(), rich(), published("bluerov2_heavy"), commanded()],
-    ids=["published", "rich", "frame", "commanded"],
+    [published(), rich(), published("bluerov2_heavy"), commanded(), towing()],
+    ids=["published", "rich", "frame", "commanded", "tether"],
 )
 def test_forces_are_those_of_the_model(vehicle):
     nu, phi, theta, controls = states(vehicle)

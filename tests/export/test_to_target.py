@@ -1,11 +1,13 @@
 """Exports in one call: the catalogue's vehicle, one's own with draws, and what is refused."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import seatrial as st
+from seatrial.vehicles.tether import Tether
 
 VEHICLE = st.load_vehicle("remus100_surge")
 
@@ -32,6 +34,15 @@ def test_means_of_draws_take_their_places(tmp_path):
     assert f"X_u = {draws['X_u'].mean():.6g}" in "\n".join(statement.lines)
     assert repr(float(draws["X_u"].mean()))[:10] in json.dumps(content)
     assert "-2.93" in json.dumps(content)
+
+
+def test_means_of_a_tether_s_draws_take_their_places_too(tmp_path):
+    frame = st.load_vehicle("bluerov2_heavy")
+    towed = replace(frame, hull=replace(frame.hull, tether=Tether((-0.2, 0.0, 0.0), 1.0, 2.0)))
+    draws = drawn(X_u=-6.0, tether_linear=7.0)
+    statement, _ = st.export_vehicle(towed, "csv", tmp_path, draws=draws)
+    words = f"tether drag of {draws['tether_linear'].mean():.4g} kg/s and 2 kg/m at (-0.2, 0, 0) m"
+    assert f"not supported: {words}" in statement.lines
 
 
 def test_what_has_no_meaning_is_refused(tmp_path):

@@ -3,9 +3,8 @@
     x_i(t_b) - x_i(t_a) = integral over (t_a, t_b) of f_i(x, c; coefficients) dt
 
 for the measured velocities x_i over windows, the states between samples on straight lines; of a vehicle that is held, the impulse of each
-measured force in place of the change of x_i. Forces are linear in all coefficients but
-added masses, and in gains, net weight and centre of buoyancy, so few Gauss-Newton steps end it; noise in the states draws it aside,
-which a place to start from may be.
+measured force in place of the change of x_i. Forces are linear in all coefficients but added masses, and in gains, net weight, centre of
+buoyancy and drag of a tether, so few Gauss-Newton steps end it; noise in the states draws it aside, which a place to start from may be.
 """
 
 from collections.abc import Mapping, Sequence

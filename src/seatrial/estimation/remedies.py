@@ -23,6 +23,8 @@ def what_separates(names: Sequence[str]) -> str:
         return "fix the mass (weigh the vehicle), or fix the thrust by a bollard pull"
     if "T" in axes and len(axes) > 1:
         return "fix the thrust by a bollard pull, or add a coast-down with the propeller stopped"
+    if any(name.startswith("tether_") for name in names):
+        return "a trial that moves along and about several axes at once, or the same trial without the tether"
     if any(name.startswith("gain_") for name in names):
         return "fix the thrust by a bollard pull, or the other by a measurement of its own"
     if any(name.startswith("dead_") for name in names):

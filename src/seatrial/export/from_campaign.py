@@ -39,6 +39,7 @@ from seatrial.vehicles.actuators import Actuator
 from seatrial.vehicles.catalogue import load_vehicle
 from seatrial.vehicles.hull import GRAVITY, Hull
 from seatrial.vehicles.model import VehicleModel
+from seatrial.vehicles.tether import TETHER
 
 
 def of_campaign(
@@ -108,13 +109,15 @@ def _alone(campaign: Campaign, estimate: Estimate) -> tuple[ExportedVehicle, Exp
     estimated = _estimated(estimate, structure)
     means = dict(zip(estimated.names, map(float, estimated.mean), strict=True))
     coefficients = {**hull.fixed, **means}
-    common = {"coefficients": coefficients, "estimated": estimated}
+    common, beside = {"coefficients": coefficients, "estimated": estimated}, {}
     if isinstance(vehicle, WholeVehicle):
-        model = vehicle.model(structure)
+        model, tether = vehicle.model(structure), vehicle.hull.tether
+        sought = [one.name for one in model.unknowns if one.name in estimate.names]
+        beside = {name: float(estimate.draws([name]).mean()) for name in sought}
         moves = tuple(rate for rate in RATES if rate in vehicle.body.moves) or ("u",)
         result = ExportedVehicle(
             hull.name,
-            replace(vehicle.hull, fixed={}),
+            replace(vehicle.hull, fixed={}, tether=tether and tether.at(beside)),
             moves=moves,
             added_coriolis=vehicle.body.added_coriolis,
             thrusters=vehicle.body.thrusters,
@@ -151,7 +154,14 @@ def _alone(campaign: Campaign, estimate: Estimate) -> tuple[ExportedVehicle, Exp
             f"{'body' if result.knows_body else 'mass'}{', and ' + ' '.join(given) if given else ''}: {where}",
             *_limit_words(campaign.family.control, campaign.limits, result),
         ),
-        tuple(estimate.alarms),
+        (
+            *estimate.alarms,
+            *(
+                f"{name} = {x:.4g} was found and is not in this export"
+                for name, x in beside.items()
+                if name not in TETHER
+            ),
+        ),
         _current(estimate),
     )
 
@@ -188,6 +198,7 @@ def _with_rest(
         mass=own,
         thrust_deduction=alone.hull.thrust_deduction,
         trim={**published.hull.trim, **alone.hull.trim},
+        tether=alone.hull.tether,
     )
     result = replace(
         published,

@@ -60,6 +60,8 @@ def force_of(vehicle: ExportedVehicle) -> Motion:
         nu = np.asarray(nu, float)
         known = {**dict(zip(RATES, nu, strict=True)), "phi": phi, "theta": theta, "psi": 0.0, **controls}
         result = -coriolis_force(coriolis, nu) + restoring_force(hull.weight - hull.buoyancy, righting, phi, theta)
+        for axis, pull in enumerate(() if hull.tether is None else hull.tether.force(tuple(nu))):
+            result[axis] += pull
         for axis, name, value in acting:
             result[axis] += value * name.regressor(known, hull.trim)
         if not vehicle.thrusters and thrust:

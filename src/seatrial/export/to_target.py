@@ -90,8 +90,13 @@ def of_estimates(vehicle: PublishedVehicle, draws: Draws | None = None) -> tuple
     estimated = CoefficientEstimates(names, table.mean(0), np.sqrt(np.diag(covariance)), covariance)
     means = dict(zip(names, map(float, estimated.mean), strict=True))
     cautions = tuple(draws.complaints())
+    tether = found.hull.tether
+    if tether is not None:
+        pulled = tuple(one.name for one in tether.unknowns if one.name in draws.names)
+        tether = tether.at({name: float(draws.array((name,)).mean()) for name in pulled})
+    hull, every = replace(found.hull, tether=tether), {**found.coefficients, **means}
     return (
-        replace(found, coefficients={**found.coefficients, **means}, estimated=estimated),
+        replace(found, hull=hull, coefficients=every, estimated=estimated),
         replace(provenance, run="own records", cautions=cautions),
     )
 

@@ -1,6 +1,7 @@
 """Writing an export: the exporter by the name that `--to` takes, the vehicle checked first, then every file whole, or none."""
 
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -51,7 +52,7 @@ def state(exporter: Exporter, vehicle: ExportedVehicle, provenance: ExportProven
         vehicle: to export.
         provenance: where it comes from.
     """
-    carried, own = exporter.carries(vehicle), motion_of(vehicle)
+    carried, own = carried_by(exporter, vehicle), motion_of(vehicle)
     plan = plan_for(vehicle, own)
     before = run_manoeuvre(own, vehicle.actuators, plan)
     same = not (carried.lost or carried.changed)
@@ -60,6 +61,17 @@ def state(exporter: Exporter, vehicle: ExportedVehicle, provenance: ExportProven
     drifted = _loss_in_current(vehicle, carried, plan, provenance.current)
     result = Statement(exporter.target, provenance, carried, loss, plan.words, (), growth_rate(own, plan), drifted)
     return result._replace(lines=tuple(_lines(vehicle, result, command_line(vehicle, carried, plan))))
+
+
+def carried_by(exporter: Exporter, vehicle: ExportedVehicle) -> Carried:
+    """Return what a target keeps of a vehicle; a tether is kept by none."""
+    carried, tether = exporter.carries(untethered(vehicle)), vehicle.hull.tether
+    return carried if tether is None else carried._replace(lost=(*carried.lost, tether.words))
+
+
+def untethered(vehicle: ExportedVehicle) -> ExportedVehicle:
+    """Return the vehicle that a target is given."""
+    return replace(vehicle, hull=replace(vehicle.hull, tether=None))
 
 
 def loss_words(loss: Iterable[Change]) -> str:
@@ -84,9 +96,9 @@ def export_vehicle(
     Raises:
         InputError: a vehicle that the target cannot hold or would make unstable; nothing is written then.
     """
-    exporter.check(vehicle)
+    exporter.check(untethered(vehicle))
     statement = state(exporter, vehicle, provenance)
-    texts = exporter.write(vehicle, statement)
+    texts = exporter.write(untethered(vehicle), statement)
     for name, text in texts.items():
         write_text(folder / name, text)
     return statement, [folder / name for name in texts]

@@ -19,6 +19,7 @@ from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError
 from seatrial.core.signals import RATES
 from seatrial.vehicles.model import Params, Unknown
+from seatrial.vehicles.tether import Tether
 
 GRAVITY = 9.81
 """m/s^2, as most sources round it."""
@@ -45,6 +46,7 @@ class Hull:
         wake: w, the part of the speed that the water behind the hull lacks; a propeller meets (1 - w) u.
         fixed: coefficients that are not estimated, SI.
         trim: equilibrium about which the vehicle works: signal name to SI value.
+        tether: that it drags along; None without one.
     """
 
     name: str
@@ -59,6 +61,7 @@ class Hull:
     wake: float = 0.0
     fixed: Mapping[str, float] = field(default_factory=dict)
     trim: Mapping[str, float] = field(default_factory=dict)
+    tether: Tether | None = None
 
     @property
     def righting(self) -> tuple[float, float, float]:

@@ -68,7 +68,7 @@ def forces_of(
     """Return the forces on the six axes but weight and buoyancy: one coefficient for each regressor, made of all that multiply it.
 
     Args:
-        hull: with thrust deduction, wake and trim.
+        hull: with thrust deduction, wake, trim and tether.
         named: all coefficients that act.
         fixed: values of those that are known, SI.
         freedom: what moves.
@@ -114,6 +114,8 @@ def forces_of(
                 push = total(times(values[term.text], term.regressor(local, hull.trim)) for term in thrust)
             push = real_thrust(values, control, push)
             results = [total((force, times(x, push))) for force, x in zip(results, column, strict=True)]
+        if hull.tether is not None:
+            results = [total(parts) for parts in zip(results, hull.tether.force(velocity, values), strict=True)]
         return results
 
     return forces
@@ -240,7 +242,7 @@ def whole_vehicle(
     without a part in the motion are left out; free ones are refused, see `freedom.acting_terms`.
 
     Args:
-        hull: rigid body, weight, buoyancy, fixed coefficients and trim.
+        hull: rigid body, weight, buoyancy, tether, fixed coefficients and trim.
         terms: coefficient names on any axis but Q; those fixed by the hull are left out of `params`.
         moves: velocities that are states, of u v w p q r; the others are zero. None of them for a vehicle that is held by gauges.
         given: velocities and angles that are measured, and enter as controls.
@@ -253,8 +255,8 @@ def whole_vehicle(
         thrusters: those of an open frame, driven by n_1, n_2, …, by the terms of T; or, without such terms, by forces f_1, f_2, ….
         actuators: lags and limits by control, see `with_actuators`.
         unknowns: numbers that are parameters beside the coefficients, where this vehicle has them: `net_weight`, `x_b`, `y_b`, `z_b`,
-            `gain_f_3` of one thruster, `gain_f` of all, `reverse_f`, their share of thrust astern, `dead_f`, their dead zone, and lags of
-            actuators.
+            `gain_f_3` of one thruster, `gain_f` of all, `reverse_f`, their share of thrust astern, `dead_f`, their dead zone, lags of
+            actuators, and `tether_linear` and `tether_quadratic` of a tether.
 
     Raises:
         InputError: malformed name, a signal the model lacks, two names of one regressor, an unphysical constant, or Coriolis forces twice.
@@ -267,7 +269,7 @@ def whole_vehicle(
         tuple(name for name in ANGLES if name in angles),
         current,
     )
-    check_whole(hull, terms, (moves, given, positions, angles, current), added_coriolis, thrusters)
+    check_whole(hull, terms, (moves, given, positions, angles, current), added_coriolis, thrusters, unknowns)
     free = tuple(CoefficientName.parse(term) for term in terms if term not in hull.fixed)
     model = assemble(hull, free, freedom, added_coriolis, tuple(thrusters), tuple(unknowns))
     model = with_actuators(model, actuators, unknowns) if actuators else model
@@ -369,6 +371,7 @@ def assemble(
         *(() if moving else HELD),
     )
     constants = _constants(hull, fixed, named, freedom, added_coriolis, thrusters)
+    pulled = () if hull.tether is None else hull.tether.unknowns
     return VehicleModel(
         hull.name,
         states,
@@ -379,7 +382,7 @@ def assemble(
         derivative,
         {name: shown(name) for name in views},
         tuple(AXES[i] for i in moving),
-        (*floating, *(one for one in thrust_unknowns(controls, thrusters) if one.name in unknowns)),
+        (*floating, *(one for one in (*pulled, *thrust_unknowns(controls, thrusters)) if one.name in unknowns)),
     )
 
 
@@ -431,6 +434,7 @@ def _constants(
     current = freedom.current if isinstance(freedom.current, tuple) else ()
     matrix = rigid_mass_matrix(hull)
     trimmed = {signal for name in named for signal in name.trim_signals}
+    tether = () if hull.tether is None else (*hull.tether.point, hull.tether.linear, hull.tether.quadratic)
     vectors = (("righting", hull.righting), *(((f"thruster {i}", t.column)) for i, t in enumerate(thrusters, 1)))
     return (
         *((f"mass {i}{j}", float(matrix[i, j])) for i in range(6) for j in range(6) if matrix[i, j]),
@@ -440,6 +444,7 @@ def _constants(
         ("wake", hull.wake),
         ("automatic coriolis", float(added_coriolis == "automatic")),
         *((f"current {i}", x) for i, x in enumerate(current)),
+        *((f"tether {i}", x) for i, x in enumerate(tether)),
         *fixed.items(),
         *((f"trim {name}", hull.trim[name]) for name in hull.trim if name in trimmed),
     )

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from seatrial.core.argument_checks import as_number
+from seatrial.core.argument_checks import as_number, check_number
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError
 from seatrial.core.signals import ANGLES, POSITIONS, RATES
@@ -14,11 +14,17 @@ from seatrial.core.term_checks import check_each_once, check_trim
 from seatrial.vehicles.coriolis import entry_products
 from seatrial.vehicles.hull import AXES, Hull, added_mass_entry, added_mass_matrix, asymmetric_pairs, rigid_mass_matrix
 from seatrial.vehicles.model import VehicleModel
+from seatrial.vehicles.tether import LINEAR, Tether
 from seatrial.vehicles.thrusters import Thruster
 
 
 def check_whole(
-    hull: Hull, terms: Sequence[str], freedom: tuple, added_coriolis: str, thrusters: Sequence[Thruster]
+    hull: Hull,
+    terms: Sequence[str],
+    freedom: tuple,
+    added_coriolis: str,
+    thrusters: Sequence[Thruster],
+    unknowns: Sequence[str] = (),
 ) -> None:
     """Check a vehicle's parts; `freedom` is (moves, given, positions, angles, current).
 
@@ -28,6 +34,7 @@ def check_whole(
         freedom: what moves, as above.
         added_coriolis: see `whole_vehicle`.
         thrusters: of an open frame.
+        unknowns: sought beside the terms.
 
     Raises:
         InputError: see `whole_vehicle`.
@@ -53,6 +60,8 @@ def check_whole(
             remedy='"named" where terms such as X_wq are among the coefficients',
         )
     _check_mass(place, hull, moves)
+    if hull.tether is not None:
+        _check_tether(f"{place}, tether", hull, hull.tether, free, (moves, given), unknowns)
 
 
 def _check_freedom(
@@ -237,4 +246,53 @@ def check_has_state(model: VehicleModel) -> None:
             found="a vehicle that is held, whose thrusters have no lag",
             expected="the time constant with which the thrust follows its command",
             remedy='add lag = "0.1 s" to [vehicle.thrust_laws.NAME] or [vehicle.actuators.CONTROL]; [prior.lag_f] seeks it',
+        )
+
+
+def _check_tether(
+    place: str,
+    hull: Hull,
+    tether: Tether,
+    free: Iterable[CoefficientName],
+    motion: tuple[Sequence[str], Sequence[str]],
+    unknowns: Sequence[str],
+) -> None:
+    """Check a tether's numbers, and that what is sought of it is no damping by another name; `motion` is (moves, given)."""
+    if hull.mass is None:
+        raise InputError(
+            place, found="an unknown mass", expected="a mass: the drag is in newtons", remedy="give the mass"
+        )
+    if len(tether.point) != 3 or not np.isfinite(tether.point).all():
+        raise InputError(
+            f"{place}, point",
+            found=f"{tether.point}",
+            expected="three finite numbers",
+            remedy="give them forward, starboard and down of the body's origin, in m",
+        )
+    for key in ("linear", "quadratic"):
+        remedy = "a drag against the motion is positive"
+        check_number(getattr(tether, key), f"{place}, {key}", least=0.0, remedy=remedy)
+    sought = [one.name for one in tether.unknowns if one.name in unknowns]
+    if not sought:
+        return
+    moves, given = motion
+    moving = [i for i, rate in enumerate(RATES) if rate in moves]
+    felt = [j for j, rate in enumerate(RATES) if rate in (*moves, *given) and tether.damping[j, j] > 0]
+    if len(felt) < 2:
+        rate = RATES[felt[0]] if felt else "none"
+        raise InputError(
+            place,
+            found=f"{sought[0]} sought, where {rate} of {', '.join((*moves, *given))} moves its point",
+            expected="two velocities at least that move its point: its drag is told from damping by how it couples them",
+            remedy=f"seek damping such as {AXES[felt[0]]}_{rate} instead, or let the vehicle move in more axes"
+            if felt
+            else "give the point, or let the vehicle move in more axes",
+        )
+    same = {f"{AXES[i]}_{RATES[j]}" for i in moving for j in felt if tether.damping[i, j]}
+    if LINEAR in sought and same <= {name.text for name in free}:
+        raise InputError(
+            place,
+            found=f"{LINEAR} sought beside {', '.join(sorted(same))}, which together are the same force",
+            expected="damping that is known on one of these axes at least",
+            remedy=f"leave out one of these terms, or state the drag instead of [prior.{LINEAR}]",
         )

@@ -56,7 +56,7 @@ from seatrial.export.target import Exporter
 from seatrial.export.trials.trial import read_trial
 from seatrial.export.trials.write import FORMATS, check_format
 from seatrial.export.vehicle import ExportedVehicle
-from seatrial.export.write import EXPORTERS, make_exporter
+from seatrial.export.write import EXPORTERS, carried_by, make_exporter, untethered
 from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.manoeuvres.schedule import schedule_of
 from seatrial.report.figures.fit import Z90
@@ -114,10 +114,10 @@ def export_targets(folder: str, rest: str) -> tuple[ExportTarget, ...]:
 
 def _export_target(exporter: Exporter, vehicle: ExportedVehicle) -> ExportTarget:
     try:
-        exporter.check(vehicle)
+        exporter.check(untethered(vehicle))
     except InputError as error:
         return ExportTarget(exporter.name, False, _why_not(error), ())
-    return ExportTarget(exporter.name, False, "", exporter.carries(vehicle).lost)
+    return ExportTarget(exporter.name, False, "", carried_by(exporter, vehicle).lost)
 
 
 def _why_not(error: InputError) -> str:

@@ -26,7 +26,7 @@ Found = Mapping[str, tuple[float, float]]
 
 
 def found_before(folder: Path, table: VehicleTable, keys: FileKeys) -> Found:
-    """Return what earlier campaigns found of every coefficient, thruster and centre of buoyancy; the last one counts.
+    """Return what earlier campaigns found of every coefficient and every other unknown of the vehicle; the last one counts.
 
     Args:
         folder: of this campaign.
@@ -80,14 +80,14 @@ def _check_trim(path: Path, terms: Sequence[str], table: VehicleTable, where: st
 
 
 def unknowns_before(found: Found) -> dict[str, PriorTable]:
-    """Return the priors of what no coefficient is: of a gain, a share or a lag log-normal, of what may have either sign normal.
+    """Return the priors of what no coefficient is: of a gain, a share, a lag or a tether log-normal, of what may have either sign normal.
 
     Args:
         found: by earlier campaigns.
     """
     return {
         name: PriorTable(distribution="log-normal", median=mean, factor=1.0 + sd / mean)
-        if name.startswith(("gain_", "reverse_", "dead_", "lag_")) and mean > 0
+        if name.startswith(("gain_", "reverse_", "dead_", "lag_", "tether_")) and mean > 0
         else PriorTable(distribution="normal", mean=mean, sd=sd)
         for name, (mean, sd) in found.items()
         if UNKNOWN.fullmatch(name)

@@ -9,6 +9,8 @@ from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError
 from seatrial.estimation.simulation import CURRENT
 from seatrial.selection.structures import MAX_STRUCTURES
+from seatrial.vehicles.hull import Hull
+from seatrial.vehicles.tether import LINEAR, TETHER
 
 
 class Idle(NamedTuple):
@@ -54,6 +56,9 @@ def _vehicle(file: CampaignFile, campaign: Campaign) -> Iterator[Idle]:
         yield Idle("vehicle.attitude", "nothing that moves turns the vehicle", "remove it, or add p, q or r to `moves`")
     if table.actuators == "published" and table.catalogue is None:
         yield Idle("vehicle.actuators", "nothing is published of a vehicle by hand", "give a table for each actuator")
+    tether = campaign.hull.tether if isinstance(campaign.hull, Hull) else None
+    if tether is not None and not (tether.linear or tether.quadratic or set(TETHER) & set(campaign.priors)):
+        yield Idle("vehicle.tether", "it has no drag", f"give linear or quadratic, or [prior.{LINEAR}], or remove it")
 
 
 def _fixed(file: CampaignFile, campaign: Campaign) -> Iterator[Idle]:

@@ -25,6 +25,7 @@ from seatrial.estimation.priors import (
     truncated_normal,
 )
 from seatrial.estimation.sensor_errors import correlation_name, noise_name
+from seatrial.vehicles.tether import TETHER
 
 _BOUNDS = ("lower", "upper")
 _NUMBERS = (*_BOUNDS, "mean", "sd", "scale", "median", "factor")
@@ -118,6 +119,8 @@ def _check_used(tables: Mapping[str, PriorTable], keys: FileKeys, terms: Sequenc
                 expected="one of " + ", ".join(sorted(allowed)),
                 remedy="remove it: white residuals have no correlation time"
                 if name in map(correlation_name, channels)
+                else "add [vehicle.tether] to a vehicle that says what `moves`"
+                if name in TETHER
                 else nearest(name, allowed),
             )
 

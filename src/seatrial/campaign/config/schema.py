@@ -68,6 +68,18 @@ class ThrusterTable(Table):
     law: str | None = None
 
 
+class TetherTable(Table):
+    """`[vehicle.tether]`: a tether that drags where it is made fast, `point` from the body's origin, forward, starboard and down.
+
+    The force is -(linear + quadratic |v|) v, v being the velocity of the point through the water. A drag is sought if it has a prior,
+    `[prior.tether_linear]` or `[prior.tether_quadratic]`.
+    """
+
+    point: Triple | None = Field(default=None, min_length=3, max_length=3)
+    linear: Quantity = "0 N s/m"
+    quadratic: Quantity = "0 N s^2/m^2"
+
+
 class VehicleTable(Table):
     """`[vehicle]`: a vehicle of the catalogue by name, or one described here.
 
@@ -96,6 +108,7 @@ class VehicleTable(Table):
     actuators: Literal["published"] | dict[str, ActuatorTable] | None = None
     thrusters: list[ThrusterTable] = Field(default=[], max_length=64)
     thrust_laws: dict[str, ThrustLawTable] = {}
+    tether: TetherTable | None = None
     added_coriolis: Literal["named", "automatic"] = "named"
     published_to: Quantity | None = None
     known_from: list[str] = []

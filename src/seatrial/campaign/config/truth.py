@@ -1,8 +1,8 @@
 """What is true of a simulated vehicle: `[truth]` holds a value of each coefficient, and what sensors and actuators add to it.
 
 What is simulated is what is fitted: beside coefficients stand the names of an estimate (`bias_u`, `lag_u`, `delay`, `current`, `sigma_u`,
-`tau_u`, `dof_u`, `process_u`), and `lag_n`, the lag of an actuator, in place of what `[vehicle.actuators]` states; and what else is sought
-of the vehicle (`dead_f`, `gain_f_3`).
+`tau_u`, `dof_u`, `process_u`), `net_weight`, `dead_f`, `gain_f_3` and other unknowns of the vehicle that have a prior, and `lag_n`, the lag
+of an actuator, in place of what `[vehicle.actuators]` states.
 """
 
 from collections.abc import Mapping
@@ -40,7 +40,7 @@ def beyond_structures(campaign: Campaign) -> set[str]:
     of_channel = (noise_name, *KINDS, drift_time_name, bias_name, lag_name)
     return (
         {actuator_lag(control) for control in campaign.model(campaign.full).controls}
-        | {one.name for one in campaign.model(campaign.full).unknowns}
+        | {one.name for one in campaign.model(campaign.full).unknowns if not one.name.startswith(lag_name(""))}
         | {CURRENT, DELAY}
         | {process_name(state) for state in campaign.model(campaign.full).states if not state.endswith(ACTUAL)}
         | {name(channel) for channel in campaign.channels for name in of_channel}
@@ -106,6 +106,7 @@ def check_truth(campaign: Campaign) -> None:
     model = campaign.model(campaign.full)
     spreads |= {process_name(state) for state in model.states}
     lags = {lag_name(name) for name in (*model.controls, *campaign.channels)}
+    unsigned = {one.name for one in model.unknowns if not one.signed}
     late = {lag_name(name) for name in model.controls if name + ACTUAL in model.states}
     for name, value in truth.items():
         if name in late and value == 0:
@@ -115,15 +116,17 @@ def check_truth(campaign: Campaign) -> None:
                 expected="more than 0 s: by [vehicle.actuators] it is late",
                 remedy="leave it out for the lag stated there, or leave out both",
             )
-        if (name in lags | {DELAY} and value < 0) or (name in spreads and value <= 0):
-            unit = " s" if name not in spreads else ""
+        if (name in lags | unsigned | {DELAY} and value < 0) or (name in spreads and value <= 0):
+            unit = " s" if name in lags | {DELAY} else ""
             raise InputError(
                 campaign.where(f"truth.{name}"),
                 found=f"{value:g}{unit}",
-                expected="more than 0" if name in spreads else "0 s or more",
+                expected="more than 0" if name in spreads else f"0{unit} or more",
                 remedy="leave it out for none, or for the noise that [sensors] says"
                 if name in spreads
-                else "0 s is none: give the time by which it is late",
+                else "0 s is none: give the time by which it is late"
+                if unit
+                else "leave it out for what [vehicle] states",
             )
 
 

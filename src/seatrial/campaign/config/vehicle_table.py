@@ -15,6 +15,7 @@ from seatrial.vehicles.actuators import Actuator
 from seatrial.vehicles.catalogue import PublishedVehicle, load_surge, load_vehicle, surge_names
 from seatrial.vehicles.hull import Hull, whole_hull
 from seatrial.vehicles.surge import SurgeHull
+from seatrial.vehicles.tether import Tether
 from seatrial.vehicles.thrusters import controls_of
 
 BY_AXES = ("catalogue", "name", "mass", "thrust_deduction", "fixed", "trim", "published_to", "known_from")
@@ -24,7 +25,7 @@ BODY = (
     *("thrust_deduction", "wake", "added_coriolis"),
 )
 """Keys of a body that a catalogue entry already says."""
-UNKNOWN = re.compile(r"net_weight|[xyz]_b|(gain|reverse|dead)_[fn](_\d+)?|lag_.+")
+UNKNOWN = re.compile(r"net_weight|[xyz]_b|(gain|reverse|dead)_[fn](_\d+)?|lag_.+|tether_(linear|quadratic)")
 """Names of priors that may be unknowns of a whole vehicle beside its coefficients."""
 OWN_ADDED_MASS = tuple(f"{axis}_{rate}dot" for axis, rate in zip("XYZKMN", RATES, strict=True))
 """Added masses that act against the acceleration which they are of; the others may have either sign."""
@@ -129,7 +130,7 @@ def _whole_vehicle(
     actuators = _actuators(table, keys, body, thruster_lags(table, keys, controls))
     return WholeVehicle(
         body,
-        replace(body.hull, fixed=fixed, trim={**body.hull.trim, **_trim(table, keys)}),
+        replace(body.hull, fixed=fixed, trim={**body.hull.trim, **_trim(table, keys)}, tether=_tether(table, keys)),
         tuple(body.moves if table.moves is None else table.moves),
         tuple(table.given),
         tuple(table.positions),
@@ -145,6 +146,14 @@ def _whole_vehicle(
 
 def _trim(table: VehicleTable, keys: FileKeys) -> dict[str, float]:
     return {name: keys.si(text, signal_unit(name), f"vehicle.trim.{name}") for name, text in table.trim.items()}
+
+
+def _tether(table: VehicleTable, keys: FileKeys) -> Tether | None:
+    if table.tether is None:
+        return None
+    x, y, z = (keys.si(text, "m", "vehicle.tether.point") for text in table.tether.point or ["0 m"] * 3)
+    linear = keys.si(table.tether.linear, "kg/s", "vehicle.tether.linear")
+    return Tether((x, y, z), linear, keys.si(table.tether.quadratic, "kg/m", "vehicle.tether.quadratic"))
 
 
 def _by_hand(table: VehicleTable, keys: FileKeys) -> Hull:

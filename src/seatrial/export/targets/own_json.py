@@ -1,4 +1,4 @@
-"""The package's own JSON, format 1: everything that is known of a vehicle, with units, covariance and provenance.
+"""The package's own JSON, format 1: all that is known of a vehicle but a tether, with units, covariance and provenance.
 
 Its axes are forward, starboard and down from the body's origin, its numbers SI and radians; `read_exported` gives the vehicle back.
 """
