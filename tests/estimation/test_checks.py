@@ -1,3 +1,5 @@
+import re
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -103,7 +105,8 @@ def test_only_the_sum_is_seen(prior):
     said = complaints([0.5, 0.5], 1e4 * np.ones((2, 2)), draws, {"a": prior, "b": prior})
     assert len(said) == 2
     assert "structural" in said[0]
-    assert "changing a by +1 % and b by -1" in said[0]
+    # Along a - b nothing but the prior's ends says where the mode is: the two are equal to some hundredths.
+    assert re.search(r"changing a by \+1(\.0\d)? % and b by -1", said[0])
     assert "leaves every measurement as it is" in said[0]
     assert said[1].startswith("known only in combination: a + b to ")
     assert "correlation -1.000" in said[1]
