@@ -146,7 +146,7 @@ def test_attitude_is_continuous_and_a_tumbling_body_is_identified(folder):
     assert (turns.inv() * simulated).magnitude().max() < 0.01
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_the_posterior_of_a_tumbling_body_holds_the_truth(folder):
     """Over the vertical and through full turns, from the campaign file to the mode."""
     campaign = load_campaign(folder)

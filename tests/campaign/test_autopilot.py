@@ -230,7 +230,7 @@ def test_from_design_to_estimate_and_back_from_a_log_of_set_points(tmp_path):
             assert sd < 0.15 * abs(published[name]), name
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_a_rehearsal_through_the_autopilot(tmp_path):
     goal = '[goal]\nsd = { Y_uv = "1 %" }\ntrials = 2\n'
     made = campaign(tmp_path, more=goal)

@@ -66,7 +66,7 @@ USBL = f'[sensors.x]\nnoise = "0.1 m"\n{HEAVY}\n[sensors.y]\nnoise = "0.1 m"\n{H
 PLACES = ("current = true", 'current = true\npositions = ["x", "y"]')
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 @pytest.mark.parametrize(("sensors", "changes"), [(LOG, ()), (USBL, (PLACES,))])
 def test_drag_and_the_current_are_found(tmp_path, sensors, changes):
     found = fitted(write(tmp_path, sensors, *changes))

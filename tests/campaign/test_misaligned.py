@@ -141,7 +141,7 @@ def fitted(folder, wrong, sought, *changes, more=""):
     return {name: pair for name, _, (pair,) in answer.rows}
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 @pytest.mark.parametrize("name", list(WRONG))
 def test_each_error_of_a_doppler_log_is_found_alone(tmp_path, name):
     found = fitted(tmp_path, {name: WRONG[name]}, [name])

@@ -185,7 +185,7 @@ trials = 12
 """
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_a_whole_vehicle_is_planned_in_stages_on_its_own_controls(tmp_path):
     (tmp_path / "campaign.toml").write_text(WHOLE)
     found = plan_trials(load_campaign(tmp_path))

@@ -103,7 +103,7 @@ def test_physical_cuts_to_the_physical_side(name, table, expected):
 
 @pytest.mark.parametrize("name", ["X_du3", "X_uu", "T_nabsn", "sigma_u", "delay"])
 def test_physical_is_refused_where_physics_leaves_the_sign_open(name):
-    with pytest.raises(InputError, match="leaves open"):
+    with pytest.raises(InputError, match="not fixed by physics"):
         read(name, distribution="uniform", lower=-1.0, upper=1.0, physical=True)
 
 
