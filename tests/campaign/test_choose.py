@@ -36,4 +36,4 @@ def test_a_spike_on_a_slab_is_weighed_and_no_verdict_is_claimed(tmp_path, monkey
     found = selection_of(tmp_path, monkeypatch, full, slab[0])
     assert [evidence.log_value for evidence in found.evidences] == pytest.approx([exact, slab[1]], abs=0.05)
     assert "not reliable: adaptive tempered SMC finds -4." in found.alarms[0]
-    assert found.verdicts[0].startswith("it cannot be said whether the data support X_u: its probability is 0.8")
+    assert found.verdicts[0].startswith("it cannot be said whether the data support X_u: its probability of 0.8")
