@@ -242,6 +242,21 @@ def test_a_long_record_has_the_mode_that_a_search_of_all_of_it_finds(monkeypatch
     assert long.log_evidence == pytest.approx(whole.log_evidence, abs=1e-5)
 
 
+def test_a_part_that_leads_nowhere_does_not_lose_the_whole(monkeypatch):
+    target, _ = surge_posterior()
+    whole = find_mode(target, KEY)
+    monkeypatch.setattr(module, "LONG", 100)
+    length, inner = target.data.step.shape[1], module._climb
+
+    def climb(post, *rest):
+        if post.data.step.shape[1] < length:
+            raise NumericalError("no derivative")
+        return inner(post, *rest)
+
+    monkeypatch.setattr(module, "_climb", climb)
+    assert np.array_equal(find_mode(target, KEY).values, whole.values)
+
+
 @pytest.mark.parametrize(("still", "expected"), [(0, True), (200, False)])
 def test_a_part_in_which_the_controls_rest_says_nothing(still, expected, monkeypatch):
     target, _ = surge_posterior()

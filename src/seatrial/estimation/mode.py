@@ -5,6 +5,7 @@ at the mode alone.
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache, partial
 from typing import TYPE_CHECKING, NamedTuple, Protocol
@@ -179,9 +180,8 @@ def _highest(
     """Return the highest maximum above the guess and the best candidates; that of a long record begins at that of its first part."""
     part = _first_part(posterior)
     if part is not None:
-        start = _highest(part, candidates, tries)[0]
-        if np.isfinite(_heights(posterior, start[None])).all():
-            return _climb(posterior, _with_noise(posterior, start))
+        with suppress(NumericalError):  # a part that leads nowhere: all of the record is searched
+            return _climb(posterior, _with_noise(posterior, _highest(part, candidates, tries)[0]))
     drawn = _best(_heights(posterior, candidates))[:tries]
     followed = [*_guessed(posterior, candidates), *candidates[drawn]]
     if not followed:
