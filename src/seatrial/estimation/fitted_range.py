@@ -15,6 +15,8 @@ OFTEN = 0.01
 """Share of a run's samples that have to lie outside; fewer may be outliers."""
 SMALLEST = 1e-9
 """Width of the range of what never moved in the fit, SI."""
+ROUNDING = 1e-6
+"""Share of the furthest value below which the edge of the fitted range is zero but for rounding."""
 MATTERLESS = (*POSITIONS, "psi")
 """Signals on which no force depends but through what else is measured."""
 
@@ -41,7 +43,8 @@ def outside_fitted(fitted: Sequence[Record], record: Record) -> tuple[str, ...]:
         ):
             if beyond.mean() >= OFTEN:
                 factor, unit = shown_unit(name)
-                words = f"{name} {word} {furthest * factor:.3g} {unit} where the fit saw {edge * factor:.3g}"
+                shown = 0.0 if abs(edge) < ROUNDING * abs(furthest) else edge
+                words = f"{name} {word} {furthest * factor:.3g} {unit} where the fit saw {shown * factor:.3g}"
                 found.append((abs(furthest - edge) / width, words))
     return tuple(words for _, words in sorted(found, key=lambda one: -one[0]))
 

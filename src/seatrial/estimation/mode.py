@@ -362,18 +362,19 @@ def _with_noise(posterior: Posterior, start: np.ndarray) -> np.ndarray:
     if not isinstance(likelihood, OutputError | FilterError):
         return start
     count = {
-        noise_name(name): np.sum(one.present) for name, one in zip(likelihood.channels, data.channels, strict=True)
+        noise_name(name): np.asarray(one.present).sum()
+        for name, one in zip(likelihood.channels, data.channels, strict=True)
     }
     at = [i for i in posterior.places if posterior.names[i] in count]
     samples = np.array([count[posterior.names[i]] for i in at])
     best, highest, moved = start, -np.inf, start
     for _ in range(NOISE_ROUNDS):
         values = values_of(posterior, moved)
-        here = likelihood_slopes(posterior, values)
-        share = 1.0 + values[at] * np.asarray(here.gradient)[at] / samples
-        if not (here.value > highest and np.isfinite(share).all()):
+        value, gradient, _ = map(np.asarray, likelihood_slopes(posterior, values))
+        share = 1.0 + values[at] * gradient[at] / samples
+        if not (value > highest and np.isfinite(share).all()):
             break
-        best, highest = moved, here.value
+        best, highest = moved, value
         values[at] *= np.sqrt(share.clip(LEAST_SHARE))
         moved = best.copy()
         moved[at] = _inside(posterior, dict(zip(posterior.names, values, strict=True)))[0, at]

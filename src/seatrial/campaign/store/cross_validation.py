@@ -12,8 +12,6 @@ from seatrial.campaign.store.stored_result import decoding, read_json
 CLEAR, SMALL = 2.0, 4.0
 """Standard errors, and nats, beyond which a difference is one: below four nats the standard error itself is unreliable (Sivula,
 Magnusson and Vehtari 2020)."""
-MAX_K_HAT = 0.7
-"""Tail index of weights above which what they say is not to be trusted; that of `selection.importance`, which loads JAX."""
 OWN = "as stated"
 """Name of the campaign's own model of the error."""
 
