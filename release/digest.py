@@ -70,7 +70,7 @@ CASES = {
     "ship_yaw": Case("examples/ship_yaw/campaign.toml", {}, ("check {0}", "estimate {0} --by mode"), True),
     "pool_auv": Case(
         "examples/pool_auv/campaign.toml",
-        {"warmup = 1000": "warmup = 300", "draws = 6000": "draws = 500", "particles = 512": "particles = 128"},
+        {"warmup = 2000": "warmup = 300", "draws = 12000": "draws = 500", "particles = 512": "particles = 128"},
         ("check {0}", "estimate {0} --by mode", "run {0}"),
         True,
     ),

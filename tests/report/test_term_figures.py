@@ -67,12 +67,12 @@ def test_a_gap_is_shown_with_its_band_and_with_noise_that_is_near():
     gap = Gap("Run $1", time, 1 + time, 0.01 * time, 0.01 * time - 0.01, 0.01 * time + 0.01, (time, 1 + time))
     figure = structure_gaps([gap, gap], 0.05, "$u$ [m/s]")
     above, below = figure.axes[:2]
-    assert {"90 % band of both posteriors", "posterior means", "noise of the sensor"} <= set(labels_of(below))
+    assert {"90 % band of both posteriors", "posterior means", "residuals of the fit, sd"} <= set(labels_of(below))
     assert {"measured", "best", "runner-up"} <= set(labels_of(above))
     runner = next(line for line in above.lines if line.get_label() == "runner-up")
     assert runner.get_ydata() == pytest.approx(1 + 0.99 * time)
     assert "Run $1" in draw_svg(figure)
-    assert "noise of the sensor" not in labels_of(structure_gaps([gap], float("nan"), "$u$ [m/s]").axes[1])
+    assert "residuals of the fit, sd" not in labels_of(structure_gaps([gap], float("nan"), "$u$ [m/s]").axes[1])
 
 
 def test_the_picture_is_one_file_that_stands_alone(outcome):

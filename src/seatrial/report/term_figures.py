@@ -130,7 +130,7 @@ def contenders_figure(contenders: Contenders, names: Mapping[str, str], records:
         structure_gaps(gaps, factor * float(contenders.data.attrs["noise"]), signal_axis(channel)),
         "The two most probable models over one plot",
         f"Blue: {best}. Orange, dashed: {runner}. Dots: measured. Below, by how much they differ: at the posterior means (line), "
-        "and the 90 % band of both posteriors. Dashed, where it is in sight: the noise of the sensor.",
+        "and the 90 % band of both posteriors. Dashed, where it is in sight: the standard deviation of the residuals.",
     )
 
 

@@ -53,5 +53,9 @@ def noise_words(campaign: Campaign, estimate: Drawn) -> str:
     for name, sd in found_noise(campaign, estimate).items():
         nominal, (factor, unit) = campaign.sensors[name].noise, shown_unit(name)
         if not nominal / TOLD < sd < nominal * TOLD:
-            said.append(f"{sd * factor:.2g} {unit} in each sample of {name} ([sensors] says {nominal * factor:.2g})")
-    return f"with the noise that the fit found: {', '.join(said)}" if said else ""
+            said.append(f"{sd * factor:.2g} {unit} on {name}, where [sensors] says {nominal * factor:.2g}")
+    return (
+        f"this assumes white noise that costs as much information as the residuals of the fit: {', '.join(said)}"
+        if said
+        else ""
+    )

@@ -134,7 +134,7 @@ def absorbed(difference: Float[Array, " n"], sensitivities: Float[Array, "n k"])
 
 
 def noise_of(campaign: Campaign, estimate: Estimate, channel: str) -> float:
-    """Standard deviation of a sensor's noise, SI: its posterior mean."""
+    """Return the standard deviation of a channel's residuals, sensor noise included, SI: its posterior mean."""
     return float(noise_sd(*_noise_draws(campaign, estimate, channel)).mean())
 
 

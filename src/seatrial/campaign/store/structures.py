@@ -294,7 +294,11 @@ class Contenders:
             for i in reversed(self.shown)
         ]
         noise = data.attrs["noise"]
-        end = f"the sensor's noise is {noise * factor:.2g} {unit}" if np.isfinite(noise) else f"{name} is not measured"
+        end = (
+            f"the residuals of the fit are {noise * factor:.2g} {unit}"
+            if np.isfinite(noise)
+            else f"{name} is not measured"
+        )
         change = f"{self.labels[1]}, {data.attrs['change']}"
         return f"the runner-up ({change}) would change {name} by at most {' and '.join(parts)}; {end}"
 

@@ -136,7 +136,7 @@ def structure_gaps(gaps: Sequence[Gap], noise: float, axis: str) -> "Figure":
         axes.axhline(0.0, color=MUTED, linewidth=0.8)
         for side in (-noise, noise):
             if np.isfinite(side):
-                axes.axhline(side, color=INK, linewidth=0.9, linestyle=(0, (4, 3)), label="noise of the sensor")
+                axes.axhline(side, color=INK, linewidth=0.9, linestyle=(0, (4, 3)), label="residuals of the fit, sd")
         axes.set(ylim=(-reach, reach))
         for panel in (motion, axes):
             panel.set_xlim(float(gap.time[0]), float(gap.time[-1]))
