@@ -3,13 +3,16 @@
 import numpy as np
 import pytest
 
+from seatrial.core.record import Channel, make_record
 from seatrial.estimation.mode import find_mode
 from seatrial.estimation.omitted_effects import Linear, half_width, omitted_effects, score_effects, whiten
 from seatrial.estimation.posterior import posterior_of_density
 from seatrial.estimation.priors import LogUniform, Normal
 from seatrial.estimation.record_posterior import make_posterior
 from seatrial.estimation.sensor_errors import Sensor
+from seatrial.vehicles.axis_equation import axes_vehicle, axis_equation
 from seatrial.vehicles.surge import surge_vehicle
+from tests.cases import PROVENANCE
 from tests.estimation_cases import make_trial
 from tests.selection.run_cases import FIXED_DRAG
 
@@ -127,6 +130,37 @@ def posterior_of(lag=0.0, cubic=0.0, seed=1):
     hull = type(FIXED_DRAG)("hull", FIXED_DRAG.mass)
     model = surge_vehicle(hull, tuple(TRUTH))
     return make_posterior(model, record, priors | {"sigma_u": LogUniform(0.002, 0.5), "u_0": Normal(1.5, 0.3)}, ["u"])
+
+
+def two_axes_of(coupling, seed=2):
+    """A record of surge and pitch, each with a command of its own; that of surge pitches the vehicle too, which no term says."""
+    rng = np.random.default_rng(seed)
+    push, turn = (np.repeat(rng.uniform(-20, 20, SAMPLES // 30), 30) for _ in range(2))
+    u, q, shown = 0.0, 0.0, []
+    for force, moment in zip(push, turn, strict=True):
+        shown.append((u, q))
+        u += (force / 8.0 - u) * -np.expm1(-STEP * 8.0 / 30.0)
+        q += ((moment + coupling * force) / 12.0 - q) * -np.expm1(-STEP * 12.0 / 6.0)
+    u, q = np.array(shown).T + 0.01 * rng.normal(size=(2, SAMPLES))
+    commands = {"tau_X": ("N", push), "tau_M": ("N m", turn)}
+    measured = {"u": ("m/s", u), "q": ("rad/s", q)}
+    channels = [Channel(name, unit, "control") for name, (unit, _) in commands.items()]
+    channels += [Channel(name, unit, "measurement") for name, (unit, _) in measured.items()]
+    columns = {name: column for name, (_, column) in {**commands, **measured}.items()}
+    record = make_record(STEP * np.arange(SAMPLES), columns, channels, PROVENANCE, "one")
+    equations = axis_equation("X", ("X_tau_X", "X_u"), 30.0), axis_equation("M", ("M_tau_M", "M_q"), 6.0)
+    priors = {"X_tau_X": Normal(1, 0.5), "X_u": Normal(-8, 8), "M_tau_M": Normal(1, 0.5), "M_q": Normal(-12, 12)}
+    priors |= {name: LogUniform(0.002, 0.5) for name in ("sigma_u", "sigma_q")}
+    priors |= {name: Normal(0.0, 0.1) for name in ("u_0", "q_0")}
+    return make_posterior(axes_vehicle("two axes", equations), record, priors, ["u", "q"])
+
+
+@pytest.mark.parametrize("coupling", [0.0, 0.3])
+def test_a_command_that_acts_on_another_axis_too_is_found(coupling):
+    posterior = two_axes_of(coupling)
+    found = omitted_effects(posterior, find_mode(posterior, 0)).found
+    assert [one.effect.of for one in found] == ["M_tau_X"] * (coupling > 0)
+    assert all(abs(one.size - coupling) < 4 * one.sd for one in found)
 
 
 def away(posterior, mode):

@@ -62,6 +62,8 @@ SINGULAR = 1e-10
 """Share of the largest eigenvalue of a scaled curvature below which a direction is not told."""
 BAND, BISECTIONS = 0.95, 50
 """Probability below the upper end of a 90 % interval, and halvings by which that end is found."""
+COUPLED = ("tau_", "delta_")
+"""How controls begin that may act on other axes than the model has them on: generalised forces, which may act off the centre, and fins."""
 INSTANT = 1e-9
 """Lag that is none, s."""
 
@@ -195,8 +197,9 @@ class _Fit(NamedTuple):
 def omitted_effects(posterior: Posterior, mode: Mode) -> OmittedEffects:
     """Return what the data ask for and the model lacks, and what that does to its parameters.
 
-    Looked for are forces along each axis (constant, linear, quadratic and cubic in its own velocity, and terms that other structures of
-    the posterior have), offset and lag of each command, a common delay, offsets of the sensors and starts, as far as the model has none.
+    Looked for are forces along each axis (constant, linear, quadratic and cubic in its own velocity, linear in a control that drives other
+    axes, and terms that other structures of the posterior have), offset and lag of each command, a common delay, offsets of the sensors
+    and starts, as far as the model has none.
 
     Args:
         posterior: of records; where its likelihood has process noise nothing is looked for.
@@ -393,10 +396,14 @@ def _candidates(posterior: Posterior) -> Iterator[Effect]:
     model, simulator = likelihood.model, likelihood.simulator
     known = {CoefficientName.parse(name) for name, _ in model.constants if is_coefficient(name)}
     terms = {one: one.text for one in model.coefficients}
+    driven = {(one.axis, control) for one in (*terms, *known) for control in model.controls if control in one.signals}
+    driven |= {(axis, f"tau_{axis}") for axis in model.pushed}
     for axis in model.pushed:
         speed = SPEEDS[axis]
         texts = [f"{axis}_0"]
         texts += [f"{axis}_{speed}", f"{axis}_{speed}abs{speed}", f"{axis}_{speed}3"] * (speed in model.states)
+        coupled = [one for one in model.controls if one.startswith(COUPLED) and (axis, one) not in driven]
+        texts += [f"{axis}_{control}" for control in coupled]
         for name in map(CoefficientName.parse, texts):
             terms.setdefault(name, name.text)
     for name, text in terms.items():
