@@ -95,17 +95,10 @@ def _campaign(file: CampaignFile, keys: FileKeys) -> Campaign:
     """Everything in SI, so that mistakes are found before any work is done."""
     folder, known_from = keys.path.parent, tuple(file.vehicle.known_from)
     found = found_before(folder, file.vehicle, keys)
-    structure = _structure(file.structure)
+    structure = _structure(file.structure, keys)
     with located(keys.where("structure")):
         rules = structure.compiled()
     terms = rules.always + rules.optional
-    if "T_f" in rules.optional:
-        raise InputError(
-            keys.where("structure.optional"),
-            found="T_f, the thrust of a newton that is commanded",
-            expected="T_f in every structure: without it a command makes no thrust",
-            remedy="move it to always",
-        )
     angles = tuple(angle for angle in ANGLES if angle in (*measured_angles(file.sensors, file.mounts), *file.limits))
     table = with_attitude(with_fixed(file.vehicle, found, terms), file.sensors, keys)
     before = unknowns_before(found)
@@ -182,7 +175,15 @@ def _laws(vehicle: CampaignVehicle) -> dict[str, ThrustLaw]:
     return dict(zip(thruster_controls(len(laws), commanded_force=True), laws, strict=True))
 
 
-def _structure(table: StructureTable) -> StructureSettings:
+def _structure(table: StructureTable, keys: FileKeys) -> StructureSettings:
+    """Return which terms every structure has and which may be left out; the thrust of a commanded newton may not."""
+    if "T_f" in table.optional:
+        raise InputError(
+            keys.where("structure.optional"),
+            found="T_f, the thrust of a newton that is commanded",
+            expected="T_f in every structure: without it a command makes no thrust",
+            remedy="move it to always",
+        )
     return StructureSettings(tuple(table.always), tuple(table.optional), tuple(table.rules), table.shortlist, table.g)
 
 
