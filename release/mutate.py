@@ -40,6 +40,8 @@ LIMIT = 900
 """Seconds after which a change that makes the tests hang counts as killed."""
 ENOUGH = 0.95
 EQUIVALENT: dict[str, str] = {
+    "src/seatrial/design/trial_plan.py, TrialPlan.follow: first = autopilot.controls(begin, tuple(column[0] for column in columns)) => "
+    "first = autopilot.controls(begin, tuple(column[1] for column in columns))": "what the first step replaces",
     "src/seatrial/export/manoeuvre.py, _steady: top = next((top for top in 10.0 ** np.arange(0.0, 7.0) if surge(speed, top) > 0), None)"
     " => top = next((top for top in 15.0 ** np.arange(0.0, 7.0) if surge(speed, top) > 0), None)": "another bracket of the same root",
     "src/seatrial/estimation/replicate.py, replicate: noise_keys = jax.random.split(keys[1], (len(output.labels), len(data.channels))) "

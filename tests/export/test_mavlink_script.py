@@ -372,6 +372,17 @@ def test_a_commanded_force_pushes_along_its_own_axis(load, control, term, stick,
     np.testing.assert_allclose(fake.moves[-1][1:], 0.5 * np.array(push), atol=1e-12)
 
 
+@pytest.mark.parametrize("gain", [1.0, -1.0])
+def test_what_pushes_without_the_control_does_not_count(gain):
+    """A constant force of three times what the control does, either way."""
+    model = axes_vehicle("test", [axis_equation("X", ("X_tau_X", "X_0"), inertia=5.0)])
+    signs = [
+        stick_of(model, {"X_tau_X": gain, "X_0": force}, "tau_X", np.array([0.0, 1.0]), {}).sign
+        for force in (0.0, 3.0, -3.0)
+    ]
+    assert signs == [gain] * 3
+
+
 @pytest.mark.parametrize("control", ["tau_K", "tau_M", "f_5", "n_5"])
 def test_a_control_without_a_stick_is_refused(control):
     axis = control[-1] if control.startswith("tau") else "X"

@@ -189,7 +189,7 @@ def _regress(
     scale = np.where((norm := np.linalg.norm(phi, axis=0)) > 0, norm, 1.0)
     phi, z = phi / scale, z / scale
     _, singular, right = np.linalg.svd(phi, full_matrices=False)
-    if singular[-1] < 1e-10 * singular[0]:
+    if singular[-1] < 1e-10:  # columns of norm 1, or of zeros
         involved = [name.text for name, w in zip(model.coefficients, right[-1], strict=True) if abs(w) > 0.1]
         raise NumericalError(
             f"the regressors of {', '.join(involved)} are proportional in these records, so that only a combination of them can be "

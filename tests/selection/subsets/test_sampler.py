@@ -15,6 +15,8 @@ from seatrial.selection.subsets.gram import gram
 from seatrial.selection.subsets.problem import check_candidates
 from seatrial.selection.subsets.sampler import (
     MAX_PRESENCE_R_HAT,
+    StructureSums,
+    _look,
     _status,
     half_of,
     presence_r_hat,
@@ -332,6 +334,19 @@ def test_errors_of_visits_are_no_less_than_what_the_evidences_say_and_the_rest_c
     apart = np.abs(found.inclusion - errors.renormalised) - (1 - errors.covered)
     assert (errors.inclusion_error >= apart).all()
     assert (apart > 0).any()
+
+
+def test_a_look_adds_the_means_of_the_terms_that_are_there():
+    """By a loop over chains and terms: only cold chains count, and the mean stands in the last column of a swept matrix."""
+    rng, cold = np.random.default_rng(2), np.array([0, 2, 3])
+    walkers = SimpleNamespace(matrix=rng.normal(size=(4, 6, 6)), cold=cold)
+    there = (rng.uniform(size=(3, 5)) < 0.5).astype(float)
+    sums = StructureSums(np.zeros((5, 5)), np.zeros((6, 6)), np.zeros((5, 5)), np.zeros(1))
+    seen = SimpleNamespace(mean=np.ones((3, 5)), sums=sums)
+    _look(walkers, there, seen)
+    expected = [[1.0 + walkers.matrix[chain, i, 5] * there[j, i] for i in range(5)] for j, chain in enumerate(cold)]
+    np.testing.assert_allclose(seen.mean, expected)
+    np.testing.assert_allclose(seen.sums.pairs, sum(np.outer(row, row) for row in there))
 
 
 def test_partners_are_drawn_half_evenly_and_half_by_resemblance_or_rules():
