@@ -40,6 +40,8 @@ LIMIT = 900
 """Seconds after which a change that makes the tests hang counts as killed."""
 ENOUGH = 0.95
 EQUIVALENT: dict[str, str] = {
+    "src/seatrial/export/targets/gz.py, _part: moments = inertia_elements(PART_INERTIA * np.eye(3)) => "
+    "moments = inertia_elements(PART_INERTIA * np.eye(4))": "three rows and columns are read",
     "src/seatrial/design/trial_plan.py, TrialPlan.follow: first = autopilot.controls(begin, tuple(column[0] for column in columns)) => "
     "first = autopilot.controls(begin, tuple(column[1] for column in columns))": "what the first step replaces",
     "src/seatrial/export/manoeuvre.py, _steady: top = next((top for top in 10.0 ** np.arange(0.0, 7.0) if surge(speed, top) > 0), None)"
