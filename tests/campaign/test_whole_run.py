@@ -53,6 +53,22 @@ def test_the_bar_follows_what_steps_took_before(clock):
     assert learnt() == {"estimates": 65.0, "selection": 5.0}
 
 
+def test_a_step_is_as_slow_as_those_before_it(clock, tmp_path):
+    """30 s took 120 s, so that 8 s are 2 of the 10 s that follow; where they took none, 95 % of the 10 s are over."""
+    (tmp_path / "seatrial").mkdir()
+    for seconds, share in ((120.0, 800), (0.0, 988)):
+        (tmp_path / "seatrial" / "seconds.json").write_text('{"estimates": 30.0, "selection": 10.0}')
+        told = Told()
+        run = WholeRun(told, ["estimates", "selection"])
+        run.begin("estimates")
+        clock[0] += seconds
+        run.end()
+        run.begin("selection")
+        clock[0] += 8.0
+        run.show()
+        assert told.shown[TITLE][-1] == (share, 1000)
+
+
 def test_a_damaged_file_knows_nothing(clock, tmp_path):
     place = tmp_path / "seatrial" / "seconds.json"
     place.parent.mkdir()

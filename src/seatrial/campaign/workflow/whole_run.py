@@ -26,6 +26,8 @@ LEAST = 0.5
 SHARE = 0.95
 """Of a step's expected time, the most that counts as done before it is."""
 PARTS = 1000
+LEAST_PACE = 0.1
+"""Least seconds for an expected one: steps that were there already take next to none."""
 
 
 class WholeRun:
@@ -41,7 +43,7 @@ class WholeRun:
         known = learnt()
         self.expected = {step: known.get(step, USUAL.get(step, LEAST)) for step in steps}
         self.tell = reporter.progress(TITLE) if len(steps) > 1 else None
-        self.before, self.now, self.began = 0.0, "", time.monotonic()
+        self.before, self.took, self.now, self.began = 0.0, 0.0, "", time.monotonic()
         self.show()
 
     def say(self, text: str) -> None:
@@ -65,17 +67,18 @@ class WholeRun:
     def end(self) -> None:
         """Say that it is made, and learn how long it took."""
         if self.now in self.expected:
-            self.before += self.expected[self.now]
-            learn(self.now, time.monotonic() - self.began)
+            seconds = time.monotonic() - self.began
+            self.before, self.took = self.before + self.expected[self.now], self.took + seconds
+            learn(self.now, seconds)
         self.now = ""
         self.show()
 
     def show(self) -> None:
-        """Show how far the run has come."""
+        """Show how far the run has come; a step is as much slower than expected as those before it were."""
         if self.tell is None:
             return
-        ahead = self.expected.get(self.now, 0.0)
-        done = self.before + min(time.monotonic() - self.began, SHARE * ahead)
+        ahead, pace = self.expected.get(self.now, 0.0), self.took / self.before if self.before else 1.0
+        done = self.before + min((time.monotonic() - self.began) / max(pace, LEAST_PACE), SHARE * ahead)
         self.tell(round(PARTS * done / sum(self.expected.values())), PARTS)
 
 
