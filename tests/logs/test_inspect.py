@@ -289,6 +289,26 @@ def test_command(monkeypatch, capsys, tmp_path):
         inspect_log(log.path, "/nothing")
 
 
+def test_several_logs_are_listed_in_turn_and_mapped_together(monkeypatch, capsys, tmp_path):
+    first = written(tmp_path, "time_s,u\n" + "".join(f"{k / 10},{k % 7}\n" for k in range(20)), "dvl.csv")
+    second = written(
+        tmp_path, "time_ms,u,rpm\n" + "".join(f"{100 * k},{k % 5},{900 + k}\n" for k in range(20)), "esc.csv"
+    )
+    code, out, _ = run(monkeypatch, capsys, first, second)
+    assert code == 0
+    assert out.index("dvl.csv: a table of text") < out.index("esc.csv: a table of text")
+    _, out, _ = run(monkeypatch, capsys, first, second, "--map")
+    files = tomllib.loads(out)["import"]["files"]
+    assert [file["channels"].keys() for file in files] == [{"u"}, {"n"}]
+    assert [file["time"]["unit"] for file in files] == ["s", "ms"]
+    _, out, _ = run(monkeypatch, capsys, first, first, "--map")
+    assert len(tomllib.loads(out)["import"]["files"]) == 1
+    assert 'such as "log_{run}.csv"' in out
+    code, out, err = run(monkeypatch, capsys, first, tmp_path / "nowhere.csv")
+    assert (code, out) == (2, "")
+    assert "nowhere.csv" in err
+
+
 def test_decimal_stamps_are_seconds_whatever_the_name(tmp_path):
     """`stamp` is nanoseconds where it is whole."""
     rows = "".join(f"{1_700_000_000 + 0.1 * k:.6f},{0.01 * k:.2f}\n" for k in range(50))

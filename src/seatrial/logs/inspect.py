@@ -62,7 +62,9 @@ class LogSummary:
         Args:
             only: channels to map, those of the campaign's model; all that were guessed by default.
         """
-        chosen = best(self.guesses, only)
+        return self._map_of(best(self.guesses, only))
+
+    def _map_of(self, chosen: Sequence[Guess]) -> str:
         lines = ["# Guesses by names and types: check column, unit and sign of each line before you believe a result."]
         for table in self.tables:
             mine = [guess for guess in chosen if guess.table == table.info.name]
@@ -143,6 +145,28 @@ def inspect_log(
     tables = tuple(found.summary() for found in gathered.values())
     found = guesses(tables)
     return LogSummary(log, format_of(path).name, tables, found, remarks(found))
+
+
+def maps_together(found: Sequence[LogSummary], only: Sequence[str] = ()) -> list[str]:
+    """Return the guessed map of each of several logs of one run, a channel being mapped from the first log that has it.
+
+    Args:
+        found: the logs.
+        only: channels to map; all that were guessed by default.
+    """
+    maps: list[str] = []
+    mapped: set[str] = set()
+    for one in found:
+        guessed = best(one.guesses, only)
+        chosen = tuple(guess for guess in guessed if guess.channel not in mapped)
+        mapped |= {guess.channel for guess in chosen}
+        maps.append(
+            one._map_of(chosen)
+            if chosen or not guessed
+            else f"# {one.log.path.name}: the logs above have all its channels. If it is another run, not another file of theirs, write "
+            'one\n# path with {run} for both, such as "log_{run}.csv", and name both runs under fit of [import].\n'
+        )
+    return maps
 
 
 def _table_lines(table: TableSummary, is_alone: bool) -> Iterator[str]:
