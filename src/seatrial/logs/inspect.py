@@ -78,19 +78,22 @@ class LogSummary:
         return "\n".join([*lines, *(f"# {remark}" for remark in self.remarks)]) + "\n"
 
     def head_toml(self, table: TableSummary) -> str:
-        """Return how a table with a clock is named in a campaign file: its `[[import.files]]` without channels."""
-        clock, mine = table.clock, [guess for guess in best(self.guesses) if guess.table == table.info.name]
-        lines = [] if clock is None else self._block(table, clock, mine)
+        """Return how a table is named in a campaign file: its `[[import.files]]` without channels; without a clock its column is empty."""
+        mine = [guess for guess in best(self.guesses) if guess.table == table.info.name]
+        lines = self._block(table, table.clock, mine)
         return "\n".join(line for line in lines if not line.startswith(("channels.", "#"))) + "\n"
 
-    def _block(self, table: TableSummary, clock: ClockSummary, mine: Sequence[Guess]) -> Iterator[str]:
+    def _block(self, table: TableSummary, clock: ClockSummary | None, mine: Sequence[Guess]) -> Iterator[str]:
         layout = self.log.layout
         yield "[[import.files]]"
         yield f"path = {_quoted(self.log.path.resolve().as_posix())}"
         if len(catalogue(self.log)) > 1:
             yield f"table = {_quoted(table.info.name)}"
-        yield f"time = {{ column = {_quoted(clock.name)}, unit = {_quoted(clock.unit)} }}"
-        if clock.repeated:
+        name, unit = ("", "s") if clock is None else (clock.name, clock.unit)
+        yield f"time = {{ column = {_quoted(name)}, unit = {_quoted(unit)} }}"
+        if clock is None:
+            pass
+        elif clock.repeated:
             yield f'clock = "drop_repeated"  # {clock.repeated} stamps repeat; "even" if rows left evenly and came in bursts'
         elif clock.jitter > _BURSTS / clock.rate:
             yield f'# clock = "even"  # if rows left evenly: they arrived in bursts (sd of the step {clock.jitter:.2g} s)'

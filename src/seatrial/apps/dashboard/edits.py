@@ -147,6 +147,32 @@ def with_shift(channel_map: str, path: str, table: str | None, shift: float) -> 
     return "\n".join(file.strip() + "\n" for file in files)
 
 
+def with_time(channel_map: str, path: str, table: str | None, column: str, unit: str) -> str:
+    """Channel map with another column of time for one log; as it is where it does not name the log.
+
+    Raises:
+        InputError: a map that is not TOML, or that cannot be edited.
+    """
+    files = _texts_of(channel_map)
+    at = _find(files, (path, table))
+    if at is None:
+        return channel_map
+
+    def change(one: Any) -> None:
+        for key, value in (("column", column), ("unit", unit)):
+            one["time"][key] = value
+
+    if "time" not in _file_of(files[at]):
+        lines = files[at].splitlines(keepends=True)
+        place = next(i for i, line in enumerate(lines) if re.match(r"\s*path\s*=", line))
+        files[at] = "".join(
+            [*lines[: place + 1], f"time = {_inline({'column': column, 'unit': unit})}\n", *lines[place + 1 :]]
+        )
+    else:
+        files[at] = _edited(files[at], change)
+    return "\n".join(file.strip() + "\n" for file in files)
+
+
 def channel_map_of(text: str) -> str:
     """The `[[import.files]]` of a campaign file as they stand there, comments too; empty where it has none."""
     return "".join(one.text for one in sections_of(text) if one.name.startswith(MAP)).strip() + "\n"
@@ -259,6 +285,13 @@ def _key(name: str) -> str:
 
 def _check_map(folder: Path, run: str, channel_map: str) -> None:
     where = "the channel map"
+    if not files_of(channel_map):
+        raise InputError(
+            where,
+            found="no column of a log",
+            expected="a column for each channel that was logged",
+            remedy="choose them in the form, or write [[import.files]]",
+        )
     try:
         content = toml_content(where, channel_map)
         files = content["import"]["files"]
