@@ -239,6 +239,30 @@ def test_a_log_whose_time_has_a_strange_name_is_mapped_once_its_column_is_chosen
     assert tomllib.loads(with_time(bare, "dive.csv", None, "Zeit", "ms"))["import"]["files"] == [file]
 
 
+def test_a_second_log_with_the_same_columns_becomes_another_run(tmp_path):
+    from seatrial.apps.dashboard.edits import FurtherRun, further_run, with_further_run
+
+    text = (
+        '[import]\nfit = ["run_a"]  # the first\n\n[[import.files]]\npath = "logs/run_a.csv"  # of the logger\n'
+        'channels.u = { column = "u", unit = "m/s" }\n'
+    )
+    run = further_run(text, "logs/run_b.csv")
+    assert run == FurtherRun("run_b", "logs/{run}.csv")
+    assert further_run(text, "logs/run_a.csv") is None
+    assert further_run(text, "run_b.csv") is None
+    assert further_run("", "logs/run_b.csv") is None
+    both = with_further_run(tmp_path, text, run, "predict")
+    found = tomllib.loads(both)["import"]
+    assert (found["fit"], found["predict"]) == (["run_a"], ["run_b"])
+    assert found["files"][0]["path"] == "logs/{run}.csv"
+    assert {"the first", "of the logger"} <= set(comments(both))
+    third = with_further_run(tmp_path, both, further_run(both, "logs/run_c.csv"), "fit")
+    assert tomllib.loads(third)["import"]["fit"] == ["run_a", "run_c"]
+    assert further_run(both, "logs/run_b.csv") is None
+    other = text.replace("logs/run_a.csv", "logs/dive.csv")
+    assert further_run(other, "logs/run_b.csv") is None
+
+
 def test_two_logs_are_lined_up_and_drawn_by_a_map_that_is_not_saved(tmp_path):
     from seatrial.apps.dashboard.edits import with_map, with_shift
     from seatrial.apps.dashboard.logs import line_up

@@ -18,7 +18,9 @@ from seatrial.apps.dashboard.edits import (
     channel_map_of,
     channels_of,
     files_of,
+    further_run,
     with_channel,
+    with_further_run,
     with_map,
     with_time,
 )
@@ -122,8 +124,43 @@ class ImportForm:
         lines = Markup("").join(Markup("<li>{}</li>").format(line) for line in (*log.tables, *log.remarks))
         markup(Markup('<ul class="findings">{}</ul>').format(lines))
         markup(columns_of(log))
+        self._offer_run(name)
         self._rows(found)
         self._ends(name, found)
+
+    def _offer_run(self, name: str) -> None:
+        """Offer to add the log as a further run where the map that is there reads it too."""
+        try:
+            run = further_run(self.seen, name)
+        except SeatrialError:  # said where the map is edited
+            return
+        if run is None:
+            return
+        markup(Markup("<h3>Another run, {}, with the columns of the map in campaign.toml</h3>").format(run.label))
+
+        async def add(role: str) -> None:
+            said.clear()
+            with said:
+                try:
+                    text = with_further_run(self.folder, self.seen, run, role)
+                    await self.context.worker_pool.think("check", str(self.folder), text)
+                    write_file(self.folder, text, self.seen)
+                except (SeatrialError, OSError) as error:
+                    say(error)
+                    return
+                self.seen, self.map = text, channel_map_of(text)
+                self.text.value = self.map
+                markup(
+                    Markup('<p class="done" role="status">Saved in campaign.toml: {} is under {}.</p>').format(
+                        run.label, role
+                    )
+                )
+                button("Import the records", self.start, main=True)
+
+        with ui.element("div").classes("line"):
+            button("Add it, to fit", lambda: add("fit"))
+            button("Add it, held back to predict", lambda: add("predict"))
+        said = ui.element("div")
 
     def _rows(self, found: FormData) -> None:
         mapped = channels_of(self.map)
@@ -133,20 +170,34 @@ class ImportForm:
             for one in looked.columns
             if one.table in looked.heads and one.spread
         }
-        mapped_files = {(str(one.get("path")), one.get("table")) for one in files_of(self.map)}
-        self.clocks = {}
-        markup("<h3>Which column is the time</h3>")
-        for log, looked in self.logs.items():
-            for name, head in looked.heads.items():
-                (said,) = files_of(head)
-                if not said["time"]["column"] or (log, said.get("table")) in mapped_files:
-                    self.clocks[log, said.get("table")] = ClockRow(self, log, name, said.get("table"))
+        self.clocks, self.clock_rows = {}, ui.element("div")
+        self._show_clocks()
         markup("<h3>Which column is which channel</h3>")
         channels = dict.fromkeys((*found.channels, *mapped))
         self.rows = {channel: Row(self, channel, choices, mapped.get(channel)) for channel in channels}
         heads = {(log, name): head for log, looked in self.logs.items() for name, head in looked.heads.items()}
         self.axis = OneAxis(self.context, self.folder, lambda: self.map, self._change, self._draft)
         self.axis.build(choices, heads)
+
+    def _show_clocks(self) -> None:
+        """Show the column of time of each table that the map names, and of each that has none by its name."""
+        try:
+            mapped = {(str(one.get("path")), one.get("table")) for one in files_of(self.map)}
+        except SeatrialError:  # said where the map is edited
+            return
+        shown = {}
+        for log, looked in self.logs.items():
+            for name, head in looked.heads.items():
+                (said,) = files_of(head)
+                if not said["time"]["column"] or (log, said.get("table")) in mapped:
+                    shown[log, said.get("table")] = name
+        if list(shown) == list(self.clocks):
+            return
+        self.clock_rows.clear()
+        with self.clock_rows:
+            if shown:
+                markup("<h3>Which column is the time</h3>")
+            self.clocks = {(log, table): ClockRow(self, log, name, table) for (log, table), name in shown.items()}
 
     def _ends(self, name: str, found: FormData) -> None:
         run = re.sub(r"[^A-Za-z0-9_-]", "_", Path(name).stem)[:40] or "run"
@@ -166,6 +217,7 @@ class ImportForm:
 
     def _change(self, channel_map: str) -> None:
         self.map = self.text.value = channel_map
+        self._show_clocks()
         self.axis.refresh()
 
     def set_channel(self, name: str, mapped: Mapped | None) -> None:
