@@ -313,6 +313,13 @@ def test_several_logs_are_listed_in_turn_and_mapped_together(monkeypatch, capsys
     assert "nowhere.csv" in err
 
 
+def test_a_map_without_a_clock_asks_for_it(tmp_path):
+    toml = inspect_log(written(tmp_path, "Zeit;Fahrt\n" + "".join(f"{k};{k}\n" for k in range(20)), "a.csv")).as_toml()
+    (block,) = tomllib.loads(toml)["import"]["files"]
+    assert block["time"] == {"column": "", "unit": "s"}
+    assert "# time: no column is it by its name" in toml
+
+
 def test_decimal_stamps_are_seconds_whatever_the_name(tmp_path):
     """`stamp` is nanoseconds where it is whole."""
     rows = "".join(f"{1_700_000_000 + 0.1 * k:.6f},{0.01 * k:.2f}\n" for k in range(50))

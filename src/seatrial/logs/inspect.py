@@ -68,7 +68,7 @@ class LogSummary:
         lines = ["# Guesses by names and types: check column, unit and sign of each line before you believe a result."]
         for table in self.tables:
             mine = [guess for guess in chosen if guess.table == table.info.name]
-            if (mine or not chosen) and table.clock is not None:
+            if (mine or not chosen) and (table.clock is not None or len(self.tables) == 1):
                 lines += ["", *self._block(table, table.clock, mine)]
         if not chosen:
             lines.append(
@@ -92,7 +92,7 @@ class LogSummary:
         name, unit = ("", "s") if clock is None else (clock.name, clock.unit)
         yield f"time = {{ column = {_quoted(name)}, unit = {_quoted(unit)} }}"
         if clock is None:
-            pass
+            yield "# time: no column is it by its name; give the column, and its unit"
         elif clock.repeated:
             yield f'clock = "drop_repeated"  # {clock.repeated} stamps repeat; "even" if rows left evenly and came in bursts'
         elif clock.jitter > _BURSTS / clock.rate:
