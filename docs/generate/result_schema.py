@@ -66,7 +66,9 @@ def page() -> str:
     ]
     shown: set[str] = set()
     for command, shape in shapes.RESULTS.items():
-        parts += [f"## {command}", "", *_rows(shape, shown)]
+        parts += [f"## {command}", ""]
+        for one in _types_in(shape):
+            parts += _rows(one, shown)
     parts += ["## Problem", "", *_rows(shapes.Problem, shown)]
     return "\n".join(parts)
 

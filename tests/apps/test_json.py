@@ -111,6 +111,10 @@ def test_commands_without_a_campaign(ask, tmp_path):
     (tmp_path / "log.csv").write_text("t [s],u [m/s]\n" + "".join(f"{i / 10},{i % 7}\n" for i in range(50)))
     log = ask("inspect", tmp_path / "log.csv")[0]["result"]
     assert [one["name"] for one in log["tables"][0]["columns"]] == ["t", "u"] or log["tables"][0]["rows"] == 50
+    both = ask("inspect", tmp_path / "log.csv", tmp_path / "log.csv")[0]["result"]["logs"]
+    assert both[0] == log
+    assert both[1]["tables"] == log["tables"]
+    assert "channels.u" not in both[1]["map"]
     assert {one["name"] for one in ask("benchmark", "--list")[0]["result"]["sets"]}
 
 

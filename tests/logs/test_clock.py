@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
+from seatrial.logs.align import align
 from seatrial.logs.read import read_log
 from seatrial.logs.time_stamps import even_clock
 from tests.logs.log_cases import GOOD, SPEED, refusal, source, written
@@ -81,3 +82,23 @@ def test_drop_repeated_keeps_the_first_row(tmp_path):
 def test_no_clock_mends_time_that_runs_backwards(tmp_path, clock):
     with refusal("run.csv", 'column "t", row 8', "backwards"):
         read_log(source(written(tmp_path, REPEATED + "0.2,1,7\n"), clock=clock))
+
+
+@pytest.mark.parametrize(
+    ("column", "unit", "asked"),
+    [("t_ms", "s", "ms"), ("time [us]", "ms", "us"), ("t_ms", "ms", None), ("ts", "ms", None), ("sonar_s", "ms", None)],
+)
+def test_a_unit_in_the_name_of_the_clock_is_held_against_the_map(tmp_path, column, unit, asked):
+    text = f"{column},rpm,speed\n" + "".join(f"{100 * k},{600 + k},{1 + 0.01 * k:.2f}\n" for k in range(20))
+    found = read_log(source(written(tmp_path, text), time_column=column, time_unit=unit))
+    expected = f'run.csv, time: the unit of column "{column}" is "{unit}" in the map; is it "{asked}"?'
+    assert found.cautions == ((expected,) if asked else ())
+
+
+def test_a_grid_much_finer_than_every_channel_is_told(tmp_path):
+    text = "clock,rpm,speed\n" + "".join(f"{100 * k},{600 + k},{1 + 0.01 * k:.2f}\n" for k in range(20))
+    log = written(tmp_path, text)
+    (told,) = align([read_log(source(log, time_column="clock"))], step=0.05).provenance.options["cautions"]
+    assert "a sample only every 100 s, and the record one every 0.05 s: check the unit of time" in told
+    fine = align([read_log(source(log, time_column="clock", time_unit="ms"))], step=0.05)
+    assert fine.provenance.options["cautions"] == []

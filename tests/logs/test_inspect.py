@@ -195,6 +195,10 @@ NAMES = {
     "yaw_rate_deg_s": ("r", "deg/s", 1.0),
     "prop_rpm": ("n", "rpm", 1.0),
     "Heading [deg]": ("psi", "deg", 1.0),
+    "u [m/s]": ("u", "m/s", 1.0),
+    "/dvl/speed (m/s)": ("u", "m/s", 1.0),
+    "n [1/min]": ("n", "rpm", 1.0),
+    "n [1/s]": ("n", "rev/s", 1.0),
     "rudder_deg": ("delta_r", "deg", 1.0),
     "speed_kn": ("u", "kn", 1.0),
     "field.force.x": ("tau_X", "N", 1.0),
@@ -287,6 +291,33 @@ def test_command(monkeypatch, capsys, tmp_path):
     assert "no such file" in err
     with refusal("run.bag, table", '"/nothing"'):
         inspect_log(log.path, "/nothing")
+
+
+def test_several_logs_are_listed_in_turn_and_mapped_together(monkeypatch, capsys, tmp_path):
+    first = written(tmp_path, "time_s,u\n" + "".join(f"{k / 10},{k % 7}\n" for k in range(20)), "dvl.csv")
+    second = written(
+        tmp_path, "time_ms,u,rpm\n" + "".join(f"{100 * k},{k % 5},{900 + k}\n" for k in range(20)), "esc.csv"
+    )
+    code, out, _ = run(monkeypatch, capsys, first, second)
+    assert code == 0
+    assert out.index("dvl.csv: a table of text") < out.index("esc.csv: a table of text")
+    _, out, _ = run(monkeypatch, capsys, first, second, "--map")
+    files = tomllib.loads(out)["import"]["files"]
+    assert [file["channels"].keys() for file in files] == [{"u"}, {"n"}]
+    assert [file["time"]["unit"] for file in files] == ["s", "ms"]
+    _, out, _ = run(monkeypatch, capsys, first, first, "--map")
+    assert len(tomllib.loads(out)["import"]["files"]) == 1
+    assert 'such as "log_{run}.csv"' in out
+    code, out, err = run(monkeypatch, capsys, first, tmp_path / "nowhere.csv")
+    assert (code, out) == (2, "")
+    assert "nowhere.csv" in err
+
+
+def test_a_map_without_a_clock_asks_for_it(tmp_path):
+    toml = inspect_log(written(tmp_path, "Zeit;Fahrt\n" + "".join(f"{k};{k}\n" for k in range(20)), "a.csv")).as_toml()
+    (block,) = tomllib.loads(toml)["import"]["files"]
+    assert block["time"] == {"column": "", "unit": "s"}
+    assert "# time: no column is it by its name" in toml
 
 
 def test_decimal_stamps_are_seconds_whatever_the_name(tmp_path):

@@ -548,6 +548,12 @@ class Log(TypedDict):
     map: str
 
 
+class Logs(TypedDict):
+    """`inspect` of several logs, in the order given; a channel is in the `map` of the first log that has it."""
+
+    logs: list[Log]
+
+
 class Coefficient(TypedDict):
     """A coefficient of a published vehicle, SI."""
 
@@ -647,7 +653,7 @@ RESULTS = {
     "plan": Plan,
     "rehearse": Rehearsal,
     "simulate": Records,
-    "inspect": Log,
+    "inspect": Log | Logs,
     "import": Records,
     "estimate": Estimate,
     "profile": Profiles,

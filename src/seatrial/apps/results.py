@@ -282,8 +282,8 @@ def run(outcome: Any, proposal: Any, averaged: Sequence[Mapping[str, Any]]) -> d
     }
 
 
-def log(found: Any, channels: Sequence[str]) -> dict[str, Any]:
-    """Return what a log holds, and the guessed map of these channels; of all if there are none."""
+def log(found: Any, guessed: str) -> dict[str, Any]:
+    """Return what a log holds, and its guessed map as TOML."""
     tables = [
         {
             "name": table.info.name,
@@ -294,7 +294,7 @@ def log(found: Any, channels: Sequence[str]) -> dict[str, Any]:
         for table in found.tables
     ]
     guesses = [picked(one, shapes.Guess) for one in found.guesses]
-    return {"kind": found.kind, "tables": tables, "guesses": guesses, "map": found.as_toml(channels)}
+    return {"kind": found.kind, "tables": tables, "guesses": guesses, "map": guessed}
 
 
 def vehicle(name: str, found: Any) -> dict[str, Any]:

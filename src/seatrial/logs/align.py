@@ -20,6 +20,8 @@ from seatrial.numerics.integrate import held_mean
 
 _MOST_INSTANTS = 50_000_000
 _NANOSECOND = 1e-9
+_SPARSE = 100.0
+"""Steps of the grid for each sample of the quickest channel, from which the unit of time is doubted."""
 _HAIR = 1e-6
 """Share of a step by which rounding may shift a stamp without making it early or late."""
 
@@ -95,6 +97,7 @@ def align(
             columns[name], note = _place(time, track, instants, slack, reach)
         notes += [f"{name}: {note}"] if note else []
         cautions += [f'channel "{name}": {text}' for text in _holes(time, instants[-1], track.channel.role)]
+    cautions += _sparse(tracks, step)
     hashes = [table.sha256 for table in tables]
     options = {
         "files": [{**table.options, "sha256": table.sha256, "notes": list(table.notes)} for table in tables],
@@ -185,6 +188,17 @@ def _instants(tracks: Sequence[_Track], begin: float, stop: float, step: float |
             remedy="give the sampling time of the record, in seconds",
         )
     return step * np.arange(math.floor((stop - begin) / step + _HAIR) + 1)
+
+
+def _sparse(tracks: Sequence[_Track], step: float | None) -> list[str]:
+    """Say that even the quickest channel has far fewer samples than the grid, as where its stamps are read in too large a unit."""
+    spacing = min((float(np.median(np.diff(track.time))) for track in tracks if track.time.size > 1), default=0.0)
+    if step is None or spacing < _SPARSE * step:
+        return []
+    return [
+        f"even the quickest channel has a sample only every {spacing:.4g} s, and the record one every {step:g} s: check the unit of time "
+        "in the channel map; if it is right, make step under [import] longer"
+    ]
 
 
 def _holes(time: np.ndarray, last: float, role: str) -> list[str]:

@@ -121,6 +121,16 @@ _SPELLING = {
     "Nm": "N*m",
     "knot": "kn",
 }
+_REVOLUTIONS = {
+    "1/min": "rpm",
+    "min-1": "rpm",
+    "min^-1": "rpm",
+    "rev/min": "rpm",
+    "1/s": "rev/s",
+    "s-1": "rev/s",
+    "s^-1": "rev/s",
+}
+"""Units of a propeller that count revolutions, not radians."""
 _PATTERNS = tuple((channel, strength, re.compile(pattern)) for channel, strength, pattern in _NAMES)
 
 
@@ -224,7 +234,7 @@ def _by_name(table: TableSummary, column: ColumnSummary) -> Guess | None:
     """Guess by the last part of the column's name, or by the table's where the column is only `value`."""
     full = table.info.name if column.name in ("value", "data") else column.name
     name = full.removesuffix("[0]").lower()
-    name = re.sub(r"^.*/", "", name).replace(" ", "_").removeprefix("nav_")
+    name = re.sub(r"^.*/(?![^\[(]*[\])])", "", name).replace(" ", "_").removeprefix("nav_")
     bare, hinted = _without_unit(name)
     for candidate in dict.fromkeys((name, bare)):
         parts = candidate.split(".")
@@ -279,6 +289,8 @@ def _unit(channel: str, column: ColumnSummary, hinted: str | None) -> tuple[str,
 def _fitting(unit: str, channel: str) -> tuple[str, float] | None:
     """Return the unit that seatrial knows and the factor to it, None where it has another dimension."""
     unit = _SPELLING.get(unit, unit)
+    if channel == "n":
+        unit = _REVOLUTIONS.get(unit.lower(), unit)
     for text, scale in (
         (unit, 1.0),
         *(((unit[1:], factor),) if (factor := {"c": 1e-2, "m": 1e-3, "d": 1e-1}.get(unit[:1])) else ()),

@@ -62,11 +62,13 @@ class LogSummary:
         Args:
             only: channels to map, those of the campaign's model; all that were guessed by default.
         """
-        chosen = best(self.guesses, only)
+        return self._map_of(best(self.guesses, only))
+
+    def _map_of(self, chosen: Sequence[Guess]) -> str:
         lines = ["# Guesses by names and types: check column, unit and sign of each line before you believe a result."]
         for table in self.tables:
             mine = [guess for guess in chosen if guess.table == table.info.name]
-            if (mine or not chosen) and table.clock is not None:
+            if (mine or not chosen) and (table.clock is not None or len(self.tables) == 1):
                 lines += ["", *self._block(table, table.clock, mine)]
         if not chosen:
             lines.append(
@@ -76,19 +78,22 @@ class LogSummary:
         return "\n".join([*lines, *(f"# {remark}" for remark in self.remarks)]) + "\n"
 
     def head_toml(self, table: TableSummary) -> str:
-        """Return how a table with a clock is named in a campaign file: its `[[import.files]]` without channels."""
-        clock, mine = table.clock, [guess for guess in best(self.guesses) if guess.table == table.info.name]
-        lines = [] if clock is None else self._block(table, clock, mine)
+        """Return how a table is named in a campaign file: its `[[import.files]]` without channels; without a clock its column is empty."""
+        mine = [guess for guess in best(self.guesses) if guess.table == table.info.name]
+        lines = self._block(table, table.clock, mine)
         return "\n".join(line for line in lines if not line.startswith(("channels.", "#"))) + "\n"
 
-    def _block(self, table: TableSummary, clock: ClockSummary, mine: Sequence[Guess]) -> Iterator[str]:
+    def _block(self, table: TableSummary, clock: ClockSummary | None, mine: Sequence[Guess]) -> Iterator[str]:
         layout = self.log.layout
         yield "[[import.files]]"
         yield f"path = {_quoted(self.log.path.resolve().as_posix())}"
         if len(catalogue(self.log)) > 1:
             yield f"table = {_quoted(table.info.name)}"
-        yield f"time = {{ column = {_quoted(clock.name)}, unit = {_quoted(clock.unit)} }}"
-        if clock.repeated:
+        name, unit = ("", "s") if clock is None else (clock.name, clock.unit)
+        yield f"time = {{ column = {_quoted(name)}, unit = {_quoted(unit)} }}"
+        if clock is None:
+            yield "# time: no column is it by its name; give the column, and its unit"
+        elif clock.repeated:
             yield f'clock = "drop_repeated"  # {clock.repeated} stamps repeat; "even" if rows left evenly and came in bursts'
         elif clock.jitter > _BURSTS / clock.rate:
             yield f'# clock = "even"  # if rows left evenly: they arrived in bursts (sd of the step {clock.jitter:.2g} s)'
@@ -143,6 +148,28 @@ def inspect_log(
     tables = tuple(found.summary() for found in gathered.values())
     found = guesses(tables)
     return LogSummary(log, format_of(path).name, tables, found, remarks(found))
+
+
+def maps_together(found: Sequence[LogSummary], only: Sequence[str] = ()) -> list[str]:
+    """Return the guessed map of each of several logs of one run, a channel being mapped from the first log that has it.
+
+    Args:
+        found: the logs.
+        only: channels to map; all that were guessed by default.
+    """
+    maps: list[str] = []
+    mapped: set[str] = set()
+    for one in found:
+        guessed = best(one.guesses, only)
+        chosen = tuple(guess for guess in guessed if guess.channel not in mapped)
+        mapped |= {guess.channel for guess in chosen}
+        maps.append(
+            one._map_of(chosen)
+            if chosen or not guessed
+            else f"# {one.log.path.name}: the logs above have all its channels. If it is another run, not another file of theirs, write "
+            'one\n# path with {run} for both, such as "log_{run}.csv", and name both runs under fit of [import].\n'
+        )
+    return maps
 
 
 def _table_lines(table: TableSummary, is_alone: bool) -> Iterator[str]:

@@ -10,8 +10,9 @@ from jaxtyping import Float, Int
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.record import Channel
 from seatrial.core.signals import signal_unit
+from seatrial.core.units import to_si
 from seatrial.logs.axes import from_axes
-from seatrial.logs.formats.protocol import LogFormat, RawTable, TableInfo
+from seatrial.logs.formats.protocol import LogFormat, RawTable, TableInfo, unit_in_name
 from seatrial.logs.formats.registry import catalogue, format_of, hash_of_log, pick, read_columns
 from seatrial.logs.formats.text_layout import signs_of
 from seatrial.logs.source import (
@@ -68,8 +69,9 @@ def read_log(source: LogSource) -> LogTable:
     used = replace(source, table=info.name if info else None, time_column=read.clock, time_unit=read.clock_unit)
     options = source_options(used) | (text_options(source) if format_of(source.path).is_text else {})
     epoch = read.epoch + Decimal(f"{source.shift:.9f}")
+    cautions = _other_unit(read, source.path.name)
     return LogTable(
-        read.time, epoch, mapped, channels, source.path.name, hash_of_log(source.path), options, tuple(notes)
+        read.time, epoch, mapped, channels, source.path.name, hash_of_log(source.path), options, tuple(notes), cautions
     )
 
 
@@ -180,6 +182,14 @@ def in_si(
                 cells if column.curve is None else column.curve(cells, f'{where}, column "{part}"')
             )
         return (column.scale * total + column.offset) * si_factor(source, name)
+
+
+def _other_unit(read: "Stamped", log: str) -> tuple[str, ...]:
+    """Say that the name of the clock ends in another unit than that in which it was read."""
+    named = unit_in_name(read.clock)
+    if named is None or to_si(1.0, named, "s", log) == to_si(1.0, read.clock_unit, "s", log):
+        return ()
+    return (f'{log}, time: the unit of column "{read.clock}" is "{read.clock_unit}" in the map; is it "{named}"?',)
 
 
 def _check_layout(source: LogSource, form: LogFormat) -> None:

@@ -212,6 +212,57 @@ def test_an_import_that_is_written_in_one_line_is_left_to_a_text_editor(tmp_path
         with_map(tmp_path, text, "a", '[[import.files]]\npath = "c.csv"\nchannels = {}\n')
 
 
+def test_a_log_whose_time_has_a_strange_name_is_mapped_once_its_column_is_chosen(tmp_path):
+    from seatrial.apps.dashboard.edits import Mapped, with_channel, with_map, with_time
+
+    text = thinking.begun(str(tmp_path), "my boat", "", said_in_form(OWN))
+    (tmp_path / "campaign.toml").write_text(text)
+    (tmp_path / "dive.csv").write_text("Zeit;Fahrt\n" + "".join(f"{100 * i};{1.5 + 0.01 * i}\n" for i in range(99)))
+    found = look_into(str(tmp_path / "dive.csv"), "dive.csv", ("u", "n"))
+    assert found.guesses == ()
+    assert [(one.name, one.spread) for one in found.columns] == [("Zeit", "0 to 9800"), ("Fahrt", "1.5 to 2.48")]
+    head = found.heads["rows"]
+    assert tomllib.loads(head)["import"]["files"] == [{"path": "dive.csv", "time": {"column": "", "unit": "s"}}]
+    with pytest.raises(InputError, match="no column of a log"):
+        with_map(tmp_path, text, "dive", "\n")
+    one = with_channel("", "u", Mapped("u", head, "Fahrt", "kn", 1.0, 0.0)) + "# by the diver\n"
+    timed = with_time(one, "dive.csv", None, "Zeit", "ms")
+    (file,) = tomllib.loads(timed)["import"]["files"]
+    assert file == {
+        "path": "dive.csv",
+        "time": {"column": "Zeit", "unit": "ms"},
+        "channels": {"u": {"column": "Fahrt", "unit": "kn"}},
+    }
+    assert "# by the diver" in timed
+    assert with_time(one, "other.csv", None, "Zeit", "ms") == one
+    bare = '[[import.files]]\npath = "dive.csv"\nchannels.u = { column = "Fahrt", unit = "kn" }\n'
+    assert tomllib.loads(with_time(bare, "dive.csv", None, "Zeit", "ms"))["import"]["files"] == [file]
+
+
+def test_a_second_log_with_the_same_columns_becomes_another_run(tmp_path):
+    from seatrial.apps.dashboard.edits import FurtherRun, further_run, with_further_run
+
+    text = (
+        '[import]\nfit = ["run_a"]  # the first\n\n[[import.files]]\npath = "logs/run_a.csv"  # of the logger\n'
+        'channels.u = { column = "u", unit = "m/s" }\n'
+    )
+    run = further_run(text, "logs/run_b.csv")
+    assert run == FurtherRun("run_b", "logs/{run}.csv")
+    assert further_run(text, "logs/run_a.csv") is None
+    assert further_run(text, "run_b.csv") is None
+    assert further_run("", "logs/run_b.csv") is None
+    both = with_further_run(tmp_path, text, run, "predict")
+    found = tomllib.loads(both)["import"]
+    assert (found["fit"], found["predict"]) == (["run_a"], ["run_b"])
+    assert found["files"][0]["path"] == "logs/{run}.csv"
+    assert {"the first", "of the logger"} <= set(comments(both))
+    third = with_further_run(tmp_path, both, further_run(both, "logs/run_c.csv"), "fit")
+    assert tomllib.loads(third)["import"]["fit"] == ["run_a", "run_c"]
+    assert further_run(both, "logs/run_b.csv") is None
+    other = text.replace("logs/run_a.csv", "logs/dive.csv")
+    assert further_run(other, "logs/run_b.csv") is None
+
+
 def test_two_logs_are_lined_up_and_drawn_by_a_map_that_is_not_saved(tmp_path):
     from seatrial.apps.dashboard.edits import with_map, with_shift
     from seatrial.apps.dashboard.logs import line_up

@@ -5,6 +5,7 @@ import errno
 import gzip
 import time
 import zipfile
+from pathlib import Path
 
 import httpx
 import numpy as np
@@ -18,6 +19,7 @@ from seatrial.apps.dashboard import logs as uploads
 from seatrial.apps.dashboard.app_context import AppContext
 from seatrial.apps.dashboard.campaign_paths import CampaignPaths
 from seatrial.apps.dashboard.logs import isolated, look_into
+from seatrial.apps.dashboard.pages.work import named_in
 from seatrial.apps.dashboard.request_guard import GuardedApp, RequestGuard, token_for
 from seatrial.apps.dashboard.server import REPORT_POLICY, _add_files
 from seatrial.apps.dashboard.view_models import PlainError
@@ -157,3 +159,9 @@ def test_a_name_with_accents_is_kept_in_one_form(ask, tmp_path):
     answer = ask("POST", "/upload/", params={"campaign": "boat", "name": "Va\u030ager 3.csv"}, content=b"t,u\n0,1\n")
     assert (answer.status_code, answer.text) == (200, "logs/V\u00e5ger 3.csv")
     assert "served/boat/logs/V\u00e5ger 3.csv" in files(tmp_path)
+
+
+@pytest.mark.parametrize("folder", ["/sea/boat", "/sea/my boat, blue"])
+def test_files_that_a_command_names_are_found_whatever_the_folder_is_called(folder):
+    output = f"picture: {folder}/prior.svg\nschedule in {folder}/results/design_schedule.csv; /sea/other/prior.svg\n"
+    assert named_in(output, Path(folder)) == ["prior.svg", "results/design_schedule.csv"]

@@ -14,11 +14,12 @@ _PATIENCE = 2.0
 
 
 def inspect(
-    log: Annotated[
-        Path,
+    logs: Annotated[
+        list[Path],
         typer.Argument(
             metavar="LOG",
-            help="CSV, TSV, Parquet, NetCDF, MATLAB, NumPy archive, ROS 1 or 2 bag, MCAP, dataflash, MAVLink, PX4 or MOOS log.",
+            help="CSV, TSV, Parquet, NetCDF, MATLAB, NumPy archive, ROS 1 or 2 bag, MCAP, dataflash, MAVLink, PX4 or MOOS log; "
+            "several if the files of one run are to be mapped together.",
         ),
     ],
     table: Annotated[
@@ -38,18 +39,24 @@ def inspect(
     encoding: Annotated[str, typer.Option(help="Encoding of text files.")] = "utf-8",
     quiet: Quiet = False,
 ) -> None:
-    """List the columns of a log, and guess its channel map."""
+    """List the columns of a log, and guess its channel map.
+
+    Of several logs, a channel is mapped from the first that has it.
+    """
 
     def work(reporter: Any) -> Exit:
         from seatrial.apps import results
         from seatrial.logs.formats.protocol import TextLayout
-        from seatrial.logs.inspect import inspect_log
+        from seatrial.logs.inspect import inspect_log, maps_together
 
         layout = TextLayout(delimiter, skip_rows, encoding=encoding)
-        found = inspect_log(log, table, layout, _late_progress(reporter, f"reading {log.name}"))
-        channels, answer = [name for text in only or () for name in text.split(",")], current_answer()
-        answer.say(found.as_toml(channels).rstrip("\n") if map_ else "\n".join(found.lines()))
-        answer.give(**results.log(found, channels))
+        channels = [name for text in only or () for name in text.split(",")]
+        found = [inspect_log(log, table, layout, _late_progress(reporter, f"reading {log.name}")) for log in logs]
+        maps, answer = maps_together(found, channels), current_answer()
+        said = maps if map_ else ["\n".join(one.lines()) for one in found]
+        answer.say("\n\n".join(text.rstrip("\n") for text in said))
+        told = [results.log(one, guessed) for one, guessed in zip(found, maps, strict=True)]
+        answer.give(**(told[0] if len(told) == 1 else {"logs": told}))
         return Exit.OK
 
     watched(quiet, work)

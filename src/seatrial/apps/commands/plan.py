@@ -1,5 +1,6 @@
 """Before the trial: what the priors mean, the most informative trial, the plan of all trials."""
 
+import shlex
 from collections.abc import Callable
 from functools import partial
 from typing import Annotated, Any
@@ -105,7 +106,9 @@ def design(
         }
         _each(answer, [partial(option, flow, answer) for option, wanted in options.items() if wanted])
         if not campaign.has_records:
-            answer.say(f"after the trial, add its log to this campaign: `seatrial check {folder}` says how")
+            answer.say(
+                f"after the trial, add its log to this campaign: `seatrial check {shlex.quote(str(folder))}` says how"
+            )
         return answer.finish([] if own is None else own.alarms, [])
 
     with_campaign(folder, quiet, work, context)

@@ -84,6 +84,57 @@ def with_map(folder: Path, text: str, run: str, channel_map: str) -> str:
     return text
 
 
+class FurtherRun(NamedTuple):
+    """A log that is another run of the one log of the map: its label, and the path of both with `{run}` in the place of their labels."""
+
+    label: str
+    path: str
+
+
+def further_run(text: str, log: str) -> FurtherRun | None:
+    """Return how a campaign would name a log as a further run by the map that is there; None where the names of the logs do not tell it.
+
+    Args:
+        text: of the file.
+        log: path from the campaign's folder.
+    """
+    earlier = toml_content(CAMPAIGN, text).get("import", {})
+    runs = [*earlier.get("fit", ()), *earlier.get("predict", ())]
+    files = files_of(channel_map_of(text))
+    if not runs or len({one.get("path") for one in files}) != 1:
+        return None
+    folder, slash, name = str(files[0]["path"]).rpartition("/")
+    if "{run}" not in name:
+        if len(runs) > 1 or name.count(runs[0]) != 1:
+            return None
+        name = name.replace(runs[0], "{run}")
+    path = folder + slash + name
+    match = re.fullmatch(r"([A-Za-z0-9_-]+)".join(map(re.escape, path.split("{run}", 1))), log)
+    return None if match is None or match[1] in runs else FurtherRun(match[1], path)
+
+
+def with_further_run(folder: Path, text: str, run: FurtherRun, role: str) -> str:
+    """Text of a campaign file with a further run of the same map.
+
+    Args:
+        folder: of the campaign.
+        text: of the file.
+        run: as `further_run` gives it.
+        role: `fit` or `predict`.
+
+    Raises:
+        InputError: an `[import]` that cannot be edited.
+    """
+    where = str(folder / CAMPAIGN)
+    earlier = toml_content(where, text)["import"]
+    channel_map = "\n".join(
+        _edited(one, lambda file: file.update(path=run.path)) for one in _texts_of(channel_map_of(text))
+    )
+    first = str(next(iter((*earlier.get("fit", ()), *earlier.get("predict", ())))))
+    text = with_map(folder, text, first, channel_map)
+    return set_key(text, "import", role, [*earlier.get(role, ()), run.label], where)
+
+
 class Mapped(NamedTuple):
     """A channel as the form has it: its table's `[[import.files]]` without channels, its column, and what is done to its cells."""
 
@@ -144,6 +195,32 @@ def with_shift(channel_map: str, path: str, table: str | None, shift: float) -> 
         files[at] = "".join([*lines[: place + 1], f'shift = "{written_shift}"\n', *lines[place + 1 :]])
     else:
         files[at] = _edited(files[at], lambda one: one.update(shift=written_shift) if shift else one.pop("shift", None))
+    return "\n".join(file.strip() + "\n" for file in files)
+
+
+def with_time(channel_map: str, path: str, table: str | None, column: str, unit: str) -> str:
+    """Channel map with another column of time for one log; as it is where it does not name the log.
+
+    Raises:
+        InputError: a map that is not TOML, or that cannot be edited.
+    """
+    files = _texts_of(channel_map)
+    at = _find(files, (path, table))
+    if at is None:
+        return channel_map
+
+    def change(one: Any) -> None:
+        for key, value in (("column", column), ("unit", unit)):
+            one["time"][key] = value
+
+    if "time" not in _file_of(files[at]):
+        lines = files[at].splitlines(keepends=True)
+        place = next(i for i, line in enumerate(lines) if re.match(r"\s*path\s*=", line))
+        files[at] = "".join(
+            [*lines[: place + 1], f"time = {_inline({'column': column, 'unit': unit})}\n", *lines[place + 1 :]]
+        )
+    else:
+        files[at] = _edited(files[at], change)
     return "\n".join(file.strip() + "\n" for file in files)
 
 
@@ -259,6 +336,13 @@ def _key(name: str) -> str:
 
 def _check_map(folder: Path, run: str, channel_map: str) -> None:
     where = "the channel map"
+    if not files_of(channel_map):
+        raise InputError(
+            where,
+            found="no column of a log",
+            expected="a column for each channel that was logged",
+            remedy="choose them in the form, or write [[import.files]]",
+        )
     try:
         content = toml_content(where, channel_map)
         files = content["import"]["files"]

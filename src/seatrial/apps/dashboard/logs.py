@@ -146,7 +146,7 @@ class Looked(NamedTuple):
     """A log: its kind, what it holds, which column may be which channel, and what needs more than a map.
 
     Attributes:
-        heads: of each table with a clock, its `[[import.files]]` without channels.
+        heads: of each table, its `[[import.files]]` without channels; the column of time is empty where none is known.
     """
 
     kind: str
@@ -202,7 +202,7 @@ def _look(path: str, relative: str, only: tuple[str, ...]) -> Looked:
     heads = {
         one.info.name: found.head_toml(one).replace(written, f'path = "{relative}"')
         for one in found.tables
-        if one.clock
+        if not one.info.trouble
     }
     guesses = tuple(
         Guessed(one.channel, one.table, one.column, one.unit, one.scale, one.reason)

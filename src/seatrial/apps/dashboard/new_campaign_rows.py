@@ -54,6 +54,11 @@ class Kind(NamedTuple):
     rows: Callable[[NewCampaign], list[dict[str, str]]]
     least: int = 0
 
+    @property
+    def numbers(self) -> tuple[str, ...]:
+        """Keys of the fields that hold a number."""
+        return tuple(key for key in self.fields if key not in ("name", "unit"))
+
 
 def kinds(is_published: bool) -> tuple[Kind, ...]:
     """Return the kinds of rows: of a published vehicle the name of a coefficient is enough, and none is fixed by hand."""

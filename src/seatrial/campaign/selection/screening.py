@@ -78,7 +78,8 @@ def screening_of(campaign: Campaign, trials: Trials, reporter: Reporter = SILENT
     except InputError as error:
         if campaign.is_large:
             raise
-        return None, [f"the structures are simulated without a screening in closed form, which failed: {error}"]
+        why = f"{error.where}: {error.found}; expected {error.expected}; to mend it, {error.remedy}"
+        return None, [f"the structures are simulated without a screening in closed form, which failed: {why}"]
     return found, found.cautions
 
 

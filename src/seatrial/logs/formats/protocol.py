@@ -226,6 +226,13 @@ def clock_unit(name: str, stated: str | None = None) -> str | None:
     return None if match is None else _SPELLING.get(match["unit"] or "s", match["unit"] or "s")
 
 
+def unit_in_name(name: str) -> str | None:
+    """Return the unit of time that the name of a clock ends in, set off from it as in `t_ms` or `time [ms]`; None where it has none."""
+    match, lower = re.search(r"[\s_\[(]([a-z]+)[\])]?$", name.lower()), name.lower()
+    unit = None if match is None or not _CLOCK.fullmatch(lower) else _SPELLING.get(match[1], match[1])
+    return unit if unit in TIME_UNITS else None
+
+
 def clocks_among(columns: Sequence[ColumnInfo]) -> tuple[tuple[str, ...], tuple[ColumnInfo, ...]]:
     """Return the columns that may be time, that of the measurement first, then the plainest name; and all columns with their units."""
     units = {column.name: clock_unit(column.name, column.unit) for column in columns}

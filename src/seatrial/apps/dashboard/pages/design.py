@@ -207,11 +207,9 @@ class Surface:
         markup(Markup("<p>{}</p>").format(clicked.words[:1].upper() + clicked.words[1:]))
         with ui.element("div").classes("figures"):
             schedule_chart(clicked.time, clicked.control, found.control, found.unit)
-            rows = [[one.what, _kept(one.kept), one.room, one.reached, one.bound] for one in clicked.margins]
-            head = ["limit", "kept?", "room left", "reached", "bound"]
-            markup(
-                table(head, rows, "Room inside the limits") if rows else "<p>No limits are set: write some below.</p>"
-            )
+        rows = [[one.what, _kept(one.kept), one.room, one.reached, one.bound] for one in clicked.margins]
+        head = ["limit", "kept?", "room left", "reached", "bound"]
+        markup(table(head, rows, "Room inside the limits") if rows else "<p>No limits are set: write some below.</p>")
         button("Download its schedule", lambda: ui.download(clicked.schedule.encode(), name, "text/csv"))
 
 

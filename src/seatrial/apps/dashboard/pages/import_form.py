@@ -2,6 +2,7 @@
 
 import asyncio
 import re
+from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlencode
@@ -12,11 +13,22 @@ from nicegui import ui
 from seatrial.apps.campaign_text import read_file, write_file
 from seatrial.apps.dashboard.app_context import AppContext, fill, markup, say
 from seatrial.apps.dashboard.campaign_paths import logs_of
-from seatrial.apps.dashboard.edits import Mapped, channel_map_of, channels_of, with_channel, with_map
+from seatrial.apps.dashboard.edits import (
+    Mapped,
+    channel_map_of,
+    channels_of,
+    files_of,
+    further_run,
+    with_channel,
+    with_further_run,
+    with_map,
+    with_time,
+)
 from seatrial.apps.dashboard.page_layout import button, table
 from seatrial.apps.dashboard.pages.one_axis import OneAxis
 from seatrial.apps.dashboard.view_models import FormData
 from seatrial.core.errors import SeatrialError
+from seatrial.logs.formats.protocol import TIME_UNITS
 
 NONE, KEPT = "", "as in campaign.toml"
 """Choices of a row: no column, and what stands in the campaign file."""
@@ -40,12 +52,15 @@ class ImportForm:
         context: what is served.
         campaign: its name below the root.
         folder: of the campaign.
+        start: imports the records.
     """
 
-    def __init__(self, context: AppContext, campaign: str, folder: Path):
+    def __init__(self, context: AppContext, campaign: str, folder: Path, start: Callable[[], Awaitable[None]]):
+        self.start = start
         self.context, self.campaign, self.folder = context, campaign, folder
         self.seen, self.map, self.logs = "", "", {}
         self.rows: dict[str, Row] = {}
+        self.clocks: dict[tuple[str, str | None], ClockRow] = {}
 
     def build(self) -> None:
         """Build the choice of a log."""
@@ -109,8 +124,43 @@ class ImportForm:
         lines = Markup("").join(Markup("<li>{}</li>").format(line) for line in (*log.tables, *log.remarks))
         markup(Markup('<ul class="findings">{}</ul>').format(lines))
         markup(columns_of(log))
+        self._offer_run(name)
         self._rows(found)
         self._ends(name, found)
+
+    def _offer_run(self, name: str) -> None:
+        """Offer to add the log as a further run where the map that is there reads it too."""
+        try:
+            run = further_run(self.seen, name)
+        except SeatrialError:  # said where the map is edited
+            return
+        if run is None:
+            return
+        markup(Markup("<h3>Another run, {}, with the columns of the map in campaign.toml</h3>").format(run.label))
+
+        async def add(role: str) -> None:
+            said.clear()
+            with said:
+                try:
+                    text = with_further_run(self.folder, self.seen, run, role)
+                    await self.context.worker_pool.think("check", str(self.folder), text)
+                    write_file(self.folder, text, self.seen)
+                except (SeatrialError, OSError) as error:
+                    say(error)
+                    return
+                self.seen, self.map = text, channel_map_of(text)
+                self.text.value = self.map
+                markup(
+                    Markup('<p class="done" role="status">Saved in campaign.toml: {} is under {}.</p>').format(
+                        run.label, role
+                    )
+                )
+                button("Import the records", self.start, main=True)
+
+        with ui.element("div").classes("line"):
+            button("Add it, to fit", lambda: add("fit"))
+            button("Add it, held back to predict", lambda: add("predict"))
+        said = ui.element("div")
 
     def _rows(self, found: FormData) -> None:
         mapped = channels_of(self.map)
@@ -120,12 +170,34 @@ class ImportForm:
             for one in looked.columns
             if one.table in looked.heads and one.spread
         }
+        self.clocks, self.clock_rows = {}, ui.element("div")
+        self._show_clocks()
         markup("<h3>Which column is which channel</h3>")
         channels = dict.fromkeys((*found.channels, *mapped))
         self.rows = {channel: Row(self, channel, choices, mapped.get(channel)) for channel in channels}
         heads = {(log, name): head for log, looked in self.logs.items() for name, head in looked.heads.items()}
         self.axis = OneAxis(self.context, self.folder, lambda: self.map, self._change, self._draft)
         self.axis.build(choices, heads)
+
+    def _show_clocks(self) -> None:
+        """Show the column of time of each table that the map names, and of each that has none by its name."""
+        try:
+            mapped = {(str(one.get("path")), one.get("table")) for one in files_of(self.map)}
+        except SeatrialError:  # said where the map is edited
+            return
+        shown = {}
+        for log, looked in self.logs.items():
+            for name, head in looked.heads.items():
+                (said,) = files_of(head)
+                if not said["time"]["column"] or (log, said.get("table")) in mapped:
+                    shown[log, said.get("table")] = name
+        if list(shown) == list(self.clocks):
+            return
+        self.clock_rows.clear()
+        with self.clock_rows:
+            if shown:
+                markup("<h3>Which column is the time</h3>")
+            self.clocks = {(log, table): ClockRow(self, log, name, table) for (log, table), name in shown.items()}
 
     def _ends(self, name: str, found: FormData) -> None:
         run = re.sub(r"[^A-Za-z0-9_-]", "_", Path(name).stem)[:40] or "run"
@@ -145,6 +217,7 @@ class ImportForm:
 
     def _change(self, channel_map: str) -> None:
         self.map = self.text.value = channel_map
+        self._show_clocks()
         self.axis.refresh()
 
     def set_channel(self, name: str, mapped: Mapped | None) -> None:
@@ -154,15 +227,36 @@ class ImportForm:
         except SeatrialError as error:
             self.rows[name].complain(str(error))
 
+    def set_time(self, log: str, name: str, table: str | None, column: str, unit: str) -> None:
+        """Change the column of time of one table of a log, in the map and for channels that are yet to be mapped."""
+        try:
+            self._change(with_time(self.map, log, table, column, unit))
+            head = with_time(self.logs[log].heads[name], log, table, column, unit)
+            self.logs[log] = self.logs[log]._replace(heads={**self.logs[log].heads, name: head})
+        except SeatrialError as error:
+            self.clocks[log, table].complain(str(error))
+
     async def _draft(self, said: ui.element) -> tuple[str, str] | None:
         """The campaign file with this map, checked, and the run; None where something is wrong, which is said beside its channel."""
         said.clear()
-        for row in self.rows.values():
+        for row in (*self.rows.values(), *self.clocks.values()):
             row.complain("")
+        identities: list[Any] = []
         try:
+            files = files_of(self.map)
+            identities = [(str(one.get("path")), one.get("table")) for one in files]
+            for one, identity in zip(files, identities, strict=True):
+                if not one.get("time", {}).get("column", "-") and identity in self.clocks:
+                    self.clocks[identity].complain("Choose the column of the time stamps, and its unit.")
+                    return None
             text = with_map(self.folder, self.seen, str(self.run.value), self.map)
             await self.context.worker_pool.think("check", str(self.folder), text)
         except (SeatrialError, OSError) as error:
+            file = re.search(r"files\[(\d+)\]\.time", str(error))
+            clock = None if file is None else self.clocks.get(identities[int(file[1])])
+            if clock is not None:
+                clock.complain(str(error))
+                return None
             at = re.search(r"channels\.([A-Za-z0-9_]+)", str(error))
             if at is not None and at[1] in self.rows:
                 self.rows[at[1]].complain(str(error))
@@ -183,7 +277,50 @@ class ImportForm:
                 say(error)
             else:
                 self.seen = made[0]
-                markup('<p class="done" role="status">Saved in campaign.toml. Now import the records above.</p>')
+                markup(
+                    '<p class="done" role="status">Saved in campaign.toml. Now import the records; they are shown above.</p>'
+                )
+                button("Import the records", self.start, main=True)
+
+
+class ClockRow:
+    """The column of time of one table of a log, and its unit.
+
+    Args:
+        form: that the row belongs to.
+        log: its path from the campaign's folder.
+        name: of the table.
+        table: the same as the map says it, None where the log has one.
+    """
+
+    def __init__(self, form: ImportForm, log: str, name: str, table: str | None):
+        self.form, self.log, self.name, self.table = form, log, name, table
+        there = next((one for one in files_of(form.map) if (one.get("path"), one.get("table")) == (log, table)), None)
+        (head,) = files_of(form.logs[log].heads[name])
+        time = (head if there is None else there).get("time", {})
+        columns = [one.name for one in form.logs[log].columns if one.table == name]
+        column = str(time.get("column", ""))
+        options = {one: one or "choose" for one in dict.fromkeys(("", *columns, column))}
+        place = f"{Path(log).name} · {table}" if table else Path(log).name
+        with ui.element("div").classes("line channel"):
+            self.column = ui.select(options, value=column, label=f"time of {place}: column", on_change=self._changed)
+            self.column.props(LOOK)
+            unit = str(time.get("unit", "s"))
+            units = list(dict.fromkeys((*TIME_UNITS, unit)))
+            self.unit = ui.select(units, value=unit, label="unit", on_change=self._changed)
+            self.unit.props(f'{LOOK} aria-label="time of {place}: unit"')
+            self.said = ui.element("div").classes("beside")
+
+    def complain(self, words: str) -> None:
+        """Say beside the row what is wrong with it; nothing if empty."""
+        self.said.clear()
+        if words:
+            with self.said:
+                say(words)
+
+    def _changed(self) -> None:
+        self.complain("")
+        self.form.set_time(self.log, self.name, self.table, str(self.column.value or ""), str(self.unit.value))
 
 
 class Row:
@@ -276,7 +413,7 @@ class Row:
 def picture_of(column: Any) -> Markup:
     """Small picture of a column over its rows, with its least and greatest."""
     if not column.picture:
-        return Markup("")
+        return Markup('<span class="small-picture"><small>{}</small></span>').format(column.spread)
     return Markup(
         '<span class="small-picture"><svg viewBox="0 0 100 24" preserveAspectRatio="none" role="img" aria-label="{}">'
         '<path d="{}"/></svg><small>{}</small></span>'

@@ -1,6 +1,7 @@
 """A new campaign by form: what `seatrial init` asks, what is wrong beside each field, nothing written before all is checked."""
 
 from collections.abc import Callable
+from math import isfinite
 from typing import Any
 
 from markupsafe import Markup
@@ -20,6 +21,8 @@ STARTS = {"own": "a vehicle of your own", "published": "a published vehicle"} | 
     name: meaning for name, meaning in TEMPLATES.items() if name not in WRITTEN
 }
 """What a campaign may begin from: the form, filled in with an example, or a file."""
+_TO_THE_FIRST = 'document.querySelector(".q-field--error, p.wrong")?.scrollIntoView({ block: "center" })'
+"""Shows the first field that is wrong: the button stands far below it."""
 LOOK = "outlined dense stack-label hide-bottom-space no-error-icon"
 TEXTS = {
     "mass": ("Mass in air", "30 kg"),
@@ -87,6 +90,7 @@ class Start:
         with self.said:
             if folder is None or said is None:
                 say("Some fields are wrong: see the messages beside them. Nothing was written.")
+                ui.run_javascript(_TO_THE_FIRST)
                 return None
             try:
                 template = "" if start in self.places else start
@@ -246,16 +250,30 @@ class OneRow:
 
     def check(self) -> bool:
         """Say what is wrong; returns whether nothing is."""
-        words, line = "", self.line()
+        words, line, at_fault = "", self.line(), []
         if line:
             try:
                 self.kind.read(line, self.kind.one)
             except InputError as error:
-                words = _words(error)
+                words, at_fault = _words(error), list(self.fields)
+                if wrong := [key for key in self.kind.numbers if not _is_number(self.fields[key].value)]:
+                    said = [f'"{self.fields[key].value}" under "{self.kind.fields[key][0]}"' for key in wrong]
+                    words, at_fault = (
+                        f"{', '.join(said)}: expected a number, such as {self.kind.fields[wrong[0]][1] or 1}",
+                        wrong,
+                    )
         self.wrong.set_content(_wrong_html(words) if words else "")
-        for form in self.fields.values():
-            form.props("error" if words else "", remove="" if words else "error")
+        for key, form in self.fields.items():
+            form.props("error" if key in at_fault else "", remove="" if key in at_fault else "error")
         return not words
+
+
+def _is_number(text: str | None) -> bool:
+    """Whether a field holds a number; an empty one is not wrong by itself."""
+    try:
+        return not (text or "").strip() or isfinite(float(text or ""))
+    except ValueError:
+        return False
 
 
 def _words(error: InputError) -> str:

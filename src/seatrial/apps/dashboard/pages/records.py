@@ -45,7 +45,7 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
         "A new log",
         "Put a log into the campaign's folder, or send it from here. Preview it, say which column is which channel, and save.",
     ):
-        ImportForm(context, campaign, folder).build()
+        ImportForm(context, campaign, folder, lambda: again(context, folder, said, live)).build()
 
 
 async def again(context: AppContext, folder: Path, said: ui.element, live: Any) -> None:

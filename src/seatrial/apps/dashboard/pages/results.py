@@ -1,5 +1,6 @@
 """What the data say: coefficients, fit and residuals, posteriors, probabilities of models, and the next trial."""
 
+import csv
 import re
 from contextlib import suppress
 from functools import partial
@@ -44,7 +45,13 @@ async def _results(context: AppContext, campaign: str, folder: Path) -> None:
             say(error)
         else:
             with section("No results yet"):
-                markup(Markup('<p>Run the campaign first: <a href="{}">Run</a>.</p>').format(link("run", campaign)))
+                words = Markup('<p>{}: <a href="{}">Run</a>.</p>')
+                if store.coefficients.exists():
+                    said = "The coefficients are estimated; the command run chooses a model and fills this page"
+                    markup(words.format(said, link("run", campaign)))
+                    markup(estimated(store))
+                else:
+                    markup(words.format("Run the campaign first", link("run", campaign)))
         return
     names, labels = names_and_labels(summary)
     with section(summary.name):
@@ -106,11 +113,13 @@ def names_and_labels(summary: Summary) -> tuple[dict[str, str], dict[str, str]]:
 
 
 def coefficients(summary: Summary) -> Markup:
-    """The table of coefficients of the chosen structure."""
+    """The table of coefficients of the chosen structure; with model error where that makes a ± much wider."""
+    wider = any(row.model_error_sd is not None for row in summary.coefficients)
     rows = [
         [
             label_html(row.label) + Markup(" <small>{}</small>").format(row.name),
             with_sd(row.mean, row.sd),
+            *([("" if row.model_error_sd is None else f"± {short(row.model_error_sd)}")] if wider else []),
             interval(row),
             short(row.prior_sd),
             unit_html(row.unit),
@@ -118,8 +127,19 @@ def coefficients(summary: Summary) -> Markup:
         ]
         for row in summary.coefficients
     ]
-    head = ["parameter", "mean ± sd", "95 % interval", "prior sd", "unit", "sd / prior sd"]
+    with_error = ["with model error"] if wider else []
+    head = ["parameter", "mean ± sd", *with_error, "95 % interval", "prior sd", "unit", "sd / prior sd"]
     return table(head, rows, f"Parameters of {summary.chosen}: {' '.join(summary.terms)}")
+
+
+def estimated(store: Store) -> Markup:
+    """The coefficients of each structure as `estimate` wrote them, before any structure is chosen."""
+    with store.coefficients.open(encoding="utf-8", newline="") as stream:
+        found = [
+            [row["structure"], row["name"], with_sd(float(row["mean"]), float(row["sd"])), unit_html(row["unit"])]
+            for row in csv.DictReader(stream)
+        ]
+    return table(["structure", "parameter", "mean ± sd", "unit"], found, "Estimated coefficients", left=2)
 
 
 def interval(row: StoredCoefficient) -> str:

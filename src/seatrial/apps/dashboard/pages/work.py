@@ -111,11 +111,7 @@ def _field(option: CommandOption) -> ui.input | ui.select | ui.checkbox:
 
 def _made(folder: Path, campaign: str, job: Job) -> None:
     """Show the pictures that the last command wrote, and offer its other files."""
-    found = {
-        path for path in re.findall(r"[^\s;,]+\.(?:svg|csv|json)", job.output) if Path(path).is_relative_to(folder)
-    }
-    names = sorted(Path(path).relative_to(folder).as_posix() for path in found)
-    there = [name for name in names if MADE.fullmatch(name) and (folder / name).is_file()]
+    there = [name for name in named_in(job.output, folder) if MADE.fullmatch(name) and (folder / name).is_file()]
     if not there:
         return
     for name in there:
@@ -127,6 +123,11 @@ def _made(folder: Path, campaign: str, job: Job) -> None:
         Markup('<a href="{}">Download {}</a>').format(link("download", campaign, file=name), name) for name in there
     )
     markup(Markup('<p class="links">{}</p>').format(links))
+
+
+def named_in(output: str, folder: Path) -> list[str]:
+    """Pictures and tables of a folder that a command names, as paths from there; the folder's own name may have spaces."""
+    return sorted(set(re.findall(re.escape(folder.as_posix()) + r"/([^\s;,]+\.(?:svg|csv|json))", output)))
 
 
 def begin(context: AppContext, folder: Path, said: ui.element, command: str, *options: str) -> bool:
