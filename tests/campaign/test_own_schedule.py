@@ -223,6 +223,18 @@ def test_a_log_is_cut_to_what_was_commanded_and_says_how_well_that_was_followed(
     assert err == ""
 
 
+def test_a_control_may_be_a_line_between_its_samples_and_a_measurement_may_not(designed, tmp_path):
+    (record,) = get_trials(designed[0]).fit
+    write_log(tmp_path, record)
+    whole, n, u = ('schedule = "sent_{run}.csv"\n', ""), '"n", unit = "rpm"', '"u", unit = "m/s"'
+    (held,) = get_trials(imported(tmp_path, whole)).fit
+    (line,) = get_trials(imported(tmp_path, whole, (n, f'{n}, between = "line"'))).fit
+    one, other = (found.channel("n") for found in (held, line))
+    np.testing.assert_allclose(other[:-1], 0.5 * (one[:-1] + one[1:]), rtol=1e-9)
+    with pytest.raises(InputError, match=r"channels.u.between[^$]*a measurement"):
+        get_trials(imported(tmp_path, whole, (u, f'{u}, between = "line"')))
+
+
 def test_stated_ends_stand_and_another_trial_is_refused(designed, tmp_path):
     (record,) = get_trials(designed[0]).fit
     write_log(tmp_path, record)

@@ -46,6 +46,16 @@ def test_growth_is_that_of_the_sampled_loop():
     assert found.unstable.tolist() == [False, False, True]
 
 
+@pytest.mark.parametrize("sd", [0.02, 3.0])
+def test_the_autopilot_sees_the_noise_of_each_sensor(sd):
+    """Noise over its standard deviation comes back in the channel's own unit, and nothing where the channel is not measured."""
+    seen = replace(plan(1.0, 1.5), weight=np.where(np.arange(400)[:, None] % 2 == 0, [1 / 0.01, 1 / sd], 0.0))
+    noise = np.random.default_rng(3).normal(size=(400, 2))
+    errors = dict(zip(seen.autopilot.outputs, seen.moments(np.zeros((400, 1)), noise)[1].error, strict=True))
+    np.testing.assert_allclose(np.asarray(errors["psi"])[::2], sd * noise[::2, 1])
+    assert np.isnan(np.asarray(errors["psi"])[1::2]).all()
+
+
 def test_slow_decisions_make_it_unstable_and_the_gain_to_lower_is_named():
     draws = np.array([[-0.2, 4.0 + 0.1 * i] for i in range(10)])
     assert not loop_growth(plan(1.0, 1.5), np.zeros(2), draws).unstable.any()

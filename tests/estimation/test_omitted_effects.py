@@ -106,6 +106,7 @@ def test_whitened_columns_give_the_inverse_covariance(noise):
 
 STEP, SAMPLES = 0.1, 900
 TRUTH = {"X_u": -1.21, "X_uabsu": -2.93, "T_nabsn": 6.28e-4}
+FIXED_HULL = type(FIXED_DRAG)("hull", FIXED_DRAG.mass)
 
 
 def posterior_of(lag=0.0, cubic=0.0, seed=1):
@@ -127,9 +128,8 @@ def posterior_of(lag=0.0, cubic=0.0, seed=1):
     noisy = np.array(shown) + 0.02 * rng.normal(size=SAMPLES)
     record = make_trial(STEP * np.arange(SAMPLES), n / (2 * np.pi), "one", u=noisy)
     priors = {"X_u": Normal(-1.2, 1.5), "X_uabsu": Normal(-3.0, 3.0), "T_nabsn": Normal(6e-4, 3e-4)}
-    hull = type(FIXED_DRAG)("hull", FIXED_DRAG.mass)
-    model = surge_vehicle(hull, tuple(TRUTH))
-    return make_posterior(model, record, priors | {"sigma_u": LogUniform(0.002, 0.5), "u_0": Normal(1.5, 0.3)}, ["u"])
+    priors |= {"sigma_u": LogUniform(0.002, 0.5), "u_0": Normal(1.5, 0.3)}
+    return make_posterior(surge_vehicle(FIXED_HULL, tuple(TRUTH)), record, priors, ["u"])
 
 
 def two_axes_of(coupling, seed=2):
@@ -161,6 +161,32 @@ def test_a_command_that_acts_on_another_axis_too_is_found(coupling):
     found = omitted_effects(posterior, find_mode(posterior, 0)).found
     assert [one.effect.of for one in found] == ["M_tau_X"] * (coupling > 0)
     assert all(abs(one.size - coupling) < 4 * one.sd for one in found)
+
+
+@pytest.mark.parametrize("is_line", [True, False])
+def test_a_command_that_was_measured_while_it_changed_leads_by_half_a_step(is_line):
+    """The propeller follows straight lines between samples of 0.1 s, or jumps at them; the model takes what was sampled as held."""
+    rng, u, shown = np.random.default_rng(4), 1.5, []
+    n = 125 + 40 * np.interp(np.arange(SAMPLES) / 7, np.arange(SAMPLES), rng.uniform(-1, 1, SAMPLES))
+    for k, sampled in enumerate(n):
+        shown.append(u)
+        following = n[min(k + 1, SAMPLES - 1)] if is_line else sampled
+        for i in range(10):
+            now = sampled + (i + 0.5) / 10 * (following - sampled)
+            thrust = TRUTH["T_nabsn"] * now * abs(now)
+
+            def rate(u, thrust=thrust):
+                return (thrust + TRUTH["X_u"] * u + TRUTH["X_uabsu"] * u * abs(u)) / FIXED_DRAG.mass
+
+            u += STEP / 10 * rate(u + STEP / 20 * rate(u))
+    shown += 2e-4 * rng.normal(size=SAMPLES)
+    record = make_trial(STEP * np.arange(SAMPLES), n / (2 * np.pi), "one", u=shown)
+    priors = {"X_u": Normal(-1.2, 1.5), "X_uabsu": Normal(-3.0, 3.0), "T_nabsn": Normal(6e-4, 3e-4)}
+    priors |= {"sigma_u": LogUniform(1e-5, 0.5), "u_0": Normal(1.5, 0.3)}
+    posterior = make_posterior(surge_vehicle(FIXED_HULL, tuple(TRUTH)), record, priors, ["u"])
+    found = omitted_effects(posterior, find_mode(posterior, 0)).found
+    assert [one.effect.kind for one in found[:1]] == ["command lead"] * is_line
+    assert not is_line or abs(found[0].size - STEP / 2) < 4 * found[0].sd + 0.002
 
 
 def away(posterior, mode):

@@ -38,6 +38,7 @@ PRIORS = [
     half_normal(2e-6, lower=5e-5),
     truncated_normal(-1.2, 0.5, upper=0.0),
     truncated_normal(1.0, 0.5, upper=0.0),
+    truncated_normal(-1.0, 2.0, lower=0.0),
     truncated_normal(-40.0, 10.0, lower=0.0),
     truncated_normal(0.0, 1.0, -0.02, 0.05),
     truncated_normal(0.3, 1.0, -1.0, 1e6),

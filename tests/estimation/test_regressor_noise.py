@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from seatrial.core.errors import InputError
-from seatrial.estimation.regressor_noise import regressor_noise_bias
+from seatrial.estimation.regressor_noise import LEVELS, _extrapolation, regressor_noise_bias
 from seatrial.estimation.rows import whitened_rows
 from seatrial.estimation.weak_form import pointwise_trials, weak_trials
 from seatrial.vehicles.axis_equation import axis_equation
@@ -22,6 +22,12 @@ def pointwise(seed, u_sd):
     rate = surge_rate(u, REV) + 0.01 * rng.normal(size=u.size)
     record = make_trial(TIME, REV, u=u + u_sd * rng.normal(size=u.size), udot=rate)
     return whitened_rows(SURGE, pointwise_trials([record], SURGE), {"u": u_sd, "udot": 0.01})
+
+
+def test_a_quadratic_change_is_carried_on_to_less_noise_exactly():
+    level = np.array(LEVELS)
+    assert _extrapolation() @ (3.0 * level) == pytest.approx(-3.0)
+    assert _extrapolation() @ level**2 == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("u_sd", [0.02, SIGMA])

@@ -76,6 +76,15 @@ def test_scale_and_offset_act_in_the_unit_of_the_file(tmp_path):
     np.testing.assert_allclose(table.columns["delta_r"], np.radians(2.0 - np.arange(4)), rtol=1e-15, atol=1e-18)
 
 
+def test_a_control_that_is_a_line_between_samples_has_the_means_of_it(tmp_path):
+    """Of 0, 10, a gap, 40 and 20 held over each step; the last sample has no next one."""
+    text = "t,rpm\n0,0\n1,10\n2,\n3,40\n4,20\n"
+    line = replace(PROPELLER, between="line")
+    table = read_log(LogSource(written(tmp_path, text), "t", "s", {"n": line}))
+    np.testing.assert_allclose(table.columns["n"] * 30 / pi, [5.0, 25.0, np.nan, 30.0, 20.0])
+    assert table.options["channels"]["n"]["between"] == "line"
+
+
 def test_nanosecond_stamps_lose_nothing(tmp_path):
     first = 1669909203330211715
     stamps = first + np.cumsum(np.random.default_rng(1).integers(1_000_000, 50_000_000, 500))

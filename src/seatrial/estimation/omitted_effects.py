@@ -73,19 +73,20 @@ class Effect:
     """Something that a model may lack.
 
     Attributes:
-        kind: a force of the vehicle, an error of a command or of a sensor, or a start that is not known.
+        kind: a force of the vehicle, an error of a command or of a sensor, or a start that is not known; a command leads that acts
+            before its stamps, such as one that was measured while it changed and is taken as held.
         of: coefficient of the force, control, measured channel or state; empty for the delay of all commands.
         unit: of its size, SI.
     """
 
-    kind: Literal["force", "command offset", "command lag", "delay", "sensor offset", "start"]
+    kind: Literal["force", "command offset", "command lag", "command lead", "delay", "sensor offset", "start"]
     of: str
     unit: str
 
     @property
     def is_positive(self) -> bool:
         """Whether its size cannot be below zero."""
-        return self.kind in ("delay", "command lag")
+        return self.kind in ("delay", "command lag", "command lead")
 
 
 class Omitted(NamedTuple):
@@ -198,8 +199,8 @@ def omitted_effects(posterior: Posterior, mode: Mode) -> OmittedEffects:
     """Return what the data ask for and the model lacks, and what that does to its parameters.
 
     Looked for are forces along each axis (constant, linear, quadratic and cubic in its own velocity, linear in a control that drives other
-    axes, and terms that other structures of the posterior have), offset and lag of each command, a common delay, offsets of the sensors
-    and starts, as far as the model has none.
+    axes, and terms that other structures of the posterior have), offset, lag and lead of each command, a common delay, offsets of the
+    sensors and starts, as far as the model has none.
 
     Args:
         posterior: of records; where its likelihood has process noise nothing is looked for.
@@ -413,6 +414,7 @@ def _candidates(posterior: Posterior) -> Iterator[Effect]:
     for control in model.controls:
         if control not in MOTIONS:
             yield Effect("command offset", control, signal_unit(control))
+            yield Effect("command lead", control, "s")
             if f"lag_{control}" not in lags and control + ACTUAL not in model.states:
                 yield Effect("command lag", control, "s")
     if not simulator.delay and not MOTIONS & set(model.controls):
@@ -459,6 +461,8 @@ def _shown(posterior: Posterior, effects: tuple[Effect, ...], z: Array, sizes: A
                 match one.kind:
                     case "command offset":
                         control[one.of] = control[one.of] + x
+                    case "command lead":
+                        control[one.of] = _early(control[one.of], trial.step, x)
                     case "command lag":
                         control[one.of] = _late(control[one.of], trial.step, x + INSTANT)
                     case "start":
@@ -494,6 +498,11 @@ def _pushed(model: VehicleModel, effects: tuple[Effect, ...]) -> VehicleModel:
         return model.derivative({**params, **pushes}, state, control)
 
     return replace(model, derivative=derivative, constants=(*model.constants, ("omitted", float(len(forces)))))
+
+
+def _early(control: Float[Array, " n"], step: Float[Array, " n"], lead: Any) -> Float[Array, " n"]:
+    """Return the mean over each step of a held command whose every change comes so much before its sample, at most one step."""
+    return control + lead / jnp.where(step > 0, step, jnp.inf) * jnp.append(jnp.diff(control), 0.0)
 
 
 def _late(control: Float[Array, " n"], step: Float[Array, " n"], lag: Any) -> Float[Array, " n"]:

@@ -51,7 +51,8 @@ def read_log(source: LogSource) -> LogTable:
     info, where, notes = read.info, read.where, list(read.notes)
     mapped = {}
     for name, column in source.channels.items():
-        values = mapped[name] = in_si(source, name, read.numbers, where)
+        values = in_si(source, name, read.numbers, where)
+        mapped[name] = values if column.between == "held" else _mean_to_next(values)
         if gaps := int(np.isnan(values).sum()):
             notes.append(f"{name}: {gaps} of {values.size} cells are empty")
         if gaps == values.size:
@@ -158,6 +159,14 @@ def read_stamped(source: LogSource, columns: Sequence[str], words: Sequence[str]
     if source.time_column is None:
         notes.append(f"time is the column {clock}, in {clocks[clock]}")
     return Stamped(raw, kept, time, epoch, clock, clocks[clock], info, where, tuple(notes))
+
+
+def _mean_to_next(values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+    """Return the mean of each sample and the next one that is there: of a straight line, held over that time, it does the same."""
+    known, means = np.isfinite(values), values.copy()
+    there = values[known]
+    means[known] = np.append(0.5 * (there[:-1] + there[1:]), there[-1:])
+    return means
 
 
 def in_si(

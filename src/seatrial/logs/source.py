@@ -20,6 +20,7 @@ from seatrial.logs.formats.protocol import LogFile, TextLayout
 from seatrial.logs.formats.text_layout import signs_of
 
 Clock = Literal["as_stamped", "even", "drop_repeated"]
+Between = Literal["held", "line"]
 
 
 @dataclass(frozen=True)
@@ -34,6 +35,7 @@ class ColumnMap:
         offset: added after scaling, in `unit`.
         curve: what a cell's number stands for; by default itself.
         parts: factors and columns of a sum, see `parse_sum`; by default the column alone.
+        between: what a control does from one sample to the next: it is held, or changes along a straight line.
     """
 
     column: str
@@ -43,6 +45,7 @@ class ColumnMap:
     offset: float = 0.0
     curve: CellCurve | None = None
     parts: tuple[tuple[float, str], ...] = ()
+    between: Between = "held"
 
     @property
     def columns(self) -> tuple[tuple[float, str], ...]:
@@ -203,6 +206,7 @@ def source_options(source: LogSource) -> dict[str, Any]:
                 "offset": float(column.offset),
             }
             | ({} if column.curve is None else {"curve": column.curve.name})
+            | ({} if column.between == "held" else {"between": column.between})
             for name, column in source.channels.items()
         },
     }

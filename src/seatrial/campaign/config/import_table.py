@@ -166,7 +166,7 @@ def _column(
     parts = () if column.sum is None else parse_sum(column.sum, keys.where(f"{key}.sum"))
     written = column.sum or column.column or ""
     curve = column.curve if law is None else law.table or None
-    return LogColumn(written, unit, column.scale, column.offset, curve, parts, law)
+    return LogColumn(written, unit, column.scale, column.offset, curve, parts, law, column.between)
 
 
 def _check_command(column: ColumnTable, law: ThrustLaw | None, keys: FileKeys, key: str) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 
 from seatrial.estimation.mounts import Mount
 from seatrial.logs.keep import Comparison
+from seatrial.logs.source import Between
 from seatrial.manoeuvres.autopilot import Loop
 from seatrial.manoeuvres.family import Family
 from seatrial.manoeuvres.schedule import Schedule
@@ -228,7 +229,7 @@ class LogColumn:
     """Column that holds a channel, in a unit; multiplied by `scale`, then `offset` is added; `curve` names a table to read it off.
 
     Of a sum of columns, `column` is the sum as it was written, and `parts` are its factors and columns. `law` is that of a thruster, whose
-    commands the column holds.
+    commands the column holds. `between` says what a control does between its samples.
     """
 
     column: str
@@ -238,6 +239,7 @@ class LogColumn:
     curve: str | None = None
     parts: tuple[tuple[float, str], ...] = ()
     law: ThrustLaw | None = None
+    between: Between = "held"
 
 
 @dataclass(frozen=True)

@@ -296,8 +296,16 @@ def log_source(campaign: Campaign, file: LogFile, path: Path, index: int, roles:
         roles: of `signal_roles`.
 
     Raises:
-        InputError: a curve that cannot be read.
+        InputError: a curve that cannot be read, or a straight line between measurements.
     """
+    for name, column in file.channels.items():
+        if column.between == "line" and roles.get(name) != "control":
+            raise InputError(
+                campaign.where(f"import.files[{index}].channels.{name}.between"),
+                found=f'"line", of {name}, which is a measurement',
+                expected="a control: measurements are used where they were taken",
+                remedy="remove it",
+            )
     channels = {
         name: ColumnMap(
             column.column,
@@ -307,6 +315,7 @@ def log_source(campaign: Campaign, file: LogFile, path: Path, index: int, roles:
             offset=column.offset,
             curve=_cell_curve(campaign, index, name, column),
             parts=column.parts,
+            between=column.between,
         )
         for name, column in file.channels.items()
     }

@@ -42,6 +42,9 @@ def _words(posterior: Posterior, found: Omitted) -> tuple[str, str]:
             return words, f"state it in [vehicle.actuators.{of}], or give `delay` a prior, [prior.delay]"
         case "delay":
             return words, "give `delay` a prior, [prior.delay]"
+        case "command lead":
+            line = f'if {of} was measured and this is half its sampling time, write between = "line" for its channel in [import]'
+            return words, f"{line}; else correct `shift` of its file"
         case "command offset":
             return words, f"check the zero of {of}; `offset` of its channel in [import] corrects it"
         case "sensor offset":
@@ -56,6 +59,7 @@ def _name(effect: Effect) -> str:
         "command lag": f"a lag of the actuator of {effect.of}",
         "delay": "a delay of the actuators",
         "command offset": f"an offset of the command {effect.of}",
+        "command lead": f"a command {effect.of} that acts before its stamps, by a lead",
         "sensor offset": f"an offset of {effect.of}, a bias of the sensor or a current,",
         "start": f"a start of {effect.of} that differs from the assumed one, by an error",
     }[effect.kind]
