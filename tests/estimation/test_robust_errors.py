@@ -112,6 +112,19 @@ def test_blocks_of_one_run(memory, least, most):
     assert (found.wider("T_nabsn", 1.0) is None) == (memory == 0.0)
 
 
+def test_a_block_with_nearly_all_of_the_residuals_moves_no_value_out_of_sight():
+    """The record begins 0.2 m/s from the assumed start; with the noise's curvature in each block the ratios were 1e5 and more."""
+    rng = np.random.default_rng(6)
+    rev = np.repeat(rng.uniform(4, 14, 100), 8)
+    shown = speed(rev, 1.2, *TRUTH.values()) + 0.3 * NOISE * rng.normal(size=len(rev))
+    record = make_trial(STEP * np.arange(len(rev)), rev, "one", u=shown)
+    priors = {"sigma_u": Normal(NOISE, 20 * NOISE)} | {name: Normal(*numbers) for name, numbers in PRIOR.items()}
+    joint = make_posterior(surge_vehicle(FIXED_DRAG, tuple(PRIOR)), record, priors, ["u"], start={"u": 1.0})
+    ratio = robust_errors(joint, find_mode(joint, 0)).pieces.ratio
+    assert ratio.min() > 2
+    assert ratio.max() < 20
+
+
 @pytest.mark.parametrize(("pieces", "expected"), [(3, 1.8), (10, 1.1)])
 def test_widening_for_few_pieces(pieces, expected):
     """Student's t of pieces - 1 degrees of freedom beside the normal law, at 90 %; below half as large again nothing is told."""

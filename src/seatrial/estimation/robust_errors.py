@@ -20,7 +20,7 @@ A run's own parameters (`u_0[run]`) are part of its piece: their priors say how 
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from scipy.special import ndtri, stdtrit
 
 from seatrial.core.random_keys import seeded_key
@@ -187,8 +187,21 @@ def _compared(
     prior = -there.prior_hessian
     if own_is_drawn:
         prior = np.where(["[" in name for name in posterior.names], 0.0, prior)
-    wide = np.sqrt(np.diag(jackknife(mode.precision, scores, -hessians, prior))[shared])
+    curvatures = np.where(_of_noise(posterior)[:, None] | _of_noise(posterior), 0.0, -hessians)
+    wide = np.sqrt(np.diag(jackknife(mode.precision, scores, curvatures, prior))[shared])
     return Pieces(wide / np.sqrt(np.diag(mode.cov)[shared]), len(scores), basis)
+
+
+def _of_noise(posterior: Posterior) -> Bool[np.ndarray, " d"]:
+    """Return which parameters are those of the sensors' noise.
+
+    Their curvature in a piece follows the squares of its residuals: a piece with large ones has more of it than all pieces together, and
+    one step from the mode leads nowhere. What a piece says of the motion has no part in that, and of these it takes no leverage.
+    """
+    output = posterior.likelihood.output if isinstance(posterior.likelihood, FilterError) else posterior.likelihood
+    sensors = output.simulator.sensors if isinstance(output, OutputError) else ()
+    noise = {name for sensor in sensors for name in replace(sensor, bias=False, lag=False).parameters}
+    return np.isin(posterior.names, list(noise))
 
 
 def _by_blocks(posterior: Posterior, mode: Mode, shared: np.ndarray) -> Pieces:
