@@ -3,11 +3,13 @@
 from functools import cache
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from filterpy.kalman import MerweScaledSigmaPoints
 from filterpy.kalman import UnscentedKalmanFilter as PeerFilter
 
+from seatrial.filters.belief import Masked, whiten
 from seatrial.filters.extended import ExtendedKalmanFilter
 from seatrial.filters.run import run_filter, summarise_filter
 from seatrial.filters.square_root import LargeUnscentedKalmanFilter, SquareRootUnscentedKalmanFilter
@@ -104,3 +106,18 @@ def test_one_summary_equals_its_lane_of_a_batch_of_traces(name, gaps):
     assert np.allclose(summary.final.mean, trace.final.mean, rtol=1e-10)
     assert np.allclose(summary.final.cov, trace.final.cov, rtol=1e-8, atol=1e-13)
     assert float(summary.log_likelihood) == pytest.approx(float(trace.log_likelihood), rel=1e-11)
+
+
+def test_residuals_are_what_is_new_in_each_channel():
+    """Of channels with covariance S, each given those before it, by conditional means and variances of a normal density."""
+    rng = np.random.default_rng(5)
+    half = rng.normal(size=(3, 3))
+    cov, miss = half @ half.T + np.eye(3), rng.normal(size=3)
+    lower = np.linalg.cholesky(cov)
+    channels = tuple(jnp.asarray(miss))
+    masked = Masked((1.0,) * 3, (1.0,) * 3, channels, channels)
+    _, update = whiten([tuple(jnp.asarray(lower[i, : i + 1])) for i in range(3)], masked)
+    for i in range(3):
+        gain = np.linalg.solve(cov[:i, :i], cov[:i, i])
+        assert float(update.residual[i]) == pytest.approx(miss[i] - gain @ miss[:i], rel=1e-12)
+        assert float(update.variance[i]) == pytest.approx(cov[i, i] - gain @ cov[:i, i], rel=1e-12)
