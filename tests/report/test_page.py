@@ -235,5 +235,7 @@ def test_the_headline_tells_a_model_that_is_beaten_from_one_that_fails(tmp_path)
         "Do not use this model: a simpler one predicts better. Held-back runs: a first-order lag of the controls predicts u better"
     )
     assert "failed too" not in answer(beaten)
+    even = answer(replace(make_outcome(tmp_path), compared=make_compared(0.051)))
+    assert even.startswith("A first-order lag of the controls predicts u of the held-back runs as well as this model. ")
     failing = replace(make_outcome(tmp_path), pooled=make_pooled(0.2))
     assert answer(failing).startswith("The model fails on runs that it was not fitted to. Held-back runs: ")

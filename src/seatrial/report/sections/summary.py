@@ -12,6 +12,7 @@ from seatrial.campaign.inference.judge_predictions import held_back_alarms
 from seatrial.campaign.workflow.next_trial import propose
 from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.estimation.fit_verdict import explained_share
+from seatrial.estimation.remedies import listed
 from seatrial.report.drawing import digits_of, labels_of, model_html, moments_of, sentence_of, truth_of, unit_row
 from seatrial.report.labels import label_html
 from seatrial.report.numbers import DASH, percent, probability, typeset
@@ -46,7 +47,7 @@ def summary_section(outcome: Outcome) -> dict[str, Any]:
 
 
 def answer(outcome: Outcome) -> Markup:
-    """Say in two sentences what was found and how well it predicts, or that nothing may be used yet."""
+    """Say what was found and how well it predicts, first what simpler model does as well; or that nothing may be used yet."""
     alarms = outcome.summary["alarms"]
     beaten, unseen = comparison_alarms(outcome.compared), held_back_alarms(outcome.fits, outcome.pooled)
     if beaten or unseen:
@@ -60,7 +61,7 @@ def answer(outcome: Outcome) -> Markup:
         return Markup("{} {}{}").format(what, sentence_of(outcome, (unseen or beaten)[0]), more)
     if alarms:
         return Markup("Do not use these numbers yet: {} failed.").format(_checks(len(alarms)))
-    return Markup("{} {} {}").format(_basis(outcome), _found(outcome), _predicts(outcome))
+    return Markup("{}{} {} {}").format(_unbeaten(outcome), _basis(outcome), _found(outcome), _predicts(outcome))
 
 
 def find(outcome: Outcome, kind: str) -> list[dict[str, Any]]:
@@ -89,6 +90,19 @@ def _basis(outcome: Outcome) -> str:
     if len(runs) > 1:
         return f"{len(runs)} {what}s of {seconds:.0f} s in all"
     return f"One {what} of {seconds:.0f} s"
+
+
+def _unbeaten(outcome: Outcome) -> str:
+    """Say which simpler model predicts the held-back runs as well; nothing where the model is better than all."""
+    channels: dict[str, list[str]] = {}
+    for one in outcome.compared:
+        if one.level == "caution":
+            channels.setdefault(one.baselines[0].words, []).append(one.channel)
+    said = (
+        f"{words[0].upper()}{words[1:]} predicts {listed(names)} of the held-back runs as well as this model. "
+        for words, names in channels.items()
+    )
+    return "".join(said)
 
 
 def _found(outcome: Outcome) -> Markup:
