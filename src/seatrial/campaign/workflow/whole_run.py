@@ -26,8 +26,8 @@ LEAST = 0.5
 SHARE = 0.95
 """Of a step's expected time, the most that counts as done before it is."""
 PARTS = 1000
-LEAST_PACE = 0.1
-"""Least seconds for an expected one: steps that were there already take next to none."""
+UNSURE = 0.25
+"""Share of the whole run that the pace of its steps has to outweigh: short steps say little about long ones."""
 
 
 class WholeRun:
@@ -77,8 +77,9 @@ class WholeRun:
         """Show how far the run has come; a step is as much slower than expected as those before it were."""
         if self.tell is None:
             return
-        ahead, pace = self.expected.get(self.now, 0.0), self.took / self.before if self.before else 1.0
-        done = self.before + min((time.monotonic() - self.began) / max(pace, LEAST_PACE), SHARE * ahead)
+        ahead, usual = self.expected.get(self.now, 0.0), UNSURE * sum(self.expected.values())
+        pace = (self.took + usual) / (self.before + usual)
+        done = self.before + min((time.monotonic() - self.began) / pace, SHARE * ahead)
         self.tell(round(PARTS * done / sum(self.expected.values())), PARTS)
 
 
