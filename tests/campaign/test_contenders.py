@@ -64,7 +64,7 @@ def test_the_runner_up_is_named_by_what_it_does_otherwise(outcome):
     words = outcome.contenders.difference_words()
     assert f"M-1, {change_words(best.terms, runner.terms)}" in words
     assert "at most 0.03 m/s (rms 0.021) in the next trial and 0.02 m/s" in words
-    assert "noise is 0.02 m/s" in words
+    assert "residuals of the fit are 0.02 m/s" in words
 
 
 def test_the_trial_that_decides_is_inside_the_limits_or_there_is_none(outcome):
