@@ -22,7 +22,9 @@ KINDS = {
 }
 
 
-@pytest.fixture(params=KINDS)
+@pytest.fixture(
+    params=["white", "drifting", *(pytest.param(kind, marks=pytest.mark.proof) for kind in ("heavy", "coloured"))]
+)
 def case(request):
     """Two trials, one with gaps and both with a start of their own, at a point off the mode."""
     values = {**VALUES, **KINDS[request.param], "u_0[a]": U0 + 0.01, "u_0[b]": U0}
