@@ -187,7 +187,8 @@ def _compared(
     prior = -there.prior_hessian
     if own_is_drawn:
         prior = np.where(["[" in name for name in posterior.names], 0.0, prior)
-    curvatures = np.where(_of_noise(posterior)[:, None] | _of_noise(posterior), 0.0, -hessians)
+    noise = _of_noise(posterior)
+    curvatures = np.where(noise[:, None] | noise, 0.0, -hessians)
     wide = np.sqrt(np.diag(jackknife(mode.precision, scores, curvatures, prior))[shared])
     return Pieces(wide / np.sqrt(np.diag(mode.cov)[shared]), len(scores), basis)
 
@@ -195,8 +196,8 @@ def _compared(
 def _of_noise(posterior: Posterior) -> Bool[np.ndarray, " d"]:
     """Return which parameters are those of the sensors' noise.
 
-    Their curvature in a piece follows the squares of its residuals: a piece with large ones has more of it than all pieces together, and
-    one step from the mode leads nowhere. What a piece says of the motion has no part in that, and of these it takes no leverage.
+    Their curvature in a piece grows with the squares of its residuals. One piece can have more of it than all together, and the step
+    without that piece would be far too long: of these parameters, and across to the others, H_i is 0 in d_i.
     """
     output = posterior.likelihood.output if isinstance(posterior.likelihood, FilterError) else posterior.likelihood
     sensors = output.simulator.sensors if isinstance(output, OutputError) else ()

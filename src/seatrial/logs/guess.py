@@ -130,7 +130,7 @@ _REVOLUTIONS = {
     "s-1": "rev/s",
     "s^-1": "rev/s",
 }
-"""Units of a propeller that count revolutions, not radians."""
+"""Units of a propeller's speed that count revolutions, not radians."""
 _PATTERNS = tuple((channel, strength, re.compile(pattern)) for channel, strength, pattern in _NAMES)
 
 

@@ -209,10 +209,6 @@ def with_time(channel_map: str, path: str, table: str | None, column: str, unit:
     if at is None:
         return channel_map
 
-    def change(one: Any) -> None:
-        for key, value in (("column", column), ("unit", unit)):
-            one["time"][key] = value
-
     if "time" not in _file_of(files[at]):
         lines = files[at].splitlines(keepends=True)
         place = next(i for i, line in enumerate(lines) if re.match(r"\s*path\s*=", line))
@@ -220,7 +216,7 @@ def with_time(channel_map: str, path: str, table: str | None, column: str, unit:
             [*lines[: place + 1], f"time = {_inline({'column': column, 'unit': unit})}\n", *lines[place + 1 :]]
         )
     else:
-        files[at] = _edited(files[at], change)
+        files[at] = _edited(files[at], lambda one: one["time"].update(column=column, unit=unit))
     return "\n".join(file.strip() + "\n" for file in files)
 
 

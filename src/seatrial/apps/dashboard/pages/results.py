@@ -119,7 +119,7 @@ def coefficients(summary: Summary) -> Markup:
         [
             label_html(row.label) + Markup(" <small>{}</small>").format(row.name),
             with_sd(row.mean, row.sd),
-            *([("" if row.model_error_sd is None else f"± {short(row.model_error_sd)}")] if wider else []),
+            *([_wider(row.model_error_sd)] if wider else []),
             interval(row),
             short(row.prior_sd),
             unit_html(row.unit),
@@ -133,13 +133,24 @@ def coefficients(summary: Summary) -> Markup:
 
 
 def estimated(store: Store) -> Markup:
-    """The coefficients of each structure as `estimate` wrote them, before any structure is chosen."""
+    """Return the coefficients of each structure as `estimate` wrote them, before any structure is chosen."""
     with store.coefficients.open(encoding="utf-8", newline="") as stream:
         found = [
-            [row["structure"], row["name"], with_sd(float(row["mean"]), float(row["sd"])), unit_html(row["unit"])]
+            [
+                row["structure"],
+                row["name"],
+                with_sd(float(row["mean"]), float(row["sd"])),
+                _wider(float(row["model_error_sd"]) if row["model_error_sd"] else None),
+                unit_html(row["unit"]),
+            ]
             for row in csv.DictReader(stream)
         ]
-    return table(["structure", "parameter", "mean ± sd", "unit"], found, "Estimated coefficients", left=2)
+    head = ["structure", "parameter", "mean ± sd", "with model error", "unit"]
+    return table(head, found, "Estimated coefficients", left=2)
+
+
+def _wider(sd: float | None) -> str:
+    return "" if sd is None else f"± {short(sd)}"
 
 
 def interval(row: StoredCoefficient) -> str:
