@@ -3,6 +3,7 @@
 import asyncio
 import time
 from collections.abc import Awaitable, Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,8 @@ PATIENCE = 0.35
 """Seconds that a page waits for a part before it is shown without it."""
 CHANGES = 1.0
 """Seconds between looks whether something has changed."""
+LONG, AHEAD = 16 << 20, 8
+"""Bytes from which a file is read ahead, and records of which that is done, at most."""
 GLANCE = 0.2
 """Seconds for which a look at a running command is good for all viewers."""
 
@@ -53,6 +56,16 @@ class AppContext:
         """Which steps of a campaign are current."""
         files = await asyncio.to_thread(evidence_of, folder)
         return await self.worker_pool.think("steps", str(folder), files=files)
+
+    async def read_ahead(self, folder: Path) -> None:
+        """Have the long records and predictions of a campaign checked and indexed before anybody waits for them."""
+        store, pool = Store(folder), self.worker_pool
+        records = (pool.view, sorted((store.results / "records").glob("*.nc"))[:AHEAD])
+        for ask, paths in (records, (pool.draw, [store.predictions])):
+            for path in paths:
+                if stamp(path)[1] > LONG:
+                    with suppress(SeatrialError, OSError):  # said where it is shown
+                        await ask("read_ahead", path, files=[path])
 
     async def form_data(self, folder: Path) -> FormData:
         """A campaign, for the forms."""

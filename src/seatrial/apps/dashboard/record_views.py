@@ -166,6 +166,16 @@ def record_view(path: Path, start: float, end: float, columns: int = COLUMNS) ->
     return {name: _shown(name, curve, origin) for name, curve in curves.items()}
 
 
+def read_ahead(path: Path) -> None:
+    """Check a record and index it, before anybody waits for it.
+
+    Raises:
+        InputError: no NetCDF-4 file, a damaged one, or no record.
+    """
+    there = path.stat()
+    _record_index(path, there.st_size, there.st_mtime_ns)
+
+
 @lru_cache(maxsize=16)
 def _record_index(path: Path, size: int, at: int) -> tuple[Index, float]:
     """Index of a record, and its begin; made again when the file changes."""

@@ -2,13 +2,15 @@
 
 import tempfile
 from bisect import bisect_left, bisect_right
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from seatrial.apps.dashboard.downsample import Envelope, envelopes, rows_of
+from seatrial.apps.dashboard.downsample import Envelope, Load, rows_of
+from seatrial.apps.dashboard.record_views import Index, index_of, view_of
 from seatrial.apps.dashboard.view_models import FitAbout, Marginal, Swept
 from seatrial.campaign.store.designs import read_sweeps
 from seatrial.campaign.store.estimates import Predictions, read_estimate, read_predictions
@@ -84,28 +86,34 @@ def fit_about(path: Path, index: int, channel: int) -> FitAbout:
     name = about.channels[channel]
     with stored(path) as file:
         first, last = _rows_of_record(file, index)
-        time = rows_of(file, "time", first, last)
-        few = min(time.size, CORRELATED)
-        residual = _fit_rows(file, channel, 1.0)(first, first + few)["residual"]
-    lag, correlation, count = autocorrelation(time[:few], residual)
+        time: Any = file["time"]
+        span, few = (float(time[first]), float(time[last - 1])), min(last - first, CORRELATED)
+        rows = _fit_rows(file, channel, 1.0, first)(0, few)
+    lag, correlation, count = autocorrelation(rows["time"], rows["residual"])
     white = 2 / np.sqrt(max(count, 1))
-    span = float(time[0]), float(time[-1])
     held_back, unit = about.records[index] in about.held_back, shown_unit(name)[1]
     return FitAbout(span, name, unit, held_back, lag, correlation, float(white))
 
 
 def fit_view(path: Path, index: int, channel: int, low: float, high: float, columns: int) -> dict[str, Envelope]:
     """Read one channel of one predicted record between two times, s: `measured`, `mean`, `band` (90 %) and `residual`, by columns."""
-    factor = shown_unit(predicted(path).channels[channel])[0]
+    there = path.stat()
+    blocks = _fit_index(path, index, channel, there.st_size, there.st_mtime_ns)
     with stored(path) as file:
-        first, last = _rows_of_record(file, index)
-        at: Any = file["time"]
-        begin = min(bisect_left(at, low, first, last), last - 1)
-        end = max(bisect_right(at, high, first, last), begin + 1)
-        load = _fit_rows(file, channel, factor)
-        found = envelopes(rows_of(file, "time", begin, end), lambda a, b: load(begin + a, begin + b), columns)
+        load = _fit_rows(file, channel, _factor(path, channel), _rows_of_record(file, index)[0])
+        found = view_of(blocks, load, low, high, columns)
     lower, upper = found.pop("lower"), found.pop("upper")
     return {**found, "band": Envelope(lower.time, lower.least, upper.greatest)}
+
+
+def read_ahead(path: Path) -> None:
+    """Check a file of predictions and index the curve that is shown first, before anybody waits for it.
+
+    Raises:
+        InputError: missing or damaged.
+    """
+    there = path.stat()
+    _fit_index(path, 0, 0, there.st_size, there.st_mtime_ns)
 
 
 def marginals(
@@ -165,10 +173,27 @@ def _rows_of_record(file: Any, index: int) -> tuple[int, int]:
     return bisect_left(owner, index), bisect_right(owner, index)
 
 
-def _fit_rows(file: Any, channel: int, factor: float) -> Callable[[int, int], Mapping[str, np.ndarray]]:
+@lru_cache(maxsize=32)
+def _fit_index(path: Path, index: int, channel: int, size: int, at: int) -> Index:
+    """Index of one channel of one predicted record; made again when the file changes."""
+    del size, at  # parts of the key only
+    with stored(path) as file:
+        first, last = _rows_of_record(file, index)
+        return index_of(last - first, _fit_rows(file, channel, _factor(path, channel), first))
+
+
+def _factor(path: Path, channel: int) -> float:
+    return shown_unit(predicted(path).channels[channel])[0]
+
+
+def _fit_rows(file: Any, channel: int, factor: float, begin: int) -> Load:
+    """Return what gives some rows of a record that begins at a row of the file."""
+
     def load(first: int, last: int) -> Mapping[str, np.ndarray]:
-        measured, mean, sd = (rows_of(file, part, first, last)[:, channel] for part in ("measured", "mean", "sd"))
+        rows = begin + first, begin + last
+        measured, mean, sd = (rows_of(file, part, *rows)[:, channel] for part in ("measured", "mean", "sd"))
         return {
+            "time": rows_of(file, "time", *rows),
             "measured": measured * factor,
             "mean": mean * factor,
             "lower": (mean - Z90 * sd) * factor,

@@ -35,6 +35,8 @@ UPLOAD_HERE, UPLOAD_FROM_ELSEWHERE = 8 << 30, 512 << 20
 PACE = Throttle()
 BUILD = 60.0
 """Seconds in which a page is built, on a machine that has other things to do."""
+SETTLED = 1.5
+"""Seconds after which a page has what it shows, and the machine may get ready what comes next."""
 REPORT_POLICY = (
     "default-src 'none'; style-src 'unsafe-inline'; img-src data:; frame-ancestors 'none'; sandbox allow-same-origin"
 )
@@ -201,8 +203,9 @@ def _add_view(context: AppContext, view: str, make: Callable[..., Awaitable[None
             with frame(context, ""):
                 say(error)
             return
-        context.jobs.get_ready(folder)
         with frame(context, view, campaign, folder):
+            ui.timer(SETTLED, lambda: context.jobs.get_ready(folder), once=True)
+            ui.timer(SETTLED, lambda: context.read_ahead(folder), once=True)
             try:
                 await make(context, campaign, folder)
             except Exception as error:
