@@ -7,6 +7,7 @@ from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.data.thruster_check import check_thrusters, thruster_lines
 from seatrial.campaign.inference.posterior import build_posterior, initial_state, random_key
+from seatrial.campaign.inference.quick_estimates import posterior_modes
 from seatrial.core.errors import InputError
 from seatrial.estimation.first_guess import first_guess
 from seatrial.estimation.identifiability import identifiability_of_fit
@@ -154,6 +155,15 @@ def test_commands_become_thrust_and_a_worn_thruster_is_found(tmp_path, log):
     guess = first_guess(model, [record], [initial_state(found, model, record)], found.priors)
     for name, value in {**TRUTH, "gain_f_2": WORN}.items():
         assert guess[name] == pytest.approx(value, rel=0.03), name
+
+
+def test_two_thrusters_of_which_one_is_worn_are_not_alike(tmp_path, log):
+    gain = '[prior.gain_f_2]\ndistribution = "normal"\nmean = 1.0\nsd = 0.3\n'
+    found = campaign(tmp_path, log, (gain, gain + gain.replace("_2", "_1")))
+    (answer,) = posterior_modes(found, get_trials(found))
+    assert answer.lines()[-1].strip() == (
+        "port and starboard alike (gain_f_1 = gain_f_2): log evidence below -20, the data refuse it"
+    )
 
 
 def test_check_tells_a_thruster_that_is_turned_round(tmp_path, log):

@@ -97,6 +97,7 @@ class EstimatedStructure(TypedDict):
     parameters: list[Parameter]
     log_evidence_laplace: Number
     known: list[Known]
+    symmetry: list[str]
     held_back: list[Fit]
 
 
@@ -118,6 +119,7 @@ class FirstStructure(TypedDict):
     values: list[FirstValue]
     log_evidence_laplace: Number
     held_back: list[Fit]
+    symmetry: list[str]
 
 
 class Estimate(TypedDict, total=False):

@@ -47,6 +47,7 @@ def estimated(estimate: Any, held_back: Any, known_after: Any) -> dict[str, Any]
         "parameters": parameters(estimate),
         "log_evidence_laplace": float(estimate.data.attrs["laplace_log_evidence"]),
         "known": known(known_after),
+        "symmetry": known_after.symmetry,
         "held_back": fits(held_back.fits),
     }
 
@@ -61,7 +62,7 @@ def first_answer(one: Any) -> dict[str, Any]:
     ]
     held_back = [] if one.held_back is None else fits(one.held_back.fits)
     told = {"label": one.structure.label, "terms": one.structure.terms, "values": values}
-    return {**told, "log_evidence_laplace": one.log_evidence, "held_back": held_back}
+    return {**told, "log_evidence_laplace": one.log_evidence, "held_back": held_back, "symmetry": one.symmetry}
 
 
 def selected(selection: Any) -> dict[str, Any]:

@@ -17,15 +17,14 @@ from seatrial.core.signals import HELD, RATES, thruster_controls
 from seatrial.estimation.first_guess import fit_motion
 from seatrial.estimation.priors import Normal, Prior
 from seatrial.estimation.record_checks import RecordFinding
+from seatrial.estimation.symmetry import has_mirror
 from seatrial.vehicles.hull import AXES
-from seatrial.vehicles.thrusters import Thruster, allocation
+from seatrial.vehicles.thrusters import allocation
 
 SMALL = 1e-9
 """Share of the largest entry below which a force or moment is none."""
 KNOWN, HALF = 0.3, 0.5
 """Standard deviation of a gain from which nothing is said of it, and how far from 1 it is doubted."""
-CLOSE = 1e-3
-"""Distance, m, within which a thruster is the mirror image of another."""
 
 
 def thruster_lines(campaign: Campaign) -> list[str]:
@@ -44,7 +43,7 @@ def thruster_lines(campaign: Campaign) -> list[str]:
     what = "move" if vehicle.moves else "are measured"
     told = f"  rank {rank} on the {len(moving)} axes that {what}, {names}"
     lines.append(f"{told}: {_not_spanned(matrix, moving)}" if rank < len(moving) else told)
-    alone = [str(number) for number, one in enumerate(thrusters, 1) if not _has_mirror(one, thrusters)]
+    alone = [str(number) for number, one in enumerate(thrusters, 1) if has_mirror(one, thrusters) is None]
     said = f"no mirror image of {', '.join(alone)} on the other side" if alone else "each has its mirror image"
     return [*lines, f"  port and starboard: {said}"]
 
@@ -65,15 +64,6 @@ def _not_spanned(matrix: np.ndarray, moving: Sequence[int]) -> str:
         parts = [f"{x:+.2g} {AXES[i]}" for i, x in zip(moving, vector, strict=True) if abs(x) > 1e-3]
         texts.append(" ".join(parts).removeprefix("+"))
     return "no thrusts make " + ", nor ".join(texts)
-
-
-def _has_mirror(thruster: Thruster, thrusters: Sequence[Thruster]) -> bool:
-    flip = np.array([1.0, -1.0, 1.0])
-    place, push = flip * thruster.place, flip * thruster.column[:3]
-    return any(
-        np.linalg.norm(place - other.place) < CLOSE and abs(abs(push @ other.column[:3]) - 1.0) < CLOSE
-        for other in thrusters
-    )
 
 
 def check_thrusters(campaign: Campaign, record: Record) -> list[RecordFinding]:

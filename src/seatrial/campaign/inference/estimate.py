@@ -181,6 +181,7 @@ def _dataset(
     prior_sd = np.array([parameter.prior.sd for parameter in parameters])
     sd = values.std(axis=(0, 1))
     cautions = information_complaints(posterior, mode, values.reshape(-1, len(names)), at)
+    prior_value, prior_density = zip(*prior_curves(posterior).values(), strict=True)
     wider = [robust.wider(name, float(one)) for name, one in zip(names, sd, strict=True)]
     per_parameter = {
         "mode": mode.values,
@@ -203,7 +204,8 @@ def _dataset(
             "draws": (("chain", "draw", "parameter"), values),
             "log_density": (("chain", "draw"), draws.log_density),
             **{name: ("parameter", np.asarray(column, float)) for name, column in per_parameter.items()},
-            **prior_curves(posterior),
+            "prior_value": (("parameter", "point"), np.stack(prior_value)),
+            "prior_density": (("parameter", "point"), np.stack(prior_density)),
         },
         coords={
             "parameter": list(names),
@@ -222,16 +224,12 @@ def _dataset(
     )
 
 
-def prior_curves(posterior: Posterior) -> dict[str, tuple[tuple[str, str], np.ndarray]]:
-    """Each parameter's prior density over nearly all of its support, for figures: `prior_value` and `prior_density`."""
+def prior_curves(posterior: Posterior) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Each present parameter's prior density over nearly all of its support: values that increase, and the density per unit there."""
     values, log_density = (np.asarray(x).T[posterior.places] for x in _prior_curves(posterior))
-    density = np.exp(log_density)
     order = np.argsort(values, axis=1)
-    across = ("parameter", "point")
-    return {
-        "prior_value": (across, np.take_along_axis(values, order, 1)),
-        "prior_density": (across, np.take_along_axis(density, order, 1)),
-    }
+    curves = (np.take_along_axis(one, order, 1) for one in (values, np.exp(log_density)))
+    return dict(zip(posterior.present_names, zip(*curves, strict=True), strict=True))
 
 
 @program

@@ -4,6 +4,7 @@ The directions are the eigenvectors v of the information of the data alone, scal
 change of all parameters at once, in shares of their values, that makes the data one standard error less likely.
 """
 
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, fields, replace
 from functools import partial
 from typing import Any
@@ -12,9 +13,18 @@ import numpy as np
 
 from seatrial.campaign.compute.shared_work import Study
 from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.config.vehicle import WholeVehicle
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.design.sweep import design_key
-from seatrial.campaign.store.estimates import Direction, Estimate, Known, KnownParameter, OfStructure, read_known
+from seatrial.campaign.store.estimates import (
+    Direction,
+    Drawn,
+    Estimate,
+    Known,
+    KnownParameter,
+    OfStructure,
+    read_known,
+)
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.coefficients import CoefficientName
 from seatrial.design.sweep import Sweep
@@ -22,6 +32,7 @@ from seatrial.estimation.identifiability import Identifiability, identifiability
 from seatrial.estimation.information import likelihood_information
 from seatrial.estimation.output_error import is_deviation
 from seatrial.estimation.posterior import Parameter
+from seatrial.estimation.symmetry import PriorCurve, symmetries
 
 NAMED = 0.1
 """Share of the largest move from which a parameter is named in a direction."""
@@ -52,9 +63,27 @@ def known_after(campaign: Campaign, estimate: Estimate, trials: Trials) -> Known
         known = _known(found, information, estimate.structure.label)
         wider = {name: estimate.wider(name) or 0.0 for name in estimate.names}
         parameters = tuple(replace(one, wider=wider[one.name]) for one in known.parameters)
-        return asdict(replace(known, parameters=parameters))
+        symmetry = symmetry_of(campaign, estimate, estimate.prior_curves)
+        return asdict(replace(known, parameters=parameters, symmetry=symmetry))
 
     return stored_known_after(campaign, estimate).read_or_make(judge)
+
+
+def symmetry_of(
+    campaign: Campaign, drawn: Drawn, priors: Callable[[], Mapping[str, tuple[np.ndarray, np.ndarray]]]
+) -> tuple[str, ...]:
+    """Say of a whole vehicle which sides the data find alike; the others have too few terms for that to be a question of its own.
+
+    Args:
+        campaign: configuration.
+        drawn: draws of the posterior.
+        priors: gives values that increase and the density there, of each of its parameters.
+    """
+    vehicle = campaign.vehicle
+    if not isinstance(vehicle, WholeVehicle):
+        return ()
+    curves = {name: PriorCurve(*curve) for name, curve in priors().items()}
+    return tuple(one.sentence for one in symmetries(curves, drawn.draws(), vehicle.body.thrusters))
 
 
 def known_before(campaign: Campaign, sweep: Sweep) -> Known:

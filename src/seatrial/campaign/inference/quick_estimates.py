@@ -14,6 +14,8 @@ import numpy as np
 from seatrial.campaign.compute.shared_work import Study
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
+from seatrial.campaign.inference.estimate import prior_curves
+from seatrial.campaign.inference.identifiability import symmetry_of
 from seatrial.campaign.inference.judge_predictions import N_DRAWS, HeldBack, held_back_lines, predict_held_back
 from seatrial.campaign.inference.omitted_effects import left_out
 from seatrial.campaign.inference.posterior import is_whole, random_key
@@ -70,6 +72,7 @@ class FirstAnswer:
         wider: standard deviations that survive an error of the model, where they are larger by more than a half.
         wider_words: what these are made of; empty where nobody asked.
         drawn: draws about the mode, of which the next trial is designed; None where there is no mode.
+        symmetry: sentences on which sides of the vehicle the data find alike.
     """
 
     structure: Structure
@@ -83,6 +86,7 @@ class FirstAnswer:
     wider: Mapping[str, float] = field(default_factory=dict)
     wider_words: str = ""
     drawn: "NormalPosterior | None" = None
+    symmetry: tuple[str, ...] = ()
 
     def lines(self) -> list[str]:
         """A table of the answer."""
@@ -95,7 +99,7 @@ class FirstAnswer:
             said.append(f"  {name:<16} {numbers} {unit}{with_model_error(self.wider.get(name))}".rstrip())
         said += [f"  {self.wider_words}"] * bool(self.wider_words)
         lines = held_back_lines(self.held_back) if self.held_back else []
-        return [*said, *(f"  {line}" for line in lines)]
+        return [*said, *(f"  {line}" for line in (*lines, *self.symmetry))]
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,6 +203,7 @@ def _mode(
         wider={name: sd for name, sd in wider.items() if sd is not None},
         wider_words=robust.words if robust else "",
         drawn=more,
+        symmetry=symmetry_of(campaign, more, lambda: prior_curves(posterior)),
     )
     return answer, whole
 

@@ -117,6 +117,11 @@ class Estimate:
         lower, upper = array_stats.hdi(np.sort(self.draws([name])[:, 0]), prob=0.95)
         return float(lower), float(upper)
 
+    def prior_curves(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+        """Prior density of each parameter: values that increase, and the density per unit there, SI."""
+        curves = (self.data[name].values for name in ("prior_value", "prior_density"))
+        return dict(zip(self.names, zip(*curves, strict=True), strict=True))
+
     def summary(self) -> "DataFrame":
         """Return a table with a row for each parameter, SI: mean, sd, 95 % interval, mode, and the health of its draws."""
         from pandas import DataFrame
@@ -230,6 +235,7 @@ class Known:
         parameters: one by one.
         directions: together, what is known best first; empty where the model has no derivatives.
         verdict: sentences that name what is known although its parts are not, and what would separate them.
+        symmetry: sentences on which sides of the vehicle the data find alike.
     """
 
     stage: str
@@ -237,6 +243,7 @@ class Known:
     parameters: tuple[KnownParameter, ...]
     directions: tuple[Direction, ...]
     verdict: tuple[str, ...]
+    symmetry: tuple[str, ...] = ()
 
     def lines(self) -> list[str]:
         """A table, the directions known best and least, and the verdict."""
@@ -263,7 +270,7 @@ class Known:
         if len(self.directions) > 1:
             said.append(f"best-known direction, one standard error of the data alone: {self.directions[0].words}")
             said.append(f"least-known direction: {self.directions[-1].words}")
-        return [f"  {line}" for line in (*said, *(self.verdict or (BY_ITSELF,)))]
+        return [f"  {line}" for line in (*said, *(self.verdict or (BY_ITSELF,)), *self.symmetry)]
 
 
 def _share(move: float) -> str:
@@ -486,6 +493,7 @@ def decode_known(content: dict[str, Any]) -> Known:
             for item in content["directions"]
         ),
         tuple(content["verdict"]),
+        tuple(content["symmetry"]),
     )
 
 

@@ -96,9 +96,9 @@ def correlation(draws: np.ndarray) -> np.ndarray:
 
 def verdict_of(outcome: Outcome, known: Known) -> list[dict[str, Any]]:
     """Sentences as findings of the page; one that all is well where there are none."""
-    if not known.verdict:
-        return [{"kind": "finding", "text": sentence_of(outcome, BY_ITSELF)}]
-    return [{"kind": "caution", "text": sentence_of(outcome, text)} for text in known.verdict]
+    found = [("caution", text) for text in known.verdict] or [("finding", BY_ITSELF)]
+    found += [("finding", text) for text in known.symmetry]
+    return [{"kind": kind, "text": sentence_of(outcome, text)} for kind, text in found]
 
 
 def _row(outcome: Outcome, item: dict[str, Any], known: KnownParameter) -> dict[str, Any]:
