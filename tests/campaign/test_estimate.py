@@ -20,8 +20,8 @@ PRIORS = {
 def test_prior_densities():
     target = posterior({name: prior for name, (prior, _) in PRIORS.items()}, lambda values, data: 0.0)
     curves = prior_curves(target)
-    for i, (_, law) in enumerate(PRIORS.values()):
-        value, density = curves["prior_value"][1][i], curves["prior_density"][1][i]
+    for name, (_, law) in PRIORS.items():
+        value, density = curves[name]
         assert np.all(np.diff(value) >= 0)
         assert np.trapezoid(density, value) == pytest.approx(1.0, abs=0.02)
         if law is not None:
