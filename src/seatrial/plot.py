@@ -22,7 +22,7 @@ from seatrial.design.trial_design import TrialDesign
 from seatrial.estimation.mode import Mode
 from seatrial.estimation.prediction import Prediction
 from seatrial.estimation.priors import Prior, prior_curve
-from seatrial.report.drawing import record_curves, signal_axis
+from seatrial.report.drawing import prior_panels, prior_spreads, record_curves, signal_axis
 from seatrial.report.figures.checks import draw_motions, prior_motions
 from seatrial.report.figures.fit import Driven, Predicted, draw_fit, draw_residuals
 from seatrial.report.figures.parameters import draw_chains
@@ -273,25 +273,24 @@ def inclusion(result: Selection, *, ax: "Place" = None) -> "Axes":
 
 
 def prior_predictive(result: PriorPredictive, *, ax: "Place" = None) -> np.ndarray:
-    """Draw the speeds that the priors expect, the controls, and the steady speed and time constant of every draw.
+    """Draw the motions that the priors expect, the controls that move, and of a surge vehicle how every draw settles.
 
     Args:
         result: of `predict_from_prior`.
-        ax: one Axes for the speed, for each control, for steady speeds and for time constants; made if not given.
+        ax: one Axes for each channel and each control, and of a surge vehicle for steady speeds and time constants; made if not given.
 
     Returns:
-        the axes, shape (3 + controls,).
+        the axes, shape (channels + controls + spreads,).
 
     Raises:
         InputError: another number of axes.
     """
-    controls = [Driven(signal_axis(name), values * shown_unit(name)[0]) for name, values in result.control.items()]
-    shown = result.time, result.bands, result.single, controls
-    told = {"measured": result.measured, "steady": result.steady, "settling": result.settling}
+    (moved, controls), spreads = prior_panels(result), prior_spreads(result)
+    shown = result.time, moved, controls
     if ax is None:
-        return _array(_made(lambda figure: prior_motions(*shown, **told, figure=figure).axes))
-    axes = _given(ax, 3 + len(controls))
-    draw_motions(axes, *shown, **told)
+        return _array(_made(lambda figure: prior_motions(*shown, spreads=spreads, figure=figure).axes))
+    axes = _given(ax, len(moved) + len(controls) + len(spreads))
+    draw_motions(axes, *shown, spreads=spreads)
     return _array(axes)
 
 

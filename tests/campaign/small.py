@@ -90,7 +90,7 @@ def write_summary(folder: Path, terms: tuple[str, ...] = (), chosen: str = "M-0"
         {"name": name, "unit": "", "label": name, **numbers, "mean": mean, "sd": sd}
         for name, (mean, sd) in found.items()
     ]
-    known = {"stage": "after", "structure": chosen, "parameters": [], "directions": [], "verdict": []}
+    known = {"stage": "after", "structure": chosen, "parameters": [], "directions": [], "verdict": [], "symmetry": []}
     blank = {"name": "small", "structures": [], "verdicts": [], "cautions": [], "alarms": []}
     blank |= {"fits": [], "pooled": [], "baselines": []}
     content = {"chosen": chosen, "terms": list(terms), "coefficients": rows, "known": known}

@@ -80,17 +80,17 @@ def test_vehicles_that_run_away_are_told_apart():
     params["X_uabsu"] = np.array([TRUTH["X_uabsu"], 3.0])
     control = 2 * np.pi * naive_doublets(time, 200, 10)[:, None]
     speed, lost = speeds(
-        paper_model(), "u", params, None, np.full((2, 1), U0), control, np.full(600, 0.1), [0, 100, 599]
+        paper_model(), ["u"], params, None, np.full((2, 1), U0), control, np.full(600, 0.1), [0, 100, 599]
     )
     assert lost.tolist() == [False, True]
-    assert speed[0] == pytest.approx(
+    assert speed[0, :, 0] == pytest.approx(
         naive_speed(control[:, 0] / (2 * np.pi), np.full(600, 0.1))[[0, 100, 599]], rel=1e-9
     )
     late, _ = speeds(
-        paper_model(), "u", params, np.array([0.2, 0.2]), np.full((2, 1), U0), control, np.full(600, 0.1), range(600)
+        paper_model(), ["u"], params, np.array([0.2, 0.2]), np.full((2, 1), U0), control, np.full(600, 0.1), range(600)
     )
     shifted = np.concatenate([control[:2, 0], control[:-2, 0]]) / (2 * np.pi)
-    assert late[0] == pytest.approx(naive_speed(shifted, np.full(600, 0.1)), rel=1e-9)
+    assert late[0, :, 0] == pytest.approx(naive_speed(shifted, np.full(600, 0.1)), rel=1e-9)
 
 
 def test_a_term_that_is_zero_changes_no_motion():
@@ -99,10 +99,10 @@ def test_a_term_that_is_zero_changes_no_motion():
     params = {name: value * np.linspace(0.8, 1.2, count) for name, value in TRUTH.items()}
     control = 2 * np.pi * naive_doublets(time, 200, 2)[:, None]
     given = None, np.full((count, 1), U0), control, np.full(70, 0.1), range(70)
-    own, lost = speeds(paper_model(*TRUTH), "u", params, *given)
-    full, _ = speeds(paper_model(*TRUTH, "X_du3"), "u", {**params, "X_du3": np.zeros(count)}, *given)
+    own, lost = speeds(paper_model(*TRUTH), ["u"], params, *given)
+    full, _ = speeds(paper_model(*TRUTH, "X_du3"), ["u"], {**params, "X_du3": np.zeros(count)}, *given)
     assert full == pytest.approx(own, rel=1e-12)
-    assert len(np.unique(own[:, -1])) == count
+    assert len(np.unique(own[:, -1, 0])) == count
     assert not lost.any()
 
 
@@ -110,19 +110,19 @@ def test_without_a_record_the_largest_doublet_is_simulated(tmp_path):
     """Draws are those of the seed, and what one coefficient does alone is the closed form at its own quantiles."""
     found = predicted(tmp_path, (LINEAR, f"{LINEAR}\nphysical = true"))
     again = predicted(tmp_path, (LINEAR, f"{LINEAR}\nphysical = true"))
-    assert np.array_equal(found.bands, again.bands)
+    assert np.array_equal(found.channels[0].bands, again.channels[0].bands)
     assert "largest input" in found.over
-    assert found.at == "n = 1194 rpm"
+    assert found.settled.at == "n = 1194 rpm"
     assert np.ptp(found.control["n"]) == pytest.approx(400 * 2 * np.pi / 60, rel=1e-9)
-    assert found.measured is None
+    assert found.channels[0].measured is None
     assert found.lost.mean() < 0.01
     assert found.unphysical == ()
-    assert (np.diff(found.bands, axis=0) >= 0).all()
+    assert (np.diff(found.channels[0].bands, axis=0) >= 0).all()
     by_name = {item.name: item for item in found.believed}
     x_u, x_uu = by_name["X_u"].quantiles[1], by_name["X_uabsu"].quantiles[1]
     push = 0.9 * 125.0**2 * np.array(by_name["T_nabsn"].quantiles)[[0, 2]]
     exact = (-x_u - np.sqrt(x_u**2 - 4 * x_uu * push)) / (2 * x_uu)
-    assert by_name["T_nabsn"].speed == pytest.approx(exact, rel=1e-3)
+    assert by_name["T_nabsn"].alone[1:] == pytest.approx(exact, rel=1e-3)
     assert by_name["X_uabsu"].quantiles == pytest.approx((-8.36, -4.4, -0.44), abs=4 * 8.8 * 0.5 / np.sqrt(N_DRAWS))
 
 
@@ -138,8 +138,8 @@ def test_a_vehicle_that_is_known_gives_its_own_motion(tmp_path):
     rev = TRIM + naive_doublets(time, 200, 20, active=20.0) - 12.5
     start = load_campaign(tmp_path).hull.trim["u"]
     exact = naive_speed(rev, np.full(300, 0.1), start=start, thrust=PER_REV)
-    assert found.bands[2] == pytest.approx(exact, abs=1e-4)
-    assert np.ptp(found.bands, axis=0).max() < 1e-3
+    assert found.channels[0].bands[2] == pytest.approx(exact, abs=1e-4)
+    assert np.ptp(found.channels[0].bands, axis=0).max() < 1e-3
     assert (prior_alarms(found), prior_cautions(found)) == ([], [])
 
 
@@ -148,12 +148,12 @@ def test_a_record_is_held_or_not(tmp_path):
         write_log(tmp_path / name)
     good = predicted(tmp_path / "good", IMPORT, (LINEAR, f"{LINEAR}\nphysical = true"))
     assert "record 1" in good.over
-    assert good.held > 0.95
-    assert np.isfinite(good.measured).all()
+    assert good.channels[0].held > 0.95
+    assert np.isfinite(good.channels[0].measured).all()
     assert prior_alarms(good) == []
     assert any("the prior covers them" in line for line in prior_lines(good))
     bad = predicted(tmp_path / "bad", IMPORT, (THRUST, "lower = 2.0e-6\nupper = 12.0e-6"))
-    assert bad.held < 0.1
+    assert bad.channels[0].held < 0.1
     assert any("misses the measured speeds" in text for text in prior_alarms(bad))
 
 
@@ -161,7 +161,7 @@ def test_initial_speed_and_noise_are_drawn_where_they_are_unknown(tmp_path):
     write_log(tmp_path)
     found = predicted(tmp_path, IMPORT, ("[estimation]", '[estimation]\ninitial = "estimated"'))
     assert {"sigma_u", "u_0[1]"} <= {item.name for item in found.believed}
-    assert found.bands[4, 0] - found.bands[0, 0] == pytest.approx(2 * 1.645 * 0.25, rel=0.1)
+    assert found.channels[0].bands[4, 0] - found.channels[0].bands[0, 0] == pytest.approx(2 * 1.645 * 0.25, rel=0.1)
 
 
 def test_a_current_is_part_of_what_is_measured_and_not_of_the_motion(tmp_path):
@@ -179,14 +179,14 @@ def test_a_current_is_part_of_what_is_measured_and_not_of_the_motion(tmp_path):
         write_log(tmp_path / name)
     still = predicted(tmp_path / "still", IMPORT, *known)
     stream = predicted(tmp_path / "stream", IMPORT, *known, *current)
-    assert (still.held, stream.held) == (pytest.approx(1.0, abs=0.05), 0.0)
-    assert np.allclose(still.bands, stream.bands, atol=1e-3)
+    assert (still.channels[0].held, stream.channels[0].held) == (pytest.approx(1.0, abs=0.05), 0.0)
+    assert np.allclose(still.channels[0].bands, stream.channels[0].bands, atol=1e-3)
 
 
 def test_priors_that_run_away_are_called_so(tmp_path):
     found = predicted(tmp_path / "most", (LINEAR, "lower = 20.0\nupper = 60.0"), (DRAG, "lower = -0.8\nupper = 0.0"))
     assert found.diverged.mean() > 0.5
-    assert np.isnan(found.bands).all()
+    assert np.isnan(found.channels[0].bands).all()
     (alarm,) = prior_alarms(found)
     assert "most draws from the prior diverge" in alarm
     assert "physical = true in [prior.X_u]" in alarm
@@ -196,7 +196,7 @@ def test_priors_that_run_away_are_called_so(tmp_path):
     assert any(
         "reach no steady speed" in text and "physical = true in [prior.X_u]" in text for text in prior_cautions(some)
     )
-    assert np.nanmax(np.abs(some.single)) <= FASTEST
+    assert np.nanmax(np.abs(some.channels[0].single)) <= FASTEST
 
 
 def test_a_wide_prior_is_called_wide_and_the_coefficient_named(tmp_path):

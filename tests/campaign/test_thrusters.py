@@ -8,6 +8,7 @@ from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.data.thruster_check import check_thrusters, thruster_lines
 from seatrial.campaign.inference.posterior import build_posterior, initial_state, random_key
 from seatrial.campaign.inference.quick_estimates import posterior_modes
+from seatrial.campaign.prior.predictive import predict_from_prior
 from seatrial.core.errors import InputError
 from seatrial.estimation.first_guess import first_guess
 from seatrial.estimation.identifiability import identifiability_of_fit
@@ -155,6 +156,28 @@ def test_commands_become_thrust_and_a_worn_thruster_is_found(tmp_path, log):
     guess = first_guess(model, [record], [initial_state(found, model, record)], found.priors)
     for name, value in {**TRUTH, "gain_f_2": WORN}.items():
         assert guess[name] == pytest.approx(value, rel=0.03), name
+
+
+def test_a_prior_of_several_axes_that_is_right_expects_the_log(tmp_path, log):
+    """Priors a thousandth wide about the truth leave one motion, that of plain mechanics; half the thrust reaches less far."""
+    known = campaign(
+        tmp_path,
+        log,
+        ("lower = -40.0\nupper = 0.0", "lower = -12.01\nupper = -11.99"),
+        ("lower = -60.0\nupper = 0.0", "lower = -25.01\nupper = -24.99"),
+        ("lower = -8.0\nupper = 0.0", "lower = -2.001\nupper = -1.999"),
+        ("mean = 1.0\nsd = 0.3", f"mean = {WORN}\nsd = 0.0007"),
+    )
+    found = predict_from_prior(known)
+    assert [one.channel for one in found.channels] == ["u", "v", "r"]
+    assert found.settled is None
+    for one, exact in zip(found.channels, log[1].T, strict=True):
+        np.testing.assert_allclose(one.bands[2], np.interp(found.time, 0.1 * np.arange(len(exact)), exact), atol=0.01)
+        assert one.held == 1.0
+    reach = {item.name: item.alone for item in predict_from_prior(campaign(tmp_path / "wide", log)).believed}
+    assert reach["N_r"].channel == "r"
+    assert reach["N_r"].low < reach["N_r"].high  # at 5 % it damps most
+    assert reach["sigma_u"] is None
 
 
 def test_two_thrusters_of_which_one_is_worn_are_not_alike(tmp_path, log):

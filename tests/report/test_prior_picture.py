@@ -1,10 +1,12 @@
 """The picture of the priors: what it shows, and that it survives priors at the edge."""
 
+import itertools
+
 import numpy as np
 import pytest
 
 from seatrial.report.drawing import draw_svg
-from seatrial.report.figures.checks import prior_motions
+from seatrial.report.figures.checks import Moved, prior_motions
 from seatrial.report.figures.fit import Driven
 
 TIME = np.linspace(0.0, 60.0, 301)
@@ -20,16 +22,9 @@ def labels_of(axes) -> list[str]:
 def test_the_record_lies_on_the_bands_and_runaways_do_not_set_the_frame():
     single = np.stack([BANDS[1], np.where(TIME < 5, np.exp(TIME), np.nan)])
     measured = np.where(np.arange(TIME.size) % 5 == 0, BANDS[2], np.nan)
-    figure = prior_motions(
-        TIME,
-        BANDS,
-        single,
-        CONTROL,
-        measured=measured,
-        steady=1.4 + 0.3 * NORMAL,
-        settling=np.exp(NORMAL),
-        words=["cost $5"],
-    )
+    spreads = [("steady speed [m/s]", 1.4 + 0.3 * NORMAL), ("time constant [s]", np.exp(NORMAL))]
+    moved = Moved("$u$ [m/s]", BANDS, single, measured)
+    figure = prior_motions(TIME, [moved], CONTROL, spreads=spreads, words=["cost $5"])
     motion, driven, speed, settling = figure.axes
     assert {"90 % of draws", "50 %", "median", "single draws", "measured"} <= set(labels_of(motion))
     low, high = motion.get_ylim()
@@ -42,5 +37,17 @@ def test_the_record_lies_on_the_bands_and_runaways_do_not_set_the_frame():
 @pytest.mark.parametrize("steady", [np.full(400, np.nan), np.full(400, 1.5), np.where(NORMAL > 1, NORMAL, np.nan)])
 def test_priors_without_a_motion_are_drawn_too(steady):
     nothing = np.full((5, TIME.size), np.nan)
-    figure = prior_motions(TIME, nothing, nothing[:2], [*CONTROL, *CONTROL], steady=steady, settling=steady)
+    moved = Moved("$u$ [m/s]", nothing, nothing[:2], None)
+    figure = prior_motions(TIME, [moved], [*CONTROL, *CONTROL], spreads=[("steady speed [m/s]", steady)] * 2)
     assert ("most draws have none" in draw_svg(figure)) == (np.isnan(steady).mean() > 0.5)
+
+
+def test_many_channels_and_controls_each_have_a_panel_and_one_legend():
+    moved = [Moved(f"${name}$", BANDS, BANDS[:2], None) for name in "uvwpqr"]
+    figure = prior_motions(TIME, moved, CONTROL * 8)
+    assert len(figure.axes) == 14
+    boxes = [one.get_position() for one in figure.axes]
+    assert all(upper.y0 > lower.y1 for upper, lower in itertools.pairwise(boxes))
+    assert boxes[0].y1 < 1
+    assert boxes[-1].y0 > 0
+    assert [one.get_legend() is not None for one in figure.axes] == [True] + 13 * [False]

@@ -367,23 +367,41 @@ class Plan(TypedDict):
     further: Further | None
 
 
+class Reach(TypedDict):
+    """What one prior does where it alone varies, SI: the range of the steady speed, or the largest value of the channel it moves most."""
+
+    channel: str
+    low: Number
+    high: Number
+
+
 class Believed(TypedDict):
-    """One prior, SI: 5, 50 and 95 % quantiles, and the steady speeds that it allows where it alone varies, m/s; null if none."""
+    """One prior, SI: its 5, 50 and 95 % quantiles, and what it does alone; null for what moves no vehicle."""
 
     name: str
     unit: str
     quantiles: list[Number]
-    speed: list[Number] | None
+    alone: Reach | None
+
+
+class ExpectedChannel(TypedDict):
+    """One channel, SI: the ends of its 90 % range over the trial, and the share of the measured values inside it."""
+
+    channel: str
+    unit: str
+    lowest: Number
+    highest: Number
+    measured_inside: Number
 
 
 class Prior(TypedDict):
-    """`prior`: steady speed, m/s, and time constant, s, by their 5, 50 and 95 % quantiles; shares of the draws."""
+    """`prior`: steady speed, m/s, and time constant, s, by their 5, 50 and 95 % quantiles, null but for surge; shares of the draws."""
 
     over: str
-    steady_speed: list[Number]
-    time_constant: list[Number]
+    steady_speed: list[Number] | None
+    time_constant: list[Number] | None
     diverging: Number
-    measured_inside: Number
+    channels: list[ExpectedChannel]
     priors: list[Believed]
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from seatrial.apps import result_shapes as shapes
+from seatrial.core.signals import signal_unit
 
 QUANTILES = (0.05, 0.5, 0.95)
 
@@ -175,11 +176,23 @@ def prior(found: Any) -> dict[str, Any]:
     """Return what the priors expect."""
     return {
         "over": found.over,
-        "steady_speed": _quantiles(found.steady),
-        "time_constant": _quantiles(found.settling),
+        "steady_speed": None if found.settled is None else _quantiles(found.settled.speed),
+        "time_constant": None if found.settled is None else _quantiles(found.settled.time_constant),
         "diverging": float(np.mean(found.diverged)),
-        "measured_inside": found.held,
-        "priors": [picked(one, shapes.Believed) for one in found.believed],
+        "channels": [
+            {
+                "channel": one.channel,
+                "unit": signal_unit(one.channel),
+                "lowest": float(one.bands[0].min()),
+                "highest": float(one.bands[-1].max()),
+                "measured_inside": one.held,
+            }
+            for one in found.channels
+        ],
+        "priors": [
+            picked(one, shapes.Believed, alone=None if one.alone is None else one.alone._asdict())
+            for one in found.believed
+        ],
     }
 
 

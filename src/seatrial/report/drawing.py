@@ -20,6 +20,7 @@ from seatrial.core.record import Record
 from seatrial.core.signals import HELD, SIGNALS, signal_label
 from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.manoeuvres.schedule import Schedule
+from seatrial.report.figures.checks import Moved
 from seatrial.report.figures.fit import Driven, Predicted
 from seatrial.report.figures.records import controls_over_time
 from seatrial.report.figures.style import PALETTE, unit_label
@@ -30,6 +31,7 @@ from seatrial.selection.structures import structure_names
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from seatrial.campaign.prior.predictive import PriorPredictive
     from seatrial.campaign.store.estimates import Estimate
     from seatrial.campaign.workflow.outcome import Outcome
 
@@ -259,3 +261,21 @@ def _level(stroke: re.Match) -> str:
 def _round(number: re.Match) -> str:
     text = f"{float(number[0]):.2f}".rstrip("0").rstrip(".")
     return "0" if text == "-0" else text
+
+
+def prior_panels(result: "PriorPredictive") -> tuple[list[Moved], list[Driven]]:
+    """Return the channels of a prior, and the controls that move, in the units of display; all controls where none does."""
+    moved = []
+    for one in result.channels:
+        factor = shown_unit(one.channel)[0]
+        measured = None if one.measured is None else factor * one.measured
+        moved.append(Moved(signal_axis(one.channel), factor * one.bands, factor * one.single, measured))
+    moving = {name: values for name, values in result.control.items() if np.ptp(values) > 0} or result.control
+    return moved, [Driven(signal_axis(name), values * shown_unit(name)[0]) for name, values in moving.items()]
+
+
+def prior_spreads(result: "PriorPredictive") -> list[tuple[str, np.ndarray]]:
+    """Return what is drawn of how surge vehicles settle; nothing of others."""
+    if result.settled is None:
+        return []
+    return [("steady speed [m/s]", result.settled.speed), ("time constant [s]", result.settled.time_constant)]

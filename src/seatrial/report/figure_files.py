@@ -21,9 +21,9 @@ from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import shown_unit
 from seatrial.core.files import write_text
 from seatrial.core.record import Record
-from seatrial.report.drawing import draw_svg, signal_axis, signal_symbol
+from seatrial.report.drawing import draw_svg, prior_panels, prior_spreads, signal_axis, signal_symbol
 from seatrial.report.figures.checks import Progressed, prior_motions, rank_figure, rehearsal_figure
-from seatrial.report.figures.fit import Driven, SmoothedSignal, smoothed_record
+from seatrial.report.figures.fit import SmoothedSignal, smoothed_record
 from seatrial.report.figures.posterior import Panel, profile_figure
 from seatrial.report.figures.records import raw_record, relay_figure
 from seatrial.report.figures.style import INK, MUTED, PAPER, WIDE, own_settings, unit_label
@@ -92,18 +92,9 @@ def write_check_picture(folder: Path, record: Record) -> Path:
 def write_prior_picture(folder: Path, name: str, result: PriorPredictive) -> Path:
     """Write `prior.svg` in the campaign's folder, atomically, and return its path."""
     path = folder / "prior.svg"
-    controls = [Driven(signal_axis(one), values * shown_unit(one)[0]) for one, values in result.control.items()]
     with own_settings():
-        figure = prior_motions(
-            result.time,
-            result.bands,
-            result.single,
-            controls,
-            measured=result.measured,
-            steady=result.steady,
-            settling=result.settling,
-            words=[f"{name}: what the priors expect", *map(typeset, prior_summary(result))],
-        )
+        words = [f"{name}: what the priors expect", *map(typeset, prior_summary(result))]
+        figure = prior_motions(result.time, *prior_panels(result), spreads=prior_spreads(result), words=words)
         write_text(path, draw_svg(figure, "prior"))
     return path
 

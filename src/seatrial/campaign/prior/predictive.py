@@ -1,4 +1,4 @@
-"""What the priors of the full structure mean in metres per second: motions drawn from them before any data are used.
+"""What the priors of the full structure mean as motion: vehicles drawn from them before any data are used.
 
 Each draw of the coefficients and nuisances is simulated over one control; see Gelman et al., Bayesian Workflow,
 arXiv:2011.01808, section 2.4.
@@ -6,7 +6,8 @@ arXiv:2011.01808, section 2.4.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import partial
+from typing import Any, NamedTuple
 from zlib import crc32
 
 import jax
@@ -27,6 +28,7 @@ from seatrial.core.files import is_there
 from seatrial.core.programs import program
 from seatrial.core.record import Record
 from seatrial.core.reporter import SILENT, Reporter
+from seatrial.core.signals import HELD, QUATERNION, RATES
 from seatrial.estimation.delayed_control import delay_control
 from seatrial.estimation.output_error import initial_name, own_name
 from seatrial.estimation.priors import Prior, physical_support
@@ -38,7 +40,7 @@ from seatrial.manoeuvres.schedule import schedule_of
 from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.simulate import simulate
 
-# Motions of many vehicles at once: one speed over time, and the steady speed and time constant under a constant one.
+# Motions of many vehicles at once: speeds over time, and the steady speed and time constant under a constant control.
 #
 # From du/dt = f(u): f(u*) = 0 and T = -1 / f'(u*).
 
@@ -50,19 +52,19 @@ BATCH = 100
 
 def speeds(
     model: VehicleModel,
-    channel: str,
+    channels: Sequence[str],
     params: Mapping[str, Float[np.ndarray, " d"]],
     delay: Float[np.ndarray, " d"] | None,
     start: Float[np.ndarray, "d n_states"],
     control: Float[np.ndarray, "n n_controls"],
     step: Float[np.ndarray, " n"],
     keep: Sequence[int],
-) -> tuple[Float[np.ndarray, "d k"], np.ndarray]:
-    """Speed of each vehicle at the samples to keep, SI, and whether it leaves `FASTEST` or is no number at any sample.
+) -> tuple[Float[np.ndarray, "d k m"], np.ndarray]:
+    """Speeds of each vehicle at the samples to keep, SI, and whether one leaves `FASTEST` or is no number at any sample.
 
     Args:
         model: vehicle.
-        channel: which of its speeds, or the force on a gauge, which has no such limit.
+        channels: which m of its speeds, or forces on a gauge, which have no such limit.
         params: coefficients and other unknowns of each, SI.
         delay: between command and action of each, s; None for none.
         start: state of each at the first sample, SI.
@@ -73,11 +75,11 @@ def speeds(
     count, chosen, delayed = len(start), np.asarray(keep), delay is not None
     late, size = np.zeros(count) if delay is None else delay, bucket_length(len(control))
     control, step = filled(control, size), filled(step[:-1], size, 0.0)  # no time passes after the last sample
-    kept, lost = np.empty((count, chosen.size)), np.empty(count, bool)
+    kept, lost = np.empty((count, chosen.size, len(channels))), np.empty(count, bool)
     for i in range(0, count, BATCH):
         part = np.minimum(np.arange(i, i + BATCH), count - 1)  # the last vehicle fills the last batch
         values = {name: column[part] for name, column in params.items()}
-        speed, whole = _batch(model, channel, delayed, values, late[part], start[part], control, step)
+        speed, whole = _batch(model, tuple(channels), delayed, values, late[part], start[part], control, step)
         kept[part], lost[part] = np.asarray(speed)[:, chosen], ~np.asarray(whole)
     return kept, lost
 
@@ -85,7 +87,7 @@ def speeds(
 @program(static_argnums=(0, 1, 2))
 def _batch(
     model: VehicleModel,
-    channel: str,
+    channels: tuple[str, ...],
     delayed: bool,
     values: dict,
     late: Array,
@@ -96,10 +98,14 @@ def _batch(
     def one(values: dict, late: Array, start: Array) -> tuple[Array, Array]:
         held = jax.vmap(delay_control, in_axes=(1, None), out_axes=1)(control, late / step[0]) if delayed else control
         states = simulate(model, values, held, step, start)
-        if channel in model.states:
-            speed = states[:, model.states.index(channel)]
-            return speed, (jnp.abs(speed) <= FASTEST).all()
-        shown = jax.vmap(lambda state, told: model.output(channel, values, tuple(state), tuple(told)))(states, held)
+        if channels[0] in model.states:
+            moved = states[:, jnp.array([model.states.index(name) for name in channels])]
+            return moved, (jnp.abs(moved) <= FASTEST).all()
+
+        def gauges(state: Array, told: Array) -> Array:
+            return jnp.stack([model.output(name, values, tuple(state), tuple(told)) for name in channels])
+
+        shown = jax.vmap(gauges)(states, held)
         return shown, jnp.isfinite(shown).all()
 
     return jax.vmap(one)(values, late, starts)
@@ -159,7 +165,7 @@ class PriorTrial:
         time: s, shape (n,).
         control: SI, in the model's order, shape (n, n_controls).
         start: state at the first sample, SI.
-        measured: u as measured, m/s, NaN where not, shape (n,); None where it is not.
+        measured: channels as measured, SI, NaN where not, shape (n,) each; empty without a record.
         priors: of the full structure's coefficients and nuisances.
         units: SI unit of each.
     """
@@ -169,7 +175,7 @@ class PriorTrial:
     time: Float[np.ndarray, " n"]
     control: Float[np.ndarray, "n n_controls"]
     start: tuple[float, ...]
-    measured: Float[np.ndarray, " n"] | None
+    measured: Mapping[str, Float[np.ndarray, " n"]]
     priors: Mapping[str, Prior]
     units: Mapping[str, str]
 
@@ -197,7 +203,7 @@ def prior_trial(campaign: Campaign, reporter: Reporter = SILENT) -> PriorTrial:
         record.time,
         np.column_stack([record.channel(name) for name in model.controls]),
         initial_state(campaign, model, record),
-        record.channel("u") if "u" in campaign.channels else None,
+        {name: record.channel(name) for name in campaign.channels if name in record.measured},
         {parameter.name: parameter.prior for parameter in parameters},
         {parameter.name: parameter.unit for parameter in parameters},
     )
@@ -226,6 +232,7 @@ def _designed(campaign: Campaign, model: VehicleModel, reporter: Reporter) -> Pr
     time = driven.time
     columns = driven.columns([(name, held.get(name, 0.0)) for name in model.controls])
     priors = {term.text: (campaign.prior(term.text), model.unit_of(term)) for term in model.coefficients}
+    priors |= {one.name: (campaign.prior(one.name), one.unit) for one in model.unknowns}
     if campaign.has_delay:
         priors["delay"] = campaign.prior("delay"), "s"
     return PriorTrial(
@@ -233,8 +240,8 @@ def _designed(campaign: Campaign, model: VehicleModel, reporter: Reporter) -> Pr
         "",
         time,
         np.column_stack(list(columns.values())),
-        tuple(held.get(state, 0.0) for state in model.states),
-        None,
+        campaign.state_trim(model),
+        {},
         {name: prior for name, (prior, _) in priors.items()},
         {name: unit for name, (_, unit) in priors.items()},
     )
@@ -260,6 +267,20 @@ MOST = 0.5
 """Share of draws without a motion above which a prior is not to be used."""
 
 
+class Reach(NamedTuple):
+    """What one parameter does to a channel where it alone varies and the other parameters are at their medians.
+
+    Attributes:
+        channel: which.
+        low: at the parameter's 5 %, SI: the steady speed of a surge vehicle, the largest value in the trial of any other.
+        high: at its 95 %; of a surge vehicle the 5 and 95 % of the steady speed, NaN where most draws have none.
+    """
+
+    channel: str
+    low: float
+    high: float
+
+
 @dataclass(frozen=True)
 class Believed:
     """One parameter's prior, and what it does alone.
@@ -268,16 +289,50 @@ class Believed:
         name: of the parameter.
         unit: SI.
         quantiles: 5, 50 and 95 % of its prior, SI.
-        speed: 5 and 95 % of the steady speed, m/s, where it alone varies and the other coefficients are at their medians;
-            None for a parameter that is no coefficient, NaN where most draws have no steady speed.
+        alone: what it moves; of a vehicle of several axes what it moves most. None for what moves no vehicle, such as noise.
         blame: how much larger it is among draws that run away than among the others, in standard deviations; 0 if none do.
     """
 
     name: str
     unit: str
     quantiles: tuple[float, float, float]
-    speed: tuple[float, float] | None
+    alone: Reach | None
     blame: float
+
+
+@dataclass(frozen=True, eq=False)
+class Expected:
+    """One channel as the priors expect it.
+
+    Attributes:
+        channel: a speed of the vehicle through the water, or the force on a gauge.
+        bands: its quantiles at `LEVELS` among draws that do not diverge, SI, shape (5, n); NaN if most do.
+        single: of a few draws, SI, shape (k, n); NaN where they have diverged.
+        measured: as measured, SI, NaN where not, shape (n,); None where it is not.
+        held: share of the measured values inside the 90 % range of what the prior expects to be measured, with noise, bias and current;
+            NaN where nothing can be compared.
+    """
+
+    channel: str
+    bands: Float[np.ndarray, "5 n"]
+    single: Float[np.ndarray, "k n"]
+    measured: Float[np.ndarray, " n"] | None
+    held: float
+
+
+@dataclass(frozen=True, eq=False)
+class Settled:
+    """Where surge vehicles settle.
+
+    Attributes:
+        at: steady control, in words.
+        speed: in which each draw settles at that control from the trial's first, m/s, NaN where it does not, shape (draws,).
+        time_constant: there, s, likewise.
+    """
+
+    at: str
+    speed: Float[np.ndarray, " draws"]
+    time_constant: Float[np.ndarray, " draws"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -288,14 +343,8 @@ class PriorPredictive:
         over: what was simulated, in words.
         time: s, shape (n,).
         control: name to values, SI, shape (n,).
-        bands: quantiles of u, through the water, at `LEVELS` among draws that do not diverge, m/s, shape (5, n); NaN if most do.
-        single: u of a few draws, m/s, shape (k, n); NaN where they have diverged.
-        measured: u as measured, m/s, NaN where not, shape (n,); None where it is not.
-        held: share of the measured speeds inside the 90 % range of what the prior expects to be measured, with noise, bias and current;
-            NaN where nothing can be compared.
-        at: steady control, in words.
-        steady: speed in which each draw settles at that control from the trial's first, m/s, NaN where it does not, shape (draws,).
-        settling: time constant there, s, likewise.
+        channels: what the vehicle shows, each over time.
+        settled: steady speeds; None of a vehicle of other axes.
         diverged: which draws leave `FASTEST`, shape (draws,).
         believed: the parameters.
         unphysical: coefficients whose priors allow values that physics does not.
@@ -304,13 +353,8 @@ class PriorPredictive:
     over: str
     time: Float[np.ndarray, " n"]
     control: Mapping[str, np.ndarray]
-    bands: Float[np.ndarray, "5 n"]
-    single: Float[np.ndarray, "k n"]
-    measured: Float[np.ndarray, " n"] | None
-    held: float
-    at: str
-    steady: Float[np.ndarray, " draws"]
-    settling: Float[np.ndarray, " draws"]
+    channels: tuple[Expected, ...]
+    settled: Settled | None
     diverged: np.ndarray
     believed: tuple[Believed, ...]
     unphysical: tuple[str, ...]
@@ -318,61 +362,71 @@ class PriorPredictive:
     @property
     def lost(self) -> np.ndarray:
         """Draws that run away: they diverge, or have no steady speed, shape (draws,)."""
-        return self.diverged | np.isnan(self.steady)
+        return self.diverged if self.settled is None else self.diverged | np.isnan(self.settled.speed)
 
 
 def predict_from_prior(campaign: Campaign, reporter: Reporter = SILENT) -> PriorPredictive:
     """Draw from the full structure's prior and simulate over the trial that `prior_trial` finds.
 
     Raises:
-        InputError: logs that cannot be read, no design inside the limits, or a vehicle that does not only move along X.
+        InputError: logs that cannot be read, no design inside the limits, or trials through an autopilot.
     """
-    campaign.check_surge("the prior predictive check")
     campaign.check_no_autopilot("the prior predictive check")
     model = campaign.model(campaign.full)
     trial = prior_trial(campaign, reporter)
     key = random_key(campaign.seed, "prior predictive")
     found = _draw(dict(trial.priors), key)
     drawn = {name: np.asarray(found[name]) for name in trial.priors}
-    coefficients = {term.text: drawn[term.text] for term in model.coefficients}
-    names = [initial_name(state, trial.label) for state in model.states]
-    start = [drawn.get(name, np.full(N_DRAWS, value)) for name, value in zip(names, trial.start, strict=True)]
-    current, bias = (_of_trial(drawn, name, trial.label) for name in (CURRENT, bias_name("u")))
-    if trial.label and campaign.estimation.initial != "trim":
-        start[model.states.index("u")] = start[model.states.index("u")] - current
+    moved_by = (*(term.text for term in model.coefficients), *(one.name for one in model.unknowns))
+    params = {name: drawn[name] for name in moved_by}
+    start, current = _starts(campaign, model, trial, drawn), _of_trial(drawn, CURRENT, trial.label)
     keep = np.unique(np.linspace(0, trial.time.size - 1, SHOWN).round().astype(int))
-    speed, diverged = speeds(
-        model, "u", coefficients, drawn.get("delay"), np.column_stack(start), trial.control, trial.step, keep
+    names = [name for name in RATES if name in model.states] or [name for name in HELD if name in campaign.channels]
+    moved, diverged = speeds(
+        model, names, params, drawn.get("delay"), np.column_stack(start), trial.control, trial.step, keep
     )
-    moving = speed[~diverged]
-    usable = diverged.mean() <= MOST
-    measured = None if trial.measured is None else trial.measured[keep]
-    held = float("nan")
-    if usable and measured is not None:
-        noise = drawn[noise_name("u")][~diverged, None] * np.asarray(jax.random.normal(key, moving.shape))
-        held = _held(measured, moving + (bias + current)[~diverged, None] + noise)
-    control, at = _steady_control(campaign.hull.trim, campaign.family, model, trial)
-    cruise = trial.start[model.states.index("u")]
+    channels = []
+    for at, name in enumerate(names):
+        shown, measured = moved[:, :, at], trial.measured.get(name)
+        measured, moving = None if measured is None else measured[keep], shown[~diverged]
+        usable, held = diverged.mean() <= MOST, float("nan")
+        if usable and measured is not None:
+            noise = drawn[noise_name(name)][~diverged, None] * np.asarray(jax.random.normal(key, moving.shape))
+            beside = _of_trial(drawn, bias_name(name), trial.label) + (current if name == "u" else 0.0)
+            held = _held(measured, moving + beside[~diverged, None] + noise)
+        bands = np.quantile(moving, LEVELS, axis=0) if usable else np.full((len(LEVELS), keep.size), np.nan)
+        near = np.abs(shown[:SINGLE]) <= FASTEST if name in model.states else np.isfinite(shown[:SINGLE])
+        channels.append(Expected(name, bands, np.where(near, shown[:SINGLE], np.nan), measured, held))
+    if campaign.vehicle.is_surge:
+        control, at = _steady_control(campaign.hull.trim, campaign.family, model, trial)
+        cruise = trial.start[model.states.index("u")]
+        settled = Settled(at, *steady_motion(model, params, control, cruise))
+        lost, alone = diverged | np.isnan(settled.speed), partial(_steady_alone, model, params, control, cruise)
+    else:
+        settled, lost, alone = None, diverged, _moved_alone(model, names, params, trial).get
     mass = 1.0 if campaign.hull.mass is None else campaign.hull.mass
-    steady, settling = steady_motion(model, coefficients, control, cruise)
     return PriorPredictive(
         trial.words,
         trial.time[keep],
         {name: trial.control[keep, i] for i, name in enumerate(model.controls)},
-        np.quantile(moving, LEVELS, axis=0) if usable else np.full((len(LEVELS), keep.size), np.nan),
-        np.where(np.abs(speed[:SINGLE]) <= FASTEST, speed[:SINGLE], np.nan),
-        measured,
-        held,
-        at,
-        steady,
-        settling,
+        tuple(channels),
+        settled,
         diverged,
-        tuple(
-            _believed(model, name, drawn, trial.units[name], control, cruise, diverged | np.isnan(steady))
-            for name in drawn
-        ),
+        tuple(_believed(name, drawn[name], trial.units[name], alone(name), lost) for name in drawn),
         tuple(term.text for term in model.coefficients if _reaches_beyond(mass, term, trial.priors[term.text])),
     )
+
+
+def _starts(
+    campaign: Campaign, model: VehicleModel, trial: PriorTrial, drawn: Mapping[str, np.ndarray]
+) -> list[np.ndarray]:
+    """Return the first state of every draw, by state; an attitude's quaternion is that of the trial, so that its length is one."""
+    names = {state: initial_name(state, trial.label) for state in model.states if state not in QUATERNION}
+    fixed = dict(zip(model.states, trial.start, strict=True))
+    start = {state: drawn.get(names.get(state, ""), np.full(N_DRAWS, value)) for state, value in fixed.items()}
+    if trial.label and campaign.estimation.initial != "trim" and "u" in start:
+        start["u"] = start["u"] - _of_trial(drawn, CURRENT, trial.label)
+    return list(start.values())
 
 
 def most_have(values: Float[np.ndarray, " draws"]) -> bool:
@@ -413,24 +467,46 @@ def _steady_control(
     return control, ", ".join(f"{name} = {value * factor:.4g} {unit}" for name, value, factor, unit in shown)
 
 
-def _believed(
-    model: VehicleModel,
-    name: str,
-    drawn: Mapping[str, np.ndarray],
-    unit: str,
-    control: list[float],
-    cruise: float,
-    lost: np.ndarray,
-) -> Believed:
-    values, terms = drawn[name], [term.text for term in model.coefficients]
-    low, middle, high = (float(value) for value in np.quantile(values, (0.05, 0.5, 0.95)))
-    if name not in terms:
-        return Believed(name, unit, (low, middle, high), None, 0.0)
-    others = {term: np.full(N_DRAWS, np.median(drawn[term])) for term in terms}
-    steady, _ = steady_motion(model, {**others, name: values}, control, cruise)
+def _steady_alone(
+    model: VehicleModel, params: Mapping[str, np.ndarray], control: list[float], cruise: float, name: str
+) -> Reach | None:
+    """Return the steady speeds of surge vehicles that differ in one parameter."""
+    if name not in params:
+        return None
+    medians = {other: np.full(N_DRAWS, np.median(values)) for other, values in params.items()}
+    steady, _ = steady_motion(model, {**medians, name: params[name]}, control, cruise)
     ends = np.nanquantile(steady, (0.05, 0.95)) if most_have(steady) else (np.nan, np.nan)
-    blame = (values[lost].mean() - values[~lost].mean()) / values.std() if 0 < lost.sum() < lost.size else 0.0
-    return Believed(name, unit, (low, middle, high), (float(ends[0]), float(ends[1])), float(blame))
+    return Reach("u", float(ends[0]), float(ends[1]))
+
+
+def _moved_alone(
+    model: VehicleModel, channels: Sequence[str], params: Mapping[str, np.ndarray], trial: PriorTrial
+) -> dict[str, Reach]:
+    """Return of each parameter the channel whose largest value in the trial it changes most, as a share of that."""
+    names = list(params)
+    ends = np.array([np.quantile(params[name], (0.05, 0.5, 0.95)) for name in names])
+    values = np.repeat(ends[:, 1:2], 2 * len(names), axis=1)
+    for i in range(len(names)):
+        values[i, 2 * i : 2 * i + 2] = ends[i, [0, 2]]
+    start = np.tile(trial.start, (2 * len(names), 1))
+    keep = range(trial.time.size)
+    moved, lost = speeds(
+        model, channels, dict(zip(names, values, strict=True)), None, start, trial.control, trial.step, keep
+    )
+    largest = np.where(lost[:, None], np.nan, np.abs(moved).max(axis=1)).reshape(len(names), 2, len(channels))
+    share = np.abs(largest[:, 1] - largest[:, 0]) / np.maximum(np.nanmax(largest, axis=(0, 1)), np.finfo(float).tiny)
+    most = np.nan_to_num(share, nan=-1.0).argmax(axis=1)
+    return {
+        name: Reach(channels[at], float(largest[i, 0, at]), float(largest[i, 1, at]))
+        for i, (name, at) in enumerate(zip(names, most, strict=True))
+    }
+
+
+def _believed(name: str, values: np.ndarray, unit: str, alone: Reach | None, lost: np.ndarray) -> Believed:
+    low, middle, high = (float(value) for value in np.quantile(values, (0.05, 0.5, 0.95)))
+    told = alone is not None and 0 < lost.sum() < lost.size
+    blame = (values[lost].mean() - values[~lost].mean()) / values.std() if told else 0.0
+    return Believed(name, unit, (low, middle, high), alone, float(blame))
 
 
 def _reaches_beyond(mass: float, term: CoefficientName, prior: Prior) -> bool:

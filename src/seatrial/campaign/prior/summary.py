@@ -1,8 +1,9 @@
-"""What the priors mean, in words: a table of the parameters, what they do in metres per second, and what to mend."""
+"""What the priors mean, in words: a table of the parameters, what they do to the motion, and what to correct."""
 
 import numpy as np
 
-from seatrial.campaign.prior.predictive import MOST, Believed, PriorPredictive, most_have
+from seatrial.campaign.prior.predictive import LEVELS, MOST, Believed, PriorPredictive, most_have
+from seatrial.core.display_units import shown_unit
 
 SOME = 0.01
 """Share of draws without a motion above which a prior is to be mended."""
@@ -14,8 +15,9 @@ HELD, HARDLY = 0.8, 0.5
 
 def prior_lines(found: PriorPredictive) -> list[str]:
     """The parameters' priors, and what they mean together."""
-    rows = [_row(item) for item in found.believed]
-    heads = ("prior", "5 %", "50 %", "95 %", "unit", "steady speed if only this prior varies")
+    what, named = ("largest value in the trial", True) if found.settled is None else ("steady speed", False)
+    rows = [_row(item, named) for item in found.believed]
+    heads = ("prior", "5 %", "50 %", "95 %", "unit", f"{what} if only this prior varies")
     widths = [max(map(len, column)) for column in zip(heads, *rows, strict=True)]
     table = [
         "  ".join(
@@ -32,16 +34,25 @@ def prior_lines(found: PriorPredictive) -> list[str]:
 
 
 def prior_summary(found: PriorPredictive) -> list[str]:
-    """What the priors mean in metres per second and seconds."""
-    said = [
-        f"{found.diverged.size} draws over {found.over}",
-        f"steady speed at {found.at}: {range_words(found.steady, 'm/s')}",
-        f"time constant there: {range_words(found.settling, 's')}",
-        f"draws that diverge: {_percent(found.diverged)}; draws that reach no steady speed: {_percent(np.isnan(found.steady))}",
+    """What the priors mean as motion, in the units of display."""
+    said, lost = [f"{found.diverged.size} draws over {found.over}"], _percent(found.diverged)
+    if found.settled is not None:
+        none = _percent(np.isnan(found.settled.speed))
+        said.append(f"steady speed at {found.settled.at}: {range_words(found.settled.speed, 'm/s')}")
+        said.append(f"time constant there: {range_words(found.settled.time_constant, 's')}")
+        said.append(f"draws that diverge: {lost}; draws that reach no steady speed: {none}")
+    else:
+        for one in found.channels:
+            factor, unit = shown_unit(one.channel)
+            if np.isfinite(one.bands).any():
+                low, high = (factor * end for end in (one.bands[0].min(), one.bands[-1].max()))
+                said.append(f"{one.channel}: 90 % of draws between {low:.3g} and {high:.3g} {unit}")
+        said.append(f"draws that diverge: {lost}")
+    held = [one for one in found.channels if np.isfinite(one.held)]
+    return said + [
+        f"{_measured(found, one.channel)} inside the prior's 90 % range: {one.held:.0%}; {_verdict(one.held)}"
+        for one in held
     ]
-    if np.isfinite(found.held):
-        said.append(f"measured speeds inside the prior's 90 % range: {found.held:.0%}; {_verdict(found.held)}")
-    return said
 
 
 def prior_alarms(found: PriorPredictive) -> list[str]:
@@ -49,39 +60,39 @@ def prior_alarms(found: PriorPredictive) -> list[str]:
     said = []
     if found.diverged.mean() > MOST:
         said.append(f"most draws from the prior diverge ({_percent(found.diverged)}): {_mend(found)}")
-    elif not most_have(found.steady):
-        said.append(
-            f"most draws from the prior reach no steady speed ({_percent(np.isnan(found.steady))}): " + _mend(found)
-        )
-    if found.held < HARDLY:
-        said.append(
-            f"the prior misses the measured speeds, of which {found.held:.0%} lie inside its 90 % range: "
-            "check units, signs and the channel map, then move or widen the priors"
-        )
-    return said
+    elif found.settled is not None and not most_have(found.settled.speed):
+        none = _percent(np.isnan(found.settled.speed))
+        said.append(f"most draws from the prior reach no steady speed ({none}): {_mend(found)}")
+    return said + [
+        f"the prior misses the {_measured(found, one.channel)}, of which {one.held:.0%} lie inside its 90 % range: "
+        "check units, signs and the channel map, then move or widen the priors"
+        for one in found.channels
+        if one.held < HARDLY
+    ]
 
 
 def prior_cautions(found: PriorPredictive) -> list[str]:
-    """What about the priors is worth mending."""
-    said = []
-    if found.lost.mean() > SOME and found.diverged.mean() <= MOST and most_have(found.steady):
-        said.append(
-            f"{_percent(found.lost)} of the draws from the prior diverge or reach no steady speed, which no vehicle does: {_mend(found)}"
-        )
-    if most_have(found.steady) and not found.held < HARDLY:
-        low, high = np.nanquantile(np.abs(found.steady), (0.05, 0.95))
+    """What about the priors is worth correcting."""
+    said, settled = [], found.settled
+    has_motion = found.diverged.mean() <= MOST and (settled is None or most_have(settled.speed))
+    if found.lost.mean() > SOME and has_motion:
+        none = "diverge" if settled is None else "diverge or reach no steady speed"
+        said.append(f"{_percent(found.lost)} of the draws from the prior {none}, which no vehicle does: {_mend(found)}")
+    missed = any(one.held < HARDLY for one in found.channels)
+    if settled is not None and most_have(settled.speed) and not missed:
+        low, high = np.nanquantile(np.abs(settled.speed), (LEVELS[0], LEVELS[-1]))
         if high > WIDE * low:
-            widest = max((item for item in found.believed if item.speed), key=_width)
+            widest = max((item for item in found.believed if item.alone), key=_width)
             said.append(
                 f"the prior is wide: 90 % of its steady speeds lie between {low:.2g} and {high:.2g} m/s, mostly "
                 f"because of {widest.name}; if you know the vehicle better, narrow the priors, because the evidence depends on them"
             )
-    if HARDLY <= found.held < HELD:
-        said.append(
-            f"the prior covers only part of the measured speeds, {found.held:.0%} inside its 90 % range: "
-            "move or widen the priors"
-        )
-    return said
+    return said + [
+        f"the prior covers only part of the {_measured(found, one.channel)}, {one.held:.0%} inside its 90 % range: "
+        "move or widen the priors"
+        for one in found.channels
+        if HARDLY <= one.held < HELD
+    ]
 
 
 def range_words(values: np.ndarray, unit: str) -> str:
@@ -93,21 +104,29 @@ def range_words(values: np.ndarray, unit: str) -> str:
     return f"{middle:.3g} {unit}, 90 % of {which} {low:.3g} to {high:.3g} {unit}"
 
 
-def _row(item: Believed) -> tuple[str, ...]:
+def _row(item: Believed, named: bool) -> tuple[str, ...]:
     numbers = (f"{value:.4g}" for value in item.quantiles)
-    alone = (
-        ""
-        if item.speed is None
-        else "none"
-        if np.isnan(item.speed[0])
-        else f"{item.speed[0]:.3g} to {item.speed[1]:.3g} m/s"
-    )
-    return item.name, *numbers, item.unit, alone
+    return item.name, *numbers, item.unit, _reach(item, named)
+
+
+def _reach(item: Believed, named: bool) -> str:
+    if item.alone is None:
+        return ""
+    channel, *ends = item.alone
+    if np.isnan(ends).any():
+        return "none"
+    factor, unit = shown_unit(channel)
+    low, high = (f"{factor * end:.3g}" for end in ends)
+    return f"{channel} " * named + f"{low} to {high} {unit}"
+
+
+def _measured(found: PriorPredictive, channel: str) -> str:
+    return "measured speeds" if found.settled is not None else f"measured {channel}"
 
 
 def _width(item: Believed) -> float:
-    assert item.speed is not None
-    return float(np.nan_to_num(item.speed[1] - item.speed[0], nan=np.inf))
+    assert item.alone is not None
+    return float(np.nan_to_num(item.alone.high - item.alone.low, nan=np.inf))
 
 
 def _verdict(held: float) -> str:

@@ -162,13 +162,13 @@ def _speeds(
         params |= {unknown.name: np.asarray(one[unknown.name]) for unknown in model.unknowns}
         delay = np.asarray(one["delay"]) if campaign.has_delay else None
         step = np.append(np.diff(time), 0.0)
-        speed, lost = speeds(model, campaign.leading, params, delay, start, control, step, range(time.size))
+        speed, lost = speeds(model, (campaign.leading,), params, delay, start, control, step, range(time.size))
         if lost[0]:
             raise NumericalError(
                 f"{estimate.structure.label} runs away at its posterior mean, so that its speed cannot be compared: "
                 "look at its posterior in the report"
             )
-        found.append((time, np.where(lost[:, None], np.nan, speed)))
+        found.append((time, np.where(lost[:, None], np.nan, speed[:, :, 0])))
     return found
 
 

@@ -39,6 +39,8 @@ if TYPE_CHECKING:
 
 WIDTH, HEIGHT = 560.0, 420.0
 """Of the picture, points: it stands alone."""
+MOTION, ALONE = 66.0, 120.0
+"""Height of the panel of one channel among several, and of one alone at least, points."""
 REACH = 1.25
 """How far above the bands single motions are followed, in widths of the frame of the bands and the record."""
 RANK_WIDTH, ROW, TOP, BOTTOM, LEFT, RANK_GAP = 640.0, 84.0, 26.0, 40.0, 110.0, 20.0
@@ -73,35 +75,47 @@ class Progressed(NamedTuple):
     sd: Float[np.ndarray, "N k"]
 
 
+class Moved(NamedTuple):
+    """One channel as the prior expects it.
+
+    Attributes:
+        label: of its axis.
+        bands: its quantiles 5, 25, 50, 75 and 95 %, shape (5, n); NaN where there are none.
+        single: of a few draws, NaN once they have run away, shape (k, n).
+        measured: NaN where not, shape (n,); None where it is not measured.
+    """
+
+    label: str
+    bands: Float[np.ndarray, "5 n"]
+    single: Float[np.ndarray, "k n"]
+    measured: Float[np.ndarray, " n"] | None
+
+
 def prior_motions(
     time: np.ndarray,
-    bands: np.ndarray,
-    single: np.ndarray,
+    motions: Sequence[Moved],
     controls: Sequence[Driven],
     *,
-    measured: np.ndarray | None = None,
-    steady: np.ndarray,
-    settling: np.ndarray,
+    spreads: Sequence[tuple[str, np.ndarray]] = (),
     words: Sequence[str] = (),
     figure: "Figure | None" = None,
 ) -> "Figure":
-    """Draw u(t) as the prior expects it, its control below, and the steady speed and time constant of every draw.
+    """Draw channels over time as the prior expects them, the controls below, and how numbers of the draws are spread.
 
     Args:
         time: s, shape (n,).
-        bands: quantiles 5, 25, 50, 75 and 95 % of u, m/s, shape (5, n); NaN where there are none.
-        single: u of a few draws, m/s, NaN once they have run away, shape (k, n).
+        motions: channels.
         controls: what drives the vehicle.
-        measured: u as measured, m/s, NaN where not, shape (n,).
-        steady: steady speed of each draw, m/s, NaN where there is none, shape (draws,).
-        settling: time constant of each draw, s, likewise.
+        spreads: labels and values of numbers that each draw has, two at most, NaN where it has none, shape (draws,).
         words: lines printed above.
         figure: an empty one to draw into; made if not given.
     """
     from matplotlib.patches import Rectangle
 
-    top = 12.0 + 14.0 * len(words)
-    total = HEIGHT + top
+    top, beneath = 12.0 + 14.0 * len(words), 158.0 if spreads else 40.0
+    low_panels = 46.0 * len(controls)
+    each = max(HEIGHT - 24 - beneath - low_panels, ALONE) if len(motions) == 1 else MOTION
+    total = top + 12 + len(motions) * (each + 12) + low_panels + beneath
     figure = sized_figure(WIDTH, total, figure)
     figure.add_artist(Rectangle((0, 0), 1, 1, transform=figure.transFigure, facecolor=PAPER, zorder=-9))
     for i, text in enumerate(words):
@@ -112,39 +126,29 @@ def prior_motions(
     def panel(left: float, bottom: float, width: float, height: float) -> "Axes":
         return style_axes(figure.add_axes((left / WIDTH, bottom / total, width / WIDTH, height / total)))
 
-    low_panels, half = 46.0 * len(controls), (WIDTH - 48 - 12 - 24) / 2
-    motion = panel(48, 158 + low_panels + 12, WIDTH - 60, HEIGHT - 182 - low_panels)
-    driven = [panel(48, 158 + 46.0 * (len(controls) - 1 - i), WIDTH - 60, 36) for i in range(len(controls))]
-    spreads = [panel(48, 40, half, 66), panel(48 + half + 24, 40, half, 66)]
-    for upper in [motion, *driven][:-1]:
+    half, above = (WIDTH - 48 - 12 - 24) / 2, beneath + low_panels + 12
+    moved = [panel(48, above + (each + 12) * i, WIDTH - 60, each) for i in reversed(range(len(motions)))]
+    driven = [panel(48, beneath + 46.0 * i, WIDTH - 60, 36) for i in reversed(range(len(controls)))]
+    spread = [panel(48 + (half + 24) * i, 40, half, 66) for i in range(len(spreads))]
+    for upper in [*moved, *driven][:-1]:
         upper.tick_params(labelbottom=False)
-    draw_motions(
-        [motion, *driven, *spreads],
-        time,
-        bands,
-        single,
-        controls,
-        measured=measured,
-        steady=steady,
-        settling=settling,
-    )
+    draw_motions([*moved, *driven, *spread], time, motions, controls, spreads=spreads)
     return figure
 
 
 def draw_motions(
     axes: "Sequence[Axes]",
     time: np.ndarray,
-    bands: np.ndarray,
-    single: np.ndarray,
+    motions: Sequence[Moved],
     controls: Sequence[Driven],
     *,
-    measured: np.ndarray | None = None,
-    steady: np.ndarray,
-    settling: np.ndarray,
+    spreads: Sequence[tuple[str, np.ndarray]] = (),
 ) -> None:
-    """Draw what `prior_motions` does into axes: u(t), each control, steady speeds, time constants."""
-    motion, *driven, of_speed, of_time = axes
-    _draw_motion(motion, time, bands, single, measured)
+    """Draw what `prior_motions` does into axes: each channel, each control, each spread."""
+    moved, rest = axes[: len(motions)], axes[len(motions) :]
+    driven, spread = rest[: len(controls)], rest[len(controls) :]
+    for i, (one, motion) in enumerate(zip(moved, motions, strict=True)):
+        _draw_motion(one, time, motion, legend=i == 0)
     for below, control in zip(driven, controls, strict=True):
         keep = thin_steps(control.values)
         below.plot(
@@ -154,9 +158,9 @@ def draw_motions(
         below.margins(y=0.15)
         limit_ticks(below.yaxis, 2)
         label_axes(below, y=control.label)
-    label_axes([motion, *driven][-1], "time [s]")
-    _draw_spread(of_speed, steady, "steady speed [m/s]")
-    _draw_spread(of_time, settling, "time constant [s]")
+    label_axes([*moved, *driven][-1], "time [s]")
+    for one, (label, values) in zip(spread, spreads, strict=True):
+        _draw_spread(one, values, label)
 
 
 def rank_figure(result: Calibration, words: str) -> "Figure":
@@ -251,33 +255,33 @@ def rehearsal_figure(
     return figure
 
 
-def _draw_motion(
-    axes: "Axes", time: np.ndarray, bands: np.ndarray, single: np.ndarray, measured: np.ndarray | None
-) -> None:
+def _draw_motion(axes: "Axes", time: np.ndarray, motion: Moved, legend: bool) -> None:
+    label, bands, single, measured = motion
     if np.isfinite(bands).any():
-        for low, high, opacity, label in ((0, 4, 0.16, "90 % of draws"), (1, 3, 0.28, "50 %")):
-            axes.fill_between(time, bands[low], bands[high], color=BLUE, alpha=opacity, linewidth=0, label=label)
+        for low, high, opacity, what in ((0, 4, 0.16, "90 % of draws"), (1, 3, 0.28, "50 %")):
+            axes.fill_between(time, bands[low], bands[high], color=BLUE, alpha=opacity, linewidth=0, label=what)
         axes.plot(time, bands[2], color=BLUE, linewidth=1.8, label="median", zorder=3)
-    for i, motion in enumerate(single):
-        axes.plot(time, motion, color=ORANGE, linewidth=0.9, alpha=0.9, label="" if i else "single draws", zorder=2.5)
+    for i, one in enumerate(single):
+        axes.plot(time, one, color=ORANGE, linewidth=0.9, alpha=0.9, label="" if i else "single draws", zorder=2.5)
     if measured is not None:
         there = np.flatnonzero(np.isfinite(measured))
         there = there[thin(there.size)]
         draw_dots(axes, time[there], measured[there], color=INK, size=2.0).set_zorder(4)
         axes.plot([], [], marker="o", markersize=2.5, color=INK, linestyle="none", label="measured")
     axes.set(xlim=(float(time[0]), float(time[-1])), ylim=_frame(bands, single, measured))
-    label_axes(axes, y="$u$ [m/s]")
-    axes.legend(
-        loc="lower right",
-        bbox_to_anchor=(1.0, 1.0),
-        ncols=5,
-        frameon=False,
-        fontsize=SMALL,
-        labelcolor=INK,
-        borderpad=0,
-        handlelength=1.4,
-        columnspacing=1.2,
-    )
+    label_axes(axes, y=label)
+    if legend:
+        axes.legend(
+            loc="lower right",
+            bbox_to_anchor=(1.0, 1.0),
+            ncols=5,
+            frameon=False,
+            fontsize=SMALL,
+            labelcolor=INK,
+            borderpad=0,
+            handlelength=1.4,
+            columnspacing=1.2,
+        )
 
 
 def _frame(bands: np.ndarray, single: np.ndarray, measured: np.ndarray | None) -> tuple[float, float]:
