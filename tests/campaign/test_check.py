@@ -99,6 +99,24 @@ def test_the_sign_and_the_unit_of_a_channel(tmp_path, scale, code, told):
     assert (tmp_path / "a" / "check-one.svg").read_text().endswith("</svg>\n")
 
 
+def test_empty_cells_are_told_with_what_is_done_with_them(tmp_path):
+    """Once for a record that is cut into pieces."""
+    write(tmp_path / "a", "1.0", CAMPAIGN.replace('fit = ["one"]', 'fit = ["one"]\nsplit = "20 s"'))
+    log = tmp_path / "a" / "one.csv"
+    lines = [line.split(",") for line in log.read_text().splitlines()]
+    for row, cell in ((5, "nan"), (6, ""), (300, "NaN")):
+        lines[row][2] = cell
+    lines[7][1] = ""
+    log.write_text("\n".join(map(",".join, lines)) + "\n")
+    result = CliRunner().invoke(app, ["check", str(tmp_path / "a"), "--quiet"])
+    assert result.exit_code == 0, result.output
+    said = [line.split("empty cells: ")[1] for line in result.output.splitlines() if "empty cells" in line]
+    assert said == [
+        '1 of 400 rows of one.csv, column "force", are empty or NaN (each holds the value before it)',
+        '3 of 400 rows of one.csv, column "speed", are empty or NaN (they are left out; the other rows are used)',
+    ]
+
+
 def test_a_reversed_sign_is_seen_under_a_prior_that_knows_but_the_sign(tmp_path):
     known = CAMPAIGN.replace(
         'distribution = "normal"\nmean = 1.0\nsd = 0.2', 'distribution = "half-normal"\nscale = 2.0\nlower = 0.0'

@@ -41,7 +41,8 @@ def read_log(source: LogSource) -> LogTable:
         source: log, table, channel map and clock.
 
     Returns:
-        the mapped columns in SI on stamps relative to the exact first one, shifted as the source says.
+        the mapped columns in SI on stamps relative to the exact first one, shifted as the source says. The options say of how many rows
+        a channel's cell is empty: `empty`, channel to that count and the count of all rows.
 
     Raises:
         InputError: whatever is wrong with the map or the log, naming file, table, column and row.
@@ -50,7 +51,7 @@ def read_log(source: LogSource) -> LogTable:
     columns = [part for column in source.channels.values() for _, part in column.columns]
     read = read_stamped(source, columns)
     info, where, notes = read.info, read.where, list(read.notes)
-    mapped, curved = {}, {}
+    mapped, curved, empties = {}, {}, {}
     for name, column in source.channels.items():
         cells = {part: read.numbers(part) for _, part in column.columns}
         empty = np.any([np.isnan(one) for one in cells.values()], axis=0)
@@ -61,6 +62,7 @@ def read_log(source: LogSource) -> LogTable:
         values = _reached(in_si(source, name, cells.__getitem__), empty, read.time, curved.get(name, ()))
         mapped[name] = values if column.between == "held" else _mean_to_next(values)
         if gaps := int(empty.sum()):
+            empties[name] = [gaps, values.size]
             notes.append(f"{name}: {gaps} of {values.size} cells are empty")
         if gaps == values.size:
             raise InputError(
@@ -76,6 +78,7 @@ def read_log(source: LogSource) -> LogTable:
     channels = tuple(Channel(name, signal_unit(name), column.role) for name, column in source.channels.items())
     used = replace(source, table=info.name if info else None, time_column=read.clock, time_unit=read.clock_unit)
     options = source_options(used) | (text_options(source) if format_of(source.path).is_text else {})
+    options |= {"empty": empties} if empties else {}
     epoch = read.epoch + Decimal(f"{source.shift:.9f}")
     cautions = _other_unit(read, source.path.name)
     return LogTable(

@@ -9,7 +9,7 @@ from jaxtyping import Array
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.sensor_table import ATTITUDE
 from seatrial.campaign.data.import_logs import Trials
-from seatrial.campaign.data.record_cautions import record_cautions
+from seatrial.campaign.data.record_cautions import empty_cells, record_cautions
 from seatrial.campaign.data.thruster_check import check_thrusters
 from seatrial.campaign.inference.posterior import initial_state, random_key
 from seatrial.core.batching import bucket_length, filled
@@ -96,7 +96,7 @@ def _judge(campaign: Campaign, record: Record) -> RecordJudgement:
         for name, column in measured.items()
         for finding in check_samples(name, column, campaign.noise[name], ATTITUDE if name in QUATERNION else name)
     ]
-    findings += check_thrusters(campaign, record)
+    findings += [*empty_cells(record), *check_thrusters(campaign, record)]
     runs_away = not np.isfinite(expected).all()
     steps = _steps(campaign, record, alone, tried, control, expected)
     findings += steps
