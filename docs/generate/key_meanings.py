@@ -33,7 +33,8 @@ MEANINGS: dict[str, dict[str, tuple[str, str]]] = {
         ),
         "known_from": (
             "",
-            "folders of earlier campaigns: a coefficient they found becomes a prior if it is estimated here, else a fixed value; "
+            "folders of earlier campaigns, after `seatrial run` or `seatrial estimate --by mode`: a coefficient they found becomes a prior "
+            "if it is estimated here, else a fixed value; "
             "gains, dead zones and lags of thrusters, net weight, centre of buoyancy and drag of a tether become priors",
         ),
         "thrust_deduction": ("1", "thrust deduction t_d: share of the thrust that the hull takes back"),

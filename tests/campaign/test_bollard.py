@@ -4,7 +4,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+from seatrial.apps.cli import app
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.check import check_records
 from seatrial.campaign.data.import_logs import get_trials
@@ -356,6 +358,30 @@ def rate(push, u):
 def sail(folder, command, *changes, start=0.0, loss=0.0):
     rows = np.column_stack([command, driven(command, start, loss)])
     return campaign(folder, rows, MOVES, *changes, head="t,left,right,u", text=VEHICLE + DRIVEN)
+
+
+def test_a_posterior_mode_is_enough_for_the_next_campaign(tmp_path, pull):
+    """Until there is a finished run, which counts more."""
+    command = pulls(seed=11)[0]
+    known = ("moves =", 'known_from = ["../bollard"]\nmoves =')
+    bollard = campaign(tmp_path / "bollard", np.column_stack(pull))
+    with pytest.raises(InputError) as refused:
+        sail(tmp_path / "rov", command, ALONE, known)
+    told = str(refused.value)
+    assert "vehicle.known_from" in told
+    assert "without a finished run and without a posterior mode" in told
+    there = tmp_path / "rov" / ".." / "bollard"
+    assert f"`seatrial run {there}`, or `seatrial estimate {there} --by mode`" in told
+    result = CliRunner().invoke(app, ["estimate", str(bollard.folder), "--by", "mode", "--quiet"])
+    assert result.exit_code in (0, 3), result.output
+    found = mode_of(bollard)[2]
+    after = sail(tmp_path / "rov", command, ALONE, known)
+    prior = after.prior("T_f")
+    assert (prior.mean, prior.sd) == pytest.approx(found["T_f"], rel=1e-6)
+    assert after.hull.fixed["T_fdV"] == pytest.approx(found["T_fdV"][0], rel=1e-6)
+    assert "bias_force_X" not in after.priors
+    write_summary(bollard.folder, bollard.full.terms, T_f=(0.8, 0.1), T_absf=(0.0, 0.1), T_fdV=(0.1, 0.1))
+    assert load_campaign(after.folder).prior("T_f").mean == 0.8
 
 
 def test_a_bollard_record_sharpens_the_drag_of_the_next_campaign(tmp_path, pull):

@@ -22,7 +22,8 @@ def estimate(
     by: Annotated[
         By,
         typer.Option(
-            help="chains: sample the whole posterior. mode, equation-error: first answers in about a second, which are not kept."
+            help="chains: sample the whole posterior. mode, equation-error: first answers in about a second, not checked; "
+            "the mode is kept for a later campaign's known_from."
         ),
     ] = By.CHAINS,
     window: Annotated[
@@ -197,7 +198,14 @@ def _by_chains(campaign: Any, reporter: Any, answer: Answer) -> Exit:
 def _first_answers(campaign: Any, reporter: Any, answer: Answer, by: By, window: float | None) -> Exit:
     from seatrial.apps import results
     from seatrial.campaign.inference.judge_predictions import held_back_cautions
-    from seatrial.campaign.inference.quick_estimates import MODE, REGRESSION, posterior_modes, regressions
+    from seatrial.campaign.inference.quick_estimates import (
+        MODE,
+        REGRESSION,
+        best_mode,
+        keep_mode,
+        posterior_modes,
+        regressions,
+    )
     from seatrial.campaign.workflow.steps import Workflow
 
     flow = Workflow(campaign, reporter)
@@ -208,6 +216,8 @@ def _first_answers(campaign: Any, reporter: Any, answer: Answer, by: By, window:
     answer.give(by=by, first_answers=[results.first_answer(one) for one in found if not one.alarm])
     answer.say(MODE if by is By.MODE else REGRESSION)
     alarms = [one.alarm for one in found if one.alarm]
+    if by is By.MODE and len(alarms) < len(found):
+        keep_mode(campaign, trials, best_mode(found))
     tested = [one for one in found if one.held_back is not None]
     unseen, doubts = _judge_unseen(
         answer,

@@ -15,9 +15,10 @@ from seatrial.campaign.config.templates import example_of
 from seatrial.campaign.config.toml import parse_toml, read_text
 from seatrial.campaign.config.vehicle_table import UNKNOWN
 from seatrial.campaign.store.stored_result import FILE_NAME, Store
-from seatrial.campaign.store.structures import read_summary
+from seatrial.campaign.store.structures import read_mode, read_summary
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError
+from seatrial.core.files import is_there
 from seatrial.core.signals import signal_unit
 from seatrial.core.units import quantity
 
@@ -27,6 +28,8 @@ Found = Mapping[str, tuple[float, float]]
 
 def found_before(folder: Path, table: VehicleTable, keys: FileKeys) -> Found:
     """Return what earlier campaigns found of every coefficient and every other unknown of the vehicle; the last one counts.
+
+    That is the result of the finished run, or the posterior mode if there is none.
 
     Args:
         folder: of this campaign.
@@ -48,17 +51,32 @@ def found_before(folder: Path, table: VehicleTable, keys: FileKeys) -> Found:
                 expected="the folder of a campaign that has been run, relative to this one's folder",
                 remedy="correct the path",
             )
-        if store.summary.exists():  # a link may lead outside
-            find(folder, str(Path(item) / store.summary.relative_to(there)), where)
-        summary = read_summary(store.summary, f"seatrial run {there}")
-        if any(CoefficientName.parse(name).trim_signals for name in summary.terms):
-            _check_trim(find(folder, str(Path(item) / FILE_NAME), where), summary.terms, table, where)
-        found |= {
-            row.name: (row.mean, row.sd)
-            for row in summary.coefficients
-            if row.name in summary.terms or UNKNOWN.fullmatch(row.name)
-        }
+        result = next((path for path in (store.summary, store.mode) if is_there(path)), None)
+        if result is None:
+            raise InputError(
+                where,
+                found=f"{item}, a campaign without a finished run and without a posterior mode",
+                expected="the mean and standard deviation of each coefficient, which either of them has",
+                remedy=f"run `seatrial run {there}`, or `seatrial estimate {there} --by mode` for a first answer",
+            )
+        find(folder, str(Path(item) / result.relative_to(there)), where)  # a link may lead outside
+        terms, earlier = _run(result, there) if result == store.summary else _mode(result, there)
+        if any(CoefficientName.parse(name).trim_signals for name in terms):
+            _check_trim(find(folder, str(Path(item) / FILE_NAME), where), terms, table, where)
+        found |= {name: pair for name, pair in earlier.items() if name in terms or UNKNOWN.fullmatch(name)}
     return found
+
+
+def _run(path: Path, folder: Path) -> tuple[tuple[str, ...], Found]:
+    """Return the terms and the parameters of the structure that a finished run chose."""
+    summary = read_summary(path, f"seatrial run {folder}")
+    return summary.terms, {row.name: (row.mean, row.sd) for row in summary.coefficients}
+
+
+def _mode(path: Path, folder: Path) -> tuple[tuple[str, ...], Found]:
+    """Return those of the most probable structure by its posterior mode."""
+    mode = read_mode(path, f"seatrial estimate {folder} --by mode")
+    return mode.terms, mode.found
 
 
 def _check_trim(path: Path, terms: Sequence[str], table: VehicleTable, where: str) -> None:
