@@ -167,7 +167,8 @@ def _by_chains(campaign: Any, reporter: Any, answer: Answer) -> Exit:
     from seatrial.campaign.workflow.steps import Workflow
 
     flow = Workflow(campaign, reporter)
-    estimates, trials = flow.get("estimates"), flow.get("trials")
+    trials = _checked_trials(campaign, flow, answer)
+    estimates = flow.get("estimates")
     said, held_back, structures = [], [], []
     for item in estimates:
         answer.say(f"{item.structure.label}")
@@ -195,6 +196,16 @@ def _by_chains(campaign: Any, reporter: Any, answer: Answer) -> Exit:
     return answer.finish(alarms + unseen, [*doubts, *(text for text in estimates[0].cautions if text not in said)])
 
 
+def _checked_trials(campaign: Any, flow: Any, answer: Answer) -> Any:
+    """Return the records, and say before anything is fitted to them where their steps are too long to simulate the vehicle."""
+    from seatrial.campaign.data.check import step_cautions
+
+    trials = flow.get("trials")
+    for text in step_cautions(campaign, trials):
+        answer.caution(text)
+    return trials
+
+
 def _first_answers(campaign: Any, reporter: Any, answer: Answer, by: By, window: float | None) -> Exit:
     from seatrial.apps import results
     from seatrial.campaign.inference.judge_predictions import held_back_cautions
@@ -209,7 +220,7 @@ def _first_answers(campaign: Any, reporter: Any, answer: Answer, by: By, window:
     from seatrial.campaign.workflow.steps import Workflow
 
     flow = Workflow(campaign, reporter)
-    trials, campaign = flow.get("trials"), flow.get("candidates")
+    trials, campaign = _checked_trials(campaign, flow, answer), flow.get("candidates")
     found = posterior_modes(campaign, trials, reporter) if by is By.MODE else regressions(campaign, trials, window)
     for one in found:
         answer.say("\n".join(one.lines()))
