@@ -20,9 +20,9 @@ def page(study: dict) -> str:
         "# Verdict on each item of the paper",
         "",
         f"`python docs/paper_verdicts.py` writes this page from the results of `python -m studies.remus100` (version "
-        f"{study['seatrial_version']}, reading {study['reading']}, seed {study['seed']}). The study has {sizes['filter_seeds']} seeds of the "
-        f"filters, {sizes['chains']} chains of {sizes['draws']:,} draws, and {sizes['listing_repeats']} repeats of Listing 1 with "
-        f"{sizes['listing_draws']:,} draws each.",
+        f"{study['seatrial_version']}, reading {study['reading']}, seed {study['seed']}). The study has "
+        f"{sizes['filter_seeds']} seeds of the filters, {sizes['chains']} chains of {sizes['draws']:,} draws, and "
+        f"{sizes['listing_repeats']} repeats of Listing 1 with {sizes['listing_draws']:,} draws each.",
         "",
         f"{len(study['items'])} items: "
         + ", ".join(f"{number} {verdict}" for verdict, number in counts.most_common())
