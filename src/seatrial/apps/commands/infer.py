@@ -197,11 +197,12 @@ def _by_chains(campaign: Any, reporter: Any, answer: Answer) -> Exit:
 
 
 def _checked_trials(campaign: Any, flow: Any, answer: Answer) -> Any:
-    """Return the records, and say before anything is fitted to them where their steps are too long to simulate the vehicle."""
+    """Return the records, and say before anything is fitted what is wrong with their steps and with priors of earlier campaigns."""
+    from seatrial.campaign.config.earlier_campaigns import lost_correlations
     from seatrial.campaign.data.check import step_cautions
 
     trials = flow.get("trials")
-    for text in step_cautions(campaign, trials):
+    for text in (*step_cautions(campaign, trials), *lost_correlations(campaign)):
         answer.caution(text)
     return trials
 

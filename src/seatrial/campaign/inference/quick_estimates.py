@@ -7,6 +7,7 @@ simulation and no prior, and is drawn aside by noise in the speed: `seatrial.est
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import combinations
 
 import jax
 import numpy as np
@@ -148,9 +149,14 @@ def best_mode(found: Sequence[FirstAnswer]) -> FirstAnswer:
 
 def keep_mode(campaign: Campaign, trials: HasKey, best: FirstAnswer) -> None:
     """Keep the mode of the most probable structure, so that a later campaign can take it over by `known_from`."""
+    assert best.drawn is not None
     found = {name: pair for name, _, (pair,) in best.rows}
+    matrix = np.corrcoef(best.drawn.draws(tuple(found)).T)
+    pairs = [(a, b, float(matrix[i, j])) for (i, a), (j, b) in combinations(enumerate(found), 2)]
     key = key_of("mode", estimate_key(campaign, best.structure, trials))
-    write_stamped_json(Store(campaign.folder).mode, {"terms": best.structure.terms, "found": found}, key)
+    write_stamped_json(
+        Store(campaign.folder).mode, {"terms": best.structure.terms, "found": found, "correlations": pairs}, key
+    )
 
 
 def regressions(campaign: Campaign, trials: Trials, window: float | None = None) -> list[FirstAnswer]:

@@ -404,10 +404,12 @@ class StoredMode:
     Attributes:
         terms: its coefficients.
         found: value and standard deviation of each parameter, those of a normal approximation.
+        correlations: each pair of parameters with its correlation.
     """
 
     terms: tuple[str, ...]
     found: dict[str, tuple[float, float]]
+    correlations: tuple[tuple[str, str, float], ...]
 
 
 def read_mode(path: Path, made_by: str) -> StoredMode:
@@ -415,7 +417,8 @@ def read_mode(path: Path, made_by: str) -> StoredMode:
     content = read_json(path, made_by)
     with decoding(path, made_by):
         found = {name: (float(value), float(sd)) for name, (value, sd) in content["found"].items()}
-        return StoredMode(tuple(content["terms"]), found)
+        pairs = tuple((str(a), str(b), float(r)) for a, b, r in content["correlations"])
+        return StoredMode(tuple(content["terms"]), found, pairs)
 
 
 def read_screening(path: Path) -> Screened:
