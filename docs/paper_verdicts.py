@@ -17,18 +17,18 @@ def page(study: dict) -> str:
     counts = Counter(item["verdict"] for item in study["items"])
     sizes = study["sizes"]
     lines = [
-        "# Every item of the paper, judged",
+        "# Verdict on each item of the paper",
         "",
-        f"Written by `python docs/paper_verdicts.py` from `python -m studies.remus100`, version {study['seatrial_version']}, "
-        f"reading {study['reading']}, seed {study['seed']}: {sizes['filter_seeds']} seeds of the filters, "
-        f"{sizes['chains']} chains of {sizes['draws']:,} draws, "
+        f"`python docs/paper_verdicts.py` writes this page from the results of `python -m studies.remus100` (version "
+        f"{study['seatrial_version']}, reading {study['reading']}, seed {study['seed']}). The study has "
+        f"{sizes['filter_seeds']} seeds of the filters, {sizes['chains']} chains of {sizes['draws']:,} draws, and "
         f"{sizes['listing_repeats']} repeats of Listing 1 with {sizes['listing_draws']:,} draws each.",
         "",
         f"{len(study['items'])} items: "
         + ", ".join(f"{number} {verdict}" for verdict, number in counts.most_common())
         + ".",
         "",
-        "| item | verdict | because |",
+        "| item | verdict | reason |",
         "|---|---|---|",
     ]
     lines += [f"| {item['title']} | {item['verdict']} | {_cell(item['because'])} |" for item in study["items"]]

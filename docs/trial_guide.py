@@ -20,9 +20,9 @@ AXES = {"surge": "n", "yaw": "delta_r", "pitch": "delta_s"}
 def main() -> None:
     """Design, and write every table."""
     parts = [
-        "# The tables behind it",
+        "# Tables of the guide to trials",
         "",
-        "Written by `python docs/trial_guide.py FOLDER` from the campaigns in `docs/trial_guide/`.",
+        "`python docs/trial_guide.py FOLDER` writes this page from the campaigns in `docs/trial_guide/`.",
         "",
     ]
     for axis, control in AXES.items():
@@ -35,7 +35,7 @@ def main() -> None:
         found = open_dataset(folder / "results" / "design.nc").to_xarray()
         parts += [f"## {axis.capitalize()}: shapes of {control}", "", *shapes(found), ""]
         if axis == "surge":
-            parts += ["## Surge: how far from trim", "", *amplitudes(found), ""]
+            parts += ["## Surge: size of the change from trim", "", *amplitudes(found), ""]
         if axis != "pitch":
             parts += [f"## {axis.capitalize()}: sensors", "", "```text", *sensor_table(campaign).lines(), "```", ""]
     write_text(PAGE, "\n".join(parts))
@@ -55,7 +55,11 @@ def shapes(found: xr.Dataset) -> list[str]:
         cells = " | ".join(f"{100 * share:.1f} %" for share in left)
         size = _change(float(at["amplitude"]), str(found.attrs["control"]))
         lines.append(f"| {kind} | {size} | {float(at['period']):g} s | {float(at['worth']):.2f} | {cells} |")
-    return [*lines, "", "The last columns: how much of the prior's standard deviation is left."]
+    return [
+        *lines,
+        "",
+        "The last columns give the standard deviation after the trial, as a share of that of the prior.",
+    ]
 
 
 def amplitudes(found: xr.Dataset) -> list[str]:

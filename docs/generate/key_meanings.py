@@ -33,7 +33,8 @@ MEANINGS: dict[str, dict[str, tuple[str, str]]] = {
         ),
         "known_from": (
             "",
-            "folders of earlier campaigns: a coefficient they found becomes a prior if it is estimated here, else a fixed value; "
+            "folders of earlier campaigns, after `seatrial run` or `seatrial estimate --by mode`: a coefficient they found becomes a prior "
+            "if it is estimated here, else a fixed value; "
             "gains, dead zones and lags of thrusters, net weight, centre of buoyancy and drag of a tether become priors",
         ),
         "thrust_deduction": ("1", "thrust deduction t_d: share of the thrust that the hull takes back"),
@@ -260,7 +261,10 @@ MEANINGS: dict[str, dict[str, tuple[str, str]]] = {
         "scale": ("1", "factor on the column; -1 turns an axis round"),
         "offset": ("that of the channel", "constant added after scaling"),
         "sum": ("", "instead of a column: columns with factors, such as `0.12 data[0] - 0.12 data[1]`"),
-        "curve": ("", "CSV that says what each logged number stands for, such as the thrust of a PWM width"),
+        "curve": (
+            "",
+            "CSV that says what each logged number stands for, such as the thrust of a PWM width; it has to reach the rows that are kept",
+        ),
         "between": (
             "",
             "of a control: `held` from sample to sample, as a command is, or a straight `line`, as of a measured propeller",

@@ -38,7 +38,7 @@ def table_3(study: Study) -> Item:
         f"the data's seed is not printed: the estimates lie within {z:.1f} standard deviations of the truth"
         + (f", the printed ones within {_printed_z(study):.1f} of theirs" if study.reading.is_paper else "")
         + f"; the standard deviations are {sds}"
-        + (", and the 0.10 printed for T is reached by no input tried" if study.reading.is_paper else ""),
+        + (", and no input that was tried gives the 0.10 printed for T" if study.reading.is_paper else ""),
         tuple(numbers),
         chain_settings(study) | START,
     )
@@ -78,9 +78,8 @@ def judge_chain(study: Study, key: str, title: str, part: str) -> Item:
         title,
         "reproduced in shape" if inside > 0.8 and r_hat < MAX_R_HAT else "differs",
         f"no number is printed: {inside:.0%} of the Geweke scores lie within 2 and R-hat is at most {r_hat:.4f}; the "
-        "score as printed, with the plain "
-        f"variance of the draws, reaches {printed.max():.2f} and could hardly fail, so the one drawn has the "
-        "variance of the mean",
+        f"printed score, with the variance of the draws, reaches {printed.max():.2f} at most and can hardly fail, so the figure "
+        "shows the score with the variance of the mean",
         (
             Number("share of Geweke scores within 2, variance of the mean", None, inside),
             Number("largest Geweke score, variance of the mean", None, float(scores.max())),
@@ -228,7 +227,7 @@ def table_6(study: Study) -> Item:
         + " (M-1 less M-0: "
         + ", ".join(f"{name} {value:+.1f} ± {error:.1f}" for name, (value, error) in deltas.items())
         + ")"
-        + ("; 4.8 effective parameters cannot be had from four" if study.reading.is_paper else ""),
+        + ("; a model of four parameters cannot have 4.8 effective ones" if study.reading.is_paper else ""),
         tuple(numbers),
         chain_settings(study),
     )
@@ -308,9 +307,8 @@ def claim_criteria_insensitive(study: Study) -> Item:
         "claim-criteria-insensitive",
         "DIC and BPIC change by less than 1 % and decide little",
         "reproduced in shape" if share < 0.01 else "differs",
-        f"they change by {share:.4%}, but the percentage is the wrong yardstick: their level is arbitrary (it moves "
-        "with the unit of u), and "
-        "only differences beside their errors mean something",
+        f"they change by {share:.4%}, but a percentage is the wrong measure: the level of both is arbitrary (it changes "
+        "with the unit of u), and only differences compared with their errors have a meaning",
         (Number("relative change of DIC", study.reading.printed(0.8 / 13940), share),),
         chain_settings(study),
     )

@@ -34,9 +34,8 @@ def figure_3(study: Study) -> Item:
         "reproduced in shape" if at_ten else "differs",
         f"the window is not printed: with 20 s a ridge lies at {_list(ridges(short[-1]))} s, with "
         f"{ACTIVE['medium']:g} s at "
-        f"{_list(ridges(study.part('sweep-medium')['gain'].values[-1]))} s, so the preference for 10 s belongs to "
-        "the window and not to "
-        "the vehicle",
+        f"{_list(ridges(study.part('sweep-medium')['gain'].values[-1]))} s, so the preference for 10 s comes from "
+        "the window and not from the vehicle",
         tuple(numbers),
         _settings(study) | {"windows_s": list(ACTIVE.values()), "noise_free": True},
     )
@@ -52,8 +51,8 @@ def figure_4(study: Study) -> Item:
         "figure-4",
         "Figure 4: the doublet of 10 s",
         "reproduced in shape" if active < 0.5 and tail > 0.5 else "differs",
-        f"no number is printed: the standard deviations fall to {active:.2f} of theirs at 2 s or less while the doublets "
-        f"run, and in the quiet time after them to {tail:.2f} of theirs at its beginning or more",
+        f"no number is printed: during the doublets the standard deviations fall to {active:.2f} or less of their values at "
+        f"2 s; in the quiet time after them they keep {tail:.2f} or more of their values at its beginning",
         (
             Number("largest ratio of sds, end of the doublets over 2 s", None, active),
             Number("smallest ratio of sds, end of the trial over end of the doublets", None, tail),
@@ -72,7 +71,7 @@ def relay(study: Study) -> Item:
     unreached, idle = "", ()
     if still.size:
         unreached = (
-            f"; where the reversal is out of reach the control stays on one side, and the gain is {still.min():.2f} to "
+            f"; if the vehicle does not reach the reversal, the control stays on one side, and the gain is {still.min():.2f} to "
             f"{still.max():.2f}"
         )
         idle = (Number("best test that does not oscillate [nat]", None, float(still.max())),)
@@ -80,7 +79,7 @@ def relay(study: Study) -> Item:
         "relay",
         "The self-oscillating test beside the doublet",
         "reproduced in shape" if as_good else "differs",
-        f"the paper names the test and shows none: its best (+-{amplitude:.0f} rpm, reversed at +-{threshold:.2f} "
+        f"the paper names the test and shows no result: the best test (+-{amplitude:.0f} rpm, reversed at +-{threshold:.2f} "
         f"m/s) gains {best:.2f} nat, the "
         f"doublet of 10 s {doublet[-1, _at(10.0)]:.2f} and the best doublet {doublet.max():.2f}{unreached}",
         (
@@ -128,8 +127,8 @@ def claim_ten_seconds(study: Study) -> Item:
         if holds
         else "the most informative period is "
         + ", ".join(f"{best[name]:g} s for a window of {ACTIVE[name]:g} s" for name in best)
-        + f"; with 58 s, doublets of 29 s leave X_u a standard deviation of {longer:.2f} where those of 10 s leave "
-        f"{ten:.2f}",
+        + f"; with 58 s, doublets of 29 s reduce the standard deviation of X_u to {longer:.2f}, those of 10 s "
+        f"to {ten:.2f}",
         tuple(
             Number(f"{ACTIVE[name]:g} s window: most informative period [s]", study.reading.printed(10.0), period)
             for name, period in best.items()
@@ -176,7 +175,7 @@ def claim_quiet_time(study: Study) -> Item:
         if holds
         else "the largest drop from one period to the next is "
         + ", ".join(f"{jumps[name]:.2f} nat with {60 - ACTIVE[name]:g} s of quiet" for name in jumps)
-        + ": quiet time is taken from the doublets, and fewer doublets make each lost one count for more",
+        + ": quiet time leaves less time for doublets, and of fewer doublets each lost one counts more",
         tuple(
             Number(f"{ACTIVE[name]:g} s window: largest drop between periods [nat]", None, value)
             for name, value in jumps.items()

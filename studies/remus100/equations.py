@@ -20,15 +20,12 @@ POINT = (1.2, 1.1)
 EXACT, SAMPLED = 1e-9, 0.02
 """Relative differences allowed: to rounding, and where the independent number is itself a sample of 200 000."""
 REASONS = {
-    "equations-2": "in (3) a bracket is missing, and (4) and (5) lack the division by m - X_udot: the sums of "
-    "forces are as printed, "
-    "the Jacobians of the filter are those of du/dt",
-    "equations-3": "(6) has a p too many, (7), (9) and (10) lack the minus sign of an entropy, so that (8) as "
-    "printed is a gain only by "
-    "two wrongs; with H = -E[log p] throughout, the gain is H(prior) - H(posterior), never negative",
-    "equations-4": "(26) and (27) are DIC = D(mean) + 2 p_D = Dbar + p_D, and (28) holds the prior odds too: its "
-    "columns BF are posterior "
-    "probabilities",
+    "equations-2": "(3) lacks a bracket, and (4) and (5) lack the division by m - X_udot: our sums of forces are as printed, "
+    "and our filters have the Jacobians of du/dt",
+    "equations-3": "(6) has one p too many, and (7), (9) and (10) lack the minus sign of an entropy, so that two errors "
+    "cancel in (8); with H = -E[log p] throughout, the gain is H(prior) - H(posterior), never negative",
+    "equations-4": "(26) and (27) are DIC = D(mean) + 2 p_D = Dbar + p_D, and (28) also includes the prior odds: its "
+    "columns BF are posterior probabilities",
 }
 TITLES = {
     "equations-2": "Vehicle and Jacobians, eqs. (1) to (5)",

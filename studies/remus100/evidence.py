@@ -202,11 +202,9 @@ def listing_1(study: Study) -> Item:
         "reproduced" if stable else "cannot hold",
         ""
         if stable
-        else f"of {study.sizes.listing_draws} prior draws {min(sizes):.1f} count: with another seed {shares[0]:.0%} "
-        f"(Table IV) and {shares[1]:.0%} (Table V) of "
-        "its answers are certain, for one model or the other like a coin; only draws shared by both models give "
-        "numbers such as the printed "
-        "ones, and they too change with the seed. No verdict may rest on it",
+        else f"of {study.sizes.listing_draws} prior draws {min(sizes):.1f} are effective: over the seeds, {shares[0]:.0%} "
+        f"(Table IV) and {shares[1]:.0%} (Table V) of the answers are certain, for either model at random; numbers such as the "
+        "printed ones come only from draws shared by both models, and change with the seed too. No verdict can rest on it",
         tuple(numbers),
         _listing_settings(study),
     )
@@ -248,7 +246,7 @@ def odds(study: Study) -> Item:
         if printed
         else f"at the first two values the mean probability of M-0 is {p[0].mean():.3f} and {p[1].mean():.3f}"
         + (": the data prefer neither model" if undecided else "")
-        + (f"; they tell from {told[0]} on" if told else ""),
+        + (f"; they decide from {told[0]} on" if told else ""),
         numbers,
         trial_settings(study) | {"data_seeds": int(p.shape[1]), "method": REFERENCE},
     )

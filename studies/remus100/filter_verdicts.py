@@ -25,13 +25,13 @@ def table_1(study: Study) -> Item:
     alike = not printed or bool((np.abs(np.log(sds / TABLE_1_SD["EKF"])) < np.log(2.5)).all())
     shape = _apart(data) < NEAR and alike
     because = (
-        f"with steps of {study.reading.steps / RPM:.0f} rpm held for {HOLD:g} s the three lie within "
-        f"{_apart(data):.2f} standard deviations, which are {sds[0]:.2f}, {sds[1]:.2f} and {sds[2]:.2f}"
+        f"with steps of {study.reading.steps / RPM:.0f} rpm held for {HOLD:g} s the three estimates lie within "
+        f"{_apart(data):.2f} standard deviations; these are {sds[0]:.2f}, {sds[1]:.2f} and {sds[2]:.2f}"
     )
     if printed:
         because = (
-            f"the input is not printed: {because}; the 0.01 printed for T under the SRUKF beside 0.10 under the UKF "
-            "cannot be, since the two are the same filter"
+            f"the input is not printed: {because}; the standard deviations printed for T, 0.01 by the SRUKF and 0.10 by "
+            "the UKF, cannot both be right, because the two are the same filter"
         )
     return Item(
         "table-1",
@@ -58,7 +58,7 @@ def table_2(study: Study) -> Item:
             f"the constrained filter is {'closer' if closer else 'not closer'} (rms error of X_u "
             f"{_rms(study, 'SRUKF')[0]:.2f} becomes "
             f"{_rms(study, 'SRUKF-C')[0]:.2f}), and its stated standard deviation goes from {sd:.2f} to {sd_c:.2f}"
-            + ("" if same else ": points moved to the bounds count as knowledge; the paper prints no change")
+            + ("" if same else ": points moved to the bounds reduce the stated uncertainty; the paper prints no change")
         )
     )
     return Item(
@@ -166,7 +166,7 @@ def claim_stability(study: Study) -> Item:
         failures["SRUKF"] == 0 and max(failures.values()) > 0,
         f"it lost a positive covariance at {failures['SRUKF']} samples"
         if failures["SRUKF"]
-        else "it does, and so do the EKF and the UKF: in double precision none of the three lost a positive covariance "
+        else "the EKF and the UKF do too: in double precision the covariance of all three stayed positive definite "
         f"in {study.sizes.filter_seeds} trials, so no advantage shows here",
         [Number(f"{name}, samples without a positive covariance", None, value) for name, value in failures.items()],
         study,
@@ -196,8 +196,8 @@ def claim_transient(study: Study) -> Item:
         error["SRUKF-C"] > error["SRUKF"],
         f"in the first second the error of du/dt is {error['SRUKF-C']:.3f} m/s^2 with clipping and "
         f"{error['SRUKF']:.3f} without: bounds on the "
-        "coefficients also bound the acceleration they explain; the paper saw the opposite in one run of unprinted "
-        "input",
+        "coefficients also bound the acceleration they explain; the paper saw the opposite in one run, whose "
+        "input is not printed",
         [
             Number(f"{name}, rms error of du/dt in the first second [m/s^2]", None, value)
             for name, value in error.items()
@@ -215,8 +215,8 @@ def claim_only_square_root(study: Study) -> Item:
         "claim-only-square-root",
         "Only the square-root form can be constrained",
         "cannot hold" if positive else "reproduced in shape",
-        "P = sum of weighted squares + Q is positive definite whatever the points, while the weights are positive "
-        "(alpha = 1) and Q is; the two forms compute the same P, whose smallest standard deviation under clipping was "
+        "P = sum of weighted squares + Q is positive definite for any points if the weights (alpha = 1) and Q are "
+        "positive; both forms compute the same P, and its smallest standard deviation under clipping was "
         f"{smallest:.1e}"
         if positive
         else f"a standard deviation fell to {smallest:.1e} under clipping, though P is positive definite in exact numbers",

@@ -165,9 +165,9 @@ def iteration(study: Study) -> Item:
         "iteration",
         "Section V: the two stages repeated",
         "reproduced in shape" if holds else "differs",
-        f"the paper proposes it and shows none: after one trial the sd of {doubted} is {sds[FITS[0]]:.2f} and P(M-0) "
+        f"the paper proposes it and shows no result: after one trial the sd of {doubted} is {sds[FITS[0]]:.2f} and P(M-0) "
         f"{p[FITS[0]][0]:.2f}; the best second trial "
-        f"({best}) brings them to {sds[FITS[2]]:.2f} and {p[FITS[2]][0]:.3f}, the same trial again only to "
+        f"({best}) brings them to {sds[FITS[2]]:.2f} and {p[FITS[2]][0]:.3f}, the first trial repeated only to "
         f"{sds[FITS[1]]:.2f} and {p[FITS[1]][0]:.2f}",
         tuple(numbers),
         {"reading": study.reading.name, "data_seeds": [1, 2], doubted: study.reading.source.doubted.values[0]},
@@ -201,9 +201,8 @@ def readings(study: Study) -> Item:
         "readings",
         "Readings A and B of the unprinted units",
         "reproduced in shape" if spread < 0.05 else "differs",
-        f"units of T and n are not printed: under B the same rpm excite less, standard deviations are {ratio:.2f} "
-        "times those under A, which lie nearer "
-        f"the tables; P(M-0) moves by {2 * spread:.3f} at most"
+        f"units of T and n are not printed: under B the same rpm excite the vehicle less, and standard deviations are {ratio:.2f} "
+        f"times those under A; those under A are nearer to the tables; P(M-0) moves by {2 * spread:.3f} at most"
         + (
             ", so no verdict on the models depends on it"
             if spread < 0.05

@@ -5,6 +5,7 @@ import sys
 from contextlib import contextmanager
 from pathlib import Path
 
+from seatrial.campaign.store.estimates import KnownParameter
 from seatrial.campaign.store.stored_result import Store, write_stamped_json
 from seatrial.campaign.store.structures import NextTrial, StoredCoefficient
 
@@ -83,14 +84,23 @@ def write_small(folder: Path, *replacements: tuple[str, str]) -> Path:
     return folder
 
 
-def write_summary(folder: Path, terms: tuple[str, ...] = (), chosen: str = "M-0", **found: tuple[float, float]) -> None:
+def write_summary(
+    folder: Path,
+    terms: tuple[str, ...] = (),
+    chosen: str = "M-0",
+    correlated: tuple[tuple[str, str, float], ...] = (),
+    **found: tuple[float, float],
+) -> None:
     """Write the summary of a campaign that has been run: mean and standard deviation of what it found, all else blank."""
     numbers = dict.fromkeys(list(StoredCoefficient.__dataclass_fields__)[3:], 0.0)
     rows = [
         {"name": name, "unit": "", "label": name, **numbers, "mean": mean, "sd": sd}
         for name, (mean, sd) in found.items()
     ]
-    known = {"stage": "after", "structure": chosen, "parameters": [], "directions": [], "verdict": [], "symmetry": []}
+    blank = dict.fromkeys(KnownParameter.__dataclass_fields__, 0.0)
+    partners = [{**blank, "name": a, "unit": "", "partner": b, "correlation": r} for a, b, r in correlated]
+    known = {"stage": "after", "structure": chosen, "parameters": partners, "directions": [], "verdict": []}
+    known["symmetry"] = []
     blank = {"name": "small", "structures": [], "verdicts": [], "cautions": [], "alarms": []}
     blank |= {"fits": [], "pooled": [], "baselines": []}
     content = {"chosen": chosen, "terms": list(terms), "coefficients": rows, "known": known}

@@ -4,7 +4,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+from seatrial.apps.cli import app
+from seatrial.campaign.config.earlier_campaigns import lost_correlations
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.check import check_records
 from seatrial.campaign.data.import_logs import get_trials
@@ -356,6 +359,59 @@ def rate(push, u):
 def sail(folder, command, *changes, start=0.0, loss=0.0):
     rows = np.column_stack([command, driven(command, start, loss)])
     return campaign(folder, rows, MOVES, *changes, head="t,left,right,u", text=VEHICLE + DRIVEN)
+
+
+def test_a_posterior_mode_is_enough_for_the_next_campaign(tmp_path, pull):
+    """Until there is a finished run, which counts more."""
+    command = pulls(seed=11)[0]
+    known = ("moves =", 'known_from = ["../bollard"]\nmoves =')
+    bollard = campaign(tmp_path / "bollard", np.column_stack(pull))
+    with pytest.raises(InputError) as refused:
+        sail(tmp_path / "rov", command, ALONE, known)
+    told = str(refused.value)
+    assert "vehicle.known_from" in told
+    assert "without a finished run and without a posterior mode" in told
+    there = tmp_path / "rov" / ".." / "bollard"
+    assert f"`seatrial run {there}`, or `seatrial estimate {there} --by mode`" in told
+    result = CliRunner().invoke(app, ["estimate", str(bollard.folder), "--by", "mode", "--quiet"])
+    assert result.exit_code in (0, 3), result.output
+    found = mode_of(bollard)[2]
+    after = sail(tmp_path / "rov", command, ALONE, known)
+    prior = after.prior("T_f")
+    assert (prior.mean, prior.sd) == pytest.approx(found["T_f"], rel=1e-6)
+    assert after.hull.fixed["T_fdV"] == pytest.approx(found["T_fdV"][0], rel=1e-6)
+    assert "bias_force_X" not in after.priors
+    assert lost_correlations(after) == []  # T_f alone is sought again
+    write_summary(bollard.folder, bollard.full.terms, T_f=(0.8, 0.1), T_absf=(0.0, 0.1), T_fdV=(0.1, 0.1))
+    assert load_campaign(after.folder).prior("T_f").mean == 0.8
+
+
+def test_correlations_that_are_not_taken_over_are_told(tmp_path, pull):
+    """A fan of one direction: T_f and T_absf are known together, by the mode as by the finished run."""
+    one_way = np.column_stack([np.abs(np.asarray(x) - 1500.0) + 1500.0 if x.ndim == 2 else x for x in pull[:2]])
+    gauge = columns_of(one_way[:, :2], one_way[:, 2]) @ [GAIN, ASTERN, PER_VOLT, OFFSET]
+    noise = 0.3 * np.random.default_rng(5).normal(size=len(gauge))
+    bollard = campaign(tmp_path / "bollard", np.column_stack([one_way, gauge + noise]))
+    result = CliRunner().invoke(app, ["estimate", str(bollard.folder), "--by", "mode", "--quiet"])
+    assert result.exit_code in (0, 3), result.output
+    mode = mode_of(bollard)[1]
+    at = [mode.names.index(name) for name in ("T_f", "T_absf")]
+    expected = mode.cov[at[0], at[1]] / np.sqrt(mode.cov[at[0], at[0]] * mode.cov[at[1], at[1]])
+    assert abs(expected) > 0.9
+    text = (VEHICLE + REST).replace("moves =", 'known_from = ["../bollard"]\nmoves =', 1)
+    for name in ("T_f", "T_absf", "T_fdV"):
+        start = text.index(f"[prior.{name}]")
+        text = text[:start] + text[text.index("\n\n" if name != "T_f" else "\n\n[structure]", start) + 2 :]
+    again = campaign(tmp_path / "again", np.column_stack([one_way, gauge]), text=text)
+    (said,) = [text for text in lost_correlations(again) if "T_f and T_absf" in text]
+    assert float(said.split("correlation of ")[1].split(",")[0]) == pytest.approx(expected, abs=0.03)
+    result = CliRunner().invoke(app, ["estimate", str(again.folder), "--by", "mode", "--quiet"])
+    assert said in result.output
+    pairs = (("T_f", "T_absf", -0.8), ("T_absf", "T_f", -0.8), ("T_fdV", "T_f", 0.6))
+    found = {"T_f": (0.8, 0.1), "T_absf": (0.0, 0.1), "T_fdV": (0.1, 0.1)}
+    write_summary(bollard.folder, bollard.full.terms, correlated=pairs, **found)
+    (said,) = lost_correlations(load_campaign(again.folder))
+    assert "known_from ../bollard: T_absf and T_f were found with a correlation of -0.80" in said
 
 
 def test_a_bollard_record_sharpens_the_drag_of_the_next_campaign(tmp_path, pull):

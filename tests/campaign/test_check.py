@@ -8,8 +8,9 @@ from typer.testing import CliRunner
 
 from seatrial.apps.cli import app
 from seatrial.campaign.config.load import load_campaign
-from seatrial.campaign.data.check import check_records
+from seatrial.campaign.data.check import check_records, step_cautions
 from seatrial.campaign.data.import_logs import get_trials
+from seatrial.core.errors import NumericalError
 
 CAMPAIGN = """
 [campaign]
@@ -99,6 +100,24 @@ def test_the_sign_and_the_unit_of_a_channel(tmp_path, scale, code, told):
     assert (tmp_path / "a" / "check-one.svg").read_text().endswith("</svg>\n")
 
 
+def test_empty_cells_are_told_with_what_is_done_with_them(tmp_path):
+    """Once for a record that is cut into pieces."""
+    write(tmp_path / "a", "1.0", CAMPAIGN.replace('fit = ["one"]', 'fit = ["one"]\nsplit = "20 s"'))
+    log = tmp_path / "a" / "one.csv"
+    lines = [line.split(",") for line in log.read_text().splitlines()]
+    for row, cell in ((5, "nan"), (6, ""), (300, "NaN")):
+        lines[row][2] = cell
+    lines[7][1] = ""
+    log.write_text("\n".join(map(",".join, lines)) + "\n")
+    result = CliRunner().invoke(app, ["check", str(tmp_path / "a"), "--quiet"])
+    assert result.exit_code == 0, result.output
+    said = [line.split("empty cells: ")[1] for line in result.output.splitlines() if "empty cells" in line]
+    assert said == [
+        '1 of 400 rows of one.csv, column "force", are empty or NaN (each holds the value before it)',
+        '3 of 400 rows of one.csv, column "speed", are empty or NaN (they are left out; the other rows are used)',
+    ]
+
+
 def test_a_reversed_sign_is_seen_under_a_prior_that_knows_but_the_sign(tmp_path):
     known = CAMPAIGN.replace(
         'distribution = "normal"\nmean = 1.0\nsd = 0.2', 'distribution = "half-normal"\nscale = 2.0\nlower = 0.0'
@@ -150,7 +169,7 @@ def test_excitation_of_a_whole_vehicle_under_priors_that_say_neither_way(tmp_pat
 
 
 @pytest.mark.parametrize(
-    ("mass", "says"), [("30 kg", ""), ("0.5 kg", "they differ by up to 3"), ("0.25 kg", "they do not run away")]
+    ("mass", "says"), [("30 kg", ""), ("0.5 kg", "differs by up to 3"), ("0.25 kg", "does not run away")]
 )
 def test_steps_that_are_too_long_for_a_quick_vehicle_are_told(tmp_path, mass, says):
     """Naive Runge-Kutta steps of this vehicle in 0.1 s and 0.05 s differ by 4e-6, by 36 and by no end, over the noise."""
@@ -162,3 +181,20 @@ def test_steps_that_are_too_long_for_a_quick_vehicle_are_told(tmp_path, mass, sa
     for finding in found:
         assert says in finding.value
         assert 'step = "0.025 s"' in finding.remedy
+    assert step_cautions(campaign, get_trials(campaign)) == [
+        f"run one, channel u: {finding.value}; {finding.remedy}" for finding in found
+    ]
+
+
+def test_estimate_says_that_steps_are_too_long_before_it_fits_anything(tmp_path, monkeypatch):
+    write(tmp_path / "a", "1.0", CAMPAIGN.replace("30 kg", "0.5 kg"))
+
+    def fit(*given, **near):
+        raise NumericalError("here the fit begins")
+
+    for by, module in (("mode", "quick_estimates"), ("chains", "estimate")):
+        monkeypatch.setattr(f"seatrial.campaign.inference.{module}.find_mode", fit)
+        result = CliRunner().invoke(app, ["estimate", str(tmp_path / "a"), "--by", by, "--quiet"])
+        before, _, _ = f"{result.output}{result.exception}".partition("here the fit begins")
+        assert before.count("caution: run one, channel u: in steps half as long") == 1
+        assert "here the fit begins" in f"{result.output}{result.exception}"

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from seatrial.campaign.config.load import load_campaign
-from seatrial.campaign.data.import_logs import get_trials
+from seatrial.campaign.data.import_logs import get_trials, read_untrimmed
 from seatrial.campaign.data.thruster_check import check_thrusters, thruster_lines
 from seatrial.campaign.inference.posterior import build_posterior, initial_state, random_key
 from seatrial.campaign.inference.quick_estimates import posterior_modes
@@ -238,6 +238,27 @@ def test_refusals(tmp_path, log, what):
         get_trials(campaign(tmp_path, log, *changes))
     for part in parts:
         assert part in str(refused.value)
+
+
+ARMED = '[[import.keep]]\npath = "log.csv"\nwhen = "pwm[0] > 0"\n\n[[import.files]]'
+LAWS = {"polynomial": [("[0.0, 0.08]", "[0.0, 0.08, 0.00005]")], "table": [CURVE]}
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_pulses_of_0_before_arming_need_no_thrust_if_they_are_cut_away(tmp_path, log, law):
+    (tmp_path / "thrust.csv").write_text("pwm,thrust\n1000,-40\n2000,40\n")
+    resting = [np.concatenate([np.zeros((10, 3)), one]) for one in log]
+    kept = campaign(tmp_path, resting, ("[[import.files]]", ARMED), *LAWS[law])
+    (record,) = get_trials(kept).fit
+    (alone,) = get_trials(
+        campaign(tmp_path / "alone", log, *[(a, b.replace("thrust", "../thrust")) for a, b in LAWS[law]])
+    ).fit
+    assert record.provenance.options["start"] == pytest.approx(1.0)
+    np.testing.assert_allclose(record.control, alone.control, atol=1e-9)
+    np.testing.assert_array_equal(record.measurement, alone.measurement)
+    assert read_untrimmed(kept, "log").time.size == record.time.size + 10
+    with pytest.raises(InputError, match=r"import\.keep"):
+        get_trials(campaign(tmp_path, resting, *LAWS[law]))
 
 
 MOUNTED = """

@@ -10,6 +10,12 @@ from seatrial.core.errors import InputError, NumericalError, file_error
 from seatrial.core.files import write_text
 
 
+def test_an_input_error_as_one_sentence():
+    error = InputError("campaign.toml:3", found='"5 cm"', expected="a number", remedy="write 0.05")
+    assert error.sentence() == '"5 cm"; expected a number; write 0.05'
+    assert error.sentence(with_remedy=False) == '"5 cm"; expected a number'
+
+
 def test_an_input_error_travels_whole():
     error = InputError("a.toml", found="b", expected="c", remedy="d")
     there = pickle.loads(pickle.dumps(error))

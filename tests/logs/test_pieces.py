@@ -5,6 +5,7 @@ import pytest
 
 from seatrial.core.errors import InputError
 from seatrial.core.record import Channel, Provenance, make_record
+from seatrial.logs.align import align
 from seatrial.logs.curve import read_curve
 from seatrial.logs.cut_record import cut
 from seatrial.logs.read import read_log
@@ -51,9 +52,43 @@ def test_thrust_of_a_pulse_width(tmp_path):
     table = read_log(LogSource(log, "t", "s", {"tau_X": column}))
     np.testing.assert_allclose(table.columns["tau_X"], [-40.0, -20.0, np.nan, 0.0, 50.0])
     assert table.options["channels"]["tau_X"]["curve"] == "t200.csv"
-    far = written(tmp_path, "t,ch1\n0,1100\n1,1200\n2,2000\n3,1500\n", "far.csv")
-    with refusal("far.csv", "2000 in sample 3", "1100 to 1900"):
-        read_log(LogSource(far, "t", "s", {"tau_X": column}))
+
+
+BEFORE_ARMING = "t,ch1,speed\n0,0,0\n1,0,0\n2,1500,0\n3,1900,0.1\n4,1900,0.2\n5,1100,0.3\n6,,0.2\n7,0,0.1\n8,0,0\n"
+
+
+def unarmed(folder):
+    curve = written(folder, "pwm,thrust\n1100,-40\n1475,0\n1525,0\n1900,50\n", "t200.csv")
+    log = written(folder, BEFORE_ARMING, "log.csv")
+    force = ColumnMap("ch1", "N", "control", curve=read_curve(curve, "campaign.toml"))
+    return LogSource(log, "t", "s", {"tau_X": force, "u": ColumnMap("speed", "m/s", "measurement")})
+
+
+def test_a_curve_need_not_reach_rows_that_are_not_kept(tmp_path):
+    """The row at the end of the record is held over none of its steps."""
+    record = align([read_log(unarmed(tmp_path))], start=2.0, end=7.0)
+    np.testing.assert_allclose(record.channel("tau_X"), [0.0, 50.0, 50.0, -40.0, -40.0, -40.0])
+    assert record.time[-1] == 5.0
+
+
+@pytest.mark.parametrize(
+    ("ends", "parts"),
+    [
+        ({}, ("3 of the 7 rows kept", "the first is 0, 0 s into the log")),
+        ({"start": 1.5}, ("2 of the 6 rows kept", "1 s into the log")),
+        ({"start": 2.0, "end": 7.5, "step": 0.5}, ("1 of the 5 rows kept", "7 s into the log")),
+    ],
+)
+def test_a_curve_has_to_reach_rows_that_are_kept(tmp_path, ends, parts):
+    with refusal('log.csv, column "ch1"', *parts, "1100 to 1900", "[[import.keep]]", "add a point to t200.csv"):
+        align([read_log(unarmed(tmp_path))], **ends)
+
+
+def test_a_curve_that_reaches_no_row(tmp_path):
+    source = unarmed(tmp_path)
+    written(tmp_path, "t,ch1,speed\n0,0,0\n1,0,0\n2,0,0\n", "log.csv")
+    with refusal("3 of the 3 rows kept", "1100 to 1900"):
+        read_log(source)
 
 
 @pytest.mark.parametrize(

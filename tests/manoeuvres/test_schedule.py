@@ -1,11 +1,15 @@
 """Schedules as tables: what is written is read again, jumps and ramps as they are meant, and every mistake by its row."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
 from seatrial.core.errors import InputError
+from seatrial.manoeuvres.family import Family
 from seatrial.manoeuvres.manoeuvre import Limits
-from seatrial.manoeuvres.schedule import Schedule, read_rows, table_text
+from seatrial.manoeuvres.schedule import Schedule, read_rows, schedule_of, table_text
+from seatrial.manoeuvres.shapes import SHAPES, Steps
 
 RPM = np.pi / 30
 STEP = 0.1
@@ -133,3 +137,30 @@ def test_what_cannot_be_commanded(time, controls, message):
 def test_lists_are_taken_for_arrays():
     schedule = Schedule([0, 0.1, 0.2], {"n": [1, 2, 3]})
     np.testing.assert_array_equal(schedule.columns([("n", 0.0)])["n"], [1.0, 2.0, 3.0])
+
+
+STEPPED = {
+    kind: (shape.levels, shape.parts)
+    for kind, shape in SHAPES.items()
+    if isinstance(shape, Steps) and not isinstance(shape.levels, str)
+}
+
+
+@pytest.mark.parametrize("ramp", [0.0, 0.2])
+@pytest.mark.parametrize("kind", STEPPED)
+def test_the_table_of_a_design_has_the_levels_that_were_asked_for(kind, ramp):
+    """Levels of 1175 ± 200 rpm at times that are samples: no cell has a digit more than these have."""
+    shares, parts = STEPPED[kind]
+    family = Family("n", 1175 * RPM, duration=60.0, active=40.0, sample_time=0.1, start=5.0, ramp=ramp, kind=kind)
+    rows = schedule_of(family.manoeuvre(200 * RPM, 0.8 * parts), 0.1).bends()
+    cells = [line.split(",") for line in table_text(rows.time, rows.controls).splitlines()[1:]]
+    levels = {f"{1175 + 200 * level:g}" for level in (0.0, *shares)}
+    between = {f"{1175 + 100 * (a + b):g}" for a, b in pairwise((0.0, *shares * 2, 0.0))}
+    assert {value for _, value in cells} <= levels | (between if ramp else set())
+    assert all(round(float(time), 1) == float(time) for time, _ in cells)
+
+
+def test_a_chirp_begins_at_trim():
+    family = Family("n", 1175 * RPM, duration=60.0, active=40.0, sample_time=0.1, start=5.0, kind="chirp")
+    time, value = family.manoeuvre(200 * RPM, 8.0).sample(0.1)
+    np.testing.assert_allclose(value[time <= 5.0], 1175 * RPM, rtol=1e-13)

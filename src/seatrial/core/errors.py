@@ -25,6 +25,11 @@ class InputError(SeatrialError):
         self.where, self.found, self.expected, self.remedy = where, found, expected, remedy
         super().__init__(f"{where}\n  found:    {found}\n  expected: {expected}\n  remedy:   {remedy}")
 
+    def sentence(self, with_remedy: bool = True) -> str:
+        """Return in one line what was found and expected, and how to mend it, for where the place is known already."""
+        said = f"{self.found}; expected {self.expected}"
+        return f"{said}; {self.remedy}" if with_remedy else said
+
     def __reduce__(self) -> tuple[Callable[[], "InputError"], tuple[()]]:
         """Return how it travels between processes."""
         return partial(type(self), self.where, found=self.found, expected=self.expected, remedy=self.remedy), ()

@@ -150,7 +150,7 @@ def design_trial(
         except InputError as error:
             if len(chosen) == 1:
                 raise
-            refused[family.kind] = f"{error.found}; expected {error.expected}"
+            refused[family.kind] = error.sentence(with_remedy=False)
     if not sweeps:
         raise InputError(
             "families",

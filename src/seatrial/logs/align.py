@@ -4,7 +4,7 @@ On a coarser grid a control is the mean over each step of what was held, which i
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 
@@ -66,7 +66,7 @@ def align(
 
     Raises:
         InputError: no overlap, a trim that leaves nothing, a channel missing or given twice, a step that is no step,
-            or a column that cannot be what the map says (see `make_record`).
+            a row in it that a curve does not reach, or a column that cannot be what the map says (see `make_record`).
     """
     if not tables:
         raise InputError("tables to align", found="none", expected="at least one log", remedy="read it with `read_log`")
@@ -89,6 +89,7 @@ def align(
     cautions = [text for table in tables for text in table.cautions]
     slack = _NANOSECOND / 2 if step is None else _HAIR * step
     reach = _NANOSECOND if step is None else step / 2 + slack
+    _check_curves(tables, {track.channel.name for track in tracks}, origin, (begin, begin + instants[-1]), slack, reach)
     for track in tracks:
         time, name = track.time - begin, track.channel.name
         if track.channel.role == "control":
@@ -188,6 +189,32 @@ def _instants(tracks: Sequence[_Track], begin: float, stop: float, step: float |
             remedy="give the sampling time of the record, in seconds",
         )
     return step * np.arange(math.floor((stop - begin) / step + _HAIR) + 1)
+
+
+def _check_curves(
+    tables: Sequence[LogTable],
+    used: Collection[str],
+    origin: Decimal,
+    ends: tuple[float, float],
+    slack: float,
+    reach: float,
+) -> None:
+    """Check that curves reach what a record is made of: controls held before its last instant, and measurements at its instants.
+
+    Raises:
+        InputError: a number that they do not reach.
+    """
+    begin, end = ends
+    for table in tables:
+        for channel in (one for one in table.channels if one.name in used and one.name in table.curved):
+            rows = np.flatnonzero(np.isfinite(table.columns[channel.name]))
+            time = table.time[rows] + float(table.epoch - origin)
+            if channel.role == "control":
+                first, stop = np.searchsorted(time, begin + slack, side="right") - 1, np.searchsorted(time, end - slack)
+            else:
+                first, stop = np.searchsorted(time, begin - reach), np.searchsorted(time, end + reach, side="right")
+            for one in table.curved[channel.name]:
+                one.curve.check(one.cells[rows[first:stop]], table.time[rows[first:stop]], one.where)
 
 
 def _sparse(tracks: Sequence[_Track], step: float | None) -> list[str]:

@@ -21,8 +21,21 @@ class CellCurve(Protocol):
         """Return what is said of it in the provenance of a record."""
         ...
 
-    def __call__(self, cells: Float[np.ndarray, " n"], where: str) -> Float[np.ndarray, " n"]:
-        """Return what every number stands for; NaN stays NaN."""
+    def __call__(self, cells: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """Return what every number stands for; NaN where the curve does not reach it, and NaN stays NaN."""
+        ...
+
+    def check(self, cells: Float[np.ndarray, " n"], time: Float[np.ndarray, " n"], where: str) -> None:
+        """Check that the curve explains all of some numbers.
+
+        Args:
+            cells: numbers as logged, those that are used.
+            time: when each was logged, s from the beginning of the log.
+            where: log and column, for the error.
+
+        Raises:
+            InputError: a number that it does not explain.
+        """
         ...
 
 
@@ -42,21 +55,22 @@ class Curve:
     logged: tuple[float, ...]
     value: tuple[float, ...]
 
-    def __call__(self, cells: Float[np.ndarray, " n"], where: str) -> Float[np.ndarray, " n"]:
-        """Interpolate; NaN stays NaN.
+    def __call__(self, cells: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """Interpolate; NaN beyond the ends, and NaN stays NaN."""
+        return np.interp(cells, self.logged, self.value, left=np.nan, right=np.nan)
 
-        Raises:
-            InputError: a number beyond the ends of the curve.
-        """
+    def check(self, cells: Float[np.ndarray, " n"], time: Float[np.ndarray, " n"], where: str) -> None:
+        """Refuse numbers beyond the ends, see `CellCurve`."""
         outside = np.flatnonzero((cells < self.logged[0]) | (cells > self.logged[-1]))
         if outside.size:
             raise InputError(
                 where,
-                found=f"{cells[outside[0]]:g} in sample {outside[0] + 1}, and {outside.size} such samples in all",
+                found=f"{outside.size} of the {cells.size} rows kept are outside the curve; the first is {cells[outside[0]]:g}, "
+                f"{time[outside[0]]:g} s into the log",
                 expected=f"{self.logged[0]:g} to {self.logged[-1]:g}, the ends of {self.name}",
-                remedy="map the column that the curve is for, or extend the curve, by a row 0,0 for pulses of a vehicle that is not armed",
+                remedy='keep the other rows only, by [[import.keep]] with for example when = "armed == 1", or by start and end; '
+                f"or add a point to {self.name}, for example a row 0,0 if 0 stands for no thrust",
             )
-        return np.interp(cells, self.logged, self.value)
 
 
 def read_curve(path: Path, where: str) -> Curve:

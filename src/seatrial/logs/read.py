@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from decimal import Decimal, DecimalException
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.record import Channel
@@ -16,6 +16,7 @@ from seatrial.logs.formats.protocol import LogFormat, RawTable, TableInfo, unit_
 from seatrial.logs.formats.registry import catalogue, format_of, hash_of_log, pick, read_columns
 from seatrial.logs.formats.text_layout import signs_of
 from seatrial.logs.source import (
+    CurvedCells,
     LogSource,
     LogTable,
     check_source,
@@ -40,7 +41,8 @@ def read_log(source: LogSource) -> LogTable:
         source: log, table, channel map and clock.
 
     Returns:
-        the mapped columns in SI on stamps relative to the exact first one, shifted as the source says.
+        the mapped columns in SI on stamps relative to the exact first one, shifted as the source says. The options say of how many rows
+        a channel's cell is empty: `empty`, channel to that count and the count of all rows.
 
     Raises:
         InputError: whatever is wrong with the map or the log, naming file, table, column and row.
@@ -49,11 +51,18 @@ def read_log(source: LogSource) -> LogTable:
     columns = [part for column in source.channels.values() for _, part in column.columns]
     read = read_stamped(source, columns)
     info, where, notes = read.info, read.where, list(read.notes)
-    mapped = {}
+    mapped, curved, empties = {}, {}, {}
     for name, column in source.channels.items():
-        values = in_si(source, name, read.numbers, where)
+        cells = {part: read.numbers(part) for _, part in column.columns}
+        empty = np.any([np.isnan(one) for one in cells.values()], axis=0)
+        if column.curve is not None:
+            curved[name] = tuple(
+                CurvedCells(column.curve, one, f'{where}, column "{part}"') for part, one in cells.items()
+            )
+        values = _reached(in_si(source, name, cells.__getitem__), empty, read.time, curved.get(name, ()))
         mapped[name] = values if column.between == "held" else _mean_to_next(values)
-        if gaps := int(np.isnan(values).sum()):
+        if gaps := int(empty.sum()):
+            empties[name] = [gaps, values.size]
             notes.append(f"{name}: {gaps} of {values.size} cells are empty")
         if gaps == values.size:
             raise InputError(
@@ -69,10 +78,20 @@ def read_log(source: LogSource) -> LogTable:
     channels = tuple(Channel(name, signal_unit(name), column.role) for name, column in source.channels.items())
     used = replace(source, table=info.name if info else None, time_column=read.clock, time_unit=read.clock_unit)
     options = source_options(used) | (text_options(source) if format_of(source.path).is_text else {})
+    options |= {"empty": empties} if empties else {}
     epoch = read.epoch + Decimal(f"{source.shift:.9f}")
     cautions = _other_unit(read, source.path.name)
     return LogTable(
-        read.time, epoch, mapped, channels, source.path.name, hash_of_log(source.path), options, tuple(notes), cautions
+        read.time,
+        epoch,
+        mapped,
+        channels,
+        source.path.name,
+        hash_of_log(source.path),
+        options,
+        tuple(notes),
+        cautions,
+        curved,
     )
 
 
@@ -169,27 +188,41 @@ def _mean_to_next(values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
     return means
 
 
-def in_si(
-    source: LogSource, name: str, cells_of: Callable[[str], Float[np.ndarray, " n"]], where: str
+def _reached(
+    values: Float[np.ndarray, " n"],
+    empty: Bool[np.ndarray, " n"],
+    time: Float[np.ndarray, " n"],
+    curved: Sequence[CurvedCells],
 ) -> Float[np.ndarray, " n"]:
-    """Return a channel as the map makes it of its columns: each through the curve, summed, scaled, offset, in SI; NaN where one is a gap.
+    """Return a channel in which numbers that no curve reaches have the value before them, or the first one.
+
+    Raises:
+        InputError: a curve that reaches no number.
+    """
+    beyond, known = np.flatnonzero(np.isnan(values) & ~empty), np.flatnonzero(np.isfinite(values))
+    if beyond.size and not known.size:
+        for one in curved:
+            one.curve.check(one.cells, time, one.where)
+    filled = values.copy()
+    filled[beyond] = values[known[np.maximum(np.searchsorted(known, beyond) - 1, 0)]]
+    return filled
+
+
+def in_si(source: LogSource, name: str, cells_of: Callable[[str], Float[np.ndarray, " n"]]) -> Float[np.ndarray, " n"]:
+    """Return a channel as the map makes it of its columns: each through the curve, summed, scaled, offset, in SI.
+
+    It is NaN where one of them is a gap or a number that the curve does not reach.
 
     Args:
         source: whose map it is.
         name: of the channel.
         cells_of: returns the numbers of a column.
-        where: log, for errors.
-
-    Raises:
-        InputError: a number beyond the ends of the curve.
     """
     column, total = source.channels[name], np.zeros(())
     with np.errstate(invalid="ignore", over="ignore"):
         for factor, part in column.columns:
             cells = cells_of(part)
-            total = total + factor * (
-                cells if column.curve is None else column.curve(cells, f'{where}, column "{part}"')
-            )
+            total = total + factor * (cells if column.curve is None else column.curve(cells))
         return (column.scale * total + column.offset) * si_factor(source, name)
 
 

@@ -92,19 +92,36 @@ class LogSource:
 
 
 @dataclass(frozen=True, eq=False)
+class CurvedCells:
+    """Numbers of a column that a curve explains; whether it reaches them is checked once it is known which rows are kept.
+
+    Attributes:
+        curve: what they stand for.
+        cells: as logged, NaN where empty, shape (n,).
+        where: log and column, for errors.
+    """
+
+    curve: CellCurve
+    cells: Float[np.ndarray, " n"]
+    where: str
+
+
+@dataclass(frozen=True, eq=False)
 class LogTable:
     """The mapped columns of one log, in SI, on the log's own stamps.
 
     Attributes:
         time: seconds since `epoch`, strictly increasing, shape (n,).
         epoch: exact stamp of the first row, s, on the clock of the file.
-        columns: for each channel its samples in SI, NaN where the cell was empty, shape (n,).
+        columns: for each channel its samples in SI, NaN where the cell was empty, shape (n,). A number that no curve reaches has the
+            value before it; `align` refuses it in a row that is kept.
         channels: name, unit and role of each.
         source: name of the file.
         sha256: hash of its bytes.
         options: how it was read, as JSON-able values.
         notes: what was found and mended, for the user.
         cautions: what makes its numbers doubtful, likewise.
+        curved: for each channel of which curves say what its numbers stand for, the numbers.
     """
 
     time: Float[np.ndarray, " n"]
@@ -116,6 +133,7 @@ class LogTable:
     options: Mapping[str, Any] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     cautions: tuple[str, ...] = ()
+    curved: Mapping[str, tuple[CurvedCells, ...]] = field(default_factory=dict)
 
 
 def check_source(source: LogSource) -> None:

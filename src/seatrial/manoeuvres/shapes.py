@@ -121,9 +121,9 @@ class Steps:
     def share(self, elapsed: Any, period: Any, active: Any, ramp: Any, levels: Array) -> Array:
         """See `Shape.share`."""
         xp = array_module(elapsed, period)
-        elapsed, hold = xp.asarray(elapsed) + NANOSECOND, period / self.parts
+        elapsed, hold = xp.asarray(elapsed), period / self.parts
         until = xp.minimum(elapsed, active) if self.runs == "cut" else elapsed
-        index = xp.floor(until / hold)
+        index = xp.floor((until + NANOSECOND) / hold)
         count = self._count(levels.size, hold, active)
 
         def level(index: Any) -> Array:
@@ -131,7 +131,7 @@ class Steps:
             return xp.where(inside, xp.asarray(levels)[xp.where(inside, index, 0).astype(int) % levels.size], 0.0)
 
         def done(since: Any) -> Array:
-            return xp.where(ramp > 0, xp.clip(since / xp.where(ramp > 0, ramp, 1.0), 0.0, 1.0), since >= 0)
+            return xp.where(ramp > 0, xp.clip(since / xp.where(ramp > 0, ramp, 1.0), 0.0, 1.0), since >= -NANOSECOND)
 
         before, here = level(index - 1), level(index)
         share = before + (here - before) * done(until - index * hold)
@@ -221,11 +221,12 @@ class Multisine:
     def share(self, elapsed: Any, period: Any, active: Any, ramp: Any, levels: Array) -> Array:
         """See `Shape.share`; the ends are joined smoothly by the wave itself, which starts where it is zero."""
         xp = array_module(elapsed, period)
-        elapsed = xp.asarray(elapsed) + NANOSECOND
+        elapsed = xp.asarray(elapsed)
         phases, shift, peak = _phases(self.harmonics, self.lowest)
         angle = 2 * pi * (elapsed / period + shift)
         wave = sum(xp.cos(k * angle + phase) for k, phase in zip(self.harmonics, phases, strict=True)) / peak
-        inside = (elapsed >= 0) & (elapsed < period * xp.floor(active / period + NANOSECOND))
+        end = period * xp.floor(active / period + NANOSECOND)
+        inside = (elapsed >= -NANOSECOND) & (elapsed < end - NANOSECOND)
         return xp.where(inside, wave, 0.0)
 
     def shortest(self, period: Any) -> Any:
@@ -269,7 +270,7 @@ class Chirp:
     def share(self, elapsed: Any, period: Any, active: Any, ramp: Any, levels: Array) -> Array:
         """See `Shape.share`."""
         xp = array_module(elapsed, period)
-        elapsed = xp.asarray(elapsed) + NANOSECOND
+        elapsed = xp.asarray(elapsed)
         growth = log(self.ratio) / active
         waves = xp.maximum(1.0, xp.floor((self.ratio - 1.0) / (growth * period) + NANOSECOND))
         done = xp.expm1(growth * xp.clip(elapsed, 0.0, active)) / (self.ratio - 1.0)

@@ -22,7 +22,8 @@ def estimate(
     by: Annotated[
         By,
         typer.Option(
-            help="chains: sample the whole posterior. mode, equation-error: first answers in about a second, which are not kept."
+            help="chains: sample the whole posterior. mode, equation-error: first answers in about a second, not checked; "
+            "the mode is kept for a later campaign's known_from."
         ),
     ] = By.CHAINS,
     window: Annotated[
@@ -166,7 +167,8 @@ def _by_chains(campaign: Any, reporter: Any, answer: Answer) -> Exit:
     from seatrial.campaign.workflow.steps import Workflow
 
     flow = Workflow(campaign, reporter)
-    estimates, trials = flow.get("estimates"), flow.get("trials")
+    trials = _checked_trials(campaign, flow, answer)
+    estimates = flow.get("estimates")
     said, held_back, structures = [], [], []
     for item in estimates:
         answer.say(f"{item.structure.label}")
@@ -194,20 +196,40 @@ def _by_chains(campaign: Any, reporter: Any, answer: Answer) -> Exit:
     return answer.finish(alarms + unseen, [*doubts, *(text for text in estimates[0].cautions if text not in said)])
 
 
+def _checked_trials(campaign: Any, flow: Any, answer: Answer) -> Any:
+    """Return the records, and say before anything is fitted what is wrong with their steps and with priors of earlier campaigns."""
+    from seatrial.campaign.config.earlier_campaigns import lost_correlations
+    from seatrial.campaign.data.check import step_cautions
+
+    trials = flow.get("trials")
+    for text in (*step_cautions(campaign, trials), *lost_correlations(campaign)):
+        answer.caution(text)
+    return trials
+
+
 def _first_answers(campaign: Any, reporter: Any, answer: Answer, by: By, window: float | None) -> Exit:
     from seatrial.apps import results
     from seatrial.campaign.inference.judge_predictions import held_back_cautions
-    from seatrial.campaign.inference.quick_estimates import MODE, REGRESSION, posterior_modes, regressions
+    from seatrial.campaign.inference.quick_estimates import (
+        MODE,
+        REGRESSION,
+        best_mode,
+        keep_mode,
+        posterior_modes,
+        regressions,
+    )
     from seatrial.campaign.workflow.steps import Workflow
 
     flow = Workflow(campaign, reporter)
-    trials, campaign = flow.get("trials"), flow.get("candidates")
+    trials, campaign = _checked_trials(campaign, flow, answer), flow.get("candidates")
     found = posterior_modes(campaign, trials, reporter) if by is By.MODE else regressions(campaign, trials, window)
     for one in found:
         answer.say("\n".join(one.lines()))
     answer.give(by=by, first_answers=[results.first_answer(one) for one in found if not one.alarm])
     answer.say(MODE if by is By.MODE else REGRESSION)
     alarms = [one.alarm for one in found if one.alarm]
+    if by is By.MODE and len(alarms) < len(found):
+        keep_mode(campaign, trials, best_mode(found))
     tested = [one for one in found if one.held_back is not None]
     unseen, doubts = _judge_unseen(
         answer,

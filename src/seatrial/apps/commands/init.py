@@ -270,7 +270,7 @@ def _ask(question: str, read: Callable[[str, str], str], default: str = "") -> s
         try:
             return read(text, question)
         except InputError as error:
-            typer.echo(f"  {error.found}; expected {error.expected}: {error.remedy}")
+            typer.echo(f"  {error.sentence()}")
 
 
 def _several(question: str, read: Callable[[str, str], Any], least: int = 0) -> list[str]:

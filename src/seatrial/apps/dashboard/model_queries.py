@@ -100,14 +100,14 @@ def export_targets(folder: str, rest: str) -> tuple[ExportTarget, ...]:
         vehicle, _ = of_campaign(folder, rest=rest or None)
         found = [_export_target(make_exporter(name), vehicle) for name in EXPORTERS]
     except InputError as error:
-        found = [ExportTarget(name, False, _why_not(error), ()) for name in EXPORTERS]
+        found = [ExportTarget(name, False, error.sentence(), ()) for name in EXPORTERS]
     place = Path(folder) / "export" / "trial"
     for name in FORMATS:
         refusal = ""
         try:
             check_format(read_trial(folder), name, place)
         except InputError as error:
-            refusal = _why_not(error)
+            refusal = error.sentence()
         found.append(ExportTarget(name, True, refusal, ()))
     return tuple(found)
 
@@ -116,12 +116,8 @@ def _export_target(exporter: Exporter, vehicle: ExportedVehicle) -> ExportTarget
     try:
         exporter.check(untethered(vehicle))
     except InputError as error:
-        return ExportTarget(exporter.name, False, _why_not(error), ())
+        return ExportTarget(exporter.name, False, error.sentence(), ())
     return ExportTarget(exporter.name, False, "", carried_by(exporter, vehicle).lost)
-
-
-def _why_not(error: InputError) -> str:
-    return f"{error.found}; needs {error.expected}. {error.remedy[:1].upper()}{error.remedy[1:]}."
 
 
 def form_data(folder: str) -> FormData:

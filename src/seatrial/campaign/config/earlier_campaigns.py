@@ -5,9 +5,11 @@ again, and fixed where it is not. Their correlations are left behind. Records th
 fitted again with its result as prior: they would count twice.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
+from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.file_keys import FileKeys
 from seatrial.campaign.config.named_files import find
 from seatrial.campaign.config.schema import CampaignFile, PriorTable, VehicleTable
@@ -15,18 +17,23 @@ from seatrial.campaign.config.templates import example_of
 from seatrial.campaign.config.toml import parse_toml, read_text
 from seatrial.campaign.config.vehicle_table import UNKNOWN
 from seatrial.campaign.store.stored_result import FILE_NAME, Store
-from seatrial.campaign.store.structures import read_summary
+from seatrial.campaign.store.structures import read_mode, read_summary
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError
+from seatrial.core.files import is_there
 from seatrial.core.signals import signal_unit
 from seatrial.core.units import quantity
 
+STRONG = 0.7
+"""Correlation, either way, from which its loss is told: the best-known combination had 0.55 of the spread that it has without it."""
 Found = Mapping[str, tuple[float, float]]
 """Mean and standard deviation of coefficients and of a vehicle's other unknowns, SI."""
 
 
 def found_before(folder: Path, table: VehicleTable, keys: FileKeys) -> Found:
     """Return what earlier campaigns found of every coefficient and every other unknown of the vehicle; the last one counts.
+
+    That is the result of the finished run, or the posterior mode if there is none.
 
     Args:
         folder: of this campaign.
@@ -37,28 +44,82 @@ def found_before(folder: Path, table: VehicleTable, keys: FileKeys) -> Found:
         InputError: an earlier campaign that is not there or has no results, or one of another trim.
     """
     found: dict[str, tuple[float, float]] = {}
+    where = keys.where("vehicle.known_from")
     for item in table.known_from:
-        where = keys.where("vehicle.known_from")
-        there = find(folder, item, where)
-        store = Store(there)
-        if not there.is_dir():
-            raise InputError(
-                where,
-                found=f"the file {item}",
-                expected="the folder of a campaign that has been run, relative to this one's folder",
-                remedy="correct the path",
-            )
-        if store.summary.exists():  # a link may lead outside
-            find(folder, str(Path(item) / store.summary.relative_to(there)), where)
-        summary = read_summary(store.summary, f"seatrial run {there}")
-        if any(CoefficientName.parse(name).trim_signals for name in summary.terms):
-            _check_trim(find(folder, str(Path(item) / FILE_NAME), where), summary.terms, table, where)
-        found |= {
-            row.name: (row.mean, row.sd)
-            for row in summary.coefficients
-            if row.name in summary.terms or UNKNOWN.fullmatch(row.name)
-        }
+        earlier = _earlier(folder, item, where)
+        if any(CoefficientName.parse(name).trim_signals for name in earlier.terms):
+            _check_trim(find(folder, str(Path(item) / FILE_NAME), where), earlier.terms, table, where)
+        found |= {n: pair for n, pair in earlier.found.items() if n in earlier.terms or UNKNOWN.fullmatch(n)}
     return found
+
+
+def lost_correlations(campaign: Campaign) -> list[str]:
+    """Say which priors were taken from an earlier campaign that found them strongly correlated, and what that does."""
+    said = []
+    for item in campaign.known_from:
+        earlier = _earlier(campaign.folder, item, campaign.where("vehicle.known_from"))
+        taken = {
+            n for n, (mean, _) in earlier.found.items() if n in campaign.priors and campaign.priors[n].mean == mean
+        }
+        said += [
+            f"known_from {item}: {first} and {second} were found with a correlation of {r:+.2f}, and their priors here have none: the "
+            "combination that was known best is less certain here than it was; if that matters, fit both records in one campaign"
+            for first, second, r in earlier.correlated
+            if {first, second} <= taken
+        ]
+    return said
+
+
+class _Earlier(NamedTuple):
+    """What one earlier campaign found.
+
+    Attributes:
+        terms: of its structure.
+        found: value and standard deviation of every parameter, SI.
+        correlated: pairs of parameters with a correlation of `STRONG` or more, either way, and the correlation.
+    """
+
+    terms: tuple[str, ...]
+    found: Found
+    correlated: tuple[tuple[str, str, float], ...]
+
+
+def _earlier(folder: Path, item: str, where: str) -> _Earlier:
+    """Read the finished run of an earlier campaign, or its posterior mode if there is none.
+
+    Raises:
+        InputError: it is not there, or has neither.
+    """
+    there = find(folder, item, where)
+    store = Store(there)
+    if not there.is_dir():
+        raise InputError(
+            where,
+            found=f"the file {item}",
+            expected="the folder of a campaign that has been run, relative to this one's folder",
+            remedy="correct the path",
+        )
+    result = next((path for path in (store.summary, store.mode) if is_there(path)), None)
+    if result is None:
+        raise InputError(
+            where,
+            found=f"{item}, a campaign without a finished run and without a posterior mode",
+            expected="the mean and standard deviation of each coefficient, which either of them has",
+            remedy=f"run `seatrial run {there}`, or `seatrial estimate {there} --by mode` for a first answer",
+        )
+    find(folder, str(Path(item) / result.relative_to(there)), where)  # a link may lead outside
+    if result == store.mode:
+        mode = read_mode(result, f"seatrial estimate {there} --by mode")
+        return _Earlier(mode.terms, mode.found, _strong(mode.correlations))
+    summary = read_summary(result, f"seatrial run {there}")
+    pairs = ((one.name, one.partner, one.correlation) for one in summary.known.parameters if one.partner)
+    return _Earlier(summary.terms, {row.name: (row.mean, row.sd) for row in summary.coefficients}, _strong(pairs))
+
+
+def _strong(pairs: Iterable[tuple[str, str, float]]) -> tuple[tuple[str, str, float], ...]:
+    """Return the strongly correlated pairs, each once."""
+    kept = {frozenset((a, b)): (a, b, r) for a, b, r in pairs if abs(r) >= STRONG}
+    return tuple(kept.values())
 
 
 def _check_trim(path: Path, terms: Sequence[str], table: VehicleTable, where: str) -> None:

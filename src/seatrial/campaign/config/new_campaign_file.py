@@ -41,10 +41,14 @@ def campaign_text(new: NewCampaign) -> str:
 
 
 def _head(new: NewCampaign) -> list[str]:
-    said = "put yours in their place" if new in (OWN, PUBLISHED) else "as they were given; correct what has changed"
+    said = (
+        "The numbers are an example: replace them with those of your vehicle."
+        if new in (OWN, PUBLISHED)
+        else "The numbers are the ones that you gave: correct those that have changed."
+    )
     return [
         "# A campaign before there are any data: the vehicle, the limits of a trial, and the goal. A trial is designed from it.",
-        f"# seatrial prior DIR; seatrial design DIR; seatrial rehearse DIR. The numbers are for one vehicle: {said}.",
+        f"# Next: seatrial prior DIR, seatrial design DIR, seatrial rehearse DIR. {said}",
         "# Quantities with a dimension are strings with a unit; plain numbers are SI in the coefficient's own unit.",
         "",
         "[campaign]",

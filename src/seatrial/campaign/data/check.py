@@ -9,7 +9,7 @@ from jaxtyping import Array
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.sensor_table import ATTITUDE
 from seatrial.campaign.data.import_logs import Trials
-from seatrial.campaign.data.record_cautions import record_cautions
+from seatrial.campaign.data.record_cautions import empty_cells, record_cautions
 from seatrial.campaign.data.thruster_check import check_thrusters
 from seatrial.campaign.inference.posterior import initial_state, random_key
 from seatrial.core.batching import bucket_length, filled
@@ -77,18 +77,35 @@ def check_records(campaign: Campaign, trials: Trials) -> list[RecordJudgement]:
     return [_judge(campaign, record) for record in (*trials.fit, *trials.predict)]
 
 
-def _judge(campaign: Campaign, record: Record) -> RecordJudgement:
-    model = campaign.model(campaign.full)
-    priors = campaign.coefficient_priors(model)
-    mean = np.array([float(prior.mean) for prior in priors])
-    n, size = record.time.size, bucket_length(record.time.size)
+def step_cautions(campaign: Campaign, trials: Trials) -> list[str]:
+    """Say of which fitted records the steps are too long to simulate this vehicle, by the prior means; of several alike the first."""
+    said: dict[str, str] = {}
+    for record in (one for one in trials.fit if one.provenance.source != SIMULATED):
+        alone, control = _trial(campaign, record)
+        mean = np.array([[float(prior.mean) for prior in campaign.coefficient_priors(alone.model)]])
+        expected = np.asarray(_shown(alone, mean, control))[0, : record.time.size]
+        for one in _steps(campaign, record, alone, mean, control, expected):
+            said.setdefault(one.signal, f"run {record.label}, channel {one.signal}: {one.value}; {one.remedy}")
+    return list(said.values())
+
+
+def _trial(campaign: Campaign, record: Record) -> tuple[TrialPlan, np.ndarray]:
+    """Return a record as a trial in which every sensor gives each sample, without noise, and its controls; both filled up."""
+    model, size = campaign.model(campaign.full), bucket_length(record.time.size)
     step = filled(np.diff(record.time), size, 0.0)
     control = filled(np.column_stack([record.channel(name) for name in model.controls]), size)
+    start = np.array(initial_state(campaign, model, record))
+    return TrialPlan(model, campaign.channels, start, step, np.ones((size, len(campaign.channels)))), control
+
+
+def _judge(campaign: Campaign, record: Record) -> RecordJudgement:
+    alone, control = _trial(campaign, record)
+    priors = campaign.coefficient_priors(alone.model)
+    mean = np.array([float(prior.mean) for prior in priors])
+    n, size = record.time.size, control.shape[0]
     measured = {name: record.channel(name) for name in campaign.channels}
     weight = np.column_stack([np.isfinite(column) / campaign.noise[name] for name, column in measured.items()])
-    start = np.array(initial_state(campaign, model, record))
-    plan = TrialPlan(model, campaign.channels, start, step, filled(weight, size, 0.0))
-    alone = TrialPlan(model, campaign.channels, start, step, np.ones_like(plan.weight))
+    plan = replace(alone, weight=filled(weight, size, 0.0))
     tried = np.vstack([mean, draw_values(priors, random_key(campaign.seed, "vehicles of the priors"), DRAWS)])
     expected, *drawn = np.asarray(_shown(alone, tried, control))[:, :n]
     findings = [
@@ -96,9 +113,9 @@ def _judge(campaign: Campaign, record: Record) -> RecordJudgement:
         for name, column in measured.items()
         for finding in check_samples(name, column, campaign.noise[name], ATTITUDE if name in QUATERNION else name)
     ]
-    findings += check_thrusters(campaign, record)
+    findings += [*empty_cells(record), *check_thrusters(campaign, record)]
     runs_away = not np.isfinite(expected).all()
-    steps = _steps(campaign, record, alone, tried, control, expected)
+    steps = [] if record.provenance.source == SIMULATED else _steps(campaign, record, alone, tried, control, expected)
     findings += steps
     if runs_away:
         if not steps:
@@ -141,7 +158,7 @@ def _steps(
     """Say where the vehicle at the prior means moves otherwise in steps half as long; of the first half, which has as many of them."""
     half, size = record.time.size // 2, control.shape[0]
     rates = [index for index, name in enumerate(campaign.channels) if name in RATES]
-    if not half or not rates or record.provenance.source == SIMULATED:
+    if not half or not rates:
         return []
     finer = replace(alone, step=filled(np.repeat(np.asarray(alone.step)[:half], 2) / 2, size, 0.0))
     shown = np.asarray(_shown(finer, tried, filled(np.repeat(control[:half], 2, axis=0), size)))[0, : 2 * half : 2]
@@ -152,10 +169,8 @@ def _steps(
     names = ", ".join(campaign.channels[index] for index, far in zip(rates, off, strict=True) if not far <= COARSE)
     if not names or not np.isfinite(shown).all():
         return []
-    differ = (
-        f"they differ by up to {off.max():.2g} times the noise" if np.isfinite(off).all() else "they do not run away"
-    )
-    value = f"in steps half as long {differ}"
+    differ = f"differs by up to {off.max():.2g} times the noise" if np.isfinite(off).all() else "does not run away"
+    value = f"in steps half as long the simulated motion {differ}"
     remedy = f'the simulation\'s steps of {usual:.2g} s are too long for so quick a vehicle: step = "{usual / 4:.2g} s" under [import]'
     return [RecordFinding(names, "step", "caution", value, f"under {COARSE:g}", remedy)]
 

@@ -114,7 +114,7 @@ def read_untrimmed(campaign: Campaign, run: str) -> Record:
     imports = campaign.imports
     if imports is None:
         raise no_record(campaign)
-    return align(read_tables(campaign, run), step=imports.step, label=run)
+    return align(_unchecked(read_tables(campaign, run)), step=imports.step, label=run)
 
 
 def read_tables(campaign: Campaign, run: str) -> list[LogTable]:
@@ -155,10 +155,10 @@ def _aligned(campaign: Campaign, imports: Imports, run: str, paths: list[Path], 
     """Read the files of a run, and put them on one axis between its ends: where none are stated, those of what was commanded."""
     tables = _tables(campaign, imports, paths)
     if imports.keep:
-        ends = _kept(campaign, imports, run, align(tables, step=imports.step, **ends, label=run))
+        ends = _kept(campaign, imports, run, align(_unchecked(tables), step=imports.step, **ends, label=run))
     if imports.schedule is None:
         return align(tables, step=imports.step, **ends, label=run)
-    path, whole = _commanded(campaign, imports, run), align(tables, step=imports.step, label=run)
+    path, whole = _commanded(campaign, imports, run), align(_unchecked(tables), step=imports.step, label=run)
     with located(campaign.where("import.schedule")):
         commands = [name for name, _ in campaign.control_trim(campaign.model(campaign.full))]
         commanded = read_rows(path, commands).schedule(campaign.family.sample_time)
@@ -168,6 +168,11 @@ def _aligned(campaign: Campaign, imports: Imports, run: str, paths: list[Path], 
     cautions = [*options["cautions"], *followed.cautions]
     told = {**options, "followed": f"{path.name}: {followed.words}", "cautions": cautions}
     return replace(record, provenance=replace(record.provenance, options=told))
+
+
+def _unchecked(tables: Sequence[LogTable]) -> list[LogTable]:
+    """Return the logs with rows that no curve reaches, for a look at all of them before some are cut away."""
+    return [replace(table, curved={}) for table in tables]
 
 
 def _kept(campaign: Campaign, imports: Imports, run: str, whole: Record) -> dict[str, float]:
@@ -370,14 +375,15 @@ class _Thrust:
         """See `CellCurve`."""
         return f"law of thrust, {self.table.name if self.table else 'polynomial'}"
 
-    def __call__(self, cells: Float[np.ndarray, " n"], where: str) -> Float[np.ndarray, " n"]:
-        """Return the thrust, N.
+    def __call__(self, cells: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """Return the thrust, N; NaN beyond the table."""
+        return self.law.thrust(cells, None if self.table is None else self.table(cells))
 
-        Raises:
-            InputError: a command beyond the table, or beyond where a polynomial turns back.
-        """
+    def check(self, cells: Float[np.ndarray, " n"], time: Float[np.ndarray, " n"], where: str) -> None:
+        """Refuse a command beyond the table, or beyond where a polynomial turns back; see `CellCurve`."""
         if self.table is not None:
-            return self.law.thrust(cells, self.table(cells, where))
+            self.table.check(cells, time, where)
+            return
         known = cells[np.isfinite(cells)]
         tried = np.linspace(known.min(), known.max(), _TRIED) if known.size else known
         steps = np.diff(np.polynomial.polynomial.polyval(tried - self.law.neutral, self.law.polynomial))
@@ -387,6 +393,6 @@ class _Thrust:
                 where,
                 found=f"commands from {known.min():g} to {known.max():g}, between which the polynomial turns back, near {at:.5g}",
                 expected="thrust that only rises with the command, or only falls",
-                remedy="check the units of the column, `neutral` and the polynomial, or give a table: curve",
+                remedy="check the units of the column, `neutral` and the polynomial, or give a table: curve; or keep other "
+                'rows only, by [[import.keep]] with for example when = "armed == 1"',
             )
-        return self.law.thrust(cells)

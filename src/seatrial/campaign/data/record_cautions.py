@@ -2,6 +2,10 @@
 
 from seatrial.core.display_units import shown_unit
 from seatrial.core.record import SIMULATED, Record
+from seatrial.estimation.record_checks import RecordFinding
+
+_DONE = {"control": "each holds the value before it", "measurement": "they are left out; the other rows are used"}
+"""What is done with empty cells, by the role of their channel."""
 
 
 def record_cautions(record: Record) -> list[str]:
@@ -17,3 +21,21 @@ def record_cautions(record: Record) -> list[str]:
                 "moves excites nothing: check its column in the channel map"
             )
     return said
+
+
+def empty_cells(record: Record) -> list[RecordFinding]:
+    """Say of each column of a log in how many rows it is empty or NaN, and what is done with them; of a record in pieces with the first."""
+    options = record.provenance.options
+    if options.get("piece", [0.0])[0] > 0:
+        return []
+    return [
+        RecordFinding(
+            name,
+            "empty cells",
+            "note",
+            f'{count} of {rows} rows of {file["source"]}, column "{file["channels"][name]["column"]}", are empty or NaN',
+            _DONE[file["channels"][name]["role"]],
+        )
+        for file in options.get("files", ())
+        for name, (count, rows) in file.get("empty", {}).items()
+    ]

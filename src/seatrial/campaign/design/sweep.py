@@ -393,7 +393,7 @@ def _sweep(
 
 
 def _why(error: InputError | NumericalError) -> str:
-    return f"{error.found}; expected {error.expected}" if isinstance(error, InputError) else str(error)
+    return error.sentence(with_remedy=False) if isinstance(error, InputError) else str(error)
 
 
 def _kept(sweep: Sweep, name: str) -> np.ndarray:

@@ -163,7 +163,7 @@ def _candidate(study: Study, structure: Structure, error: ErrorModel, progress: 
     except InputError as failure:
         if error is STATED:
             raise
-        return replace(named, refused=f"{failure.found}, but expected {failure.expected}")
+        return replace(named, refused=failure.sentence(with_remedy=False))
     own = mode.only(posterior.places)
     coefficients = [one for one in zip(own.names, own.values, own.sd, strict=True) if one[0] in structure.terms]
     return replace(

@@ -108,7 +108,7 @@ def _noise_of(record: Record, channel: str) -> NoiseEstimate | str:
     try:
         return noise_from_high_pass(record.time, record.channel(channel))
     except InputError as error:
-        return f"not to be had, {error.found}; {error.remedy}"
+        return f"cannot be found: {error.sentence()}"
 
 
 def _noise(channel: str, found: NoiseEstimate) -> str:

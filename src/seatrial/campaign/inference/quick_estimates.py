@@ -7,6 +7,7 @@ simulation and no prior, and is drawn aside by noise in the speed: `seatrial.est
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import combinations
 
 import jax
 import numpy as np
@@ -14,12 +15,13 @@ import numpy as np
 from seatrial.campaign.compute.shared_work import Study
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
-from seatrial.campaign.inference.estimate import prior_curves
+from seatrial.campaign.inference.estimate import estimate_key, prior_curves
 from seatrial.campaign.inference.identifiability import symmetry_of
 from seatrial.campaign.inference.judge_predictions import N_DRAWS, HeldBack, held_back_lines, predict_held_back
 from seatrial.campaign.inference.omitted_effects import left_out
 from seatrial.campaign.inference.posterior import is_whole, random_key
-from seatrial.campaign.store.estimates import with_model_error
+from seatrial.campaign.store.estimates import HasKey, with_model_error
+from seatrial.campaign.store.stored_result import Store, key_of, write_stamped_json
 from seatrial.core.errors import NumericalError
 from seatrial.core.record import Record
 from seatrial.core.reporter import SILENT, Progress, Reporter, run_side_by_side
@@ -146,6 +148,18 @@ def best_mode(found: Sequence[FirstAnswer]) -> FirstAnswer:
     if not there:
         raise NumericalError("; ".join(one.alarm for one in found))
     return max(there, key=lambda one: one.log_evidence or 0.0)
+
+
+def keep_mode(campaign: Campaign, trials: HasKey, best: FirstAnswer) -> None:
+    """Keep the mode of the most probable structure, so that a later campaign can take it over by `known_from`."""
+    assert best.drawn is not None
+    found = {name: pair for name, _, (pair,) in best.rows}
+    matrix = np.corrcoef(best.drawn.draws(tuple(found)).T)
+    pairs = [(a, b, float(matrix[i, j])) for (i, a), (j, b) in combinations(enumerate(found), 2)]
+    key = key_of("mode", estimate_key(campaign, best.structure, trials))
+    write_stamped_json(
+        Store(campaign.folder).mode, {"terms": best.structure.terms, "found": found, "correlations": pairs}, key
+    )
 
 
 def regressions(campaign: Campaign, trials: Trials, window: float | None = None) -> list[FirstAnswer]:

@@ -14,7 +14,6 @@ from seatrial.campaign.live.sources import Piece
 from seatrial.core.errors import InputError
 from seatrial.core.signals import ANGLES, OVER_EARTH, QUATERNION, signal_unit
 from seatrial.logs.axes import from_axes
-from seatrial.logs.curve import Curve
 from seatrial.logs.formats.protocol import LOG_TIME, ColumnInfo, clocks_among
 from seatrial.logs.formats.text_layout import WHITESPACE, signs_of
 from seatrial.logs.read import in_si
@@ -133,16 +132,15 @@ class Channels:
                     values = np.where(np.isinf(values), np.nan, values)
                 return values
 
-            curve = column.curve
-            if isinstance(curve, Curve):
-                parts = {part: cells_of(part) for _, part in column.columns}
-                outside = {part: (v < curve.logged[0]) | (v > curve.logged[-1]) for part, v in parts.items()}
-                if any(out.any() for out in outside.values()):
-                    self.say(f"curve {name}", f"{name}: values beyond the ends of {curve.name} are left out")
-                inside = {part: np.where(outside[part], np.nan, values) for part, values in parts.items()}
-                found[name] = in_si(source, name, inside.__getitem__, self.name)
-            else:
-                found[name] = in_si(source, name, cells_of, self.name)
+            if (curve := column.curve) is not None:
+                for _, part in column.columns:
+                    numbers = cells_of(part)
+                    known = numbers[np.isfinite(numbers)]
+                    reached = np.isfinite(curve(known))
+                    if not reached.all():
+                        self.say(f"curve {name}", f"{name}: values beyond the ends of {curve.name} are left out")
+                    curve.check(known[reached], np.arange(known.size)[reached], f'{self.name}, column "{part}"')
+            found[name] = in_si(source, name, cells_of)
         return from_axes(found, source.axes, self.name)
 
     def _of_messages(self, piece: Piece) -> list[Arrival]:

@@ -391,7 +391,7 @@ def _pair(
     try:
         ratio = savage_dickey(posterior, term, z)
     except InputError as error:
-        return Pair(term, *labels, np.nan, np.nan, evidence, f"{error.found}, needs {error.expected}")
+        return Pair(term, *labels, np.nan, np.nan, evidence, error.sentence(with_remedy=False))
     except NumericalError as error:
         return Pair(term, *labels, np.nan, np.nan, evidence, str(error).removeprefix("Savage-Dickey ratio: "))
     return Pair(term, *labels, ratio.log_value, ratio.std_error, evidence, ratio.status)

@@ -78,7 +78,7 @@ def screening_of(campaign: Campaign, trials: Trials, reporter: Reporter = SILENT
     except InputError as error:
         if campaign.is_large:
             raise
-        why = f"{error.where}: {error.found}; expected {error.expected}; to mend it, {error.remedy}"
+        why = f"{error.where}: {error.sentence()}"
         return None, [f"the structures are simulated without a screening in closed form, which failed: {why}"]
     return found, found.cautions
 

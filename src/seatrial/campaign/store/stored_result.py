@@ -97,6 +97,11 @@ class Store:
         return self.results / "coefficients.csv"
 
     @property
+    def mode(self) -> Path:
+        """Posterior mode of the most probable structure, a first answer."""
+        return self.results / "mode.json"
+
+    @property
     def averaged(self) -> Path:
         """Table of the parameters averaged over all structures, as CSV."""
         return self.results / "averaged.csv"

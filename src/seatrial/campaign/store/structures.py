@@ -397,6 +397,30 @@ def read_summary(path: Path, made_by: str) -> Summary:
         )
 
 
+@dataclass(frozen=True)
+class StoredMode:
+    """Posterior mode of the most probable structure as a later campaign takes it over, SI.
+
+    Attributes:
+        terms: its coefficients.
+        found: value and standard deviation of each parameter, those of a normal approximation.
+        correlations: each pair of parameters with its correlation.
+    """
+
+    terms: tuple[str, ...]
+    found: dict[str, tuple[float, float]]
+    correlations: tuple[tuple[str, str, float], ...]
+
+
+def read_mode(path: Path, made_by: str) -> StoredMode:
+    """Read the posterior mode of the most probable structure."""
+    content = read_json(path, made_by)
+    with decoding(path, made_by):
+        found = {name: (float(value), float(sd)) for name, (value, sd) in content["found"].items()}
+        pairs = tuple((str(a), str(b), float(r)) for a, b, r in content["correlations"])
+        return StoredMode(tuple(content["terms"]), found, pairs)
+
+
 def read_screening(path: Path) -> Screened:
     """Read the screening of every structure."""
     return Screened(open_dataset(path))

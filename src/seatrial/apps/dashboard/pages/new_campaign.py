@@ -85,7 +85,7 @@ class Start:
         try:
             folder = self.context.campaign_paths.new_folder(self.name.value or "")
         except InputError as error:
-            self.name.error = f"{error.found}; expected {error.expected}"
+            self.name.error = error.sentence(with_remedy=False)
         said = self.forms[start].read() if start in self.forms else {}
         with self.said:
             if folder is None or said is None:
@@ -173,7 +173,7 @@ class Form:
             elif value or option in ("mass", "duration"):
                 quantity(value, SCALARS[option], option)
         except InputError as error:
-            form.error = _words(error)
+            form.error = error.sentence()
         return form.error is None
 
     def read(self) -> dict[str, Any] | None:
@@ -255,7 +255,7 @@ class OneRow:
             try:
                 self.kind.read(line, self.kind.one)
             except InputError as error:
-                words, at_fault = _words(error), list(self.fields)
+                words, at_fault = error.sentence(), list(self.fields)
                 if wrong := [key for key in self.kind.numbers if not _is_number(self.fields[key].value)]:
                     said = [f'"{self.fields[key].value}" under "{self.kind.fields[key][0]}"' for key in wrong]
                     words, at_fault = (
@@ -274,10 +274,6 @@ def _is_number(text: str | None) -> bool:
         return not (text or "").strip() or isfinite(float(text or ""))
     except ValueError:
         return False
-
-
-def _words(error: InputError) -> str:
-    return f"{error.found}: expected {error.expected}; {error.remedy}"
 
 
 def _wrong() -> ui.html:

@@ -14,7 +14,7 @@ from seatrial.apps.dashboard.page_layout import button, link, section
 from seatrial.apps.dashboard.pages.overview import LEGEND, steps_html
 from seatrial.apps.dashboard.run_bar import duration_text
 from seatrial.campaign.workflow.whole_run import TITLE
-from seatrial.core.errors import SeatrialError
+from seatrial.core.errors import InputError, SeatrialError
 
 EVERY = 0.25
 """Seconds between looks at a command at work."""
@@ -84,11 +84,10 @@ class CommandForm:
                 form.error = None
         try:
             words = words_of_options(command, values)
-        except SeatrialError as error:
-            name = str(getattr(error, "where", ""))
-            form = self.fields.get(name)
+        except InputError as error:
+            form = self.fields.get(error.where)
             if isinstance(form, ui.input):
-                form.error = f"{error.found}: expected {error.expected}"  # pyright: ignore[reportAttributeAccessIssue]
+                form.error = error.sentence(with_remedy=False)
             with self.said:
                 say(error)
             return
