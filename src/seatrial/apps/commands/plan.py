@@ -16,6 +16,7 @@ def prior(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
 
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
         from seatrial.apps import results
+        from seatrial.campaign.prior.cautions import file_cautions
         from seatrial.campaign.prior.summary import prior_alarms, prior_cautions, prior_lines
         from seatrial.campaign.workflow.steps import Workflow
         from seatrial.report.figure_files import write_prior_picture
@@ -24,7 +25,7 @@ def prior(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
         answer.say("\n".join(prior_lines(found)))
         answer.give(**results.prior(found))
         answer.wrote("picture", write_prior_picture(campaign.folder, campaign.name, found))
-        return answer.finish(prior_alarms(found), prior_cautions(found))
+        return answer.finish(prior_alarms(found), [*file_cautions(campaign), *prior_cautions(found)])
 
     with_campaign(folder, quiet, work, context)
 
