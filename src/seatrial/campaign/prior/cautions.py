@@ -1,7 +1,5 @@
 """What to know about a campaign file before a trial: terms that trials may not tell apart, and a start that the controls do not hold."""
 
-from itertools import combinations
-
 import numpy as np
 
 from seatrial.campaign.config.campaign import Campaign
@@ -9,6 +7,7 @@ from seatrial.campaign.design.prior_state_space import prior_draws
 from seatrial.campaign.prior.predictive import most_have, steady_motion
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import shown_unit
+from seatrial.core.term_checks import terms_that_may_be_one
 
 BESIDE = 0.2
 """Share of a steady speed by which the start may lie beyond the 90 % range of the priors."""
@@ -16,17 +15,7 @@ BESIDE = 0.2
 
 def file_cautions(campaign: Campaign) -> list[str]:
     """Return a sentence for each thing that is worth correcting in the file, though it can be used."""
-    return [*_terms_that_may_be_one(campaign), *_start_that_is_not_held(campaign)]
-
-
-def _terms_that_may_be_one(campaign: Campaign) -> list[str]:
-    terms = map(CoefficientName.parse, campaign.full.terms)
-    return [
-        f"{first} and {second} differ only where {' and '.join(signals)} changes its sign: "
-        "records that do not show that cannot tell them apart. Leave one of them out, or plan a trial that shows it"
-        for first, second in combinations(terms, 2)
-        if (signals := first.parted_by_sign(second))
-    ]
+    return [*terms_that_may_be_one(map(CoefficientName.parse, campaign.full.terms)), *_start_that_is_not_held(campaign)]
 
 
 def _start_that_is_not_held(campaign: Campaign) -> list[str]:

@@ -104,6 +104,7 @@ class NextTrial:
         sd_before: standard deviation of each coefficient before the trial.
         sd_after: expected after it.
         words: what to run and why, or why not.
+        stop: whether it is better not run.
     """
 
     family: str
@@ -116,6 +117,7 @@ class NextTrial:
     sd_before: dict[str, float]
     sd_after: dict[str, float]
     words: str
+    stop: bool
 
 
 @dataclass(frozen=True)

@@ -5,11 +5,12 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from markupsafe import Markup
 from nicegui import ui
 
 from seatrial.apps.campaign_text import CAMPAIGN, read_file, write_file
-from seatrial.apps.dashboard.app_context import AppContext, fill, keep_current, markup, say
+from seatrial.apps.dashboard.app_context import AppContext, cautions_html, fill, keep_current, keep_form, markup, say
 from seatrial.apps.dashboard.edits import with_limit
 from seatrial.apps.dashboard.page_layout import button, section, table
 from seatrial.apps.dashboard.pages.work import Live, begin, made_part
@@ -22,6 +23,9 @@ from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import SeatrialError
 from seatrial.report.numbers import percent, short, unit_html
 
+LEGEND = Markup('<p class="note legend">★ best design; □ the one you chose{}.</p>')
+GREY = Markup('; <span class="swatch" aria-hidden="true"></span> grey: a design that breaks a limit')
+"""What marks in the picture of designs mean."""
 WHICH = {"design": "the first trial, from the priors", "next": "the next trial, from the posterior"}
 
 
@@ -38,6 +42,7 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
             with section("No design yet", words):
                 pass
 
+    await _cautions(context, folder)
     await keep_current(ui.element("div"), lambda: tuple(map(stamp, paths.values())), show)
     with section("Run it", "Results that no longer belong to the campaign file are computed again."):
         with ui.element("div").classes("line"):
@@ -55,16 +60,25 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
         "Limits",
         "Edits are checked as a whole, then written into campaign.toml; comments and order stay. An empty field is no limit.",
     ):
-        holder, forms = ui.element("div"), []
+        told = ui.element("div")
+        await keep_form(
+            folder / CAMPAIGN,
+            lambda: context.form_data(folder),
+            lambda found: Limits(context, folder, found, told),
+        )
 
-        async def limits() -> None:
-            part = ui.element("div")
-            await fill(part, context.form_data(folder), lambda found: forms.append(Limits(context, folder, found)))
 
-        def seen() -> Any:  # what somebody types is not taken away: only a form without edits is read again
-            return forms[-1].seen if forms and forms[-1].is_edited else stamp(folder / CAMPAIGN)
+async def _cautions(context: AppContext, folder: Path) -> None:
+    """Say what is worth correcting in the campaign file before a trial, and keep that up to date."""
 
-        await keep_current(holder, seen, limits)
+    def said(cautions: tuple[str, ...]) -> None:
+        markup(cautions_html(cautions))
+
+    async def show() -> None:
+        asked = context.worker_pool.think("cautions", str(folder), files=[folder / CAMPAIGN])
+        await fill(ui.element("div"), asked, said, "checking the campaign file …")
+
+    await keep_current(ui.element("div"), lambda: stamp(folder / CAMPAIGN), show)
 
 
 class Surface:
@@ -158,6 +172,8 @@ class Surface:
                 "chart:click", self._clicked, js_handler="(e) => emit([e.seriesType, e.dataIndex, e.value])"
             )
 
+            markup(LEGEND.format(GREY if np.isnan(self.found.gain[self.family]).any() else ""))
+
     async def _clicked(self, event: Any) -> None:
         assert self.found is not None
         kind, index, value = event.args
@@ -250,16 +266,18 @@ def _kept(kept: bool) -> Markup:
 
 
 class Limits:
-    """The form of limits: text with units, as the file has them."""
+    """The form of limits: text with units, as the file has them.
 
-    def __init__(self, context: AppContext, folder: Path, found: FormData):
-        self.context, self.folder = context, folder
-        try:
-            self.seen = read_file(folder)
-        except (SeatrialError, OSError) as error:
-            say(error)
-            return
-        self.said = ui.element("div")
+    Args:
+        context: what is served.
+        folder: of the campaign.
+        found: what the file says.
+        said: element for what is said; it stays when the form is built again.
+    """
+
+    def __init__(self, context: AppContext, folder: Path, found: FormData, said: ui.element):
+        self.context, self.folder, self.said = context, folder, said
+        self.seen = read_file(folder)
         self.fields: list[tuple[str, str, str, ui.input]] = []
         for limit in found.limits:
             self._row(limit)
@@ -304,7 +322,7 @@ class Limits:
                 if not changed:
                     markup("<p>Nothing was changed.</p>")
                     return
-                await self.context.worker_pool.think("check", str(self.folder), text)
+                cautions = await self.context.worker_pool.think("check", str(self.folder), text)
                 write_file(self.folder, text, self.seen)
             except (SeatrialError, OSError) as error:
                 say(error)
@@ -315,3 +333,4 @@ class Limits:
             markup(
                 '<p class="done" role="status">Saved in campaign.toml. What was designed before is stale now: run the design.</p>'
             )
+            markup(cautions_html(cautions))

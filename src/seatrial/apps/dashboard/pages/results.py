@@ -11,7 +11,7 @@ from markupsafe import Markup
 from nicegui import ui
 
 from seatrial.apps.dashboard.app_context import AppContext, change_of, fill, keep_current, markup, say
-from seatrial.apps.dashboard.page_layout import link, section, table
+from seatrial.apps.dashboard.page_layout import link, links_html, section, table
 from seatrial.apps.dashboard.result_charts import Probability, fit_charts, marginal_chart, probability_chart
 from seatrial.apps.dashboard.view_models import Marginal
 from seatrial.apps.dashboard.worker_pool import stamp
@@ -65,6 +65,8 @@ async def _results(context: AppContext, campaign: str, folder: Path) -> None:
                     for text in getattr(summary, kind)
                 )
                 markup(Markup('<h3>{}</h3><ul class="findings">{}</ul>').format(_TITLE[kind], marks))
+        if summary.alarms or summary.cautions:
+            markup(links_html([(link("model", campaign), "Change the noise or the terms")]))
         markup(coefficients(summary))
     with section(
         "Fit and residuals",
@@ -79,18 +81,13 @@ async def _results(context: AppContext, campaign: str, folder: Path) -> None:
     with section("Models and terms"):
         _models(store, summary)
     with section("The next trial"):
-        words = sentence_about(summary.next_trial.words, names, labels)
-        markup(
-            Markup('<p>{}</p><p class="links"><a href="{}">Look at it on the design surface</a>{}</p>').format(
-                words,
-                link("design", campaign),
-                Markup('<a href="{}">Download its schedule (CSV)</a>').format(
-                    link("download", campaign, file="results/next_schedule.csv")
-                )
-                if store.schedule(store.next_design).is_file()
-                else "",
-            )
-        )
+        markup(Markup("<p>{}</p>").format(sentence_about(summary.next_trial.words, names, labels)))
+        if not summary.next_trial.stop:
+            links = [(link("design", campaign), "Look at it on the design surface")]
+            if store.schedule(store.next_design).is_file():
+                address = link("download", campaign, file="results/next_schedule.csv")
+                links.append((address, "Download its schedule (CSV)"))
+            markup(links_html(links))
 
 
 _TERM = re.compile(r"\b[A-Z]_\w+")
