@@ -219,6 +219,50 @@ def test_two_logs_with_clocks_of_their_own_are_lined_up_before_anything_is_saved
     assert page.said == []
 
 
+def test_a_column_of_time_is_chosen_and_a_second_run_added(tmp_path, page):
+    folder = write_small(tmp_path / "served")
+    (folder / "logs").mkdir()
+    rows = [f"{100 * i},{1.5 + 0.2 * (i // 50 % 2)},{1200 + 200 * (i // 50 % 2)}" for i in range(300)]
+    for run in ("run_a", "run_b"):
+        (folder / "logs" / f"{run}.csv").write_text("Zeit,speed,rpm\n" + "\n".join(rows) + "\n")
+    before = (folder / "campaign.toml").read_text()
+
+    def choose(field, option):
+        page.get_by_role("combobox", name=field, exact=True).click()
+        page.get_by_role("option", name=option, exact=True).click()
+        page.get_by_role("listbox").wait_for(state="detached")
+
+    with served(folder) as (address, _):
+        page.goto(f"{address}import?campaign=.")
+        choose("A log in the campaign's folder", "logs/run_a.csv")
+        page.get_by_role("button", name="Preview log").click()
+        page.get_by_role("combobox", name="time of run_a.csv: column").wait_for()
+        for channel, column, unit in (("u", "speed", "m/s"), ("n", "rpm", "rpm")):
+            choose(f"{channel}: column", f"{column} · rows")
+            page.get_by_label(f"{channel}: unit").fill(unit)
+        page.get_by_role("button", name="Check and save this map").click()
+        page.get_by_text("Choose the column of the time stamps, and its unit.").wait_for()
+        assert page.locator(".channel .q-field--error").count() == 1
+        assert (folder / "campaign.toml").read_text() == before
+        choose("time of run_a.csv: column", "Zeit")
+        choose("time of run_a.csv: unit", "ms")
+        page.get_by_role("button", name="Check and save this map").click()
+        page.get_by_text("Now import the records; they are shown above").wait_for()
+        (file,) = tomllib.loads((folder / "campaign.toml").read_text())["import"]["files"]
+        assert file["time"] == {"column": "Zeit", "unit": "ms"}
+
+        choose("A log in the campaign's folder", "logs/run_b.csv")
+        page.get_by_role("button", name="Preview log").click()
+        page.get_by_role("button", name="Add it, held back to predict").click()
+        page.get_by_text("Saved in campaign.toml: run_b is under predict").wait_for()
+        imports = tomllib.loads((folder / "campaign.toml").read_text())["import"]
+        assert (imports["fit"], imports["predict"]) == (["run_a"], ["run_b"])
+        assert [one["path"] for one in imports["files"]] == ["logs/{run}.csv"]
+        page.get_by_role("button", name="Import the records").click()
+        page.get_by_text(re.compile("record run_b: 300 samples")).first.wait_for()
+    assert page.said == []
+
+
 def test_from_nothing_to_a_schedule_by_the_page_alone(tmp_path, page):
     root, log = tmp_path / "served", tmp_path / "dive.csv"
     root.mkdir()

@@ -329,8 +329,8 @@ class ClockRow(MapRow):
             self.column.props(LOOK)
             unit = str(time.get("unit", "s"))
             units = list(dict.fromkeys((*TIME_UNITS, unit)))
-            self.unit = ui.select(units, value=unit, label="unit", on_change=self._changed)
-            self.unit.props(f'{LOOK} aria-label="time of {place}: unit"')
+            self.unit = ui.select(units, value=unit, label=f"time of {place}: unit", on_change=self._changed)
+            self.unit.props(LOOK)
             self.said = ui.element("div").classes("beside")
         self.parts = {"column": self.column, "unit": self.unit}
 
