@@ -73,12 +73,12 @@ class FitAbout(NamedTuple):
 
 
 class Marginal(NamedTuple):
-    """Posterior of one parameter by each structure that has it, in units of 10^`exponent` of its SI unit.
+    """Posterior of one parameter by each structure that has it, in units of 10^`exponent` of the unit in which it is shown.
 
     Attributes:
         name: of the parameter.
         label: in LaTeX.
-        unit: SI.
+        unit: in which it is shown.
         exponent: of ten, pulled out of all numbers.
         edges: of the bins of the histograms, shape (b + 1,).
         density: histogram of the draws by each structure's label, the chosen one first; shape (b,) each.

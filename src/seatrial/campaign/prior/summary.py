@@ -3,6 +3,7 @@
 import numpy as np
 
 from seatrial.campaign.prior.predictive import MOST, Believed, PriorPredictive, most_have
+from seatrial.core.display_units import Shown
 
 SOME = 0.01
 """Share of draws without a motion above which a prior is to be mended."""
@@ -12,9 +13,9 @@ HELD, HARDLY = 0.8, 0.5
 """Shares of the measured speeds inside the 90 % range above which the prior holds them, and below which it does not."""
 
 
-def prior_lines(found: PriorPredictive) -> list[str]:
-    """The parameters' priors, and what they mean together."""
-    rows = [_row(item) for item in found.believed]
+def prior_lines(found: PriorPredictive, shown: Shown) -> list[str]:
+    """The parameters' priors in the units in which they are `shown`, and what they mean together."""
+    rows = [_row(item, *shown(item.name, item.unit)) for item in found.believed]
     heads = ("prior", "5 %", "50 %", "95 %", "unit", "steady speed if only this prior varies")
     widths = [max(map(len, column)) for column in zip(heads, *rows, strict=True)]
     table = [
@@ -93,8 +94,8 @@ def range_words(values: np.ndarray, unit: str) -> str:
     return f"{middle:.3g} {unit}, 90 % of {which} {low:.3g} to {high:.3g} {unit}"
 
 
-def _row(item: Believed) -> tuple[str, ...]:
-    numbers = (f"{value:.4g}" for value in item.quantiles)
+def _row(item: Believed, factor: float, unit: str) -> tuple[str, ...]:
+    numbers = (f"{factor * value:.4g}" for value in item.quantiles)
     alone = (
         ""
         if item.speed is None
@@ -102,7 +103,7 @@ def _row(item: Believed) -> tuple[str, ...]:
         if np.isnan(item.speed[0])
         else f"{item.speed[0]:.3g} to {item.speed[1]:.3g} m/s"
     )
-    return item.name, *numbers, item.unit, alone
+    return item.name, *numbers, unit, alone
 
 
 def _width(item: Believed) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 from markupsafe import Markup
 from nicegui import ui
 
-from seatrial.apps.campaign_text import CAMPAIGN, read_file, write_file
+from seatrial.apps.campaign_text import CAMPAIGN, read_file, write_file, written_units
 from seatrial.apps.dashboard.app_context import AppContext, cautions_html, fill, keep_current, keep_form, markup, say
 from seatrial.apps.dashboard.edits import with_limit
 from seatrial.apps.dashboard.page_layout import button, section, table
@@ -19,7 +19,7 @@ from seatrial.apps.dashboard.view_models import Clicked, FormData, Limit, Swept
 from seatrial.apps.dashboard.worker_pool import stamp
 from seatrial.campaign.store.stored_result import Store
 from seatrial.core.coefficients import CoefficientName
-from seatrial.core.display_units import shown_unit
+from seatrial.core.display_units import Shown, shown_as_written, shown_unit
 from seatrial.core.errors import SeatrialError
 from seatrial.report.numbers import percent, short, unit_html
 
@@ -208,7 +208,8 @@ class Surface:
             files=[self.paths[self.which], self.folder / CAMPAIGN],
         )
         with self.details:
-            markup(what_it_teaches(found, self.family, *self.at))
+            shown = shown_as_written(dict(written_units(self.folder)))
+            markup(what_it_teaches(found, self.family, *self.at, shown))
             holder = ui.element("div")
         await fill(
             holder,
@@ -229,8 +230,8 @@ class Surface:
         button("Download its schedule", lambda: ui.download(clicked.schedule.encode(), name, "text/csv"))
 
 
-def what_it_teaches(found: Swept, family: int, row: int, column: int) -> Markup:
-    """What a design promises: entropy reduction, and each standard deviation before and after."""
+def what_it_teaches(found: Swept, family: int, row: int, column: int, shown: Shown) -> Markup:
+    """What a design promises: entropy reduction, and each standard deviation before and after, in the unit in which it is `shown`."""
     gain = float(found.gain[family, row, column])
     if math.isnan(gain):
         return Markup('<p class="alarm">▲ This design breaks a limit; nothing else was computed for it.</p>')
@@ -241,12 +242,13 @@ def what_it_teaches(found: Swept, family: int, row: int, column: int) -> Markup:
     rows = [
         [
             name,
-            short(before),
-            short(float(after)),
-            unit_html(CoefficientName.parse(name).unit),
+            short(factor * before),
+            short(factor * float(after)),
+            unit_html(unit),
             percent(float(after) / before),
         ]
         for name, before, after in zip(found.names, found.sd_before, found.final_sd[family, row, column], strict=True)
+        for factor, unit in [shown(name, CoefficientName.parse(name).unit)]
     ]
     said = [*found.safety, *found.prediction] if (family, row, column) == found.best else []
     more = Markup("").join(Markup("<li>{}</li>").format(line) for line in said)

@@ -10,6 +10,7 @@ from typing import Any
 from markupsafe import Markup
 from nicegui import ui
 
+from seatrial.apps.campaign_text import written_units
 from seatrial.apps.dashboard.app_context import AppContext, change_of, fill, keep_current, markup, say
 from seatrial.apps.dashboard.page_layout import link, links_html, section, table
 from seatrial.apps.dashboard.result_charts import Probability, fit_charts, marginal_chart, probability_chart
@@ -19,6 +20,7 @@ from seatrial.campaign.store.estimates import Predictions
 from seatrial.campaign.store.stored_result import Store
 from seatrial.campaign.store.structures import StoredCoefficient, StoredSelection, Summary, read_selection, read_summary
 from seatrial.core.coefficients import CoefficientName
+from seatrial.core.display_units import Shown, shown_as_written
 from seatrial.core.errors import InputError, SeatrialError
 from seatrial.estimation.fit_verdict import explained_share
 from seatrial.report.labels import label_html, name_html, sentence_about
@@ -54,6 +56,7 @@ async def _results(context: AppContext, campaign: str, folder: Path) -> None:
                     markup(words.format("Run the campaign first", link("run", campaign)))
         return
     names, labels = names_and_labels(summary)
+    shown = shown_as_written(dict(written_units(folder)))
     with section(summary.name):
         await _currency(context, campaign, folder)
         for kind in ("alarms", "verdicts", "cautions"):
@@ -67,7 +70,7 @@ async def _results(context: AppContext, campaign: str, folder: Path) -> None:
                 markup(Markup('<h3>{}</h3><ul class="findings">{}</ul>').format(_TITLE[kind], marks))
         if summary.alarms or summary.cautions:
             markup(links_html([(link("model", campaign), "Change the noise or the terms")]))
-        markup(coefficients(summary))
+        markup(coefficients(summary, shown))
     with section(
         "Fit and residuals",
         "Raw data, downsampled, spikes kept; line and 90 % band: predicted from the inputs alone. Wheel, drag or buttons zoom.",
@@ -109,8 +112,10 @@ def names_and_labels(summary: Summary) -> tuple[dict[str, str], dict[str, str]]:
     return structure_names([Structure(one.label, one.terms) for one in summary.structures]), labels
 
 
-def coefficients(summary: Summary) -> Markup:
-    """The table of coefficients of the chosen structure; with model error where that makes a ± much wider."""
+def coefficients(summary: Summary, shown: Shown) -> Markup:
+    """The table of coefficients of the chosen structure, in the units in which they are `shown`; with model error where that makes a ±
+    much wider.
+    """
     wider = any(row.model_error_sd is not None for row in summary.coefficients)
     rows = [
         [
@@ -122,7 +127,7 @@ def coefficients(summary: Summary) -> Markup:
             unit_html(row.unit),
             percent(row.sd / row.prior_sd) if row.prior_sd else "",
         ]
-        for row in summary.coefficients
+        for row in (one.in_unit(*shown(one.name, one.unit)) for one in summary.coefficients)
     ]
     with_error = ["with model error"] if wider else []
     head = ["parameter", "mean ± sd", *with_error, "95 % interval", "prior sd", "unit", "sd / prior sd"]
@@ -270,7 +275,8 @@ async def _posteriors(context: AppContext, folder: Path, summary: Summary) -> No
         holder.clear()
         wanted = candidates if over is not None and over.value else candidates[:1]
         files, truth = [path for _, path in wanted], await _truth(context, folder)
-        await fill(holder, context.worker_pool.draw("marginals", wanted, truth, files=files), draw)
+        asked = context.worker_pool.draw("marginals", wanted, truth, written_units(folder), files=files)
+        await fill(holder, asked, draw)
 
     if over is not None:
         over.on_value_change(show)
