@@ -23,9 +23,6 @@ from seatrial.core.display_units import Shown, shown_as_written, shown_unit
 from seatrial.core.errors import SeatrialError
 from seatrial.report.numbers import percent, short, unit_html
 
-LEGEND = Markup('<p class="note legend">★ best design; □ the one you chose{}.</p>')
-GREY = Markup('; <span class="swatch" aria-hidden="true"></span> grey: a design that breaks a limit')
-"""What marks in the picture of designs mean."""
 WHICH = {"design": "the first trial, from the priors", "next": "the next trial, from the posterior"}
 
 
@@ -172,7 +169,7 @@ class Surface:
                 "chart:click", self._clicked, js_handler="(e) => emit([e.seriesType, e.dataIndex, e.value])"
             )
 
-            markup(LEGEND.format(GREY if np.isnan(self.found.gain[self.family]).any() else ""))
+            markup(legend_html(self.found.gain[self.family]))
 
     async def _clicked(self, event: Any) -> None:
         assert self.found is not None
@@ -228,6 +225,14 @@ class Surface:
         head = ["limit", "kept?", "room left", "reached", "bound"]
         markup(table(head, rows, "Room inside the limits") if rows else "<p>No limits are set: write some below.</p>")
         button("Download its schedule", lambda: ui.download(clicked.schedule.encode(), name, "text/csv"))
+
+
+def legend_html(gain: np.ndarray) -> Markup:
+    """Say what the marks in the picture of designs mean, and its grey where designs break a limit, whose gain is NaN."""
+    grey = Markup('; <span class="swatch" aria-hidden="true"></span> grey: a design that breaks a limit')
+    return Markup('<p class="note">★ best design; □ the one you chose{}.</p>').format(
+        grey if np.isnan(gain).any() else ""
+    )
 
 
 def what_it_teaches(found: Swept, family: int, row: int, column: int, shown: Shown) -> Markup:

@@ -84,13 +84,16 @@ async def _results(context: AppContext, campaign: str, folder: Path) -> None:
     with section("Models and terms"):
         _models(store, summary)
     with section("The next trial"):
-        markup(Markup("<p>{}</p>").format(sentence_about(summary.next_trial.words, names, labels)))
-        if not summary.next_trial.stop:
-            links = [(link("design", campaign), "Look at it on the design surface")]
-            if store.schedule(store.next_design).is_file():
-                address = link("download", campaign, file="results/next_schedule.csv")
-                links.append((address, "Download its schedule (CSV)"))
-            markup(links_html(links))
+        words = sentence_about(summary.next_trial.words, names, labels)
+        markup(next_html(words, summary.next_trial.stop, campaign, store))
+
+
+def next_html(words: Markup, stop: bool, campaign: str, store: Store) -> Markup:
+    """Say what to do next, with links to the next trial unless it is better not run."""
+    links = [(link("design", campaign), "Look at it on the design surface")]
+    if store.schedule(store.next_design).is_file():
+        links.append((link("download", campaign, file="results/next_schedule.csv"), "Download its schedule (CSV)"))
+    return Markup("<p>{}</p>{}").format(words, "" if stop else links_html(links))
 
 
 _TERM = re.compile(r"\b[A-Z]_\w+")
