@@ -10,7 +10,7 @@ from markupsafe import Markup
 from seatrial.apps.dashboard.jobs import Jobs, log_of
 from seatrial.apps.dashboard.pages.design import legend_html
 from seatrial.apps.dashboard.pages.record_chart import RecordChart
-from seatrial.apps.dashboard.pages.results import next_html
+from seatrial.apps.dashboard.pages.results import estimated, next_html
 from seatrial.apps.dashboard.view_models import beside
 from seatrial.campaign.store.stored_result import Store
 from seatrial.core.errors import InputError
@@ -55,3 +55,17 @@ def test_an_error_beside_its_field_names_no_line_of_the_file():
         "campaign.toml:31, key a.b", found='unit "kg"', expected='a unit like "m/s"', remedy="correct it"
     )
     assert beside(error) == 'unit "kg": expected a unit like "m/s"; correct it'
+
+
+def test_estimates_stand_by_structure_before_a_model_is_chosen(tmp_path):
+    store = Store(tmp_path)
+    store.coefficients.parent.mkdir(parents=True)
+    head = "structure,name,unit,mean,sd,model_error_sd\n"
+    rows = "M-0,X_u,kg/s,-1.25,0.23,\nM-0,sigma_u,m/s,0.05,0.002,\nM-1,X_uabsu,kg/m,-3.92,0.13,0.478\n"
+    store.coefficients.write_text(head + rows)
+    first, second = estimated(store).split("<caption>")[1:]
+    assert first.startswith("Parameters of M-0: X_u<")
+    assert "−1.25 ± 0.23" in first
+    assert "with model error" not in first
+    assert '<th scope="col">with model error' in second
+    assert "± 0.478" in second

@@ -160,8 +160,8 @@ def markup(text: str) -> ui.html:
 
 
 def cautions_html(cautions: Sequence[str]) -> Markup:
-    """Return cautions as a list; nothing where there are none."""
-    rows = Markup("").join(Markup("<li>{}</li>").format(text) for text in cautions)
+    """Return cautions as a list of sentences; nothing where there are none."""
+    rows = Markup("").join(Markup("<li>{}.</li>").format(text[:1].upper() + text[1:]) for text in cautions)
     return Markup('<ul class="cautions">{}</ul>').format(rows) if cautions else Markup("")
 
 

@@ -46,9 +46,10 @@ async def _results(context: AppContext, campaign: str, folder: Path) -> None:
         if store.summary.exists():
             say(error)
         else:
-            with section("No results yet"):
+            is_estimated = store.coefficients.exists()
+            with section("No model is chosen yet" if is_estimated else "No results yet"):
                 words = Markup('<p>{}: <a href="{}">Run</a>.</p>')
-                if store.coefficients.exists():
+                if is_estimated:
                     said = "The coefficients are estimated; the command run chooses a model and fills this page"
                     markup(words.format(said, link("run", campaign)))
                     markup(estimated(store))
@@ -139,19 +140,28 @@ def coefficients(summary: Summary, shown: Shown) -> Markup:
 
 def estimated(store: Store) -> Markup:
     """Return the coefficients of each structure as `estimate` wrote them, before any structure is chosen."""
+    found: dict[str, list[dict[str, str]]] = {}
     with store.coefficients.open(encoding="utf-8", newline="") as stream:
-        found = [
-            [
-                row["structure"],
-                row["name"],
-                with_sd(float(row["mean"]), float(row["sd"])),
-                _wider(float(row["model_error_sd"]) if row["model_error_sd"] else None),
-                unit_html(row["unit"]),
-            ]
-            for row in csv.DictReader(stream)
+        for row in csv.DictReader(stream):
+            found.setdefault(row["structure"], []).append(row)
+    return Markup("").join(_of_structure(label, rows) for label, rows in found.items())
+
+
+def _of_structure(label: str, rows: list[dict[str, str]]) -> Markup:
+    terms = [row["name"] for row in rows if _TERM.fullmatch(row["name"])]
+    wider = any(row["model_error_sd"] for row in rows)
+    cells = [
+        [
+            (label_html(CoefficientName.parse(row["name"]).label) + " " if row["name"] in terms else Markup(""))
+            + Markup("<small>{}</small>").format(row["name"]),
+            with_sd(float(row["mean"]), float(row["sd"])),
+            *([_wider(float(row["model_error_sd"]) if row["model_error_sd"] else None)] if wider else []),
+            unit_html(row["unit"]),
         ]
-    head = ["structure", "parameter", "mean ± sd", "with model error", "unit"]
-    return table(head, found, "Estimated coefficients", left=2)
+        for row in rows
+    ]
+    head = ["parameter", "mean ± sd", *(["with model error"] if wider else []), "unit"]
+    return table(head, cells, f"Parameters of {label}: {' '.join(terms)}")
 
 
 def _wider(sd: float | None) -> str:
