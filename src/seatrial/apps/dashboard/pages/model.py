@@ -17,10 +17,10 @@ from seatrial.core.errors import InputError, SeatrialError
 from seatrial.core.term_checks import terms_that_may_be_one
 
 KINDS = {
-    "white": "white: each sample has an error of its own",
-    "coloured": "coloured: errors are correlated in time",
-    "heavy": "heavy: some errors are much larger than the others",
-    "drifting": "drifting: white, and a slow error beside it",
+    "white": "white: independent errors",
+    "coloured": "coloured: errors correlated in time",
+    "heavy": "heavy: outliers among the errors",
+    "drifting": "drifting: a slow error beside white",
 }
 ROLES = {"always": "always in", "optional": "may be in: the data decide", "out": "out"}
 LOOK = "outlined options-dense hide-bottom-space no-error-icon"
