@@ -8,9 +8,12 @@ import xarray as xr
 
 from seatrial.campaign.inference.coefficient_csv import averaged_rows, write_averaged, write_coefficients
 from seatrial.campaign.store.estimates import Estimate
+from seatrial.core.display_units import shown_as_written
 from seatrial.selection.evidence import Evidence
 from seatrial.selection.structures import Structure
 from seatrial.selection.verdict import select
+
+SI = shown_as_written({})
 
 
 def made(label: str, seed: int, **means: float) -> Estimate:
@@ -36,11 +39,22 @@ def test_averages_are_those_of_a_mixture_of_draws(tmp_path):
         assert found[name]["mean"] == pytest.approx(drawn.mean())
         assert found[name]["sd"] == pytest.approx(drawn.std())
         assert found[name]["inclusion"] == pytest.approx(inclusion)
-    path = write_averaged(tmp_path, list(found.values()))
+    path = write_averaged(tmp_path, list(found.values()), SI)
     assert [row["name"] for row in csv.DictReader(path.open())] == ["X_u", "X_uabsu"]
-    rows = list(csv.DictReader(write_coefficients(tmp_path, [rich, simple]).open()))
+    rows = list(csv.DictReader(write_coefficients(tmp_path, [rich, simple], SI).open()))
     assert [(row["structure"], row["name"]) for row in rows] == [("M-0", "X_u"), ("M-0", "X_uabsu"), ("M-1", "X_uabsu")]
     drawn = np.sort(rich.draws(["X_u"])[:, 0])
     inside = (drawn > float(rows[0]["lower_95"])) & (drawn < float(rows[0]["upper_95"]))
     assert inside.mean() == pytest.approx(0.95, abs=0.002)
     assert rows[0]["r_hat"] == ""
+
+
+def test_tables_are_in_the_unit_in_which_the_prior_is_written(tmp_path):
+    rich = made("M-0", 1, X_u=-4.0, X_uabsu=2.0)
+    shown = shown_as_written({"X_u": "t/h"})
+    (si, _), (own, other) = (
+        list(csv.DictReader(write_coefficients(tmp_path, [rich], one).open())) for one in (SI, shown)
+    )
+    assert (own["unit"], other["unit"]) == ("t/h", "kg/s")
+    for column in ("mean", "sd", "lower_95", "upper_95"):
+        assert float(own[column]) == pytest.approx(3.6 * float(si[column]))

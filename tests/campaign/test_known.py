@@ -8,6 +8,7 @@ import pytest
 
 from seatrial.campaign.inference.identifiability import _known
 from seatrial.campaign.store.estimates import BY_ITSELF, decode_known
+from seatrial.core.display_units import shown_as_written
 from seatrial.estimation.identifiability import identify
 from seatrial.estimation.posterior import Parameter
 from seatrial.estimation.priors import Normal
@@ -63,7 +64,7 @@ def test_a_direction_is_a_change_of_one_standard_error():
 
 def test_the_table_names_the_verdict_or_says_that_there_is_none():
     known, _, _ = judged(regressors())
-    said = "\n".join(known.lines())
+    said = "\n".join(known.lines(shown_as_written({})))
     for word in (
         "known to",
         "strongest correlation",
@@ -74,7 +75,7 @@ def test_the_table_names_the_verdict_or_says_that_there_is_none():
         assert word in said
     alone, _, _ = judged(np.kron(np.eye(3), np.ones((4, 1))) * np.array([10.0, 10.0, 1e5]))
     assert alone.verdict == ()
-    assert alone.lines()[-1].strip() == BY_ITSELF
+    assert alone.lines(shown_as_written({}))[-1].strip() == BY_ITSELF
 
 
 def test_it_survives_the_disk():

@@ -1,5 +1,6 @@
 """A campaign without data designs and rehearses; what needs a record says what is missing; a log added later goes on with it."""
 
+import re
 import shutil
 import tomllib
 
@@ -13,6 +14,7 @@ from seatrial.campaign.config.schema import CampaignFile
 from seatrial.campaign.config.templates import TEMPLATES, init_campaign
 from seatrial.campaign.data.no_record import import_example, truth_example
 from seatrial.campaign.design.sweep import design_first
+from seatrial.campaign.prior.cautions import file_cautions
 from seatrial.campaign.rehearsal.run import rehearse
 from seatrial.campaign.store.stored_result import Store
 from seatrial.campaign.workflow.loop import run_loop
@@ -119,6 +121,25 @@ def test_check_says_where_a_campaign_without_records_stands(monkeypatch, capsys,
     assert "is valid; there is no record to check yet" in out
     assert "design: current; import: missing" in out
     assert "[[import.files]]" in out
+
+
+def test_check_says_which_terms_may_be_one_and_that_a_start_is_not_held(monkeypatch, capsys, tmp_path):
+    """By hand: -X_uabsu u^2 = 0.9 T_nabsn n^2 at n = 1200 rpm, for both priors at their means, is a speed of 1.5 m/s."""
+    write_without_data(tmp_path / "good", BY_HAND)
+    assert file_cautions(load_campaign(tmp_path / "good")) == []
+    fast = (BY_HAND[0], BY_HAND[1].replace("1.5 m/s", "5 m/s"))
+    terms = ('always = ["X_uabsu", "T_nabsn"]', 'always = ["X_uabsu", "X_uu", "T_nabsn"]')
+    prior = ("[sensors.u]", '[prior.X_uu]\ndistribution = "uniform"\nlower = -1.0\nupper = 0.0\n\n[sensors.u]')
+    write_without_data(tmp_path / "bad", fast, terms, prior)
+    one, held = file_cautions(load_campaign(tmp_path / "bad"))
+    assert one.startswith("X_uabsu and X_uu differ only where u changes its sign")
+    low, high = map(
+        float, re.search(r"begins at 5 m/s, but n = 1200 rpm holds ([\d.]+) to ([\d.]+) m/s", held).groups()
+    )
+    assert low < 1.5 < high < 5
+    code, _, said = run(monkeypatch, capsys, "check", tmp_path / "bad")
+    assert code == Exit.OK
+    assert all(f"caution: {text}" in said for text in (one, held))
 
 
 @pytest.mark.parametrize(

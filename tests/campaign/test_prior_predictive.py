@@ -6,6 +6,7 @@ import pytest
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.prior.predictive import FASTEST, N_DRAWS, predict_from_prior, speeds, steady_motion
 from seatrial.campaign.prior.summary import prior_alarms, prior_cautions, prior_lines
+from seatrial.core.display_units import shown_as_written
 from seatrial.core.errors import InputError
 from seatrial.vehicles.surge import trim_speed
 from tests.campaign.small import write_small
@@ -151,7 +152,7 @@ def test_a_record_is_held_or_not(tmp_path):
     assert good.channels[0].held > 0.95
     assert np.isfinite(good.channels[0].measured).all()
     assert prior_alarms(good) == []
-    assert any("the prior covers them" in line for line in prior_lines(good))
+    assert any("the prior covers them" in line for line in prior_lines(good, shown_as_written({})))
     bad = predicted(tmp_path / "bad", IMPORT, (THRUST, "lower = 2.0e-6\nupper = 12.0e-6"))
     assert bad.channels[0].held < 0.1
     assert any("misses the measured speeds" in text for text in prior_alarms(bad))

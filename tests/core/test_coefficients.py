@@ -105,6 +105,34 @@ def test_equal_names_are_those_of_one_regressor(left, right, equal):
 
 
 @pytest.mark.parametrize(
+    ("left", "right", "signals"),
+    [
+        ("X_uu", "X_uabsu", ("u",)),
+        ("X_absu", "X_u", ("u",)),
+        ("T_nn", "T_nabsn", ("n",)),
+        ("Y_uabsv", "Y_absuv", ("u", "v")),
+        ("X_u2", "X_uu", ()),
+        ("X_u", "X_uabsu", ()),
+        ("X_uu", "Y_uabsu", ()),
+        ("X_uabsu", "X_uabsu3", ()),
+        ("X_du2", "X_duabsdu", ()),
+        ("X_0", "X_u", ()),
+    ],
+)
+def test_terms_that_are_one_until_a_signal_changes_its_sign(left, right, signals):
+    """Told by the name as by the values: on one side of zero, and only there, their regressors are in proportion."""
+    first, second = CoefficientName.parse(left), CoefficientName.parse(right)
+    assert first.parted_by_sign(second) == second.parted_by_sign(first) == signals
+    rng, trim = np.random.default_rng(1), dict.fromkeys(("u", "v", "n"), 2.0)
+    values = {name: rng.uniform(0.5, 3.0, 20) for name in trim}
+    ratio = first.regressor(values, trim) / second.regressor(values, trim)
+    if signals:
+        assert np.ptp(ratio) == pytest.approx(0.0, abs=1e-12)
+        values = {name: column * rng.choice([-1.0, 1.0], 20) for name, column in values.items()}
+        assert np.ptp(first.regressor(values, trim) / second.regressor(values, trim)) == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize(
     ("text", "character", "found"),
     [
         ("X_uabsx", 4, '"absx"'),

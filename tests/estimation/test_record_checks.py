@@ -12,6 +12,7 @@ from seatrial.estimation.record_checks import (
     check_excitation,
     check_motion,
     check_samples,
+    check_signs,
     check_turn,
     says_direction,
 )
@@ -128,6 +129,23 @@ def test_coefficients_that_a_record_cannot_tell():
     found = check_excitation(["X_u", "X_uabsu"], np.array([1.0, 2.0]), np.array([0.1, 1.9]))
     assert [finding.level for finding in found] == ["pass", "caution"]
     assert "95% of the prior's sd" in found[1].line
+
+
+@pytest.mark.parametrize(
+    ("names", "u", "pairs"),
+    [
+        (("X_uu", "X_uabsu", "T_nabsn"), [0.3, 1.0, 2.0], ["X_uu, X_uabsu"]),
+        (("X_uu", "X_uabsu"), [-0.3, -1.0, np.nan], ["X_uu, X_uabsu"]),
+        (("X_uu", "X_uabsu"), [-0.05, 0.1, 2.0], ["X_uu, X_uabsu"]),  # at rest, as far as the noise shows
+        (("X_uu", "X_uabsu"), [-0.3, 1.0, 2.0], []),
+        (("X_u", "X_uabsu"), [0.3, 1.0, 2.0], []),
+        (("Y_vv", "Y_vabsv"), [0.3, 1.0, 2.0], []),  # not measured: nothing is said
+    ],
+)
+def test_terms_that_are_one_until_a_signal_changes_its_sign(names, u, pairs):
+    found = check_signs(names, {"u": np.array(u), "n": np.ones(3)}, {"u": 0.05})
+    assert [one.signal for one in found] == pairs
+    assert all("u never changes its sign" in one.line for one in found)
 
 
 def test_scatter_of_white_noise_is_its_standard_deviation():

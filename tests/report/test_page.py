@@ -142,7 +142,7 @@ def test_a_model_has_one_name_and_its_label_stands_in_small_print_only(html):
 def test_a_probability_of_a_model_stands_once_and_the_average_beside_the_chosen_values(outcome, html):
     share = f"{outcome.selection.probability[0]:.2f}"
     assert html.count(f"<td>{share}</td>") == 1
-    moments = [moments_of(estimate) for estimate in outcome.estimates]
+    moments = [moments_of(outcome, estimate) for estimate in outcome.estimates]
     name = "X_uabsu"
     digits, average = digits_of(outcome)[name], averaged(moments, outcome.selection.probability)[name]
     row = next(item for item in outcome.summary["coefficients"] if item["name"] == name)

@@ -34,7 +34,7 @@ def labels_of(axes) -> list[str]:
 def test_screening_and_simulation_have_a_picture_each(outcome):
     drawn = {
         item.name: item.figure.axes[0]
-        for item in term_figures(outcome.campaign.units, outcome.selection, outcome.screened, outcome.contenders)
+        for item in term_figures(outcome.campaign, outcome.selection, outcome.screened, outcome.contenders)
     }
     said = {name: [text.get_text() for text in drawn[name].texts] for name in ("inclusion", "inclusion-screening")}
     assert said["inclusion-screening"] == ["0.68", "0.30"]
@@ -88,7 +88,7 @@ def test_the_picture_is_one_file_that_stands_alone(outcome):
 
 
 def test_the_section_says_what_was_left_out(outcome):
-    names = [item.name for item in term_figures(outcome.campaign.units, outcome.selection, None, outcome.contenders)]
+    names = [item.name for item in term_figures(outcome.campaign, outcome.selection, None, outcome.contenders)]
     assert names == ["inclusion", "contenders"]
     without = models_section(replace(outcome, screened=None, contenders=None))
     assert (without["contenders"], without["screening"]) == ({}, {})

@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 
 from seatrial.apps.toml_edit import set_key
-from seatrial.core.errors import InputError
+from seatrial.core.errors import InputError, SeatrialError
 from seatrial.core.files import write_text
 
 CAMPAIGN = "campaign.toml"
@@ -20,6 +20,17 @@ def read_file(folder: Path) -> str:
     from seatrial.campaign.config.toml import read_text
 
     return read_text(folder / CAMPAIGN)
+
+
+def written_units(folder: Path) -> tuple[tuple[str, str], ...]:
+    """Return the units in which the priors of a campaign file are written, by name; none where it cannot be read."""
+    from seatrial.campaign.config.toml import toml_content
+
+    try:
+        priors = toml_content(folder / CAMPAIGN, read_file(folder)).get("prior", {})
+        return tuple((str(name), str(table["unit"])) for name, table in priors.items() if "unit" in table)
+    except (SeatrialError, OSError, TypeError, AttributeError):
+        return ()
 
 
 def with_trim(folder: Path, text: str, run: str | None, start: str | None, end: str | None) -> str:

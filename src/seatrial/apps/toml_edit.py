@@ -113,8 +113,14 @@ def _put(content: MutableMapping[str, Any], path: Sequence[str], key: str, value
     """Put a value into parsed content, or take it out."""
     for name in path:
         content = content.setdefault(name, {})
+    there = content.get(key)
     if value is None:
         content.pop(key, None)
+    elif isinstance(there, list) and isinstance(value, list):  # in its place, so that comments between its lines stay
+        for one in [one for one in there if one not in value]:
+            there.remove(one)
+        for one in [one for one in value if one not in there]:
+            there.append(one)
     else:
         content[key] = value
 

@@ -128,6 +128,14 @@ class CoefficientName:
         """Signals whose trim value the regressor needs."""
         return tuple(dict.fromkeys(factor.signal for factor in self.factors if factor.change))
 
+    def parted_by_sign(self, other: "CoefficientName") -> tuple[str, ...]:
+        """Return the signals without whose change of sign two terms are one, as u is of `X_uu` and `X_uabsu`; none of any other two."""
+        pairs = list(zip(self.key, other.key, strict=False))
+        alike = self.axis == other.axis and len(self.key) == len(other.key) and self.key != other.key
+        alike = alike and all(a[0] == b[0] and sum(a[1:]) == sum(b[1:]) for a, b in pairs)
+        bases = [a[0] for a, b in pairs if a != b] if alike else []
+        return () if any(change or derivative for _, change, derivative in bases) else tuple(one for one, *_ in bases)
+
     def regressor(self, signals: Mapping[str, Any], trim: Mapping[str, float]) -> Any:
         """Evaluate the product of signals, on scalars or arrays of one shape, in SI.
 

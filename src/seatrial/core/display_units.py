@@ -1,8 +1,14 @@
-"""Units at the boundary, on the way out: rpm for the propeller, degrees for angles, newtons for forces; SI everywhere inside."""
+"""Units at the boundary, on the way out: rpm for the propeller, degrees for angles, newtons for forces; SI everywhere inside.
 
+A parameter is shown in the unit in which its prior is written.
+"""
+
+from collections.abc import Callable, Mapping
 from math import pi
 
+from seatrial.core.errors import InputError
 from seatrial.core.signals import ANGLE, ANGULAR_RATE, FORCE, HELD, MOMENT, SET, SIGNALS, signal_unit
+from seatrial.core.units import to_si
 
 _SHOWN = {
     str(ANGLE): (180 / pi, "deg"),
@@ -10,6 +16,26 @@ _SHOWN = {
     str(FORCE): (1.0, "N"),
     str(MOMENT): (1.0, "N m"),
 }
+Shown = Callable[[str, str], tuple[float, str]]
+"""Gives of a parameter's name and SI unit the factor from SI to the unit in which it is shown, and that unit."""
+
+
+def shown_as_written(written: Mapping[str, str]) -> Shown:
+    """Return how parameters are shown: in the unit that was written for them, else in SI.
+
+    Args:
+        written: units by the names of parameters; one of a trial alone, `X_u[1]`, is shown as `X_u` is. A unit of another dimension,
+            such as one that was written after the result was made, is left aside.
+    """
+
+    def shown(name: str, unit: str) -> tuple[float, str]:
+        own = written.get(name.partition("[")[0], unit)
+        try:
+            return 1.0 / to_si(1.0, own, unit, name), own
+        except InputError:
+            return 1.0, unit
+
+    return shown
 
 
 def shown_unit(signal: str) -> tuple[float, str]:

@@ -1,6 +1,7 @@
 """Checks of terms that every model and library of them needs."""
 
 from collections.abc import Iterable, Mapping
+from itertools import combinations
 
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError
@@ -38,3 +39,13 @@ def check_each_once(terms: Iterable[CoefficientName], place: str) -> None:
                 remedy="leave one of the two out",
             )
         seen[term] = term
+
+
+def terms_that_may_be_one(terms: Iterable[CoefficientName]) -> list[str]:
+    """Return a sentence about every two terms that differ only where a signal changes its sign."""
+    return [
+        f"{first} and {second} differ only where {' and '.join(signals)} changes its sign: a record that does not show this cannot tell "
+        "them apart; leave one of them out, or plan a trial that shows it"
+        for first, second in combinations(terms, 2)
+        if (signals := first.parted_by_sign(second))
+    ]

@@ -81,6 +81,7 @@ class Identifiability:
         untouched: parameters on which no measurement depends.
         invisible: combinations of the others on which no measurement depends.
         groups: parameters that are known together rather than each.
+        shown: factor from SI to the unit in which sentences say each parameter, and that unit; empty for SI.
     """
 
     stage: str
@@ -94,6 +95,7 @@ class Identifiability:
     untouched: tuple[str, ...]
     invisible: tuple[Invisible, ...]
     groups: tuple[Group, ...] = field(default=())
+    shown: tuple[tuple[float, str], ...] = field(default=())
 
     @property
     def relative_sd(self) -> Float[np.ndarray, " d"]:
@@ -116,15 +118,15 @@ class Identifiability:
         """Everything in plain words: each parameter, what is known together, and what to do."""
         verb = {"before": "would be", "after": "is"}[self.stage]
         said = [f"identifiability {self.stage} the data"]
-        for name, unit, value, sd, prior_sd in zip(
-            self.names, self.units, self.values, self.sd, self.prior_sd, strict=True
+        for i, (name, value, sd, prior_sd) in enumerate(
+            zip(self.names, self.values, self.sd, self.prior_sd, strict=True)
         ):
             if name in self.untouched:
-                said.append(f"{name} {verb} what the prior says: {measured(value, sd, unit)}")
+                said.append(f"{name} {verb} what the prior says: {self._measured(i)}")
                 continue
             size = f" to {percent(sd / abs(value))}" if sd < abs(value) else ""
             said.append(
-                f"{name} {verb} known{size}: {measured(value, sd, unit)}, {percent(sd / prior_sd)} of the prior's standard deviation"
+                f"{name} {verb} known{size}: {self._measured(i)}, {percent(sd / prior_sd)} of the prior's standard deviation"
             )
         if np.isfinite(self.condition):
             said.append(f"condition number of the scaled information: {self.condition:.2g}")
@@ -150,8 +152,8 @@ class Identifiability:
 
     def _practical(self) -> list[str]:
         said, verb = [], {"before": "would be", "after": "is"}[self.stage]
-        for name, unit, value, sd, share in zip(
-            self.names, self.units, self.values, self.sd, self.contraction, strict=True
+        for i, (name, value, sd, share) in enumerate(
+            zip(self.names, self.values, self.sd, self.contraction, strict=True)
         ):
             if name in self.untouched:
                 continue
@@ -162,18 +164,20 @@ class Identifiability:
                 )
             elif is_coefficient(name) and sd > VAGUE * abs(value):
                 said.append(
-                    f"{name} {verb} {measured(value, sd, unit)} (practical): the data narrow the prior but determine "
+                    f"{name} {verb} {self._measured(i)} (practical): the data narrow the prior but determine "
                     f"{'not even its sign' if 1.96 * sd > abs(value) else 'little more than its sign'}; "
                     "run a trial that excites it more, or leave it out"
                 )
         return said
 
+    def _measured(self, i: int) -> str:
+        factor, unit = self.shown[i] if self.shown else (1.0, self.units[i])
+        return measured(factor * self.values[i], factor * self.sd[i], unit)
+
     def _together(self, group: Group) -> str:
         at = [self.names.index(name) for name in group.names]
         each = [
-            f"{name} to {percent(self.relative_sd[i])}"
-            if self.relative_sd[i] < 1
-            else f"{name} as {measured(self.values[i], self.sd[i], self.units[i])}"
+            f"{name} to {percent(self.relative_sd[i])}" if self.relative_sd[i] < 1 else f"{name} as {self._measured(i)}"
             for i, name in zip(at, group.names, strict=True)
         ]
         sums = [f"{item.text}{f' ({item.meaning})' if item.meaning else ''} {item.known}" for item in group.headline]
@@ -229,7 +233,18 @@ def identify(
         known = known_combinations(part, cov[np.ix_(members, members)], at or {})
         results.append(Group(part.names, float(max(pairs, key=abs)), known, what_separates(part.names)))
     return Identifiability(
-        stage, names, units, values, sd, prior_sd, correlation, eigenvalues, tuple(untouched), invisible, tuple(results)
+        stage,
+        names,
+        units,
+        values,
+        sd,
+        prior_sd,
+        correlation,
+        eigenvalues,
+        tuple(untouched),
+        invisible,
+        tuple(results),
+        tuple(p.shown or (1.0, p.unit) for p in parameters),
     )
 
 

@@ -28,7 +28,7 @@ LogLikelihood = Callable[[dict[str, Any], Any], Any]
 _A_POSTERIOR = "build it with `make_posterior` or `posterior_of_density`"
 
 
-@compiled_tree("name", "unit", "label")
+@compiled_tree("name", "unit", "label", "shown")
 @dataclass(frozen=True)
 class Parameter:
     """One unknown.
@@ -38,12 +38,19 @@ class Parameter:
         unit: SI.
         label: as printed, LaTeX.
         prior: what is known of it before the data.
+        shown: factor from SI to the unit in which sentences say it, and that unit; None for SI.
     """
 
     name: str
     unit: str
     label: str
     prior: Prior
+    shown: tuple[float, str] | None = None
+
+    def said(self, value: float) -> str:
+        """Write a value, SI, with four digits and the unit in which sentences say it."""
+        factor, unit = self.shown or (1.0, self.unit)
+        return f"{value * factor:.4g} {unit}"
 
 
 @compiled_tree("likelihood")

@@ -58,8 +58,8 @@ def check_prior_contains_data(
             if gain > GAIN:
                 raise InputError(
                     where(f"prior.{parameter.name}"),
-                    found=f"the data push {parameter.name} against its bound {bound:.4g} {parameter.unit}; beyond it, "
-                    f"at {beyond:.4g}, they are {'over 10 000' if gain > 1e4 else f'{gain:.0f}'} nats more likely",
+                    found=f"the data push {parameter.name} against its bound {parameter.said(bound)}; beyond it, "
+                    f"at {parameter.said(beyond)}, they are {'over 10 000' if gain > 1e4 else f'{gain:.0f}'} nats more likely",
                     expected="a prior that contains what the data say",
                     remedy=_remedy(parameter, bound),
                 )
@@ -77,7 +77,7 @@ def information_complaints(
         at: operating point, signal name to SI value, at which sums of force coefficients have a meaning.
     """
     said = identifiability_of_fit(posterior, mode, draws, at).cautions() + [
-        f"the posterior of {parameter.name} is cut off at the bound {bound:.4g} {parameter.unit} of its prior ({share:.0%} of it within "
+        f"the posterior of {parameter.name} is cut off at the bound {parameter.said(bound)} of its prior ({share:.0%} of it within "
         f"{EDGE:.0%} of the width): the prior decides as much as the data; widen it, or give a reason for the bound"
         for parameter, column in zip(posterior.present_parameters, draws.T, strict=True)
         for bound, share in _leaning(parameter, column)
@@ -102,7 +102,7 @@ def _remedy(parameter: Parameter, bound: float) -> str:
 def _contradictions(posterior: Posterior, mode: Mode) -> list[str]:
     """Return the priors without bounds that the data pull far from their middle; z is standard normal under them."""
     return [
-        f"prior and data contradict each other about {parameter.name}: the data pull it to {value:.4g} {parameter.unit}, where its "
+        f"prior and data contradict each other about {parameter.name}: the data pull it to {parameter.said(value)}, where its "
         "prior has less than one chance in 10 000; the result is a compromise: widen the prior, or check units and signs"
         for parameter, value, z in zip(posterior.present_parameters, mode.values, mode.z, strict=True)
         if not all(map(isfinite, parameter.prior.bounds)) and abs(z) > FAR
@@ -132,7 +132,7 @@ def _where(posterior: Posterior, values: Float[np.ndarray, "n d"], lost: Bool[np
         return ""
     parameter, column, above = posterior.present_parameters[worst], values[lost, worst], apart[worst] > 0
     edge = np.quantile(column, 0.05 if above else 0.95)
-    return f", nearly always with {parameter.name} {'above' if above else 'below'} {edge:.4g} {parameter.unit}"
+    return f", nearly always with {parameter.name} {'above' if above else 'below'} {parameter.said(edge)}"
 
 
 def _scaled_bounds(parameter: Parameter) -> tuple[Callable, Callable, np.ndarray, float]:

@@ -6,12 +6,14 @@ A channel that goes the other way has its sign wrong; one that goes 57.3 times a
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from math import pi
 from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
 
+from seatrial.core.coefficients import CoefficientName
 from seatrial.core.signals import HELD
 
 RecordLevel = Literal["pass", "note", "caution", "fail"]
@@ -37,6 +39,8 @@ CUT = 0.02
 """Share of the samples that may lie at the very end of a gauge's range while the expected force goes on."""
 APART = 0.1
 """Share of the motion by which a mirror has to explain more than a turn; either has to explain twice as much more than neither."""
+SIGN = 4.0
+"""Standard deviations of one sample beyond zero from which a signal has changed its sign."""
 SPIKE = 8.0
 """Robust standard deviations beyond its neighbours from which a sample stands out."""
 SPIKES = 0.002
@@ -327,6 +331,33 @@ def check_excitation(
             remedy = "this record cannot determine it: excite it more, fix it, or design a trial (`seatrial design`)"
             results.append(RecordFinding(name, check, "caution", value, limit, remedy))
     return results
+
+
+def check_signs(
+    names: Sequence[str], columns: Mapping[str, Float[np.ndarray, " n"]], noise: Mapping[str, float]
+) -> list[RecordFinding]:
+    """Return a caution for every two terms that are one in a record, because no signal that tells them apart changes its sign.
+
+    Args:
+        names: coefficients.
+        columns: signals of the record by name, SI; of what is in none, nothing is said.
+        noise: standard deviation of one sample of those that are measured, SI.
+    """
+    results = []
+    for first, second in combinations(map(CoefficientName.parse, names), 2):
+        signals = first.parted_by_sign(second)
+        if signals and all(name in columns and _keeps_sign(columns[name], noise.get(name, 0.0)) for name in signals):
+            value = f"one and the same in this record, in which {' and '.join(signals)} never changes its sign"
+            remedy = "leave one of them out, or run a trial in which it does"
+            pair = f"{first.text}, {second.text}"
+            results.append(RecordFinding(pair, "told apart", "caution", value, "only that tells them apart", remedy))
+    return results
+
+
+def _keeps_sign(column: Float[np.ndarray, " n"], noise: float) -> bool:
+    """Whether a signal stays on one side of zero, as far as its noise shows."""
+    known = column[np.isfinite(column)]
+    return bool((known > -SIGN * noise).all() or (known < SIGN * noise).all())
 
 
 def best_lag(measured: Float[np.ndarray, " n"], expected: Float[np.ndarray, " n"], most: int) -> tuple[int, float]:

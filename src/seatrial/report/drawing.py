@@ -140,8 +140,14 @@ def labels_of(outcome: "Outcome") -> dict[str, str]:
 
 @lru_cache(maxsize=1)
 def units_of(outcome: "Outcome") -> dict[str, str]:
-    """Return the SI unit of every parameter of every structure."""
-    return _of_parameters(outcome, "unit")
+    """Return the unit in which every parameter of every structure is shown."""
+    return {name: outcome.campaign.shown(name, unit)[1] for name, unit in _of_parameters(outcome, "unit").items()}
+
+
+@lru_cache(maxsize=1)
+def factors_of(outcome: "Outcome") -> dict[str, float]:
+    """Return the factor from SI to these units."""
+    return {name: outcome.campaign.shown(name, unit)[0] for name, unit in _of_parameters(outcome, "unit").items()}
 
 
 @lru_cache(maxsize=1)
@@ -149,7 +155,7 @@ def digits_of(outcome: "Outcome") -> dict[str, Digits]:
     """Return how every parameter is written, wherever it stands: by the chosen structure, or else the first that has it."""
     found = {}
     for estimate in (outcome.chosen, *outcome.estimates):
-        found = {name: Digits.of(*moments) for name, moments in moments_of(estimate).items()} | found
+        found = {name: Digits.of(*moments) for name, moments in moments_of(outcome, estimate).items()} | found
     return found
 
 
@@ -160,9 +166,10 @@ def unit_row(outcome: "Outcome", name: str) -> dict[str, Markup]:
     return {"label": label_html(labels_of(outcome)[name]), "unit": power + unit_html(units_of(outcome)[name])}
 
 
-def moments_of(estimate: "Estimate") -> dict[str, tuple[float, float]]:
-    """Return posterior mean and standard deviation of each parameter of a structure, SI."""
-    mean, sd = (map(float, estimate.data[name].values) for name in ("mean", "sd"))
+def moments_of(outcome: "Outcome", estimate: "Estimate") -> dict[str, tuple[float, float]]:
+    """Return posterior mean and standard deviation of each parameter of a structure, in the units in which they are shown."""
+    factor = np.array([factors_of(outcome)[name] for name in estimate.names])
+    mean, sd = (map(float, factor * estimate.data[name].values) for name in ("mean", "sd"))
     return dict(zip(estimate.names, zip(mean, sd, strict=True), strict=True))
 
 
@@ -229,9 +236,10 @@ def schedule_figure(schedule: Schedule, limits: Mapping[str, Limits]) -> "Figure
 
 
 def truth_of(outcome: "Outcome") -> Mapping[str, float]:
-    """Return the true coefficients of a simulated campaign; none for real logs."""
-    campaign = outcome.campaign
-    return true_coefficients(campaign, campaign.model(campaign.full)) if campaign.is_simulated else {}
+    """Return the true coefficients of a simulated campaign, in the units in which they are shown; none for real logs."""
+    campaign, factors = outcome.campaign, factors_of(outcome)
+    true = true_coefficients(campaign, campaign.model(campaign.full)) if campaign.is_simulated else {}
+    return {name: factors.get(name, 1.0) * value for name, value in true.items()}
 
 
 def _own_ids(body: str, name: str) -> str:

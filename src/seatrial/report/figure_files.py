@@ -175,7 +175,7 @@ def write_select_picture(
     """Write `select.svg` in the campaign's folder, atomically, and return its path."""
     path = campaign.folder / "select.svg"
     with own_settings():
-        figures = term_figures(campaign.units, selection, screened, contenders)
+        figures = term_figures(campaign, selection, screened, contenders)
         write_text(path, compose(f"{campaign.name}: which terms are real", figures))
     return path
 

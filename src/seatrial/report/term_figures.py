@@ -28,6 +28,8 @@ from seatrial.selection.verdict import Selection
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from seatrial.campaign.config.campaign import Campaign
+
 PATHS = 4
 """Coefficients whose paths are drawn at most: of the optional terms, the most doubtful first."""
 DOTS = 400
@@ -44,13 +46,13 @@ class TermFigure(NamedTuple):
 
 
 def term_figures(
-    units: Mapping[str, str], selection: Selection, screened: Screened | None, contenders: Contenders | None
+    campaign: "Campaign", selection: Selection, screened: Screened | None, contenders: Contenders | None
 ) -> list[TermFigure]:
-    """Draw what there is, by simulation first; `units` are those of the coefficients, SI."""
+    """Draw what there is, by simulation first; the campaign says in which units coefficients are shown."""
     results = [_simulated(selection)] if selection.inclusion and len(selection.structures) > 1 else []
     if contenders is not None:
         results.append(contenders_figure(contenders, structure_names(selection.structures)))
-    return results + (screening_figures(units, screened) if screened is not None else [])
+    return results + (screening_figures(campaign, screened) if screened is not None else [])
 
 
 def symbol(term: str) -> str:
@@ -58,8 +60,8 @@ def symbol(term: str) -> str:
     return label_mathtext(CoefficientName.parse(term).label)
 
 
-def screening_figures(units: Mapping[str, str], screened: Screened) -> list[TermFigure]:
-    """Draw what the screening says of all structures; `units` are those of the coefficients, SI."""
+def screening_figures(campaign: "Campaign", screened: Screened) -> list[TermFigure]:
+    """Draw what the screening says of all structures; the campaign says in which units coefficients are shown."""
     data, optional = screened.data, screened.optional
     inclusion = dict(zip(optional, data["inclusion"].sel(term=optional).values, strict=True))
     bars = sorted(optional, key=lambda term: -inclusion[term])
@@ -98,8 +100,9 @@ def screening_figures(units: Mapping[str, str], screened: Screened) -> list[Term
             coefficient_paths(
                 scale,
                 [
-                    CoefficientPath(symbol(term), units[term], data["mean_at"].sel(term=term).values)
+                    CoefficientPath(symbol(term), unit, factor * data["mean_at"].sel(term=term).values)
                     for term in sorted(paths, key=optional.index)
+                    for factor, unit in [campaign.shown(term, campaign.units[term])]
                 ],
             ),
             "Coefficients if the priors were wider",

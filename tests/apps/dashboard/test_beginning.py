@@ -30,7 +30,8 @@ def test_the_rows_of_the_form_say_the_campaign_they_were_filled_from(new, tmp_pa
     for kind in kinds(bool(new.vehicle)):
         read = tuple(kind.read(kind.line(row), "row") for row in kind.rows(new))
         assert read == getattr(new, PARTS.get(kind.option, kind.option))
-    found = thinking.begun(str(tmp_path), new.name, "", said_in_form(new))
+    found, cautions = thinking.begun(str(tmp_path), new.name, "", said_in_form(new))
+    assert cautions == ()
     assert tomllib.loads(found) == tomllib.loads(campaign_text(new))
 
 
@@ -44,7 +45,8 @@ def test_a_form_that_makes_no_campaign_is_refused_and_nothing_is_written(tmp_pat
 
 
 def test_a_template_begins_a_campaign_of_the_given_name(tmp_path):
-    (tmp_path / "campaign.toml").write_text(thinking.begun(str(tmp_path), "my boat", "remus100", ()))
+    text, _ = thinking.begun(str(tmp_path), "my boat", "remus100", ())
+    (tmp_path / "campaign.toml").write_text(text)
     assert load_campaign(tmp_path).name == "my boat"
 
 
@@ -57,7 +59,7 @@ def test_what_is_published_of_each_vehicle_can_be_sought():
 def test_a_log_is_looked_into_and_mapped_before_there_is_an_import(tmp_path):
     from seatrial.apps.dashboard.edits import Mapped, with_channel, with_map
 
-    text = thinking.begun(str(tmp_path), "my boat", "", said_in_form(OWN))
+    text, _ = thinking.begun(str(tmp_path), "my boat", "", said_in_form(OWN))
     (tmp_path / "campaign.toml").write_text(text)
     (tmp_path / "dive.csv").write_text(
         "time_s,speed,rpm\n" + "".join(f"{0.1 * i:.1f},1.5,{900 + i}\n" for i in range(99))
@@ -215,7 +217,7 @@ def test_an_import_that_is_written_in_one_line_is_left_to_a_text_editor(tmp_path
 def test_a_log_whose_time_has_a_strange_name_is_mapped_once_its_column_is_chosen(tmp_path):
     from seatrial.apps.dashboard.edits import Mapped, with_channel, with_map, with_time
 
-    text = thinking.begun(str(tmp_path), "my boat", "", said_in_form(OWN))
+    text, _ = thinking.begun(str(tmp_path), "my boat", "", said_in_form(OWN))
     (tmp_path / "campaign.toml").write_text(text)
     (tmp_path / "dive.csv").write_text("Zeit;Fahrt\n" + "".join(f"{100 * i};{1.5 + 0.01 * i}\n" for i in range(99)))
     found = look_into(str(tmp_path / "dive.csv"), "dive.csv", ("u", "n"))

@@ -146,7 +146,7 @@ def test_jobs_refuse_what_is_no_command_and_what_would_be_second(tmp_path, other
             jobs.start(tmp_path, "run", option)
     with pytest.raises(InputError, match="another command at work"):
         jobs.start(tmp_path, "run")
-    assert not log_of(tmp_path).exists()
+    assert not log_of(tmp_path, "run").exists()
 
 
 def test_stopping_interrupts_whoever_is_at_work(tmp_path, other):

@@ -14,6 +14,7 @@ from seatrial.apps.dashboard.pages.compare import is_of_vehicle, joint_differenc
 from seatrial.apps.dashboard.pages.results import by_origin
 from seatrial.apps.dashboard.view_models import FitAbout, Swept
 from seatrial.core.dataset_file import write_dataset
+from seatrial.core.display_units import shown_as_written
 from tests.export.finished import finished
 
 
@@ -46,7 +47,7 @@ def estimate(names, mean, sd, seed):
 def test_posteriors_are_densities_in_the_unit_of_their_axis():
     names, sd = ["X_uabsu", "T_nabsn"], [0.1, 2e-5]
     data = {"M-0": estimate(names, [-2.9, 6.3e-4], sd, 0), "M-1": estimate(names[1:], [6.4e-4], sd[1:], 1)}
-    found = result_plots._marginal("T_nabsn", data, {"T_nabsn": 6.35e-4})
+    found = result_plots._marginal("T_nabsn", data, {"T_nabsn": 6.35e-4}, shown_as_written({}))
     width = found.edges[1] - found.edges[0]
     assert found.exponent == -4
     assert list(found.density) == ["M-0", "M-1"]

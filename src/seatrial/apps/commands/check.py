@@ -41,6 +41,7 @@ def check(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
 def _say_what_is_missing(campaign: Any, answer: Answer) -> Exit:
     """Of a campaign without a record: that its file can be used, whether it is designed, and how it goes on."""
     from seatrial.campaign.data.no_record import no_record
+    from seatrial.campaign.prior.cautions import file_cautions
     from seatrial.campaign.workflow.status import standing
 
     answer.say(f"{campaign.path} is valid; there is no record to check yet")
@@ -48,7 +49,7 @@ def _say_what_is_missing(campaign: Any, answer: Answer) -> Exit:
     answer.say(f"  {design.name}: {design.state}; {records.name}: {records.state}")
     answer.say(f"to go on: {no_record(campaign).remedy}")
     answer.give(records=[])
-    return Exit.OK
+    return answer.finish([], file_cautions(campaign))
 
 
 def tuning(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:

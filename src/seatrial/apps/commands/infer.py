@@ -173,21 +173,23 @@ def _by_chains(campaign: Any, reporter: Any, answer: Answer) -> Exit:
     for item in estimates:
         answer.say(f"{item.structure.label}")
         for name in item.names:
-            row = item.data.sel(parameter=name)
-            numbers = f"{float(row['mean']):>12.5g} ± {float(row['sd']):<10.3g} {row['unit'].values!s}"
-            answer.say(f"  {name:<16} {numbers}{with_model_error(item.wider(name))}")
+            row, wider = item.data.sel(parameter=name), item.wider(name)
+            factor, unit = campaign.shown(name, str(row["unit"].values))
+            numbers = f"{factor * float(row['mean']):>12.5g} ± {factor * float(row['sd']):<10.3g} {unit}"
+            answer.say(f"  {name:<16} {numbers}{with_model_error(None if wider is None else factor * wider)}")
         answer.say(f"  {item.wider_words}")
-        for name, label, mean, sd, unit in item.own_values():
-            answer.say(f"  {name} in run {label:<8} {mean:>9.5g} ± {sd:<10.3g} {unit}")
+        for name, label, mean, sd, si in item.own_values():
+            factor, unit = campaign.shown(name, si)
+            answer.say(f"  {name} in run {label:<8} {factor * mean:>9.5g} ± {factor * sd:<10.3g} {unit}")
         held_back.append(predict_held_back(flow.get("candidates"), item, trials))
         for line in held_back_lines(held_back[-1]):
             answer.say(f"  {line}")
         known = known_after(flow.get("candidates"), item, trials)
-        answer.say("\n".join(known.lines()))
+        answer.say("\n".join(known.lines(campaign.shown)))
         said += known.verdict
         structures.append(results.estimated(item, held_back[-1], known))
     answer.give(by=By.CHAINS, structures=structures)
-    answer.wrote("coefficients", write_coefficients(campaign.folder, estimates))
+    answer.wrote("coefficients", write_coefficients(campaign.folder, estimates, campaign.shown))
     alarms = [f"{item.structure.label}: {text}" for item in estimates for text in item.alarms]
     evidences = [float(item.data.attrs["laplace_log_evidence"]) for item in estimates]
     labels = [item.structure.label for item in estimates]

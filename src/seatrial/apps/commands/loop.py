@@ -132,8 +132,10 @@ def _tell_and_report(answer: Answer, outcome: Any, proposal: Any) -> Exit:
     from seatrial.report.page import write_report
 
     summary = outcome.summary
+    shown = outcome.campaign.shown
     for row in summary["coefficients"]:
-        answer.say(f"  {row['name']:<16} {row['mean']:>12.5g} ± {row['sd']:<10.3g} {row['unit']}")
+        factor, unit = shown(row["name"], row["unit"])
+        answer.say(f"  {row['name']:<16} {factor * row['mean']:>12.5g} ± {factor * row['sd']:<10.3g} {unit}")
     for fit in outcome.fits:
         answer.say(f"  {_said_of(fit)}")
     for one in outcome.pooled:
@@ -148,8 +150,8 @@ def _tell_and_report(answer: Answer, outcome: Any, proposal: Any) -> Exit:
     averages = averaged_rows(outcome.estimates, outcome.selection)
     answer.give(**results.run(outcome, proposal, averages))
     answer.wrote("report", write_report(outcome))
-    answer.wrote("coefficients", write_coefficients(folder, outcome.estimates))
-    answer.wrote("averaged", write_averaged(folder, averages))
+    answer.wrote("coefficients", write_coefficients(folder, outcome.estimates, shown))
+    answer.wrote("averaged", write_averaged(folder, averages, shown))
     told = [*(one.reason for one in (*outcome.fits, *outcome.pooled)), *(one.sentence for one in outcome.compared)]
     told += ["; ".join(fit.outside) for fit in outcome.fits if fit.outside]
     return answer.finish(

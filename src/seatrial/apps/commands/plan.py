@@ -16,15 +16,16 @@ def prior(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
 
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
         from seatrial.apps import results
+        from seatrial.campaign.prior.cautions import file_cautions
         from seatrial.campaign.prior.summary import prior_alarms, prior_cautions, prior_lines
         from seatrial.campaign.workflow.steps import Workflow
         from seatrial.report.figure_files import write_prior_picture
 
         found = Workflow(campaign, reporter).get("prior")
-        answer.say("\n".join(prior_lines(found)))
+        answer.say("\n".join(prior_lines(found, campaign.shown)))
         answer.give(**results.prior(found))
         answer.wrote("picture", write_prior_picture(campaign.folder, campaign.name, found))
-        return answer.finish(prior_alarms(found), prior_cautions(found))
+        return answer.finish(prior_alarms(found), [*file_cautions(campaign), *prior_cautions(found)])
 
     with_campaign(folder, quiet, work, context)
 
@@ -90,7 +91,7 @@ def design(
             answer.say(f"  {line}")
         promised = flow.get("promised")
         answer.say(f"expected precision of each coefficient of {promised.structure} at the prior means:")
-        answer.say("\n".join(promised.lines()))
+        answer.say("\n".join(promised.lines(campaign.shown)))
         own = flow.get("own")
         if own is not None:
             answer.say("\n".join((*own.lines(), *own_lines(campaign, campaign.design.own))))

@@ -2,7 +2,7 @@
 
 import asyncio
 import time
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,7 +13,7 @@ from nicegui import ui
 
 from seatrial.apps.campaign_text import CAMPAIGN
 from seatrial.apps.dashboard.campaign_paths import CampaignPaths
-from seatrial.apps.dashboard.jobs import Job, Jobs
+from seatrial.apps.dashboard.jobs import LOGS, Job, Jobs
 from seatrial.apps.dashboard.view_models import FormData, Stage, words_of
 from seatrial.apps.dashboard.worker_pool import WorkerPool, stamp
 from seatrial.campaign.store.stored_result import Store
@@ -96,6 +96,28 @@ async def keep_current(part: Any, stamp_of: Callable[[], Any], build: Callable[[
     ui.timer(CHANGES, look)
 
 
+async def keep_form(path: Path, ask: Callable[[], Awaitable[Any]], make: Callable[[Any], Any]) -> None:
+    """Build a form of what a file says, and build it again when the file changes, unless somebody has begun to fill it in.
+
+    Args:
+        path: of the file.
+        ask: for what the form needs to know.
+        make: builds the form of the answer; returns what tells by `is_edited` whether something in it is not saved.
+    """
+    forms: list[Any] = []
+    read = stamp(path)
+
+    def built(found: Any) -> None:
+        forms[:] = [make(found)]
+
+    async def show() -> None:
+        nonlocal read
+        read = stamp(path)
+        await fill(ui.element("div"), ask(), built)
+
+    await keep_current(ui.element("div"), lambda: read if forms and forms[0].is_edited else stamp(path), show)
+
+
 async def fill(
     holder: Any,
     answer: Awaitable[Any],
@@ -150,6 +172,12 @@ def markup(text: str) -> ui.html:
     return ui.html(text, sanitize=False).classes("plain")
 
 
+def cautions_html(cautions: Sequence[str]) -> Markup:
+    """Return cautions as a list of sentences; nothing where there are none."""
+    rows = Markup("").join(Markup("<li>{}.</li>").format(text[:1].upper() + text[1:]) for text in cautions)
+    return Markup('<ul class="cautions">{}</ul>').format(rows) if cautions else Markup("")
+
+
 def change_of(folder: Path) -> tuple:
     """Return what changes with the campaign file, any result and any file beside it: times of change of the folders."""
     results = Store(folder).results
@@ -160,7 +188,7 @@ def evidence_of(folder: Path) -> list[Path]:
     """Files whose change may change what is current: the campaign file, its results, the logs beside it."""
     results = Store(folder).results
     files = [*_files(results), *(path for path in _files(folder, deep=False) if not path.name.startswith("."))]
-    return [path for path in files if path.name != "last_command.txt" and path.suffix not in (".npz", ".part")]
+    return [path for path in files if path.name not in LOGS and path.suffix not in (".npz", ".part")]
 
 
 def _files(folder: Path, deep: bool = True) -> list[Path]:

@@ -2,7 +2,7 @@
 
 The process of a campaign stays after its command, so that the next one finds everything imported and compiled. What is running
 is read from the campaign's folder and remembered nowhere else: `.running.json` while it runs, and what it printed in
-`results/last_command.txt`.
+`results/last_command.txt`, of a check in `results/last_check.txt`.
 """
 
 import os
@@ -22,6 +22,9 @@ from seatrial.core.errors import InputError
 
 TAIL = 16_000
 """Bytes of output that are shown."""
+CHECK = "check"
+LOGS = ("last_command.txt", "last_check.txt")
+"""What was printed by the last command, and by the last check."""
 KEPT = 2
 """Processes that stay without work: a few hundred megabytes each."""
 _OPTION = re.compile(r"--[a-z][a-z-]*(=[\w][\w ,.%\[\]+-]{0,80})?|[A-Za-z0-9][A-Za-z0-9_.-]{0,60}", re.ASCII)
@@ -43,6 +46,11 @@ class Job:
     command: str
     output: str
     starting: bool = False
+
+    @property
+    def word(self) -> str:
+        """Word of the command, such as check; empty where there was none."""
+        return " ".join(self.command.split()[1:2])
 
     @property
     def running(self) -> bool:
@@ -102,7 +110,7 @@ class Jobs:
                 expected="one at a time",
                 remedy="wait until it ends, or stop it; what it has finished is kept",
             )
-        log = log_of(folder)
+        log = log_of(folder, command)
         log.parent.mkdir(exist_ok=True)
         line = [command, str(folder), *options]
         log.write_bytes(f"$ seatrial {shlex.join(line)}\n".encode())
@@ -132,9 +140,12 @@ class Jobs:
         ours = self.sessions.get(folder)
         fresh = ours is not None and ours.is_busy and not self._has_ended(folder, ours)
         occupant = occupant_of(folder)
-        first, _, rest = _end_of(log_of(folder)).partition("\n")
-        command = first.removeprefix("$ ") if first.startswith("$ ") else ""
-        return Job(occupant, command, rest, starting=fresh and (occupant is None or not occupant.alive))
+        starting = fresh and (occupant is None or not occupant.alive)
+        return Job(occupant, *_said_in(_latest_log(folder)), starting=starting)
+
+    def last_check(self, folder: Path) -> Job:
+        """See what the last check printed that a dashboard started, whatever was started since."""
+        return Job(None, *_said_in(log_of(folder, CHECK)))
 
     def close(self) -> None:
         """End the processes that have no work."""
@@ -161,16 +172,27 @@ class Jobs:
         if code is None:
             return False
         if words := how_it_ended(code):
-            with log_of(folder).open("a") as stream:
+            with _latest_log(folder).open("a") as stream:
                 stream.write(f"{words}\n")
         if not session.is_usable:
             self.get_ready(folder)
         return True
 
 
-def log_of(folder: Path) -> Path:
-    """What the last command that a dashboard started printed."""
-    return Store(folder).results / "last_command.txt"
+def log_of(folder: Path, command: str) -> Path:
+    """What the last check that a dashboard started printed, or the last other command."""
+    return Store(folder).results / LOGS[command == CHECK]
+
+
+def _latest_log(folder: Path) -> Path:
+    logs = [Store(folder).results / name for name in LOGS]
+    return max(logs, key=lambda log: log.stat().st_mtime_ns if log.exists() else 0)
+
+
+def _said_in(log: Path) -> tuple[str, str]:
+    """Command whose words a log holds, as in a shell, and the end of what it printed."""
+    first, _, rest = _end_of(log).partition("\n")
+    return (first.removeprefix("$ ") if first.startswith("$ ") else ""), rest
 
 
 def _end_of(path: Path) -> str:

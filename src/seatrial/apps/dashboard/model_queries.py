@@ -2,15 +2,17 @@
 
 import tempfile
 from contextlib import suppress
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, get_args
 
 import jax.numpy as jnp
 import numpy as np
 
 from seatrial.apps.dashboard import result_plots as drawings
 from seatrial.apps.dashboard.downsample import Envelope, Load
+from seatrial.apps.dashboard.new_campaign_rows import TERMS
 from seatrial.apps.dashboard.record_views import Index, about, index_of, origin_of, view_of
 from seatrial.apps.dashboard.view_models import (
     AxisAbout,
@@ -19,8 +21,11 @@ from seatrial.apps.dashboard.view_models import (
     FormData,
     Limit,
     Margin,
+    ModelData,
+    NoisePrior,
     PublishedTerms,
     RecordAbout,
+    SensorNoise,
     Stage,
 )
 from seatrial.apps.toml_edit import set_key
@@ -28,6 +33,9 @@ from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.load import check_text, load_campaign
 from seatrial.campaign.config.new_campaign import new_campaign
 from seatrial.campaign.config.new_campaign_file import campaign_text
+from seatrial.campaign.config.nuisance_parameters import SIZES, TIMES, Nuisance, of_sensor
+from seatrial.campaign.config.sensor_table import ATTITUDE
+from seatrial.campaign.config.settings import Residuals
 from seatrial.campaign.config.templates import template_text
 from seatrial.campaign.config.toml import toml_content
 from seatrial.campaign.config.truth import true_coefficients
@@ -38,6 +46,7 @@ from seatrial.campaign.design.prior_state_space import prior_draws
 from seatrial.campaign.design.schedule import design_words, write_schedule
 from seatrial.campaign.design.sweep import read_designs
 from seatrial.campaign.inference.judge_predictions import predict_held_back
+from seatrial.campaign.prior.cautions import file_cautions
 from seatrial.campaign.store.designs import read_sweeps
 from seatrial.campaign.store.estimates import read_estimate
 from seatrial.campaign.store.stored_result import Store
@@ -46,11 +55,12 @@ from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError
 from seatrial.core.record import Record
 from seatrial.core.record_file import read_record
-from seatrial.core.signals import RATES
+from seatrial.core.signals import QUATERNION, RATES
 from seatrial.core.units import quantity
 from seatrial.design.integrals import motion_signals
 from seatrial.design.safety import judge_safety
 from seatrial.design.sweep import Sweep
+from seatrial.estimation.sensor_errors import correlation_name, drift_name, drift_time_name
 from seatrial.export.from_campaign import of_campaign
 from seatrial.export.target import Exporter
 from seatrial.export.trials.trial import read_trial
@@ -145,6 +155,54 @@ def form_data(folder: str) -> FormData:
     )
 
 
+def model_data(folder: str) -> ModelData:
+    """Read a campaign for the form of its model."""
+    campaign = load_campaign(folder)
+    file = toml_content(campaign.path, campaign.text)
+    structure = file["structure"]
+    terms = *structure.get("always", ()), *structure.get("optional", ())
+    published = tuple(campaign.vehicle.published)
+    return ModelData(
+        campaign.estimation.residuals,
+        tuple(_sensor_noise(campaign, name, table) for name, table in file["sensors"].items()),
+        tuple(structure.get("always", ())),
+        tuple(structure.get("optional", ())),
+        {name: _prior_words(table) for name, table in file.get("prior", {}).items()},
+        published,
+        tuple(dict.fromkeys(term for term in (*published, *TERMS) if term not in terms)),
+    )
+
+
+def _sensor_noise(campaign: Campaign, name: str, table: dict[str, Any]) -> SensorNoise:
+    """Say what each kind of noise of a sensor needs; one of the whole attitude has a channel for each part of the quaternion."""
+    channels, unknown = QUATERNION if name == ATTITUDE else (name,), {}
+    for kind in get_args(Residuals):
+        sensors = [replace(one, noise=kind) for one in campaign.sensor_models if one.channel in channels]
+        unknown[kind] = tuple(
+            _noise_prior(one, sensor.channel)
+            for sensor in sensors
+            for one in of_sensor(sensor, campaign.noise[sensor.channel])
+        )
+    return SensorNoise(name, str(table.get("residuals", "")), unknown)
+
+
+def _noise_prior(one: Nuisance, channel: str) -> NoisePrior:
+    means = {
+        correlation_name(channel): f"correlation time of the errors of {channel} [s]",
+        drift_name(channel): f"size of the slow error of {channel} [{one.unit}]",
+        drift_time_name(channel): f"correlation time of the slow error of {channel} [s]",
+    }
+    lower, upper = TIMES if one.unit == "s" else SIZES
+    return NoisePrior(one.name, means.get(one.name, one.name), one.unit, str(lower), str(upper), one.default is None)
+
+
+def _prior_words(table: dict[str, Any]) -> str:
+    numbers = [
+        f"{key} {value:g}" for key, value in table.items() if isinstance(value, int | float) and key != "physical"
+    ]
+    return f"{table.get('distribution', '')}, {', '.join(numbers)} {table.get('unit', '')}".strip()
+
+
 def published_terms() -> tuple[PublishedTerms, ...]:
     """Published vehicles from which a campaign may begin, and the coefficients that are published of each."""
     found = []
@@ -156,8 +214,8 @@ def published_terms() -> tuple[PublishedTerms, ...]:
     return tuple(found)
 
 
-def begun(folder: str, name: str, template: str, said: tuple[tuple[str, Any], ...]) -> str:
-    """Text of a new campaign's file, checked.
+def begun(folder: str, name: str, template: str, said: tuple[tuple[str, Any], ...]) -> tuple[str, tuple[str, ...]]:
+    """Return the text of a new campaign's file, checked, and what to know about it though it can be used.
 
     Args:
         folder: where it is to stand.
@@ -172,17 +230,21 @@ def begun(folder: str, name: str, template: str, said: tuple[tuple[str, Any], ..
         text = set_key(template_text(template), "campaign", "name", name)
     else:
         text = campaign_text(new_campaign({**dict(said), "name": name}))
-    check_text(Path(folder), text)
-    return text
+    return text, check(folder, text)
 
 
-def check(folder: str, text: str) -> None:
-    """Check a campaign file before it is written.
+def check(folder: str, text: str) -> tuple[str, ...]:
+    """Check a campaign file before it is written; returns what to know about it though it can be used.
 
     Raises:
         InputError: what is wrong with it.
     """
-    check_text(Path(folder), text)
+    return tuple(file_cautions(check_text(Path(folder), text)))
+
+
+def cautions(folder: str) -> tuple[str, ...]:
+    """Return what to know about a campaign file before a trial, though it can be used."""
+    return tuple(file_cautions(load_campaign(folder)))
 
 
 def look_at(folder: str, which: str, family: int, row: int, column: int) -> Clicked:

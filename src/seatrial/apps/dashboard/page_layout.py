@@ -1,6 +1,6 @@
 """The frame of every page: where you are, the views of a campaign, what is at work, and light, dark or sunlight colours."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from urllib.parse import urlencode
@@ -13,6 +13,7 @@ from seatrial.apps.dashboard.run_bar import RunBar
 
 VIEWS = {
     "import": "Records",
+    "model": "Model",
     "design": "Design",
     "live": "Live",
     "run": "Run",
@@ -45,6 +46,12 @@ def link(view: str, campaign: str = "", **more: str) -> str:
     """Address of a view."""
     query = urlencode({"campaign": campaign, **more}) if campaign else ""
     return f"/{view}" + (f"?{query}" if query else "")
+
+
+def links_html(links: Iterable[tuple[str, str]]) -> Markup:
+    """Return links in a row, each by its address and its words."""
+    made = Markup("").join(Markup('<a href="{}">{}</a>').format(address, words) for address, words in links)
+    return Markup('<p class="links">{}</p>').format(made)
 
 
 @contextmanager

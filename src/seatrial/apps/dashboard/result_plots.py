@@ -16,7 +16,7 @@ from seatrial.campaign.store.designs import read_sweeps
 from seatrial.campaign.store.estimates import Predictions, read_estimate, read_predictions
 from seatrial.core.dataset import Dataset
 from seatrial.core.dataset_file import open_dataset, stored, write_dataset
-from seatrial.core.display_units import shown_unit
+from seatrial.core.display_units import Shown, shown_as_written, shown_unit
 from seatrial.report.figures.fit import Z90, autocorrelation
 from seatrial.report.figures.posterior import normal_density
 from seatrial.report.figures.style import power_of_ten
@@ -117,13 +117,17 @@ def read_ahead(path: Path) -> None:
 
 
 def marginals(
-    paths: tuple[tuple[str, Path], ...], truth: tuple[tuple[str, float], ...], most: int = MOST_LISTED
+    paths: tuple[tuple[str, Path], ...],
+    truth: tuple[tuple[str, float], ...],
+    written: tuple[tuple[str, str], ...],
+    most: int = MOST_LISTED,
 ) -> tuple[Marginal, ...]:
     """Read the posterior of each parameter of the first structure, beside those of the other structures that have it.
 
     Args:
         paths: label and posterior of each structure, the chosen one first.
-        truth: of a simulated vehicle, by name.
+        truth: of a simulated vehicle, by name, SI.
+        written: units in which priors are written, by name.
         most: parameters.
 
     Raises:
@@ -131,10 +135,11 @@ def marginals(
     """
     data = {label: read_estimate(path).data for label, path in paths}
     chosen, *_ = data.values()
-    return tuple(_marginal(str(name), data, dict(truth)) for name in chosen["parameter"].values[:most])
+    shown = shown_as_written(dict(written))
+    return tuple(_marginal(str(name), data, dict(truth), shown) for name in chosen["parameter"].values[:most])
 
 
-def _marginal(name: str, data: Mapping[str, Dataset], truth: Mapping[str, float]) -> Marginal:
+def _marginal(name: str, data: Mapping[str, Dataset], truth: Mapping[str, float], shown: Shown) -> Marginal:
     rows = {label: one.sel(parameter=name) for label, one in data.items() if name in one["parameter"].values}
     row = next(iter(rows.values()))
     draws = {label: one["draws"].values.ravel() for label, one in rows.items()}
@@ -143,7 +148,9 @@ def _marginal(name: str, data: Mapping[str, Dataset], truth: Mapping[str, float]
     if (true := truth.get(name)) is not None:
         low, high = min(low, true), max(high, true)
     low, high = low - 0.05 * (high - low), high + 0.05 * (high - low)
-    scale = 10.0 ** (exponent := power_of_ten(low, high))
+    factor, unit = shown(name, str(row["unit"].item()))
+    exponent = power_of_ten(factor * low, factor * high)
+    scale = 10.0**exponent / factor
     edges, grid = np.linspace(low, high, BINS + 1), np.linspace(low, high, POINTS)
     inside = (grid >= float(row["prior_lower"])) & (grid <= float(row["prior_upper"]))
     prior = np.where(inside, np.interp(grid, row["prior_value"].values, row["prior_density"].values), 0.0)
@@ -151,7 +158,7 @@ def _marginal(name: str, data: Mapping[str, Dataset], truth: Mapping[str, float]
     return Marginal(
         name,
         str(row["label"].item()),
-        str(row["unit"].item()),
+        unit,
         exponent,
         edges / scale,
         {

@@ -21,7 +21,18 @@ from seatrial.apps.dashboard.campaign_paths import CampaignPaths
 from seatrial.apps.dashboard.jobs import Jobs
 from seatrial.apps.dashboard.logs import receive
 from seatrial.apps.dashboard.page_layout import frame
-from seatrial.apps.dashboard.pages import compare, design, live, new_campaign, overview, records, report, results, work
+from seatrial.apps.dashboard.pages import (
+    compare,
+    design,
+    live,
+    model,
+    new_campaign,
+    overview,
+    records,
+    report,
+    results,
+    work,
+)
 from seatrial.apps.dashboard.request_guard import GuardedApp, RequestGuard, is_loopback
 from seatrial.apps.dashboard.throttling import Throttle, punctual
 from seatrial.apps.dashboard.view_models import words_of
@@ -43,6 +54,7 @@ REPORT_POLICY = (
 """A report needs no script: none is run, whoever wrote the file."""
 VIEWS = {
     "import": records.build,
+    "model": model.build,
     "design": design.build,
     "live": live.build,
     "run": work.build,

@@ -1,5 +1,7 @@
 """What the two working processes answer with: plain tuples, so that the server can take them without what made them."""
 
+import re
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +16,13 @@ class PlainError(SeatrialError):
 def words_of(error: BaseException) -> str:
     """Say what went wrong, in words for the page."""
     return str(file_error(error) if isinstance(error, OSError) else error)
+
+
+def beside(error: BaseException) -> str:
+    """Say what went wrong beside the field that it is about, without the place in the file, which may not stand there yet."""
+    words = words_of(error)
+    parts = re.search(r"\n  found:    (.*)\n  expected: (.*)\n  remedy:   (.*)", words, re.DOTALL)
+    return words if parts is None else f"{parts[1]}: expected {parts[2]}; {parts[3]}"
 
 
 class Stage(NamedTuple):
@@ -64,12 +73,12 @@ class FitAbout(NamedTuple):
 
 
 class Marginal(NamedTuple):
-    """Posterior of one parameter by each structure that has it, in units of 10^`exponent` of its SI unit.
+    """Posterior of one parameter by each structure that has it, in units of 10^`exponent` of the unit in which it is shown.
 
     Attributes:
         name: of the parameter.
         label: in LaTeX.
-        unit: SI.
+        unit: in which it is shown.
         exponent: of ten, pulled out of all numbers.
         edges: of the bins of the histograms, shape (b + 1,).
         density: histogram of the draws by each structure's label, the chosen one first; shape (b,) each.
@@ -142,6 +151,39 @@ class FormData(NamedTuple):
     truth: tuple[tuple[str, float], ...]
     fit: tuple[str, ...]
     predict: tuple[str, ...]
+
+
+class NoisePrior(NamedTuple):
+    """A prior that a kind of noise has: its name, what it is, SI unit, ends that suit many vehicles, and whether the file must state it."""
+
+    name: str
+    words: str
+    unit: str
+    lower: str
+    upper: str
+    is_needed: bool
+
+
+class SensorNoise(NamedTuple):
+    """A sensor: the kind of its noise as the file states it, empty where it states none, and the priors that each kind has."""
+
+    name: str
+    residuals: str
+    priors: Mapping[str, tuple[NoisePrior, ...]]
+
+
+class ModelData(NamedTuple):
+    """What the form of the model needs to know: noise and terms as the file states them, and its priors in words, by name."""
+
+    residuals: str
+    sensors: tuple[SensorNoise, ...]
+    always: tuple[str, ...]
+    optional: tuple[str, ...]
+    priors: Mapping[str, str]
+    published: tuple[str, ...]
+    """Terms that have a published value."""
+    offered: tuple[str, ...]
+    """Names of further terms."""
 
 
 class PublishedTerms(NamedTuple):

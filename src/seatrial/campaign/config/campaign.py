@@ -27,7 +27,7 @@ from seatrial.campaign.config.settings import (
 from seatrial.campaign.config.toml import key_place
 from seatrial.campaign.config.vehicle import CampaignVehicle, level_start
 from seatrial.campaign.store.stored_result import FILE_NAME
-from seatrial.core.display_units import shown_unit
+from seatrial.core.display_units import Shown, shown_as_written, shown_unit
 from seatrial.core.errors import InputError, located
 from seatrial.core.signals import ACTUAL, HELD
 from seatrial.design.motion_limits import MotionLimit
@@ -58,6 +58,7 @@ class Campaign:
         vehicle: what is known about it.
         structure: which terms its model may have.
         priors: of coefficients, delay and nuisances, by name, SI.
+        prior_units: units in which priors are written, by name; SI where nothing is said.
         sensors: by the channel that each measures.
         design: which trials are tried.
         limits: of the designed control.
@@ -86,6 +87,7 @@ class Campaign:
     priors: Mapping[str, Prior]
     sensors: Mapping[str, SensorSettings]
     design: DesignSettings
+    prior_units: Mapping[str, str] = field(default_factory=dict)
     limits: Limits = Limits()
     other_limits: Mapping[str, Limits] = field(default_factory=dict)
     motion_limits: tuple[MotionLimit, ...] = ()
@@ -153,6 +155,11 @@ class Campaign:
         """SI unit of every coefficient that any structure may have."""
         model = self.model(self.full)
         return {term.text: model.unit_of(term) for term in model.coefficients}
+
+    @cached_property
+    def shown(self) -> Shown:
+        """Units in which parameters are shown: those in which their priors are written."""
+        return shown_as_written(self.prior_units)
 
     @property
     def leading(self) -> str:

@@ -137,6 +137,7 @@ def _campaign(file: CampaignFile, keys: FileKeys) -> Campaign:
         vehicle=vehicle,
         structure=structure,
         priors=priors,
+        prior_units={name: table.unit for name, table in tables.items() if table.unit is not None},
         sensors=sensors,
         design=design,
         limits=limits.pop(file.design.control, Limits()),

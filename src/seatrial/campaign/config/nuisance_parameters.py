@@ -33,9 +33,11 @@ NOISES = 5.0
 
 _ERROR = 'distribution = "normal", mean = 0.0 and sd = 0.2'
 _SIZE = 'distribution = "half-normal", lower = 0.0 and, as scale, how much it may differ between trials'
-_SCALE = 'distribution = "log-uniform", lower = 0.0001 and upper = 0.1'
+SIZES, TIMES = (0.0001, 0.1), (0.05, 10.0)
+"""Ends of the priors of a size, SI, and of a time constant, s, that suit many vehicles."""
+_SCALE = f'distribution = "log-uniform", lower = {SIZES[0]} and upper = {SIZES[1]}'
 _LAG = 'distribution = "half-normal", scale = 1.0 and lower = 0.0'
-_TIME = 'distribution = "log-uniform", lower = 0.05 and upper = 10.0'
+_TIME = f'distribution = "log-uniform", lower = {TIMES[0]} and upper = {TIMES[1]}'
 
 
 class Nuisance(NamedTuple):
@@ -108,7 +110,7 @@ def nuisances(
         part, _, whose = name.partition("_")
         yield Nuisance(name, mount_unit(name), rf"{part}_{{\mathrm{{{whose}}}}}", signed=part not in (SCALE, LATE))
     for sensor in sensors:
-        yield from _of_sensor(sensor, noise[sensor.channel])
+        yield from of_sensor(sensor, noise[sensor.channel])
     if estimation.likelihood == "filter-error":
         disturbed = disturbed_axes(stated, model)
         for axis in disturbed:
@@ -184,7 +186,8 @@ def _of_disturbance(axis: str, model: VehicleModel) -> list[Nuisance]:
     ]
 
 
-def _of_sensor(sensor: Sensor, noise: float) -> list[Nuisance]:
+def of_sensor(sensor: Sensor, noise: float) -> list[Nuisance]:
+    """Return every unknown of a sensor, whose nominal noise is given in SI."""
     channel, label = sensor.channel, signal_label(sensor.channel)
     unit, key = signal_unit(channel), f"sensors.{channel}"
     slow, biased = f'the residuals of {channel} are "{sensor.noise}"', f"{key}.bias says that there is one"

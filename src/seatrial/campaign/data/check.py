@@ -26,6 +26,7 @@ from seatrial.estimation.record_checks import (
     check_motion,
     check_range,
     check_samples,
+    check_signs,
     check_turn,
     not_judged,
     says_direction,
@@ -114,6 +115,8 @@ def _judge(campaign: Campaign, record: Record) -> RecordJudgement:
         for finding in check_samples(name, column, campaign.noise[name], ATTITUDE if name in QUATERNION else name)
     ]
     findings += [*empty_cells(record), *check_thrusters(campaign, record)]
+    driven = {name: record.channel(name) for name in alone.model.controls}
+    findings += check_signs(plan.names, {**driven, **measured}, campaign.noise)
     runs_away = not np.isfinite(expected).all()
     steps = [] if record.provenance.source == SIMULATED else _steps(campaign, record, alone, tried, control, expected)
     findings += steps

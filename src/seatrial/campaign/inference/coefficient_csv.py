@@ -1,4 +1,6 @@
-"""Tables of coefficients for other programs: of every structure, and averaged over all of them, as CSV in SI.
+"""Tables of coefficients for other programs: of every structure, and averaged over all of them, as CSV.
+
+Each row names its unit: that in which the prior of its parameter is written, else SI.
 
 Averaging counts a coefficient as zero where a structure lacks it: with probabilities P_i, means m_i and standard deviations s_i the mean
 is sum P_i m_i and the variance sum P_i (s_i^2 + (m_i - mean)^2) (Hoeting and others, Statistical Science 14, 1999).
@@ -13,6 +15,7 @@ from typing import Any
 
 from seatrial.campaign.store.estimates import Estimate
 from seatrial.campaign.store.stored_result import Store
+from seatrial.core.display_units import Shown
 from seatrial.core.files import write_text
 from seatrial.selection.verdict import Selection, averaged
 
@@ -32,21 +35,23 @@ OF_STRUCTURES = (
 )
 AVERAGED = ("name", "unit", "mean", "sd", "inclusion")
 """Columns of the two tables."""
+QUANTITIES = ("mean", "sd", "lower_95", "upper_95", "mode", "model_error_sd")
+"""Those in the unit of the row."""
 
 
-def write_coefficients(folder: Path, estimates: Sequence[Estimate]) -> Path:
+def write_coefficients(folder: Path, estimates: Sequence[Estimate], shown: Shown) -> Path:
     """Write `results/coefficients.csv`, a row for each parameter of each structure, atomically; returns its path."""
     rows = [
         {"structure": one.structure.label, **row}
         for one in estimates
         for row in one.summary().reset_index(names="name").to_dict("records")
     ]
-    return _write(Store(folder).coefficients, OF_STRUCTURES, rows)
+    return _write(Store(folder).coefficients, OF_STRUCTURES, rows, shown)
 
 
-def write_averaged(folder: Path, rows: Sequence[Mapping[str, Any]]) -> Path:
+def write_averaged(folder: Path, rows: Sequence[Mapping[str, Any]], shown: Shown) -> Path:
     """Write `results/averaged.csv`, the rows of `averaged_rows`, atomically; returns its path."""
-    return _write(Store(folder).averaged, AVERAGED, rows)
+    return _write(Store(folder).averaged, AVERAGED, rows, shown)
 
 
 def averaged_rows(estimates: Sequence[Estimate], selection: Selection) -> list[dict[str, Any]]:
@@ -66,12 +71,14 @@ def averaged_rows(estimates: Sequence[Estimate], selection: Selection) -> list[d
     ]
 
 
-def _write(path: Path, columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> Path:
-    """Write rows with a header; what is no number stays empty."""
+def _write(path: Path, columns: Sequence[str], rows: Iterable[Mapping[str, Any]], shown: Shown) -> Path:
+    """Write rows with a header, each in the unit in which its parameter is shown; what is no number stays empty."""
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(columns)
     for row in rows:
-        writer.writerow(["" if isinstance(row[key], float) and isnan(row[key]) else row[key] for key in columns])
+        factor, unit = shown(row["name"], row["unit"])
+        said = {**row, "unit": unit} | {key: factor * row[key] for key in QUANTITIES if key in row}
+        writer.writerow(["" if isinstance(said[key], float) and isnan(said[key]) else said[key] for key in columns])
     write_text(path, stream.getvalue())
     return path

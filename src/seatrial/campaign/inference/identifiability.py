@@ -42,13 +42,17 @@ def stored_known_after(campaign: Campaign, estimate: OfStructure) -> StoredResul
     """Return where it is kept what a fit tells about each parameter, and what that depends on."""
     path = Store(campaign.folder).known(estimate.structure.label)
     read = partial(read_known, made_by=f"seatrial estimate {campaign.folder}")
-    return StoredResult(path, key_of("known", _LAYOUT, estimate.key), read)
+    return StoredResult(path, key_of("known", _LAYOUT, estimate.key, dict(campaign.prior_units)), read)
 
 
 def stored_known_before(campaign: Campaign) -> StoredResult[Known]:
     """Return where it is kept what the best design would tell about each parameter, and what that depends on."""
     read = partial(read_known, made_by=f"seatrial design {campaign.folder}")
-    return StoredResult(Store(campaign.folder).known_design, key_of("known", _LAYOUT, design_key(campaign)), read)
+    return StoredResult(
+        Store(campaign.folder).known_design,
+        key_of("known", _LAYOUT, design_key(campaign), dict(campaign.prior_units)),
+        read,
+    )
 
 
 def known_after(campaign: Campaign, estimate: Estimate, trials: Trials) -> Known:
@@ -94,7 +98,7 @@ def known_before(campaign: Campaign, sweep: Sweep) -> Known:
         model, family = campaign.model(structure), campaign.family
         units = {term.text: model.unit_of(term) for term in model.coefficients}
         parameters = [
-            Parameter(name, unit, CoefficientName.parse(name).label, campaign.prior(name))
+            Parameter(name, unit, CoefficientName.parse(name).label, campaign.prior(name), campaign.shown(name, unit))
             for name, unit in units.items()
         ]
         share = campaign.measured_mask(family.time()).mean(axis=0)

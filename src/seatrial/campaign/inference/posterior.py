@@ -128,6 +128,7 @@ def build_parameters(campaign: Campaign, model: VehicleModel, records: Sequence[
     if _free_initial(campaign.estimation):
         starts = [initial_state(campaign, model, record) for record in records]
         parameters += _initial_states(campaign.noise, model, labels, starts)
+    parameters = [replace(one, shown=campaign.shown(one.name, one.unit)) for one in parameters]
     return tuple(parameters)
 
 

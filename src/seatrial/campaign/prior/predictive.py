@@ -112,44 +112,54 @@ def _batch(
 
 
 def steady_motion(
-    model: VehicleModel, params: Mapping[str, Float[np.ndarray, " d"]], control: Sequence[float], start: float = 0.0
+    model: VehicleModel,
+    params: Mapping[str, Float[np.ndarray, " d"]],
+    control: Sequence[float],
+    start: float = 0.0,
+    held: Mapping[str, float] | None = None,
 ) -> tuple[Float[np.ndarray, " d"], Float[np.ndarray, " d"]]:
-    """Speed, m/s, in which each surge vehicle settles, and the time constant there, s; NaN where there is none.
+    """Speed ahead, m/s, in which each vehicle settles, and the time constant there, s; NaN where there is none.
 
     As `trim_speed`: the first zero of du/dt on the side to which the vehicle sets off, up to `FASTEST` away.
 
     Args:
-        model: surge vehicle.
+        model: vehicle that moves ahead.
         params: coefficients of each, SI.
         control: held, SI.
         start: speed from which it sets off, m/s. Terms in the change from trim hold near trim only, so rest may be too far.
+        held: states beside u, which stay as they are, SI; 0 where nothing is said.
     """
-    speed, slope, found = map(np.asarray, _settled(model, dict(params), tuple(map(float, control)), float(start)))
+    state = tuple(float(start if name == "u" else (held or {}).get(name, 0.0)) for name in model.states)
+    speed, slope, found = map(np.asarray, _settled(model, dict(params), state, tuple(map(float, control))))
     found = found & (slope < 0)
     return np.where(found, speed, np.nan), np.where(found, -1.0 / np.where(found, slope, 1.0), np.nan)
 
 
 @program(static_argnums=0)
-def _settled(model: VehicleModel, params: dict, control: tuple, start: Array) -> tuple[Array, Array, Array]:
+def _settled(model: VehicleModel, params: dict, state: tuple, control: tuple) -> tuple[Array, Array, Array]:
     """First zero of du/dt, its slope there, 1/s, and whether there is one."""
+    at = model.states.index("u")
 
-    def rate(u: Array) -> Array:
-        return model.derivative(params, (u,), control)[0] + 0.0 * u
+    def one(values: dict) -> tuple[Array, Array, Array]:
+        def rate(u: Array) -> Array:
+            return model.derivative(values, (*state[:at], u, *state[at + 1 :]), control)[at] + 0.0 * u
 
-    side = jnp.sign(rate(jnp.full_like(next(iter(params.values())), start)))
-    grid = jnp.linspace(0.0, FASTEST, 401)
-    opposed = rate(start + grid[:, None] * side) * side <= 0
-    beyond, found = opposed.argmax(axis=0), opposed.any(axis=0)
+        side = jnp.sign(rate(state[at]))
+        grid = jnp.linspace(0.0, FASTEST, 401)
+        opposed = jax.vmap(rate)(state[at] + grid * side) * side <= 0
+        beyond = opposed.argmax()
 
-    def halve(_: Any, ends: tuple[Array, Array]) -> tuple[Array, Array]:
-        low, high = ends
-        middle = 0.5 * (low + high)
-        ahead = rate(start + middle * side) * side > 0
-        return jnp.where(ahead, middle, low), jnp.where(ahead, high, middle)
+        def halve(_: Any, ends: tuple[Array, Array]) -> tuple[Array, Array]:
+            low, high = ends
+            middle = 0.5 * (low + high)
+            ahead = rate(state[at] + middle * side) * side > 0
+            return jnp.where(ahead, middle, low), jnp.where(ahead, high, middle)
 
-    _, high = jax.lax.fori_loop(0, 50, halve, (grid[jnp.maximum(beyond - 1, 0)], grid[beyond]))
-    speed = start + high * side
-    return speed, jax.jvp(rate, (speed,), (jnp.ones_like(speed),))[1], found
+        _, high = jax.lax.fori_loop(0, 50, halve, (grid[jnp.maximum(beyond - 1, 0)], grid[beyond]))
+        speed = state[at] + high * side
+        return speed, jax.jvp(rate, (speed,), (jnp.ones_like(speed),))[1], opposed.any()
+
+    return jax.vmap(one)(params)
 
 
 # The trial over which a campaign's priors are shown: its control, where it starts, and the priors that belong to it.

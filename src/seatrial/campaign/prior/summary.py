@@ -3,7 +3,7 @@
 import numpy as np
 
 from seatrial.campaign.prior.predictive import LEVELS, MOST, Believed, PriorPredictive, most_have
-from seatrial.core.display_units import shown_unit
+from seatrial.core.display_units import Shown, shown_unit
 
 SOME = 0.01
 """Share of draws without a motion above which a prior is to be mended."""
@@ -13,10 +13,10 @@ HELD, HARDLY = 0.8, 0.5
 """Shares of the measured speeds inside the 90 % range above which the prior holds them, and below which it does not."""
 
 
-def prior_lines(found: PriorPredictive) -> list[str]:
-    """The parameters' priors, and what they mean together."""
+def prior_lines(found: PriorPredictive, shown: Shown) -> list[str]:
+    """The parameters' priors in the units in which they are `shown`, and what they mean together."""
     what, named = ("largest value in the trial", True) if found.settled is None else ("steady speed", False)
-    rows = [_row(item, named) for item in found.believed]
+    rows = [_row(item, *shown(item.name, item.unit), named) for item in found.believed]
     heads = ("prior", "5 %", "50 %", "95 %", "unit", f"{what} if only this prior varies")
     widths = [max(map(len, column)) for column in zip(heads, *rows, strict=True)]
     table = [
@@ -104,9 +104,9 @@ def range_words(values: np.ndarray, unit: str) -> str:
     return f"{middle:.3g} {unit}, 90 % of {which} {low:.3g} to {high:.3g} {unit}"
 
 
-def _row(item: Believed, named: bool) -> tuple[str, ...]:
-    numbers = (f"{value:.4g}" for value in item.quantiles)
-    return item.name, *numbers, item.unit, _reach(item, named)
+def _row(item: Believed, factor: float, unit: str, named: bool) -> tuple[str, ...]:
+    numbers = (f"{factor * value:.4g}" for value in item.quantiles)
+    return item.name, *numbers, unit, _reach(item, named)
 
 
 def _reach(item: Believed, named: bool) -> str:

@@ -13,6 +13,7 @@ from seatrial.campaign.store.stored_result import decoding, read_json
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.dataset import Dataset
 from seatrial.core.dataset_file import open_dataset, stored, text_of
+from seatrial.core.display_units import Shown
 from seatrial.core.errors import InputError
 from seatrial.core.notebook import result_html
 from seatrial.estimation.calibration import DRAWS, Calibration
@@ -163,6 +164,10 @@ def with_model_error(wider: float | None) -> str:
     return "" if wider is None else f", ± {wider:.3g} with model error"
 
 
+def _measured(item: "KnownParameter", factor: float, unit: str) -> str:
+    return measured(factor * item.value, factor * item.sd, unit)
+
+
 @dataclass(frozen=True)
 class KnownParameter:
     """One parameter: its value, what is known of it, and what it is confused with.
@@ -245,13 +250,13 @@ class Known:
     verdict: tuple[str, ...]
     symmetry: tuple[str, ...] = ()
 
-    def lines(self) -> list[str]:
-        """A table, the directions known best and least, and the verdict."""
+    def lines(self, shown: Shown) -> list[str]:
+        """A table, its values in the units in which they are `shown`, the directions known best and least, and the verdict."""
         before = self.stage == "before"
         rows = [
             (
                 item.name,
-                *([measured(item.value, item.sd, item.unit)] if before else []),
+                *([_measured(item, *shown(item.name, item.unit))] if before else []),
                 item.known_to,
                 percent(item.left),
                 f"{item.correlation:+.3f} with {item.partner}" if item.partner else "-",

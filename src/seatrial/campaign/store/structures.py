@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -88,6 +88,15 @@ class StoredCoefficient:
     upper_95: float
     model_error_sd: float | None = None
 
+    def in_unit(self, factor: float, unit: str) -> "StoredCoefficient":
+        """Return it in another unit, of which there are `factor` in an SI unit."""
+        wider = None if self.model_error_sd is None else factor * self.model_error_sd
+        scaled = {
+            name: factor * getattr(self, name) for name in ("mean", "sd", "mcse", "mode", "prior_mean", "prior_sd")
+        }
+        ends = {name: factor * getattr(self, name) for name in ("lower_95", "upper_95")}
+        return replace(self, **scaled, **ends, model_error_sd=wider, unit=unit)
+
 
 @dataclass(frozen=True)
 class NextTrial:
@@ -104,6 +113,7 @@ class NextTrial:
         sd_before: standard deviation of each coefficient before the trial.
         sd_after: expected after it.
         words: what to run and why, or why not.
+        stop: whether it is better not run.
     """
 
     family: str
@@ -116,6 +126,7 @@ class NextTrial:
     sd_before: dict[str, float]
     sd_after: dict[str, float]
     words: str
+    stop: bool
 
 
 @dataclass(frozen=True)

@@ -68,7 +68,8 @@ def run_loop(campaign: Campaign, reporter: Reporter = SILENT) -> Outcome:
         **{name: found[name] for name in same},
     )
     outcome = replace(outcome, summary=summarise(outcome))
-    outcome.summary["next_trial"]["words"] = "; ".join(propose(outcome).advice)
+    proposal = propose(outcome)
+    outcome.summary["next_trial"] |= {"words": "; ".join(proposal.advice), "stop": proposal.trial is None}
     stored_summary(outcome.campaign, outcome.estimates).write(outcome.summary)
     return outcome
 

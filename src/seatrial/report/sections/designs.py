@@ -17,6 +17,7 @@ from seatrial.manoeuvres.schedule import schedule_of
 from seatrial.report.drawing import (
     Drawing,
     draw,
+    factors_of,
     labels_of,
     model_said,
     schedule_figure,
@@ -198,14 +199,15 @@ def _sd_rows(
     """Return a row for each coefficient: its standard deviations, two digits each, and what is left of the first."""
     labels, units, rows = labels_of(outcome), units_of(outcome), []
     for index, name in enumerate(names):
-        exponent = common_exponent(before[index])
+        factor = factors_of(outcome)[name]
+        exponent = common_exponent(factor * before[index])
         columns = (before[index], after[index], *([reached[index]] if reached else []))
         power = Markup(times_ten(exponent).removeprefix(" × ") + " ") if exponent else Markup("")
         rows.append(
             {
                 "label": label_html(labels.get(name, name)),
                 "unit": power + unit_html(units[name]),
-                "numbers": [short(value * 10.0**-exponent, 2) for value in columns],
+                "numbers": [short(factor * value * 10.0**-exponent, 2) for value in columns],
                 "left": percent(after[index] / before[index]),
             }
         )

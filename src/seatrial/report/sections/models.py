@@ -56,7 +56,7 @@ def _beside(outcome: Outcome, order: list[int]) -> dict[str, Any]:
     rows = []
     for name in names:
         digits = digits_of(outcome)[name]
-        row, moments = unit_row(outcome, name), [moments_of(estimate).get(name) for estimate in estimates[1:]]
+        row, moments = unit_row(outcome, name), [moments_of(outcome, estimate).get(name) for estimate in estimates[1:]]
         rows.append({**row, "values": [digits.pair(*one) if one else "" for one in moments]})
     return {"heads": [model_html(outcome, estimate.structure.label) for estimate in estimates[1:]], "rows": rows}
 
@@ -88,7 +88,7 @@ def _screening(outcome: Outcome) -> dict[str, Any]:
         "note": sentence_of(outcome, SCREENING),
         "figures": [
             draw(item.figure, f"terms-{item.name}", item.heading, item.caption, item.heading)
-            for item in screening_figures(outcome.campaign.units, screened)
+            for item in screening_figures(outcome.campaign, screened)
         ],
     }
 

@@ -12,6 +12,7 @@ from seatrial.report.drawing import (
     Drawing,
     digits_of,
     draw,
+    factors_of,
     labels_of,
     model_said,
     sentence_of,
@@ -59,16 +60,16 @@ def parameters_section(outcome: Outcome) -> dict[str, Any]:
 
 
 def prior_of(outcome: Outcome, name: str) -> PriorShape:
-    """Return the prior of a parameter of the chosen structure, as stored with its draws."""
-    row = outcome.chosen.data.sel(parameter=name)
+    """Return the prior of a parameter of the chosen structure, as stored with its draws, in the unit in which it is shown."""
+    row, factor = outcome.chosen.data.sel(parameter=name), factors_of(outcome)[name]
     return PriorShape(
-        lower=float(row["prior_lower"]),
-        upper=float(row["prior_upper"]),
-        mean=float(row["prior_mean"]),
-        sd=float(row["prior_sd"]),
+        lower=factor * float(row["prior_lower"]),
+        upper=factor * float(row["prior_upper"]),
+        mean=factor * float(row["prior_mean"]),
+        sd=factor * float(row["prior_sd"]),
         is_logarithmic=str(row["prior_kind"].item()).startswith("Log"),
-        value=row["prior_value"].values,
-        height=row["prior_density"].values,
+        value=factor * row["prior_value"].values,
+        height=row["prior_density"].values / factor,
     )
 
 
@@ -103,11 +104,12 @@ def verdict_of(outcome: Outcome, known: Known) -> list[dict[str, Any]]:
 
 def _row(outcome: Outcome, item: dict[str, Any], known: KnownParameter) -> dict[str, Any]:
     name, digits = item["name"], digits_of(outcome)[item["name"]]
+    factor = factors_of(outcome)[name]
     ess, partner = min(item["ess_bulk"], item["ess_tail"]), known.partner
     return {
         "name": name,
         **unit_row(outcome, name),
-        "interval": f"{digits.bare(item['lower_95'])} to {digits.bare(item['upper_95'])}",
+        "interval": f"{digits.bare(factor * item['lower_95'])} to {digits.bare(factor * item['upper_95'])}",
         "prior": prior_words(prior_of(outcome, name), digits.exponent),
         "r_hat": f"{item['r_hat']:.3f}" if np.isfinite(item["r_hat"]) else DASH,
         "ess": f"{ess:.0f}" if np.isfinite(ess) else DASH,
@@ -142,7 +144,7 @@ def _corner(outcome: Outcome, paired: list[int]) -> Drawing:
     names = [outcome.chosen.names[at] for at in paired]
     truth, units = truth_of(outcome), units_of(outcome)
     figure = corner(
-        outcome.chosen.draws(names),
+        outcome.chosen.draws(names) * [factors_of(outcome)[name] for name in names],
         [label_mathtext(labels_of(outcome)[name]) for name in names],
         [units[name] for name in names],
         [digits_of(outcome)[name] for name in names],
@@ -166,8 +168,9 @@ def _filter(outcome: Outcome) -> dict[str, Any]:
     rows = []
     for index, name in enumerate(names):
         row, mean, sd = full.data.sel(parameter=name), data["mean"].values[:, index], data["sd"].values[:, index]
-        symbol = label_mathtext(labels_of(outcome)[name])
-        rows.append(Traced(symbol, mean, sd, float(row["prior_mean"]), float(row["mean"]), truth.get(name)))
+        symbol, factor = label_mathtext(labels_of(outcome)[name]), factors_of(outcome)[name]
+        before, after = factor * float(row["prior_mean"]), factor * float(row["mean"])
+        rows.append(Traced(symbol, factor * mean, factor * sd, before, after, truth.get(name)))
     return {
         "figure": draw(
             belief_rows(time, rows, starts), "filter", "The filter's estimate of each coefficient over time"

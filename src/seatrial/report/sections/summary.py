@@ -13,7 +13,16 @@ from seatrial.campaign.workflow.next_trial import propose
 from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.estimation.fit_verdict import explained_share
 from seatrial.estimation.remedies import listed
-from seatrial.report.drawing import digits_of, labels_of, model_html, moments_of, sentence_of, truth_of, unit_row
+from seatrial.report.drawing import (
+    digits_of,
+    factors_of,
+    labels_of,
+    model_html,
+    moments_of,
+    sentence_of,
+    truth_of,
+    unit_row,
+)
 from seatrial.report.labels import label_html
 from seatrial.report.numbers import DASH, percent, probability, typeset
 from seatrial.selection.verdict import DECIDED, averaged
@@ -161,7 +170,7 @@ def _models(outcome: Outcome) -> list[dict[str, Any]]:
 
 def _tables(outcome: Outcome) -> list[tuple[str, list[dict[str, Any]]]]:
     """Return rows of the vehicle's coefficients, and of what belongs to sensors and runs."""
-    chosen, moments = outcome.chosen, [moments_of(estimate) for estimate in outcome.estimates]
+    chosen, moments = outcome.chosen, [moments_of(outcome, estimate) for estimate in outcome.estimates]
     means = averaged(moments, outcome.selection.probability)
     terms, inclusion = chosen.structure.terms, outcome.selection.inclusion
     lacking = [name for name in means if name not in chosen.names and inclusion.get(name, 0.0) >= RARE]
@@ -179,13 +188,16 @@ def _row(outcome: Outcome, name: str, average: tuple[float, float]) -> dict[str,
         next((row for row in outcome.summary["coefficients"] if row["name"] == name), None),
     )
     truth, wider = truth_of(outcome), outcome.chosen.wider(name) if item else None
+    factor = factors_of(outcome)[name]
     return {
         **unit_row(outcome, name),
-        "value": digits.pair(item["mean"], item["sd"]) if item else "",
-        "wider": f"± {digits.bare(wider)}" if wider is not None else "",
+        "value": digits.pair(factor * item["mean"], factor * item["sd"]) if item else "",
+        "wider": f"± {digits.bare(factor * wider)}" if wider is not None else "",
         "average": digits.pair(*average),
         "truth": digits.bare(truth[name]) if name in truth else "",
-        "outside": bool(item and name in truth and not item["lower_95"] <= truth[name] <= item["upper_95"]),
+        "outside": bool(
+            item and name in truth and not factor * item["lower_95"] <= truth[name] <= factor * item["upper_95"]
+        ),
     }
 
 

@@ -1,17 +1,20 @@
 """Two campaigns side by side: each coefficient, and its difference in joint standard deviations, (a - b) / sqrt(sd_a^2 + sd_b^2)."""
 
+from dataclasses import replace
 from math import hypot
 from pathlib import Path
 
 from markupsafe import Markup
 from nicegui import ui
 
+from seatrial.apps.campaign_text import written_units
 from seatrial.apps.dashboard.app_context import AppContext, markup, say
 from seatrial.apps.dashboard.page_layout import section, table
 from seatrial.apps.dashboard.result_charts import Side, sides_chart
 from seatrial.campaign.store.stored_result import Store
 from seatrial.campaign.store.structures import StoredCoefficient, Summary, read_summary
 from seatrial.core.coefficients import CoefficientName
+from seatrial.core.display_units import shown_as_written
 from seatrial.core.errors import InputError, SeatrialError
 from seatrial.report.labels import label_html
 from seatrial.report.numbers import decimals, unit_html, with_sd
@@ -58,6 +61,13 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
                 except (SeatrialError, OSError) as error:
                     say(error)
                     return
+                shown = shown_as_written(dict(written_units(folder)))
+                ours, theirs = (
+                    replace(
+                        one, coefficients=tuple(row.in_unit(*shown(row.name, row.unit)) for row in one.coefficients)
+                    )
+                    for one in (ours, theirs)
+                )
                 names = campaign if campaign != "." else folder.name, str(form.value)
                 if shared := shared_sides(ours, theirs):
                     sides_chart(shared, names)

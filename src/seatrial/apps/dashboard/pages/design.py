@@ -5,11 +5,12 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from markupsafe import Markup
 from nicegui import ui
 
-from seatrial.apps.campaign_text import CAMPAIGN, read_file, write_file
-from seatrial.apps.dashboard.app_context import AppContext, fill, keep_current, markup, say
+from seatrial.apps.campaign_text import CAMPAIGN, read_file, write_file, written_units
+from seatrial.apps.dashboard.app_context import AppContext, cautions_html, fill, keep_current, keep_form, markup, say
 from seatrial.apps.dashboard.edits import with_limit
 from seatrial.apps.dashboard.page_layout import button, section, table
 from seatrial.apps.dashboard.pages.work import Live, begin, made_part
@@ -18,7 +19,7 @@ from seatrial.apps.dashboard.view_models import Clicked, FormData, Limit, Swept
 from seatrial.apps.dashboard.worker_pool import stamp
 from seatrial.campaign.store.stored_result import Store
 from seatrial.core.coefficients import CoefficientName
-from seatrial.core.display_units import shown_unit
+from seatrial.core.display_units import Shown, shown_as_written, shown_unit
 from seatrial.core.errors import SeatrialError
 from seatrial.report.numbers import percent, short, unit_html
 
@@ -38,6 +39,7 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
             with section("No design yet", words):
                 pass
 
+    await _cautions(context, folder)
     await keep_current(ui.element("div"), lambda: tuple(map(stamp, paths.values())), show)
     with section("Run it", "Results that no longer belong to the campaign file are computed again."):
         with ui.element("div").classes("line"):
@@ -55,16 +57,25 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
         "Limits",
         "Edits are checked as a whole, then written into campaign.toml; comments and order stay. An empty field is no limit.",
     ):
-        holder, forms = ui.element("div"), []
+        told = ui.element("div")
+        await keep_form(
+            folder / CAMPAIGN,
+            lambda: context.form_data(folder),
+            lambda found: Limits(context, folder, found, told),
+        )
 
-        async def limits() -> None:
-            part = ui.element("div")
-            await fill(part, context.form_data(folder), lambda found: forms.append(Limits(context, folder, found)))
 
-        def seen() -> Any:  # what somebody types is not taken away: only a form without edits is read again
-            return forms[-1].seen if forms and forms[-1].is_edited else stamp(folder / CAMPAIGN)
+async def _cautions(context: AppContext, folder: Path) -> None:
+    """Say what is worth correcting in the campaign file before a trial, and keep that up to date."""
 
-        await keep_current(holder, seen, limits)
+    def said(cautions: tuple[str, ...]) -> None:
+        markup(cautions_html(cautions))
+
+    async def show() -> None:
+        asked = context.worker_pool.think("cautions", str(folder), files=[folder / CAMPAIGN])
+        await fill(ui.element("div"), asked, said, "checking the campaign file …")
+
+    await keep_current(ui.element("div"), lambda: stamp(folder / CAMPAIGN), show)
 
 
 class Surface:
@@ -158,6 +169,8 @@ class Surface:
                 "chart:click", self._clicked, js_handler="(e) => emit([e.seriesType, e.dataIndex, e.value])"
             )
 
+            markup(legend_html(self.found.gain[self.family]))
+
     async def _clicked(self, event: Any) -> None:
         assert self.found is not None
         kind, index, value = event.args
@@ -192,7 +205,8 @@ class Surface:
             files=[self.paths[self.which], self.folder / CAMPAIGN],
         )
         with self.details:
-            markup(what_it_teaches(found, self.family, *self.at))
+            shown = shown_as_written(dict(written_units(self.folder)))
+            markup(what_it_teaches(found, self.family, *self.at, shown))
             holder = ui.element("div")
         await fill(
             holder,
@@ -213,8 +227,16 @@ class Surface:
         button("Download its schedule", lambda: ui.download(clicked.schedule.encode(), name, "text/csv"))
 
 
-def what_it_teaches(found: Swept, family: int, row: int, column: int) -> Markup:
-    """What a design promises: entropy reduction, and each standard deviation before and after."""
+def legend_html(gain: np.ndarray) -> Markup:
+    """Say what the marks in the picture of designs mean, and its grey where designs break a limit, whose gain is NaN."""
+    grey = Markup('; <span class="swatch" aria-hidden="true"></span> grey: a design that breaks a limit')
+    return Markup('<p class="note">★ best design; □ the one you chose{}.</p>').format(
+        grey if np.isnan(gain).any() else ""
+    )
+
+
+def what_it_teaches(found: Swept, family: int, row: int, column: int, shown: Shown) -> Markup:
+    """What a design promises: entropy reduction, and each standard deviation before and after, in the unit in which it is `shown`."""
     gain = float(found.gain[family, row, column])
     if math.isnan(gain):
         return Markup('<p class="alarm">▲ This design breaks a limit; nothing else was computed for it.</p>')
@@ -225,12 +247,13 @@ def what_it_teaches(found: Swept, family: int, row: int, column: int) -> Markup:
     rows = [
         [
             name,
-            short(before),
-            short(float(after)),
-            unit_html(CoefficientName.parse(name).unit),
+            short(factor * before),
+            short(factor * float(after)),
+            unit_html(unit),
             percent(float(after) / before),
         ]
         for name, before, after in zip(found.names, found.sd_before, found.final_sd[family, row, column], strict=True)
+        for factor, unit in [shown(name, CoefficientName.parse(name).unit)]
     ]
     said = [*found.safety, *found.prediction] if (family, row, column) == found.best else []
     more = Markup("").join(Markup("<li>{}</li>").format(line) for line in said)
@@ -250,16 +273,18 @@ def _kept(kept: bool) -> Markup:
 
 
 class Limits:
-    """The form of limits: text with units, as the file has them."""
+    """The form of limits: text with units, as the file has them.
 
-    def __init__(self, context: AppContext, folder: Path, found: FormData):
-        self.context, self.folder = context, folder
-        try:
-            self.seen = read_file(folder)
-        except (SeatrialError, OSError) as error:
-            say(error)
-            return
-        self.said = ui.element("div")
+    Args:
+        context: what is served.
+        folder: of the campaign.
+        found: what the file says.
+        said: element for what is said; it stays when the form is built again.
+    """
+
+    def __init__(self, context: AppContext, folder: Path, found: FormData, said: ui.element):
+        self.context, self.folder, self.said = context, folder, said
+        self.seen = read_file(folder)
         self.fields: list[tuple[str, str, str, ui.input]] = []
         for limit in found.limits:
             self._row(limit)
@@ -304,7 +329,7 @@ class Limits:
                 if not changed:
                     markup("<p>Nothing was changed.</p>")
                     return
-                await self.context.worker_pool.think("check", str(self.folder), text)
+                cautions = await self.context.worker_pool.think("check", str(self.folder), text)
                 write_file(self.folder, text, self.seen)
             except (SeatrialError, OSError) as error:
                 say(error)
@@ -315,3 +340,4 @@ class Limits:
             markup(
                 '<p class="done" role="status">Saved in campaign.toml. What was designed before is stale now: run the design.</p>'
             )
+            markup(cautions_html(cautions))

@@ -2,7 +2,7 @@
 
 import asyncio
 import re
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Mapping
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlencode
@@ -26,7 +26,7 @@ from seatrial.apps.dashboard.edits import (
 )
 from seatrial.apps.dashboard.page_layout import button, table
 from seatrial.apps.dashboard.pages.one_axis import OneAxis
-from seatrial.apps.dashboard.view_models import FormData
+from seatrial.apps.dashboard.view_models import FormData, beside
 from seatrial.core.errors import SeatrialError
 from seatrial.logs.formats.protocol import TIME_UNITS
 
@@ -150,6 +150,7 @@ class ImportForm:
                     return
                 self.seen, self.map = text, channel_map_of(text)
                 self.text.value = self.map
+                self.axis.tell()
                 markup(
                     Markup('<p class="done" role="status">Saved in campaign.toml: {} is under {}.</p>').format(
                         run.label, role
@@ -176,7 +177,7 @@ class ImportForm:
         channels = dict.fromkeys((*found.channels, *mapped))
         self.rows = {channel: Row(self, channel, choices, mapped.get(channel)) for channel in channels}
         heads = {(log, name): head for log, looked in self.logs.items() for name, head in looked.heads.items()}
-        self.axis = OneAxis(self.context, self.folder, lambda: self.map, self._change, self._draft)
+        self.axis = OneAxis(self.context, self.folder, lambda: self.map, self._change, self._draft, lambda: self.seen)
         self.axis.build(choices, heads)
 
     def _show_clocks(self) -> None:
@@ -225,7 +226,7 @@ class ImportForm:
         try:
             self._change(with_channel(self.map, name, mapped))
         except SeatrialError as error:
-            self.rows[name].complain(str(error))
+            self.rows[name].complain(beside(error))
 
     def set_time(self, log: str, name: str, table: str | None, column: str, unit: str) -> None:
         """Change the column of time of one table of a log, in the map and for channels that are yet to be mapped."""
@@ -234,7 +235,7 @@ class ImportForm:
             head = with_time(self.logs[log].heads[name], log, table, column, unit)
             self.logs[log] = self.logs[log]._replace(heads={**self.logs[log].heads, name: head})
         except SeatrialError as error:
-            self.clocks[log, table].complain(str(error))
+            self.clocks[log, table].complain(beside(error))
 
     async def _draft(self, said: ui.element) -> tuple[str, str] | None:
         """The campaign file with this map, checked, and the run; None where something is wrong, which is said beside its channel."""
@@ -247,22 +248,21 @@ class ImportForm:
             identities = [(str(one.get("path")), one.get("table")) for one in files]
             for one, identity in zip(files, identities, strict=True):
                 if not one.get("time", {}).get("column", "-") and identity in self.clocks:
-                    self.clocks[identity].complain("Choose the column of the time stamps, and its unit.")
+                    self.clocks[identity].complain("Choose the column of the time stamps, and its unit.", "column")
                     return None
             text = with_map(self.folder, self.seen, str(self.run.value), self.map)
             await self.context.worker_pool.think("check", str(self.folder), text)
         except (SeatrialError, OSError) as error:
-            file = re.search(r"files\[(\d+)\]\.time", str(error))
+            file = re.search(r"files\[(\d+)\]\.time(?:\.(\w+))?", str(error))
             clock = None if file is None else self.clocks.get(identities[int(file[1])])
-            if clock is not None:
-                clock.complain(str(error))
-                return None
-            at = re.search(r"channels\.([A-Za-z0-9_]+)", str(error))
-            if at is not None and at[1] in self.rows:
-                self.rows[at[1]].complain(str(error))
-                return None
-            with said:
-                say(error)
+            at = re.search(r"channels\.([A-Za-z0-9_]+)(?:\.(\w+))?", str(error))
+            if file is not None and clock is not None:
+                clock.complain(beside(error), file[2])
+            elif at is not None and at[1] in self.rows:
+                self.rows[at[1]].complain(beside(error), at[2])
+            else:
+                with said:
+                    say(error)
             return None
         return text, str(self.run.value)
 
@@ -277,13 +277,35 @@ class ImportForm:
                 say(error)
             else:
                 self.seen = made[0]
+                self.axis.tell()
                 markup(
                     '<p class="done" role="status">Saved in campaign.toml. Now import the records; they are shown above.</p>'
                 )
                 button("Import the records", self.start, main=True)
 
 
-class ClockRow:
+class MapRow:
+    """A row of the form, and what is wrong with it.
+
+    Attributes:
+        parts: fields by the key of the map that they say.
+        said: element beside the row.
+    """
+
+    parts: Mapping[str, ui.element]
+    said: ui.element
+
+    def complain(self, words: str, part: str | None = None) -> None:
+        """Say beside the row what is wrong, and outline the field that says a key of the map; nothing if empty."""
+        for key, field in self.parts.items():
+            field.props("error" if key == part else "", remove="" if key == part else "error")
+        self.said.clear()
+        if words:
+            with self.said:
+                say(words)
+
+
+class ClockRow(MapRow):
     """The column of time of one table of a log, and its unit.
 
     Args:
@@ -307,23 +329,17 @@ class ClockRow:
             self.column.props(LOOK)
             unit = str(time.get("unit", "s"))
             units = list(dict.fromkeys((*TIME_UNITS, unit)))
-            self.unit = ui.select(units, value=unit, label="unit", on_change=self._changed)
-            self.unit.props(f'{LOOK} aria-label="time of {place}: unit"')
+            self.unit = ui.select(units, value=unit, label=f"time of {place}: unit", on_change=self._changed)
+            self.unit.props(LOOK)
             self.said = ui.element("div").classes("beside")
-
-    def complain(self, words: str) -> None:
-        """Say beside the row what is wrong with it; nothing if empty."""
-        self.said.clear()
-        if words:
-            with self.said:
-                say(words)
+        self.parts = {"column": self.column, "unit": self.unit}
 
     def _changed(self) -> None:
         self.complain("")
         self.form.set_time(self.log, self.name, self.table, str(self.column.value or ""), str(self.unit.value))
 
 
-class Row:
+class Row(MapRow):
     """One channel: its column with a small picture, unit, sign and offset.
 
     Args:
@@ -357,14 +373,8 @@ class Row:
             offset = 0.0 if there is None else float(there.get("offset", 0.0))
             self.offset = ui.number("offset, in the unit", value=offset, on_change=self._changed).props(LOOK)
             self.said = ui.element("div").classes("beside")
+        self.parts = {"column": self.column, "unit": self.unit, "scale": self.factor, "offset": self.offset}
         self._draw()
-
-    def complain(self, words: str) -> None:
-        """Say beside the row what is wrong with it; nothing if empty."""
-        self.said.clear()
-        if words:
-            with self.said:
-                say(words)
 
     def _key(self, there: dict[str, Any]) -> str:
         for key in self.choices:
@@ -391,7 +401,8 @@ class Row:
             return
         factor, offset = self.factor.value, self.offset.value
         if not factor or offset is None:
-            self.complain("factor: a number other than 0; offset: a number")
+            words = "factor: a number other than 0; offset: a number"
+            self.complain(words, "offset" if offset is None else "scale")
             return
         self.complain("")
         scale = float(factor) * float(self.sign.value)

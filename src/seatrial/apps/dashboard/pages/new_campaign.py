@@ -1,20 +1,23 @@
 """A new campaign by form: what `seatrial init` asks, what is wrong beside each field, nothing written before all is checked."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from math import isfinite
 from typing import Any
 
 from markupsafe import Markup
 from nicegui import ui
 
-from seatrial.apps.dashboard.app_context import AppContext, fill, markup, say
+from seatrial.apps.dashboard.app_context import AppContext, cautions_html, fill, markup, say
 from seatrial.apps.dashboard.new_campaign_rows import Kind, kinds
 from seatrial.apps.dashboard.page_layout import button, frame, link, section
 from seatrial.apps.dashboard.view_models import PublishedTerms
 from seatrial.campaign.config.new_campaign import OWN, PUBLISHED, SCALARS, NewCampaign, three_quantities
 from seatrial.campaign.config.new_campaign_file import SURGE
 from seatrial.campaign.config.templates import TEMPLATES, WRITTEN
+from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError, SeatrialError
+from seatrial.core.term_checks import terms_that_may_be_one
 from seatrial.core.units import quantity
 
 STARTS = {"own": "a vehicle of your own", "published": "a published vehicle"} | {
@@ -77,8 +80,9 @@ class Start:
 
             await fill(self.places[start], self.context.worker_pool.think("published_terms"), made)
 
-    async def _text(self) -> tuple[Any, str] | None:
-        """Check everything; returns the new folder and the text of its file, or None where something is wrong, which is said."""
+    async def _text(self) -> tuple[Any, str, tuple[str, ...]] | None:
+        """Check everything; returns the new folder, the text of its file and what is worth correcting in it, or None where something is
+        wrong, which is said."""
         self.said.clear()
         start, folder = str(self.start.value), None
         self.name.error = None
@@ -95,7 +99,7 @@ class Start:
             try:
                 template = "" if start in self.places else start
                 about = str(folder), folder.name, template, tuple(said.items())
-                return folder, await self.context.worker_pool.think("begun", *about)
+                return folder, *await self.context.worker_pool.think("begun", *about)
             except (SeatrialError, OSError) as error:
                 say(error)
         return None
@@ -103,13 +107,13 @@ class Start:
     async def _preview(self) -> None:
         if (made := await self._text()) is not None:
             with self.said:
-                words = '<p class="done" role="status">It can be used.</p><pre tabindex="0">{}</pre>'
-                markup(Markup(words).format(made[1]))
+                words = '<p class="done" role="status">It can be used.</p>{}<pre tabindex="0">{}</pre>'
+                markup(Markup(words).format(cautions_html(made[2]), made[1]))
 
     async def _begin(self) -> None:
         if (made := await self._text()) is None:
             return
-        folder, text = made
+        folder, text, _ = made
         try:
             self.context.campaign_paths.begin(folder, text)
         except (SeatrialError, OSError) as error:
@@ -143,7 +147,11 @@ class Form:
                 self.moves.props(f'{LOOK} options-dense label="Velocities that are modelled" use-chips')
                 self._text("speed", new.speed)
             self.terms = markup("").props('aria-live="polite"')
-        self.rows = [Rows(kind, kind.rows(new)) for kind in kinds(bool(published))]
+        self.rows: list[Rows] = []
+        for kind in kinds(bool(published)):
+            self.rows.append(Rows(kind, kind.rows(new), self._compare))
+            if kind.option == "optional":
+                self.cautions = markup("").props('aria-live="polite"')
         with section("Trial"), ui.element("div").classes("line"):
             self._text("duration", new.duration)
         if published:
@@ -162,6 +170,16 @@ class Form:
         self.terms.set_content(
             Markup('<p class="note">Published: {}.</p>').format(", ".join(chosen.terms) or "no terms")
         )
+
+    def _compare(self) -> None:
+        """Say which of the coefficients a record may not tell apart."""
+        terms = []
+        for rows in self.rows:
+            if rows.kind.option in ("seek", "optional"):
+                for row in rows.rows:
+                    with suppress(InputError):  # said beside the row
+                        terms.append(CoefficientName.parse((row.fields["name"].value or "").strip()))
+        self.cautions.set_content(cautions_html(terms_that_may_be_one(terms)))
 
     def _check_text(self, option: str) -> bool:
         form, value = self.texts[option], (self.texts[option].value or "").strip()
@@ -195,8 +213,8 @@ class Form:
 class Rows:
     """The rows of one kind, to which others can be added."""
 
-    def __init__(self, kind: Kind, first: list[dict[str, str]]):
-        self.kind, self.rows = kind, []
+    def __init__(self, kind: Kind, first: list[dict[str, str]], changed: Callable[[], None]):
+        self.kind, self.rows, self.changed = kind, [], changed
         with section(kind.title, kind.note):
             self.place = ui.element("div")
             for row in first or [{}] * kind.least:
@@ -206,11 +224,12 @@ class Rows:
 
     def _add(self, values: dict[str, str]) -> None:
         with self.place:
-            self.rows.append(OneRow(self.kind, values, self._remove))
+            self.rows.append(OneRow(self.kind, values, self._remove, self.changed))
 
     def _remove(self, row: "OneRow") -> None:
         self.rows.remove(row)
         row.part.delete()
+        self.changed()
 
     def check(self) -> bool:
         """Say beside every row what is wrong with it, and whether any are missing; returns whether all is right."""
@@ -227,8 +246,10 @@ class Rows:
 class OneRow:
     """One row of fields, and what is wrong with it."""
 
-    def __init__(self, kind: Kind, values: dict[str, str], remove: Callable[["OneRow"], None]):
-        self.kind = kind
+    def __init__(
+        self, kind: Kind, values: dict[str, str], remove: Callable[["OneRow"], None], changed: Callable[[], None]
+    ):
+        self.kind, self.changed = kind, changed
         with ui.element("div").props(f'role=group aria-label="{kind.one}"') as self.part:
             with ui.element("div").classes("line fields"):
                 self.fields = {}
@@ -242,6 +263,7 @@ class OneRow:
     def _left(self) -> None:
         if self.wrong.content:  # what was wrong may be right now
             self.check()
+        self.changed()
 
     def line(self) -> str:
         """Return what the row says, as a line of the option; empty where nothing is written in it."""

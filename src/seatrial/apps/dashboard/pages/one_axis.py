@@ -36,6 +36,7 @@ class OneAxis:
         change: puts another map into the form.
         draft: returns the whole campaign file with the map, and the run; None where something is wrong, which it says in an element that
             it empties first.
+        saved: returns the campaign file as it was last read or written.
     """
 
     def __init__(
@@ -45,10 +46,14 @@ class OneAxis:
         map_of: Callable[[], str],
         change: Callable[[str], None],
         draft: Callable[[ui.element], Awaitable[tuple[str, str] | None]],
+        saved: Callable[[], str],
     ):
         self.context, self.folder, self.map_of, self.change, self.draft = context, folder, map_of, change, draft
+        self.saved = saved
         self.shifts: dict[tuple[str, str | None], ui.number] = {}
         self.is_shown = False
+        self.note: ui.html | None = None
+        self.drawn, self.spans = "", ""
 
     def build(self, columns: Mapping[str, tuple[str, Any]], heads: Mapping[tuple[str, str], str]) -> None:
         """Build the form.
@@ -180,8 +185,9 @@ class OneAxis:
             markup(Markup('<p class="alarm">▲ {}</p>').format(words))
             button("Let them begin together", lambda: self._begin_together(asked[2], spans))
             return
-        words = f"Nothing is saved yet. {'; '.join(lines)}, counted from the earliest stamp."
-        markup(Markup('<p class="note" role="status">{}</p>').format(words))
+        self.drawn, self.spans = asked[1], f"{'; '.join(lines)}, counted from the earliest stamp."
+        self.note = markup("")
+        self.tell()
         colours = dict(zip(logs, COLOURS * len(logs), strict=False))
         panels = [
             Panel(name, unit, (Curve(name, log, colours[log], "steps" if role == "control" else "dots"),), HEIGHT[role])
@@ -191,6 +197,13 @@ class OneAxis:
         await TimeChart(
             panels, lambda a, b, columns: self._view(asked, a, b, columns), whole, "All channels over time"
         ).build()
+
+    def tell(self) -> None:
+        """Say beside the picture whether what it shows is saved."""
+        if self.note is not None and not self.note.is_deleted:
+            state = "Saved in campaign.toml" if self.drawn == self.saved() else "Nothing is saved yet"
+            html = Markup('<p class="note" role="status">{}. {}</p>').format(state, self.spans)
+            self.note.set_content(html)
 
     async def _view(self, asked: tuple, start: float, end: float, columns: int) -> Mapping[str, Envelope]:
         return await self.context.worker_pool.think("axis_view", *asked, start, end, columns)

@@ -135,9 +135,8 @@ class RecordChart:
 
     def _panel(self, name: str, unit: str, role: str) -> Panel:
         kind = "steps" if role == "control" else "dots"
-        ground = Curve(
-            name, "commanded" if role == "control" else "measured", "ink" if role == "control" else "dots", kind
-        )
+        label = "measured" if role != "control" else "logged" if self.found.imported else "commanded"
+        ground = Curve(name, label, "ink" if role == "control" else "dots", kind)
         above = []
         for colour, (label, curves) in zip(COLOURS * len(self.predicted), self.predicted.items(), strict=False):
             if name in curves:

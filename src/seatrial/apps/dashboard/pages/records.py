@@ -6,6 +6,7 @@ from typing import Any
 from nicegui import ui
 
 from seatrial.apps.dashboard.app_context import AppContext, fill, keep_current, say
+from seatrial.apps.dashboard.jobs import CHECK
 from seatrial.apps.dashboard.page_layout import button, section
 from seatrial.apps.dashboard.pages.import_form import ImportForm
 from seatrial.apps.dashboard.pages.record_chart import RecordChart
@@ -13,6 +14,9 @@ from seatrial.apps.dashboard.pages.work import Live, begin
 from seatrial.apps.dashboard.worker_pool import stamp
 from seatrial.campaign.store.stored_result import Store
 from seatrial.core.errors import SeatrialError
+
+OF_RECORDS = (CHECK, "import", "simulate")
+"""Commands that this page starts."""
 
 
 async def build(context: AppContext, campaign: str, folder: Path) -> None:
@@ -35,7 +39,7 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
         "Checks",
         "What seatrial check says: direction, size, delay, outliers, gaps, and which coefficients each record can determine.",
     ):
-        live, said = Live(context, folder), ui.element("div")
+        live, said = Live(context, folder, OF_RECORDS), ui.element("div")
         with ui.element("div").classes("line"):
             button(
                 "Check the records", lambda: (begin(context, folder, said, "check"), live.look()), main=bool(records())

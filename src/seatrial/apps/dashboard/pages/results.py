@@ -10,8 +10,9 @@ from typing import Any
 from markupsafe import Markup
 from nicegui import ui
 
+from seatrial.apps.campaign_text import written_units
 from seatrial.apps.dashboard.app_context import AppContext, change_of, fill, keep_current, markup, say
-from seatrial.apps.dashboard.page_layout import link, section, table
+from seatrial.apps.dashboard.page_layout import link, links_html, section, table
 from seatrial.apps.dashboard.result_charts import Probability, fit_charts, marginal_chart, probability_chart
 from seatrial.apps.dashboard.view_models import Marginal
 from seatrial.apps.dashboard.worker_pool import stamp
@@ -19,6 +20,7 @@ from seatrial.campaign.store.estimates import Predictions
 from seatrial.campaign.store.stored_result import Store
 from seatrial.campaign.store.structures import StoredCoefficient, StoredSelection, Summary, read_selection, read_summary
 from seatrial.core.coefficients import CoefficientName
+from seatrial.core.display_units import Shown, shown_as_written
 from seatrial.core.errors import InputError, SeatrialError
 from seatrial.estimation.fit_verdict import explained_share
 from seatrial.report.labels import label_html, name_html, sentence_about
@@ -44,9 +46,10 @@ async def _results(context: AppContext, campaign: str, folder: Path) -> None:
         if store.summary.exists():
             say(error)
         else:
-            with section("No results yet"):
+            is_estimated = store.coefficients.exists()
+            with section("No model is chosen yet" if is_estimated else "No results yet"):
                 words = Markup('<p>{}: <a href="{}">Run</a>.</p>')
-                if store.coefficients.exists():
+                if is_estimated:
                     said = "The coefficients are estimated; the command run chooses a model and fills this page"
                     markup(words.format(said, link("run", campaign)))
                     markup(estimated(store))
@@ -54,6 +57,7 @@ async def _results(context: AppContext, campaign: str, folder: Path) -> None:
                     markup(words.format("Run the campaign first", link("run", campaign)))
         return
     names, labels = names_and_labels(summary)
+    shown = shown_as_written(dict(written_units(folder)))
     with section(summary.name):
         await _currency(context, campaign, folder)
         for kind in ("alarms", "verdicts", "cautions"):
@@ -65,7 +69,9 @@ async def _results(context: AppContext, campaign: str, folder: Path) -> None:
                     for text in getattr(summary, kind)
                 )
                 markup(Markup('<h3>{}</h3><ul class="findings">{}</ul>').format(_TITLE[kind], marks))
-        markup(coefficients(summary))
+        if summary.alarms or summary.cautions:
+            markup(links_html([(link("model", campaign), "Change the noise or the terms")]))
+        markup(coefficients(summary, shown))
     with section(
         "Fit and residuals",
         "Raw data, downsampled, spikes kept; line and 90 % band: predicted from the inputs alone. Wheel, drag or buttons zoom.",
@@ -80,17 +86,15 @@ async def _results(context: AppContext, campaign: str, folder: Path) -> None:
         _models(store, summary)
     with section("The next trial"):
         words = sentence_about(summary.next_trial.words, names, labels)
-        markup(
-            Markup('<p>{}</p><p class="links"><a href="{}">Look at it on the design surface</a>{}</p>').format(
-                words,
-                link("design", campaign),
-                Markup('<a href="{}">Download its schedule (CSV)</a>').format(
-                    link("download", campaign, file="results/next_schedule.csv")
-                )
-                if store.schedule(store.next_design).is_file()
-                else "",
-            )
-        )
+        markup(next_html(words, summary.next_trial.stop, campaign, store))
+
+
+def next_html(words: Markup, stop: bool, campaign: str, store: Store) -> Markup:
+    """Say what to do next, with links to the next trial unless it is better not run."""
+    links = [(link("design", campaign), "Look at it on the design surface")]
+    if store.schedule(store.next_design).is_file():
+        links.append((link("download", campaign, file="results/next_schedule.csv"), "Download its schedule (CSV)"))
+    return Markup("<p>{}</p>{}").format(words, "" if stop else links_html(links))
 
 
 _TERM = re.compile(r"\b[A-Z]_\w+")
@@ -112,8 +116,10 @@ def names_and_labels(summary: Summary) -> tuple[dict[str, str], dict[str, str]]:
     return structure_names([Structure(one.label, one.terms) for one in summary.structures]), labels
 
 
-def coefficients(summary: Summary) -> Markup:
-    """The table of coefficients of the chosen structure; with model error where that makes a ± much wider."""
+def coefficients(summary: Summary, shown: Shown) -> Markup:
+    """The table of coefficients of the chosen structure, in the units in which they are `shown`; with model error where that makes a ±
+    much wider.
+    """
     wider = any(row.model_error_sd is not None for row in summary.coefficients)
     rows = [
         [
@@ -125,7 +131,7 @@ def coefficients(summary: Summary) -> Markup:
             unit_html(row.unit),
             percent(row.sd / row.prior_sd) if row.prior_sd else "",
         ]
-        for row in summary.coefficients
+        for row in (one.in_unit(*shown(one.name, one.unit)) for one in summary.coefficients)
     ]
     with_error = ["with model error"] if wider else []
     head = ["parameter", "mean ± sd", *with_error, "95 % interval", "prior sd", "unit", "sd / prior sd"]
@@ -134,19 +140,28 @@ def coefficients(summary: Summary) -> Markup:
 
 def estimated(store: Store) -> Markup:
     """Return the coefficients of each structure as `estimate` wrote them, before any structure is chosen."""
+    found: dict[str, list[dict[str, str]]] = {}
     with store.coefficients.open(encoding="utf-8", newline="") as stream:
-        found = [
-            [
-                row["structure"],
-                row["name"],
-                with_sd(float(row["mean"]), float(row["sd"])),
-                _wider(float(row["model_error_sd"]) if row["model_error_sd"] else None),
-                unit_html(row["unit"]),
-            ]
-            for row in csv.DictReader(stream)
+        for row in csv.DictReader(stream):
+            found.setdefault(row["structure"], []).append(row)
+    return Markup("").join(_of_structure(label, rows) for label, rows in found.items())
+
+
+def _of_structure(label: str, rows: list[dict[str, str]]) -> Markup:
+    terms = [row["name"] for row in rows if _TERM.fullmatch(row["name"])]
+    wider = any(row["model_error_sd"] for row in rows)
+    cells = [
+        [
+            (label_html(CoefficientName.parse(row["name"]).label) + " " if row["name"] in terms else Markup(""))
+            + Markup("<small>{}</small>").format(row["name"]),
+            with_sd(float(row["mean"]), float(row["sd"])),
+            *([_wider(float(row["model_error_sd"]) if row["model_error_sd"] else None)] if wider else []),
+            unit_html(row["unit"]),
         ]
-    head = ["structure", "parameter", "mean ± sd", "with model error", "unit"]
-    return table(head, found, "Estimated coefficients", left=2)
+        for row in rows
+    ]
+    head = ["parameter", "mean ± sd", *(["with model error"] if wider else []), "unit"]
+    return table(head, cells, f"Parameters of {label}: {' '.join(terms)}")
 
 
 def _wider(sd: float | None) -> str:
@@ -273,7 +288,8 @@ async def _posteriors(context: AppContext, folder: Path, summary: Summary) -> No
         holder.clear()
         wanted = candidates if over is not None and over.value else candidates[:1]
         files, truth = [path for _, path in wanted], await _truth(context, folder)
-        await fill(holder, context.worker_pool.draw("marginals", wanted, truth, files=files), draw)
+        asked = context.worker_pool.draw("marginals", wanted, truth, written_units(folder), files=files)
+        await fill(holder, asked, draw)
 
     if over is not None:
         over.on_value_change(show)

@@ -1,6 +1,8 @@
 """What runs: start, watch and resume the commands of the shell with their options, in processes that outlive this page."""
 
 import re
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from markupsafe import Markup, escape
@@ -143,10 +145,16 @@ def begin(context: AppContext, folder: Path, said: ui.element, command: str, *op
 
 
 class Live:
-    """What is at work, kept up to date."""
+    """What is at work, kept up to date.
 
-    def __init__(self, context: AppContext, folder: Path):
-        self.context, self.folder = context, folder
+    Args:
+        context: what is served.
+        folder: of the campaign.
+        words: commands whose output is shown, and else that of the last check; none for whatever was started last.
+    """
+
+    def __init__(self, context: AppContext, folder: Path, words: Sequence[str] = ()):
+        self.context, self.folder, self.words = context, folder, words
         self.part = markup("").props('aria-live="polite"').classes("live")
         self.shown = ""
         ui.timer(EVERY, self.look)
@@ -154,7 +162,10 @@ class Live:
 
     def look(self) -> None:
         """Show what is at work."""
-        html = str(live_html(self.context.look(self.folder)))
+        job = self.context.look(self.folder)
+        if self.words and job.word not in self.words:
+            job = replace(job, command="", output="") if job.running else self.context.jobs.last_check(self.folder)
+        html = str(live_html(job))
         if html != self.shown:
             self.shown = html
             self.part.set_content(html)

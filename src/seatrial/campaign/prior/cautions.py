@@ -1,0 +1,42 @@
+"""What to know about a campaign file before a trial: terms that trials may not tell apart, and a start that the controls do not hold."""
+
+import numpy as np
+
+from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.design.prior_state_space import prior_draws
+from seatrial.campaign.prior.predictive import most_have, steady_motion
+from seatrial.core.coefficients import CoefficientName
+from seatrial.core.display_units import shown_unit
+from seatrial.core.term_checks import terms_that_may_be_one
+
+BESIDE = 0.2
+"""Share of a steady speed by which the start may lie beyond the 90 % range of the priors."""
+
+
+def file_cautions(campaign: Campaign) -> list[str]:
+    """Return a sentence for each thing that is worth correcting in the file, though it can be used."""
+    return [*terms_that_may_be_one(map(CoefficientName.parse, campaign.full.terms)), *_start_that_is_not_held(campaign)]
+
+
+def _start_that_is_not_held(campaign: Campaign) -> list[str]:
+    """Say so where trials begin at a speed at which the controls at trim do not keep the vehicle, by 90 % of the priors."""
+    model, known = campaign.model(campaign.full), {**campaign.hull.trim, campaign.family.control: campaign.family.trim}
+    if not {"u", *model.controls} <= {*known} or "u" not in model.states or campaign.autopilot.loops:
+        return []
+    draws = prior_draws(campaign, model)
+    params = {term.text: draws[:, i] for i, term in enumerate(model.coefficients)}
+    held = dict(zip(model.states, campaign.state_trim(model), strict=True))
+    speed, _ = steady_motion(model, params, [known[name] for name in model.controls], known["u"], held)
+    if not most_have(speed):
+        return []
+    low, middle, high = np.nanquantile(speed, (0.05, 0.5, 0.95))
+    if low - BESIDE * abs(low) <= known["u"] <= high + BESIDE * abs(high):
+        return []
+    at = ", ".join(
+        f"{name} = {known[name] * factor:.4g} {unit}"
+        for name, (factor, unit) in ((name, shown_unit(name)) for name in model.controls)
+    )
+    return [
+        f"a trial begins at {known['u']:.3g} m/s, but {at} holds {low:.3g} to {high:.3g} m/s by 90 % of the priors: the vehicle would "
+        f'never be at its trim. Correct u or the controls in vehicle.trim (u = "{middle:.2g} m/s" is held), or the priors'
+    ]
