@@ -35,6 +35,7 @@ from seatrial.core.programs import program
 from seatrial.design.prior_belief import Belief, draw_z, entropies, log_priors, outputs_of, values_of
 from seatrial.design.sweep import in_blocks
 from seatrial.design.trial_plan import TrialPlan
+from seatrial.numerics.triangular import cholesky_of_array
 
 FREEDOM = 8
 """Degrees of freedom of the multivariate t from which importance draws come: its tails are never lighter than those of a posterior."""
@@ -285,7 +286,7 @@ def _climb(
             candidate,
             _height(belief, shown, candidate, measured, noise),
             precision,
-            jax.scipy.linalg.cho_solve((jnp.linalg.cholesky(precision), True), pull + rise),
+            jax.scipy.linalg.cho_solve((cholesky_of_array(precision), True), pull + rise),
         )
         better = there.height > best.height
         shorter = best._replace(step=0.25 * best.step)

@@ -27,6 +27,7 @@ from seatrial.estimation.slopes import Slopes, likelihood_slopes
 from seatrial.estimation.trial_data import TrialData
 from seatrial.manoeuvres.autopilot import Autopilot
 from seatrial.manoeuvres.pilot import Moment, Pilot, close_loop
+from seatrial.numerics.integrate import rk4_for_slopes
 from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.simulate import move_by
 
@@ -235,14 +236,22 @@ def _innovation_loop(
 
         s_y = H s + dh/dc,  I += s_y' S^-1 s_y,  s <- F (s - K s_y) + df/dc,  S = H P H' + R,  K = P H' S^-1
 
+    Channels, whose noises are independent, are taken in one after the other (Maybeck 1979, section 7.4), so that S is a number.
     What S and K owe to the coefficients is left out. A motion that runs away, or drifts, is remembered as long as the filter does, and
     not for ever: without process noise the slopes of an unstable vehicle grow without bound.
     """
     names = tuple(coefficient.text for coefficient in model.coefficients)
     point = jnp.stack([jnp.asarray(params[name], float) for name in names])
-    k, n, m = len(names), len(model.states), len(channels)
+    k, n = len(names), len(model.states)
     law = None if autopilot is None else close_loop(autopilot, fed_back(model, autopilot, params))
     seen = [] if autopilot is None else [channels.index(name) for name in autopilot.outputs]
+
+    def take_in(carry: tuple, channel: tuple) -> tuple[tuple, None]:
+        (slopes, total, cov), (by_state, by_point) = carry, channel
+        shown, cross = by_state @ slopes + by_point, cov @ by_state
+        variance = by_state @ cross + 1.0
+        after = slopes - jnp.outer(cross, shown) / variance, total + jnp.outer(shown, shown) / variance
+        return (*after, cov - jnp.outer(cross, cross) / variance), None
 
     def advance(carry: tuple, sample: tuple) -> tuple[tuple, None]:
         state, slopes, total, memory, cov = carry
@@ -255,20 +264,15 @@ def _innovation_loop(
             named = dict(zip(names, (joint[i] for i in range(k)), strict=True))
             now = tuple(joint[k + i] for i in range(n))
             shown = jnp.stack([jnp.asarray(model.output(name, named, now, held), float) for name in channels]) * counts
-            moved = jnp.stack(move_by(model, named)(now, held, h))
+            moved = jnp.stack(move_by(model, named, rk4_for_slopes)(now, held, h))
             return jnp.concatenate([moved, shown]), moved
 
         jacobian, moved = jax.jacfwd(moved_and_shown, has_aux=True)(jnp.concatenate([point, state]))
         by_point, by_state = jacobian[:, :k], jacobian[:, k:]
-        shown_slope = by_state[n:] @ slopes + by_point[n:]
-        innovation = by_state[n:] @ cov @ by_state[n:].T + jnp.eye(m)
-        factor = jnp.linalg.cholesky(innovation)
-        scaled = jax.scipy.linalg.solve_triangular(factor, shown_slope, lower=True)
-        gain = jax.scipy.linalg.cho_solve((factor, True), by_state[n:] @ cov).T
-        slopes = by_state[:n] @ (slopes - gain @ shown_slope) + by_point[:n]
-        kept = cov - gain @ innovation @ gain.T
-        cov = by_state[:n] @ (0.5 * (kept + kept.T)) @ by_state[:n].T + jnp.diag(process**2) * h
-        return (moved, slopes, total + scaled.T @ scaled, memory, cov), None
+        (slopes, total, cov), _ = jax.lax.scan(take_in, (slopes, total, cov), (by_state[n:], by_point[n:]))
+        slopes = by_state[:n] @ slopes + by_point[:n]
+        cov = by_state[:n] @ (0.5 * (cov + cov.T)) @ by_state[:n].T + jnp.diag(process**2) * h
+        return (moved, slopes, total, memory, cov), None
 
     begin = () if autopilot is None else autopilot.begin()
     carry = (jnp.asarray(start, float), jnp.zeros((n, k)), jnp.zeros((k, k)), begin, jnp.zeros((n, n)))
