@@ -5,8 +5,11 @@ from dataclasses import replace
 import jax
 import numpy as np
 import pytest
+from scipy.special import logsumexp
 
 from seatrial.core.coefficients import CoefficientName
+from seatrial.core.gaussian import Gaussian
+from seatrial.design.expected_gain import GainSettings, importance_gain
 from seatrial.design.loop_stability import best_gain_change, loop_growth
 from seatrial.design.trial_plan import plan_trial
 from seatrial.manoeuvres.autopilot import Autopilot, Loop
@@ -121,3 +124,38 @@ def test_with_process_noise_it_is_that_of_generalised_least_squares():
     by_hand = slopes(values, np.asarray(made.applied(values, told))[:, 0])
     expected = by_hand.T @ np.linalg.solve(cov, by_hand)
     np.testing.assert_allclose(np.asarray(made.information(values, told)), expected, rtol=1e-4)
+
+
+@pytest.mark.parametrize("turn", [0.15, 0.0], ids=["set-points", "noise alone"])
+def test_expected_gain_through_an_autopilot_is_that_of_quadrature(turn):
+    """The likelihood of outputs given the controls that the noisy loop made, by the vehicle's own formula, over a grid of the prior."""
+    n, mean, sd = 120, np.array([-0.8, 1.0]), np.array([0.2, 0.3])
+    loop = Loop("psi", (("delta_r", 1.0),), 8.0, 0.0, 6.0, "r", interval=H)
+    pilot = Autopilot(("delta_r",), (loop,), (-np.inf,), (np.inf,))
+    noise = {"r": 0.15, "psi": 0.2}
+    trial = plan_trial(TURNING, (0.0, 0.0), noise, n, H, autopilot=pilot)
+    wanted = np.where(np.arange(n) < n // 2, turn, -turn)
+    control = np.column_stack([np.zeros(n), wanted])
+    belief = Gaussian(mean, np.diag(sd))
+    found = importance_gain(trial, belief, control, jax.random.key(1), GainSettings(outer=320, inner=128))
+
+    nodes = np.linspace(-4.5, 4.5, 61)
+    z = np.stack(np.meshgrid(nodes, nodes, indexing="ij"), -1).reshape(-1, 2)
+    grid, log_weights = mean + sd * z, 2 * np.log((nodes[1] - nodes[0]) / np.sqrt(2 * np.pi)) - 0.5 * (z**2).sum(1)
+    random, gains = np.random.default_rng(2), []
+    for truth in mean + sd * random.normal(size=(400, 2)):
+        error, rows = random.normal(size=(n, 2)) * list(noise.values()), np.vstack([truth, grid])
+        a, b = rows.T
+        e = np.exp(a * H)
+        r, psi, fits = np.zeros(len(rows)), np.zeros(len(rows)), np.zeros(len(rows))
+        for k in range(n):
+            shown = r[0] + error[k, 0], psi[0] + error[k, 1]
+            fits -= 0.5 * (((shown[0] - r) / noise["r"]) ** 2 + ((shown[1] - psi) / noise["psi"]) ** 2)
+            rudder = 8.0 * (wanted[k] - shown[1]) - 6.0 * shown[0]
+            drift = b * rudder / a
+            r, psi = (r + drift) * e - drift, psi + (r + drift) * (e - 1) / a - drift * H
+        gains.append(fits[0] - logsumexp(fits[1:] + log_weights))
+    error = np.hypot(np.std(gains) / np.sqrt(len(gains)), found.std_error)
+    assert not found.status
+    assert abs(found.value - np.mean(gains)) < 3 * error
+    assert found.value > 8 * error
