@@ -10,9 +10,14 @@ from scipy.special import logsumexp
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.gaussian import Gaussian
 from seatrial.design.expected_gain import GainSettings, importance_gain
+from seatrial.design.free_form_course import courses, utilities, utility, utility_slope
+from seatrial.design.free_form_problem import FreeFormProblem
 from seatrial.design.loop_stability import best_gain_change, loop_growth
+from seatrial.design.motion_limits import MotionLimit
 from seatrial.design.trial_plan import plan_trial
 from seatrial.manoeuvres.autopilot import Autopilot, Loop
+from seatrial.manoeuvres.free_form import SteppedInput
+from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.vehicles.model import VehicleModel
 
 H = 0.05
@@ -159,3 +164,32 @@ def test_expected_gain_through_an_autopilot_is_that_of_quadrature(turn):
     assert not found.status
     assert abs(found.value - np.mean(gains)) < 3 * error
     assert found.value > 8 * error
+
+
+@pytest.mark.parametrize("process", [None, (0.02, 0.005)], ids=["none", "process noise"])
+def test_a_free_form_of_a_set_point_is_followed_through_the_autopilot(process):
+    """Information as the plan's own, its gradient by differences, and the course as the plan's motion, in blocks that do not fit."""
+    trial, draws = plan(2.0, 1.5, every=2, process=process), np.array([[0.5, 1.0], [-0.2, 2.0]])
+    form = SteppedInput("psi_set", 0.1, 20.0, 1.0, 15.0, 7, edge=0.3)
+    cov, limit = np.diag([0.2, 0.3]) ** 2, MotionLimit("psi", -2.0, 2.0)
+    problem = FreeFormProblem(trial, form, Limits(-0.5, 0.5), draws, cov, {"delta_r": 0.02}, motion=(limit,))
+    setup, x = problem.setup(), np.random.default_rng(4).uniform(-0.8, 0.8, 7)
+    assert len(trial.step) % problem.block
+
+    control = np.column_stack([np.full(400, 0.02), 0.1 + form.basis(trial.time) @ x * problem.span])
+    seen = [cov @ np.asarray(trial.information(point, control)) for point in draws]
+    expected = np.mean([0.5 * np.linalg.slogdet(np.eye(2) + one)[1] for one in seen])
+    assert float(utility(setup, x, problem.block)) == pytest.approx(expected, rel=1e-9)
+
+    step = 1e-5 * np.eye(7)
+    ahead, behind = (utilities(setup, x + sign * step, problem.block)[0] for sign in (1, -1))
+    slope = utility_slope(setup, x, problem.block)
+    np.testing.assert_allclose(slope, (np.asarray(ahead) - behind) / 2e-5, rtol=1e-5, atol=1e-7)
+
+    found = courses(setup, problem.watched(), x[None], problem.block)
+    for at, point in enumerate(draws):
+        psi = np.asarray(trial.motion(point, control))[:, 1]
+        for i in range(400 // problem.block):
+            block = psi[i * problem.block : (i + 1) * problem.block + 1]
+            assert found.highest[0, at, i, 0] == pytest.approx(block.max(), abs=1e-12)
+            assert found.lowest[0, at, i, 0] == pytest.approx(block.min(), abs=1e-12)

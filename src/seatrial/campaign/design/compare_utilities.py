@@ -45,15 +45,20 @@ def compare_measures(campaign: Campaign, count: int, reporter: Reporter = SILENT
         reporter: who is told.
 
     Raises:
-        InputError: process noise is expected, which the expected gain knows nothing of.
+        InputError: as `check_comparison`.
         NumericalError: the motion diverges at a draw of the priors.
     """
-    check_whole_trials(campaign, "--compare", joules=True)
-    _check_no_process_noise(campaign)
+    check_comparison(campaign)
     return stored_measures(campaign, count).read_or_make(lambda: _compute(campaign, count, reporter))
 
 
-def _check_no_process_noise(campaign: Campaign) -> None:
+def check_comparison(campaign: Campaign) -> None:
+    """Check that the expected gain of a campaign's designs can be computed, before any work.
+
+    Raises:
+        InputError: process noise is expected, which the expected gain knows nothing of, or designs that are counted by the second.
+    """
+    check_whole_trials(campaign, "--compare", joules=True)
     model = campaign.model(campaign.full)
     process = campaign.expected_process(model) or (0.0,) * len(model.states)
     moved = [
