@@ -9,6 +9,7 @@ python benchmarks/closed_loop.py safety
 """
 
 import argparse
+import sys
 import tempfile
 import time
 from pathlib import Path
@@ -286,19 +287,14 @@ def together(name, trials=2):
     low, middle, high = np.quantile(ratios, [0.05, 0.5, 0.95])
     print(f"one at a time takes {middle:.2f} times as long ({low:.2f} to {high:.2f}, 90 % of {len(draws)} vehicles)")
     print(f"saved: {1 - 1 / middle:.0%} ({1 - 1 / low:.0%} to {1 - 1 / high:.0%})")
-    mean = {
-        "both": found["both"].mean(0) * trials,
-        "one at a time": 0.5 * trials * (found["first"] + found["second"]).mean(0),
-    }
-    for kind, information in mean.items():
+    mean = {kind: information.mean(0) * trials for kind, information in found.items()}
+    for kind, information in {**mean, "one at a time": 0.5 * (mean["first"] + mean["second"])}.items():
         cov = np.linalg.inv(prior + information)
         correlation = np.abs(cov / np.outer(*2 * [np.sqrt(np.diag(cov))]) - np.eye(len(cov)))
         i, j = np.unravel_index(correlation.argmax(), correlation.shape)
-        left = np.sqrt(np.diag(cov) * np.diag(prior))
-        print(
-            f"{kind}, {trials} trials: at most {left.max():.0%} of a prior sd is left ({plan.names[left.argmax()]}); ",
-            end="",
-        )
+        left = np.sqrt(np.diag(cov) / np.diag(np.linalg.inv(prior)))
+        each = ", ".join(f"{name} {share:.1%}" for name, share in zip(plan.names, left, strict=True))
+        print(f"{trials} trials, {kind}: of prior sds are left {each}; ", end="")
         print(f"strongest correlation {correlation[i, j]:.2f}, {plan.names[i]} with {plan.names[j]}")
 
 
@@ -321,6 +317,7 @@ def rehearsed(name, vehicles, trials=2):
             for commands in strategies.values():
                 records = [run_trial(campaign, vehicle, i + 1, control) for i, control in enumerate(commands)]
                 found.append(known_after(campaign, records, 2 * trials))
+            print(f"{index + 1} of {vehicles}", file=sys.stderr)
             errors.append([values - truth for values, _ in found])
             spreads.append([np.sqrt(np.diag(cov)) for _, cov in found])
     errors, spreads = np.array(errors), np.array(spreads)
