@@ -4,27 +4,35 @@ python benchmarks/closed_loop.py coverage remus --vehicles 40
 python benchmarks/closed_loop.py coverage rov --vehicles 40
 python benchmarks/closed_loop.py together rov
 python benchmarks/closed_loop.py together remus
+python benchmarks/closed_loop.py rehearsed rov --vehicles 200
 python benchmarks/closed_loop.py safety
 """
 
 import argparse
+import sys
 import tempfile
 import time
 from pathlib import Path
+from typing import NamedTuple
 
+import jax
 import numpy as np
 from scipy.stats import binom, norm
 
+from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.load import check_text
 from seatrial.campaign.design.evaluate import plan_of
 from seatrial.campaign.design.prior_state_space import prior_draws
 from seatrial.campaign.design.schedule import design_words
-from seatrial.campaign.rehearsal.run import rehearse
+from seatrial.campaign.inference.posterior import random_key
+from seatrial.campaign.rehearsal.run import known_after, rehearse
+from seatrial.campaign.rehearsal.vehicles import draw_vehicle, run_trial
 from seatrial.design.fisher_utilities import find_criterion
 from seatrial.design.motion_limits import MotionLimit
-from seatrial.design.robust import information_table, utility_table
+from seatrial.design.robust import information_table
 from seatrial.design.safety import judge_safety
 from seatrial.design.sweep import all_controls
+from seatrial.design.trial_plan import TrialPlan
 from seatrial.vehicles.linearise import linearise
 
 LEVEL, BAND = 0.90, 0.99
@@ -215,62 +223,130 @@ BOTH_PLANES = (
 """What makes the REMUS of the steering plane one of both planes."""
 
 
-def together(name, vehicles=200, trials=2):
+class Compared(NamedTuple):
+    """Trials that move both set-points of a vehicle, and trials that move one, of the same length.
+
+    Attributes:
+        campaign: of the trials that move both; those of one set-point differ in the schedule alone.
+        plan: of any of them.
+        draws: coefficients of vehicles drawn from the priors, SI, shape (S, k).
+        controls: commands of a trial by what it moves, "both", "first" and "second", SI, shape (n, c).
+    """
+
+    campaign: Campaign
+    plan: TrialPlan
+    draws: np.ndarray
+    controls: dict[str, np.ndarray]
+
+
+def compared(folder, name, trials, vehicles=200, few=8):
+    """Choose designs: of both set-points the largest Bayesian D gain, of one at a time the pair that takes least time to tell as much."""
+    changes = BOTH_PLANES if name == "remus" else ()
+    other, size = ("theta_set", '"12 deg"') if name == "remus" else ("z_set", '"0.8 m"')
+    turn = '"40 deg"'
+    moved = {
+        "both": ("psi_set", f"together = {{ {other} = {size} }}", turn),
+        "first": ("psi_set", "", turn),
+        "second": (other, "", size),
+    }
+    words, controls, found = {}, {}, {}
+    for kind, (control, more, most) in moved.items():
+        campaign = campaign_of(folder, name, changes, control, more, most)
+        model = campaign.model(campaign.full)
+        plan, draws = plan_of(campaign, model), prior_draws(campaign, model)[:vehicles]
+        words[kind], controls[kind] = all_designs(campaign, plan)
+        found[kind] = information_table(plan, controls[kind], draws[:few])
+    cov = np.cov(draws, rowvar=False)
+    best = int(np.argmax(find_criterion("fisher-d", cov)(found["both"]).mean(1)))
+    wanted = [sds(np.linalg.inv(cov) + trials * one) for one in found["both"][best]]
+
+    def needed(pair):
+        ones, twos = found["first"][pair[0]], found["second"][pair[1]]
+        each = zip(ones, twos, wanted, strict=True)
+        return np.median([trials_needed(np.linalg.inv(cov), one, two, 0.5, sd) for one, two, sd in each])
+
+    first, second = min(np.ndindex(len(words["first"]), len(words["second"])), key=needed)
+    chosen = {"both": best, "first": first, "second": second}
+    for kind, at in chosen.items():
+        print(f"{kind}: {words[kind][at]}", flush=True)
+    campaign = campaign_of(folder, name, changes, *moved["both"])
+    return Compared(campaign, plan, draws, {kind: controls[kind][at] for kind, at in chosen.items()})
+
+
+def together(name, trials=2):
     """Time of trials of one set-point at a time that know every coefficient as well as trials that move both."""
     with tempfile.TemporaryDirectory() as folder:
-        changes = BOTH_PLANES if name == "remus" else ()
-        other = "theta_set" if name == "remus" else "z_set"
-        size = '"12 deg"' if name == "remus" else '"0.8 m"'
-        moved = {
-            "both": ("psi_set", f"together = {{ {other} = {size} }}"),
-            "psi_set": ("psi_set", ""),
-            other: (other, ""),
-        }
-        found = {}
-        for kind, (control, more) in moved.items():
-            campaign = campaign_of(folder, name, changes, control, more, size if control == other else '"40 deg"')
-            model = campaign.model(campaign.full)
-            plan, draws = plan_of(campaign, model), prior_draws(campaign, model)[:vehicles]
-            words, controls = most_informative(campaign, plan, draws)
-            found[kind] = information_table(plan, controls[None], draws)[0]
-            print(f"{kind}: {words}", flush=True)
+        _, plan, draws, controls = compared(folder, name, trials)
+        found = {kind: information_table(plan, one[None], draws)[0] for kind, one in controls.items()}
     prior = np.linalg.inv(np.cov(draws, rowvar=False))
     ratios = []
-    for both, one, two in zip(found["both"], found["psi_set"], found[other], strict=True):
+    for both, one, two in zip(found["both"], found["first"], found["second"], strict=True):
         wanted = sds(prior + trials * both)
         ratios.append(min(trials_needed(prior, one, two, share, wanted) for share in np.linspace(0.05, 0.95, 19)))
     ratios = np.array(ratios) / trials
     low, middle, high = np.quantile(ratios, [0.05, 0.5, 0.95])
-    print(f"one at a time takes {middle:.2f} times as long ({low:.2f} to {high:.2f}, 90 % of {vehicles} vehicles)")
+    print(f"one at a time takes {middle:.2f} times as long ({low:.2f} to {high:.2f}, 90 % of {len(draws)} vehicles)")
     print(f"saved: {1 - 1 / middle:.0%} ({1 - 1 / low:.0%} to {1 - 1 / high:.0%})")
-    names = [term.text for term in model.coefficients]
-    mean = {
-        "both": found["both"].mean(0) * trials,
-        "one at a time": 0.5 * trials * (found["psi_set"] + found[other]).mean(0),
-    }
-    for kind, information in mean.items():
+    mean = {kind: information.mean(0) * trials for kind, information in found.items()}
+    for kind, information in {**mean, "one at a time": 0.5 * (mean["first"] + mean["second"])}.items():
         cov = np.linalg.inv(prior + information)
         correlation = np.abs(cov / np.outer(*2 * [np.sqrt(np.diag(cov))]) - np.eye(len(cov)))
         i, j = np.unravel_index(correlation.argmax(), correlation.shape)
-        left = np.sqrt(np.diag(cov) * np.diag(prior))
-        print(
-            f"{kind}, {trials} trials: at most {left.max():.0%} of a prior sd is left ({names[left.argmax()]}); ",
-            end="",
-        )
-        print(f"strongest correlation {correlation[i, j]:.2f}, {names[i]} with {names[j]}")
+        left = np.sqrt(np.diag(cov) / np.diag(np.linalg.inv(prior)))
+        each = ", ".join(f"{name} {share:.1%}" for name, share in zip(plan.names, left, strict=True))
+        print(f"{trials} trials, {kind}: of prior sds are left {each}; ", end="")
+        print(f"strongest correlation {correlation[i, j]:.2f}, {plan.names[i]} with {plan.names[j]}")
 
 
-def most_informative(campaign, plan, draws, few=8):
-    """Return the design of the grid with the largest Bayesian D gain on average over a few draws: its words and commands."""
+def rehearsed(name, vehicles, trials=2):
+    """Errors of coefficients and coverage of their intervals, estimated by mode from trials that vehicles of the priors run."""
+    start = time.process_time()
+    with tempfile.TemporaryDirectory() as folder:
+        campaign, plan, draws, controls = compared(folder, name, trials)
+        both, *apart = controls.values()
+        strategies = {
+            f"{trials} trials of both": [both] * trials,
+            f"{trials} trials, one at a time": apart * (trials // 2),
+            f"{2 * trials} trials, one at a time": apart * trials,
+        }
+        key, errors, spreads = random_key(campaign.seed, "rehearsal"), [], []
+        for index in range(vehicles):
+            vehicle = draw_vehicle(campaign, plan, np.stack([both, *apart]), jax.random.fold_in(key, index))
+            truth = np.array([vehicle.values[one] for one in plan.names])
+            found = []
+            for commands in strategies.values():
+                records = [run_trial(campaign, vehicle, i + 1, control) for i, control in enumerate(commands)]
+                found.append(known_after(campaign, records, 2 * trials))
+            print(f"{index + 1} of {vehicles}", file=sys.stderr)
+            errors.append([values - truth for values, _ in found])
+            spreads.append([np.sqrt(np.diag(cov)) for _, cov in found])
+    errors, spreads = np.array(errors), np.array(spreads)
+    low, high = binom.ppf([(1 - BAND) / 2, (1 + BAND) / 2], vehicles, LEVEL)
+    print(f"{vehicles} vehicles; right intervals hold the truth in {low:.0f} to {high:.0f} of them ({BAND:.0%})")
+    inside = (np.abs(errors) <= norm.ppf((1 + LEVEL) / 2) * spreads).sum(0)
+    rms, stated = (np.sqrt(np.mean(one**2, 0)) / draws.std(0) for one in (errors, spreads))
+    for at, strategy in enumerate(strategies):
+        for axis in dict.fromkeys(one[0] for one in plan.names):
+            of = [i for i, one in enumerate(plan.names) if one[0] == axis]
+            print(f"{strategy}, {axis}: ", end="")
+            print(
+                ", ".join(
+                    f"{plan.names[i]} {rms[at, i]:.2%} ({stated[at, i]:.2%} stated; {inside[at, i]})" for i in of
+                ),
+                end="",
+            )
+            print(f"; together {np.sqrt(np.mean(rms[at, of] ** 2)):.2%} of a prior sd")
+    print(f"{time.process_time() - start:.0f} processor seconds")
+
+
+def all_designs(campaign, plan):
+    """Return every design of the grid: its words and its commands."""
     words, controls, trim = [], [], campaign.control_trim(plan.model)
     for family in campaign.families:
         amplitude, period = (axis.ravel() for axis in np.meshgrid(*campaign.design.grid(), indexing="ij"))
         words += [design_words(family, *settings) for settings in zip(amplitude, period, strict=True)]
         controls.append(all_controls(family, trim, amplitude, period))
-    controls = np.concatenate(controls)
-    criterion = find_criterion("fisher-d", np.cov(draws, rowvar=False))
-    best = int(np.argmax(utility_table(plan, controls, draws[:few], criterion).mean))
-    return words[best], controls[best]
+    return words, np.concatenate(controls)
 
 
 def sds(precision):
@@ -312,7 +388,7 @@ def default_limits():
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=["coverage", "together", "safety"])
+    parser.add_argument("what", choices=["coverage", "together", "rehearsed", "safety"])
     parser.add_argument("vehicle", nargs="?", choices=list(VEHICLES))
     parser.add_argument("--vehicles", type=int, default=40)
     asked = parser.parse_args()
@@ -320,6 +396,8 @@ def main():
         safety()
     elif asked.what == "together":
         together(asked.vehicle)
+    elif asked.what == "rehearsed":
+        rehearsed(asked.vehicle, asked.vehicles)
     else:
         coverage(asked.vehicle, asked.vehicles)
 

@@ -12,8 +12,11 @@ from seatrial.campaign.data.rebuilt_controls import with_rebuilt_controls
 from seatrial.campaign.data.simulate import Scheduled, run_trial
 from seatrial.campaign.data.true_vehicle import _pushes, true_vehicle
 from seatrial.campaign.design.check_autopilot import check_autopilot
+from seatrial.campaign.design.compare_utilities import check_comparison
 from seatrial.campaign.design.evaluate import plan_of
+from seatrial.campaign.design.free_form import check_free_trial
 from seatrial.campaign.design.prior_state_space import prior_draws
+from seatrial.campaign.design.relay import check_relay
 from seatrial.campaign.design.sweep import design_first
 from seatrial.campaign.inference.quick_estimates import posterior_modes
 from seatrial.campaign.rehearsal.run import rehearse
@@ -106,6 +109,25 @@ def turns(time):
 def test_what_cannot_be_is_told_by_its_key(tmp_path, old, new, said):
     with pytest.raises(InputError, match=said):
         campaign(tmp_path, (old, new))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "check", "said"),
+    [
+        ("", "", check_relay, r"key autopilot.psi[^$]*--self-oscillation[^$]*same actuators"),
+        ("", "", check_comparison, r"key prior.process_v[^$]*process noise, with --compare"),
+        ("", "", check_free_trial, r"key limits.psi_set[^$]*a free form goes as far as it may"),
+        (
+            "[design]",
+            '[design]\ntogether = { delta_r = "2 deg" }',
+            check_free_trial,
+            r"key design.together[^$]*delta_r beside psi_set",
+        ),
+    ],
+)
+def test_designs_that_an_autopilot_does_not_allow(tmp_path, old, new, check, said):
+    with pytest.raises(InputError, match=said):
+        check(campaign(tmp_path, *([(old, new)] if old else [])))
 
 
 def test_the_log_holds_what_the_autopilot_made_of_what_the_sensors_showed(tmp_path):

@@ -12,7 +12,7 @@ from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.design.evaluate import plan_of
 from seatrial.campaign.design.plan import goal_of, plan_trials
 from seatrial.campaign.design.prior_state_space import prior_draws
-from seatrial.campaign.rehearsal.run import _known
+from seatrial.campaign.rehearsal.run import known_after
 from seatrial.campaign.rehearsal.vehicles import Vehicle, run_trial
 from seatrial.core.errors import InputError
 from seatrial.estimation.sensor_errors import noise_name
@@ -112,7 +112,7 @@ def test_the_promised_share_of_vehicles_meets_the_goals(tmp_path):
             run_trial(asked, vehicle, place, np.interp(time, rows[:, 0], rows[:, 1])[:, None] * 2 * np.pi / 60)
             for place, rows in enumerate(controls, 1)
         ]
-        estimate, cov = _known(asked, records, len(records), len(names))
+        estimate, cov = known_after(asked, records, len(records))
         told = {name: (estimate[i], float(np.sqrt(cov[i, i]))) for i, name in enumerate(names)}
         met += not goal_of(asked).unmet(told)
     assert_inside(met, vehicles, found)

@@ -5,11 +5,19 @@ from dataclasses import replace
 import jax
 import numpy as np
 import pytest
+from scipy.special import logsumexp
 
 from seatrial.core.coefficients import CoefficientName
+from seatrial.core.gaussian import Gaussian
+from seatrial.design.expected_gain import GainSettings, importance_gain
+from seatrial.design.free_form_course import courses, utilities, utility, utility_slope
+from seatrial.design.free_form_problem import FreeFormProblem
 from seatrial.design.loop_stability import best_gain_change, loop_growth
+from seatrial.design.motion_limits import MotionLimit
 from seatrial.design.trial_plan import plan_trial
 from seatrial.manoeuvres.autopilot import Autopilot, Loop
+from seatrial.manoeuvres.free_form import SteppedInput
+from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.vehicles.model import VehicleModel
 
 H = 0.05
@@ -121,3 +129,67 @@ def test_with_process_noise_it_is_that_of_generalised_least_squares():
     by_hand = slopes(values, np.asarray(made.applied(values, told))[:, 0])
     expected = by_hand.T @ np.linalg.solve(cov, by_hand)
     np.testing.assert_allclose(np.asarray(made.information(values, told)), expected, rtol=1e-4)
+
+
+@pytest.mark.parametrize("turn", [0.15, 0.0], ids=["set-points", "noise alone"])
+def test_expected_gain_through_an_autopilot_is_that_of_quadrature(turn):
+    """The likelihood of outputs given the controls that the noisy loop made, by the vehicle's own formula, over a grid of the prior."""
+    n, mean, sd = 120, np.array([-0.8, 1.0]), np.array([0.2, 0.3])
+    loop = Loop("psi", (("delta_r", 1.0),), 8.0, 0.0, 6.0, "r", interval=H)
+    pilot = Autopilot(("delta_r",), (loop,), (-np.inf,), (np.inf,))
+    noise = {"r": 0.15, "psi": 0.2}
+    trial = plan_trial(TURNING, (0.0, 0.0), noise, n, H, autopilot=pilot)
+    wanted = np.where(np.arange(n) < n // 2, turn, -turn)
+    control = np.column_stack([np.zeros(n), wanted])
+    belief = Gaussian(mean, np.diag(sd))
+    found = importance_gain(trial, belief, control, jax.random.key(1), GainSettings(outer=320, inner=128))
+
+    nodes = np.linspace(-4.5, 4.5, 61)
+    z = np.stack(np.meshgrid(nodes, nodes, indexing="ij"), -1).reshape(-1, 2)
+    grid, log_weights = mean + sd * z, 2 * np.log((nodes[1] - nodes[0]) / np.sqrt(2 * np.pi)) - 0.5 * (z**2).sum(1)
+    random, gains = np.random.default_rng(2), []
+    for truth in mean + sd * random.normal(size=(400, 2)):
+        error, rows = random.normal(size=(n, 2)) * list(noise.values()), np.vstack([truth, grid])
+        a, b = rows.T
+        e = np.exp(a * H)
+        r, psi, fits = np.zeros(len(rows)), np.zeros(len(rows)), np.zeros(len(rows))
+        for k in range(n):
+            shown = r[0] + error[k, 0], psi[0] + error[k, 1]
+            fits -= 0.5 * (((shown[0] - r) / noise["r"]) ** 2 + ((shown[1] - psi) / noise["psi"]) ** 2)
+            rudder = 8.0 * (wanted[k] - shown[1]) - 6.0 * shown[0]
+            drift = b * rudder / a
+            r, psi = (r + drift) * e - drift, psi + (r + drift) * (e - 1) / a - drift * H
+        gains.append(fits[0] - logsumexp(fits[1:] + log_weights))
+    error = np.hypot(np.std(gains) / np.sqrt(len(gains)), found.std_error)
+    assert not found.status
+    assert abs(found.value - np.mean(gains)) < 3 * error
+    assert found.value > 8 * error
+
+
+@pytest.mark.parametrize("process", [None, (0.02, 0.005)], ids=["none", "process noise"])
+def test_a_free_form_of_a_set_point_is_followed_through_the_autopilot(process):
+    """Information as the plan's own, its gradient by differences, and the course as the plan's motion, in blocks that do not fit."""
+    trial, draws = plan(2.0, 1.5, every=2, process=process), np.array([[0.5, 1.0], [-0.2, 2.0]])
+    form = SteppedInput("psi_set", 0.1, 20.0, 1.0, 15.0, 7, edge=0.3)
+    cov, limit = np.diag([0.2, 0.3]) ** 2, MotionLimit("psi", -2.0, 2.0)
+    problem = FreeFormProblem(trial, form, Limits(-0.5, 0.5), draws, cov, {"delta_r": 0.02}, motion=(limit,))
+    setup, x = problem.setup(), np.random.default_rng(4).uniform(-0.8, 0.8, 7)
+    assert len(trial.step) % problem.block
+
+    control = np.column_stack([np.full(400, 0.02), 0.1 + form.basis(trial.time) @ x * problem.span])
+    seen = [cov @ np.asarray(trial.information(point, control)) for point in draws]
+    expected = np.mean([0.5 * np.linalg.slogdet(np.eye(2) + one)[1] for one in seen])
+    assert float(utility(setup, x, problem.block)) == pytest.approx(expected, rel=1e-9)
+
+    step = 1e-5 * np.eye(7)
+    ahead, behind = (utilities(setup, x + sign * step, problem.block)[0] for sign in (1, -1))
+    slope = utility_slope(setup, x, problem.block)
+    np.testing.assert_allclose(slope, (np.asarray(ahead) - behind) / 2e-5, rtol=1e-5, atol=1e-7)
+
+    found = courses(setup, problem.watched(), x[None], problem.block)
+    for at, point in enumerate(draws):
+        psi = np.asarray(trial.motion(point, control))[:, 1]
+        for i in range(400 // problem.block):
+            block = psi[i * problem.block : (i + 1) * problem.block + 1]
+            assert found.highest[0, at, i, 0] == pytest.approx(block.max(), abs=1e-12)
+            assert found.lowest[0, at, i, 0] == pytest.approx(block.min(), abs=1e-12)

@@ -1,3 +1,5 @@
+from concurrent.futures import ThreadPoolExecutor
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -42,6 +44,30 @@ def test_cholesky_reads_the_lower_triangle_only():
 @pytest.mark.parametrize("matrix", [[[1.0, 2.0], [2.0, 1.0]], [[-1.0, 0.0], [0.0, 1.0]]])
 def test_cholesky_of_an_indefinite_matrix_is_nan(matrix):
     assert np.isnan(dense(triangular.cholesky(scalars(np.array(matrix))))).any()
+
+
+@pytest.mark.parametrize("n", SIZES)
+def test_cholesky_of_an_array(n):
+    factor = lower(n)
+    assert np.allclose(triangular.cholesky_of_array(factor @ factor.T), factor, atol=1e-12)
+    assert np.isnan(triangular.cholesky_of_array(-factor @ factor.T)).any()
+
+
+def test_programs_side_by_side_factor_many_matrices():
+    """LAPACK's batches, shared out to the threads that run the programs, waited for each other for ever."""
+    spread = lower(24) @ lower(24).T
+
+    @jax.jit
+    def again_and_again(start):
+        def step(a, _):
+            factor = jax.vmap(triangular.cholesky_of_array)(a)
+            return factor @ factor.mT, None
+
+        return jax.lax.scan(step, start, length=50)[0]
+
+    with ThreadPoolExecutor(4) as pool:
+        for found in pool.map(lambda _: np.asarray(again_and_again(np.tile(spread, (80, 1, 1)))), range(8)):
+            assert np.allclose(found, spread, atol=1e-10)
 
 
 ROWS = {

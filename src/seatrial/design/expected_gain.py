@@ -2,7 +2,8 @@
 
     EIG = E[log p(y | c) - log p(y)],  c from the prior, y = outputs(c) + noise          Lindley, Ann. Math. Stat. 27, 1956
 
-The noise is normal and white, of the standard deviations that the plan states, which are known. Two estimates, of the same prior draws:
+The noise is normal and white, of the standard deviations that the plan states, which are known. An autopilot sees it, and p(y | c) is then
+that of the outputs given the controls that were logged, as in the fit. Two estimates, of the same prior draws:
 
 - Laplace: the posterior taken as normal at each prior draw, E[0.5 ln det(I + N F)] (Long et al., CMAME 259, 2013), with F
   the information about z and N the entropy power of its prior; for one coefficient that y shows linearly it is a lower bound for
@@ -17,7 +18,7 @@ damped Gauss-Newton steps from the coefficients that made the data, which lie cl
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from math import lgamma, log, pi
 from typing import Any, NamedTuple
@@ -35,6 +36,7 @@ from seatrial.core.programs import program
 from seatrial.design.prior_belief import Belief, draw_z, entropies, log_priors, outputs_of, values_of
 from seatrial.design.sweep import in_blocks
 from seatrial.design.trial_plan import TrialPlan
+from seatrial.numerics.triangular import cholesky_of_array
 
 FREEDOM = 8
 """Degrees of freedom of the multivariate t from which importance draws come: its tails are never lighter than those of a posterior."""
@@ -58,7 +60,7 @@ class Explained(NamedTuple):
 
 
 class _Slopes(NamedTuple):
-    """At one z: information J^T J, pull J^T (measured - shown), and precision of a posterior there."""
+    """At one z: information J^T J, pull J^T noise, and precision of a posterior there."""
 
     information: Array
     pull: Array
@@ -239,20 +241,37 @@ def _explain(
     plan: TrialPlan, belief: Belief, control: Array, z: Array, noise: Array, t: Array, climbs: int
 ) -> tuple[Array, Array, _Slopes]:
     """Return the log prior density of each z, log weights of its importance draws, and slopes at it."""
-    outputs = partial(outputs_of, plan, belief, control)
-    measured = jax.vmap(outputs)(z) + noise
-    peak, origin = jax.vmap(partial(_climb, outputs, belief, climbs))(z, measured, noise)
+    given_controls = replace(plan, autopilot=None)
+
+    def made(z: Array, noise: Array) -> tuple[Array, Array]:
+        """Return the controls that are logged, and all measurements; an autopilot sees the sensors with their noise."""
+        logged = plan.applied(values_of(belief, z), control, noise.reshape(plan.weight.shape))
+        return logged, outputs_of(given_controls, belief, logged, z) + noise
+
+    def about(z: Array, noise: Array) -> _Slopes:
+        """Slopes along the motion that perfect sensors would make, so that they do not depend on the noise."""
+        logged = plan.applied(values_of(belief, z), control)
+        slope = jax.jacfwd(partial(outputs_of, given_controls, belief, logged))(z)
+        information = slope.T @ slope
+        return _Slopes(information, slope.T @ noise, _with_prior(belief, z, information)[0])
+
+    def climbed(z: Array, logged: Array, measured: Array, noise: Array) -> _Peak:
+        return _climb(partial(outputs_of, given_controls, belief, logged), belief, climbs, z, measured, noise)
+
+    logged, measured = jax.vmap(made)(z, noise)
+    peak = jax.vmap(climbed)(z, logged, measured, noise)
 
     def weigh(args: tuple) -> Array:
-        peak, measured, noise, t = args
+        peak, logged, measured, noise, t = args
         factor = jnp.linalg.cholesky(peak.precision)
         points = peak.z + jax.scipy.linalg.solve_triangular(factor, t.T, lower=True, trans=1).T
-        height = jax.vmap(lambda point: _height(belief, outputs(point), point, measured, noise))(points)
+        shown = jax.vmap(partial(outputs_of, given_controls, belief, logged))(points)
+        height = jax.vmap(lambda point, shown: _height(belief, shown, point, measured, noise))(points, shown)
         log_weight = height - _log_student(t) - jnp.sum(jnp.log(jnp.diag(factor)))
         return jnp.where(jnp.isnan(log_weight), -jnp.inf, log_weight)  # diverged: it cannot have made the data
 
     log_prior = jnp.sum(jax.vmap(partial(log_priors, belief))(z), 1)
-    return log_prior, map_lanes(weigh, (peak, measured, noise, t)), origin
+    return log_prior, map_lanes(weigh, (peak, logged, measured, noise, t)), jax.vmap(about)(z, noise)
 
 
 def _log_student(t: Array) -> Array:
@@ -269,14 +288,14 @@ def _height(belief: Belief, shown: Array, z: Array, measured: Array, noise: Arra
 
 def _climb(
     outputs: Callable[[Array], Array], belief: Belief, climbs: int, origin: Array, measured: Array, noise: Array
-) -> tuple[_Peak, _Slopes]:
-    """Damped Gauss-Newton steps from the coefficients that made the data, and the slopes there."""
+) -> _Peak:
+    """Damped Gauss-Newton steps from the coefficients that made the data."""
 
     def both(z: Array) -> tuple[Array, Array]:
         shown = outputs(z)
         return shown, shown
 
-    def visit(carry: tuple, _: None) -> tuple[tuple, _Slopes]:
+    def visit(carry: tuple, _: None) -> tuple[tuple, None]:
         best, candidate = carry
         slope, shown = jax.jacfwd(both, has_aux=True)(candidate)
         information, pull = slope.T @ slope, slope.T @ (measured - shown)
@@ -285,17 +304,17 @@ def _climb(
             candidate,
             _height(belief, shown, candidate, measured, noise),
             precision,
-            jax.scipy.linalg.cho_solve((jnp.linalg.cholesky(precision), True), pull + rise),
+            jax.scipy.linalg.cho_solve((cholesky_of_array(precision), True), pull + rise),
         )
         better = there.height > best.height
         shorter = best._replace(step=0.25 * best.step)
         best = jax.tree.map(partial(jnp.where, better), there, shorter)
-        return (best, best.z + best.step), _Slopes(information, pull, precision)
+        return (best, best.z + best.step), None
 
     k = origin.size
     nowhere = _Peak(origin, jnp.asarray(-jnp.inf), jnp.eye(k), jnp.zeros(k))
-    (best, _), slopes = jax.lax.scan(visit, (nowhere, origin), None, length=climbs + 1)
-    return best, jax.tree.map(lambda x: x[0], slopes)
+    (best, _), _ = jax.lax.scan(visit, (nowhere, origin), None, length=climbs + 1)
+    return best
 
 
 def _with_prior(belief: Belief, z: Array, information: Array) -> tuple[Array, Array]:

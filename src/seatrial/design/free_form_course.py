@@ -18,7 +18,7 @@ from seatrial.design.cost import TrialCost
 from seatrial.design.integrals import joint_move, joint_start, signals_at
 from seatrial.design.motion_limits import MotionLimit, limit_integrals
 from seatrial.design.trial_plan import TrialPlan
-from seatrial.estimation.information import sensitivity_loop
+from seatrial.estimation.information import controls_of, information_loop
 from seatrial.numerics.integrate import time_loop
 
 
@@ -27,8 +27,8 @@ class Setup(NamedTuple):
 
     Attributes:
         plan: vehicle, sensors and times.
-        trim: every control at trim, shape (c,).
-        span: change of each control for a change of one, SI; 0 but for the one that is driven, shape (c,).
+        trim: every command at trim, shape (c,).
+        span: change of each command for a change of one, SI; 0 but for the one that is driven, shape (c,).
         basis: change of that control at every sample for a change of one of each level, shape (n, m).
         points: coefficients over which the utility is averaged, shape (P, k).
         factor: Cholesky factor L of the prior covariance, shape (k, k).
@@ -140,9 +140,10 @@ def _control(setup: Setup, x: Array) -> Array:
 
 def _information(plan: TrialPlan, values: Array, control: Array, block: int) -> Array:
     """`TrialPlan.information` in blocks that are computed anew on the way back."""
-    begin, advance = sensitivity_loop(plan.model, plan.channels, plan.named(values), plan.start, plan.autopilot)
+    parts = plan.model, plan.channels, plan.named(values), plan.start
+    begin, advance = information_loop(*parts, plan.autopilot, plan.process)
     over_block = jax.checkpoint(lambda carry, samples: jax.lax.scan(advance, carry, samples))
-    (_, _, total, _), _ = jax.lax.scan(over_block, begin, _blocks(plan, control, block))
+    (_, _, total, *_), _ = jax.lax.scan(over_block, begin, _blocks(plan, control, block))
     return total
 
 
@@ -159,19 +160,26 @@ def _course(plan: TrialPlan, watched: Watched, values: Array, control: Array, bl
         result = quantities(joint, held)
         return jnp.maximum(extremes[0], result), jnp.minimum(extremes[1], result)
 
-    def look(joint: tuple, extremes: tuple, held: tuple, _: None) -> tuple[tuple, None]:
-        return widened(extremes, joint, held), None
+    decide, memory = controls_of(plan.model, plan.channels, plan.named(values), plan.autopilot)
 
-    move = joint_move(plan, integrals, values)
+    def law(joint: tuple, carry: tuple, sample: tuple) -> tuple[tuple, tuple]:
+        held, memory = decide(joint, carry[0], *sample)
+        return held, (memory, held, carry[2])
 
-    def over_block(joint: tuple, samples: tuple) -> tuple[tuple, tuple]:
-        columns, step, _ = samples
-        first, last = (tuple(column[i] for column in columns) for i in (0, -1))
-        result = quantities(joint, first)
-        (joint, extremes), _ = time_loop(move, joint, columns, step, look, (result, result))
-        return joint, widened(extremes, joint, last)
+    def look(joint: tuple, carry: tuple, held: tuple, _: tuple) -> tuple[tuple, None]:
+        return (*carry[:2], widened(carry[2], joint, held)), None
 
-    joint, (highest, lowest) = jax.lax.scan(over_block, joint_start(plan, integrals), _blocks(plan, control, block))
+    move, n = joint_move(plan, integrals, values), len(plan.model.controls)
+
+    def over_block(carry: tuple, samples: tuple) -> tuple[tuple, tuple]:
+        (joint, memory), (columns, step, weight) = carry, samples
+        nothing = jnp.full(max(len(watched.motion), 1), jnp.inf)
+        begin = memory, (jnp.zeros(()),) * n, (-nothing, nothing)
+        (joint, (memory, last, extremes)), _ = time_loop(move, joint, law, step, look, begin, (columns, weight))
+        return (joint, memory), widened(extremes, joint, last)
+
+    begin = joint_start(plan, integrals), memory
+    ((joint, _), (highest, lowest)) = jax.lax.scan(over_block, begin, _blocks(plan, control, block))
     return Course(highest, lowest, watched.cost.fixed + joint[-1] if watched.cost is not None else jnp.zeros(()))
 
 

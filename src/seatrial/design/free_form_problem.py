@@ -26,11 +26,11 @@ class FreeFormProblem:
     Attributes:
         plan: vehicle, its start, sensors and times.
         form: the input and its levels.
-        limits: of the control; both bounds are needed.
+        limits: of the control or set-point; both bounds are needed.
         points: coefficients over which the utility is averaged, SI, shape (P, k): one for a local design, draws from the prior
             for an averaged one.
         prior_cov: covariance of the coefficients before the trial, SI, shape (k, k).
-        held: value at trim of every control that is not driven.
+        held: value at trim of every command that is not driven.
         motion: limits of the motion.
         cost: of the trial, where it is bounded, for example its energy.
         budget: the most it may be, in the unit of the cost.
@@ -83,7 +83,7 @@ class FreeFormProblem:
 
     def setup(self) -> Setup:
         """Return the numbers of the search."""
-        names = self.plan.model.controls
+        names = self.plan.commands
         trim = np.array([self.form.trim if name == self.form.control else self.held[name] for name in names])
         span = np.array([self.span if name == self.form.control else 0.0 for name in names])
         basis, points = self.form.basis(self.plan.time), np.asarray(self.points, float)
@@ -170,11 +170,11 @@ def _check_fit(problem: FreeFormProblem) -> None:
     plan, form, k = problem.plan, problem.form, len(problem.plan.names)
     shapes = np.shape(problem.points), np.shape(problem.prior_cov), problem.safe_for.shape
     fits = len(shapes[0]) == len(shapes[2]) == 2 and shapes[0][1] == shapes[2][1] == k and shapes[1] == (k, k)
-    missing = [name for name in plan.model.controls if name != form.control and name not in problem.held]
+    missing = [name for name in plan.commands if name != form.control and name not in problem.held]
     duration = float(np.sum(plan.step))
     positive = fits and np.all(np.linalg.eigvalsh(np.asarray(problem.prior_cov, float)) > 0)
     for holds, what, result, expected in (
-        (form.control in plan.model.controls, "control", form.control, "one of " + ", ".join(plan.model.controls)),
+        (form.control in plan.commands, "control", form.control, "one of " + ", ".join(plan.commands)),
         (not missing, "held", "nothing for " + ", ".join(missing), "the trim value of every other control"),
         (
             (problem.cost is None) == (problem.budget == inf),

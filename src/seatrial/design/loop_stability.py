@@ -22,6 +22,7 @@ from seatrial.design.trial_plan import TrialPlan
 from seatrial.estimation.information import fed_back
 from seatrial.manoeuvres.autopilot import GAINS, Autopilot, LoopMemory, Memory
 from seatrial.manoeuvres.pilot import Moment, close_loop
+from seatrial.numerics.integrate import rk4_for_slopes
 from seatrial.vehicles.simulate import move_by
 
 FACTORS = (0.5, 2.0)
@@ -135,7 +136,7 @@ def _linearised(plan: TrialPlan, pilot: Autopilot, cycles: int, trim: Array, dra
 
     def one(values: Array) -> tuple[Array, Array]:
         params = plan.named(values)
-        law, move = close_loop(pilot, fed_back(plan.model, pilot, params)), move_by(plan.model, params)
+        law, move = close_loop(pilot, fed_back(plan.model, pilot, params)), move_by(plan.model, params, rk4_for_slopes)
 
         def over_cycle(z: Array, count: Array) -> Array:
             def advance(carry: tuple, _: None) -> tuple[tuple, None]:

@@ -99,11 +99,19 @@ class TrialPlan:
         """Coefficients by name, SI."""
         return {name: values[i] for i, name in enumerate(self.names)}
 
-    def applied(self, values: Float[Array, " k"], control: Float[Array, "n c"]) -> Float[Array, "n n_controls"]:
-        """Return the vehicle's controls as they act under a design, through perfect sensors, SI; may be batched, arguments as `motion`."""
+    def applied(
+        self, values: Float[Array, " k"], control: Float[Array, "n c"], noise: Float[Array, "n m"] | None = None
+    ) -> Float[Array, "n n_controls"]:
+        """Return the vehicle's controls as they act under a design, SI; may be batched.
+
+        Args:
+            values: coefficients, SI.
+            control: every command, held from each sample to the next, SI.
+            noise: of each channel over its standard deviation, as the autopilot sees it; None for perfect sensors.
+        """
         start = tuple(self.start[i] for i in range(self.start.shape[0]))
         move = move_by(self.model, self.named(values))
-        *_, held = self.follow(values, move, start, control, lambda state, memory, held, _: (memory, held))
+        *_, held = self.follow(values, move, start, control, lambda state, memory, held, _: (memory, held), noise=noise)
         return jnp.stack(held, 1)
 
     def moments(

@@ -27,6 +27,7 @@ from seatrial.estimation.slopes import Slopes, likelihood_slopes
 from seatrial.estimation.trial_data import TrialData
 from seatrial.manoeuvres.autopilot import Autopilot
 from seatrial.manoeuvres.pilot import Moment, Pilot, close_loop
+from seatrial.numerics.integrate import rk4_for_slopes
 from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.simulate import move_by
 
@@ -157,10 +158,7 @@ def coefficient_information(
         autopilot: that makes the controls, which are logged: given them, what it decides has no part in the slopes.
         process: standard deviation that each state gains in one second, SI; None where the motion follows the model exactly.
     """
-    if process is None:
-        begin, advance = sensitivity_loop(model, channels, params, start, autopilot)
-    else:
-        begin, advance = _innovation_loop(model, channels, params, start, process, autopilot)
+    begin, advance = information_loop(model, channels, params, start, autopilot, process)
     columns = tuple(control[:, i] for i in range(control.shape[1]))
     (_, _, total, *_), _ = jax.lax.scan(advance, begin, (columns, step, weight))
     return total
@@ -176,12 +174,45 @@ def fed_back(model: VehicleModel, pilot: Pilot, params: Mapping[str, Any]) -> Ca
     return show
 
 
-def sensitivity_loop(
+def controls_of(
+    model: VehicleModel, channels: tuple[str, ...], params: Mapping[str, Any], autopilot: Autopilot | None
+) -> tuple[Callable[[tuple, Any, tuple, Array], tuple[tuple, Any]], Any]:
+    """Return `(state, memory, told, weight) ->` the controls and the memory, and the first memory.
+
+    The controls are what is told or, through perfect sensors, what the autopilot makes of it; a sensor of weight 0 shows it nothing.
+    """
+    if autopilot is None:
+        return lambda state, memory, told, weight: (told, memory), ()
+    law = close_loop(autopilot, fed_back(model, autopilot, params))
+    seen = [channels.index(name) for name in autopilot.outputs]
+
+    def decide(state: tuple, memory: Any, told: tuple, weight: Array) -> tuple[tuple, Any]:
+        errors = tuple(jnp.where(weight[at] > 0, 0.0, jnp.nan) for at in seen)
+        return law(state, memory, Moment(0.0, told, errors))
+
+    return decide, autopilot.begin()
+
+
+def information_loop(
     model: VehicleModel,
     channels: tuple[str, ...],
     params: Mapping[str, Any],
     start: Float[Array, " n_states"],
     autopilot: Autopilot | None = None,
+    process: Float[Array, " n_states"] | None = None,
+) -> tuple[tuple, Callable[[tuple, tuple], tuple[tuple, None]]]:
+    """Return the time loop of `coefficient_information`, see there: its first carry, whose third part is the sum, and its step."""
+    if process is None:
+        return _sensitivity_loop(model, channels, params, start, autopilot)
+    return _innovation_loop(model, channels, params, start, process, autopilot)
+
+
+def _sensitivity_loop(
+    model: VehicleModel,
+    channels: tuple[str, ...],
+    params: Mapping[str, Any],
+    start: Float[Array, " n_states"],
+    autopilot: Autopilot | None,
 ) -> tuple[tuple, Callable[[tuple, tuple], tuple[tuple, None]]]:
     """Time loop that sums the information of `coefficient_information`: its first carry, and its step.
 
@@ -196,15 +227,12 @@ def sensitivity_loop(
     k = len(names)
     directions = tuple(jnp.eye(k)[i] for i in range(k))
 
-    law = None if autopilot is None else close_loop(autopilot, fed_back(model, autopilot, params))
-    seen = [] if autopilot is None else [channels.index(name) for name in autopilot.outputs]
+    decide, begin = controls_of(model, channels, params, autopilot)
 
     def advance(carry: tuple, sample: tuple) -> tuple[tuple, None]:
         state, slopes, total, memory = carry
-        held, h, counts = sample
-        if law is not None:
-            errors = tuple(jnp.where(counts[at] > 0, 0.0, jnp.nan) for at in seen)
-            held, memory = law(state, memory, Moment(0.0, held, errors))
+        told, h, counts = sample
+        held, memory = decide(state, memory, told, counts)
 
         def moved_and_shown(point: tuple, state: tuple) -> tuple[tuple, Array]:
             named = dict(zip(names, point, strict=True))
@@ -219,7 +247,6 @@ def sensitivity_loop(
         return (state, slopes, total + shown @ shown.T, memory), None
 
     state = tuple(start[i] for i in range(start.shape[0]))
-    begin = () if autopilot is None else autopilot.begin()
     return (state, tuple(jnp.zeros(k) for _ in state), jnp.zeros((k, k)), begin), advance
 
 
@@ -231,46 +258,45 @@ def _innovation_loop(
     process: Float[Array, " n_states"],
     autopilot: Autopilot | None,
 ) -> tuple[tuple, Callable[[tuple, tuple], tuple[tuple, None]]]:
-    """Time loop that sums the information of the innovations of a Kalman filter about the motion; carry as `sensitivity_loop`, then P.
+    """Time loop that sums the information of the innovations of a Kalman filter about the motion; carry as `_sensitivity_loop`, then P.
 
         s_y = H s + dh/dc,  I += s_y' S^-1 s_y,  s <- F (s - K s_y) + df/dc,  S = H P H' + R,  K = P H' S^-1
 
+    Channels, whose noises are independent, are taken in one after the other (Maybeck 1979, section 7.4), so that S is a number.
     What S and K owe to the coefficients is left out. A motion that runs away, or drifts, is remembered as long as the filter does, and
     not for ever: without process noise the slopes of an unstable vehicle grow without bound.
     """
     names = tuple(coefficient.text for coefficient in model.coefficients)
     point = jnp.stack([jnp.asarray(params[name], float) for name in names])
-    k, n, m = len(names), len(model.states), len(channels)
-    law = None if autopilot is None else close_loop(autopilot, fed_back(model, autopilot, params))
-    seen = [] if autopilot is None else [channels.index(name) for name in autopilot.outputs]
+    k, n = len(names), len(model.states)
+    decide, begin = controls_of(model, channels, params, autopilot)
+
+    def take_in(carry: tuple, channel: tuple) -> tuple[tuple, None]:
+        (slopes, total, cov), (by_state, by_point) = carry, channel
+        shown, cross = by_state @ slopes + by_point, cov @ by_state
+        variance = by_state @ cross + 1.0
+        after = slopes - jnp.outer(cross, shown) / variance, total + jnp.outer(shown, shown) / variance
+        return (*after, cov - jnp.outer(cross, cross) / variance), None
 
     def advance(carry: tuple, sample: tuple) -> tuple[tuple, None]:
         state, slopes, total, memory, cov = carry
-        held, h, counts = sample
-        if law is not None:
-            errors = tuple(jnp.where(counts[at] > 0, 0.0, jnp.nan) for at in seen)
-            held, memory = law(tuple(state[i] for i in range(n)), memory, Moment(0.0, held, errors))
+        told, h, counts = sample
+        held, memory = decide(tuple(state[i] for i in range(n)), memory, told, counts)
 
         def moved_and_shown(joint: Array) -> tuple[Array, Array]:
             named = dict(zip(names, (joint[i] for i in range(k)), strict=True))
             now = tuple(joint[k + i] for i in range(n))
             shown = jnp.stack([jnp.asarray(model.output(name, named, now, held), float) for name in channels]) * counts
-            moved = jnp.stack(move_by(model, named)(now, held, h))
+            moved = jnp.stack(move_by(model, named, rk4_for_slopes)(now, held, h))
             return jnp.concatenate([moved, shown]), moved
 
         jacobian, moved = jax.jacfwd(moved_and_shown, has_aux=True)(jnp.concatenate([point, state]))
         by_point, by_state = jacobian[:, :k], jacobian[:, k:]
-        shown_slope = by_state[n:] @ slopes + by_point[n:]
-        innovation = by_state[n:] @ cov @ by_state[n:].T + jnp.eye(m)
-        factor = jnp.linalg.cholesky(innovation)
-        scaled = jax.scipy.linalg.solve_triangular(factor, shown_slope, lower=True)
-        gain = jax.scipy.linalg.cho_solve((factor, True), by_state[n:] @ cov).T
-        slopes = by_state[:n] @ (slopes - gain @ shown_slope) + by_point[:n]
-        kept = cov - gain @ innovation @ gain.T
-        cov = by_state[:n] @ (0.5 * (kept + kept.T)) @ by_state[:n].T + jnp.diag(process**2) * h
-        return (moved, slopes, total + scaled.T @ scaled, memory, cov), None
+        (slopes, total, cov), _ = jax.lax.scan(take_in, (slopes, total, cov), (by_state[n:], by_point[n:]))
+        slopes = by_state[:n] @ slopes + by_point[:n]
+        cov = by_state[:n] @ (0.5 * (cov + cov.T)) @ by_state[:n].T + jnp.diag(process**2) * h
+        return (moved, slopes, total, memory, cov), None
 
-    begin = () if autopilot is None else autopilot.begin()
     carry = (jnp.asarray(start, float), jnp.zeros((n, k)), jnp.zeros((k, k)), begin, jnp.zeros((n, n)))
     return carry, advance
 

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 
 from seatrial.core.gaussian import Gaussian
 from seatrial.filters.belief import Belief
-from seatrial.numerics.triangular import Scalar, cholesky, to_matrix, to_triangle
+from seatrial.numerics.triangular import Scalar, cholesky, cholesky_of_array, to_matrix, to_triangle
 
 
 class Form(Protocol):
@@ -82,7 +82,7 @@ class CovarianceArray:
 
     def end(self, belief: Belief) -> Gaussian:
         """See `Form.end`."""
-        return Gaussian(belief.mean, jnp.linalg.cholesky(belief.spread))
+        return Gaussian(belief.mean, cholesky_of_array(belief.spread))
 
     def means(self, belief: Belief) -> tuple[Scalar, ...]:
         """See `Form.means`."""

@@ -41,6 +41,7 @@ from seatrial.numerics.triangular import (
     Scalar,
     Triangle,
     Vector,
+    cholesky_of_array,
     dot,
     is_zero,
     rank_one_downdate,
@@ -167,7 +168,7 @@ class LargeUnscentedKalmanFilter:
         images = jnp.concatenate([_columns(moved, len(points)), points[:, len(moved) :]], axis=1)
         mean, away = self._about_mean(images)
         spread = self._squares(away) + process_covariance(space, belief.mean, control, step)
-        return Belief(mean, jnp.linalg.cholesky(spread)), 0
+        return Belief(mean, cholesky_of_array(spread)), 0
 
     def update(self, space: StateSpace, belief: Belief, control: Vector, measurement: Vector) -> tuple[Belief, Update]:
         """See `Filter.update`."""
@@ -176,7 +177,7 @@ class LargeUnscentedKalmanFilter:
         masked = mask_missing(space, measurement, tuple(predicted))
         joint = jnp.concatenate([away * jnp.stack(masked.weight), points - belief.mean], axis=1)
         noise = jnp.concatenate([jnp.stack(masked.noise_sd), jnp.zeros(belief.mean.size)])
-        factor = jnp.linalg.cholesky(self._squares(joint) + jnp.diag(noise**2))
+        factor = cholesky_of_array(self._squares(joint) + jnp.diag(noise**2))
         white = solve_triangular(factor[:m, :m], jnp.stack(masked.innovation), lower=True)
         nis, n_measured = white @ white, sum(masked.weight)
         log_likelihood = -0.5 * (nis + n_measured * LOG_2PI) - jnp.log(jnp.diag(factor)[:m]).sum()

@@ -8,7 +8,10 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+import jax
 import jax.numpy as jnp
+
+from seatrial.core.batching import on_accelerator
 
 Scalar = Any
 Vector = tuple[Scalar, ...]
@@ -58,6 +61,23 @@ def cholesky(matrix: Sequence[Sequence[Scalar]]) -> Triangle:
         row.append(jnp.sqrt(matrix[i][i] - dot(row, row)))
         rows.append(row)
     return tuple(map(tuple, rows))
+
+
+def cholesky_of_array(matrix: Any) -> Any:
+    """Return the lower factor of an array of shape (n, n), for programs of many lanes; NaN where it is not positive definite.
+
+    On a processor column by column (Golub and Van Loan, 4th ed., section 4.2.5). LAPACK divides a batch among the threads that run
+    programs, and waits for them: as many programs as there are threads would wait for each other for ever.
+    """
+    if on_accelerator():
+        return jnp.linalg.cholesky(matrix)
+    rows = jnp.arange(matrix.shape[0])
+
+    def next_column(left: Any, j: Any) -> tuple[Any, Any]:
+        column = jnp.where(rows < j, 0.0, left[:, j] / jnp.sqrt(left[j, j]))
+        return left - jnp.outer(column, column), column
+
+    return jax.lax.scan(next_column, matrix, rows)[1].T
 
 
 def triangular_factor(rows: Sequence[Sequence[Scalar]]) -> Triangle:

@@ -152,6 +152,7 @@ def _check_options(
     campaign: Any, free_form: int, self_oscillation: bool, trials: int, search: int, compare: int
 ) -> None:
     """Look for what each option needs before any work."""
+    from seatrial.campaign.design.compare_utilities import check_comparison
     from seatrial.campaign.design.evaluate import check_whole_trials
     from seatrial.campaign.design.free_form import check_free_trial
     from seatrial.campaign.design.global_search import check_search
@@ -166,7 +167,7 @@ def _check_options(
     if search:
         check_search(campaign, search)
     if compare:
-        check_whole_trials(campaign, "--compare", joules=True)
+        check_comparison(campaign)
 
 
 def _each(answer: Answer, options: list[Callable[[], list[str]]]) -> None:

@@ -181,8 +181,8 @@ class Campaign:
                 remedy="`seatrial design`, `select`, `estimate`, `run`, `profile` and `criteria` work on other axes",
             )
 
-    def check_no_autopilot(self, what: str) -> None:
-        """Check that trials act on the controls themselves, for what cannot follow an autopilot.
+    def check_no_autopilot(self, what: str, because: str = "") -> None:
+        """Check that trials act on the controls themselves, for what cannot follow an autopilot, in words, with its reason.
 
         Raises:
             InputError: trials run through an autopilot.
@@ -190,9 +190,9 @@ class Campaign:
         if self.autopilot.loops:
             raise InputError(
                 self.where(f"autopilot.{self.autopilot.loops[0].holds}"),
-                found=f"trials through an autopilot, with {what}",
+                found=f"trials through an autopilot, with {what}{because and ', ' + because}",
                 expected="trials that act on the controls themselves",
-                remedy=f"leave out {what}; the designs of the families, --search and --trials run through the autopilot",
+                remedy=f"leave out {what}; the designs of the families, --free-form, --search and --trials run through the autopilot",
             )
 
     @property

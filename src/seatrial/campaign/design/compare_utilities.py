@@ -17,12 +17,13 @@ from seatrial.campaign.inference.posterior import random_key
 from seatrial.campaign.store.designs import EXPECTED, Measures, read_measures
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.dataset import Dataset
-from seatrial.core.errors import NumericalError
+from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.reporter import SILENT, Reporter
 from seatrial.design.expected_gain import GainSettings, importance_gain
 from seatrial.design.fisher_utilities import find_criterion
 from seatrial.design.prior_belief import draw_values, prior_cov
 from seatrial.design.robust import local_utility, utility_table
+from seatrial.estimation.filter_error import process_name
 
 FISHER = ("fisher-d", "fisher-a", "fisher-e", "fisher-me")
 SETTINGS = GainSettings(inner=256)
@@ -44,11 +45,34 @@ def compare_measures(campaign: Campaign, count: int, reporter: Reporter = SILENT
         reporter: who is told.
 
     Raises:
+        InputError: as `check_comparison`.
         NumericalError: the motion diverges at a draw of the priors.
     """
-    check_whole_trials(campaign, "--compare", joules=True)
-    campaign.check_no_autopilot("--compare")
+    check_comparison(campaign)
     return stored_measures(campaign, count).read_or_make(lambda: _compute(campaign, count, reporter))
+
+
+def check_comparison(campaign: Campaign) -> None:
+    """Check that the expected gain of a campaign's designs can be computed, before any work.
+
+    Raises:
+        InputError: process noise is expected, which the expected gain knows nothing of, or designs that are counted by the second.
+    """
+    check_whole_trials(campaign, "--compare", joules=True)
+    model = campaign.model(campaign.full)
+    process = campaign.expected_process(model) or (0.0,) * len(model.states)
+    moved = [
+        name
+        for state, sd in zip(model.states, process, strict=True)
+        if sd and (name := process_name(state)) in campaign.priors
+    ]
+    if moved:
+        raise InputError(
+            campaign.where(f"prior.{moved[0]}"),
+            found="process noise, with --compare",
+            expected="a motion that follows the model: the expected gain counts the sensors' noise only, the cheap measures both",
+            remedy="leave out --compare, or compare without the priors of process noise",
+        )
 
 
 def _compute(campaign: Campaign, count: int, reporter: Reporter) -> Dataset:

@@ -4,9 +4,9 @@ from dataclasses import asdict
 from functools import partial
 from math import inf
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.design.evaluate import check_whole_trials, plan_of
@@ -20,11 +20,12 @@ from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError
 from seatrial.core.reporter import SILENT, Reporter
 from seatrial.design.fisher_utilities import find_criterion
-from seatrial.design.free_form import FreeFormDesign, design_free_form
+from seatrial.design.free_form import design_free_form
 from seatrial.design.free_form_problem import FreeFormProblem
 from seatrial.design.prior_belief import draw_values, prior_cov
 from seatrial.design.robust import utility_table
 from seatrial.design.safety import judge_safety
+from seatrial.design.trial_plan import TrialPlan
 from seatrial.manoeuvres.family import Family
 from seatrial.manoeuvres.free_form import SteppedInput, nearest_levels
 from seatrial.manoeuvres.manoeuvre import Limits, Manoeuvre
@@ -52,7 +53,7 @@ def design_free_trial(campaign: Campaign, levels: int, reporter: Reporter = SILE
         what was found, and the schedule.
 
     Raises:
-        InputError: no bounds of the control, limits that admit nothing, or another vehicle than a surge model.
+        InputError: no bounds of the control, limits that admit nothing, or several controls that move together.
         NumericalError: the vehicle diverges at a draw of the priors.
     """
     check_free_trial(campaign)
@@ -68,11 +69,16 @@ def check_free_trial(campaign: Campaign) -> None:
     """Check that a campaign has what a free form needs, before any work.
 
     Raises:
-        InputError: another vehicle than a surge model, designs that are counted by the second or joule, a control without both bounds.
+        InputError: several controls that move together, designs that are counted by the second or joule, a control without both bounds.
     """
-    campaign.check_surge("a free form")
+    if campaign.family.beside:
+        raise InputError(
+            campaign.where("design.together"),
+            found=f"{', '.join(one.control for one in campaign.family.beside)} beside {campaign.family.control}, with --free-form",
+            expected="one control or set-point: its levels alone are searched",
+            remedy="leave out `together` or --free-form",
+        )
     check_whole_trials(campaign, "--free-form")
-    campaign.check_no_autopilot("--free-form")
     limits, control = campaign.limits, campaign.family.control
     if None in (limits.lower, limits.upper) or inf in (abs(limits.lower or 0.0), abs(limits.upper or 0.0)):
         unit = shown_unit(control)[1]
@@ -97,6 +103,7 @@ def _search(campaign: Campaign, levels: int, reporter: Reporter) -> FreeTrial:
         campaign.limits,
         draws[:POINTS],
         cov,
+        dict(campaign.control_trim(model)),
         motion=campaign.motion_limits,
         draws=draws[:SAFE_FOR],
         risk=RISK * (1.0 - campaign.design.probability),
@@ -109,35 +116,36 @@ def _search(campaign: Campaign, levels: int, reporter: Reporter) -> FreeTrial:
         {f"the best {family.name}": near, **_random(campaign.limits, campaign.seed, form.size)},
         progress=reporter.progress("free-form design"),
     )
-    utility, beside = _judged(plan, cov, draws, found.manoeuvre, family, best.family.sample_time)
+    controls = np.stack([_commands(campaign, plan, one) for one in (found.manoeuvre, family)])
+    # Both by the same measure, on draws that had no part in the search.
+    judged = utility_table(plan, controls, draws[SAFE_FOR : SAFE_FOR + 64], find_criterion("fisher-d", cov)).mean
     return FreeTrial(
         tuple(map(float, found.levels)),
-        utility,
-        beside,
+        float(judged[0]),
+        float(judged[1]),
         family.name,
         float(found.at_bounds),
         found.active,
-        _safety(campaign, plan, found, draws),
+        _safety(campaign, plan, controls[0], draws),
         tuple((one.name, float(one.before), float(one.utility)) for one in found.outcomes),
         found.status,
     )
 
 
-def _judged(
-    plan: Any, cov: np.ndarray, draws: np.ndarray, found: Manoeuvre, family: Manoeuvre, sample_time: float
-) -> tuple[float, float]:
-    """Both by the same measure, on draws that had no part in the search."""
-    controls = np.stack([one.sample(sample_time)[1] for one in (found, family)])[..., None]
-    mean = utility_table(plan, controls, draws[SAFE_FOR : SAFE_FOR + 64], find_criterion("fisher-d", cov)).mean
-    return float(mean[0]), float(mean[1])
+def _commands(campaign: Campaign, plan: TrialPlan, manoeuvre: Manoeuvre) -> Float[np.ndarray, "n c"]:
+    """Return every command of a trial, SI: all but the one that is driven at trim."""
+    _, driven = manoeuvre.sample(campaign.family.sample_time)
+    held = {**dict(campaign.control_trim(plan.model)), campaign.family.control: driven}
+    return np.column_stack([np.broadcast_to(held[name], driven.shape) for name in plan.commands])
 
 
-def _safety(campaign: Campaign, plan: Any, found: FreeFormDesign, draws: np.ndarray) -> tuple[str, ...]:
+def _safety(
+    campaign: Campaign, plan: TrialPlan, control: Float[np.ndarray, "n c"], draws: np.ndarray
+) -> tuple[str, ...]:
     if not campaign.motion_limits:
         return ()
-    control = found.manoeuvre.sample(campaign.family.sample_time)[1]
     probability = campaign.design.probability
-    return judge_safety(plan, control[None, :, None], draws[HALF:], campaign.motion_limits, probability).words(0)
+    return judge_safety(plan, control[None], draws[HALF:], campaign.motion_limits, probability).words(0)
 
 
 def _form(family: Family, levels: int) -> SteppedInput:

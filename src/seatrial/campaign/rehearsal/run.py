@@ -96,6 +96,20 @@ def rehearse(campaign: Campaign, truths: int, reporter: Reporter = SILENT) -> Re
     return Rehearsal(kept.read(kept.path).data.isel(vehicle=slice(truths)))
 
 
+def known_after(campaign: Campaign, records: Sequence[Record], most: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the mode of the full structure's k coefficients and their covariance, SI, given all records of a vehicle.
+
+    Args:
+        campaign: configuration.
+        records: trials of one vehicle, from `run_trial`.
+        most: trials there can be, see `joint_posterior`.
+    """
+    posterior, k = joint_posterior(campaign, records, most), len(campaign.model(campaign.full).coefficients)
+    mode = find_mode(posterior, random_key(campaign.seed, "rehearsal mode"))
+    slope = np.asarray(jax.jvp(posterior.constrain, (jnp.asarray(mode.z),), (jnp.ones(posterior.dim),))[1])
+    return mode.values[:k], (mode.cov * np.outer(slope, slope))[:k, :k]
+
+
 def stored_rehearsal(campaign: Campaign) -> StoredResult[Rehearsal]:
     """Return where a rehearsal is kept, of as many vehicles as there are so far, and what it depends on."""
     return StoredResult(Store(campaign.folder).rehearsal, rehearsal_key(campaign), read_rehearsal)
@@ -154,7 +168,7 @@ def _run_strategy(campaign: Campaign, goal: Goal, vehicle: Vehicle, choose: Choo
         i = len(records)
         design = choose(i + 1, values, cov)
         records.append(run_trial(campaign, vehicle, i + 1, design.control))
-        values, cov = _known(campaign, records, most, len(names))
+        values, cov = known_after(campaign, records, most)
         estimate[i], sd[i] = values, np.sqrt(np.diag(cov))
         family[i], amplitude[i], period[i] = kinds.index(design.kind), design.amplitude, design.period
         met = not goal.unmet({name: (values[j], sd[i, j]) for j, name in enumerate(names)})
@@ -167,14 +181,6 @@ def _run_strategy(campaign: Campaign, goal: Goal, vehicle: Vehicle, choose: Choo
         "amplitude": amplitude,
         "period": period,
     }
-
-
-def _known(campaign: Campaign, records: Sequence[Record], most: int, k: int) -> tuple[np.ndarray, np.ndarray]:
-    """Mode of the k coefficients and their covariance, SI, given all records."""
-    posterior = joint_posterior(campaign, records, most)
-    mode = find_mode(posterior, random_key(campaign.seed, "rehearsal mode"))
-    slope = np.asarray(jax.jvp(posterior.constrain, (jnp.asarray(mode.z),), (jnp.ones(posterior.dim),))[1])
-    return mode.values[:k], (mode.cov * np.outer(slope, slope))[:k, :k]
 
 
 def _kinds(families: Sequence[Family]) -> list[str]:
