@@ -77,7 +77,7 @@ def test_drag_and_the_current_are_found(tmp_path, sensors, changes):
     assert found["X_uabsu"][1] < 0.15 * abs(TRUTH["X_uabsu"])
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_without_the_current_the_log_is_said_not_to_fit(tmp_path):
     changes = (("\ncurrent = true", ""), ("channels.u_g", "channels.u"), ("channels.v_g", "channels.v"))
     campaign = write(tmp_path, LOG.replace("u_g", "u").replace("v_g", "v"), *changes)

@@ -152,7 +152,7 @@ def test_each_error_of_a_doppler_log_is_found_alone(tmp_path, name):
     assert abs(WRONG[name] - usual) > 5 * found[name][1]
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_all_errors_are_found_together_where_a_gyro_and_known_forces_tell_them_apart(tmp_path):
     found = fitted(tmp_path, WRONG, list(WRONG))
     for one, value in {**TRUTH, **WRONG}.items():

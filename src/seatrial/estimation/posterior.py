@@ -6,7 +6,7 @@ it (Carlin and Chib, Journal of the Royal Statistical Society B 57, 1995), and t
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from numbers import Integral
 from typing import Any
 
@@ -45,7 +45,7 @@ class Parameter:
     unit: str
     label: str
     prior: Prior
-    shown: tuple[float, str] | None = None
+    shown: tuple[float, str] | None = field(default=None, compare=False)
 
     def said(self, value: float) -> str:
         """Write a value, SI, with four digits and the unit in which sentences say it."""
