@@ -129,13 +129,16 @@ def _tell_and_report(answer: Answer, outcome: Any, proposal: Any) -> Exit:
     from seatrial.apps import results
     from seatrial.campaign.inference.baselines import comparison_lines
     from seatrial.campaign.inference.coefficient_csv import averaged_rows, write_averaged, write_coefficients
+    from seatrial.campaign.store.estimates import with_model_error
     from seatrial.report.page import write_report
 
     summary = outcome.summary
     shown = outcome.campaign.shown
     for row in summary["coefficients"]:
         factor, unit = shown(row["name"], row["unit"])
-        answer.say(f"  {row['name']:<16} {factor * row['mean']:>12.5g} ± {factor * row['sd']:<10.3g} {unit}")
+        wider = None if row["model_error_sd"] is None else factor * row["model_error_sd"]
+        numbers = f"{factor * row['mean']:>12.5g} ± {factor * row['sd']:<10.3g} {unit}"
+        answer.say(f"  {row['name']:<16} {numbers}{with_model_error(wider)}")
     for fit in outcome.fits:
         answer.say(f"  {_said_of(fit)}")
     for one in outcome.pooled:

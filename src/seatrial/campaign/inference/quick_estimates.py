@@ -75,6 +75,7 @@ class FirstAnswer:
         wider_words: what these are made of; empty where nobody asked.
         drawn: draws about the mode, of which the next trial is designed; None where there is no mode.
         symmetry: sentences on which sides of the vehicle the data find alike.
+        shown: factor from SI to the unit of the table, and that unit, by name; SI of others.
     """
 
     structure: Structure
@@ -89,6 +90,7 @@ class FirstAnswer:
     wider_words: str = ""
     drawn: "NormalPosterior | None" = None
     symmetry: tuple[str, ...] = ()
+    shown: Mapping[str, tuple[float, str]] = field(default_factory=dict)
 
     def lines(self) -> list[str]:
         """A table of the answer."""
@@ -97,8 +99,10 @@ class FirstAnswer:
         head = "".join(f"{text:>24}" for text in self.heads) if len(self.heads) > 1 else ""
         said = [f"{self.structure.label}  {self.note}", *([f"  {'':<16}{head}"] if head else [])]
         for name, unit, pairs in self.rows:
-            numbers = " ".join(f"{value:>12.5g} ± {sd:<8.3g}" for value, sd in pairs)
-            said.append(f"  {name:<16} {numbers} {unit}{with_model_error(self.wider.get(name))}".rstrip())
+            factor, shown = self.shown.get(name, (1.0, unit))
+            numbers = " ".join(f"{factor * value:>12.5g} ± {factor * sd:<8.3g}" for value, sd in pairs)
+            wider = factor * self.wider[name] if name in self.wider else None
+            said.append(f"  {name:<16} {numbers} {shown}{with_model_error(wider)}".rstrip())
         said += [f"  {self.wider_words}"] * bool(self.wider_words)
         lines = held_back_lines(self.held_back) if self.held_back else []
         return [*said, *(f"  {line}" for line in (*lines, *self.symmetry))]
@@ -218,6 +222,7 @@ def _mode(
         wider_words=robust.words if robust else "",
         drawn=more,
         symmetry=symmetry_of(campaign, more, lambda: prior_curves(posterior)),
+        shown={name: campaign.shown(name, unit) for name, unit, _ in rows},
     )
     return answer, whole
 
@@ -257,6 +262,7 @@ def _regression(campaign: Campaign, structure: Structure, trials: Trials, window
         caution="; ".join(
             f"{structure.label}: {text}" for text in (found.status, ignored(campaign, structure)) if text
         ),
+        shown={name: campaign.shown(name, unit) for name, unit, _ in rows},
     )
 
 

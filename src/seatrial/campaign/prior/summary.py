@@ -9,6 +9,8 @@ SOME = 0.01
 """Share of draws without a motion above which a prior is to be mended."""
 WIDE = 4.0
 """Factor between the ends of the 90 % range of the steady speed above which a prior is called wide."""
+Z95 = 1.645
+"""Standard deviations from the mean of a normal to its 95 % quantile."""
 HELD, HARDLY = 0.8, 0.5
 """Shares of the measured speeds inside the 90 % range above which the prior holds them, and below which it does not."""
 
@@ -144,9 +146,19 @@ def _mend(found: PriorPredictive) -> str:
     """Name the coefficient that most sets the draws that run away apart, and what to do about it."""
     worst = max(found.believed, key=lambda item: abs(item.blame))
     if worst.name in found.unphysical:
-        return f"set physical = true in [prior.{worst.name}]"
-    also = f", and set physical = true in [prior.{found.unphysical[0]}]" if found.unphysical else ""
+        return _cut(found, worst.name)
+    also = f", and {_cut(found, found.unphysical[0])}" if found.unphysical else ""
     if worst.blame == 0.0:
         return f"check the signs and units of the priors{also}"
     end, bound = ("large", "lower its upper bound") if worst.blame > 0 else ("small", "raise its lower bound")
     return f"those with a {end} {worst.name}; {bound} in [prior.{worst.name}]{also}"
+
+
+def _cut(found: PriorPredictive, name: str) -> str:
+    """Say how the prior of a coefficient is cut to what physics allows; that of a published vehicle may have no section of its own."""
+    words = f"set physical = true in [prior.{name}]"
+    if found.settled is not None:
+        return words
+    low, middle, high = next(item.quantiles for item in found.believed if item.name == name)
+    sd = (high - low) / (2 * Z95)
+    return f'{words}; if the file has no such section, write it with distribution = "normal", mean = {middle:.2g} and sd = {sd:.2g}'

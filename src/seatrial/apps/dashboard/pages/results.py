@@ -179,9 +179,9 @@ async def _currency(context: AppContext, campaign: str, folder: Path) -> None:
     """Say so where the results no longer belong to the campaign file, or where others are being made."""
 
     def build(steps: Any) -> None:
-        old, missing = (
-            [one.name for one in steps if one.state == state and one.name != "report"] for state in ("stale", "missing")
-        )
+        # The design of the first trial is not made again once the trial was run, and no result depends on it.
+        told = [one for one in steps if one.name not in ("report", "design")]
+        old, missing = ([one.name for one in told if one.state == state] for state in ("stale", "missing"))
         if context.jobs.look(folder).running:
             words = '<p class="note" role="status">A command is running. These are the earlier results; the page updates itself.</p>'
             markup(words)
