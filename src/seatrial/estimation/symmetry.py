@@ -140,7 +140,7 @@ def restrictions_of(names: Sequence[str], thrusters: Sequence[Thruster] = ()) ->
     return {sides: restrictions for sides, restrictions in found.items() if restrictions}
 
 
-def has_mirror(thruster: Thruster, thrusters: Sequence[Thruster], axis: int = 1) -> int | None:
+def mirror_of(thruster: Thruster, thrusters: Sequence[Thruster], axis: int = 1) -> int | None:
     """Return the place in a list of the mirror image of a thruster, itself perhaps, across x, y or z; None where there is none."""
     flip = np.ones(3)
     flip[axis] = -1.0
@@ -184,7 +184,7 @@ def _parity(term: CoefficientName, axis: int) -> int:
 def _mirrored_gains(names: Sequence[str], thrusters: Sequence[Thruster], axis: int) -> list[Restriction]:
     found = []
     for index, thruster in enumerate(thrusters):
-        other = has_mirror(thruster, thrusters, axis)
+        other = mirror_of(thruster, thrusters, axis)
         if other is not None and other > index:
             pairs = [(f"gain_{letter}_{index + 1}", f"gain_{letter}_{other + 1}") for letter in "fn"]
             found += [Restriction(*pair) for pair in pairs if {*pair} <= {*names}]

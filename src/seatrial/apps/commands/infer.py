@@ -173,10 +173,10 @@ def _by_chains(campaign: Any, reporter: Any, answer: Answer) -> Exit:
     for item in estimates:
         answer.say(f"{item.structure.label}")
         for name in item.names:
-            row, wider = item.data.sel(parameter=name), item.wider(name)
+            row = item.data.sel(parameter=name)
             factor, unit = campaign.shown(name, str(row["unit"].values))
             numbers = f"{factor * float(row['mean']):>12.5g} ± {factor * float(row['sd']):<10.3g} {unit}"
-            answer.say(f"  {name:<16} {numbers}{with_model_error(None if wider is None else factor * wider)}")
+            answer.say(f"  {name:<16} {numbers}{with_model_error(item.wider(name), factor)}")
         answer.say(f"  {item.wider_words}")
         for name, label, mean, sd, si in item.own_values():
             factor, unit = campaign.shown(name, si)

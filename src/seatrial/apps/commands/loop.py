@@ -136,9 +136,8 @@ def _tell_and_report(answer: Answer, outcome: Any, proposal: Any) -> Exit:
     shown = outcome.campaign.shown
     for row in summary["coefficients"]:
         factor, unit = shown(row["name"], row["unit"])
-        wider = None if row["model_error_sd"] is None else factor * row["model_error_sd"]
         numbers = f"{factor * row['mean']:>12.5g} ± {factor * row['sd']:<10.3g} {unit}"
-        answer.say(f"  {row['name']:<16} {numbers}{with_model_error(wider)}")
+        answer.say(f"  {row['name']:<16} {numbers}{with_model_error(row['model_error_sd'], factor)}")
     for fit in outcome.fits:
         answer.say(f"  {_said_of(fit)}")
     for one in outcome.pooled:

@@ -167,20 +167,6 @@ class Campaign:
         model = self.model(self.full)
         return "u" if "u" in model.states else self.channels[0] if HELD[0] in model.views else model.states[0]
 
-    def check_surge(self, what: str) -> None:
-        """Check that the vehicle only moves along X, for what knows no other.
-
-        Raises:
-            InputError: it has other axes.
-        """
-        if not self.vehicle.is_surge:
-            raise InputError(
-                self.where("structure"),
-                found=f"a vehicle of the states {', '.join(self.model(self.full).states)}",
-                expected=f"one that moves along X only: {what} supports no other so far",
-                remedy="`seatrial design`, `select`, `estimate`, `run`, `profile` and `criteria` work on other axes",
-            )
-
     def check_no_autopilot(self, what: str, because: str = "") -> None:
         """Check that trials act on the controls themselves, for what cannot follow an autopilot, in words, with its reason.
 

@@ -17,7 +17,7 @@ from seatrial.core.signals import HELD, RATES, thruster_controls
 from seatrial.estimation.first_guess import fit_motion
 from seatrial.estimation.priors import Normal, Prior
 from seatrial.estimation.record_checks import RecordFinding
-from seatrial.estimation.symmetry import has_mirror
+from seatrial.estimation.symmetry import mirror_of
 from seatrial.vehicles.hull import AXES
 from seatrial.vehicles.thrusters import allocation
 
@@ -43,7 +43,7 @@ def thruster_lines(campaign: Campaign) -> list[str]:
     what = "move" if vehicle.moves else "are measured"
     told = f"  rank {rank} on the {len(moving)} axes that {what}, {names}"
     lines.append(f"{told}: {_not_spanned(matrix, moving)}" if rank < len(moving) else told)
-    alone = [str(number) for number, one in enumerate(thrusters, 1) if has_mirror(one, thrusters) is None]
+    alone = [str(number) for number, one in enumerate(thrusters, 1) if mirror_of(one, thrusters) is None]
     said = f"no mirror image of {', '.join(alone)} on the other side" if alone else "each has its mirror image"
     return [*lines, f"  port and starboard: {said}"]
 

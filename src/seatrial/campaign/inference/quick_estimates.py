@@ -101,8 +101,7 @@ class FirstAnswer:
         for name, unit, pairs in self.rows:
             factor, shown = self.shown.get(name, (1.0, unit))
             numbers = " ".join(f"{factor * value:>12.5g} ± {factor * sd:<8.3g}" for value, sd in pairs)
-            wider = factor * self.wider[name] if name in self.wider else None
-            said.append(f"  {name:<16} {numbers} {shown}{with_model_error(wider)}".rstrip())
+            said.append(f"  {name:<16} {numbers} {shown}{with_model_error(self.wider.get(name), factor)}".rstrip())
         said += [f"  {self.wider_words}"] * bool(self.wider_words)
         lines = held_back_lines(self.held_back) if self.held_back else []
         return [*said, *(f"  {line}" for line in (*lines, *self.symmetry))]

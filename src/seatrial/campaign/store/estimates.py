@@ -159,9 +159,14 @@ class Estimate:
         return found
 
 
-def with_model_error(wider: float | None) -> str:
-    """Return what follows a value and its standard deviation where a wider one survives an error of the model; empty for none."""
-    return "" if wider is None else f", ± {wider:.3g} with model error"
+def with_model_error(wider: float | None, factor: float = 1.0) -> str:
+    """Return what follows a value and its standard deviation where a wider one survives an error of the model; empty for none.
+
+    Args:
+        wider: that standard deviation, SI.
+        factor: from SI to the unit in which it is shown.
+    """
+    return "" if wider is None else f", ± {factor * wider:.3g} with model error"
 
 
 def _measured(item: "KnownParameter", factor: float, unit: str) -> str:
