@@ -56,6 +56,7 @@ HARD: dict[str, Callable[[], known.Problem]] = {
     "beyond the edge, 2": known.beyond_the_edge,
     "two peaks, 2": known.two_peaks,
     "phase transition, 10": known.phase_transition,
+    "wide regression, 4": known.wide_regression,
 }
 METHODS = ("importance", "smc", "bridge", "nested", "prior")
 SLOW = ("normal, 10", "normal, 20", "phase transition, 10")

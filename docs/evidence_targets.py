@@ -11,7 +11,7 @@ import numpy as np
 from scipy import integrate, stats
 
 from seatrial.estimation.posterior import Parameter, Posterior
-from seatrial.estimation.priors import LogNormal, Normal, Prior, Uniform
+from seatrial.estimation.priors import LogNormal, LogUniform, Normal, Prior, Uniform
 
 
 class Problem(NamedTuple):
@@ -71,6 +71,29 @@ def banana() -> Problem:
     return Problem(
         _posterior({"x": Normal(0.0, 1.0), "y": Normal(0.0, 1.0)}, _bent, data), float(exact), "quadrature over x"
     )
+
+
+def wide_regression() -> Problem:
+    """Three nearly equal regressors, unknown noise and flat priors 3 000 times wider than the posterior, as of a new surge campaign.
+
+    Given the noise the integral over the coefficients is closed, for all of it lies far inside their prior.
+    """
+    rows, k, half, least, most = 300, 3, 50.0, 0.002, 20.0
+    rng = np.random.default_rng(5)
+    design = rng.normal(size=(rows, 1)) + 0.2 * rng.normal(size=(rows, k))
+    measured = design @ np.linspace(1.0, 2.0, k) + 0.016 * rng.normal(size=rows)
+    square = float(np.linalg.lstsq(design, measured, rcond=None)[1][0])
+    best = 0.5 * np.log(square / (rows - k))
+
+    def density(log_sd: float) -> float:
+        return float(np.exp(-(rows - k) * (log_sd - best) - 0.5 * square * (np.exp(-2 * log_sd) - np.exp(-2 * best))))
+
+    inside = integrate.quad(density, best - 0.5, best + 0.5, points=[best], epsabs=0.0, epsrel=1e-10)[0]
+    exact = np.log(inside / np.log(most / least)) - (rows - k) * (best + 0.5 * np.log(2 * np.pi))
+    exact -= 0.5 * square * np.exp(-2 * best) + 0.5 * np.linalg.slogdet(design.T @ design)[1] + k * np.log(2 * half)
+    priors = {f"c{i}": Uniform(-half, half) for i in range(k)} | {"noise": LogUniform(least, most)}
+    data = (jnp.asarray(design), jnp.asarray(measured))
+    return Problem(_posterior(priors, _linear, data), float(exact), "closed form, and quadrature over the noise")
 
 
 def beyond_the_edge() -> Problem:

@@ -79,7 +79,7 @@ time = { column = "t", unit = "s" }
 channels.u = { column = "u", unit = "m/s" }
 """
 METHODS = {
-    name: {"log_value": value, "std_error": 0.1, "joint_errors": apart}
+    name: {"log_value": value, "std_error": 0.1, "joint_errors": apart, "status": ""}
     for name, value, apart in (("importance", -3.0, 0.0), ("smc", -3.1, -0.7))
 }
 TRUE = {"X_tau_X": 0.0148, "X_u": -0.54, "X_uabsu": -3.5, "delay": 0.38, "sigma_u": 0.027, "sigma_udot": 2.6e-5}

@@ -3,8 +3,9 @@
 import jax.numpy as jnp
 import numpy as np
 from scipy import stats
+from scipy.special import logsumexp
 
-from seatrial.estimation.priors import Normal, Uniform
+from seatrial.estimation.priors import LogUniform, Normal, Uniform
 from tests.estimation_cases import linear_gaussian, posterior
 
 
@@ -54,6 +55,31 @@ def spike_on_slab(d=10, spike=0.01, slab=0.1, away=0.031, weight=100.0):
     target = posterior({f"x{i}": Uniform(-0.5, 0.5) for i in range(d)}, _mixture, tuple(map(jnp.asarray, data)))
     inside = [d * np.log(np.diff(stats.norm(c, s).cdf([-0.5, 0.5]))[0]) for c, s in ((away, spike), (0.0, slab))]
     return target, float(np.logaddexp(np.log(weight) + inside[0], inside[1]))
+
+
+def wide_regression(rows=300, k=3, half=50.0):
+    """Regression of unknown noise under priors thousands of times wider than the posterior, on regressors that are nearly one another.
+
+    Z by quadrature over the logarithm of the noise; all of the posterior lies far inside the prior of the coefficients.
+    """
+    rng = np.random.default_rng(5)
+    shared = rng.normal(size=(rows, 1))
+    x = shared + 0.2 * rng.normal(size=(rows, k))
+    y = x @ np.linspace(1.0, 2.0, k) + 0.016 * rng.normal(size=rows)
+    priors = {f"x{i}": Uniform(-half, half) for i in range(k)} | {"sigma": LogUniform(0.002, 20.0)}
+    square = float(np.sum((y - x @ np.linalg.lstsq(x, y, rcond=None)[0]) ** 2))
+    log_sigma = np.linspace(np.log(0.002), np.log(20.0), 200_001)
+    log_each = -(rows - k) * log_sigma - 0.5 * square * np.exp(-2 * log_sigma)
+    log_z = float(logsumexp(log_each) - np.log(log_sigma.size - 1)) - 0.5 * (rows - k) * np.log(2 * np.pi)
+    log_z -= 0.5 * np.linalg.slogdet(x.T @ x)[1] + k * np.log(2 * half)
+    return posterior(priors, _regression, (jnp.asarray(x), jnp.asarray(y))), log_z
+
+
+def _regression(values, data):
+    x, y = data
+    *coefficients, sigma = values.values()
+    residual = (y - x @ jnp.stack(coefficients)) / sigma
+    return -0.5 * residual @ residual - y.size * (jnp.log(sigma) + 0.5 * jnp.log(2 * jnp.pi))
 
 
 def _mixture(values, data):

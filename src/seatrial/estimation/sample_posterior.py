@@ -146,7 +146,7 @@ def _by_nested(
     posterior: Posterior, method: str, settings: NestedSettings, key: jax.Array, progress: Progress
 ) -> Draws:
     run_key, draw_key = jax.random.split(key)
-    run = sample_nested(posterior, run_key, live=settings.live)
+    run = sample_nested(posterior, run_key, live=settings.live, progress=progress)
     return _population(posterior, run.draws(settings.draws, draw_key), 1.0 - run.stuck)
 
 

@@ -19,10 +19,14 @@ from scipy.special import logsumexp
 
 from seatrial.core.errors import NumericalError
 from seatrial.core.programs import program
+from seatrial.core.reporter import Progress, no_progress
 from seatrial.sampling.target import Target
 
 ALIVE_DRAWS = 64
 """Prior draws for each live point after which a prior that hardly ever simulates is given up."""
+
+GUESSED = 6.0
+"""Information that a parameter gains, nats, for the remaining time: a standard deviation of a six hundredth of the prior's."""
 
 
 class NestedRun(NamedTuple):
@@ -62,8 +66,11 @@ def sample_nested(
     moves: int | None = None,
     remaining: float = 0.01,
     max_steps: int = 5000,
+    progress: Progress = no_progress,
 ) -> NestedRun:
     """Run once, until the live points hold no more than `remaining` nats of the evidence.
+
+    Progress is told in thousandths of an end that is guessed, at 6 nats of information for each parameter.
 
     Draws of zero likelihood are dropped beforehand: ties cannot be ordered.
 
@@ -82,6 +89,7 @@ def sample_nested(
         dead.append(np.asarray(removed.loglikelihood)[order])
         left.append(np.asarray(removed.position)[order])
         rejected.append(1.0 - float(accepted))
+        progress(min(990, round(1000 * batch * len(dead) / (live * GUESSED * target.dim))), 1000)
         if np.logaddexp(0.0, float(state.integrator.logZ_live - state.integrator.logZ)) < remaining:
             log_evidence, information, share = _integrate(dead, np.asarray(state.particles.loglikelihood))
             z = np.concatenate([*left, np.asarray(state.particles.position)])

@@ -36,7 +36,7 @@ def nested_evidence(
         repeats: independent runs, at least two, since one cannot show that its points were moved too little.
         live: live points.
         moves: slice moves of each new point; None for max(5, 2 d, d^2 / 4).
-        progress: called with the repeats done and in all.
+        progress: called with the work done and in all.
 
     Raises:
         NumericalError: fewer than two repeats, or a run that does not end.
@@ -45,10 +45,17 @@ def nested_evidence(
         raise NumericalError(
             "nested sampling needs at least two independent runs to be judged: set repeats to 2 or more"
         )
-    runs = []
-    for repeat in range(repeats):
-        runs.append(sample_nested(posterior, jax.random.fold_in(key, repeat), live=live, moves=moves))
-        progress(repeat + 1, repeats)
+    runs = [
+        sample_nested(
+            posterior,
+            jax.random.fold_in(key, repeat),
+            live=live,
+            moves=moves,
+            progress=lambda done, total, r=repeat: progress(r * total + done, repeats * total),
+        )
+        for repeat in range(repeats)
+    ]
+    progress(1, 1)
     logs = np.array([run.log_evidence for run in runs])
     information = float(np.mean([run.information for run in runs]))
     alive = float(np.mean([run.alive for run in runs]))

@@ -19,13 +19,21 @@ from seatrial.campaign.store.structures import StoredSelection, read_selection
 from seatrial.core.argument_checks import check_kind
 from seatrial.core.reporter import SILENT, Progress, Reporter
 from seatrial.sampling.tempered_smc import SMCResult, SMCSettings
-from seatrial.selection.combined_evidence import ALARM, FLOOR, EvidenceRun, Gathering, Keys, Piece, Weighed, do
+from seatrial.selection.combined_evidence import (
+    ALARM,
+    CALLED,
+    FLOOR,
+    EvidenceRun,
+    Gathering,
+    Keys,
+    Piece,
+    Weighed,
+    do,
+)
 from seatrial.selection.evidence import Evidence, EvidenceSettings
 from seatrial.selection.structures import Structure
 from seatrial.selection.verdict import Selection, select
 
-CALLED = {"importance": "importance sampling", "smc": "tempered SMC"}
-"""Methods of evidence as a sentence names them."""
 FINE = 1000
 """Steps in which a repeat is shown."""
 
@@ -65,28 +73,32 @@ def current_selection(campaign: Campaign, trials: Trials) -> Selection | None:
 
 
 def agreement_words(evidence: Evidence) -> str:
-    """Which methods gave this evidence, and which of them agree."""
+    """Which methods gave this evidence, which of them agree, and what is known of the others."""
     table = evidence.diagnostics["methods"]
     if len(table) == 1 and not evidence.status:
         return f"by {CALLED[next(iter(table))]} alone, since there is no other structure to compare with"
     value = next((name for name, one in table.items() if not one["status"]), next(iter(table)))
     others = {name: one for name, one in table.items() if name != value and not one["status"]}
     agree = [
-        f"{CALLED.get(name, name)} ({abs(one['joint_errors']):.1f} joint errors away)"
+        f"{CALLED[name]} ({abs(one['joint_errors']):.1f} joint errors away)"
         for name, one in others.items()
         if abs(one["joint_errors"]) <= ALARM or abs(one["difference"]) <= FLOOR
     ]
-    said = f"by {CALLED.get(value, value)}, " + (
+    said = f"by {CALLED[value]}, " + (
         f"with which {' and '.join(agree)} agree{'s' * (len(agree) == 1)}"
         if agree
         else "which no other method confirms"
     )
-    return f"{said}; {evidence.status}" if evidence.status else said
+    return "; ".join([said, *evidence.diagnostics["notes"], *([evidence.status] if evidence.status else [])])
 
 
 def evidence_key(campaign: Campaign, structure: Structure, trials: HasKey) -> str:
     """Key of one structure's evidence."""
-    name = "evidence by agreement" if len(campaign.structures) > 1 else "evidence by importance sampling"
+    name = (
+        "evidence by agreement, a third method asked"
+        if len(campaign.structures) > 1
+        else "evidence by importance sampling"
+    )
     return key_of(name, estimate_key(campaign, structure, trials), campaign.selection)
 
 
@@ -126,12 +138,14 @@ def _evidences(campaign: Campaign, trials: Trials, reporter: Reporter) -> list[E
     def done(index: int, result: EvidenceRun | Weighed) -> _Part | None:
         structure = parts[index].structure
         following = of[structure.label].keep(result)
-        return following and _Part(structure, following)
+        if following is None:
+            return None
+        of[structure.label].show(following, 0.0)
+        return _Part(structure, following)
 
     def on_progress(index: int, done: int, total: int) -> None:
         part = parts[index]
-        if part.piece.repeat is not None:
-            of[part.structure.label].show(part.piece.repeat, done / total)
+        of[part.structure.label].show(part.piece, done / total)
 
     workers_of(campaign, reporter).run(_compute, Study(campaign, trials.fit), parts, done, on_progress)
     return [one.gathering.evidence() for one in kept]
@@ -149,7 +163,8 @@ class _Kept:
     """What is gathered for one structure, its repeats kept on disk until the selection is written."""
 
     def __init__(self, campaign: Campaign, structure: Structure, key: str, reporter: Reporter):
-        self.campaign, self.structure = campaign, structure
+        self.campaign, self.structure, self.reporter = campaign, structure, reporter
+        self.third: Progress | None = None
         self.gathering = Gathering(campaign.selection.repeats if len(campaign.structures) > 1 else 0)
         self.shares = np.zeros(self.gathering.most)
         self.progress = reporter.progress(f"evidence {structure.label}: {' '.join(structure.terms)}")
@@ -159,23 +174,29 @@ class _Kept:
                 cold = stored.pop("cold")
                 smc = SMCResult(**{name: value if value.ndim else float(value) for name, value in stored.items()})
                 self.gathering.runs[repeat] = EvidenceRun(repeat, smc, cold)
-                self.show(repeat, 1.0)
+                self.show(Piece("smc", repeat), 1.0)
 
     def keep(self, found: EvidenceRun | Weighed) -> Piece | None:
         """Add what was found, a repeat also on disk, and return what can be done now."""
-        if isinstance(found, EvidenceRun) and found.smc is not None:
+        if isinstance(found, Weighed):
+            self.show(Piece(found.method), 1.0)
+        elif found.smc is not None:
             arrays = {name: np.asarray(value) for name, value in (found.smc._asdict() | {"cold": found.cold}).items()}
             save_checkpoint(self._checkpoint(found.repeat), self.checkpoint_key, arrays)
-            self.show(found.repeat, 1.0)
-        elif not self.gathering.asked:
-            self.progress(1, 1)
+            self.show(Piece("smc", found.repeat), 1.0)
         return self.gathering.add(found)
 
-    def show(self, repeat: int, share: float) -> None:
-        """Show how much of a repeat is done."""
-        self.shares[repeat] = share
-        count = max(self.gathering.asked, 1 + int(np.flatnonzero(self.shares).max(initial=0)))
-        self.progress(round(float(FINE * self.shares[:count].sum())), FINE * count)
+    def show(self, piece: Piece, share: float) -> None:
+        """Show how much of a piece is done: all repeats in one bar, nested sampling in a bar of its own."""
+        if piece.method == "smc":
+            self.shares[piece.repeat] = share
+            count = max(self.gathering.asked, 1 + int(np.flatnonzero(self.shares).max(initial=0)))
+            self.progress(round(float(FINE * self.shares[:count].sum())), FINE * count)
+        elif piece.method == "nested":
+            self.third = self.third or self.reporter.progress(f"evidence {self.structure.label} by a third method")
+            self.third(round(FINE * share), FINE)
+        elif not self.gathering.asked:
+            self.progress(round(FINE * share), FINE)
 
     def _checkpoint(self, repeat: int) -> Path:
         return Store(self.campaign.folder).checkpoint(f"evidence-{self.structure.label}-{repeat}")

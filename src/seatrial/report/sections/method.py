@@ -1,6 +1,7 @@
 """How it was computed: settings, the health of every posterior and evidence, where the data came from, and the files."""
 
 import json
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from seatrial.core.files import is_there
 from seatrial.report.drawing import model_html
 from seatrial.report.numbers import percent, short
 from seatrial.sampling.diagnostics import MAX_R_HAT, MIN_ESS
+from seatrial.selection.combined_evidence import CALLED
 
 LIKELIHOODS = {
     "output-error": "free simulation (output error)",
@@ -34,7 +36,7 @@ def method_section(outcome: Outcome) -> dict[str, Any]:
     return {
         "seed": campaign.seed,
         "vehicle": campaign.hull.name,
-        "methods": _methods(outcome),
+        "methods": [CALLED[name] for name in _methods(outcome)],
         "health": [_health(outcome, index) for index in range(len(outcome.estimates))],
         "likelihood": LIKELIHOODS[estimation.likelihood],
         "sampler": SAMPLERS[estimation.sampler],
@@ -80,9 +82,16 @@ def _health(outcome: Outcome, index: int) -> dict[str, Any]:
             f"{one['log_value']:.2f} ± {one['std_error']:.2f}" if (one := result.get(name)) else "–"
             for name in _methods(outcome)
         ],
-        "apart": short(max(abs(one["joint_errors"]) for one in result.values()), 2),
+        "apart": _apart(result),
         "evidence_bad": bool(evidence.status),
     }
+
+
+def _apart(table: Mapping[str, Mapping[str, float]]) -> str:
+    """Return how far the healthy method nearest to the value lies from it, in joint errors; a dash where there is none."""
+    value = next((name for name, one in table.items() if not one["status"]), next(iter(table)))
+    others = [abs(one["joint_errors"]) for name, one in table.items() if name != value and not one["status"]]
+    return short(min(others), 2) if others else "–"
 
 
 def _methods(outcome: Outcome) -> list[str]:
