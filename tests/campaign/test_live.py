@@ -24,7 +24,7 @@ from seatrial.campaign.live.innovations import InnovationMemory, discounted
 from seatrial.campaign.live.next_segment import make_library
 from seatrial.campaign.live.recursion import live_recursion, within_bounds
 from seatrial.campaign.live.session import LiveSettings, Session
-from seatrial.campaign.live.session_files import Kept, with_session
+from seatrial.campaign.live.session_files import Kept, import_lines, with_session
 from seatrial.campaign.live.sources import GrowingText, MavlinkUdp, Piece, PipedText, open_source
 from seatrial.core.errors import InputError
 from seatrial.filters.run import filter_within
@@ -280,6 +280,26 @@ def test_rows_become_channels_as_an_import_makes_them_and_the_session_is_importe
     np.testing.assert_allclose(again.time[:30], record.time, atol=1e-9)
     np.testing.assert_allclose(again.channel("u")[:30], record.channel("u"), rtol=1e-12)
     np.testing.assert_allclose(again.channel("n")[:30], record.channel("n"), rtol=1e-12)
+
+
+def test_a_control_measured_while_it_changed_follows_a_straight_line_where_the_map_says_so(tmp_path):
+    """Held from each sample to the next, such a control is half a sample late, and what the innovations repeat widens the ±."""
+    fine, n = 0.005, (1000 + 300 * np.sin(2 * np.pi * np.arange(12000) * 0.005 / 3)) * RPM
+    u, motion, sd = 1.3, np.zeros(12000), {}
+    for k in range(12000):
+        motion[k] = u
+        force = TRUTH["X_uabsu"] * u * abs(u) + (1 - DEDUCTION) * TRUTH["T_nabsn"] * n[k] ** 2
+        u += fine * force / (30.48 + 0.93)
+    every, noise = slice(None, None, 20), 0.002 * np.random.default_rng(2).normal(size=600)
+    for between in ("held", "line"):
+        more = IMPORT.replace('unit = "rpm" }', f'unit = "rpm", between = "{between}" }}')
+        campaign = write_campaign(tmp_path / between, more=more)
+        session = Session(replace(campaign, sensors={"u": replace(campaign.sensors["u"], noise=0.002)}), "simulated")
+        found = feed(session, n[every], motion[every] + noise)[-1].coefficients
+        assert all(abs(one.mean - TRUTH[one.name]) < 3 * one.sd for one in found)
+        sd[between] = np.array([one.sd for one in found])
+        assert ('between = "line"' in import_lines(campaign, "1")) == (between == "line")
+    assert (sd["line"] < 0.2 * sd["held"]).all(), sd
 
 
 def test_a_stream_without_what_is_needed_is_refused_at_once(campaign, tmp_path):

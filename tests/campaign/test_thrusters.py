@@ -259,6 +259,8 @@ def test_pulses_of_0_before_arming_need_no_thrust_if_they_are_cut_away(tmp_path,
     assert read_untrimmed(kept, "log").time.size == record.time.size + 10
     with pytest.raises(InputError, match=r"import\.keep"):
         get_trials(campaign(tmp_path, resting, *LAWS[law]))
+    dead = campaign(tmp_path, resting, *LAWS[law], ("dead_zone = [1480, 1520]", "dead_zone = [0, 1520]"))
+    assert not get_trials(dead).fit[0].control[:10].any()
 
 
 MOUNTED = """

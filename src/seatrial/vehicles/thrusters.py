@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from seatrial.core.array_module import array_module
 from seatrial.core.coefficients import CoefficientName
@@ -50,10 +50,13 @@ class ThrustLaw:
             tabled: thrust by the table, where there is one, N, shape (n,).
         """
         thrust = np.polynomial.polynomial.polyval(command - self.neutral, self.polynomial) if tabled is None else tabled
-        if self.dead_zone is not None:
-            lower, upper = self.dead_zone
-            thrust = np.where((command >= lower) & (command <= upper), 0.0, thrust)
+        thrust = np.where(self.is_dead(command), 0.0, thrust)
         return np.where(thrust < 0, self.reverse * thrust, thrust)
+
+    def is_dead(self, command: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
+        """Return whether commands, shape (n,), lie in the dead zone."""
+        lower, upper = self.dead_zone or (np.inf, -np.inf)
+        return (command >= lower) & (command <= upper)
 
 
 @dataclass(frozen=True)

@@ -380,12 +380,14 @@ class _Thrust:
         return self.law.thrust(cells, None if self.table is None else self.table(cells))
 
     def check(self, cells: Float[np.ndarray, " n"], time: Float[np.ndarray, " n"], where: str) -> None:
-        """Refuse a command beyond the table, or beyond where a polynomial turns back; see `CellCurve`."""
+        """Refuse a command out of the dead zone that is beyond the table, or where a polynomial turns back; see `CellCurve`."""
+        cells = np.where(self.law.is_dead(cells), np.nan, cells)
         if self.table is not None:
             self.table.check(cells, time, where)
             return
         known = cells[np.isfinite(cells)]
         tried = np.linspace(known.min(), known.max(), _TRIED) if known.size else known
+        tried = tried[~self.law.is_dead(tried)]
         steps = np.diff(np.polynomial.polynomial.polyval(tried - self.law.neutral, self.law.polynomial))
         if known.size and steps.min() < 0 < steps.max():
             at = tried[1 + int(np.flatnonzero(np.diff(np.sign(steps)))[0])]

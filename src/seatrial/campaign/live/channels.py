@@ -187,6 +187,12 @@ class Channels:
         return {name: value for name, value in values.items() if name in self.roles}
 
 
+def lined_controls(campaign: Campaign) -> set[str]:
+    """Return the controls that change along a straight line from one sample to the next, by `between = "line"`."""
+    files = () if campaign.imports is None else campaign.imports.files
+    return {name for file in files for name, column in file.channels.items() if column.between == "line"}
+
+
 def columns_of(source: LogSource) -> set[str]:
     """Return every column that a channel is made of."""
     return {part for column in source.channels.values() for _, part in column.columns}

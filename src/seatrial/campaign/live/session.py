@@ -8,7 +8,7 @@ import numpy as np
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.live.advice import Adviser, Look
-from seatrial.campaign.live.channels import Arrival, Channels
+from seatrial.campaign.live.channels import Arrival, Channels, lined_controls
 from seatrial.campaign.live.gates import ClockGate, Notes, SignGate, ValueGate
 from seatrial.campaign.live.innovations import InnovationMemory
 from seatrial.campaign.live.next_segment import Library
@@ -64,6 +64,8 @@ class Session:
         self.signs = SignGate(campaign.noise, self.controls, self.notes.say)
         self.memory = InnovationMemory(len(self.measured))
         self.adviser = Adviser(self.recursion, self.measured, campaign.goal, settings.hold, library)
+        lined = lined_controls(campaign)
+        self.lined = np.array([name in lined for name in self.controls])
         self.delay = float(campaign.prior("delay").mean) if campaign.has_delay else 0.0
         self.control: dict[str, float] = {}
         self.sent: deque[tuple[float, np.ndarray]] = deque()
@@ -143,7 +145,7 @@ class Session:
             self.sent.clear()
         now = self._arriving(sent)
         measured = np.array([values.get(name, np.nan) for name in self.measured])
-        held, step = (now, 0.0) if begins else (self.held, step)
+        held, step = (now, 0.0) if begins else (np.where(self.lined, 0.5 * (self.held + now), self.held), step)
         self.belief, self.ghost, found = self.recursion.step(self.belief, self.ghost, held, step, now, measured)  # pyright: ignore[reportArgumentType]
         self.held = now
         if found.failed:

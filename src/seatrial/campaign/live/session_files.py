@@ -11,6 +11,7 @@ from typing import Any
 import tomlkit
 
 from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.live.channels import lined_controls
 from seatrial.core.errors import InputError
 from seatrial.core.files import write_json
 from seatrial.core.signals import signal_unit
@@ -111,12 +112,13 @@ def last_look(folder: Path) -> dict[str, Any] | None:
 
 def import_lines(campaign: Campaign, run: str) -> str:
     """Return the lines of a campaign file that import a session."""
-    channels = [*campaign.model(campaign.full).controls, *campaign.channels]
+    lined = lined_controls(campaign)
     lines = ["[import]", f'fit = ["{run}"]', "", "[[import.files]]", f'path = "{FOLDER.as_posix()}/{{run}}.csv"']
     lines += ['time = { column = "time_s", unit = "s" }']
-    return "\n".join(
-        [*lines, *(f'channels.{one} = {{ column = "{one}", unit = "{signal_unit(one)}" }}' for one in channels)]
-    )
+    for one in (*campaign.model(campaign.full).controls, *campaign.channels):
+        between = ', between = "line"' if one in lined else ""
+        lines.append(f'channels.{one} = {{ column = "{one}", unit = "{signal_unit(one)}"{between} }}')
+    return "\n".join(lines)
 
 
 def with_session(campaign: Campaign, run: str) -> str:
