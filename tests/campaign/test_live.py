@@ -342,7 +342,7 @@ def test_mavlink_over_udp_from_a_real_sender(tmp_path):
     thread = threading.Thread(target=send)
     thread.start()
     until = time.monotonic() + 20
-    while session.samples < 80 - 1 and time.monotonic() < until:
+    while session.samples < 80 and time.monotonic() < until:
         session.take(stream.read(0.1))
     thread.join()
     session.kept.close()
