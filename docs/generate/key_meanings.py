@@ -29,7 +29,8 @@ MEANINGS: dict[str, dict[str, tuple[str, str]]] = {
         "actuators": ("", "`published` for those of the catalogue, or a table for each control"),
         "published_to": (
             "percentage",
-            "prior of each catalogue coefficient that has none of its own: normal about the published value, with this standard deviation",
+            "prior of each catalogue coefficient that has none of its own: normal about the published value, with this standard deviation, "
+            "and cut where damping would drive the vehicle",
         ),
         "known_from": (
             "",

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import get_trials
@@ -14,6 +15,7 @@ from seatrial.core.record import Channel, Provenance, make_record
 from seatrial.core.signals import signal_unit
 from tests.campaign.small import write_summary
 
+EXAMPLES = Path(__file__).parents[2] / "examples"
 PITCH = """
 [campaign]
 name = "pitch"
@@ -112,6 +114,17 @@ def rate_of(campaign, values):
     return np.array(
         model.derivative(values, tuple(state[x] for x in model.states), tuple(control[x] for x in model.controls))
     )
+
+
+def test_published_damping_does_not_drive_the_vehicle():
+    """One in twenty would, by a normal prior of 60 %; terms without a side of their own stay normal."""
+    rov, torpedo = (load_campaign(EXAMPLES / name) for name in ("thruster_rov", "six_degrees"))
+    published = rov.vehicle.published["X_u"]
+    drag, lift = rov.prior("X_u"), torpedo.prior("Y_uv")
+    cut = stats.truncnorm(-np.inf, 1 / 0.6, loc=published, scale=0.6 * abs(published))
+    assert drag.bounds == (-np.inf, 0.0)
+    assert (drag.mean, drag.sd) == (pytest.approx(cut.mean()), pytest.approx(cut.std()))
+    assert (lift.bounds, lift.mean, lift.sd) == ((-np.inf, np.inf), -28.6, 28.6)
 
 
 def test_published_coefficients_are_priors_where_sought_and_fixed_where_not(tmp_path):

@@ -6,6 +6,7 @@ fitted again with its result as prior: they would count twice.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
+from math import inf
 from pathlib import Path
 from typing import NamedTuple
 
@@ -23,6 +24,7 @@ from seatrial.core.errors import InputError
 from seatrial.core.files import is_there
 from seatrial.core.signals import signal_unit
 from seatrial.core.units import quantity
+from seatrial.estimation.priors import physical_support
 
 STRONG = 0.7
 """Correlation, either way, from which its loss is told: the best-known combination had 0.55 of the spread that it has without it."""
@@ -213,6 +215,7 @@ def with_known(
 
 
 def _about(keys: FileKeys, text: str | float, name: str, value: float) -> PriorTable:
+    """Return the prior of a published coefficient, cut where damping would drive the vehicle unless the published value does."""
     share = keys.si(text, "1", "vehicle.published_to")
     if not (0 < share < 10 and value != 0):
         raise InputError(
@@ -221,4 +224,5 @@ def _about(keys: FileKeys, text: str | float, name: str, value: float) -> PriorT
             expected="a positive share of a value that is not zero",
             remedy=f'for example "30 %", and [prior.{name}] of its own where nothing is published',
         )
-    return PriorTable(distribution="normal", mean=value, sd=share * abs(value))
+    has_side = value < 0 and physical_support(CoefficientName.parse(name), inf) is not None
+    return PriorTable(distribution="normal", mean=value, sd=share * abs(value), physical=has_side)
