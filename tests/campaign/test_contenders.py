@@ -78,5 +78,10 @@ def test_the_trial_that_decides_is_inside_the_limits_or_there_is_none(outcome):
     assert weak.trial_words(doubtful).startswith("no design of this family would decide between M-0 and M-1")
     sure = replace(selection, probability=np.array([0.97, 0.01, 0.01, 0.01]))
     assert "have decided between M-0 and M-1" in one.trial_words(sure)
+    in_doubt = tuple(replace(one, status="in doubt") for one in selection.evidences)
+    shaken = replace(selection, evidences=in_doubt, alarms=("x",), probability=np.array([0.96, 0.04, 0.0, 0.0]))
+    assert one.trial_words(shaken).startswith(
+        "whether these data decide between M-0 and M-1 cannot be said before the evidence is reliable"
+    )
     assert undecided_words(doubtful) == ("not decided: X_u (0.50); in brackets the probability that it is needed")
     assert "every optional term" in undecided_words(replace(selection, inclusion={"X_u": 0.999}))

@@ -125,6 +125,12 @@ def test_proposals_weigh_goal_doubt_and_gain(tmp_path):
     assert propose(outcome).trial is not None
     met = with_goal(outcome, Goal(shares={"X_u": 9.0}))
     assert propose(met).lines[-1] == "stop: the goal is met"
+    met.chosen.data.attrs["alarms"] = '["the chains disagree about X_u"]'
+    assert propose(met).lines[-2:] == (
+        "no trial yet: the numbers meet the goal, but a health check failed; mend it and run again",
+        f"{met.chosen.structure.label}: the chains disagree about X_u",
+    )
+    met.chosen.data.attrs["alarms"] = "[]"
     assert any(line.startswith("X_u is known to") and line.endswith(" 1 % wanted") for line in strict_lines(outcome))
     little = replace(outcome.next.best, gain=outcome.next.best.gain * 1e-3)
     quiet = replace(outcome, next=replace(outcome.next, sweeps=(little,)), contenders=None)

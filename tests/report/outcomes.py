@@ -79,7 +79,7 @@ time = { column = "t", unit = "s" }
 channels.u = { column = "u", unit = "m/s" }
 """
 METHODS = {
-    name: {"log_value": value, "std_error": 0.1, "joint_errors": apart, "status": ""}
+    name: {"log_value": value, "std_error": 0.1, "difference": value + 3.0, "joint_errors": apart, "status": ""}
     for name, value, apart in (("importance", -3.0, 0.0), ("smc", -3.1, -0.7))
 }
 TRUE = {"X_tau_X": 0.0148, "X_u": -0.54, "X_uabsu": -3.5, "delay": 0.38, "sigma_u": 0.027, "sigma_udot": 2.6e-5}
@@ -97,6 +97,11 @@ def make_outcome(folder: Path, alarms: tuple[str, ...] = (), gain: float = 1.0) 
     estimates = tuple(_estimate(structure, random) for structure in campaign.structures)
     evidences = [Evidence(-3.0 * index, 0.1, "made up", {"methods": METHODS}) for index in range(len(estimates))]
     selection = select(campaign.structures, evidences, campaign.structure.optional)
+    for one in estimates:
+        own = [text.removeprefix(f"{one.structure.label}: ") for text in alarms]
+        one.data.attrs["alarms"] = json.dumps([text for text, whole in zip(own, alarms, strict=True) if text != whole])
+    labels = tuple(f"{one.structure.label}: " for one in estimates)
+    selection = replace(selection, alarms=tuple(text for text in alarms if not text.startswith(labels)))
     chosen, next_design = estimates[selection.chosen], _designs(campaign, gain)
     fits = tuple(
         _fit(record.label, channel) for record in (*trials.fit, *trials.predict) for channel in campaign.channels
@@ -106,6 +111,7 @@ def make_outcome(folder: Path, alarms: tuple[str, ...] = (), gain: float = 1.0) 
         "verdicts": list(selection.verdicts),
         "cautions": [f"held-back run {HELD} is predicted poorly: 40% of the variance of u explained"],
         "alarms": list(alarms),
+        "usable": not any(text.startswith(f"{chosen.structure.label}: ") for text in alarms),
         "next_trial": _next_trial(next_design),
     }
     return Outcome(

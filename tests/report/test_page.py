@@ -157,12 +157,26 @@ def test_alarms_come_first_and_take_the_answer_over(tmp_path):
         f"M-0: the chains disagree about {name} (R-hat 1.0{index}3, at most 1.01): run longer"
         for index, name in enumerate(names)
     )
-    html = render(make_outcome(tmp_path, (*alarms, "evidence of M-0: repeats differ by 3.6 nats")))
+    html = render(alarmed(tmp_path, *alarms, "the evidence of M-1 is not reliable: repeats differ by 3.6 nats"))
     assert "Do not use these numbers yet: 4 health checks failed" in html
     said = html[html.index('id="summary"') : html.index('id="models"')]
     assert said.index('class="alarm"') < said.index('class="finding"') < said.index('class="caution"')
     assert said.count('<li class="alarm">') == 2
     assert "Likewise" in said
+
+
+def alarmed(folder, *alarms):
+    """An outcome with these alarms and no others."""
+    return replace(make_outcome(folder, alarms), cross_validation=None)
+
+
+def test_alarms_of_other_models_leave_the_values_of_the_chosen_one(tmp_path):
+    html = render(alarmed(tmp_path, "M-1: the chains disagree about X_u (R-hat 1.03, at most 1.01): run longer"))
+    assert "Do not use" not in html
+    assert "Another model is not reliable: 1 health check failed." in html
+    assert "its values may be used" in html
+    html = render(alarmed(tmp_path, "the evidence of M-1 is not reliable: repeats differ by 3.6 nats"))
+    assert "The choice of the model is not reliable: 1 health check failed." in html
 
 
 def test_a_family_that_is_exhausted_is_said_to_be(tmp_path):
@@ -229,7 +243,7 @@ def test_a_model_beside_simpler_ones(tmp_path, html):
 
 
 def test_the_headline_tells_a_model_that_is_beaten_from_one_that_fails(tmp_path):
-    beaten = replace(make_outcome(tmp_path), compared=make_compared(0.2))
+    beaten = replace(alarmed(tmp_path), compared=make_compared(0.2))
     beaten.summary["alarms"].append(beaten.compared[0].sentence)
     assert answer(beaten).startswith(
         "Do not use this model: a simpler one predicts better. Held-back runs: a first-order lag of the controls predicts u better"

@@ -136,6 +136,21 @@ def test_doubt_is_the_largest_of_what_may_be_wrong():
     assert _doubt(Evidence(0.0, 0.01, "given", status="repeats differ")) == 3.0
 
 
+def test_nothing_is_called_decided_that_hangs_on_a_doubtful_evidence():
+    """The same lead of 4 nats: without doubt it decides, with a doubt of 4.6 nats it does not; a lead of 20 decides anyhow."""
+    structures = [Structure("M-0", ("X_u", "X_uabsu")), Structure("M-1", ("X_uabsu",))]
+    other = Evidence(0.0, 0.01, "given")
+    for leading, decided in (
+        (Evidence(4.0, 0.01, "given"), True),
+        (replace(doubtful(-4.6), log_value=4.0), False),
+        (replace(doubtful(-4.6), log_value=20.0), True),
+    ):
+        found = select(structures, [leading, other], ("X_u",))
+        assert found.is_settled == decided
+        assert (found.undecided == {}) == decided
+        assert found.verdicts[0].startswith("the data support X_u") == decided
+
+
 def test_a_verdict_that_hangs_on_a_doubtful_evidence_is_withheld():
     """X_u leads by 4 nats; 4.6 less, and it does not. Where it leads by 20, nothing hangs on it."""
     structures = [Structure("M-0", ("X_u", "X_uabsu")), Structure("M-1", ("X_uabsu",))]

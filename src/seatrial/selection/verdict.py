@@ -53,6 +53,33 @@ class Selection:
     verdicts: tuple[str, ...]
     alarms: tuple[str, ...]
 
+    @property
+    def undecided(self) -> dict[str, float]:
+        """Terms that the data leave open, or whose probability depends on an evidence that is not reliable, with that probability."""
+        return {term: p for term, p in self.inclusion.items() if not _is_decided(p, self._reached(term))}
+
+    @property
+    def is_settled(self) -> bool:
+        """Whether the chosen structure stays far above every other, also if one evidence that is in doubt is wrong."""
+        rest = np.arange(self.probability.size) != self.chosen
+        shifted = [one for i, doubt in enumerate(self._doubts) for one in _shifted(self._logs, i, doubt)]
+        return all(one[self.chosen] >= DECIDED * (one[self.chosen] + one[rest].max(initial=0.0)) for one in shifted)
+
+    def _reached(self, term: str) -> tuple[float, float]:
+        """Return between which the probability of a term may lie, see `_range`."""
+        member = np.array([term in structure.terms for structure in self.structures], float)
+        if np.ptp(member) == 0.0 or not any(self._doubts):  # of the screening alone, or where nothing is in doubt
+            return self.inclusion[term], self.inclusion[term]
+        return _range(self._logs, self._doubts, member)
+
+    @property
+    def _logs(self) -> Float[np.ndarray, " m"]:
+        return np.log(np.maximum(self.probability, np.finfo(float).tiny))
+
+    @property
+    def _doubts(self) -> list[float]:
+        return [_doubt(evidence) for evidence in self.evidences]
+
     def summary(self) -> "DataFrame":
         """Return a table with a row for each structure, the most probable first: probability and log evidence, each with its
         Monte Carlo standard error, log evidence less the best, and the terms."""
@@ -201,6 +228,12 @@ def averaged(
         centre = float(probability @ mean)
         results[name] = centre, float(np.sqrt(probability @ (sd**2 + (mean - centre) ** 2)))
     return results
+
+
+def _is_decided(probability: float, reached: tuple[float, float]) -> bool:
+    """Return whether a term is in or out with the probability of `DECIDED`, all over the range that its probability may have."""
+    low, high = min(probability, *reached), max(probability, *reached)
+    return low >= DECIDED or high <= 1 - DECIDED
 
 
 def _doubt(evidence: Evidence) -> float:

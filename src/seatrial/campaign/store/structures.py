@@ -141,7 +141,8 @@ class Summary:
         structures: candidates.
         verdicts: which terms the data support, in words.
         cautions: what to know before using the numbers.
-        alarms: why they are not to be used.
+        alarms: health checks that failed.
+        usable: whether none of these is about the chosen structure's numbers.
         known: what the data tell about each parameter.
         fits: how each channel of each record is predicted.
         pooled: how each channel of all held-back records together is predicted.
@@ -158,6 +159,7 @@ class Summary:
     verdicts: tuple[str, ...]
     cautions: tuple[str, ...]
     alarms: tuple[str, ...]
+    usable: bool
     known: Known
     fits: tuple[Fit, ...]
     pooled: tuple[Pooled, ...]
@@ -315,12 +317,14 @@ class Contenders:
 
     def trial_words(self, selection: "Selection") -> str:
         """Which design of the best family would decide between the two, or that none would."""
-        from seatrial.selection.verdict import DECIDED
-
         best, runner = self.labels
-        first, second = -np.sort(-selection.probability)[:2]
-        if first >= DECIDED * (first + second):
+        if selection.is_settled:
             return f"these data have decided between {best} and {runner}; no trial is needed for that"
+        if selection.alarms:
+            return (
+                f"whether these data decide between {best} and {runner} cannot be said before the evidence is reliable: "
+                "raise `particles`, `draws` or `repeats` in [selection], or narrow the priors"
+            )
         trial = self.data.attrs["trial"]
         told = f"{self.nats:.2g} nat of evidence expected, {ENOUGH:g} decide"
         if self.nats > ENOUGH:
@@ -339,12 +343,11 @@ def largest_of(values: np.ndarray) -> tuple[int, int]:
 
 def undecided_words(selection: "Selection") -> str:
     """Name the terms about which these data leave doubt."""
-    from seatrial.selection.verdict import DECIDED
-
-    doubtful = [f"{term} ({p:.2f})" for term, p in selection.inclusion.items() if 1 - DECIDED < p < DECIDED]
+    doubtful = [f"{term} ({p:.2f})" for term, p in selection.undecided.items()]
     if not doubtful:
         return "these data decide about every optional term"
-    return f"not decided: {', '.join(doubtful)}; in brackets the probability that it is needed"
+    unless = ", if the evidences were reliable" if selection.alarms else ""
+    return f"not decided: {', '.join(doubtful)}; in brackets the probability that it is needed{unless}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -399,6 +402,7 @@ def read_summary(path: Path, made_by: str) -> Summary:
             verdicts=tuple(content["verdicts"]),
             cautions=tuple(content["cautions"]),
             alarms=tuple(content["alarms"]),
+            usable=bool(content["usable"]),
             known=decode_known(content["known"]),
             fits=tuple(decode_fit(item) for item in content["fits"]),
             pooled=tuple(Pooled(**item) for item in content["pooled"]),

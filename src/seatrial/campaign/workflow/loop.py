@@ -7,12 +7,11 @@ from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.record_cautions import record_cautions
 from seatrial.campaign.data.simulate import add_trial
 from seatrial.campaign.design.sweep import Designs
-from seatrial.campaign.inference.baselines import compare_with_baselines, comparison_alarms, comparison_cautions
+from seatrial.campaign.inference.baselines import compare_with_baselines, comparison_cautions
 from seatrial.campaign.inference.cross_validation import current_cross_validation
 from seatrial.campaign.inference.filter_trace import filter_complaints
 from seatrial.campaign.inference.judge_predictions import (
     fit_complaints,
-    held_back_alarms,
     held_back_cautions,
     held_back_curves,
     pooled_of,
@@ -97,10 +96,6 @@ def run_sequence(campaign: Campaign, reporter: Reporter = SILENT) -> tuple[Outco
 def summarise(outcome: Outcome) -> dict[str, Any]:
     """Coefficients of the chosen structure, probabilities, verdicts, warnings and the numbers of the next trial, JSON-able, SI."""
     campaign, chosen, selection = outcome.campaign, outcome.chosen, outcome.selection
-    alarms = [f"{estimate.structure.label}: {text}" for estimate in outcome.estimates for text in estimate.alarms]
-    alarms += [] if outcome.cross_validation is None else outcome.cross_validation.alarms
-    unseen = held_back_alarms(outcome.fits, outcome.pooled)
-    alarms += [*selection.alarms, *comparison_alarms(outcome.compared), *unseen]
     records = [*outcome.trials.fit, *outcome.trials.predict]
     cautions = comparison_cautions(outcome.compared)
     cautions += [text for record in records for text in record_cautions(record)]
@@ -116,7 +111,8 @@ def summarise(outcome: Outcome) -> dict[str, Any]:
         "structures": structure_rows(selection),
         "verdicts": list(selection.verdicts),
         "cautions": cautions,
-        "alarms": alarms,
+        "alarms": [*outcome.own_alarms, *outcome.other_alarms],
+        "usable": not outcome.own_alarms,
         "known": asdict(outcome.known),
         "fits": [fit.__dict__ for fit in outcome.fits],
         "pooled": [one.__dict__ for one in outcome.pooled],

@@ -57,6 +57,10 @@ def propose(outcome: Outcome) -> Proposal:
     counting = goal is not None and goal.only_trials
     if goal is not None and not unmet and not doubt:
         if not counting:
+            open_alarms = [*outcome.own_alarms, *(outcome.choice_alarms if goal.decided else ())]
+            if open_alarms:
+                first = "no trial yet: the numbers meet the goal, but a health check failed; mend it and run again"
+                return Proposal(None, standing, (first, open_alarms[0]))
             return Proposal(None, standing, ("stop: the goal is met",))
         if len(outcome.trials.fit) >= goal.trials:
             trials = f"{goal.trials} trial{'s are' if goal.trials != 1 else ' is'}"

@@ -6,6 +6,8 @@ from typing import Any
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.design.sweep import Designs
+from seatrial.campaign.inference.baselines import comparison_alarms
+from seatrial.campaign.inference.judge_predictions import held_back_alarms
 from seatrial.campaign.store.baselines import FittedBaselines
 from seatrial.campaign.store.cross_validation import CrossValidation
 from seatrial.campaign.store.estimates import Estimate, Fit, Known
@@ -63,3 +65,21 @@ class Outcome:
     contenders: Contenders | None
     summary: dict[str, Any]
     cross_validation: CrossValidation | None = None
+
+    @property
+    def own_alarms(self) -> list[str]:
+        """Why the numbers of the chosen structure are not to be used."""
+        found = [f"{self.chosen.structure.label}: {text}" for text in self.chosen.alarms]
+        return [*found, *comparison_alarms(self.compared), *held_back_alarms(self.fits, self.pooled)]
+
+    @property
+    def other_alarms(self) -> list[str]:
+        """What failed elsewhere: what the choice of the structure rests on, and chains of other structures."""
+        others = [one for one in self.estimates if one.structure.label != self.chosen.structure.label]
+        return [*self.choice_alarms, *(f"{one.structure.label}: {text}" for one in others for text in one.alarms)]
+
+    @property
+    def choice_alarms(self) -> list[str]:
+        """Why the choice of the structure is not to be relied on: evidences, and predictions of runs that were left out."""
+        left_out = [] if self.cross_validation is None else self.cross_validation.alarms
+        return [*self.selection.alarms, *left_out]

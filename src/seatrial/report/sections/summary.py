@@ -41,6 +41,7 @@ def summary_section(outcome: Outcome) -> dict[str, Any]:
         "name": outcome.campaign.name,
         "answer": answer(outcome),
         "alarms": find(outcome, "alarm"),
+        "usable": not outcome.own_alarms,
         "cautions": find(outcome, "caution"),
         "verdicts": find(outcome, "finding"),
         "tables": tables,
@@ -57,10 +58,10 @@ def summary_section(outcome: Outcome) -> dict[str, Any]:
 
 def answer(outcome: Outcome) -> Markup:
     """Say what was found and how well it predicts, first what simpler model does as well; or that nothing may be used yet."""
-    alarms = outcome.summary["alarms"]
+    own, elsewhere = outcome.own_alarms, outcome.other_alarms
     beaten, unseen = comparison_alarms(outcome.compared), held_back_alarms(outcome.fits, outcome.pooled)
     if beaten or unseen:
-        others = len(alarms) - len(beaten) - len(unseen)
+        others = len(own) + len(elsewhere) - len(beaten) - len(unseen)
         more = Markup(" {} failed too.").format(_checks(others)) if others else Markup("")
         what = (
             "The model fails on runs that it was not fitted to."
@@ -68,21 +69,24 @@ def answer(outcome: Outcome) -> Markup:
             else "Do not use this model: a simpler one predicts better."
         )
         return Markup("{} {}{}").format(what, sentence_of(outcome, (unseen or beaten)[0]), more)
-    if alarms:
-        return Markup("Do not use these numbers yet: {} failed.").format(_checks(len(alarms)))
-    return Markup("{}{} {} {}").format(_unbeaten(outcome), _basis(outcome), _found(outcome), _predicts(outcome))
+    if own:
+        return Markup("Do not use these numbers yet: {} failed.").format(_checks(len(own) + len(elsewhere)))
+    said = [_unbeaten(outcome) + _basis(outcome), _found(outcome), _predicts(outcome)]
+    if elsewhere:
+        what = "The choice of the model is not reliable" if outcome.choice_alarms else "Another model is not reliable"
+        said.append(Markup("{}: {} failed.").format(what, _checks(len(elsewhere))))
+    return Markup(" ").join(said)
 
 
 def find(outcome: Outcome, kind: str) -> list[dict[str, Any]]:
     """Return the sentences of a kind, what is said of the chosen structure first, and once for many parameters."""
-    chosen = outcome.chosen.structure.label
     texts = list(outcome.summary[{"alarm": "alarms", "finding": "verdicts", "caution": "cautions"}[kind]])
     if kind == "alarm":
         texts.sort(
             key=lambda text: (
+                text not in outcome.own_alarms,
                 not text.startswith(("held-back", "run ")),
                 not text.startswith("the evidence"),
-                f"{chosen}: " not in text,
             )
         )
     return [{"kind": kind, "text": text} for text in _sentences(outcome, texts)]
@@ -121,7 +125,7 @@ def _found(outcome: Outcome) -> Markup:
             "give{} the coefficients below; only one model was fitted, so the need for its terms was not tested."
         ).format(verb)
     name = model_html(outcome, outcome.chosen.structure.label)
-    if outcome.selection.probability[outcome.selection.chosen] >= DECIDED:
+    if outcome.selection.is_settled and outcome.selection.probability[outcome.selection.chosen] >= DECIDED:
         return Markup("support{} one model of {}: <strong>{}</strong>.").format(verb, count, name)
     return Markup("favour{} <strong>{}</strong> among {} models, but do{} not decide.").format(
         verb, name, count, "es" if verb else ""

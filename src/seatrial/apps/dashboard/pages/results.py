@@ -68,7 +68,8 @@ async def _results(context: AppContext, campaign: str, folder: Path) -> None:
                     )
                     for text in getattr(summary, kind)
                 )
-                markup(Markup('<h3>{}</h3><ul class="findings">{}</ul>').format(_TITLE[kind], marks))
+                title = _USABLE if kind == "alarms" and summary.usable else _TITLE[kind]
+                markup(Markup('<h3>{}</h3><ul class="findings">{}</ul>').format(title, marks))
         if summary.alarms or summary.cautions:
             markup(links_html([(link("model", campaign), "Change the noise or the terms")]))
         markup(coefficients(summary, shown))
@@ -103,6 +104,8 @@ _TITLE = {
     "verdicts": "What the data say",
     "cautions": "What to know before using them",
 }
+
+_USABLE = "What failed, but not for the coefficients of the chosen model"
 
 
 def names_and_labels(summary: Summary) -> tuple[dict[str, str], dict[str, str]]:
