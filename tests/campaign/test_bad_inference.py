@@ -62,7 +62,7 @@ def test_a_prior_that_is_missing_says_why_it_is_needed_and_gives_one(tmp_path, n
         load_campaign(folder)
     assert caught.value.where.endswith(f"key prior.{name}")
     assert because in caught.value.found
-    assert f"add [prior.{name}] with, for example, distribution = " in caught.value.remedy
+    assert f"add a section [prior.{name}], for example with distribution = " in caught.value.remedy
 
 
 def test_a_spread_between_trials_needs_two(tmp_path):

@@ -177,6 +177,7 @@ def test_a_prior_of_several_axes_that_is_right_expects_the_log(tmp_path, log):
     reach = {item.name: item.alone for item in predict_from_prior(campaign(tmp_path / "wide", log)).believed}
     assert reach["N_r"].channel == "r"
     assert reach["N_r"].low < reach["N_r"].high  # at 5 % it damps most
+    assert all(one is None or one.low <= one.high for one in reach.values())
     assert reach["sigma_u"] is None
 
 

@@ -97,6 +97,7 @@ def test_slow_residuals():
     assert found.about == "correlated residuals"
     assert "by a factor of about 3." in found.reason
     assert 'set estimation.residuals = "coloured"' in found.reason
+    assert '[prior.tau_u], for example with distribution = "log-uniform", lower = 0.05 and upper = 10.0' in found.reason
     assert verdict(scored(errors, slow=SlowNoise(0.25, 1.0)), coloured=True).level == "pass"
     through = verdict(scored(errors), feedback=True)
     assert through.about == "biased through the autopilot"

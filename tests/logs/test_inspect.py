@@ -10,11 +10,14 @@ import pytest
 from seatrial.apps.cli import main
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import import_trials
+from seatrial.core.errors import InputError
 from seatrial.logs import summary
 from seatrial.logs.formats.protocol import Block, ColumnInfo, LogFile, TableInfo
 from seatrial.logs.formats.registry import read_columns
 from seatrial.logs.guess import best, guesses
 from seatrial.logs.inspect import inspect_log
+from seatrial.logs.read import read_log
+from seatrial.logs.source import ColumnMap, LogSource
 from seatrial.logs.summary import Gathered
 from tests.campaign.small import write_small
 from tests.logs.log_cases import GOOD, refusal, written
@@ -156,6 +159,9 @@ def test_every_element_of_a_multiarray_is_listed(tmp_path):
     # Thruster 1 stands still; of those behind the last that moves nothing says that they are thrusters.
     (block,) = tomllib.loads(found.as_toml())["import"]["files"]
     assert block["channels"] == {f"f_{k + 1}": {"column": f"data[{k}]", "unit": "command"} for k in range(8)}
+    with pytest.raises(InputError) as caught:
+        read_log(LogSource(found.log.path, None, None, {"f_1": ColumnMap("data[10]", "N", "control")}))
+    assert (caught.value.found, caught.value.expected) == ("no such element: data has 10", "data[0] to data[9]")
 
 
 AUTOPILOT = {
@@ -260,6 +266,14 @@ def test_pasted_map_imports_a_bag_and_a_csv(tmp_path):
     np.testing.assert_allclose(record.channel("n"), RPM[: record.time.size] * pi / 30)
     tables = {file["source"]: file["table"] for file in record.provenance.options["files"]}
     assert tables == {"bag": "/odom", "engine.csv": None}
+
+
+def test_the_map_names_a_log_as_it_was_given(tmp_path, monkeypatch):
+    """A relative path stays one, and a comment says of which folder it has to be; an absolute path has no comment."""
+    written(tmp_path, "time,prop_rpm\n" + "".join(f"{k},{k}\n" for k in range(20)), "a.csv")
+    monkeypatch.chdir(tmp_path)
+    assert 'path = "a.csv"  # relative to the folder of the campaign file' in inspect_log("a.csv").as_toml()
+    assert f'path = "{tmp_path.as_posix()}/a.csv"\n' in inspect_log(tmp_path / "a.csv").as_toml()
 
 
 def test_columns_of_the_map_are_those_of_the_log(tmp_path):

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.special import betainc, chdtr, chdtrc
 
 from seatrial.core.display_units import shown_unit
+from seatrial.core.usual_priors import TIME_PRIOR
 from seatrial.estimation.prediction_scores import DIVERGES, Score
 
 FitLevel = Literal["pass", "unjudged", "caution", "fail"]
@@ -264,7 +265,8 @@ def _colour(score: Score, channel: str, coloured: bool, feedback: bool) -> FitVe
         "caution",
         "correlated residuals",
         f"{result}, so they are not white noise: the stated standard deviations are too small, by a factor of about "
-        f'{np.sqrt((1 + rho) / (1 - rho)):.1f}; set estimation.residuals = "coloured"',
+        f'{np.sqrt((1 + rho) / (1 - rho)):.1f}; set estimation.residuals = "coloured", and for each channel add a section of its '
+        f"correlation time in s, here [prior.tau_{channel}], for example with {TIME_PRIOR}",
     )
 
 

@@ -149,7 +149,7 @@ def check_range(
         if at.sum() > CUT * x.size and np.ptp(y[at]) > max(SPIKE * noise, CUT * np.ptp(y)):
             value = f"{at.mean():.0%} of the samples are {end:.4g}, its {word} value, while the expected force goes on"
             remedy = "the gauge is at its limit, a rope is slack, or the value is frozen: leave these samples out, or measure them again"
-            return [RecordFinding(name, "range", "fail", value, f"under {CUT:.0%}", remedy)]
+            return [RecordFinding(name, "range", "fail", value, f"usual: under {CUT:.0%}", remedy)]
     return []
 
 
@@ -249,7 +249,7 @@ def not_judged(names: Sequence[str]) -> RecordFinding:
 
 def _delay(name: str, late: float, shifted: float, direct: float, has_delay: bool) -> list[RecordFinding]:
     """Return a shift in time that explains most of what is not explained without it; a slower vehicle looks late too."""
-    limit = f"under {LATE:g} s, where a shift explains most of the rest"
+    limit = f"told from {LATE:g} s, if a shift explains most of the rest"
     if abs(late) < LATE or shifted < TOLD or (1.0 - direct) < 2.0 * (1.0 - shifted):
         return []
     if late > 0 and has_delay:
@@ -278,7 +278,7 @@ def check_samples(name: str, values: Float[np.ndarray, " n"], noise: float, sens
     if x.size < 25:
         return []
     share = float((_standing_out(x) > SPIKE * np.maximum(_scatter(x), noise)).mean())
-    limit = f"under {SPIKES:.1%} beyond {SPIKE:g} robust standard deviations"
+    limit = f"usual: under {SPIKES:.1%} beyond {SPIKE:g} robust standard deviations"
     if share < SPIKES:
         return [RecordFinding(name, "outliers", "pass", f"{share:.2%} of the samples", limit)]
     remedy = f'residuals = "heavy" under [sensors.{sensor}] tolerates them; look at the raw plot first'

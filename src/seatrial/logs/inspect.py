@@ -86,7 +86,13 @@ class LogSummary:
     def _block(self, table: TableSummary, clock: ClockSummary | None, mine: Sequence[Guess]) -> Iterator[str]:
         layout = self.log.layout
         yield "[[import.files]]"
-        yield f"path = {_quoted(self.log.path.resolve().as_posix())}"
+        path = self.log.path
+        beside = (
+            ""
+            if path.is_absolute()
+            else "  # relative to the folder of the campaign file: correct it if that is another"
+        )
+        yield f"path = {_quoted(path.as_posix())}{beside}"
         if len(catalogue(self.log)) > 1:
             yield f"table = {_quoted(table.info.name)}"
         name, unit = ("", "s") if clock is None else (clock.name, clock.unit)

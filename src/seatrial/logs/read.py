@@ -16,6 +16,7 @@ from seatrial.logs.formats.protocol import LogFormat, RawTable, TableInfo, unit_
 from seatrial.logs.formats.registry import catalogue, format_of, hash_of_log, pick, read_columns
 from seatrial.logs.formats.text_layout import signs_of
 from seatrial.logs.source import (
+    ColumnMap,
     CurvedCells,
     LogSource,
     LogTable,
@@ -65,11 +66,8 @@ def read_log(source: LogSource) -> LogTable:
             empties[name] = [gaps, values.size]
             notes.append(f"{name}: {gaps} of {values.size} cells are empty")
         if gaps == values.size:
-            raise InputError(
-                f'{where}, column "{column.column}"',
-                found="no number in any row",
-                expected="samples",
-                remedy="map another column, or drop the channel",
+            raise _no_number(
+                next((part for part, one in cells.items() if np.isnan(one).all()), ""), column, info, where
             )
         stated = info.unit(column.column) if info and not column.parts else None
         if stated not in (None, column.unit):
@@ -336,7 +334,38 @@ def _finite(raw: RawTable, name: str, where: str) -> Float[np.ndarray, " n"]:
     return values
 
 
+def _no_number(empty: str, column: ColumnMap, info: TableInfo | None, where: str) -> InputError:
+    """Say that a channel has no number, and of an element beyond the end of its array that there is none.
+
+    Args:
+        empty: the column without a number; no name where only a sum has none.
+        column: of the channel.
+        info: what the log says of its table.
+        where: log and table.
+    """
+    if info is not None and empty not in (elements := info.elements(empty)) and elements:
+        return _no_element(empty, elements, where)
+    return InputError(
+        f'{where}, column "{column.column}"',
+        found="no number in any row",
+        expected="samples",
+        remedy="map another column, or drop the channel",
+    )
+
+
+def _no_element(name: str, elements: Sequence[str], where: str) -> InputError:
+    """Say how many elements an array has, and how they are counted."""
+    return InputError(
+        f'{where}, column "{name}"',
+        found=f"no such element: {name.rpartition('[')[0]} has {len(elements)}",
+        expected=f"{elements[0]} to {elements[-1]}",
+        remedy="count from 0; `seatrial inspect` shows what each element holds",
+    )
+
+
 def _no_column(name: str, info: TableInfo, where: str) -> InputError:
+    if elements := info.elements(name):
+        return _no_element(name, elements, where)
     names: Sequence[str] = [column.name for column in info.columns]
     text = nearest(name, names)
     return InputError(

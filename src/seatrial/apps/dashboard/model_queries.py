@@ -33,7 +33,7 @@ from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.load import check_text, load_campaign
 from seatrial.campaign.config.new_campaign import new_campaign
 from seatrial.campaign.config.new_campaign_file import campaign_text
-from seatrial.campaign.config.nuisance_parameters import SIZES, TIMES, Nuisance, of_sensor
+from seatrial.campaign.config.nuisance_parameters import Nuisance, of_sensor
 from seatrial.campaign.config.sensor_table import ATTITUDE
 from seatrial.campaign.config.settings import Residuals
 from seatrial.campaign.config.templates import template_text
@@ -57,6 +57,7 @@ from seatrial.core.record import Record
 from seatrial.core.record_file import read_record
 from seatrial.core.signals import QUATERNION, RATES
 from seatrial.core.units import quantity
+from seatrial.core.usual_priors import SIZES, TIMES
 from seatrial.design.integrals import motion_signals
 from seatrial.design.safety import judge_safety
 from seatrial.design.sweep import Sweep

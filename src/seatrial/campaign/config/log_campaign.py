@@ -72,7 +72,7 @@ def log_campaign_text(vehicle: str, log: Path, moves: tuple[str, ...] = (), name
             expected="a whole vehicle, whose axes are those that the log shows",
             remedy="take the template log and the map of `seatrial inspect LOG --map`",
         )
-    body, summary = load_vehicle(vehicle), inspect_log(log)
+    body, summary = load_vehicle(vehicle), inspect_log(log.resolve())
     axes = moves or body.moves
     controls = _controls(body, summary)
     sensors = _sensors(summary, axes)

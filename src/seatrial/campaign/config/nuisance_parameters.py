@@ -7,6 +7,7 @@ from seatrial.campaign.config.settings import EstimationSettings
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError
 from seatrial.core.signals import signal_label, signal_unit
+from seatrial.core.usual_priors import SIZE_PRIOR, TIME_PRIOR
 from seatrial.estimation.disturbance import AXES, disturbance_name, disturbance_time_name, disturbed_axes
 from seatrial.estimation.filter_error import process_name
 from seatrial.estimation.mounts import LATE, SCALE, mount_unit
@@ -32,12 +33,8 @@ NOISES = 5.0
 """Largest noise of a sensor over its nominal one, where no prior of it is given."""
 
 _ERROR = 'distribution = "normal", mean = 0.0 and sd = 0.2'
-_SIZE = 'distribution = "half-normal", lower = 0.0 and, as scale, how much it may differ between trials'
-SIZES, TIMES = (0.0001, 0.1), (0.05, 10.0)
-"""Ends of the priors of a size, SI, and of a time constant, s, that suit many vehicles."""
-_SCALE = f'distribution = "log-uniform", lower = {SIZES[0]} and upper = {SIZES[1]}'
+_SIZE = 'distribution = "half-normal", lower = 0.0 and scale = the difference between trials that you expect'
 _LAG = 'distribution = "half-normal", scale = 1.0 and lower = 0.0'
-_TIME = f'distribution = "log-uniform", lower = {TIMES[0]} and upper = {TIMES[1]}'
 
 
 class Nuisance(NamedTuple):
@@ -71,7 +68,7 @@ class Nuisance(NamedTuple):
             where,
             found=f"nothing, though {self.because}",
             expected=f"a prior of {self.name}, SI unit {self.unit}",
-            remedy=f"add [prior.{self.name}] with, for example, {self.example}",
+            remedy=f"add a section [prior.{self.name}], for example with {self.example}",
         )
 
     def of_trial(self, label: str, prior: Prior) -> Parameter:
@@ -120,7 +117,7 @@ def nuisances(
                 continue
             # Its own unit: what a state gains in one second.
             name, label, because = process_name(state), signal_label(state), 'estimation.likelihood = "filter-error"'
-            yield Nuisance(name, signal_unit(state), rf"q_{{{label}}}", None, because, _SCALE)
+            yield Nuisance(name, signal_unit(state), rf"q_{{{label}}}", None, because, SIZE_PRIOR)
 
 
 def check_disturbances(
@@ -181,8 +178,8 @@ def _of_disturbance(axis: str, model: VehicleModel) -> list[Nuisance]:
     unit = model.unit_of(CoefficientName.parse(f"{axis}_0"))
     both = f"a disturbance on {axis} has a standard deviation, {size}, and a correlation time, {time}"
     return [
-        Nuisance(size, unit, rf"s_{{d,{axis}}}", None, both, _SCALE),
-        Nuisance(time, "s", rf"\tau_{{d,{axis}}}", None, both, _TIME),
+        Nuisance(size, unit, rf"s_{{d,{axis}}}", None, both, SIZE_PRIOR),
+        Nuisance(time, "s", rf"\tau_{{d,{axis}}}", None, both, TIME_PRIOR),
     ]
 
 
@@ -194,10 +191,10 @@ def of_sensor(sensor: Sensor, noise: float) -> list[Nuisance]:
     lag, own = f"{key}.lag = true", Uniform(0.0, NOISES * noise)
     known = [
         Nuisance(noise_name(channel), unit, rf"\sigma_{{{label}}}", own),
-        Nuisance(correlation_name(channel), "s", rf"\tau_{{{label}}}", None, slow, _TIME),
+        Nuisance(correlation_name(channel), "s", rf"\tau_{{{label}}}", None, slow, TIME_PRIOR),
         Nuisance(dof_name(channel), "1", rf"\nu_{{{label}}}", DOF),
-        Nuisance(drift_name(channel), unit, rf"\sigma_{{\mathrm{{drift}},{label}}}", None, slow, _SCALE),
-        Nuisance(drift_time_name(channel), "s", rf"\tau_{{\mathrm{{drift}},{label}}}", None, slow, _TIME),
+        Nuisance(drift_name(channel), unit, rf"\sigma_{{\mathrm{{drift}},{label}}}", None, slow, SIZE_PRIOR),
+        Nuisance(drift_time_name(channel), "s", rf"\tau_{{\mathrm{{drift}},{label}}}", None, slow, TIME_PRIOR),
         Nuisance(bias_name(channel), unit, rf"b_{{{label}}}", None, biased, _ERROR, signed=True),
         Nuisance(lag_name(channel), "s", rf"t_{{\mathrm{{lag}},{label}}}", None, lag, _LAG),
     ]

@@ -282,8 +282,9 @@ class Reach(NamedTuple):
 
     Attributes:
         channel: which.
-        low: at the parameter's 5 %, SI: the steady speed of a surge vehicle, the largest value in the trial of any other.
-        high: at its 95 %; of a surge vehicle the 5 and 95 % of the steady speed, NaN where most draws have none.
+        low: the lesser of the values at the parameter's 5 and 95 %, SI: the steady speed of a surge vehicle, the largest value in the
+            trial of any other.
+        high: the greater; of a surge vehicle the 5 and 95 % of the steady speed, NaN where most draws have none.
     """
 
     channel: str
@@ -507,7 +508,7 @@ def _moved_alone(
     share = np.abs(largest[:, 1] - largest[:, 0]) / np.maximum(np.nanmax(largest, axis=(0, 1)), np.finfo(float).tiny)
     most = np.nan_to_num(share, nan=-1.0).argmax(axis=1)
     return {
-        name: Reach(channels[at], float(largest[i, 0, at]), float(largest[i, 1, at]))
+        name: Reach(channels[at], float(largest[i, :, at].min()), float(largest[i, :, at].max()))
         for i, (name, at) in enumerate(zip(names, most, strict=True))
     }
 

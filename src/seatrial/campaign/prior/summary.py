@@ -161,4 +161,5 @@ def _cut(found: PriorPredictive, name: str) -> str:
         return words
     low, middle, high = next(item.quantiles for item in found.believed if item.name == name)
     sd = (high - low) / (2 * Z95)
-    return f'{words}; if the file has no such section, write it with distribution = "normal", mean = {middle:.2g} and sd = {sd:.2g}'
+    added = f'distribution = "normal", mean = {middle:.2g}, sd = {sd:.2g} and physical = true'
+    return f"{words}, or if the file has no such section, add it with {added}"

@@ -101,7 +101,7 @@ def _table(topic: str, seen: _Seen, notes: tuple[str, ...]) -> TableInfo:
     clocks, columns = clocks_among([ColumnInfo(name, _clock_unit(name)) for name in seen.numbers])
     trouble = "" if seen.encoding == "json" else f'messages in the encoding "{seen.encoding}", where JSON is read'
     first = (ColumnInfo(LOG_TIME, "ns"), *columns)
-    return TableInfo(topic, first, (LOG_TIME, *clocks), seen.rows, "", trouble, notes, tuple(seen.words))
+    return TableInfo(topic, first, (LOG_TIME, *clocks), seen.rows, "", trouble, notes, tuple(seen.words), True)
 
 
 def _clock_unit(name: str) -> str | None:

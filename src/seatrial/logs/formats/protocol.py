@@ -74,6 +74,7 @@ class TableInfo:
         trouble: why its columns cannot be read, if they cannot.
         notes: what was passed over in the log, for the user.
         words: columns that hold words, such as the mode; for conditions, not for channels.
+        has_sequences: whether an array may have more elements in rows that the catalogue did not look at.
     """
 
     name: str
@@ -84,6 +85,7 @@ class TableInfo:
     trouble: str = ""
     notes: tuple[str, ...] = ()
     words: tuple[str, ...] = ()
+    has_sequences: bool = False
 
     def unit(self, column: str) -> str | None:
         """Return the unit of a column as the log states it."""
@@ -92,7 +94,15 @@ class TableInfo:
     def has(self, column: str) -> bool:
         """Return whether a column can be read, elements of arrays beyond the listed ones included."""
         names = {*(info.name for info in self.columns), *self.words}
-        return column in names or re.sub(r"\[\d+\]", "[0]", column) in names
+        listed = self.elements(column)
+        is_whole = bool(listed) and not self.has_sequences and len(listed) < MOST_ELEMENTS
+        return column in names or (not is_whole and re.sub(r"\[\d+\]", "[0]", column) in names)
+
+    def elements(self, column: str) -> list[str]:
+        """Return the elements that are listed of the array of which a column is one by its name."""
+        array, _, index = column.rpartition("[")
+        is_one = bool(array) and index.endswith("]") and index[:-1].isdecimal()
+        return [info.name for info in self.columns if is_one and re.fullmatch(rf"{re.escape(array)}\[\d+\]", info.name)]
 
 
 class Block(NamedTuple):

@@ -197,7 +197,7 @@ def _table(topic: _Topic, lengths: dict[str, int]) -> TableInfo:
     stamps = [column.name for column in columns if column.name in ("header.stamp", "stamp")]
     rows = sum(connection.msgcount for connection in topic.connections)
     clocks, words = (*stamps, LOG_TIME), words_of(topic.steps)
-    return TableInfo(topic.name, columns, clocks, rows, topic.kind, topic.trouble, words=words)
+    return TableInfo(topic.name, columns, clocks, rows, topic.kind, topic.trouble, words=words, has_sequences=True)
 
 
 def _recognises(magic: bytes) -> Any:

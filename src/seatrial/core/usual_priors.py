@@ -1,0 +1,10 @@
+"""Priors that suit many vehicles, as messages name them and forms offer them."""
+
+SIZES = (0.0001, 0.1)
+"""Ends of a prior of a size, SI."""
+TIMES = (0.05, 10.0)
+"""Ends of a prior of a time constant, s."""
+SIZE_PRIOR, TIME_PRIOR = (
+    f'distribution = "log-uniform", lower = {lower} and upper = {upper}' for lower, upper in (SIZES, TIMES)
+)
+"""Both as keys of a campaign file, in a sentence."""
