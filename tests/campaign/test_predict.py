@@ -37,6 +37,7 @@ def fit(record, *, held_back=False, channel="u", coverage=0.9, variance=1.0, exp
         coverage=coverage,
         variance=variance,
         correlation=correlation,
+        second=0.0,
         interval=0.1,
         white=white,
         noise_share=0.1,

@@ -104,6 +104,10 @@ def test_slow_residuals():
     assert 'set estimation.likelihood = "filter-error"' in through.reason
     assert verdict(scored(white()), feedback=True).level == "pass"
     both = np.sqrt(0.5) * (errors + white())
+    mixed = verdict(scored(np.sqrt(0.5) * (slow(2.0) + white()))).reason
+    assert 'white noise and a slow error: set estimation.residuals = "drifting"' in mixed
+    assert "[prior.drift_u]" in mixed
+    assert "[prior.drift_time_u]" in mixed
     assert verdict(scored(both, slow=SlowNoise(0.25, 0.5)), coloured=True).level == "pass"
     assert verdict(scored(both, slow=SlowNoise(0.25, 1.0)), coloured=True).about == "correlated beyond the model"
     wrong = verdict(scored(errors, slow=SlowNoise(0.01, 1.0)), coloured=True)
@@ -198,6 +202,7 @@ def changed(**numbers):
     """A right trial's score with some of its numbers set, judged as if worth 400 independent samples."""
     whole = {"effective": 400.0, "coverage": 0.9, "variance": 1.0, "explained": 0.9, "noise_share": 0.1}
     even = {"pit_distance": 0.0, "correlation": 0.0, "white": 1.0, "missing": ""}
+    even |= {"second": numbers.get("correlation", 0.0) ** 2}
     return verdict(replace(scored(white()), **{**whole, **even, **numbers}), held_back=True)
 
 
@@ -249,6 +254,12 @@ def test_understated_deviations_are_those_of_an_autoregression(correlation, fact
     reason = changed(correlation=correlation, white=0.0, interval=0.05).reason
     assert f"a factor of about {factor};" in reason
     assert f"({correlation:+.2f} over 0.05 s)" in reason
+
+
+def test_understated_deviations_of_white_noise_beside_a_slow_error_are_those_of_its_autocorrelation():
+    """Of r_k = 0.6 x 0.95^k, the factor is sqrt(1 + 2 x 0.6 x 0.95 / 0.05) = 4.9; an autoregression of 0.57 has 1.9."""
+    reason = changed(correlation=0.6 * 0.95, second=0.6 * 0.95**2, white=0.0).reason
+    assert "a factor of about 4.9;" in reason
 
 
 @pytest.mark.parametrize(

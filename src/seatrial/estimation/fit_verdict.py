@@ -11,7 +11,7 @@ import numpy as np
 from scipy.special import betainc, chdtr, chdtrc
 
 from seatrial.core.display_units import shown_unit
-from seatrial.core.usual_priors import TIME_PRIOR
+from seatrial.core.usual_priors import SIZE_PRIOR, TIME_PRIOR
 from seatrial.estimation.prediction_scores import DIVERGES, Score
 
 FitLevel = Literal["pass", "unjudged", "caution", "fail"]
@@ -32,6 +32,8 @@ MISSHAPEN = 0.1
 """Distance of the transform from uniform: no probability that is stated is wrong by more than this."""
 CORRELATED, LIKELY = 0.1, 0.01
 """Correlation of neighbours that changes standard deviations by a tenth, and p-value below which it is no chance."""
+MIXED = 3.0
+"""Partial autocorrelation of order two, in its standard error 1 / sqrt(n), from which noise is said to be a mixture."""
 RARE = 0.00135
 """Probability below which a departure is not put down to chance: three standard errors on one side."""
 FEWEST = 10.0
@@ -244,7 +246,7 @@ def _colour(score: Score, channel: str, coloured: bool, feedback: bool) -> FitVe
             "caution",
             "correlated beyond the model",
             f"{result} after the fitted correlation time is taken out: they have more than one time scale, and stated standard "
-            "deviations are rough; look for a missing term",
+            'deviations are rough; try estimation.residuals = "drifting" in place of "coloured", or look for a missing term',
         )
     if score.correlation < 0:
         return FitVerdict(
@@ -260,14 +262,25 @@ def _colour(score: Score, channel: str, coloured: bool, feedback: bool) -> FitVe
             f"{result}: the autopilot puts these errors into the controls, which biases the coefficients, and more data do not help; "
             'set estimation.likelihood = "filter-error"',
         )
-    rho = min(score.correlation, 0.999)
-    return FitVerdict(
-        "caution",
-        "correlated residuals",
-        f"{result}, so they are not white noise: the stated standard deviations are too small, by a factor of about "
-        f'{np.sqrt((1 + rho) / (1 - rho)):.1f}; set estimation.residuals = "coloured", and for each channel add a section of its '
-        f"correlation time in s, here [prior.tau_{channel}], for example with {TIME_PRIOR}",
+    # An autoregression, r_k = phi^k, has no partial autocorrelation of order two; white noise beside a slow error, r_k = a phi^k, has.
+    partial = (score.second - score.correlation**2) / max(1 - score.correlation**2, 1e-3)
+    mixed = partial > MIXED / np.sqrt(score.samples)
+    phi = min(score.second / score.correlation if mixed else score.correlation, 0.999)
+    factor = np.sqrt(1 + 2 * min(score.correlation, phi) / (1 - phi))
+    said = f"{result}, so they are not white noise: the stated standard deviations are too small, by a factor of about {factor:.1f}; "
+    time = f"for example with {TIME_PRIOR}"
+    if not mixed:
+        do = (
+            f'set estimation.residuals = "coloured", and for each channel add a section of its correlation time in s, here '
+            f"[prior.tau_{channel}], {time}"
+        )
+        return FitVerdict("caution", "correlated residuals", said + do)
+    do = (
+        'they are white noise and a slow error: set estimation.residuals = "drifting", and for each channel add the sections of the '
+        f"slow error, here its standard deviation [prior.drift_{channel}], for example with {SIZE_PRIOR}, and its correlation time in s "
+        f"[prior.drift_time_{channel}], {time}"
     )
+    return FitVerdict("caution", "correlated residuals", said + do)
 
 
 def _shape(score: Score, channel: str) -> FitVerdict | None:

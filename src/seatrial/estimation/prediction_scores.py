@@ -49,7 +49,15 @@ class Whiteness(NamedTuple):
     @property
     def neighbours(self) -> float:
         """Autocorrelation one interval apart; 0 where no two samples are neighbours."""
-        return float(self.correlation[0]) if self.lag.size and self.lag[0] == 1 else 0.0
+        return self._at(1)
+
+    @property
+    def second(self) -> float:
+        """Autocorrelation two intervals apart; 0 where no two samples are."""
+        return self._at(2)
+
+    def _at(self, lag: int) -> float:
+        return float(self.correlation[self.lag == lag].sum())
 
 
 class SlowNoise(NamedTuple):
@@ -82,6 +90,7 @@ class Score:
         pit: histogram of the probability integral transform, shares that would all be 1 / 10.
         pit_distance: its largest distance from uniform.
         correlation: autocorrelation of what should be white, one interval apart.
+        second: likewise, two intervals apart.
         interval: median time between measured samples, s.
         white: p-value of the portmanteau test.
         noise_share: share of the measured variance that is noise of the size the fit found; 0 without a variance.
@@ -104,6 +113,7 @@ class Score:
     pit: tuple[float, ...]
     pit_distance: float
     correlation: float
+    second: float
     interval: float
     white: float
     noise_share: float
@@ -268,6 +278,7 @@ def score_channel(
         pit=tuple(map(float, pit_shares(z))),
         pit_distance=pit_distance(z),
         correlation=test.neighbours,
+        second=test.second,
         interval=test.interval,
         white=test.p_value,
         noise_share=0.0 if still else float(min(1.0, noise_sd**2 / measured.var())),
