@@ -223,7 +223,7 @@ def test_an_autopilot_that_is_too_weak_is_refused_in_words_to_act_on(tmp_path):
         check_autopilot(made, model, prior_draws(made, model), SILENT)
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_from_design_to_estimate_and_back_from_a_log_of_set_points(tmp_path):
     made = campaign(tmp_path)
     found = design_first(made)

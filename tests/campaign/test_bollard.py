@@ -361,6 +361,7 @@ def sail(folder, command, *changes, start=0.0, loss=0.0):
     return campaign(folder, rows, MOVES, *changes, head="t,left,right,u", text=VEHICLE + DRIVEN)
 
 
+@pytest.mark.proof
 def test_a_posterior_mode_is_enough_for_the_next_campaign(tmp_path, pull):
     """Until there is a finished run, which counts more."""
     command = pulls(seed=11)[0]
@@ -549,6 +550,7 @@ def test_check_passes_a_sound_record(tmp_path, pull):
     assert any("rank 1 on the 1 axes that are measured, X" in line for line in thruster_lines(found))
 
 
+@pytest.mark.proof
 def test_a_pull_is_designed(tmp_path):
     """Every design is weighed, by the entropy of a linear model: half the log det of what a pull tells of T_f and T_absf."""
     text = (VEHICLE + REST[: REST.index("[import]")]).replace('V = "16 V"', 'V = "16 V", f_2 = "0 N"')

@@ -158,7 +158,8 @@ def kinds(made):
 
 
 @pytest.mark.parametrize(
-    "kind", ["own", "free_form", *(pytest.param(one, marks=pytest.mark.proof) for one in ("batch", "self_oscillation"))]
+    "kind",
+    ["own", *(pytest.param(one, marks=pytest.mark.proof) for one in ("free_form", "batch", "self_oscillation"))],
 )
 def test_every_kind_of_trial_goes_through_the_loop(designed, tmp_path, kind):
     """Simulated, estimated by the mode, and the next one designed from that: it promises less than is not known yet."""

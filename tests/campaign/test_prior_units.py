@@ -24,7 +24,7 @@ IN_REVOLUTIONS = (
 )
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_value_and_unit_agree_wherever_they_stand(monkeypatch, capsys, tmp_path):
     folder = write_small(tmp_path / "boat", *NO_X_U, IN_REVOLUTIONS, ("points = 4", "points = 3"))
     code, out, _ = run(monkeypatch, capsys, "run", folder, "--quiet")

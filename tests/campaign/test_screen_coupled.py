@@ -21,7 +21,7 @@ def priors():
     )
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_terms_of_three_axes_are_screened_about_the_mode_of_all(tmp_path, log):  # noqa: F811
     found = campaign(
         tmp_path,

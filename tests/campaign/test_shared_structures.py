@@ -88,6 +88,7 @@ def test_mode_and_its_normal_approximation_are_those_of_its_own(study, index):
     )
 
 
+@pytest.mark.proof
 def test_first_answers_are_the_modes_of_each_by_itself(study):
     """The search for one structure begins where the largest one expects it, and ends where its own draws lead."""
     answers = posterior_modes(study.campaign, get_trials(study.campaign))

@@ -98,7 +98,7 @@ def test_its_drag_is_found_beside_damping_of_every_axis(tmp_path, log):
     assert not judged.untouched
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_a_straight_run_cannot_tell_it_from_damping_ahead(tmp_path):
     """Nothing but u moves, and the tether pulls along the axis: its drag is that of X_u and X_uabsu, and the answer says what helps."""
     command = np.repeat(np.random.default_rng(3).integers(1550, 1900, 60), 10)

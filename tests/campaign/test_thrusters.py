@@ -181,6 +181,7 @@ def test_a_prior_of_several_axes_that_is_right_expects_the_log(tmp_path, log):
     assert reach["sigma_u"] is None
 
 
+@pytest.mark.proof
 def test_two_thrusters_of_which_one_is_worn_are_not_alike(tmp_path, log):
     gain = '[prior.gain_f_2]\ndistribution = "normal"\nmean = 1.0\nsd = 0.3\n'
     found = campaign(tmp_path, log, (gain, gain + gain.replace("_2", "_1")))

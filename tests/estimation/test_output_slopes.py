@@ -23,7 +23,7 @@ KINDS = {
 
 
 @pytest.fixture(
-    params=["white", "drifting", *(pytest.param(kind, marks=pytest.mark.proof) for kind in ("heavy", "coloured"))]
+    params=["white", *(pytest.param(kind, marks=pytest.mark.proof) for kind in ("drifting", "heavy", "coloured"))]
 )
 def case(request):
     """Two trials, one with gaps and both with a start of their own, at a point off the mode."""

@@ -89,6 +89,7 @@ def posterior(record):
     return st.make_posterior(MODEL, record, PRIORS, start=START)
 
 
+@pytest.mark.proof
 def test_the_truth_is_found(posterior, record):
     mode = st.find_mode(posterior)
     for name, sd in zip(mode.names, mode.sd, strict=True):

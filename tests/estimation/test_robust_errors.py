@@ -138,6 +138,7 @@ def test_widening_for_few_pieces(pieces, expected):
     assert f"{pieces - 1} degrees of freedom" in found.words
 
 
+@pytest.mark.proof
 def test_what_tells_nothing():
     own = posterior_of_density(lambda values: -(values["a"] ** 2), {"a": Normal(0.0, 1.0)})
     found = robust_errors(own, find_mode(own, 0))

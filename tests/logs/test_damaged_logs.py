@@ -410,6 +410,7 @@ def test_a_chunk_that_unpacks_to_gigabytes_is_refused_in_little_memory(tmp_path,
         inspect_log(path)
 
 
+@pytest.mark.proof
 def test_a_packed_database_that_grows_without_end_is_refused(tmp_path, little_memory):
     zstd = pytest.importorskip("backports.zstd")
     written = WRITERS["ros 2, sqlite"](tmp_path)

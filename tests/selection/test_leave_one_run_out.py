@@ -73,6 +73,7 @@ def test_runs_add_up():
     np.testing.assert_allclose(whole.gradient, 0.0, atol=1e-4)
 
 
+@pytest.mark.proof
 def test_expanded_beside_the_best_start_the_integral_is_the_same():
     """A linear run is normal in its own start: half a standard deviation away the curvature still tells the whole integral."""
     joint = posterior_of_runs(linear_runs(3))

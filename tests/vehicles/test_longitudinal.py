@@ -126,6 +126,7 @@ def test_ideal_fluid_neither_takes_nor_gives_energy(state, x_g):
     assert power(hull, (), {}, state) == pytest.approx(0.0, abs=1e-11)
 
 
+@pytest.mark.proof
 def test_energy_of_a_free_motion_stays():
     hull = replace(ENTRY.hull, fixed={**ADDED, **IDEAL})
     start, step = np.array([1.0, 0.3, 0.4, 0.0, 0.2]), 0.005

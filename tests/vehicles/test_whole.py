@@ -226,6 +226,7 @@ def test_jacobian_is_that_of_the_equations():
     assert np.allclose(np.asarray(b)[:, 0], rudder, atol=2e-7)
 
 
+@pytest.mark.proof
 def test_small_motions_are_the_linear_solution():
     """About rest, with the constant thrust and torque left out; forces of second order of motions of 1e-8 are lost."""
     names = [name for name in REMUS.coefficients if name not in ("X_0", "K_0")]
