@@ -62,7 +62,7 @@ def averaged_rows(estimates: Sequence[Estimate], selection: Selection) -> list[d
         moments.append(dict(zip(one.names, zip(data["mean"].values, data["sd"].values, strict=True), strict=True)))
         units |= dict(zip(one.names, map(str, data["unit"].values), strict=True))
     inclusion = {
-        name: float(sum(p for p, of in zip(selection.probability, moments, strict=True) if name in of))
+        name: min(1.0, float(sum(p for p, of in zip(selection.probability, moments, strict=True) if name in of)))
         for name in units
     }
     return [
