@@ -53,6 +53,7 @@ from seatrial.campaign.store.stored_result import Store
 from seatrial.campaign.workflow.status import standing
 from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError
+from seatrial.core.gaussian import Z90
 from seatrial.core.record import Record
 from seatrial.core.record_file import read_record
 from seatrial.core.signals import QUATERNION, RATES
@@ -70,7 +71,6 @@ from seatrial.export.vehicle import ExportedVehicle
 from seatrial.export.write import EXPORTERS, carried_by, make_exporter, untethered
 from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.manoeuvres.schedule import schedule_of
-from seatrial.report.figures.fit import Z90
 from seatrial.vehicles.catalogue import load_surge, load_vehicle, surge_names, vehicle_names
 
 MOST_PREDICTED = 100_000

@@ -13,9 +13,9 @@ from nicegui import ui
 from seatrial.apps.dashboard.app_context import AppContext
 from seatrial.apps.dashboard.charts import Curve, Panel, TimeChart, axis, chart, colour, faint, tooltip
 from seatrial.apps.dashboard.view_models import FitAbout, Marginal, Swept
+from seatrial.core.gaussian import Z90
 from seatrial.report.figures.style import unit_label
 
-Z90 = 1.645
 CHOSEN = "chosen design"
 VIRIDIS = ("#440154", "#414487", "#2a788e", "#22a884", "#7ad151", "#fde725")
 """Ends and stops of the map of colours of the design surface, the same in every theme."""

@@ -17,7 +17,8 @@ from seatrial.campaign.store.estimates import Predictions, read_estimate, read_p
 from seatrial.core.dataset import Dataset
 from seatrial.core.dataset_file import open_dataset, stored, write_dataset
 from seatrial.core.display_units import Shown, shown_as_written, shown_unit
-from seatrial.report.figures.fit import Z90, autocorrelation
+from seatrial.core.gaussian import Z90
+from seatrial.report.figures.fit import autocorrelation
 from seatrial.report.figures.posterior import normal_density
 from seatrial.report.figures.style import power_of_ten
 

@@ -4,13 +4,12 @@ import numpy as np
 
 from seatrial.campaign.prior.predictive import LEVELS, MOST, Believed, PriorPredictive, most_have
 from seatrial.core.display_units import Shown, shown_unit
+from seatrial.core.gaussian import Z90
 
 SOME = 0.01
 """Share of draws without a motion above which a prior is to be mended."""
 WIDE = 4.0
 """Factor between the ends of the 90 % range of the steady speed above which a prior is called wide."""
-Z95 = 1.645
-"""Standard deviations from the mean of a normal to its 95 % quantile."""
 HELD, HARDLY = 0.8, 0.5
 """Shares of the measured speeds inside the 90 % range above which the prior holds them, and below which it does not."""
 
@@ -160,6 +159,6 @@ def _cut(found: PriorPredictive, name: str) -> str:
     if found.settled is not None:
         return words
     low, middle, high = next(item.quantiles for item in found.believed if item.name == name)
-    sd = (high - low) / (2 * Z95)
+    sd = (high - low) / (2 * Z90)
     added = f'distribution = "normal", mean = {middle:.2g}, sd = {sd:.2g} and physical = true'
     return f"{words}, or if the file has no such section, add it with {added}"

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from seatrial.core.gaussian import Z90
 from seatrial.report.figures.style import (
     BAND,
     BLUE,
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-Z90 = 1.6448536269514722
 MOST_LAGS = 60
 FEWEST = 6
 """Pairs of samples below which a correlation is not worth drawing."""
