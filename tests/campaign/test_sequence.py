@@ -131,6 +131,14 @@ def test_proposals_weigh_goal_doubt_and_gain(tmp_path):
         f"{met.chosen.structure.label}: the chains disagree about X_u",
     )
     met.chosen.data.attrs["alarms"] = "[]"
+
+
+def test_chains_of_a_structure_that_the_data_exclude_are_no_alarm(tmp_path):
+    outcome = replace(make_outcome(tmp_path, ("M-1: the chains disagree about X_u",)), cross_validation=None)
+    for probability, in_question in (((0.9, 0.1, 0.0, 0.0), True), ((0.97, 0.03, 0.0, 0.0), False)):
+        found = replace(outcome, selection=replace(outcome.selection, probability=np.array(probability)))
+        said = ["M-1: the chains disagree about X_u"]
+        assert (found.other_alarms, found.idle_complaints) == ((said, []) if in_question else ([], said))
     assert any(line.startswith("X_u is known to") and line.endswith(" 1 % wanted") for line in strict_lines(outcome))
     little = replace(outcome.next.best, gain=outcome.next.best.gain * 1e-3)
     quiet = replace(outcome, next=replace(outcome.next, sweeps=(little,)), contenders=None)

@@ -166,8 +166,10 @@ def test_alarms_come_first_and_take_the_answer_over(tmp_path):
 
 
 def alarmed(folder, *alarms):
-    """An outcome with these alarms and no others."""
-    return replace(make_outcome(folder, alarms), cross_validation=None)
+    """An outcome with these alarms and no others, in which M-1 is in question."""
+    outcome = make_outcome(folder, alarms)
+    selection = replace(outcome.selection, probability=np.array([0.9, 0.1, 0.0, 0.0]))
+    return replace(outcome, selection=selection, cross_validation=None)
 
 
 def test_alarms_of_other_models_leave_the_values_of_the_chosen_one(tmp_path):
@@ -175,6 +177,7 @@ def test_alarms_of_other_models_leave_the_values_of_the_chosen_one(tmp_path):
     assert "Do not use" not in html
     assert "Another model is not reliable: 1 health check failed." in html
     assert "its values may be used" in html
+    assert '<p class="answer">' in html
     html = render(alarmed(tmp_path, "the evidence of M-1 is not reliable: repeats differ by 3.6 nats"))
     assert "The choice of the model is not reliable: 1 health check failed." in html
 

@@ -36,7 +36,13 @@ from seatrial.estimation.mode import Mode, find_mode
 from seatrial.estimation.posterior import Posterior, values_of
 from seatrial.estimation.prior_checks import check_prior_contains_data
 from seatrial.estimation.robust_errors import robust_errors
-from seatrial.estimation.sensor_errors import correlation_name, dof_name, noise_name
+from seatrial.estimation.sensor_errors import (
+    correlation_name,
+    dof_name,
+    drift_name,
+    drift_time_name,
+    noise_name,
+)
 from seatrial.selection.structures import Structure
 from seatrial.vehicles.model import VehicleModel
 
@@ -289,6 +295,7 @@ def _how(found: Regression, window: float | None) -> str:
 
 def ignored(campaign: Campaign, structure: Structure) -> str:
     """Unknowns of the campaign that a regression takes as zero."""
-    noise = {kind(channel) for channel in campaign.channels for kind in (noise_name, dof_name, correlation_name)}
+    kinds = (noise_name, dof_name, correlation_name, drift_name, drift_time_name)
+    noise = {kind(channel) for channel in campaign.channels for kind in kinds}
     names = [one.name for one, _ in campaign.nuisances(campaign.model(structure)) if one.name not in noise]
     return f"a regression of accelerations ignores {', '.join(names)}, which biases its values" if names else ""

@@ -100,6 +100,7 @@ def summarise(outcome: Outcome) -> dict[str, Any]:
     cautions = comparison_cautions(outcome.compared)
     cautions += [text for record in records for text in record_cautions(record)]
     cautions += outcome.screening_cautions
+    cautions += outcome.idle_complaints
     cautions += [effect.sentence for effect in chosen.left_out]
     cautions += [*chosen.cautions, *fit_complaints(outcome.fits, outcome.pooled), *filter_complaints(outcome.filter)]
     cautions += held_back_cautions(campaign, outcome.trials)

@@ -15,7 +15,7 @@ from seatrial.campaign.store.structures import Contenders, Screened
 from seatrial.core.dataset import Dataset
 from seatrial.estimation.baseline_comparison import Comparison
 from seatrial.estimation.pooled_coverage import Pooled
-from seatrial.selection.verdict import Selection
+from seatrial.selection.verdict import DECIDED, Selection
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,12 +74,28 @@ class Outcome:
 
     @property
     def other_alarms(self) -> list[str]:
-        """What failed elsewhere: what the choice of the structure rests on, and chains of other structures."""
-        others = [one for one in self.estimates if one.structure.label != self.chosen.structure.label]
-        return [*self.choice_alarms, *(f"{one.structure.label}: {text}" for one in others for text in one.alarms)]
+        """What failed elsewhere: what the choice of the structure rests on, and chains of other structures that are in question."""
+        return [*self.choice_alarms, *self._chains_of_others(in_question=True)]
+
+    @property
+    def idle_complaints(self) -> list[str]:
+        """What failed in chains of structures that the data have excluded: nothing else depends on these."""
+        return self._chains_of_others(in_question=False)
 
     @property
     def choice_alarms(self) -> list[str]:
         """Why the choice of the structure is not to be relied on: evidences, and predictions of runs that were left out."""
         left_out = [] if self.cross_validation is None else self.cross_validation.alarms
         return [*self.selection.alarms, *left_out]
+
+    def _chains_of_others(self, *, in_question: bool) -> list[str]:
+        probability = dict(
+            zip([one.label for one in self.selection.structures], self.selection.probability, strict=True)
+        )
+        return [
+            f"{one.structure.label}: {text}"
+            for one in self.estimates
+            if one.structure.label != self.chosen.structure.label
+            and (probability[one.structure.label] > 1 - DECIDED) == in_question
+            for text in one.alarms
+        ]
