@@ -284,7 +284,7 @@ def correlation_chart(about: FitAbout, shade: str) -> ui.echart:
         "grid": {"left": 62, "right": 14, "top": 30, "bottom": 46},
         "xAxis": axis("lag [s]", nameLocation="middle", nameGap=26, min=0),
         "yAxis": axis(
-            "autocorrelation of the residuals, before any modelled correlation is removed",
+            "autocorrelation (modelled correlation not removed)",
             min=-round(min(1.0, reach), 2),
             max=round(min(1.05, reach), 2),
             splitNumber=4,
