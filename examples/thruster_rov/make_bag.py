@@ -75,12 +75,17 @@ def motion(pulse: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
 def main(folder: Path) -> None:
     """Simulate and write."""
     folder.mkdir(parents=True, exist_ok=True)
-    tried = np.arange(1100.0, 1901.0, 5.0)
-    rows = [f"{pulse:.0f},{force:.4f}" for pulse, force in zip(tried, thrust_of(tried), strict=True)]
-    (folder / "thrust.csv").write_text("pulse_us,thrust_N\n" + "\n".join(rows) + "\n")
+    write_curve(folder)
     pulse = pulses()
     states, names = motion(pulse)
     write_bag(folder / "pool", pulse, dict(zip(names, states.T, strict=True)))
+
+
+def write_curve(folder: Path) -> None:
+    """Write the thrust of each pulse width."""
+    tried = np.arange(1100.0, 1901.0)
+    rows = [f"{pulse:.0f},{force:.6f}" for pulse, force in zip(tried, thrust_of(tried), strict=True)]
+    (folder / "thrust.csv").write_text("pulse_us,thrust_N\n" + "\n".join(rows) + "\n")
 
 
 def write_bag(path: Path, pulse: np.ndarray, state: dict[str, np.ndarray], seed: int = 8) -> None:
