@@ -11,8 +11,9 @@ import numpy as np
 from scipy.special import betainc, chdtr, chdtrc
 
 from seatrial.core.display_units import shown_unit
-from seatrial.core.usual_priors import TIME_PRIOR
+from seatrial.core.usual_priors import SIZE_PRIOR, TIME_PRIOR
 from seatrial.estimation.prediction_scores import DIVERGES, Score
+from seatrial.estimation.sensor_errors import Noise, correlation_name, drift_name, drift_time_name
 
 FitLevel = Literal["pass", "unjudged", "caution", "fail"]
 LEVELS: tuple[FitLevel, ...] = ("pass", "unjudged", "caution", "fail")
@@ -42,6 +43,8 @@ KS_CHANCE = 1.63
 """1 % point of the Kolmogorov-Smirnov distance times the root of the number of samples."""
 
 
+SEVERAL = 1.1
+"""Error bars that all lags ask for over those that neighbours ask for, from which there is white noise on a slower process."""
 LACKS = ("a term", "a delay", "a model of the error")
 """What a model may lack that misses motion."""
 
@@ -58,7 +61,7 @@ def judge_fit(
     score: Score,
     channel: str,
     held_back: bool,
-    coloured: bool,
+    noise: Noise,
     outside: Sequence[str] = (),
     lacks: Sequence[str] = LACKS,
     feedback: bool = False,
@@ -69,7 +72,7 @@ def judge_fit(
         score: of the channel.
         channel: its name.
         held_back: whether its run was not fitted.
-        coloured: whether the noise is modelled as correlated in time.
+        noise: as what its noise is modelled.
         outside: where the run leaves the range that was fitted, in words.
         lacks: what the model may lack and does not have yet.
         feedback: whether what the sensors showed made the controls, through an autopilot.
@@ -89,11 +92,11 @@ def judge_fit(
             "check units and signs, or narrow the priors to damping that dissipates",
         )
     if score.effective < FEWEST and score.variance < ONE_SAMPLE:
-        return _few(score, channel, held_back, coloured, feedback, lacks)
+        return _few(score, channel, held_back, noise, feedback, lacks)
     return (
         _sizes(score, channel, held_back, outside)
         or _motion(score, channel, held_back, lacks)
-        or _colour(score, channel, coloured, feedback)
+        or _colour(score, channel, noise, feedback)
         or _shape(score, channel)
         or FitVerdict("pass", "", _praise(score, channel))
     )
@@ -128,11 +131,9 @@ def worst(verdicts: Sequence[FitVerdict]) -> FitVerdict:
     return max(verdicts, key=lambda verdict: LEVELS.index(verdict.level))
 
 
-def _few(
-    score: Score, channel: str, held_back: bool, coloured: bool, feedback: bool, lacks: Sequence[str]
-) -> FitVerdict:
+def _few(score: Score, channel: str, held_back: bool, noise: Noise, feedback: bool, lacks: Sequence[str]) -> FitVerdict:
     """Say that a run tells too little of its band, and what it shows nevertheless."""
-    if not held_back and (found := _colour(score, channel, coloured, feedback)):
+    if not held_back and (found := _colour(score, channel, noise, feedback)):
         return found
     motion = _motion(score, channel, held_back, lacks)
     worth = "one independent sample" if score.effective < 1.5 else f"{score.effective:.0f} independent samples"
@@ -234,17 +235,22 @@ def _left(outside: Sequence[str]) -> str:
     )
 
 
-def _colour(score: Score, channel: str, coloured: bool, feedback: bool) -> FitVerdict | None:
+def _colour(score: Score, channel: str, noise: Noise, feedback: bool) -> FitVerdict | None:
     """Return the residuals that remember, by more than chance and by enough to matter."""
     if score.white > LIKELY or abs(score.correlation) < CORRELATED:
         return None
     result = f"residuals of {channel} are correlated ({score.correlation:+.2f} over {score.interval:.2g} s)"
-    if coloured:
+    if noise in ("coloured", "drifting"):
+        remedy = (
+            "look for a missing term"
+            if noise == "drifting"
+            else f"{slow_remedy('drifting', channel)}, or look for a missing term"
+        )
         return FitVerdict(
             "caution",
             "correlated beyond the model",
-            f"{result} after the fitted correlation time is taken out: they have more than one time scale, and stated standard "
-            "deviations are rough; look for a missing term",
+            f"{result} after the fitted correlation is taken out: they have more than one time scale, and stated standard "
+            f"deviations are rough; {remedy}",
         )
     if score.correlation < 0:
         return FitVerdict(
@@ -261,13 +267,34 @@ def _colour(score: Score, channel: str, coloured: bool, feedback: bool) -> FitVe
             'set estimation.likelihood = "filter-error"',
         )
     rho = min(score.correlation, 0.999)
+    of_one, of_all = np.sqrt((1 + rho) / (1 - rho)), np.sqrt(score.samples / _independent(score))
+    kind: Noise = "drifting" if of_all > SEVERAL * of_one else "coloured"
     return FitVerdict(
         "caution",
         "correlated residuals",
         f"{result}, so they are not white noise: the stated standard deviations are too small, by a factor of about "
-        f'{np.sqrt((1 + rho) / (1 - rho)):.1f}; set estimation.residuals = "coloured", and for each channel add a section of its '
-        f"correlation time in s, here [prior.tau_{channel}], for example with {TIME_PRIOR}",
+        f"{max(of_one, of_all):.1f}; {slow_remedy(kind, channel)}",
     )
+
+
+def slow_remedy(kind: Noise, channel: str) -> str:
+    """Say how to model residuals that are slow, or white noise on slow ones, and with which priors."""
+    if kind == "coloured":
+        return (
+            f'set estimation.residuals = "coloured", and for each channel add a section of its correlation time in s, here '
+            f"[prior.{correlation_name(channel)}], for example with {TIME_PRIOR}"
+        )
+    return (
+        'set estimation.residuals = "drifting", white noise on a slow error, and for each channel add sections of the size and of the '
+        f"correlation time of the slow one, here [prior.{drift_name(channel)}], for example with {SIZE_PRIOR}, and "
+        f"[prior.{drift_time_name(channel)}], in s, for example with {TIME_PRIOR}"
+    )
+
+
+def _independent(score: Score) -> float:
+    """Return how many independent samples the residuals are worth, without what the coefficients share, see `Score.effective`."""
+    shared = score.coefficient_share
+    return max(1.0, score.effective * (1.0 - shared) / max(1.0 - score.effective * shared, 1e-9))
 
 
 def _shape(score: Score, channel: str) -> FitVerdict | None:

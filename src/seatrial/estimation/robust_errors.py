@@ -67,6 +67,11 @@ class Pieces:
     basis: str
 
     @property
+    def differ(self) -> str:
+        """What differs by more than the noise says where the ratio is large."""
+        return "runs that differ" if self.basis.endswith("runs") else "blocks of time that differ"
+
+    @property
     def freedom(self) -> int:
         """Degrees of freedom of Student's t."""
         return self.count - 1
