@@ -22,9 +22,11 @@ def made(label: str, seed: int, **means: float) -> Estimate:
     draws = np.random.default_rng(seed).normal(list(means.values()), 0.5, (4, 500, len(names)))
     told = {"draws": (("chain", "draw", "parameter"), draws), "unit": ("parameter", ["kg/s"] * len(names))}
     told |= {"mean": ("parameter", draws.mean((0, 1))), "sd": ("parameter", draws.std((0, 1)))}
-    blank = ("mode", "model_error_sd", "mcse", "r_hat", "ess_bulk", "ess_tail")
+    blank = ("mode", "mcse", "r_hat", "ess_bulk", "ess_tail")
     told |= {name: ("parameter", np.full(len(names), np.nan)) for name in blank}
-    return Estimate(Structure(label, tuple(names)), xr.Dataset(told, {"parameter": names}))
+    told["model_error_sd"] = ("parameter", [6.0 if name == "X_u" else np.nan for name in names])
+    causes = {"model_error_causes": '{"X_u": "a force X_u3"}'}
+    return Estimate(Structure(label, tuple(names)), xr.Dataset(told, {"parameter": names}, causes))
 
 
 def test_averages_are_those_of_a_mixture_of_draws(tmp_path):
@@ -39,6 +41,10 @@ def test_averages_are_those_of_a_mixture_of_draws(tmp_path):
         assert found[name]["mean"] == pytest.approx(drawn.mean())
         assert found[name]["sd"] == pytest.approx(drawn.std())
         assert found[name]["inclusion"] == pytest.approx(inclusion)
+        assert found[name]["inclusion"] <= 1.0
+    between = 0.25 * 0.75 * rich.draws(["X_u"]).mean() ** 2
+    assert found["X_u"]["model_error_sd"] == pytest.approx(np.sqrt(0.25 * 6.0**2 + between))
+    assert np.isnan(found["X_uabsu"]["model_error_sd"])
     path = write_averaged(tmp_path, list(found.values()), SI)
     assert [row["name"] for row in csv.DictReader(path.open())] == ["X_u", "X_uabsu"]
     rows = list(csv.DictReader(write_coefficients(tmp_path, [rich, simple], SI).open()))
@@ -47,6 +53,15 @@ def test_averages_are_those_of_a_mixture_of_draws(tmp_path):
     inside = (drawn > float(rows[0]["lower_95"])) & (drawn < float(rows[0]["upper_95"]))
     assert inside.mean() == pytest.approx(0.95, abs=0.002)
     assert rows[0]["r_hat"] == ""
+
+
+def test_what_all_structures_have_is_included_with_probability_one_and_no_more():
+    structures = [made(f"M-{i}", i, X_uabsu=2.0) for i in range(7)]
+    for seed in range(20):
+        logs = np.random.default_rng(seed).normal(size=7)
+        found = select([one.structure for one in structures], [Evidence(x, 0.0, "by hand") for x in logs], ["X_uabsu"])
+        assert averaged_rows(structures, found)[0]["inclusion"] <= 1.0
+        assert found.inclusion["X_uabsu"] <= 1.0
 
 
 def test_tables_are_in_the_unit_in_which_the_prior_is_written(tmp_path):

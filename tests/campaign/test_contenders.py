@@ -83,5 +83,10 @@ def test_the_trial_that_decides_is_inside_the_limits_or_there_is_none(outcome):
     assert one.trial_words(shaken).startswith(
         "whether these data decide between M-0 and M-1 cannot be said before the evidence is reliable"
     )
+    noisy = replace(
+        sure, probability_error=np.array([0.1, 0.1, 0.0, 0.0]), inclusion={"X_u": 0.97}, inclusion_error={"X_u": 0.1}
+    )
+    assert "cannot be said before the evidence is reliable: raise `particles`" in one.trial_words(noisy)
+    assert undecided_words(noisy).startswith("not decided: X_u (0.97)")
     assert undecided_words(doubtful) == ("not decided: X_u (0.50); in brackets the probability that it is needed")
     assert "every optional term" in undecided_words(replace(selection, inclusion={"X_u": 0.999}))

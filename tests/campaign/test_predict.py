@@ -45,7 +45,7 @@ def fit(record, *, held_back=False, channel="u", coverage=0.9, variance=1.0, exp
         correlation_time=0.0,
         coefficient_share=0.1,
     )
-    verdict = judge_fit(score, channel, held_back, False)
+    verdict = judge_fit(score, channel, held_back, "white")
     return Fit(**vars(score), record=record, held_back=held_back, channel=channel, **verdict._asdict())
 
 

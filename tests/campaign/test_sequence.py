@@ -127,10 +127,24 @@ def test_proposals_weigh_goal_doubt_and_gain(tmp_path):
     assert propose(met).lines[-1] == "stop: the goal is met"
     met.chosen.data.attrs["alarms"] = '["the chains disagree about X_u"]'
     assert propose(met).lines[-2:] == (
-        "no trial yet: the numbers meet the goal, but a health check failed; mend it and run again",
+        "no trial yet: a health check failed; correct it and run again",
         f"{met.chosen.structure.label}: the chains disagree about X_u",
     )
+    hurried = propose(outcome)
+    assert hurried.trial is not None
+    assert hurried.first[0].startswith("first correct what failed: ")
+    assert hurried.first[0].endswith("the chains disagree about X_u")
     met.chosen.data.attrs["alarms"] = "[]"
+    shaken = tuple(replace(one, status="in doubt") for one in outcome.selection.evidences)
+    selection = replace(outcome.selection, evidences=shaken, alarms=("the evidence of M-0 is not reliable",))
+    choice = propose(replace(outcome, selection=selection))
+    assert choice.standing[0].endswith(", if the evidences were reliable")
+    assert "raise `particles`" in choice.first[0]
+    assert propose(replace(met, selection=selection)).lines[-1] == "stop: the goal is met", "which asks for no model"
+    assert any(line.startswith("X_u is known to") and line.endswith(" 1 % wanted") for line in strict_lines(outcome))
+    little = replace(outcome.next.best, gain=outcome.next.best.gain * 1e-3)
+    quiet = replace(outcome, next=replace(outcome.next, sweeps=(little,)), contenders=None)
+    assert "would give little information" in propose(quiet).lines[-1]
 
 
 def test_chains_of_a_structure_that_the_data_exclude_are_no_alarm(tmp_path):
@@ -139,10 +153,6 @@ def test_chains_of_a_structure_that_the_data_exclude_are_no_alarm(tmp_path):
         found = replace(outcome, selection=replace(outcome.selection, probability=np.array(probability)))
         said = ["M-1: the chains disagree about X_u"]
         assert (found.other_alarms, found.idle_complaints) == ((said, []) if in_question else ([], said))
-    assert any(line.startswith("X_u is known to") and line.endswith(" 1 % wanted") for line in strict_lines(outcome))
-    little = replace(outcome.next.best, gain=outcome.next.best.gain * 1e-3)
-    quiet = replace(outcome, next=replace(outcome.next, sweeps=(little,)), contenders=None)
-    assert "would give little information" in propose(quiet).lines[-1]
 
 
 def test_a_model_that_fails_on_held_back_runs_stops_the_sequence_and_takes_the_headline(tmp_path):

@@ -30,8 +30,8 @@ def slow(tau, scale=NOISE, seed=1):
     return scale * np.array(e)
 
 
-def verdict(score, held_back=False, coloured=False, feedback=False) -> FitVerdict:
-    return judge_fit(score, "u", held_back, coloured, feedback=feedback)
+def verdict(score, held_back=False, noise="white", feedback=False) -> FitVerdict:
+    return judge_fit(score, "u", held_back, noise, feedback=feedback)
 
 
 def test_numbers_by_hand():
@@ -79,6 +79,16 @@ def test_outliers_fail_by_their_size():
     assert verdict(scored(errors)).level == "fail"
 
 
+def test_white_noise_on_slow_residuals():
+    """Half of the variance is white: the correlation of neighbours, 0.45, would say a factor of 1.6, and it is sqrt((1 + 20) / 2) = 3.2."""
+    found = verdict(scored(np.sqrt(0.5) * (slow(0.5) + white())))
+    assert 'set estimation.residuals = "drifting"' in found.reason
+    assert "[prior.drift_u]" in found.reason
+    assert "[prior.drift_time_u]" in found.reason
+    factor = float(found.reason.split("by a factor of about ")[1].split(";")[0])
+    assert factor == pytest.approx(3.2, rel=0.3)
+
+
 def test_an_uncertain_motion_is_one_error_and_not_a_thousand():
     """Off by 2.5 standard deviations of a motion that is common to the trial: no sample inside, yet nothing that could be judged."""
     off = scored(white(0.01) + 0.5, motion_sd=0.2, noise=0.01)
@@ -98,19 +108,21 @@ def test_slow_residuals():
     assert "by a factor of about 3." in found.reason
     assert 'set estimation.residuals = "coloured"' in found.reason
     assert '[prior.tau_u], for example with distribution = "log-uniform", lower = 0.05 and upper = 10.0' in found.reason
-    assert verdict(scored(errors, slow=SlowNoise(0.25, 1.0)), coloured=True).level == "pass"
+    assert verdict(scored(errors, slow=SlowNoise(0.25, 1.0)), noise="coloured").level == "pass"
     through = verdict(scored(errors), feedback=True)
     assert through.about == "biased through the autopilot"
     assert 'set estimation.likelihood = "filter-error"' in through.reason
     assert verdict(scored(white()), feedback=True).level == "pass"
     both = np.sqrt(0.5) * (errors + white())
     mixed = verdict(scored(np.sqrt(0.5) * (slow(2.0) + white()))).reason
-    assert 'white noise and a slow error: set estimation.residuals = "drifting"' in mixed
+    assert 'set estimation.residuals = "drifting", white noise on a slow error' in mixed
     assert "[prior.drift_u]" in mixed
     assert "[prior.drift_time_u]" in mixed
-    assert verdict(scored(both, slow=SlowNoise(0.25, 0.5)), coloured=True).level == "pass"
-    assert verdict(scored(both, slow=SlowNoise(0.25, 1.0)), coloured=True).about == "correlated beyond the model"
-    wrong = verdict(scored(errors, slow=SlowNoise(0.01, 1.0)), coloured=True)
+    assert verdict(scored(both, slow=SlowNoise(0.25, 0.5)), noise="coloured").level == "pass"
+    assert verdict(scored(both, slow=SlowNoise(0.25, 1.0)), noise="coloured").about == "correlated beyond the model"
+    assert "or look for" in verdict(scored(both, slow=SlowNoise(0.25, 1.0)), noise="coloured").reason
+    assert "; look for" in verdict(scored(both, slow=SlowNoise(0.25, 1.0)), noise="drifting").reason
+    wrong = verdict(scored(errors, slow=SlowNoise(0.01, 1.0)), noise="coloured")
     assert wrong.about == "correlated beyond the model"
     assert "too large" in verdict(scored(white() - np.roll(white(), 1), noise=1.4 * NOISE)).reason
 
@@ -135,7 +147,7 @@ def test_the_coefficients_are_blamed_only_where_their_uncertainty_covers_the_err
     """Half the motion is missed and the band is wide: by the coefficients, by slow noise of the fit, or by pushes of process noise."""
     missed, wide = 0.1 * MOTION, np.full(TIME.size, 0.8)
     noise = scored(white(), mean=missed, noise=0.6, slow=SlowNoise(1.2, 1.0))
-    said = verdict(replace(noise, effective=20.0, noise_share=0.4), held_back=True, coloured=True).reason
+    said = verdict(replace(noise, effective=20.0, noise_share=0.4), held_back=True, noise="coloured").reason
     assert "because of the residuals of the fit, 0.6 m/s with a correlation time of 1.2 s" in said
     assert "not because the coefficients are uncertain" in said
     known = scored(white(), mean=missed, motion_sd=0.8)
@@ -302,7 +314,7 @@ def test_scores_of_the_whole_distribution_by_hand():
 def test_a_run_in_other_units_fails_however_short(factor, samples):
     rate = np.radians(5) * np.cos(0.4 * TIME[:samples])
     found = score_channel(TIME[:samples], factor * rate, rate, np.full(samples, 0.002), 0.005)
-    said = judge_fit(found, "r", held_back=True, coloured=False)
+    said = judge_fit(found, "r", held_back=True, noise="white")
     assert said.level == "fail"
     assert "wrong unit" in said.reason
 

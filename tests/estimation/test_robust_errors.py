@@ -5,9 +5,9 @@ import pytest
 from scipy import stats
 
 from seatrial.estimation.mode import find_mode
-from seatrial.estimation.omitted_effects import OmittedEffects
+from seatrial.estimation.omitted_effects import Effect, OmittedEffects
 from seatrial.estimation.posterior import posterior_of_density
-from seatrial.estimation.priors import Normal
+from seatrial.estimation.priors import Normal, Uniform
 from seatrial.estimation.record_posterior import make_posterior
 from seatrial.estimation.robust_errors import Pieces, RobustErrors, jackknife, robust_errors
 from seatrial.vehicles.surge import surge_vehicle
@@ -45,7 +45,7 @@ def test_jackknife_is_the_spread_of_fits_without_each_piece():
     moved = [pieces_of(design[of != i], miss[of != i], of[of != i], 0.4)[3] - mean for i in range(5)]
     held = np.linalg.inv(precision) @ np.linalg.inv(precision)
     expected = 4 / 5 * np.transpose(moved) @ np.array(moved) + held
-    np.testing.assert_allclose(jackknife(precision, scores, curvatures, np.ones(3)), expected, rtol=1e-10)
+    np.testing.assert_allclose(jackknife(precision, scores, curvatures, np.ones(3), np.zeros(3)), expected, rtol=1e-10)
 
 
 def test_many_small_pieces_make_it_the_textbook_sandwich():
@@ -57,7 +57,9 @@ def test_many_small_pieces_make_it_the_textbook_sandwich():
     precision, scores, curvatures, _ = pieces_of(design, miss, np.arange(4000), 1.0)
     bread = np.linalg.inv(precision)
     np.testing.assert_allclose(
-        jackknife(precision, scores, curvatures, np.zeros(2)), bread @ scores.T @ scores @ bread, rtol=0.02
+        jackknife(precision, scores, curvatures, np.zeros(2), np.zeros(2)),
+        bread @ scores.T @ scores @ bread,
+        rtol=0.02,
     )
 
 
@@ -70,7 +72,7 @@ def test_of_runs_by_hand():
     miss = np.concatenate([run[2] for run in runs]) - middle
     of = np.arange(len(miss)) // N
     precision, scores, curvatures, _ = pieces_of(design, miss, of, NOISE)
-    cov = jackknife(precision, scores, curvatures, np.append(np.ones(2), np.zeros(5)))
+    cov = jackknife(precision, scores, curvatures, np.append(np.ones(2), np.zeros(5)), np.zeros(7))
     expected = np.sqrt(np.diag(cov) / np.diag(np.linalg.inv(precision)))[:2]
     at = [found.names.index(name) for name in PRIOR]
     np.testing.assert_allclose(found.pieces.ratio[at], expected, rtol=1e-3)
@@ -109,7 +111,23 @@ def test_blocks_of_one_run(memory, least, most):
     ratio = found.pieces.ratio[[found.names.index(name) for name in PRIOR]]
     assert least < ratio.min()
     assert ratio.max() < most
-    assert (found.wider("T_nabsn", 1.0) is None) == (memory == 0.0)
+    assert (found.wider("T_nabsn", 1e-6) is None) == (memory == 0.0)
+
+
+def test_at_the_bound_of_a_prior_the_steps_are_along_the_values():
+    """X_0 lies at the upper end of a uniform prior. Along z the ratios of this record were 300; now they are those without the bound."""
+    rng = np.random.default_rng(4)
+    rev = np.repeat(rng.uniform(4, 14, 100), 8)
+    shown = speed(rev, 1.0, *TRUTH.values()) + NOISE * coloured(rng, len(rev), 1.0)
+    record = make_trial(STEP * np.arange(len(rev)), rev, "one", u=shown)
+    ratios = []
+    for upper in (20.0, TRUTH["X_0"] - 0.1):
+        priors = {"sigma_u": Normal(NOISE, 0.2 * NOISE), "X_0": Uniform(-20.0, upper)}
+        priors["T_nabsn"] = Normal(*PRIOR["T_nabsn"])
+        joint = make_posterior(surge_vehicle(FIXED_DRAG, tuple(PRIOR)), record, priors, ["u"], start={"u": 1.0})
+        found = robust_errors(joint, find_mode(joint, 0))
+        ratios.append(found.pieces.ratio[[found.names.index(name) for name in PRIOR]])
+    np.testing.assert_allclose(ratios[1], ratios[0], rtol=0.02)
 
 
 def test_a_block_with_nearly_all_of_the_residuals_moves_no_value_out_of_sight():
@@ -128,12 +146,16 @@ def test_a_block_with_nearly_all_of_the_residuals_moves_no_value_out_of_sight():
 @pytest.mark.parametrize(("pieces", "expected"), [(3, 1.8), (10, 1.1)])
 def test_widening_for_few_pieces(pieces, expected):
     """Student's t of pieces - 1 degrees of freedom beside the normal law, at 90 %; below half as large again nothing is told."""
-    few = Pieces(np.array([2.0, 1.4, 0.5]), pieces, f"{pieces} runs")
-    found = RobustErrors(("a", "b", "c"), few, OmittedEffects((), 0, np.ones(3)), np.array([1.0, 1.0, 3.0]))
+    few, lag = Pieces(np.array([2.0, 1.4, 0.5]), pieces, f"{pieces} runs"), Effect("command lag", "n", "s")
+    none = OmittedEffects((), 0, np.ones(3), (None,) * 3)
+    found = RobustErrors(("a", "b", "c"), few, none, np.array([1.0, 1.0, 3.0]), (lag,) * 3, np.array([9.0, 9.0, 0.5]))
     assert few.widening == pytest.approx(expected, abs=0.05)
     assert found.wider("a", 0.1) == pytest.approx(0.2 * few.widening)
     assert found.wider("b", 0.1) is None
     assert found.wider("c", 0.1) == pytest.approx(0.1 * np.sqrt(few.widening**2 + 8.0))
+    assert found.wider("c", 0.4) is None, "the prior has hardly more"
+    assert found.wider("c", 0.2) == 0.5, "no more than the prior"
+    assert (found.cause("a"), found.cause("c")) == (None, lag)
     assert found.wider("d", 0.1) is None
     assert f"{pieces - 1} degrees of freedom" in found.words
 

@@ -262,7 +262,7 @@ def _fit(label: str, channel: str) -> Fit:
         numbers |= {"noise_sd": 0.02, "correlation_time": 0.0, "coefficient_share": 0.1}
         shape = {"coverage_50": 0.3, "coverage": 0.7, "variance": 2.2, "pit": (0.1,) * 10, "pit_distance": 0.02}
         score = Score(150, 20.0, **numbers, **shape, correlation=0.9, second=0.8, interval=0.1, white=1e-9)
-    verdict = judge_fit(score, channel, held_back, False)
+    verdict = judge_fit(score, channel, held_back, "white")
     return Fit(**vars(score), record=label, held_back=held_back, channel=channel, **verdict._asdict())
 
 
@@ -319,6 +319,10 @@ def _estimate(structure: Structure, random: np.random.Generator) -> Estimate:
         },
         attrs={
             "model_error": "± with model error: made up",
+            "model_error_causes": json.dumps(dict.fromkeys(names[::3], "a force X_u3")),
+            "model_error_remedies": json.dumps(
+                [f"{names[0]}: most of the ± with model error is from a force X_u3; add it"]
+            ),
             "left_out": "[]",
             "acceptance": 0.23,
             "laplace_log_evidence": 1.0,

@@ -22,9 +22,11 @@ class Problem(TypedDict):
 
 
 class Parameter(TypedDict):
-    """Posterior of one parameter, SI: mean, standard deviation, shortest 95 % interval, mode, and the health of its draws.
+    """Posterior of one parameter, SI: mean, standard deviation, shortest 95 % interval, both within the model, mode, and the health of its
+    draws.
 
-    `model_error_sd` is the standard deviation that survives an error of the model, null where it is not larger by more than a half.
+    `model_error_sd` is the standard deviation that survives an error of the model, null where it is not larger by more than a half;
+    `model_error_cause` says what makes most of it.
     """
 
     name: str
@@ -35,18 +37,22 @@ class Parameter(TypedDict):
     upper_95: Number
     mode: Number
     model_error_sd: Number
+    model_error_cause: str
     r_hat: Number
     ess_bulk: Number
     ess_tail: Number
 
 
 class Averaged(TypedDict):
-    """A parameter averaged over all structures by their probabilities, SI; absent counts as zero."""
+    """A parameter averaged over all structures by their probabilities, SI; absent counts as zero. `sd` holds within the structures,
+    `model_error_sd` also if they are wrong; null where it is not larger by more than a half.
+    """
 
     name: str
     unit: str
     mean: Number
     sd: Number
+    model_error_sd: Number
     inclusion: Number
 
 

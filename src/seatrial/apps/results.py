@@ -278,7 +278,7 @@ def next_trial(designs: Any, proposal: Any) -> dict[str, Any]:
         return {"trial": None, "advice": proposal.advice}
     sweep = next(one for one in designs.sweeps if one.family.kind == trial.kind)
     at = np.abs(sweep.amplitude - trial.amplitude).argmin(), np.abs(sweep.period - trial.period).argmin()
-    return {"trial": design(sweep, (int(at[0]), int(at[1]))), "advice": proposal.advice}
+    return {"trial": design(sweep, (int(at[0]), int(at[1]))), "advice": (*proposal.first, *proposal.advice)}
 
 
 def run(outcome: Any, proposal: Any, averaged: Sequence[Mapping[str, Any]]) -> dict[str, Any]:

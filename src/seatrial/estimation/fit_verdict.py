@@ -13,6 +13,7 @@ from scipy.special import betainc, chdtr, chdtrc
 from seatrial.core.display_units import shown_unit
 from seatrial.core.usual_priors import SIZE_PRIOR, TIME_PRIOR
 from seatrial.estimation.prediction_scores import DIVERGES, Score
+from seatrial.estimation.sensor_errors import Noise, correlation_name, drift_name, drift_time_name
 
 FitLevel = Literal["pass", "unjudged", "caution", "fail"]
 LEVELS: tuple[FitLevel, ...] = ("pass", "unjudged", "caution", "fail")
@@ -60,7 +61,7 @@ def judge_fit(
     score: Score,
     channel: str,
     held_back: bool,
-    coloured: bool,
+    noise: Noise,
     outside: Sequence[str] = (),
     lacks: Sequence[str] = LACKS,
     feedback: bool = False,
@@ -71,7 +72,7 @@ def judge_fit(
         score: of the channel.
         channel: its name.
         held_back: whether its run was not fitted.
-        coloured: whether the noise is modelled as correlated in time.
+        noise: as what its noise is modelled.
         outside: where the run leaves the range that was fitted, in words.
         lacks: what the model may lack and does not have yet.
         feedback: whether what the sensors showed made the controls, through an autopilot.
@@ -91,11 +92,11 @@ def judge_fit(
             "check units and signs, or narrow the priors to damping that dissipates",
         )
     if score.effective < FEWEST and score.variance < ONE_SAMPLE:
-        return _few(score, channel, held_back, coloured, feedback, lacks)
+        return _few(score, channel, held_back, noise, feedback, lacks)
     return (
         _sizes(score, channel, held_back, outside)
         or _motion(score, channel, held_back, lacks)
-        or _colour(score, channel, coloured, feedback)
+        or _colour(score, channel, noise, feedback)
         or _shape(score, channel)
         or FitVerdict("pass", "", _praise(score, channel))
     )
@@ -130,11 +131,9 @@ def worst(verdicts: Sequence[FitVerdict]) -> FitVerdict:
     return max(verdicts, key=lambda verdict: LEVELS.index(verdict.level))
 
 
-def _few(
-    score: Score, channel: str, held_back: bool, coloured: bool, feedback: bool, lacks: Sequence[str]
-) -> FitVerdict:
+def _few(score: Score, channel: str, held_back: bool, noise: Noise, feedback: bool, lacks: Sequence[str]) -> FitVerdict:
     """Say that a run tells too little of its band, and what it shows nevertheless."""
-    if not held_back and (found := _colour(score, channel, coloured, feedback)):
+    if not held_back and (found := _colour(score, channel, noise, feedback)):
         return found
     motion = _motion(score, channel, held_back, lacks)
     worth = "one independent sample" if score.effective < 1.5 else f"{score.effective:.0f} independent samples"
@@ -236,17 +235,22 @@ def _left(outside: Sequence[str]) -> str:
     )
 
 
-def _colour(score: Score, channel: str, coloured: bool, feedback: bool) -> FitVerdict | None:
+def _colour(score: Score, channel: str, noise: Noise, feedback: bool) -> FitVerdict | None:
     """Return the residuals that remember, by more than chance and by enough to matter."""
     if score.white > LIKELY or abs(score.correlation) < CORRELATED:
         return None
     result = f"residuals of {channel} are correlated ({score.correlation:+.2f} over {score.interval:.2g} s)"
-    if coloured:
+    if noise in ("coloured", "drifting"):
+        remedy = (
+            "look for a missing term"
+            if noise == "drifting"
+            else f"{slow_remedy('drifting', channel)}, or look for a missing term"
+        )
         return FitVerdict(
             "caution",
             "correlated beyond the model",
-            f"{result} after the fitted correlation time is taken out: they have more than one time scale, and stated standard "
-            'deviations are rough; try estimation.residuals = "drifting" in place of "coloured", or look for a missing term',
+            f"{result} after the fitted correlation is taken out: they have more than one time scale, and stated standard "
+            f"deviations are rough; {remedy}",
         )
     if score.correlation < 0:
         return FitVerdict(
@@ -267,20 +271,26 @@ def _colour(score: Score, channel: str, coloured: bool, feedback: bool) -> FitVe
     mixed = partial > MIXED / np.sqrt(score.samples)
     phi = min(score.second / score.correlation if mixed else score.correlation, 0.999)
     factor = np.sqrt(1 + 2 * min(score.correlation, phi) / (1 - phi))
-    said = f"{result}, so they are not white noise: the stated standard deviations are too small, by a factor of about {factor:.1f}; "
-    time = f"for example with {TIME_PRIOR}"
-    if not mixed:
-        do = (
-            f'set estimation.residuals = "coloured", and for each channel add a section of its correlation time in s, here '
-            f"[prior.tau_{channel}], {time}"
-        )
-        return FitVerdict("caution", "correlated residuals", said + do)
-    do = (
-        'they are white noise and a slow error: set estimation.residuals = "drifting", and for each channel add the sections of the '
-        f"slow error, here its standard deviation [prior.drift_{channel}], for example with {SIZE_PRIOR}, and its correlation time in s "
-        f"[prior.drift_time_{channel}], {time}"
+    return FitVerdict(
+        "caution",
+        "correlated residuals",
+        f"{result}, so they are not white noise: the stated standard deviations are too small, by a factor of about "
+        f"{factor:.1f}; {slow_remedy('drifting' if mixed else 'coloured', channel)}",
     )
-    return FitVerdict("caution", "correlated residuals", said + do)
+
+
+def slow_remedy(kind: Noise, channel: str) -> str:
+    """Say how to model residuals that are slow, or white noise on slow ones, and with which priors."""
+    if kind == "coloured":
+        return (
+            f'set estimation.residuals = "coloured", and for each channel add a section of its correlation time in s, here '
+            f"[prior.{correlation_name(channel)}], for example with {TIME_PRIOR}"
+        )
+    return (
+        'set estimation.residuals = "drifting", white noise on a slow error, and for each channel add sections of the size and of the '
+        f"correlation time of the slow one, here [prior.{drift_name(channel)}], for example with {SIZE_PRIOR}, and "
+        f"[prior.{drift_time_name(channel)}], in s, for example with {TIME_PRIOR}"
+    )
 
 
 def _shape(score: Score, channel: str) -> FitVerdict | None:

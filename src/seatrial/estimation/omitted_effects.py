@@ -117,11 +117,13 @@ class OmittedEffects:
         found: effects of which the data say that they are there, in the order in which they were found.
         sought: how many were looked for; 0 where none can be.
         spread: second standard deviation over the first one, shape (d,).
+        causes: of each parameter, the effect that puts most probability beyond the first one; None where nothing was looked for.
     """
 
     found: tuple[Omitted, ...]
     sought: int
     spread: Float[np.ndarray, " d"]
+    causes: tuple[Effect | None, ...]
 
 
 class Linear(NamedTuple):
@@ -208,11 +210,11 @@ def omitted_effects(posterior: Posterior, mode: Mode) -> OmittedEffects:
     """
     effects = tuple(_candidates(posterior)) if isinstance(posterior.likelihood, OutputError) else ()
     if not effects:
-        return OmittedEffects((), 0, np.ones(posterior.dim))
+        return OmittedEffects((), 0, np.ones(posterior.dim), (None,) * posterior.dim)
     problem, none = _Problem(posterior, effects, mode.by_name), np.zeros(len(effects))
     sd = np.sqrt(np.diag(mode.cov))
     fit = _Fit(mode.z, none, (), mode.cov, 0.0, _linear(problem, mode.z, none))
-    tried, found = [(0.0, sd**2, np.zeros(posterior.dim))], []
+    tried, within, found = [(0.0, sd**2, np.zeros(posterior.dim))], [()], []
     while True:
         scores = score_effects(fit.at, fit.cov, fit.taken)
         scores = {i: one for i, one in scores.items() if one.size > 0 or not effects[i].is_positive}
@@ -222,6 +224,7 @@ def omitted_effects(posterior: Posterior, mode: Mode) -> OmittedEffects:
         near = [i for i in ranked if scores[i].log_odds >= ALIKE * scores[ranked[0]].log_odds]
         fits = [_fitted(problem, fit, i) for i in near]
         tried += [(one.log_odds, np.diag(one.cov)[: posterior.dim], one.z - mode.z) for one in fits]
+        within += [one.taken for one in fits]
         best = max(fits, key=lambda one: one.log_odds)
         if best.log_odds <= fit.log_odds:
             scores = {i: one for i, one in scores.items() if i not in near}
@@ -231,14 +234,19 @@ def omitted_effects(posterior: Posterior, mode: Mode) -> OmittedEffects:
         found.append((best.taken[-1], best.log_odds - fit.log_odds, (best.z - fit.z) / sd, alike))
         fit = best
     tried += [(fit.log_odds + one.log_odds, one.variance, fit.z + one.shift - mode.z) for one in scores.values()]
+    within += [(*fit.taken, i) for i in scores]
     log_odds, variance, shift = map(np.array, zip(*tried, strict=True))
-    spread = half_width(np.exp(log_odds - log_odds.max()), shift / sd, np.sqrt(variance) / sd) / ndtri(BAND)
+    weight, shift, width = np.exp(log_odds - log_odds.max()), shift / sd, np.sqrt(variance) / sd
+    spread = half_width(weight, shift, width) / ndtri(BAND)
+    beyond = weight[:, None] * (1.0 - inside(ndtri(BAND), shift, width))
+    blamed = np.array([beyond[[i in taken for taken in within]].sum(0) for i in range(len(effects))]).argmax(0)
     errors = np.sqrt(np.diag(fit.cov)[posterior.dim :])
     omitted = [
         Omitted(effects[i], float(fit.sizes[i]), float(error), float(odds), shift, alike)
         for (i, odds, shift, alike), error in zip(found, errors, strict=True)
     ]
-    return OmittedEffects(tuple(omitted), int(_absent(posterior, effects).sum()), np.maximum(spread, 1.0))
+    causes = tuple(effects[i] for i in blamed)
+    return OmittedEffects(tuple(omitted), int(_absent(posterior, effects).sum()), np.maximum(spread, 1.0), causes)
 
 
 def half_width(
@@ -254,9 +262,16 @@ def half_width(
     share, low, high = weight / weight.sum(), np.zeros(shift.shape[1]), (np.abs(shift) + 4 * sd).max(0)
     for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
-        inside = share @ (ndtr((middle - shift) / sd) - ndtr((-middle - shift) / sd))
-        low, high = np.where(inside < 2 * BAND - 1, middle, low), np.where(inside < 2 * BAND - 1, high, middle)
+        held = share @ inside(middle, shift, sd)
+        low, high = np.where(held < 2 * BAND - 1, middle, low), np.where(held < 2 * BAND - 1, high, middle)
     return high
+
+
+def inside(
+    half: Float[np.ndarray, " d"] | float, shift: Float[np.ndarray, "s d"], sd: Float[np.ndarray, "s d"]
+) -> Float[np.ndarray, "s d"]:
+    """Return the probability of s normal densities, of mean `shift`, within so much of 0."""
+    return ndtr((half - shift) / sd) - ndtr((-half - shift) / sd)
 
 
 def score_effects(at: Linear, cov: Float[np.ndarray, "dk dk"], taken: tuple[int, ...] = ()) -> dict[int, Score]:

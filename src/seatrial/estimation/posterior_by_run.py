@@ -80,6 +80,7 @@ class RunExpansion(NamedTuple):
         prior_gradient: of these, each along its own z, shape (d,).
         prior_hessian: likewise, shape (d,).
         slope: derivative of each value along its own z, in its own unit, shape (d,).
+        bend: its second derivative over the first, shape (d,).
     """
 
     z: Float[np.ndarray, " d"]
@@ -90,6 +91,12 @@ class RunExpansion(NamedTuple):
     prior_gradient: Float[np.ndarray, " d"]
     prior_hessian: Float[np.ndarray, " d"]
     slope: Float[np.ndarray, " d"]
+    bend: Float[np.ndarray, " d"]
+
+    @property
+    def along_values(self) -> Float[np.ndarray, "R d d"]:
+        """Hessians along values that grow by `slope` for each unit of z: without what is due to the bend of the map alone."""
+        return self.hessian - np.stack([np.diag(self.bend * one) for one in self.gradient])
 
 
 class Weighted(NamedTuple):
@@ -143,7 +150,8 @@ def expand_runs(runs: RunPosteriors, z: Float[np.ndarray, " d"], weight: Sequenc
         gradient[r, at] = slope[at] * own
         block = np.diag(curvature[at] * own) - np.outer(slope[at], slope[at]) * information
         hessian[r][np.ix_(at, at)] = block
-    return RunExpansion(np.asarray(z), value, gradient, hessian, prior[0], prior[1], prior[2], slope)
+    bend = curvature / np.where(slope == 0, 1.0, slope)
+    return RunExpansion(np.asarray(z), value, gradient, hessian, prior[0], prior[1], prior[2], slope, bend)
 
 
 def weigh_runs(there: RunExpansion, weight: Float[np.ndarray, " R"]) -> Weighted:

@@ -3,7 +3,7 @@
 Outside the model the curvature of the posterior says nothing about how far the mode would lie from the truth, or from the mode of other
 data. Two things do. By how much the values move when what the model may lack is let in, as far as the data do not exclude it, is in
 `omitted_effects`. By how much they move when a piece of the data goes, a run or a long block of time, is here: without piece i the mode
-moves by d_i = -(P - H_i)^-1 s_i, s_i the slope and H_i the curvature of its log-likelihood at the mode, and
+moves by d_i = (P - H_i)^-1 (r - s_i) - P^-1 r, s_i the slope and H_i the curvature of its log-likelihood at the mode, and
 
     V = (n - 1) / n sum_i d_i d_i' + C L C,   C = P^-1
 
@@ -11,6 +11,10 @@ is the jackknife over pieces (Efron and Stein, Annals of Statistics 9, 1981), th
 with the leverage of each piece taken out of it, which few pieces need (MacKinnon, Nielsen and Webb, Journal of Applied Econometrics 38,
 2023). L is the curvature of the prior: what it says is not drawn anew with the data, and its own spread stays. Where the model is right,
 V is C. The deviation of one parameter over the root of V has about Student's t distribution of n - 1 degrees of freedom.
+
+All of it is along the values, and not along z: near the bound of a prior no step of z is small enough for the likelihood to be quadratic.
+Each prior counts as a normal density of its own standard deviation. At the mode r, the slope of the log posterior density along the values,
+is 0 but where a bound holds them back.
 
 What the model lacks in every run alike moves every piece alike, and is not in V; docs/held_back.md shows what each of the two finds.
 
@@ -26,7 +30,7 @@ from scipy.special import ndtri, stdtrit
 from seatrial.core.random_keys import seeded_key
 from seatrial.estimation.filter_error import FilterError
 from seatrial.estimation.mode import FLAT, Mode
-from seatrial.estimation.omitted_effects import OmittedEffects, omitted_effects
+from seatrial.estimation.omitted_effects import Effect, OmittedEffects, omitted_effects
 from seatrial.estimation.output_error import OutputError
 from seatrial.estimation.posterior import Posterior
 from seatrial.estimation.posterior_by_run import RunExpansion, expand_runs, split_runs
@@ -63,6 +67,11 @@ class Pieces:
     basis: str
 
     @property
+    def differ(self) -> str:
+        """What differs by more than the noise says where the ratio is large."""
+        return "runs that differ" if self.basis.endswith("runs") else "blocks of time that differ"
+
+    @property
     def freedom(self) -> int:
         """Degrees of freedom of Student's t."""
         return self.count - 1
@@ -82,12 +91,16 @@ class RobustErrors:
         pieces: by how much they move when pieces of the data go.
         omitted: what the model lacks.
         spread: of `omitted`, of these parameters, shape (k,).
+        causes: likewise.
+        prior_sd: standard deviations of their priors, SI, beyond which no error of the model goes, shape (k,).
     """
 
     names: tuple[str, ...]
     pieces: Pieces
     omitted: OmittedEffects
     spread: Float[np.ndarray, " k"]
+    causes: tuple[Effect | None, ...]
+    prior_sd: Float[np.ndarray, " k"]
 
     @property
     def ratio(self) -> Float[np.ndarray, " k"]:
@@ -123,8 +136,16 @@ class RobustErrors:
         """
         if name not in self.names or self.ratio[(at := self.names.index(name))] <= TELLING:
             return None
-        of_pieces = max(float(self.pieces.ratio[at]), 1.0) * self.pieces.widening
-        return sd * float(np.sqrt(of_pieces**2 + self.spread[at] ** 2 - 1.0))
+        told = min(sd * float(np.sqrt(self._of_pieces(at) ** 2 + self.spread[at] ** 2 - 1.0)), float(self.prior_sd[at]))
+        return told if told > TELLING * sd else None
+
+    def cause(self, name: str) -> Effect | None:
+        """Return the effect that makes most of the second standard deviation of a parameter; None where pieces of the data do."""
+        at = self.names.index(name)
+        return self.causes[at] if self.spread[at] > self._of_pieces(at) else None
+
+    def _of_pieces(self, at: int) -> float:
+        return max(float(self.pieces.ratio[at]), 1.0) * self.pieces.widening
 
 
 def robust_errors(posterior: Posterior, mode: Mode) -> RobustErrors:
@@ -137,7 +158,10 @@ def robust_errors(posterior: Posterior, mode: Mode) -> RobustErrors:
     shared = np.array([i for i in posterior.places if "[" not in posterior.names[i]], int)
     omitted = omitted_effects(posterior, mode)
     names = tuple(posterior.names[i] for i in shared)
-    return RobustErrors(names, _pieces(posterior, mode, shared), omitted, omitted.spread[shared])
+    causes = tuple(omitted.causes[i] for i in shared)
+    prior_sd = np.array([float(posterior.parameters[i].prior.sd) for i in shared])
+    pieces = _pieces(posterior, mode, shared)
+    return RobustErrors(names, pieces, omitted, omitted.spread[shared], causes, prior_sd)
 
 
 def jackknife(
@@ -145,6 +169,7 @@ def jackknife(
     scores: Float[np.ndarray, "n d"],
     curvatures: Float[np.ndarray, "n d d"],
     prior: Float[np.ndarray, " d"],
+    rest: Float[np.ndarray, " d"],
 ) -> Float[np.ndarray, "d d"]:
     """Return V of the module's head.
 
@@ -153,9 +178,10 @@ def jackknife(
         scores: gradient of the log-likelihood of each piece there.
         curvatures: its curvature, sign turned.
         prior: curvature of each parameter's log prior density, sign turned.
+        rest: gradient of the log posterior density there.
     """
-    n = len(scores)
-    moves = np.stack([_solve(precision - h, -s) for s, h in zip(scores, curvatures, strict=True)])
+    n, beyond = len(scores), _solve(precision, rest)
+    moves = np.stack([_solve(precision - h, rest - s) - beyond for s, h in zip(scores, curvatures, strict=True)])
     held = _solve(precision, np.diag(np.sqrt(np.maximum(prior, 0.0))))
     return (n - 1) / n * moves.T @ moves + held @ held.T
 
@@ -167,7 +193,7 @@ def _pieces(posterior: Posterior, mode: Mode, shared: np.ndarray) -> Pieces:
         return _by_blocks(posterior, mode, shared)
     there = expand_runs(split_runs(posterior), mode.z)
     basis = f"{len(posterior.likelihood.labels)} runs"
-    return _compared(posterior, mode, there, there.gradient, there.hessian, shared, basis, own_is_drawn=True)
+    return _compared(posterior, there, there.gradient, there.along_values, shared, basis, own_is_drawn=True)
 
 
 def _nothing(shared: np.ndarray, why: str) -> Pieces:
@@ -176,7 +202,6 @@ def _nothing(shared: np.ndarray, why: str) -> Pieces:
 
 def _compared(
     posterior: Posterior,
-    mode: Mode,
     there: RunExpansion,
     scores: np.ndarray,
     hessians: np.ndarray,
@@ -184,13 +209,26 @@ def _compared(
     basis: str,
     own_is_drawn: bool,
 ) -> Pieces:
-    prior = -there.prior_hessian
+    """Compare V with C.
+
+    Args:
+        posterior: of records.
+        there: all of its runs at the mode.
+        scores: of the pieces, along values that grow by the slopes of the map from z, shape (n, d).
+        hessians: likewise, shape (n, d, d).
+        shared: places of the parameters that are told.
+        basis: what the pieces are.
+        own_is_drawn: whether a run's own parameters go with it.
+    """
+    prior = (there.slope / [one.prior.sd for one in posterior.parameters]) ** 2
+    precision = np.diag(prior) - there.along_values.sum(0)
     if own_is_drawn:
         prior = np.where(["[" in name for name in posterior.names], 0.0, prior)
     noise = _of_noise(posterior)
     curvatures = np.where(noise[:, None] | noise, 0.0, -hessians)
-    wide = np.sqrt(np.diag(jackknife(mode.precision, scores, curvatures, prior))[shared])
-    return Pieces(wide / np.sqrt(np.diag(mode.cov)[shared]), len(scores), basis)
+    wide = np.diag(jackknife(precision, scores, curvatures, prior, -there.bend))[shared]
+    narrow = np.diag(_solve(precision, np.eye(posterior.dim)))[shared]
+    return Pieces(np.sqrt(wide / narrow), len(scores), basis)
 
 
 def _of_noise(posterior: Posterior) -> Bool[np.ndarray, " d"]:
@@ -229,11 +267,11 @@ def _by_blocks(posterior: Posterior, mode: Mode, shared: np.ndarray) -> Pieces:
             cut = replace(runs, runs=tuple(known if i == r else one for i, one in enumerate(runs.runs)))
             found = expand_runs(cut, mode.z, weight)
             scores.append(found.gradient[r] - before[0])
-            hessians.append(found.hessian[r] - before[1])
-            before = found.gradient[r], found.hessian[r]
+            hessians.append(found.along_values[r] - before[1])
+            before = found.gradient[r], found.along_values[r]
     there = expand_runs(runs, mode.z)
     basis = f"{len(scores)} blocks of {lengths.sum() / len(scores):.3g} s"
-    return _compared(posterior, mode, there, np.stack(scores), np.stack(hessians), shared, basis, own_is_drawn=False)
+    return _compared(posterior, there, np.stack(scores), np.stack(hessians), shared, basis, own_is_drawn=False)
 
 
 def _time_of_one(posterior: Posterior, mode: Mode) -> float:

@@ -55,12 +55,26 @@ class Selection:
 
     @property
     def undecided(self) -> dict[str, float]:
-        """Terms that the data leave open, or whose probability depends on an evidence that is not reliable, with that probability."""
-        return {term: p for term, p in self.inclusion.items() if not _is_decided(p, self._reached(term))}
+        """Terms that the data leave open, or whose probability is noisy or depends on an evidence that is not reliable, with that
+        probability."""
+        return {
+            term: p
+            for term, p in self.inclusion.items()
+            if _is_noisy(p, self.inclusion_error[term]) or not _is_decided(p, self._reached(term))
+        }
+
+    @property
+    def is_reliable(self) -> bool:
+        """Whether the evidences are good enough for the probability of the chosen structure."""
+        return not self.alarms and not _is_noisy(
+            float(self.probability[self.chosen]), float(self.probability_error[self.chosen])
+        )
 
     @property
     def is_settled(self) -> bool:
-        """Whether the chosen structure stays far above every other, also if one evidence that is in doubt is wrong."""
+        """Whether the chosen structure stays far above every other, also if one evidence that is in doubt or noisy is wrong."""
+        if not self.alarms and not self.is_reliable:
+            return False
         rest = np.arange(self.probability.size) != self.chosen
         shifted = [one for i, doubt in enumerate(self._doubts) for one in _shifted(self._logs, i, doubt)]
         return all(one[self.chosen] >= DECIDED * (one[self.chosen] + one[rest].max(initial=0.0)) for one in shifted)
@@ -136,7 +150,7 @@ def select(
     probability = weights / weights.sum()
     jacobian = np.diag(probability) - np.outer(probability, probability)
     has = {term: np.array([term in structure.terms for structure in structures], float) for term in optional}
-    inclusion = {term: float(member @ probability) for term, member in has.items()}
+    inclusion = {term: min(1.0, float(member @ probability)) for term, member in has.items()}
     inclusion_error = {term: float(np.linalg.norm(member @ jacobian * errors)) for term, member in has.items()}
     screened = {term for term in optional if shortlist and len(set(has[term])) == 1}
     doubts = [_doubt(evidence) for evidence in evidences]
@@ -230,6 +244,11 @@ def averaged(
     return results
 
 
+def _is_noisy(probability: float, error: float) -> bool:
+    """Return whether the Monte Carlo error of a probability leaves open on which side of an edge it is."""
+    return error > NOISY and any(abs(probability - edge) < 2.0 * error for edge in EDGES)
+
+
 def _is_decided(probability: float, reached: tuple[float, float]) -> bool:
     """Return whether a term is in or out with the probability of `DECIDED`, all over the range that its probability may have."""
     low, high = min(probability, *reached), max(probability, *reached)
@@ -279,7 +298,7 @@ def term_verdict(term: str, inclusion: float, error: float, reached: tuple[float
             f"reliable, and may be anything from {reached[0]:.2f} to {reached[1]:.2f}"
         )
     margin = f" (± {max(error, 0.005):.2f} Monte Carlo)"
-    if error > NOISY and any(abs(inclusion - edge) < 2.0 * error for edge in EDGES):
+    if _is_noisy(inclusion, error):
         return (
             f"the evidence is too noisy to say whether the data support {term}: "
             f"probability {inclusion:.2f} with it{margin}; use more particles or repeats"

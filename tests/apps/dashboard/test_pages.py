@@ -60,12 +60,13 @@ def test_an_error_beside_its_field_names_no_line_of_the_file():
 def test_estimates_stand_by_structure_before_a_model_is_chosen(tmp_path):
     store = Store(tmp_path)
     store.coefficients.parent.mkdir(parents=True)
-    head = "structure,name,unit,mean,sd,model_error_sd\n"
-    rows = "M-0,X_u,kg/s,-1.25,0.23,\nM-0,sigma_u,m/s,0.05,0.002,\nM-1,X_uabsu,kg/m,-3.92,0.13,0.478\n"
+    head = "structure,name,unit,mean,sd,model_error_sd,model_error_cause\n"
+    rows = "M-0,X_u,kg/s,-1.25,0.23,,\nM-0,sigma_u,m/s,0.05,0.002,,\nM-1,X_uabsu,kg/m,-3.92,0.13,0.478,a force X_u\n"
     store.coefficients.write_text(head + rows)
     first, second = estimated(store).split("<caption>")[1:]
     assert first.startswith("Parameters of M-0: X_u<")
     assert "−1.25 ± 0.23" in first
     assert "with model error" not in first
     assert '<th scope="col">with model error' in second
-    assert "± 0.478" in second
+    assert "± 0.478 <small>a force X_u</small>" in second
+    assert '<th scope="col">mean ± sd, within the model' in second

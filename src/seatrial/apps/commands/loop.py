@@ -137,7 +137,10 @@ def _tell_and_report(answer: Answer, outcome: Any, proposal: Any) -> Exit:
     for row in summary["coefficients"]:
         factor, unit = shown(row["name"], row["unit"])
         numbers = f"{factor * row['mean']:>12.5g} ± {factor * row['sd']:<10.3g} {unit}"
-        answer.say(f"  {row['name']:<16} {numbers}{with_model_error(row['model_error_sd'], factor)}")
+        more = with_model_error(row["model_error_sd"], row["model_error_cause"], factor)
+        answer.say(f"  {row['name']:<16} {numbers}{more}")
+    for line in outcome.chosen.wider_remedies:
+        answer.say(f"  {line}")
     for fit in outcome.fits:
         answer.say(f"  {_said_of(fit)}")
     for one in outcome.pooled:

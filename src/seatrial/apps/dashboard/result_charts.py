@@ -307,7 +307,11 @@ def correlation_chart(about: FitAbout, shade: str) -> ui.echart:
             }
         ],
     }
-    return chart(options, "Autocorrelation of the residuals; shaded: 95 % of white noise", 200)
+    return chart(
+        options,
+        "Autocorrelation of the residuals, before any fitted correlation is taken out; shaded: 95 % of white noise",
+        200,
+    )
 
 
 _STAR = "path://M0,-10L2.4,-3.1L9.5,-3.1L3.8,1.2L5.9,8.1L0,4L-5.9,8.1L-3.8,1.2L-9.5,-3.1L-2.4,-3.1Z"

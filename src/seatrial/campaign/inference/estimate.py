@@ -14,7 +14,7 @@ from seatrial.campaign.compute.place import workers_of
 from seatrial.campaign.compute.shared_work import Study
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
-from seatrial.campaign.inference.omitted_effects import left_out
+from seatrial.campaign.inference.omitted_effects import causes_of, left_out, remedies_of
 from seatrial.campaign.inference.posterior import is_whole, random_key, widest
 from seatrial.campaign.store.estimates import Estimate, HasKey, LeftOut, read_estimate
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of, load_checkpoint, save_checkpoint
@@ -50,7 +50,7 @@ CHECKPOINT_EVERY = 5
 def estimate_key(campaign: Campaign, structure: Structure, trials: HasKey) -> str:
     """Key of one structure's posterior."""
     return key_of(
-        "posterior, with omitted effects",
+        "posterior, with causes of model error",
         *(trials.key, structure.terms, campaign.vehicle),
         *(campaign.priors, campaign.sensors, campaign.estimation, campaign.seed),
     )
@@ -182,13 +182,14 @@ def _dataset(
     sd = values.std(axis=(0, 1))
     cautions = information_complaints(posterior, mode, values.reshape(-1, len(names)), at)
     prior_value, prior_density = zip(*prior_curves(posterior).values(), strict=True)
-    wider = [robust.wider(name, float(one)) for name, one in zip(names, sd, strict=True)]
+    wider = {name: robust.wider(name, float(one)) for name, one in zip(names, sd, strict=True)}
+    wide = [name for name, one in wider.items() if one is not None]
     per_parameter = {
         "mode": mode.values,
         "laplace_sd": mode.sd,
         "mean": values.mean(axis=(0, 1)),
         "sd": sd,
-        "model_error_sd": [np.nan if one is None else one for one in wider],
+        "model_error_sd": [np.nan if one is None else one for one in wider.values()],
         "prior_mean": [p.prior.mean for p in parameters],
         "prior_sd": prior_sd,
         "prior_lower": [p.prior.bounds[0] for p in parameters],
@@ -215,6 +216,8 @@ def _dataset(
         },
         attrs={
             "model_error": robust.words,
+            "model_error_causes": json.dumps(causes_of(robust, wide)),
+            "model_error_remedies": json.dumps(remedies_of(posterior, robust, wide)),
             "left_out": json.dumps([asdict(one) for one in missing]),
             "acceptance": draws.acceptance,
             "laplace_log_evidence": mode.log_evidence,

@@ -34,6 +34,7 @@ from seatrial.estimation.prediction import ANY, key_of_values, noise_sd, outputs
 from seatrial.estimation.prediction_scores import DIVERGES, Score, score_channel
 from seatrial.estimation.priors import Normal
 from seatrial.estimation.remedies import listed
+from seatrial.estimation.sensor_errors import Noise
 from seatrial.estimation.short_horizon import ShortHorizon, short_horizons
 from seatrial.estimation.trial_data import TrialData
 
@@ -284,7 +285,7 @@ def _fits(
             verdict = FitVerdict("caution", LEAVES, words)
         else:
             lacks, feedback = _lacks(campaign, channel), bool(campaign.autopilot.loops)
-            verdict = judge_fit(score, channel, held_back, score.correlation_time > 0, outside, lacks, feedback)
+            verdict = judge_fit(score, channel, held_back, _noise(campaign, channel), outside, lacks, feedback)
         of = {"record": record.label, "held_back": held_back, "channel": channel, "outside": outside, "ahead": words}
         found.append(Fit(**vars(score), **of, **verdict._asdict()))
     return found
@@ -325,11 +326,17 @@ def _unseen(piece: Mapping[str, Any], record: Record) -> str:
 
 def _lacks(campaign: Campaign, channel: str) -> tuple[str, ...]:
     """What the model may lack, but for what the campaign has already."""
-    noise = {sensor.channel: sensor.noise for sensor in campaign.sensor_models}[channel]
-    filtered, slow = campaign.estimation.likelihood == "filter-error", noise in ("coloured", "drifting")
+    filtered, slow = (
+        campaign.estimation.likelihood == "filter-error",
+        _noise(campaign, channel) in ("coloured", "drifting"),
+    )
     change = 'likelihood = "filter-error"' if slow else 'residuals = "drifting"'
     error = () if filtered else (f"a model of the error ({change})",)
     return ("a term", *(() if campaign.has_delay else ("a delay",)), *error)
+
+
+def _noise(campaign: Campaign, channel: str) -> Noise:
+    return next(sensor.noise for sensor in campaign.sensor_models if sensor.channel == channel)
 
 
 def _remedies(campaign: Campaign, horizon: float) -> list[str]:

@@ -1,8 +1,13 @@
-"""What a fitted structure leaves out, in words: the effect, which coefficient hides it, and how to add it."""
+"""What a fitted structure leaves out, in words: the effect, which coefficient hides it or is uncertain by it, and how to add it."""
+
+from collections.abc import Sequence
 
 from seatrial.campaign.store.estimates import LeftOut
 from seatrial.estimation.omitted_effects import Effect, Omitted, OmittedEffects
+from seatrial.estimation.output_error import OutputError
 from seatrial.estimation.posterior import Posterior
+from seatrial.estimation.remedies import listed
+from seatrial.estimation.robust_errors import RobustErrors
 from seatrial.selection.structures import Structure
 
 MATTERS, SURE = 1.0, 3.0
@@ -28,29 +33,66 @@ def left_out(posterior: Posterior, structure: Structure, omitted: OmittedEffects
     return tuple(sorted(missing, key=lambda one: -abs(one.by)))
 
 
+def causes_of(robust: RobustErrors, names: Sequence[str]) -> dict[str, str]:
+    """Return what makes most of the ± with model error of each of these parameters, in words."""
+    causes = {name: robust.cause(name) for name in names}
+    return {name: robust.pieces.differ if one is None else _name(one).rstrip(",") for name, one in causes.items()}
+
+
+def remedies_of(posterior: Posterior, robust: RobustErrors, names: Sequence[str]) -> list[str]:
+    """Return a sentence for each cause of a ± with model error: of which parameters, and how to get rid of it."""
+    found: dict[tuple[str, str], list[str]] = {}
+    for name, words in causes_of(robust, names).items():
+        cause = robust.cause(name)
+        remedy = _of_pieces(posterior, robust) if cause is None else _remedy(posterior, cause)
+        found.setdefault((words, remedy), []).append(name)
+    return [
+        f"{listed(several)}: most of the ± with model error is from {words}; {remedy}"
+        for (words, remedy), several in found.items()
+    ]
+
+
+def _of_pieces(posterior: Posterior, robust: RobustErrors) -> str:
+    """Return what helps where runs, or blocks of time, differ by more than the noise says."""
+    likelihood = posterior.likelihood
+    sensors = likelihood.simulator.sensors if isinstance(likelihood, OutputError) else ()
+    kinds = {sensor.noise for sensor in sensors}
+    if kinds & {"white", "heavy"}:
+        return 'slow residuals do so: set estimation.residuals = "coloured", or "drifting" if there is white noise too, with priors'
+    if "coloured" in kinds:
+        return 'white noise on slow residuals does so: set estimation.residuals = "drifting", with priors'
+    if robust.pieces.differ.startswith("runs"):
+        return "look for what changed between the runs, or let a coefficient vary by estimation.varying"
+    return "look for what changed during the run, or fit more runs"
+
+
 def _words(posterior: Posterior, found: Omitted) -> tuple[str, str]:
     """Name and size of an effect with what looks alike, and how to add it."""
     words = f"{_name(found.effect)} of about {found.size:.2g} ± {found.sd:.1g} {found.effect.unit}".rstrip()
     if found.alike:
         words += f" (or {' or '.join(map(_name, found.alike))}: the data cannot separate them)"
-    of = found.effect.of
-    match found.effect.kind:
+    return words, _remedy(posterior, found.effect)
+
+
+def _remedy(posterior: Posterior, effect: Effect) -> str:
+    of = effect.of
+    match effect.kind:
         case "force":
             others = of in {one.text for one in posterior.likelihood.model.coefficients}
-            return words, "other structures have it" if others else f"add {of} to structure.optional, with a prior"
+            return "other structures have it" if others else f"add {of} to structure.optional, with a prior"
         case "command lag":
-            return words, f"state it in [vehicle.actuators.{of}], or give `delay` a prior, [prior.delay]"
+            return f"state it in [vehicle.actuators.{of}], or give `delay` a prior, [prior.delay]"
         case "delay":
-            return words, "give `delay` a prior, [prior.delay]"
+            return "give `delay` a prior, [prior.delay]"
         case "command lead":
             line = f'if {of} was measured and this is half its sampling time, write between = "line" for its channel in [import]'
-            return words, f"{line}; else correct `shift` of its file"
+            return f"{line}; else correct `shift` of its file"
         case "command offset":
-            return words, f"check the zero of {of}; `offset` of its channel in [import] corrects it"
+            return f"check the zero of {of}; `offset` of its channel in [import] corrects it"
         case "sensor offset":
-            return words, f'set sensors.{of}.bias = "own" or estimation.current = "own", with a prior'
+            return f'set sensors.{of}.bias = "own" or estimation.current = "own", with a prior'
         case "start":
-            return words, 'set estimation.initial = "estimated"'
+            return 'set estimation.initial = "estimated"'
 
 
 def _name(effect: Effect) -> str:

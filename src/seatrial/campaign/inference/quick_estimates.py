@@ -18,7 +18,7 @@ from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.estimate import estimate_key, prior_curves
 from seatrial.campaign.inference.identifiability import symmetry_of
 from seatrial.campaign.inference.judge_predictions import N_DRAWS, HeldBack, held_back_lines, predict_held_back
-from seatrial.campaign.inference.omitted_effects import left_out
+from seatrial.campaign.inference.omitted_effects import causes_of, left_out, remedies_of
 from seatrial.campaign.inference.posterior import is_whole, random_key
 from seatrial.campaign.store.estimates import HasKey, with_model_error
 from seatrial.campaign.store.stored_result import Store, key_of, write_stamped_json
@@ -78,7 +78,8 @@ class FirstAnswer:
         held_back: how it predicts what was not fitted; None where nothing is predicted.
         log_evidence: of the structure, by Laplace; None where there is none.
         wider: standard deviations that survive an error of the model, where they are larger by more than a half.
-        wider_words: what these are made of; empty where nobody asked.
+        wider_causes: what makes most of each.
+        wider_words: what these are made of, and how to get rid of it; empty where nobody asked.
         drawn: draws about the mode, of which the next trial is designed; None where there is no mode.
         symmetry: sentences on which sides of the vehicle the data find alike.
         shown: factor from SI to the unit of the table, and that unit, by name; SI of others.
@@ -93,7 +94,8 @@ class FirstAnswer:
     held_back: HeldBack | None = None
     log_evidence: float | None = None
     wider: Mapping[str, float] = field(default_factory=dict)
-    wider_words: str = ""
+    wider_causes: Mapping[str, str] = field(default_factory=dict)
+    wider_words: tuple[str, ...] = ()
     drawn: "NormalPosterior | None" = None
     symmetry: tuple[str, ...] = ()
     shown: Mapping[str, tuple[float, str]] = field(default_factory=dict)
@@ -107,8 +109,9 @@ class FirstAnswer:
         for name, unit, pairs in self.rows:
             factor, shown = self.shown.get(name, (1.0, unit))
             numbers = " ".join(f"{factor * value:>12.5g} ± {factor * sd:<8.3g}" for value, sd in pairs)
-            said.append(f"  {name:<16} {numbers} {shown}{with_model_error(self.wider.get(name), factor)}".rstrip())
-        said += [f"  {self.wider_words}"] * bool(self.wider_words)
+            more = with_model_error(self.wider.get(name), self.wider_causes.get(name, ""), factor)
+            said.append(f"  {name:<16} {numbers} {shown}{more}".rstrip())
+        said += [f"  {text}" for text in self.wider_words]
         lines = held_back_lines(self.held_back) if self.held_back else []
         return [*said, *(f"  {line}" for line in (*lines, *self.symmetry))]
 
@@ -214,7 +217,8 @@ def _mode(
     cautions = [flat] * mode.flat + [one.sentence for one in missing]
     note = f"log evidence by Laplace {mode.log_evidence:.2f}  {' '.join(structure.terms)}"
     held_back = predict_held_back(campaign, drawn, trials)
-    wider = {name: robust.wider(name, sd) for name, _, ((_, sd),) in rows} if robust else {}
+    told = {name: robust.wider(name, sd) for name, _, ((_, sd),) in rows} if robust else {}
+    wider = {name: sd for name, sd in told.items() if sd is not None}
     answer = FirstAnswer(
         structure,
         rows,
@@ -223,8 +227,9 @@ def _mode(
         caution="; ".join(f"{structure.label}: {text}" for text in cautions),
         held_back=held_back,
         log_evidence=float(mode.log_evidence),
-        wider={name: sd for name, sd in wider.items() if sd is not None},
-        wider_words=robust.words if robust else "",
+        wider=wider,
+        wider_causes=causes_of(robust, list(wider)) if robust else {},
+        wider_words=(robust.words, *remedies_of(posterior, robust, list(wider))) if robust else (),
         drawn=more,
         symmetry=symmetry_of(campaign, more, lambda: prior_curves(posterior)),
         shown={name: campaign.shown(name, unit) for name, unit, _ in rows},

@@ -124,13 +124,15 @@ class Estimate:
         return dict(zip(self.names, zip(*curves, strict=True), strict=True))
 
     def summary(self) -> "DataFrame":
-        """Return a table with a row for each parameter, SI: mean, sd, 95 % interval, mode, and the health of its draws."""
+        """Return a table with a row for each parameter, SI: mean, sd and 95 % interval within the model, mode, standard deviation with
+        model error and what makes most of it, and the health of its draws."""
         from pandas import DataFrame
 
         lower, upper = np.transpose([self.interval(name) for name in self.names])
         stored = ("mode", "model_error_sd", "mcse", "r_hat", "ess_bulk", "ess_tail")
         columns = {name: self.data[name].values for name in ("unit", "mean", "sd")}
         columns |= {"lower_95": lower, "upper_95": upper} | {name: self.data[name].values for name in stored}
+        columns |= {"model_error_cause": [self.wider_cause(name) for name in self.names]}
         return DataFrame(columns, index=list(self.names))
 
     def _repr_html_(self) -> str:
@@ -142,10 +144,19 @@ class Estimate:
         value = float(self.data["model_error_sd"].sel(parameter=name))
         return value if np.isfinite(value) else None
 
+    def wider_cause(self, name: str) -> str:
+        """What makes most of it, in words; empty where there is none."""
+        return json.loads(self.data.attrs["model_error_causes"]).get(name, "")
+
     @property
     def wider_words(self) -> str:
         """What these standard deviations are made of, or why there are none."""
         return self.data.attrs["model_error"]
+
+    @property
+    def wider_remedies(self) -> list[str]:
+        """Which of them have which cause, and how to get rid of it."""
+        return json.loads(self.data.attrs["model_error_remedies"])
 
     def own_values(self) -> list[tuple[str, str, float, float, str]]:
         """Of each value that varies between trials: its name, the trial, its mean, standard deviation and SI unit."""
@@ -159,14 +170,15 @@ class Estimate:
         return found
 
 
-def with_model_error(wider: float | None, factor: float = 1.0) -> str:
+def with_model_error(wider: float | None, cause: str, factor: float) -> str:
     """Return what follows a value and its standard deviation where a wider one survives an error of the model; empty for none.
 
     Args:
         wider: that standard deviation, SI.
+        cause: what makes most of it.
         factor: from SI to the unit in which it is shown.
     """
-    return "" if wider is None else f", ± {factor * wider:.3g} with model error"
+    return "" if wider is None else f", ± {factor * wider:.3g} with model error (mostly {cause})"
 
 
 def _measured(item: "KnownParameter", factor: float, unit: str) -> str:

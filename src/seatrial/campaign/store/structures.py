@@ -87,6 +87,7 @@ class StoredCoefficient:
     lower_95: float
     upper_95: float
     model_error_sd: float | None = None
+    model_error_cause: str = ""
 
     def in_unit(self, factor: float, unit: str) -> "StoredCoefficient":
         """Return it in another unit, of which there are `factor` in an SI unit."""
@@ -127,6 +128,12 @@ class NextTrial:
     sd_after: dict[str, float]
     words: str
     stop: bool
+
+
+BETTER_EVIDENCE = "raise `particles`, `draws` or `repeats` in [selection], or narrow the priors"
+"""What helps where an evidence is not reliable."""
+IF_RELIABLE = ", if the evidences were reliable"
+"""What a probability needs that depends on one."""
 
 
 @dataclass(frozen=True)
@@ -320,11 +327,9 @@ class Contenders:
         best, runner = self.labels
         if selection.is_settled:
             return f"these data have decided between {best} and {runner}; no trial is needed for that"
-        if selection.alarms:
-            return (
-                f"whether these data decide between {best} and {runner} cannot be said before the evidence is reliable: "
-                "raise `particles`, `draws` or `repeats` in [selection], or narrow the priors"
-            )
+        if not selection.is_reliable:
+            what = f"whether these data decide between {best} and {runner}"
+            return f"{what} cannot be said before the evidence is reliable: {BETTER_EVIDENCE}"
         trial = self.data.attrs["trial"]
         told = f"{self.nats:.2g} nat of evidence expected, {ENOUGH:g} decide"
         if self.nats > ENOUGH:
@@ -346,7 +351,7 @@ def undecided_words(selection: "Selection") -> str:
     doubtful = [f"{term} ({p:.2f})" for term, p in selection.undecided.items()]
     if not doubtful:
         return "these data decide about every optional term"
-    unless = ", if the evidences were reliable" if selection.alarms else ""
+    unless = "" if selection.is_reliable else IF_RELIABLE
     return f"not decided: {', '.join(doubtful)}; in brackets the probability that it is needed{unless}"
 
 

@@ -68,7 +68,10 @@ def run_loop(campaign: Campaign, reporter: Reporter = SILENT) -> Outcome:
     )
     outcome = replace(outcome, summary=summarise(outcome))
     proposal = propose(outcome)
-    outcome.summary["next_trial"] |= {"words": "; ".join(proposal.advice), "stop": proposal.trial is None}
+    outcome.summary["next_trial"] |= {
+        "words": "; ".join((*proposal.first, *proposal.advice)),
+        "stop": proposal.trial is None,
+    }
     stored_summary(outcome.campaign, outcome.estimates).write(outcome.summary)
     return outcome
 
@@ -151,6 +154,7 @@ def _coefficient(estimate: Estimate, name: str) -> dict[str, Any]:
         "label": str(row["label"].values),
         **numbers,
         "model_error_sd": estimate.wider(name),
+        "model_error_cause": estimate.wider_cause(name),
         "lower_95": lower,
         "upper_95": upper,
     }

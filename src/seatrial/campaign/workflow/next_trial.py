@@ -5,7 +5,7 @@ with log odds l now is true; they are settled beyond 19 to 1. It holds where a t
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
@@ -17,7 +17,7 @@ from seatrial.campaign.design.schedule import design_words
 from seatrial.campaign.design.sweep import Designs
 from seatrial.campaign.inference.judge_predictions import held_back_alarms
 from seatrial.campaign.inference.quick_estimates import FirstAnswer
-from seatrial.campaign.store.structures import Contenders
+from seatrial.campaign.store.structures import BETTER_EVIDENCE, IF_RELIABLE, Contenders
 from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.estimation.remedies import percent
 from seatrial.selection.verdict import DECIDED
@@ -36,31 +36,48 @@ class Proposal:
         trial: what to run; None to stop.
         standing: where the campaign stands.
         advice: what to run and what it promises, or why to stop.
+        first: what to correct before; empty where no health check failed.
     """
 
     trial: Chosen | None
     standing: tuple[str, ...]
     advice: tuple[str, ...]
+    first: tuple[str, ...] = ()
 
     @property
     def lines(self) -> tuple[str, ...]:
         """All of it in words."""
-        return (*self.standing, *self.advice)
+        return (*self.standing, *self.first, *self.advice)
 
 
 def propose(outcome: Outcome) -> Proposal:
-    """Weigh the goal, the doubt about the structure and what the best designs promise."""
+    """Weigh the goal, the doubt about the structure and what the best designs promise, after what failed."""
     standing, wrong = _standing(outcome), _wrong(outcome)
     if wrong:
         return Proposal(None, standing, wrong)
+    found, failed = _weighed(outcome, standing), _failed(outcome)
+    if not failed:
+        return found
+    if found.trial is None:
+        return Proposal(None, standing, ("no trial yet: a health check failed; correct it and run again", failed))
+    return replace(found, first=(f"first correct what failed: {failed}",))
+
+
+def _failed(outcome: Outcome) -> str:
+    """Say which failed check of the chosen structure, or of the choice if that is asked for, comes first; empty where none failed."""
+    goal, choice = outcome.campaign.goal, outcome.selection
+    if outcome.own_alarms:
+        return outcome.own_alarms[0]
+    if (goal is None or goal.decided) and not choice.is_reliable and not choice.is_settled:
+        return f"the evidence does not yet tell the models apart; {BETTER_EVIDENCE}"
+    return ""
+
+
+def _weighed(outcome: Outcome, standing: tuple[str, ...]) -> Proposal:
     goal, unmet, doubt = outcome.campaign.goal, _unmet(outcome), _in_doubt(outcome)
     counting = goal is not None and goal.only_trials
     if goal is not None and not unmet and not doubt:
         if not counting:
-            open_alarms = [*outcome.own_alarms, *(outcome.choice_alarms if goal.decided else ())]
-            if open_alarms:
-                first = "no trial yet: the numbers meet the goal, but a health check failed; mend it and run again"
-                return Proposal(None, standing, (first, open_alarms[0]))
             return Proposal(None, standing, ("stop: the goal is met",))
         if len(outcome.trials.fit) >= goal.trials:
             trials = f"{goal.trials} trial{'s are' if goal.trials != 1 else ' is'}"
@@ -151,9 +168,9 @@ def _in_doubt(outcome: Outcome) -> bool:
 
 def _standing(outcome: Outcome) -> tuple[str, ...]:
     trials, chosen = len(outcome.trials.fit), outcome.chosen.structure.label
-    lines = [
-        f"after {trials} trial{'s' * (trials != 1)}: {chosen} with probability {float(max(outcome.selection.probability)):.2f}"
-    ]
+    unless = "" if outcome.selection.is_reliable or outcome.selection.is_settled else IF_RELIABLE
+    probability = f"{float(max(outcome.selection.probability)):.2f}{unless}"
+    lines = [f"after {trials} trial{'s' * (trials != 1)}: {chosen} with probability {probability}"]
     known = _known(outcome)
     for name, ratio in _unmet(outcome).items():
         mean, sd = known[name]

@@ -114,11 +114,11 @@ def draw_fit(
 
 
 def record_residuals(
-    time: np.ndarray, channels: Sequence[Predicted], held_back: bool = False, most: int = 1500
+    time: np.ndarray, channels: Sequence[Predicted], held_back: bool = False, most: int = 1500, slow: bool = False
 ) -> "Figure":
     """Draw two panels for each channel, its residuals over their autocorrelation; see `draw_residuals`."""
     figure, axes = new_figure(WIDE, [120.0, 58.0] * len(channels), gap=38, share_x=False)
-    draw_residuals(axes, time, channels, held_back, most)
+    draw_residuals(axes, time, channels, held_back, most, slow)
     return figure
 
 
@@ -128,6 +128,7 @@ def draw_residuals(
     channels: Sequence[Predicted],
     held_back: bool = False,
     most: int = 1500,
+    slow: bool = False,
 ) -> None:
     """Draw for each channel its residuals over time and, in the next axes, their autocorrelation over lag.
 
@@ -137,6 +138,7 @@ def draw_residuals(
         channels: what was measured and predicted.
         held_back: whether the record was kept out of the fit.
         most: number of samples worth drawing.
+        slow: whether the noise was fitted as correlated in time, which these residuals still are.
     """
     colour = ORANGE if held_back else BLUE
     for panel, below, channel in zip(axes[::2], axes[1::2], channels, strict=True):
@@ -154,6 +156,7 @@ def draw_residuals(
             "residual [sd]" if len(channels) == 1 else f"{channel.label.split(' [')[0]} residual [sd]",
         )
         _draw_autocorrelation(below, *autocorrelation(time, channel.residual), colour)
+        label_axes(below, f"lag [s]{', before the fitted correlation is taken out' * slow}", "autocorr.")
 
 
 def autocorrelation(time: np.ndarray, residual: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
@@ -217,4 +220,3 @@ def _draw_autocorrelation(axes: "Axes", lag: np.ndarray, correlation: np.ndarray
     reach = 1.25 * max(0.08, float(np.abs(correlation).max(initial=0.0)), 2 / np.sqrt(max(count, 4)))
     axes.set_ylim(max(-1.0, -reach), min(1.0, reach))
     limit_ticks(axes.yaxis, 3)
-    label_axes(axes, "lag [s]", "autocorr.")

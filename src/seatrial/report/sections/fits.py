@@ -58,7 +58,7 @@ def fits_section(outcome: Outcome) -> dict[str, Any]:
         "has_held_back": bool(held_back),
         "pooled": [_together(one) for one in outcome.pooled],
         "baselines": _baselines(outcome),
-        "coloured": any(sensor.noise == "coloured" for sensor in outcome.campaign.sensor_models),
+        "slow": _is_slow(outcome),
         "model": model_said(outcome, outcome.chosen.structure.label),
     }
 
@@ -72,11 +72,17 @@ def _weight(
     return level, label in held_back, -min(explained, default=1.0)
 
 
+def _is_slow(outcome: Outcome) -> bool:
+    """Return whether the noise of a sensor is modelled as correlated in time."""
+    return any(sensor.noise in ("coloured", "drifting") for sensor in outcome.campaign.sensor_models)
+
+
 def _card(outcome: Outcome, index: int, record: Record, held_back: bool, most: int) -> dict[str, Any]:
     time, channels, controls = record_curves(outcome, index, record)
     title = "The trial" if record.label == "trial" else f"Run {record.label}"
     fit = record_fit(time, channels, controls, held_back, most)
-    residuals = record_residuals(time, channels, held_back, most)
+    residuals = record_residuals(time, channels, held_back, most, _is_slow(outcome))
+    before = " before the fitted correlation is taken out" if _is_slow(outcome) else ""
     return {
         "title": title,
         "held_back": held_back,
@@ -86,7 +92,7 @@ def _card(outcome: Outcome, index: int, record: Record, held_back: bool, most: i
             draw(
                 residuals,
                 f"residuals-{index}",
-                f"{title}: residuals over the predicted standard deviation, and their autocorrelation",
+                f"{title}: residuals over the predicted standard deviation, and their autocorrelation{before}",
             ),
         ],
     }

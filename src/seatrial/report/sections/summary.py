@@ -9,6 +9,7 @@ from markupsafe import Markup
 
 from seatrial.campaign.inference.baselines import comparison_alarms
 from seatrial.campaign.inference.judge_predictions import held_back_alarms
+from seatrial.campaign.store.structures import IF_RELIABLE
 from seatrial.campaign.workflow.next_trial import propose
 from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.estimation.fit_verdict import explained_share
@@ -48,11 +49,15 @@ def summary_section(outcome: Outcome) -> dict[str, Any]:
         "several": len(outcome.estimates) > 1,
         "has_truth": bool(truth_of(outcome)),
         "unit_mass": outcome.campaign.hull.mass is None,
-        "wider": outcome.chosen.wider_words,
+        "wider": sentence_of(outcome, outcome.chosen.wider_words),
+        "wider_remedies": [sentence_of(outcome, text) for text in outcome.chosen.wider_remedies],
         "has_wider": any(row["wider"] for _, rows in tables for row in rows),
         "models": _models(outcome),
         "stop": proposal.trial is None,
-        "advice": [sentence_of(outcome, line.split("; expected: ")[0]) for line in proposal.advice[:2]],
+        "advice": [
+            sentence_of(outcome, line.split("; expected: ")[0]) for line in (*proposal.first, *proposal.advice[:2])
+        ],
+        "unless": "" if outcome.selection.is_reliable or outcome.selection.is_settled else IF_RELIABLE,
     }
 
 
@@ -197,6 +202,7 @@ def _row(outcome: Outcome, name: str, average: tuple[float, float]) -> dict[str,
         **unit_row(outcome, name),
         "value": digits.pair(factor * item["mean"], factor * item["sd"]) if item else "",
         "wider": f"± {digits.bare(factor * wider)}" if wider is not None else "",
+        "cause": outcome.chosen.wider_cause(name),
         "average": digits.pair(*average),
         "truth": digits.bare(truth[name]) if name in truth else "",
         "outside": bool(

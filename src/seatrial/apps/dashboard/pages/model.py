@@ -54,7 +54,7 @@ class ModelForm:
     def __init__(self, context: AppContext, campaign: str, folder: Path, found: ModelData, said: ui.element):
         self.context, self.campaign, self.folder, self.found, self.said = context, campaign, folder, found, said
         self.seen = read_file(folder)
-        words = "If the report says that residuals are correlated, choose coloured."
+        words = "If the report says that residuals are correlated, choose the noise that it names; drifting is white noise on a slow error."
         with section("Noise of the residuals", words):
             self.noise: dict[str, ui.select] = {}
             self.needs: dict[str, RangeFields] = {}

@@ -105,6 +105,7 @@ _TITLE = {
     "cautions": "What to know before using them",
 }
 
+_WITHIN, _WITH_ERROR = "mean ± sd, within the model", "with model error"
 _USABLE = "What failed, but not for the coefficients of the chosen model"
 
 
@@ -128,7 +129,7 @@ def coefficients(summary: Summary, shown: Shown) -> Markup:
         [
             label_html(row.label) + Markup(" <small>{}</small>").format(row.name),
             with_sd(row.mean, row.sd),
-            *([_wider(row.model_error_sd)] if wider else []),
+            *([_wider(row.model_error_sd, row.model_error_cause)] if wider else []),
             interval(row),
             short(row.prior_sd),
             unit_html(row.unit),
@@ -136,8 +137,8 @@ def coefficients(summary: Summary, shown: Shown) -> Markup:
         ]
         for row in (one.in_unit(*shown(one.name, one.unit)) for one in summary.coefficients)
     ]
-    with_error = ["with model error"] if wider else []
-    head = ["parameter", "mean ± sd", *with_error, "95 % interval", "prior sd", "unit", "sd / prior sd"]
+    with_error = [_WITH_ERROR] if wider else []
+    head = ["parameter", _WITHIN, *with_error, "95 % interval, within the model", "prior sd", "unit", "sd / prior sd"]
     return table(head, rows, f"Parameters of {summary.chosen}: {' '.join(summary.terms)}")
 
 
@@ -158,17 +159,21 @@ def _of_structure(label: str, rows: list[dict[str, str]]) -> Markup:
             (label_html(CoefficientName.parse(row["name"]).label) + " " if row["name"] in terms else Markup(""))
             + Markup("<small>{}</small>").format(row["name"]),
             with_sd(float(row["mean"]), float(row["sd"])),
-            *([_wider(float(row["model_error_sd"]) if row["model_error_sd"] else None)] if wider else []),
+            *([_wider(_number(row["model_error_sd"]), row["model_error_cause"])] if wider else []),
             unit_html(row["unit"]),
         ]
         for row in rows
     ]
-    head = ["parameter", "mean ± sd", *(["with model error"] if wider else []), "unit"]
+    head = ["parameter", _WITHIN, *([_WITH_ERROR] if wider else []), "unit"]
     return table(head, cells, f"Parameters of {label}: {' '.join(terms)}")
 
 
-def _wider(sd: float | None) -> str:
-    return "" if sd is None else f"± {short(sd)}"
+def _number(text: str) -> float | None:
+    return float(text) if text else None
+
+
+def _wider(sd: float | None, cause: str) -> str | Markup:
+    return "" if sd is None else Markup("± {} <small>{}</small>").format(short(sd), cause)
 
 
 def interval(row: StoredCoefficient) -> str:
