@@ -168,6 +168,17 @@ def test_excitation_of_a_whole_vehicle_under_priors_that_say_neither_way(tmp_pat
     assert "record one: pass" in result.output
 
 
+def test_a_control_beyond_its_limit_is_told_with_both_numbers(tmp_path):
+    """The force goes from -10 N to 10 N; a hundredth of that beyond a limit is none."""
+    for name, bounds in (("far", 'upper = "8 N"\nlower = "-10 N"'), ("near", 'upper = "9.9 N"\nlower = "-12 N"')):
+        write(tmp_path / name, "1.0", f"{CAMPAIGN}\n[limits.tau_X]\n{bounds}\n")
+        campaign = load_campaign(tmp_path / name)
+        (judged,) = check_records(campaign, get_trials(campaign))
+        lines = [finding.line for finding in judged.findings if finding.check == "limits"]
+        assert len(lines) == (name == "far")
+        assert all("the record reaches 10 N (limits.tau_X.upper is 8 N)" in line for line in lines)
+
+
 @pytest.mark.parametrize(
     ("mass", "says"), [("30 kg", ""), ("0.5 kg", "differs by up to 3"), ("0.25 kg", "does not run away")]
 )

@@ -34,7 +34,11 @@ MISTAKES = {
     "missing table": (("[sensors.u]", "[sensor.u]"), "sensor", "sensors"),
     "malformed term": (('"X_u"]', '"X_uu_"]'), "character", "X_uu_"),
     "repeated term": (('"X_u"]', '"X_absuu"]'), "same regressor", "X_uabsu"),
-    "term of another axis": (('"X_u"]', '"Y_v"]'), "axes X Y", "terms on X and T only"),
+    "term of another axis": (
+        ('"X_u"]', '"Y_v"]'),
+        "key structure",
+        "Y_v, a sway force, in a model of surge alone: it has no sway",
+    ),
     "term without a prior": (('"X_u"]', '"X_uu"]'), "prior.X_uu", "add [prior.X_uu]"),
     "prior nothing uses": (("[prior.X_u]", "[prior.X_w]"), "prior.X_", "prior"),
     "prior upside down": (("lower = -3.6", "lower = 3.6"), "prior.X_u", "lower below upper"),

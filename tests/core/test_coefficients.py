@@ -136,7 +136,8 @@ def test_terms_that_are_one_until_a_signal_changes_its_sign(left, right, signals
     ("text", "character", "found"),
     [
         ("X_uabsx", 4, '"absx"'),
-        ("X_", 3, "nothing"),
+        ("X_", 3, "nothing follows"),
+        ("X_foo", 4, '"X_foo", which is not a term'),
         ("X_u1", 4, '"1"'),
         ("X_u22", 5, '"2"'),
         ("X_0u", 3, '"0u"'),

@@ -9,6 +9,7 @@ to 9 raises it to a power; `0` alone is a constant force. So `X_uabsu` multiplie
 `X_du3` the cube of u - u_trim. Notation: SNAME (1950) as used by Fossen, Handbook of Marine Craft, 2nd ed., 2021.
 """
 
+import difflib
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -16,7 +17,7 @@ from functools import cached_property
 from typing import Any
 
 from seatrial.core.argument_checks import check_kind
-from seatrial.core.errors import InputError, nearest
+from seatrial.core.errors import InputError
 from seatrial.core.signals import FORCE, MOMENT, RATES, SIGNALS, Dimension
 
 AXES: dict[str, tuple[Dimension, str]] = {
@@ -29,7 +30,10 @@ AXES: dict[str, tuple[Dimension, str]] = {
     "T": (FORCE, "propeller thrust"),
     "Q": (MOMENT, "propeller torque"),
 }
+EXAMPLES = "write for example X_u, X_uabsu, T_nabsn or N_delta_r"
 _SIGNAL = "|".join(sorted(map(re.escape, SIGNALS), key=len, reverse=True))
+_CLOSE = 0.6
+"""Likeness to a signal, of 1, from which it may have been meant."""
 _FACTOR = re.compile(rf"(?P<abs>abs)?(?P<change>d)?(?P<signal>{_SIGNAL})(?P<dot>dot)?(?P<power>[2-9])?")
 
 
@@ -83,14 +87,14 @@ class CoefficientName:
         Raises:
             InputError: malformed name; the message points at the first character that cannot be read.
         """
-        check_kind(text, str, "coefficient name", "write for example X_u, X_uabsu, T_nabsn or N_delta_r")
+        check_kind(text, str, "coefficient name", EXAMPLES)
         axis, separator, rest = text.partition("_")
         if axis not in AXES or not separator:
             raise InputError(
                 f'coefficient name "{text}"',
-                found=f'"{axis}" where the axis stands',
+                found=f'"{text}", which is not a term: "{axis}" where the axis stands',
                 expected="an axis and an underscore, one of " + " ".join(f"{name}_" for name in AXES),
-                remedy="write for example X_u, X_uabsu, T_nabsn or N_delta_r",
+                remedy=EXAMPLES,
             )
         factors = () if rest == "0" else _factors(text, rest, offset=len(axis) + 1)
         return cls(text, axis, factors, _key(factors))
@@ -172,14 +176,14 @@ def _factors(text: str, rest: str, offset: int) -> tuple[Factor, ...]:
 
 def _malformed(text: str, position: int) -> InputError:
     rest = text[position:]
-    found = f'"{rest}", which cannot be read' if rest else "nothing after the axis"
+    near = difflib.get_close_matches(rest, SIGNALS, n=1, cutoff=_CLOSE)
     return InputError(
         f'coefficient name "{text}", character {position + 1}\n  {text}\n  {" " * position}^',
-        found=found,
+        found=f'"{text}", which is not a term: ' + (f'"{rest}" is no signal' if rest else "nothing follows the axis"),
         expected="[abs][d]signal[dot][2-9] with a signal among "
         + " ".join(SIGNALS)
         + ' (dot only on u v w p q r), or "0" for a constant force',
-        remedy=nearest(rest, SIGNALS) if rest else "name the signals, as in X_uabsu",
+        remedy=f'did you mean "{near[0]}"?' if near else EXAMPLES,
     )
 
 

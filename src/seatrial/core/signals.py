@@ -93,6 +93,11 @@ RATES = ("u", "v", "w", "p", "q", "r")
 """Signals whose time derivative may be written, as in `X_udot`."""
 
 
+def motion_name(rate: str) -> str:
+    """Return what a velocity of the vehicle is called: `u` surge, `v` sway, `w` heave, `p` roll, `q` pitch, `r` yaw."""
+    return SIGNALS[rate].meaning.partition(" ")[0]
+
+
 def signal_unit(name: str) -> str:
     """SI unit of a signal, position or other state, or of its derivative when written with `dot` (`udot` is in m/s^2)."""
     if name in SIGNALS:

@@ -15,6 +15,7 @@ from jaxtyping import Float
 
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.signals import HELD
+from seatrial.manoeuvres.manoeuvre import Limits
 
 RecordLevel = Literal["pass", "note", "caution", "fail"]
 """A note says what was not judged, and why; it casts no doubt on the record."""
@@ -37,6 +38,8 @@ FORCES = {
 """Those of a force gauge."""
 CUT = 0.02
 """Share of the samples that may lie at the very end of a gauge's range while the expected force goes on."""
+BEYOND = 0.01
+"""Share of how far a control moves by which it may lie beyond a limit without being told."""
 APART = 0.1
 """Share of the motion by which a mirror has to explain more than a turn; either has to explain twice as much more than neither."""
 SIGN = 4.0
@@ -151,6 +154,32 @@ def check_range(
             remedy = "the gauge is at its limit, a rope is slack, or the value is frozen: leave these samples out, or measure them again"
             return [RecordFinding(name, "range", "fail", value, f"usual: under {CUT:.0%}", remedy)]
     return []
+
+
+def check_limits(
+    name: str, column: Float[np.ndarray, " n"], limits: Limits, factor: float, unit: str
+) -> list[RecordFinding]:
+    """Return the bound of a control that a record goes beyond, by more than a hundredth of how far it moves.
+
+    Args:
+        name: control.
+        column: SI.
+        limits: that designs of this control keep, SI.
+        factor: from SI to the unit in which the control is shown.
+        unit: that unit.
+    """
+    least, greatest = float(column.min()), float(column.max())
+    slack, results = BEYOND * (greatest - least) + 1e-9 * max(abs(least), abs(greatest)), []
+    for key, bound, end, is_beyond in (
+        ("lower", limits.lower, least, limits.lower is not None and least < limits.lower - slack),
+        ("upper", limits.upper, greatest, limits.upper is not None and greatest > limits.upper + slack),
+    ):
+        if bound is not None and is_beyond:
+            limit = f"limits.{name}.{key} is {bound * factor:.4g} {unit}"
+            remedy = "designs stay inside the limit: correct it if the vehicle may go so far, else check the unit in the channel map"
+            value = f"the record reaches {end * factor:.4g} {unit}"
+            results.append(RecordFinding(name, "limits", "caution", value, limit, remedy))
+    return results
 
 
 def check_turn(

@@ -10,10 +10,12 @@ from math import copysign, isfinite
 
 import numpy as np
 
-from seatrial.core.coefficients import CoefficientName
+from seatrial.core.coefficients import AXES, CoefficientName
 from seatrial.core.errors import InputError
+from seatrial.core.signals import motion_name
 from seatrial.core.term_checks import check_each_once, check_trim
 from seatrial.vehicles.active_dof import Freedom
+from seatrial.vehicles.axis_equation import RATE_OF
 from seatrial.vehicles.hull import Hull
 from seatrial.vehicles.model import Params, VehicleModel
 from seatrial.vehicles.whole import assemble
@@ -103,6 +105,10 @@ def _zero(function: Callable[[float], float], low: float, high: float) -> float:
     return middle
 
 
+def _motion(axis: str) -> str:
+    return motion_name(RATE_OF[axis]) if axis in RATE_OF else "such axis"
+
+
 def _check(hull: SurgeHull, terms: tuple[CoefficientName, ...]) -> None:
     where = f'vehicle "{hull.name}"'
     if hull.mass is not None and not (isfinite(hull.mass) and hull.mass > 0):
@@ -138,9 +144,9 @@ def _check(hull: SurgeHull, terms: tuple[CoefficientName, ...]) -> None:
         if term.axis not in ("X", "T"):
             raise InputError(
                 f"{where}, term {term.text}",
-                found=f'axis "{term.axis}"',
-                expected="X or T: this is the surge model",
-                remedy="leave the term out",
+                found=f"{term.text}, a {AXES[term.axis][1]}, in a model of surge alone: it has no {_motion(term.axis)}",
+                expected="terms on the axes X and T",
+                remedy="leave it out, or model a whole vehicle, with `moves`, or an unknown mass",
             )
         if term.is_added_mass and term != CoefficientName.parse("X_udot"):
             raise InputError(
@@ -153,7 +159,7 @@ def _check(hull: SurgeHull, terms: tuple[CoefficientName, ...]) -> None:
             if signal not in available:
                 raise InputError(
                     f"{where}, term {term.text}",
-                    found=f'signal "{signal}"',
+                    found=f'{term.text}, which has the signal "{signal}", in a model of surge alone',
                     expected="one of " + ", ".join(sorted(available)),
                     remedy="the surge model knows the surge speed, the propeller speed and a commanded surge force",
                 )

@@ -9,7 +9,7 @@ import numpy as np
 from seatrial.core.argument_checks import as_number, check_number
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError
-from seatrial.core.signals import ANGLES, POSITIONS, RATES
+from seatrial.core.signals import ANGLES, POSITIONS, RATES, motion_name
 from seatrial.core.term_checks import check_each_once, check_trim
 from seatrial.vehicles.coriolis import entry_products
 from seatrial.vehicles.hull import AXES, Hull, added_mass_entry, added_mass_matrix, asymmetric_pairs, rigid_mass_matrix
@@ -137,10 +137,12 @@ def _check_part(
         held = []
     if axis_moves and not held and not (name.is_added_mass and name.signals[0] not in moves):
         return
+    why = f"the model has no {motion_name(_rate_of(name.axis))}, axis {name.axis} does not move"
+    if axis_moves:
+        why = f"{', '.join(held) or name.signals[0]} is zero"
     raise InputError(
         f"{place}, term {name}",
-        found="no part in the motion: "
-        + (f"axis {name.axis} does not move" if not axis_moves else f"{', '.join(held) or name.signals[0]} is zero"),
+        found=f"{name}, which has no part in the motion: {why}",
         expected=f"terms of {', '.join(present)}" if present else "terms of thrust: the vehicle is held",
         remedy="leave it out; acting_terms(terms, moves) keeps those that act",
     )

@@ -336,6 +336,17 @@ def test_noise_and_terms_are_chosen_by_keyboard(tmp_path, page):
         page.get_by_label("Another term").fill("X_uu")
         page.get_by_label("Another term").press("Enter")
         page.get_by_text("X_uabsu and X_uu differ only where u changes its sign").wait_for()
+        for name, said in (
+            ("X_foo", "X_foo is not a term: write for example X_u, X_uabsu"),
+            ("Y_v", "Y_v, a sway force, in a model of surge alone: it has no sway"),
+        ):
+            page.get_by_label("Another term").fill(name)
+            page.get_by_label("Another term").press("Enter")
+            page.get_by_text(said).wait_for()
+        page.get_by_label("Another term").fill("X_0")
+        page.get_by_label("Another term").press("Enter")
+        page.get_by_label("Remove X_0").press("Enter")
+        page.get_by_role("group", name="term X_0").wait_for(state="detached")
         page.get_by_role("button", name="Check and save").press("Enter")
         page.get_by_text('"soon": expected a number').wait_for()
         assert page.get_by_role("group", name="term X_uu").locator(".q-field--error").count() == 2
@@ -357,7 +368,8 @@ def test_noise_and_terms_are_chosen_by_keyboard(tmp_path, page):
         assert content["estimation"]["residuals"] == "coloured"
         assert content["prior"]["tau_u"]["upper"] == 20.0
         assert "# [prior.X_u]" in (folder / "campaign.toml").read_text()
-        assert page.get_by_text("Saved in campaign.toml").is_visible()
+        place = page.get_by_text("Saved in campaign.toml").bounding_box()
+        assert place["y"] + place["height"] <= page.viewport_size["height"]  # seen without scrolling
     assert page.said == []
 
 

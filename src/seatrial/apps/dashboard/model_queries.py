@@ -10,8 +10,10 @@ from typing import Any, NamedTuple, get_args
 import jax.numpy as jnp
 import numpy as np
 
+from seatrial.apps.campaign_text import CAMPAIGN
 from seatrial.apps.dashboard import result_plots as drawings
 from seatrial.apps.dashboard.downsample import Envelope, Load
+from seatrial.apps.dashboard.model_edits import Range, with_priors, with_terms
 from seatrial.apps.dashboard.new_campaign_rows import TERMS
 from seatrial.apps.dashboard.record_views import Index, about, index_of, origin_of, view_of
 from seatrial.apps.dashboard.view_models import (
@@ -241,6 +243,25 @@ def check(folder: str, text: str) -> tuple[str, ...]:
         InputError: what is wrong with it.
     """
     return tuple(file_cautions(check_text(Path(folder), text)))
+
+
+def check_term(folder: str, text: str, term: str) -> None:
+    """Check that the model of a campaign file may have one more term, left to the data or always in.
+
+    Raises:
+        InputError: why it may not.
+    """
+    place, content = Path(folder), toml_content(Path(folder) / CAMPAIGN, text)
+    always, optional = (list(content["structure"].get(role, ())) for role in ("always", "optional"))
+    if term not in content.get("prior", {}):
+        text = with_priors(place, text, [Range(term, "-1", "0", "")], [])
+    try:
+        check_text(place, with_terms(place, text, always, [*optional, term]))
+    except InputError as error:
+        with suppress(InputError):
+            check_text(place, with_terms(place, text, [*always, term], optional))
+            return
+        raise error from None
 
 
 def cautions(folder: str) -> tuple[str, ...]:

@@ -14,7 +14,7 @@ from seatrial.core.signals import RATES, SIGNALS, is_signal, signal_unit
 from seatrial.vehicles.actuators import Actuator
 from seatrial.vehicles.catalogue import PublishedVehicle, load_surge, load_vehicle, surge_names
 from seatrial.vehicles.hull import Hull, whole_hull
-from seatrial.vehicles.surge import SurgeHull
+from seatrial.vehicles.surge import SurgeHull, surge_vehicle
 from seatrial.vehicles.tether import Tether
 from seatrial.vehicles.thrusters import controls_of
 
@@ -74,10 +74,11 @@ def read_vehicle(
             expected="`moves` beside it: what of a whole vehicle is modelled",
             remedy='add moves = ["u", "w", "q"], or remove it',
         )
-    return _axes_vehicle(table, keys, axes_of(terms))
+    return _axes_vehicle(table, keys, terms)
 
 
-def _axes_vehicle(table: VehicleTable, keys: FileKeys, axes: tuple[str, ...]) -> AxesVehicle:
+def _axes_vehicle(table: VehicleTable, keys: FileKeys, terms: Sequence[str]) -> AxesVehicle:
+    axes = axes_of(terms)
     if table.catalogue is not None:
         _check_alone(table, keys, tuple(set(BY_AXES) - {"catalogue", "published_to", "known_from"}))
         with located(keys.where("vehicle.catalogue")):
@@ -95,12 +96,8 @@ def _axes_vehicle(table: VehicleTable, keys: FileKeys, axes: tuple[str, ...]) ->
         hull = SurgeHull(table.name or "vehicle", mass, table.thrust_deduction, table.fixed, _trim(table, keys))
         found = AxesVehicle(hull, axes)
     if found.hull.mass is not None and not found.is_surge:
-        raise InputError(
-            keys.where("vehicle.mass"),
-            found=f"{found.hull.mass:g} kg, with terms on the axes {' '.join(axes)}",
-            expected='mass = "unknown", terms on X and T only, or a whole vehicle that says what `moves`',
-            remedy="coefficients of other axes than X are estimated per unit of mass or inertia, added mass included",
-        )
+        with located(keys.where("structure")):
+            surge_vehicle(found.hull, terms)
     return found
 
 

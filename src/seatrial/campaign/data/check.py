@@ -13,6 +13,7 @@ from seatrial.campaign.data.record_cautions import empty_cells, record_cautions
 from seatrial.campaign.data.thruster_check import check_thrusters
 from seatrial.campaign.inference.posterior import initial_state, random_key
 from seatrial.core.batching import bucket_length, filled
+from seatrial.core.display_units import shown_unit
 from seatrial.core.programs import program
 from seatrial.core.record import SIMULATED, Record
 from seatrial.core.signals import HELD, QUATERNION, RATES
@@ -23,6 +24,7 @@ from seatrial.estimation.priors import Prior
 from seatrial.estimation.record_checks import (
     RecordFinding,
     check_excitation,
+    check_limits,
     check_motion,
     check_range,
     check_samples,
@@ -117,6 +119,8 @@ def _judge(campaign: Campaign, record: Record) -> RecordJudgement:
     findings += [*empty_cells(record), *check_thrusters(campaign, record)]
     driven = {name: record.channel(name) for name in alone.model.controls}
     findings += check_signs(plan.names, {**driven, **measured}, campaign.noise)
+    for name in (one for one in campaign.control_limits if one in driven):
+        findings += check_limits(name, driven[name], campaign.control_limits[name], *shown_unit(name))
     runs_away = not np.isfinite(expected).all()
     steps = [] if record.provenance.source == SIMULATED else _steps(campaign, record, alone, tried, control, expected)
     findings += steps

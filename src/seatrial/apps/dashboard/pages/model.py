@@ -1,6 +1,8 @@
 """The model: the noise of the residuals, and which terms are always in it, may be in it, or are out of it."""
 
 import re
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +33,7 @@ OF_ALL = ""
 
 async def build(context: AppContext, campaign: str, folder: Path) -> None:
     """Build the view."""
-    path, said = folder / CAMPAIGN, ui.element("div")
+    path, said = folder / CAMPAIGN, ui.element("div").classes("said")
     await keep_form(
         path,
         lambda: context.worker_pool.think("model_data", str(folder), files=[path]),
@@ -119,23 +121,34 @@ class ModelForm:
         for name, fields in self.needs.items():
             fields.show(name in wanted)
 
-    def _row(self, name: str, role: str, prior: str) -> None:
+    def _row(self, name: str, role: str, prior: str, *, is_new: bool = False) -> None:
         with self.terms:
-            self.rows[name] = TermRow(name, role, prior, name in self.found.published, self._changed)
+            remove = partial(self._remove, name) if is_new else None
+            self.rows[name] = TermRow(name, role, prior, name in self.found.published, self._changed, remove)
 
-    def _add(self) -> None:
+    async def _add(self) -> None:
         name, self.more.error = (self.more.value or "").strip(), None
         try:
             term = CoefficientName.parse(name)
         except InputError as error:
-            self.more.error = beside(error)
+            self.more.error = f"{name or 'Nothing'} is not a term: {error.remedy}"
             return
         same = next((one for one in self.rows if CoefficientName.parse(one) == term), None)
         if same is not None:
             self.more.error = f"{same} stands above: choose there whether it is in"
             return
-        self._row(name, "optional", self.found.priors.get(name, ""))
-        self.more.value = ""
+        try:
+            await self.context.worker_pool.think("check_term", str(self.folder), self.seen, name)
+        except (SeatrialError, OSError) as error:
+            self.more.error = beside(error)
+            return
+        if name not in self.rows and not self.more.is_deleted:
+            self._row(name, "optional", self.found.priors.get(name, ""), is_new=True)
+            self.more.value = ""
+            self._changed()
+
+    def _remove(self, name: str) -> None:
+        self.rows.pop(name).part.delete()
         self._changed()
 
     def _changed(self) -> None:
@@ -210,7 +223,8 @@ class ModelForm:
         elif parts[:1] == ["prior"] and parts[1] in self.needs:
             form = self.needs[parts[1]].fields["lower"]
         else:
-            names = re.findall(r"\b[A-Z]_\w+", f"{' '.join(parts[1:])} {str(error).partition(chr(10))[2]}")
+            place, _, said = str(error).partition("\n")
+            names = re.findall(r"\b[A-Z]_\w+", f"{' '.join(parts[1:])} {place.partition(', term ')[2]} {said}")
             row = next((self.rows[name] for name in names if name in self.rows), None)
             if row is None:
                 return False
@@ -270,17 +284,36 @@ class RangeFields:
 
 
 class TermRow:
-    """One term: its role, its prior as the file has it, or fields for one."""
+    """One term.
 
-    def __init__(self, name: str, role: str, prior: str, is_published: bool, changed: Any):
+    Args:
+        name: of the coefficient.
+        role: one of `ROLES`.
+        prior: as the file has it; fields for one where that is empty.
+        is_published: whether it has a published value.
+        changed: told when the role was changed.
+        remove: takes the row away; None of a term that the file has, which is put out of the model instead.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        role: str,
+        prior: str,
+        is_published: bool,
+        changed: Callable[[], None],
+        remove: Callable[[], None] | None,
+    ):
         self.may_be_published, self.changed, self.has_prior = is_published, changed, bool(prior)
         unit = CoefficientName.parse(name).unit
-        with ui.element("div").props(f'role=group aria-label="term {name}"').classes("line channel"):
+        with ui.element("div").props(f'role=group aria-label="term {name}"').classes("line channel") as self.part:
             self.role = ui.select(ROLES, value=role, label=name, on_change=self._changed).props(LOOK)
             if prior:
                 markup(Markup('<p class="note">prior: {}</p>').format(prior))
             words = f"plausible values [{unit}]" + (", or the published value" if is_published else "")
             self.range = RangeFields(name, words, unit)
+            if remove is not None:
+                button("✕", remove).props(f'aria-label="Remove {name}"').classes("remove")
         self._show()
 
     def _changed(self) -> None:
