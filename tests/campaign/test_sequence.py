@@ -147,6 +147,20 @@ def test_proposals_weigh_goal_doubt_and_gain(tmp_path):
     assert "would give little information" in propose(quiet).lines[-1]
 
 
+def test_no_goal_is_met_by_standard_deviations_that_do_not_hold(tmp_path):
+    """Correlated residuals of a fitted run disown them; one with model error counts in place of that within the model."""
+    outcome = with_goal(make_outcome(tmp_path), Goal(shares={"X_u": 9.0}))
+    slow = tuple(replace(fit, about="correlated residuals", correlation=0.6, reason="so slow") for fit in outcome.fits)
+    found = propose(replace(outcome, fits=slow))
+    assert found.trial is None
+    assert "only if the stated ± hold" in found.lines[-2]
+    assert found.lines[-1].endswith("so slow")
+    assert "Its stated ± are too small" in answer(replace(outcome, fits=slow))
+    (row,) = (one for one in outcome.summary["coefficients"] if one["name"] == "X_u")
+    row["model_error_sd"] = 20 * abs(row["mean"])
+    assert any(line.startswith("X_u is known to 2000 %, 900 % wanted") for line in propose(outcome).lines)
+
+
 def test_chains_of_a_structure_that_the_data_exclude_are_no_alarm(tmp_path):
     outcome = replace(make_outcome(tmp_path, ("M-1: the chains disagree about X_u",)), cross_validation=None)
     for probability, in_question in (((0.9, 0.1, 0.0, 0.0), True), ((0.97, 0.03, 0.0, 0.0), False)):

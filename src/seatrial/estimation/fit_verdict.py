@@ -5,15 +5,17 @@ independent samples that the trial is worth.
 """
 
 from collections.abc import Sequence
-from typing import Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 from scipy.special import betainc, chdtr, chdtrc
 
 from seatrial.core.display_units import shown_unit
-from seatrial.core.usual_priors import SIZE_PRIOR, TIME_PRIOR
+from seatrial.core.usual_priors import DRIFT_TIME_PRIOR, SIZE_PRIOR, TIME_PRIOR
 from seatrial.estimation.prediction_scores import DIVERGES, Score
-from seatrial.estimation.sensor_errors import Noise, correlation_name, drift_name, drift_time_name
+
+if TYPE_CHECKING:
+    from seatrial.estimation.sensor_errors import Noise
 
 FitLevel = Literal["pass", "unjudged", "caution", "fail"]
 LEVELS: tuple[FitLevel, ...] = ("pass", "unjudged", "caution", "fail")
@@ -45,6 +47,8 @@ KS_CHANCE = 1.63
 """1 % point of the Kolmogorov-Smirnov distance times the root of the number of samples."""
 
 
+COLOURED, BIASED = "correlated residuals", "biased through the autopilot"
+"""What verdicts are about that say that stated standard deviations do not hold."""
 LACKS = ("a term", "a delay", "a model of the error")
 """What a model may lack that misses motion."""
 
@@ -61,7 +65,7 @@ def judge_fit(
     score: Score,
     channel: str,
     held_back: bool,
-    noise: Noise,
+    noise: "Noise",
     outside: Sequence[str] = (),
     lacks: Sequence[str] = LACKS,
     feedback: bool = False,
@@ -131,7 +135,9 @@ def worst(verdicts: Sequence[FitVerdict]) -> FitVerdict:
     return max(verdicts, key=lambda verdict: LEVELS.index(verdict.level))
 
 
-def _few(score: Score, channel: str, held_back: bool, noise: Noise, feedback: bool, lacks: Sequence[str]) -> FitVerdict:
+def _few(
+    score: Score, channel: str, held_back: bool, noise: "Noise", feedback: bool, lacks: Sequence[str]
+) -> FitVerdict:
     """Say that a run tells too little of its band, and what it shows nevertheless."""
     if not held_back and (found := _colour(score, channel, noise, feedback)):
         return found
@@ -235,7 +241,7 @@ def _left(outside: Sequence[str]) -> str:
     )
 
 
-def _colour(score: Score, channel: str, noise: Noise, feedback: bool) -> FitVerdict | None:
+def _colour(score: Score, channel: str, noise: "Noise", feedback: bool) -> FitVerdict | None:
     """Return the residuals that remember, by more than chance and by enough to matter."""
     if score.white > LIKELY or abs(score.correlation) < CORRELATED:
         return None
@@ -255,14 +261,14 @@ def _colour(score: Score, channel: str, noise: Noise, feedback: bool) -> FitVerd
     if score.correlation < 0:
         return FitVerdict(
             "caution",
-            "correlated residuals",
+            COLOURED,
             f"{result}, so they are not white noise: neighbours have opposite errors, and the stated standard deviations are "
             "too large; check whether the sensor or the import filtered or differenced the channel",
         )
     if feedback:
         return FitVerdict(
             "caution",
-            "biased through the autopilot",
+            BIASED,
             f"{result}: the autopilot puts these errors into the controls, which biases the coefficients, and more data do not help; "
             'set estimation.likelihood = "filter-error"',
         )
@@ -273,14 +279,16 @@ def _colour(score: Score, channel: str, noise: Noise, feedback: bool) -> FitVerd
     factor = np.sqrt(1 + 2 * min(score.correlation, phi) / (1 - phi))
     return FitVerdict(
         "caution",
-        "correlated residuals",
+        COLOURED,
         f"{result}, so they are not white noise: the stated standard deviations are too small, by a factor of about "
         f"{factor:.1f}; {slow_remedy('drifting' if mixed else 'coloured', channel)}",
     )
 
 
-def slow_remedy(kind: Noise, channel: str) -> str:
+def slow_remedy(kind: "Noise", channel: str) -> str:
     """Say how to model residuals that are slow, or white noise on slow ones, and with which priors."""
+    from seatrial.estimation.sensor_errors import correlation_name, drift_name, drift_time_name
+
     if kind == "coloured":
         return (
             f'set estimation.residuals = "coloured", and for each channel add a section of its correlation time in s, here '
@@ -289,7 +297,7 @@ def slow_remedy(kind: Noise, channel: str) -> str:
     return (
         'set estimation.residuals = "drifting", white noise on a slow error, and for each channel add sections of the size and of the '
         f"correlation time of the slow one, here [prior.{drift_name(channel)}], for example with {SIZE_PRIOR}, and "
-        f"[prior.{drift_time_name(channel)}], in s, for example with {TIME_PRIOR}"
+        f"[prior.{drift_time_name(channel)}], in s, up to three times the duration of a run, for example with {DRIFT_TIME_PRIOR}"
     )
 
 

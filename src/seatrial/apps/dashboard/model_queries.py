@@ -60,7 +60,7 @@ from seatrial.core.record import Record
 from seatrial.core.record_file import read_record
 from seatrial.core.signals import QUATERNION, RATES
 from seatrial.core.units import quantity
-from seatrial.core.usual_priors import SIZES, TIMES
+from seatrial.core.usual_priors import DRIFT_TIMES, SIZES, TIMES
 from seatrial.design.integrals import motion_signals
 from seatrial.design.safety import judge_safety
 from seatrial.design.sweep import Sweep
@@ -195,7 +195,7 @@ def _noise_prior(one: Nuisance, channel: str) -> NoisePrior:
         drift_name(channel): f"size of the slow error of {channel} [{one.unit}]",
         drift_time_name(channel): f"correlation time of the slow error of {channel} [s]",
     }
-    lower, upper = TIMES if one.unit == "s" else SIZES
+    lower, upper = SIZES if one.unit != "s" else DRIFT_TIMES if one.name == drift_time_name(channel) else TIMES
     return NoisePrior(one.name, means.get(one.name, one.name), one.unit, str(lower), str(upper), one.default is None)
 
 

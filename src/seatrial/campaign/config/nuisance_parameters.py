@@ -7,7 +7,7 @@ from seatrial.campaign.config.settings import EstimationSettings
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError
 from seatrial.core.signals import signal_label, signal_unit
-from seatrial.core.usual_priors import SIZE_PRIOR, TIME_PRIOR
+from seatrial.core.usual_priors import DRIFT_TIME_PRIOR, SIZE_PRIOR, TIME_PRIOR
 from seatrial.estimation.disturbance import AXES, disturbance_name, disturbance_time_name, disturbed_axes
 from seatrial.estimation.filter_error import process_name
 from seatrial.estimation.mounts import LATE, SCALE, mount_unit
@@ -194,7 +194,7 @@ def of_sensor(sensor: Sensor, noise: float) -> list[Nuisance]:
         Nuisance(correlation_name(channel), "s", rf"\tau_{{{label}}}", None, slow, TIME_PRIOR),
         Nuisance(dof_name(channel), "1", rf"\nu_{{{label}}}", DOF),
         Nuisance(drift_name(channel), unit, rf"\sigma_{{\mathrm{{drift}},{label}}}", None, slow, SIZE_PRIOR),
-        Nuisance(drift_time_name(channel), "s", rf"\tau_{{\mathrm{{drift}},{label}}}", None, slow, TIME_PRIOR),
+        Nuisance(drift_time_name(channel), "s", rf"\tau_{{\mathrm{{drift}},{label}}}", None, slow, DRIFT_TIME_PRIOR),
         Nuisance(bias_name(channel), unit, rf"b_{{{label}}}", None, biased, _ERROR, signed=True),
         Nuisance(lag_name(channel), "s", rf"t_{{\mathrm{{lag}},{label}}}", None, lag, _LAG),
     ]

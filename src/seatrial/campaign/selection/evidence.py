@@ -193,7 +193,9 @@ class _Kept:
             count = max(self.gathering.asked, 1 + int(np.flatnonzero(self.shares).max(initial=0)))
             self.progress(round(float(FINE * self.shares[:count].sum())), FINE * count)
         elif piece.method == "nested":
-            self.third = self.third or self.reporter.progress(f"evidence {self.structure.label} by a third method")
+            self.third = self.third or self.reporter.progress(
+                f"evidence {self.structure.label}: two methods disagree, a third one decides"
+            )
             self.third(round(FINE * share), FINE)
         elif not self.gathering.asked:
             self.progress(round(FINE * share), FINE)

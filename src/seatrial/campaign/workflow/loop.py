@@ -100,12 +100,12 @@ def summarise(outcome: Outcome) -> dict[str, Any]:
     """Coefficients of the chosen structure, probabilities, verdicts, warnings and the numbers of the next trial, JSON-able, SI."""
     campaign, chosen, selection = outcome.campaign, outcome.chosen, outcome.selection
     records = [*outcome.trials.fit, *outcome.trials.predict]
-    cautions = comparison_cautions(outcome.compared)
+    cautions = [*fit_complaints(outcome.fits, outcome.pooled), *comparison_cautions(outcome.compared)]
     cautions += [text for record in records for text in record_cautions(record)]
     cautions += outcome.screening_cautions
     cautions += outcome.idle_complaints
     cautions += [effect.sentence for effect in chosen.left_out]
-    cautions += [*chosen.cautions, *fit_complaints(outcome.fits, outcome.pooled), *filter_complaints(outcome.filter)]
+    cautions += [*chosen.cautions, *filter_complaints(outcome.filter)]
     cautions += held_back_cautions(campaign, outcome.trials)
     return {
         "name": campaign.name,

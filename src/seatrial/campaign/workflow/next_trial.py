@@ -77,6 +77,9 @@ def _weighed(outcome: Outcome, standing: tuple[str, ...]) -> Proposal:
     goal, unmet, doubt = outcome.campaign.goal, _unmet(outcome), _in_doubt(outcome)
     counting = goal is not None and goal.only_trials
     if goal is not None and not unmet and not doubt:
+        if not counting and outcome.disowned:
+            first = "no trial yet: the goal is met only if the stated ± hold, and the residuals say that they do not"
+            return Proposal(None, standing, (first, outcome.disowned))
         if not counting:
             return Proposal(None, standing, ("stop: the goal is met",))
         if len(outcome.trials.fit) >= goal.trials:
@@ -158,7 +161,13 @@ def _known(outcome: Outcome) -> Known:
 
 def _unmet(outcome: Outcome) -> dict[str, float]:
     goal = outcome.campaign.goal
-    return {} if goal is None else goal.unmet(_known(outcome))
+    return {} if goal is None else goal.unmet(_for_goal(outcome))
+
+
+def _for_goal(outcome: Outcome) -> Known:
+    """Mean and standard deviation of each coefficient, with model error where that makes it wider."""
+    rows = outcome.summary["coefficients"]
+    return {row["name"]: (row["mean"], row.get("model_error_sd") or row["sd"]) for row in rows}
 
 
 def _in_doubt(outcome: Outcome) -> bool:
@@ -171,7 +180,7 @@ def _standing(outcome: Outcome) -> tuple[str, ...]:
     unless = "" if outcome.selection.is_reliable or outcome.selection.is_settled else IF_RELIABLE
     probability = f"{float(max(outcome.selection.probability)):.2f}{unless}"
     lines = [f"after {trials} trial{'s' * (trials != 1)}: {chosen} with probability {probability}"]
-    known = _known(outcome)
+    known = _for_goal(outcome)
     for name, ratio in _unmet(outcome).items():
         mean, sd = known[name]
         lines.append(f"{name} is known to {_beside_wanted(sd / abs(mean), sd / ratio / abs(mean))} wanted")

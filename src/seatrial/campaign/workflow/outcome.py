@@ -14,6 +14,7 @@ from seatrial.campaign.store.estimates import Estimate, Fit, Known
 from seatrial.campaign.store.structures import Contenders, Screened
 from seatrial.core.dataset import Dataset
 from seatrial.estimation.baseline_comparison import Comparison
+from seatrial.estimation.fit_verdict import BIASED, COLOURED
 from seatrial.estimation.pooled_coverage import Pooled
 from seatrial.selection.verdict import DECIDED, Selection
 
@@ -71,6 +72,14 @@ class Outcome:
         """Why the numbers of the chosen structure are not to be used."""
         found = [f"{self.chosen.structure.label}: {text}" for text in self.chosen.alarms]
         return [*found, *comparison_alarms(self.compared), *held_back_alarms(self.fits, self.pooled)]
+
+    @property
+    def disowned(self) -> str:
+        """Why the stated standard deviations do not hold, as a fitted run shows: its residuals are not the noise that is modelled."""
+        found = [
+            one for one in self.fits if not one.held_back and one.about in (COLOURED, BIASED) and one.correlation > 0
+        ]
+        return f"run {found[0].record}: {found[0].reason}" if found else ""
 
     @property
     def other_alarms(self) -> list[str]:
