@@ -39,6 +39,17 @@ def test_the_mode_and_its_spread(tmp_path):
     assert "no value moves by much more than its ±" in model_error
 
 
+def test_beside_a_second_standard_deviation_stands_what_makes_it_and_below_how_to_get_rid_of_it(small):
+    """The second structure lacks X_u, which the record cannot tell from a constant force or an offset of the propeller."""
+    _, lacking = posterior_modes(*small)
+    drag = next(line for line in lacking.lines() if line.startswith("  X_uabsu"))
+    assert "with model error (mostly " in drag
+    assert "a force X_u" in drag
+    remedy = lacking.wider_words[1]
+    assert remedy.startswith("X_uabsu: most of the ± with model error is from ")
+    assert "or other structures have X_u" in remedy
+
+
 DISTURBED = (
     ("[estimation]\n", '[estimation]\nlikelihood = "filter-error"\n'),
     (

@@ -229,6 +229,7 @@ def test_a_cubic_drag_is_found():
     at, wrong = posterior.names.index("X_uabsu"), away(posterior, mode)
     assert wrong["X_uabsu"] > 8
     assert abs(found.found[0].shift[at]) == pytest.approx(wrong["X_uabsu"], rel=0.3)
+    assert [one.of for one in found.causes[at]] == ["X_u3"]
     assert 1.645 * found.spread[at] > 0.9 * wrong["X_uabsu"]
 
 

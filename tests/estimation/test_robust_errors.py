@@ -147,15 +147,17 @@ def test_a_block_with_nearly_all_of_the_residuals_moves_no_value_out_of_sight():
 def test_widening_for_few_pieces(pieces, expected):
     """Student's t of pieces - 1 degrees of freedom beside the normal law, at 90 %; below half as large again nothing is told."""
     few, lag = Pieces(np.array([2.0, 1.4, 0.5]), pieces, f"{pieces} runs"), Effect("command lag", "n", "s")
-    none = OmittedEffects((), 0, np.ones(3), (None,) * 3)
-    found = RobustErrors(("a", "b", "c"), few, none, np.array([1.0, 1.0, 3.0]), (lag,) * 3, np.array([9.0, 9.0, 0.5]))
+    none = OmittedEffects((), 0, np.ones(3), ((),) * 3)
+    found = RobustErrors(
+        ("a", "b", "c"), few, none, np.array([1.0, 1.0, 3.0]), ((lag,),) * 3, np.array([9.0, 9.0, 0.5])
+    )
     assert few.widening == pytest.approx(expected, abs=0.05)
     assert found.wider("a", 0.1) == pytest.approx(0.2 * few.widening)
     assert found.wider("b", 0.1) is None
     assert found.wider("c", 0.1) == pytest.approx(0.1 * np.sqrt(few.widening**2 + 8.0))
     assert found.wider("c", 0.4) is None, "the prior has hardly more"
     assert found.wider("c", 0.2) == 0.5, "no more than the prior"
-    assert (found.cause("a"), found.cause("c")) == (None, lag)
+    assert (found.cause("a"), found.cause("c")) == ((), (lag,))
     assert found.wider("d", 0.1) is None
     assert f"{pieces - 1} degrees of freedom" in found.words
 

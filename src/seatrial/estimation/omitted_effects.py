@@ -62,6 +62,8 @@ SINGULAR = 1e-10
 """Share of the largest eigenvalue of a scaled curvature below which a direction is not told."""
 BAND, BISECTIONS = 0.95, 50
 """Probability below the upper end of a 90 % interval, and halvings by which that end is found."""
+NAMED, BLAMED = 3, 0.5
+"""Effects that are named as a cause, at most, and their share of the probability that the first of them puts outside."""
 COUPLED = ("tau_", "delta_")
 """How controls begin that may act on other axes than the model has them on: generalised forces, which may act off the centre, and fins."""
 INSTANT = 1e-9
@@ -117,13 +119,13 @@ class OmittedEffects:
         found: effects of which the data say that they are there, in the order in which they were found.
         sought: how many were looked for; 0 where none can be.
         spread: second standard deviation over the first one, shape (d,).
-        causes: of each parameter, the effect that puts most probability beyond the first one; None where nothing was looked for.
+        causes: of each parameter, the effects that put most probability beyond the first one; none where nothing was looked for.
     """
 
     found: tuple[Omitted, ...]
     sought: int
     spread: Float[np.ndarray, " d"]
-    causes: tuple[Effect | None, ...]
+    causes: tuple[tuple[Effect, ...], ...]
 
 
 class Linear(NamedTuple):
@@ -210,7 +212,7 @@ def omitted_effects(posterior: Posterior, mode: Mode) -> OmittedEffects:
     """
     effects = tuple(_candidates(posterior)) if isinstance(posterior.likelihood, OutputError) else ()
     if not effects:
-        return OmittedEffects((), 0, np.ones(posterior.dim), (None,) * posterior.dim)
+        return OmittedEffects((), 0, np.ones(posterior.dim), ((),) * posterior.dim)
     problem, none = _Problem(posterior, effects, mode.by_name), np.zeros(len(effects))
     sd = np.sqrt(np.diag(mode.cov))
     fit = _Fit(mode.z, none, (), mode.cov, 0.0, _linear(problem, mode.z, none))
@@ -239,13 +241,16 @@ def omitted_effects(posterior: Posterior, mode: Mode) -> OmittedEffects:
     weight, shift, width = np.exp(log_odds - log_odds.max()), shift / sd, np.sqrt(variance) / sd
     spread = half_width(weight, shift, width) / ndtri(BAND)
     beyond = weight[:, None] * (1.0 - inside(ndtri(BAND), shift, width))
-    blamed = np.array([beyond[[i in taken for taken in within]].sum(0) for i in range(len(effects))]).argmax(0)
+    blamed = np.array([beyond[[i in taken for taken in within]].sum(0) for i in range(len(effects))])
     errors = np.sqrt(np.diag(fit.cov)[posterior.dim :])
     omitted = [
         Omitted(effects[i], float(fit.sizes[i]), float(error), float(odds), shift, alike)
         for (i, odds, shift, alike), error in zip(found, errors, strict=True)
     ]
-    causes = tuple(effects[i] for i in blamed)
+    causes = tuple(
+        tuple(effects[i] for i in np.argsort(-one, kind="stable")[:NAMED] if one[i] > BLAMED * one.max())
+        for one in blamed.T
+    )
     return OmittedEffects(tuple(omitted), int(_absent(posterior, effects).sum()), np.maximum(spread, 1.0), causes)
 
 

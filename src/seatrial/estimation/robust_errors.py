@@ -99,7 +99,7 @@ class RobustErrors:
     pieces: Pieces
     omitted: OmittedEffects
     spread: Float[np.ndarray, " k"]
-    causes: tuple[Effect | None, ...]
+    causes: tuple[tuple[Effect, ...], ...]
     prior_sd: Float[np.ndarray, " k"]
 
     @property
@@ -139,10 +139,10 @@ class RobustErrors:
         told = min(sd * float(np.sqrt(self._of_pieces(at) ** 2 + self.spread[at] ** 2 - 1.0)), float(self.prior_sd[at]))
         return told if told > TELLING * sd else None
 
-    def cause(self, name: str) -> Effect | None:
-        """Return the effect that makes most of the second standard deviation of a parameter; None where pieces of the data do."""
+    def cause(self, name: str) -> tuple[Effect, ...]:
+        """Return the effects, any of which makes most of the second standard deviation of a parameter; none where pieces of the data do."""
         at = self.names.index(name)
-        return self.causes[at] if self.spread[at] > self._of_pieces(at) else None
+        return self.causes[at] if self.spread[at] > self._of_pieces(at) else ()
 
     def _of_pieces(self, at: int) -> float:
         return max(float(self.pieces.ratio[at]), 1.0) * self.pieces.widening

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 from seatrial.campaign.store.estimates import LeftOut
+from seatrial.estimation.fit_verdict import either
 from seatrial.estimation.omitted_effects import Effect, Omitted, OmittedEffects
 from seatrial.estimation.output_error import OutputError
 from seatrial.estimation.posterior import Posterior
@@ -36,15 +37,19 @@ def left_out(posterior: Posterior, structure: Structure, omitted: OmittedEffects
 def causes_of(robust: RobustErrors, names: Sequence[str]) -> dict[str, str]:
     """Return what makes most of the ± with model error of each of these parameters, in words."""
     causes = {name: robust.cause(name) for name in names}
-    return {name: robust.pieces.differ if one is None else _name(one).rstrip(",") for name, one in causes.items()}
+    return {
+        name: either([_name(one).rstrip(",") for one in effects]) if effects else robust.pieces.differ
+        for name, effects in causes.items()
+    }
 
 
 def remedies_of(posterior: Posterior, robust: RobustErrors, names: Sequence[str]) -> list[str]:
     """Return a sentence for each cause of a ± with model error: of which parameters, and how to get rid of it."""
     found: dict[tuple[str, str], list[str]] = {}
     for name, words in causes_of(robust, names).items():
-        cause = robust.cause(name)
-        remedy = _of_pieces(posterior, robust) if cause is None else _remedy(posterior, cause)
+        effects = robust.cause(name)
+        remedies = [_remedy(posterior, one) for one in effects] or [_of_pieces(posterior, robust)]
+        remedy = "; or ".join(dict.fromkeys(remedies))
         found.setdefault((words, remedy), []).append(name)
     return [
         f"{listed(several)}: most of the ± with model error is from {words}; {remedy}"
@@ -79,7 +84,7 @@ def _remedy(posterior: Posterior, effect: Effect) -> str:
     match effect.kind:
         case "force":
             others = of in {one.text for one in posterior.likelihood.model.coefficients}
-            return "other structures have it" if others else f"add {of} to structure.optional, with a prior"
+            return f"other structures have {of}" if others else f"add {of} to structure.optional, with a prior"
         case "command lag":
             return f"state it in [vehicle.actuators.{of}], or give `delay` a prior, [prior.delay]"
         case "delay":

@@ -24,7 +24,7 @@ from seatrial.core.display_units import Shown, shown_as_written
 from seatrial.core.errors import InputError, SeatrialError
 from seatrial.estimation.fit_verdict import explained_share
 from seatrial.report.labels import label_html, name_html, sentence_about
-from seatrial.report.numbers import Digits, percent, probability, short, times_ten, unit_html, with_sd
+from seatrial.report.numbers import Digits, percent, probability, short, times_ten, typeset, unit_html, with_sd
 from seatrial.selection.structures import Structure, structure_names
 
 MOST = 12
@@ -228,7 +228,7 @@ async def _fits(context: AppContext, store: Store) -> None:
                 fit.record + (" (held back)" if fit.held_back else ""),
                 fit.channel,
                 Markup('<span class="verdict {}">{}</span>').format(fit.level, fit.level),
-                explained_share(fit.explained) if not fit.missing else "",
+                typeset(explained_share(fit.explained)) if not fit.missing else "",
                 percent(fit.coverage) if fit.samples else "",
                 fit.words,
             ]
@@ -238,7 +238,7 @@ async def _fits(context: AppContext, store: Store) -> None:
                 "held-back runs together",
                 one.channel,
                 Markup('<span class="verdict {}">{}</span>').format(one.level, one.level),
-                explained_share(one.explained, one.runs),
+                typeset(explained_share(one.explained, one.runs)),
                 percent(one.coverage) if one.effective else "",
                 one.reason,
             ]
