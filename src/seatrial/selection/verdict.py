@@ -168,11 +168,6 @@ def select(
             f"probabilities are among the {len(structures)} structures that were simulated, to which the screening gives "
             f"{shortlist.share:.2f} of all; raise structure.shortlist to simulate more"
         )
-    unsettled = [
-        f"the evidence of {structure.label} is not reliable: {evidence.status}"
-        for index, (structure, evidence) in enumerate(zip(structures, evidences, strict=True))
-        if _decides(logs, index, doubts[index])
-    ]
     return Selection(
         tuple(structures),
         tuple(evidences),
@@ -182,7 +177,17 @@ def select(
         inclusion_error,
         int(np.argmax(probability)),
         tuple(verdicts),
-        tuple(unsettled),
+        evidence_alarms([structure.label for structure in structures], evidences),
+    )
+
+
+def evidence_alarms(labels: Sequence[str], evidences: Sequence[Evidence]) -> tuple[str, ...]:
+    """Return a sentence about every evidence that is in doubt and could change a probability, by the labels of the structures."""
+    logs = np.array([evidence.log_value for evidence in evidences])
+    return tuple(
+        f"the evidence of {label} is not reliable: {evidence.status}"
+        for index, (label, evidence) in enumerate(zip(labels, evidences, strict=True))
+        if _decides(logs, index, _doubt(evidence))
     )
 
 

@@ -1,14 +1,18 @@
 """What is current, stale or missing, as `seatrial run` would find it, without computing anything."""
 
 import time
+from types import SimpleNamespace
 
 import pytest
 
+from seatrial.apps.dashboard.view_models import Stage
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.simulate import record_keys
 from seatrial.campaign.design.sweep import design_key
 from seatrial.campaign.store.stored_result import Store, write_stamped_json
+from seatrial.campaign.store.structures import StoredSelection, StoredStructure
 from seatrial.campaign.workflow.status import standing
+from seatrial.campaign.workflow.steps import NotCurrent
 from seatrial.core.dataset_file import write_dataset
 from seatrial.core.errors import InputError
 from tests.campaign.small import write_small
@@ -49,6 +53,40 @@ def test_a_damaged_result_is_stale(tmp_path):
     write_stamped_json(Store(folder).selection, {}, "another key")
     assert states(folder)["design"] == "stale"
     assert states(folder)["select"] == "stale"
+
+
+def test_a_current_step_that_failed_a_check_says_so(tmp_path, monkeypatch):
+    """The alarms of the posteriors and of an evidence on which a probability depends; a step that is not current has none."""
+    from seatrial.apps.dashboard.pages.overview import steps_html
+    from seatrial.campaign.workflow import status as module
+
+    class Flow:
+        def __init__(self, campaign):
+            self.state = {"estimates": "current", "selection": "current"}.get
+
+        def stored(self, name):
+            return [
+                SimpleNamespace(
+                    path=name, read={"estimates": lambda _: posterior, "selection": lambda _: evidence}[name]
+                )
+            ]
+
+        def seen(self, name):
+            raise NotCurrent
+
+    label = SimpleNamespace(label="M-0")
+    posterior = SimpleNamespace(structure=label, alarms=["the chains disagree about X_u"])
+    doubtful = StoredStructure("M-0", ("X_u",), 10.0, 0.1, "bridge", {}, "nested sampling <differs>", 0.5, 0.01)
+    sure = StoredStructure("M-1", (), 10.0, 0.1, "bridge", {}, "", 0.5, 0.01)
+    evidence = StoredSelection((doubtful, sure), {}, {}, "M-0", ())
+    monkeypatch.setattr(module, "Workflow", Flow)
+    found = {step.name: step for step in standing(write_small(tmp_path))}
+    assert found["estimate"].alarms == ("M-0: the chains disagree about X_u",)
+    assert found["select"].alarms == ("the evidence of M-0 is not reliable: nested sampling <differs>",)
+    assert found["predict"].alarms == ()
+    html = steps_html(tuple(Stage(*step) for step in found.values()))
+    assert html.count('class="failed"') == 2
+    assert "nested sampling &lt;differs&gt;." in html
 
 
 def test_a_log_is_hashed_anew_only_when_it_changes(tmp_path, monkeypatch):

@@ -26,11 +26,12 @@ def beside(error: BaseException) -> str:
 
 
 class Stage(NamedTuple):
-    """One step of a campaign: its name, whether its results are current, stale or missing, and the command that makes them."""
+    """One step of a campaign: its name, whether its results are current, stale or missing, the command that makes them, and its alarms."""
 
     name: str
     state: str
     command: str
+    alarms: tuple[str, ...] = ()
 
 
 class RecordAbout(NamedTuple):

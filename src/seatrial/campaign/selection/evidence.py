@@ -32,7 +32,7 @@ from seatrial.selection.combined_evidence import (
 )
 from seatrial.selection.evidence import Evidence, EvidenceSettings
 from seatrial.selection.structures import Structure
-from seatrial.selection.verdict import Selection, select
+from seatrial.selection.verdict import Selection, evidence_alarms, select
 
 FINE = 1000
 """Steps in which a repeat is shown."""
@@ -110,11 +110,19 @@ def stored_selection(campaign: Campaign, trials: HasKey) -> StoredResult[StoredS
 
 
 def _selection(campaign: Campaign, trials: Trials, stored: StoredSelection) -> Selection:
-    evidences = [
+    return _select(campaign, trials, _as_stored(stored))
+
+
+def _as_stored(stored: StoredSelection) -> list[Evidence]:
+    return [
         Evidence(one.log_evidence, one.evidence_error, one.method, one.diagnostics, one.status)
         for one in stored.structures
     ]
-    return _select(campaign, trials, evidences)
+
+
+def stored_alarms(stored: StoredSelection) -> tuple[str, ...]:
+    """Return which evidences of a stored selection are not to be trusted; see `evidence_alarms`."""
+    return evidence_alarms([one.label for one in stored.structures], _as_stored(stored))
 
 
 def _select(campaign: Campaign, trials: Trials, evidences: list[Evidence]) -> Selection:

@@ -18,7 +18,10 @@ from seatrial.core.errors import SeatrialError
 
 EVERY = 2.0
 """Seconds between looks at what is running."""
-LEGEND = "✓ current: its results belong to the campaign file and logs as they are now. ↻ stale: something has changed since. ○ missing."
+LEGEND = (
+    "✓ current: its results belong to the campaign file and logs as they are now. ↻ stale: something has changed since. ○ missing. "
+    "▲ failed a check: do not use its numbers yet."
+)
 
 
 async def build(context: AppContext) -> None:
@@ -91,12 +94,19 @@ async def _card(
 
 
 def steps_html(steps: tuple[Stage, ...]) -> Markup:
-    """Steps as a list, state told by word and sign, not by colour alone."""
+    """Steps as a list, state told by word and sign, not by colour alone; those that failed a check are marked, and the alarms follow."""
     rows = Markup("").join(
-        Markup('<li class="{}">{}<span class="unseen"> is {}</span></li>').format(one.state, one.name, one.state)
+        Markup('<li class="{}">{}<span class="unseen"> is {}</span></li>').format(
+            "failed" if one.alarms else one.state, one.name, f"{one.state}, but failed" if one.alarms else one.state
+        )
         for one in steps
     )
-    return Markup('<ul class="steps">{}</ul>').format(rows)
+    alarms = Markup("").join(
+        Markup("<li class='alarm'>{}.</li>").format(text[:1].upper() + text[1:])
+        for text in dict.fromkeys(text for one in steps for text in one.alarms)
+    )
+    listed = Markup('<ul class="findings">{}</ul>').format(alarms) if alarms else ""
+    return Markup('<ul class="steps">{}</ul>{}').format(rows, listed)
 
 
 def title_of(folder: Path) -> str:
