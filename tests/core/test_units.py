@@ -87,10 +87,12 @@ def test_wrong_dimension(text, si):
     [
         ("3 knt", '"knot"'),
         ("200 RPM", 'did you mean "rpm"?'),
+        ("3 kt", 'write "kn"'),
+        ("3 knots", 'write "kn"'),
         ("5 KN", 'did you mean "kN" or "kn"?'),
         ("3 meters", '"meter"'),
         ("2 degre", '"degree"'),
-        ("1 fathom", "use one of: m/s, kn"),
+        ("1 xyz", "use one of: m/s, kn"),
         ("1 rads", '"rad'),
     ],
 )

@@ -25,7 +25,7 @@ MEAN = {
 TRIALS = Trials((), (), "made up")
 
 
-def finished(monkeypatch, folder: Path, *replacements: tuple[str, str], alarms=(), beside=()) -> Path:
+def finished(monkeypatch, folder: Path, *replacements: tuple[str, str], alarms=(), beside=(), wider="") -> Path:
     """Write the small campaign with a posterior of every structure; the first is chosen."""
     monkeypatch.setattr(from_campaign, "get_trials", lambda _: TRIALS)
     write_small(folder, *replacements)
@@ -37,9 +37,12 @@ def finished(monkeypatch, folder: Path, *replacements: tuple[str, str], alarms=(
         z = np.random.default_rng(1).normal(size=(4, 500, len(names)))
         draws = mean * (1.0 + z @ root)
         data = xr.Dataset(
-            {"draws": (("chain", "draw", "parameter"), draws)},
+            {
+                "draws": (("chain", "draw", "parameter"), draws),
+                "model_error_sd": ("parameter", [0.5 if name == wider else np.nan for name in names]),
+            },
             coords={"parameter": names},
-            attrs={"alarms": json.dumps(list(alarms)), "cautions": "[]"},
+            attrs={"alarms": json.dumps(list(alarms)), "cautions": "[]", "model_error_causes": '{"X_u": "a lag"}'},
         )
         key = estimate_key(campaign, structure, TRIALS)
         write_dataset(Store(folder).posterior(structure.label), data, key)

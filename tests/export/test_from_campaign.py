@@ -41,6 +41,11 @@ def test_estimates_are_the_posterior_s_means_and_covariance(monkeypatch, tmp_pat
     assert (vehicle.actuators["n"].lower, vehicle.actuators["n"].upper) == (0.0, pytest.approx(1500 * np.pi / 30))
 
 
+def test_a_standard_deviation_with_model_error_goes_along_as_a_caution(monkeypatch, tmp_path):
+    _, provenance = of_campaign(finished(monkeypatch, tmp_path / "c", wider="X_u"))
+    assert provenance.cautions == ("X_u has a standard deviation of 0.5 with model error, mostly a lag",)
+
+
 def test_the_largest_estimated_current_goes_with_the_vehicle(monkeypatch, tmp_path):
     _, provenance = of_campaign(finished(monkeypatch, tmp_path / "c"))
     assert provenance.current == 0

@@ -51,6 +51,8 @@ _DEFINITIONS = (
     ("hour", "h", 3600.0, {"second": 1}),
     ("gram", "g", 1e-3, {"kilogram": 1}),
     ("tonne", "t", 1e3, {"kilogram": 1}),
+    ("pound", "lb", 0.45359237, {"kilogram": 1}),
+    ("foot", "ft", 0.3048, {"meter": 1}),
     ("degree", "deg", pi / 180, {"radian": 1}),
     ("revolution", "rev", 2 * pi, {"radian": 1}),
     ("rpm", "rpm", 2 * pi / 60, {"radian": 1, "second": -1}),
@@ -75,6 +77,8 @@ _USUAL = (
     *("N m", "V", "W", "Hz", "1/s", "kg/s", "m/s^2", "%"),
 )
 """Units that errors suggest, those of one dimension in this order."""
+_SPELLED = {"kt": "kn", "kts": "kn", "knots": "kn", "feet": "ft", "lbs": "lb", "secs": "s"}
+"""What logs call some units."""
 _LONGEST = 120
 """Characters of a quantity or of a unit."""
 _LARGEST_POWER = 27
@@ -181,6 +185,8 @@ def _parse(unit: str, expected_unit: str, where: str) -> Unit:
 
 def _meant(word: str) -> str:
     """Question after the nearest unit, capitals aside; empty where none is near."""
+    if word.casefold() in _SPELLED:
+        return f'write "{_SPELLED[word.casefold()]}"'
     names = {unit.casefold() for unit in UNITS}
     close = difflib.get_close_matches(word.casefold(), sorted(names), n=1, cutoff=0.5)
     alike = [f'"{unit}"' for unit in UNITS if unit.casefold() in close]

@@ -157,6 +157,11 @@ def _alone(campaign: Campaign, estimate: Estimate) -> tuple[ExportedVehicle, Exp
         (
             *estimate.alarms,
             *(
+                f"{name} has a standard deviation of {wider:.3g} with model error, mostly {estimate.wider_cause(name)}"
+                for name in estimate.names
+                if name in coefficients and (wider := estimate.wider(name)) is not None
+            ),
+            *(
                 f"{name} = {x:.4g} was found and is not in this export"
                 for name, x in beside.items()
                 if name not in TETHER
