@@ -10,6 +10,8 @@ import xarray as xr
 pytest.importorskip("nicegui", reason="the dashboard needs NiceGUI: pip install 'seatrial[dashboard]'")
 
 from seatrial.apps.dashboard import model_queries, result_charts, result_plots
+from seatrial.apps.dashboard.charts import Curve, Panel, TimeChart
+from seatrial.apps.dashboard.downsample import Envelope
 from seatrial.apps.dashboard.pages.compare import is_of_vehicle, joint_difference, shared_sides
 from seatrial.apps.dashboard.pages.results import by_origin
 from seatrial.apps.dashboard.view_models import FitAbout, Swept
@@ -138,3 +140,22 @@ def test_probabilities_of_the_screening_stand_apart_from_those_of_simulated_stru
     simulated, screened = by_origin(selection, summary).values()
     assert simulated == ["X_0", "T_un"]
     assert screened == ["X_u", "X_u3"]
+
+
+def test_curves_of_a_legend_differ_by_more_than_colour():
+    """Dots, bands, steps and three predicted lines: no two icons are alike, and a line has the dashes of its icon."""
+    curves = (
+        *(
+            Curve("a", "measured", "dots", "dots"),
+            Curve("b", "band", "blue", "band"),
+            Curve("c", "told", "ink", "steps"),
+        ),
+        *(Curve(shade, shade, shade) for shade in ("blue", "orange", "purple")),
+    )
+    chart = TimeChart((Panel("u", "m/s", curves),), None, (0.0, 1.0), "u")
+    drawn = {one.name: Envelope(*3 * [np.linspace(0.0, 1.0, 3)]) for one in curves}
+    options = chart._options(drawn)
+    icons = [one["icon"] for one in options["legend"]["data"]]
+    assert len(set(icons)) == len(curves)
+    assert [one["lineStyle"]["type"] for one in options["series"][3:]] == ["solid", "dashed", "dotted"]
+    assert [icon.count("M") for icon in icons[3:]] == [1, 3, 7]

@@ -3,6 +3,7 @@
 A chart over time never holds more than the screen can show: each zoom asks for the least and greatest of every column of pixels.
 """
 
+import itertools
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from typing import Any, Literal, NamedTuple
 
@@ -30,6 +31,10 @@ THROTTLE = 0.08
 _LEFT, _RIGHT, _TOP, _GAP, _BOTTOM = 62, 14, 34, 38, 74
 _ZOOMED = "(e) => { const zoom = (e.batch || [e])[0]; emit([zoom.start, zoom.end]); }"
 _BRUSHED = "(e) => { if (e.areas.length) emit(e.areas[0].coordRange); }"
+DASHES = {"orange": "dashed", "purple": "dotted", "good": [12, 3, 3, 3], "caution": [6, 2], "alarm": [2, 6]}
+"""Dashes of a line beside its colour, which sunlight takes away; other colours are solid."""
+SYMBOLS = {"orange": "rect", "purple": "triangle", "good": "diamond"}
+"""Marks of dots, likewise; other colours have circles."""
 _NUMBER = "(value) => String(Number(value.toPrecision(6)))"
 _HOVER = """(all) => {
   const digits = (value) => value == null || isNaN(value) ? "–" : String(Number(Number(value).toPrecision(5)));
@@ -255,6 +260,13 @@ class TimeChart:
     def _curves(self) -> list[tuple[int, Curve]]:
         return [(at, curve) for at, panel in enumerate(self.panels) for curve in panel.curves]
 
+    def _legend_item(self, label: str) -> dict[str, Any]:
+        """Return a label with the shape of its curves: a line with its dashes before a band, which has a pale patch."""
+        mine = [curve for _, curve in self._curves() if curve.label == label]
+        curve = next((one for one in mine if one.kind != "band"), mine[0])
+        pale = {"itemStyle": {"opacity": 0.3}} if curve.kind == "band" else {}
+        return {"name": label, "icon": _icon(curve), **pale}
+
     def _series(self, curves: Mapping[str, Envelope]) -> list[dict[str, Any]]:
         about = [self.panels[at].unit for at, _ in self._curves()]
         made = [_series(curve, curves[curve.name]) for _, curve in self._curves()]
@@ -315,10 +327,9 @@ class TimeChart:
                 "top": 0,
                 "right": _RIGHT,
                 "left": "30%",
-                "data": labels,
-                "icon": "roundRect",
-                "itemWidth": 16,
-                "itemHeight": 8,
+                "data": [self._legend_item(label) for label in labels],
+                "itemWidth": 26,
+                "itemHeight": 9,
                 "textStyle": {"color": colour("ink")},
                 "inactiveColor": colour("hatch"),
             },
@@ -347,6 +358,25 @@ _SLIDER = {
 }
 
 
+def _icon(curve: Curve) -> str:
+    """Return what a curve looks like, as an icon of the legend."""
+    match curve.kind:
+        case "band":
+            return "rect"
+        case "dots":
+            return SYMBOLS.get(curve.colour, "circle")
+        case "steps":
+            return "path://M0,7h13v-7h13v2h-11v7h-15z"
+    dash = DASHES.get(curve.colour, [26])
+    pieces = itertools.cycle({"dashed": [7, 3], "dotted": [2, 2]}[dash] if isinstance(dash, str) else dash)
+    path, at, is_drawn = "", 0, True
+    while at < 26:
+        length = min(next(pieces), 26 - at)
+        path += f"M{at},3h{length}v3h-{length}z" * is_drawn
+        at, is_drawn = at + length, not is_drawn
+    return f"path://{path}"
+
+
 def _series(curve: Curve, values: Envelope) -> dict[str, Any]:
     """Options of one curve: dots or steps where each column holds one sample, else a stroke from the least to the greatest."""
     common = {"name": curve.label, "color": colour(curve.colour), "silent": True, "emphasis": {"disabled": True}}
@@ -358,9 +388,18 @@ def _series(curve: Curve, values: Envelope) -> dict[str, Any]:
     if np.array_equal(values.least[there], values.greatest[there]):
         data = _rows(values.time, values.least)
         if curve.kind == "dots":
-            return {**common, "type": "scatter", "large": True, "largeThreshold": 1, "symbolSize": 4, "data": data}
-        step = "end" if curve.kind == "steps" else False
-        return {**common, "type": "line", "showSymbol": False, "step": step, "data": data, "lineStyle": {"width": 1.5}}
+            return {
+                **common,
+                "type": "scatter",
+                "large": True,
+                "largeThreshold": 1,
+                "symbolSize": 4,
+                "symbol": _icon(curve),
+                "data": data,
+            }
+        step, dash = "end" if curve.kind == "steps" else False, DASHES.get(curve.colour, "solid")
+        style = {"width": 1.5, "type": dash if curve.kind == "line" else "solid"}
+        return {**common, "type": "line", "showSymbol": False, "step": step, "data": data, "lineStyle": style}
     ends = np.stack([values.least, values.greatest], 1)
     ends[1::2] = ends[1::2, ::-1]
     data = _rows(np.repeat(values.time, 2), ends.ravel(), ends[:, ::-1].ravel())

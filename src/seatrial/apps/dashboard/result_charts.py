@@ -11,7 +11,7 @@ from markupsafe import escape
 from nicegui import ui
 
 from seatrial.apps.dashboard.app_context import AppContext
-from seatrial.apps.dashboard.charts import Curve, Panel, TimeChart, axis, chart, colour, faint, tooltip
+from seatrial.apps.dashboard.charts import DASHES, SYMBOLS, Curve, Panel, TimeChart, axis, chart, colour, faint, tooltip
 from seatrial.apps.dashboard.view_models import FitAbout, Marginal, Swept
 from seatrial.core.gaussian import Z90
 from seatrial.report.figures.style import unit_label
@@ -234,19 +234,24 @@ class Side(NamedTuple):
 def sides_chart(sides: Sequence[Side], names: tuple[str, str]) -> ui.echart:
     """Draw the parameters of two campaigns side by side: means and 95 % intervals, in joint standard deviations."""
     series: list[dict[str, Any]] = []
+    marks = "circle", SYMBOLS["orange"]
     for which, (name, shade, shift) in enumerate(zip(names, ("blue", "orange"), (-6, 6), strict=True)):
         ends, points = [], []
         for i, one in enumerate(sides):
             at, sd = one.at[which], one.sd[which]
             ends.append([i, at - 1.96 * sd, at + 1.96 * sd, shift])
             points.append([at, i, 0, f"{escape(name)}, {escape(one.name)}: {at:.2f} ± {sd:.2f}"])
-        dots = {"type": "scatter", "data": points, "symbolSize": 9, "symbolOffset": [0, shift]}
+        dots = {"type": "scatter", "data": points, "symbolSize": 9, "symbolOffset": [0, shift], "symbol": marks[which]}
         series += [{**_whiskers(ends, shade), "name": name}, {**dots, "name": name, "color": colour(shade)}]
     options = {
         "grid": {"left": 10, "right": 20, "top": 34, "bottom": 44, "containLabel": True},
         "xAxis": axis("distance from the first, joint sd", nameLocation="middle", nameGap=26, scale=True),
         "yAxis": {**_categories([one.name for one in sides], ""), "inverse": True},
-        "legend": {"top": 0, "textStyle": {"color": colour("ink")}, "data": list(names)},
+        "legend": {
+            "top": 0,
+            "textStyle": {"color": colour("ink")},
+            "data": [{"name": name, "icon": mark} for name, mark in zip(names, marks, strict=True)],
+        },
         "tooltip": {**tooltip(_AT_POINT), "trigger": "item"},
         "dataZoom": WHEEL,
         "series": series,
@@ -367,7 +372,7 @@ def _whiskers(rows: list[list[Any]], shade: str) -> dict[str, Any]:
 def _stairs(name: str, edges: np.ndarray, density: np.ndarray, shade: str, filled: bool = False) -> dict[str, Any]:
     points = [*zip(edges.tolist(), density.tolist(), strict=False), (float(edges[-1]), 0.0)]
     area = {"areaStyle": {"color": faint(shade, 45)}} if filled else {}
-    line = {"width": 0 if filled else 1.5}
+    line = {"width": 0 if filled else 1.5, "type": DASHES.get(shade, "solid")}
     common = {"type": "line", "name": name, "step": "end", "showSymbol": False, "color": colour(shade)}
     return {**common, "lineStyle": line, "data": [list(point) for point in points], **area}
 
