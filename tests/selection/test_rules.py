@@ -150,7 +150,7 @@ def test_contradictions_name_both_rules(lines, one, other):
         ("together N_r N_r", "at least two, each once"),
         ("never Y_v", "not in the library"),
         ("always N_p", r'signal "p" \(roll rate\), which was not measured'),
-        ("always N_x", "cannot be read"),
+        ("always N_x", "is not a term"),
     ],
 )
 def test_lines_that_cannot_be_read(line, words):

@@ -96,7 +96,7 @@ def test_no_trim(params):
         (SurgeHull("a", 30.0, thrust_deduction=1.0), ["X_u"], "thrust_deduction"),
         (SurgeHull("a", 30.0, thrust_deduction=-0.1), ["X_u"], "thrust_deduction"),
         (SurgeHull("a", 30.0), ["X_u", "Y_v"], "term Y_v\n.*it has no sway"),
-        (SurgeHull("a", 30.0), ["X_uabsv"], 'signal "v"\n.*n, tau_X, u'),
+        (SurgeHull("a", 30.0), ["X_uabsv"], 'signal "v", in a model.*\n.*n, tau_X, u'),
         (SurgeHull("a", 30.0), ["X_du3"], 'no trim value of "u"'),
         (SurgeHull("a", 30.0), ["X_u2", "X_absuabsu"], "the same regressor as X_u2"),
         (SurgeHull("a", 30.0), ["X_u", "X_u"], "the same regressor as X_u"),
