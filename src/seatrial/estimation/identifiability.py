@@ -33,6 +33,8 @@ CONTRACTION = 0.9
 """Posterior over prior standard deviation beyond which the data said nothing."""
 VAGUE = 0.5
 """Relative standard deviation beyond which a coefficient is not known."""
+NOISE = ("sigma_", "tau_", "dof_", "drift_", "process_")
+"""How parameters begin that are of noise alone: that these are known together matters to nobody."""
 TOGETHER = 0.9
 """Correlation beyond which the split between two parameters is over twice as uncertain as either given the other."""
 UNTOUCHED = 1e-10
@@ -134,7 +136,9 @@ class Identifiability:
 
     def cautions(self) -> list[str]:
         """Return what a reader must know or do; empty where each parameter is known by itself."""
-        together = [self._together(group) for group in self.groups]
+        together = [
+            self._together(group) for group in self.groups if not all(one.startswith(NOISE) for one in group.names)
+        ]
         if np.isfinite(self.eigenvalues).all():
             return [*self._structural(), *self._practical(), *together]
         blind = "not judged which parameters the data can determine: the log-likelihood has no derivatives at the values used"

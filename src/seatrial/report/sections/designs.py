@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
+from seatrial.campaign.data.simulate import chosen_of
 from seatrial.campaign.data.true_vehicle import FIRST
 from seatrial.campaign.design.schedule import design_words
 from seatrial.campaign.design.sweep import Designs
@@ -55,6 +56,7 @@ def next_section(outcome: Outcome) -> dict[str, Any]:
         "figures": sweep_drawings(outcome, outcome.next, "next"),
         "families": _families(outcome.next),
         "stop": proposal.trial is None,
+        "decides": proposal.trial not in (None, chosen_of(outcome.next.best, outcome.next.best.best)),
         "said": [
             sentence_of(outcome, line)
             for line in (*proposal.standing[1:], *proposal.advice[1:])
