@@ -182,6 +182,15 @@ def test_alarms_of_other_models_leave_the_values_of_the_chosen_one(tmp_path):
     assert "The choice of the model is not reliable: 1 health check failed." in html
 
 
+def test_what_is_folded_is_counted(tmp_path):
+    outcome = make_outcome(tmp_path)
+    words = ("the first", "another one", "something else", "and one more")
+    for count, said in ((2, ""), (3, "1 more caution<"), (4, "2 more cautions<")):
+        html = render(replace(outcome, summary=outcome.summary | {"cautions": list(words[:count])}))
+        assert said in html
+        assert ("more caution" in html) == bool(said)
+
+
 def test_a_family_that_is_exhausted_is_said_to_be(tmp_path):
     html = render(make_outcome(tmp_path, gain=0.01))
     assert "another trial of this kind would give little information" in html

@@ -275,7 +275,7 @@ def next_trial(designs: Any, proposal: Any) -> dict[str, Any]:
     """Return the trial to run next, or none, and why."""
     trial = proposal.trial
     if trial is None:
-        return {"trial": None, "advice": proposal.advice}
+        return {"trial": None, "advice": (*proposal.first, *proposal.advice)}
     sweep = next(one for one in designs.sweeps if one.family.kind == trial.kind)
     at = np.abs(sweep.amplitude - trial.amplitude).argmin(), np.abs(sweep.period - trial.period).argmin()
     return {"trial": design(sweep, (int(at[0]), int(at[1]))), "advice": (*proposal.first, *proposal.advice)}

@@ -49,6 +49,11 @@ class Proposal:
         """All of it in words."""
         return (*self.standing, *self.first, *self.advice)
 
+    @property
+    def is_stop(self) -> bool:
+        """Whether the campaign ends here: no trial is worth running, and nothing is to be corrected before that can be said."""
+        return self.trial is None and not self.first
+
 
 def propose(outcome: Outcome) -> Proposal:
     """Weigh the goal, the doubt about the structure and what the best designs promise, after what failed."""
@@ -59,7 +64,7 @@ def propose(outcome: Outcome) -> Proposal:
     if not failed:
         return found
     if found.trial is None:
-        return Proposal(None, standing, ("no trial yet: a health check failed; correct it and run again", failed))
+        found = Proposal(None, standing, ("no trial yet: a health check failed; run again once it is corrected",))
     return replace(found, first=(f"first correct what failed: {failed}",))
 
 
@@ -79,7 +84,7 @@ def _weighed(outcome: Outcome, standing: tuple[str, ...]) -> Proposal:
     if goal is not None and not unmet and not doubt:
         if not counting and outcome.disowned:
             first = "no trial yet: the goal is met only if the stated ± hold, and the residuals say that they do not"
-            return Proposal(None, standing, (first, outcome.disowned))
+            return Proposal(None, standing, (outcome.disowned,), (first,))
         if not counting:
             return Proposal(None, standing, ("stop: the goal is met",))
         if len(outcome.trials.fit) >= goal.trials:
