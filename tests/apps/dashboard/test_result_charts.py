@@ -9,7 +9,7 @@ import xarray as xr
 
 pytest.importorskip("nicegui", reason="the dashboard needs NiceGUI: pip install 'seatrial[dashboard]'")
 
-from seatrial.apps.dashboard import model_queries, result_charts, result_plots
+from seatrial.apps.dashboard import model_queries, prediction_views, result_charts, result_plots
 from seatrial.apps.dashboard.charts import Curve, Panel, TimeChart
 from seatrial.apps.dashboard.downsample import Envelope
 from seatrial.apps.dashboard.pages.compare import is_of_vehicle, joint_difference, shared_sides
@@ -69,14 +69,14 @@ def test_a_window_of_a_prediction_is_that_of_the_whole(tmp_path, monkeypatch):
     data = xr.Dataset({**{k: ("row", v) for k, v in rows.items()}, **{k: (("row", "c"), v) for k, v in values.items()}})
     write_dataset(tmp_path / "predictions.nc", data)
     about = SimpleNamespace(records=("1", "2"), held_back=("2",), channels=("u",))
-    monkeypatch.setattr(result_plots, "predicted", lambda _: about)
-    found = result_plots.fit_view(tmp_path / "predictions.nc", 1, 0, 2.0, 4.0, 720)
+    monkeypatch.setattr(prediction_views, "predicted", lambda _: about)
+    found = prediction_views.fit_view(tmp_path / "predictions.nc", 1, 0, 2.0, 4.0, 720)
     inside = slice(50 + 19, 50 + 42)  # one row more at each end, as a line leaves the picture
     assert found["mean"].time == pytest.approx(time[inside])
     assert found["measured"].least == pytest.approx(measured[inside, 0])
     assert found["band"].greatest - found["band"].least == pytest.approx(2 * 1.6449 * 0.5, rel=1e-4)
     assert found["residual"].greatest == pytest.approx(((measured - mean) / 0.5)[inside, 0])
-    whole = result_plots.fit_about(tmp_path / "predictions.nc", 1, 0)
+    whole = prediction_views.fit_about(tmp_path / "predictions.nc", 1, 0)
     assert (whole.span, whole.is_held_back) == (pytest.approx((0.0, 7.9)), True)
 
 

@@ -61,7 +61,7 @@ class AppContext:
         """Have the long records and predictions of a campaign checked and indexed before anybody waits for them."""
         store, pool = Store(folder), self.worker_pool
         records = (pool.view, sorted((store.results / "records").glob("*.nc"))[:AHEAD])
-        for ask, paths in (records, (pool.draw, [store.predictions])):
+        for ask, paths in (records, (pool.predict, [store.predictions])):
             for path in paths:
                 if stamp(path)[1] > LONG:
                     with suppress(SeatrialError, OSError):  # said where it is shown

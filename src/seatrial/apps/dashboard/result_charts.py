@@ -261,7 +261,7 @@ def sides_chart(sides: Sequence[Side], names: tuple[str, str]) -> ui.echart:
 
 async def fit_charts(context: AppContext, path: Path, index: int, channel: int, about: FitAbout) -> None:
     """Draw one channel of one record beside its prediction, its residuals below, and their autocorrelation."""
-    ask = partial(context.worker_pool.draw, "fit_view", path, index, channel, files=[path])
+    ask = partial(context.worker_pool.predict, "fit_view", path, index, channel, files=[path])
     shade = "orange" if about.is_held_back else "blue"
 
     async def view(low: float, high: float, columns: int) -> Any:

@@ -1,4 +1,6 @@
-"""Work that the server itself does not do: figures in one process, records in another, the vehicle (with JAX) in a third.
+"""Work that the server itself does not do: results, predictions and records in a process each, the vehicle (with JAX) in a fourth.
+
+Predictions and records may be long, and are read ahead: what is short, such as a sweep of designs, does not wait for that.
 
 The server only passes answers on, so that it always has time for its viewers; answers are kept until the files change that they
 were made from.
@@ -24,7 +26,7 @@ KEPT = 400
 
 
 class WorkerPool:
-    """Three processes that answer questions, and the answers so far."""
+    """Four processes that answer questions, and the answers so far."""
 
     def __init__(self):
         self.pools: dict[str, ProcessPoolExecutor] = {}
@@ -33,6 +35,10 @@ class WorkerPool:
     async def draw(self, question: str, *about: Any, files: Sequence[Path] = ()) -> Any:
         """Ask a function of `result_plots`; the answer is kept while the files stay as they are."""
         return await self._ask("result_plots", question, about, files)
+
+    async def predict(self, question: str, *about: Any, files: Sequence[Path] = ()) -> Any:
+        """Ask a function of `prediction_views`; kept likewise."""
+        return await self._ask("prediction_views", question, about, files)
 
     async def think(self, question: str, *about: Any, files: Sequence[Path] = ()) -> Any:
         """Ask a function of `model_queries`; kept likewise."""
@@ -44,7 +50,7 @@ class WorkerPool:
 
     def warm(self) -> None:
         """Start all processes, so that the first viewer does not wait for what they import."""
-        for pool in ("result_plots", "record_views", "model_queries"):
+        for pool in ("result_plots", "record_views", "prediction_views", "model_queries"):
             self._submit(pool, "ready", ())
 
     def close(self) -> None:

@@ -255,7 +255,7 @@ async def _fits(context: AppContext, store: Store) -> None:
 
         async def show(at: tuple[int, int]) -> None:
             pictures.clear()
-            asked = context.worker_pool.draw("fit_about", path, *at, files=[path])
+            asked = context.worker_pool.predict("fit_about", path, *at, files=[path])
             await fill(pictures, asked, lambda about: fit_charts(context, path, *at, about), "reading …")
 
         if len(curves) > 1:
@@ -274,7 +274,7 @@ async def _fits(context: AppContext, store: Store) -> None:
             form.on_value_change(changed)
         return show((0, 0))
 
-    await fill(holder, context.worker_pool.draw("predicted", path, files=[path]), build)
+    await fill(holder, context.worker_pool.predict("predicted", path, files=[path]), build)
 
 
 async def _posteriors(context: AppContext, folder: Path, summary: Summary) -> None:
