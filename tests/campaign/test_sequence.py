@@ -158,7 +158,7 @@ def test_no_goal_is_met_by_standard_deviations_that_do_not_hold(tmp_path):
     assert not found.is_stop
     assert "only if the stated ± hold" in found.lines[-2]
     assert found.lines[-1].endswith("so slow")
-    assert "Its stated ± are too small" in answer(replace(outcome, fits=slow))
+    assert "Its stated ± do not hold" in answer(replace(outcome, fits=slow))
     (row,) = (one for one in outcome.summary["coefficients"] if one["name"] == "X_u")
     row["model_error_sd"] = 20 * abs(row["mean"])
     assert any(line.startswith("X_u is known to 2000 %, 900 % wanted") for line in propose(outcome).lines)

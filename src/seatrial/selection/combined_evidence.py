@@ -147,7 +147,7 @@ MOST_REPEATS = 4
 NESTED_RUNS, NESTED_LIVE, NESTED_MOVES = 4, 200, 4
 """Runs of nested sampling, live points of each, and slice moves for each parameter: an error of 0.2 nats where the data tell 26.
 
-With 2 moves instead of 4 it is 0.2 to 0.4 nats too low on a surge log with wide priors, of 5 parameters.
+With 2 moves instead of 4, the usual size, it is 0.2 nats too low under wide priors (`wide regression` of docs/evidence.py).
 """
 NESTED_UP_TO = 10
 """Parameters up to which nested sampling is asked: it takes 4 million evaluations in 10, 28 million in 20."""
@@ -360,7 +360,7 @@ def judge(
         alarms: what else is known against the result.
         alone: whether no other method was asked.
     """
-    value = next((name for name, one in evidences.items() if not one.status), next(iter(evidences)))
+    value = value_of({name: {"status": one.status} for name, one in evidences.items()})
     chosen, table, checks, higher, against = evidences[value], {}, 0, [], []
     for name, one in evidences.items():
         difference = one.log_value - chosen.log_value
@@ -396,9 +396,19 @@ def judge(
     return Evidence(chosen.log_value, chosen.std_error, chosen.method, diagnostics, "; ".join(said))
 
 
+def value_of(table: Mapping[str, Mapping[str, Any]]) -> str:
+    """Return the method whose value is taken, of a table as `judge` makes it: the first healthy one, or the first if none is."""
+    return next((name for name, one in table.items() if not one["status"]), next(iter(table)))
+
+
+def agrees(found: Mapping[str, Any]) -> bool:
+    """Return whether a method's row of that table agrees with the value that is taken."""
+    return abs(found["joint_errors"]) <= ALARM or abs(found["difference"]) <= FLOOR
+
+
 def _note(name: Method, found: Mapping[str, Any]) -> str:
     """Say why a method is not counted beside two that agree; nothing of one that agrees too."""
-    apart = not (abs(found["joint_errors"]) <= ALARM or abs(found["difference"]) <= FLOOR)
+    apart = not agrees(found)
     reasons = [complaint.split(": ")[0] for complaint in found["status"].split("; ") if complaint]
     if apart:
         reasons.append(f"it is {abs(found['difference']):.2f} nats {'above' if found['difference'] > 0 else 'below'}")

@@ -20,15 +20,15 @@ from seatrial.core.argument_checks import check_kind
 from seatrial.core.reporter import SILENT, Progress, Reporter
 from seatrial.sampling.tempered_smc import SMCResult, SMCSettings
 from seatrial.selection.combined_evidence import (
-    ALARM,
     CALLED,
-    FLOOR,
     EvidenceRun,
     Gathering,
     Keys,
     Piece,
     Weighed,
+    agrees,
     do,
+    value_of,
 )
 from seatrial.selection.evidence import Evidence, EvidenceSettings
 from seatrial.selection.structures import Structure
@@ -77,12 +77,12 @@ def agreement_words(evidence: Evidence) -> str:
     table = evidence.diagnostics["methods"]
     if len(table) == 1 and not evidence.status:
         return f"by {CALLED[next(iter(table))]} alone, since there is no other structure to compare with"
-    value = next((name for name, one in table.items() if not one["status"]), next(iter(table)))
+    value = value_of(table)
     others = {name: one for name, one in table.items() if name != value and not one["status"]}
     agree = [
         f"{CALLED[name]} ({abs(one['joint_errors']):.1f} joint errors away)"
         for name, one in others.items()
-        if abs(one["joint_errors"]) <= ALARM or abs(one["difference"]) <= FLOOR
+        if agrees(one)
     ]
     said = f"by {CALLED[value]}, " + (
         f"with which {' and '.join(agree)} agree{'s' * (len(agree) == 1)}"

@@ -12,7 +12,7 @@ from seatrial.core.files import is_there
 from seatrial.report.drawing import model_html
 from seatrial.report.numbers import percent, short
 from seatrial.sampling.diagnostics import MAX_R_HAT, MIN_ESS
-from seatrial.selection.combined_evidence import CALLED
+from seatrial.selection.combined_evidence import CALLED, value_of
 
 LIKELIHOODS = {
     "output-error": "free simulation (output error)",
@@ -89,7 +89,7 @@ def _health(outcome: Outcome, index: int) -> dict[str, Any]:
 
 def _apart(table: Mapping[str, Mapping[str, float]]) -> str:
     """Return how far the healthy method nearest to the value lies from it, in joint errors; a dash where there is none."""
-    value = next((name for name, one in table.items() if not one["status"]), next(iter(table)))
+    value = value_of(table)
     others = [abs(one["joint_errors"]) for name, one in table.items() if name != value and not one["status"]]
     return short(min(others), 2) if others else "–"
 

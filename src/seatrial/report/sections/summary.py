@@ -78,7 +78,7 @@ def answer(outcome: Outcome) -> Markup:
         return Markup("Do not use these numbers yet: {} failed.").format(_checks(len(own) + len(elsewhere)))
     said = [_unbeaten(outcome) + _basis(outcome), _found(outcome), _predicts(outcome)]
     if outcome.disowned:
-        said.append("Its stated ± are too small: the residuals are correlated.")
+        said.append("Its stated ± do not hold: the residuals are correlated.")
     if elsewhere:
         what = "The choice of the model is not reliable" if outcome.choice_alarms else "Another model is not reliable"
         said.append(Markup("{}: {} failed.").format(what, _checks(len(elsewhere))))
