@@ -85,7 +85,7 @@ def align(
             remedy="correct start and end, in seconds from the beginning of the overlap, or the step",
         )
 
-    columns, notes = {}, []
+    columns, notes, averaged = {}, [], {}
     cautions = [text for table in tables for text in table.cautions]
     slack = _NANOSECOND / 2 if step is None else _HAIR * step
     reach = _NANOSECOND if step is None else step / 2 + slack
@@ -95,7 +95,8 @@ def align(
         if track.channel.role == "control":
             columns[name], note = _hold(time, track.values, instants, slack)
         else:
-            columns[name], note = _place(time, track, instants, slack, reach)
+            columns[name], note, count = _place(time, track, instants, slack, reach)
+            averaged |= {name: count} if count > 1 else {}
         notes += [f"{name}: {note}"] if note else []
         cautions += [f'channel "{name}": {text}' for text in _holes(time, instants[-1], track.channel.role)]
     cautions += _sparse(tracks, step)
@@ -109,6 +110,7 @@ def align(
         "begins_at": str(origin + Decimal(f"{begin:.9f}")),
         "notes": notes,
         "cautions": cautions,
+        **({"averaged": averaged} if averaged else {}),
     }
     provenance = Provenance(
         ", ".join(dict.fromkeys(table.source for table in tables)),
@@ -253,8 +255,10 @@ def _hold(time: np.ndarray, values: np.ndarray, instants: np.ndarray, slack: flo
     return held, f"{several.size} instants hold the mean of what was held until the next" if several.size else ""
 
 
-def _place(time: np.ndarray, track: _Track, instants: np.ndarray, slack: float, reach: float) -> tuple[np.ndarray, str]:
-    """Put each measurement at its nearest instant and average those that meet.
+def _place(
+    time: np.ndarray, track: _Track, instants: np.ndarray, slack: float, reach: float
+) -> tuple[np.ndarray, str, float]:
+    """Put each measurement at its nearest instant and average those that meet; also returns how many do at the median.
 
     One midway between two is put at the earlier, where that has none of its own; else it is left out.
     """
@@ -279,8 +283,10 @@ def _place(time: np.ndarray, track: _Track, instants: np.ndarray, slack: float, 
     column = np.full(instants.size, np.nan)
     column[used] = values[firsts] + np.add.reduceat(deviation, firsts) / counts
     met = int((counts > 1).sum())
-    return column, (
+    return (
+        column,
         f"{values.size} samples, moved by at most {shift[near].max():.3g} s"
         + (f"; {met} instants hold the mean of two or more" if met else "")
-        + (f"; {doubled.sum()} midway between two instants were left out" if doubled.any() else "")
+        + (f"; {doubled.sum()} midway between two instants were left out" if doubled.any() else ""),
+        float(np.median(counts)),
     )

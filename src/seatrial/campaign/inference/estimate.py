@@ -1,7 +1,7 @@
 """Estimation of every candidate structure: mode, chains with checkpoints, health in words."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from functools import partial
 from typing import NamedTuple
@@ -14,6 +14,7 @@ from seatrial.campaign.compute.place import workers_of
 from seatrial.campaign.compute.shared_work import Study
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
+from seatrial.campaign.inference.long_steps import long_steps
 from seatrial.campaign.inference.omitted_effects import causes_of, left_out, remedies_of
 from seatrial.campaign.inference.posterior import is_whole, random_key, widest
 from seatrial.campaign.store.estimates import Estimate, HasKey, LeftOut, read_estimate
@@ -153,9 +154,10 @@ def _advance(study: Study, item: _Begun | _Unended, report: Progress) -> _Ended 
         if run.iteration // BLOCK % CHECKPOINT_EVERY == 0 and not is_finished(run, settings):
             return _Unended(structure, arrays_of_run(run))
     draws = in_posterior(target, sampler.finish(run))
+    doubts = long_steps(posterior, mode, study.records)
     mode = mode.only(posterior.places)
     missing = left_out(posterior, structure, robust.omitted)
-    return _Ended(_dataset(posterior, mode, robust, missing, draws, campaign.hull.trim))
+    return _Ended(_dataset(posterior, mode, robust, missing, draws, campaign.hull.trim, doubts))
 
 
 def _prepare(study: Study, structure: Structure) -> tuple[Posterior, Mode, RobustErrors, Target, Mode]:
@@ -174,13 +176,14 @@ def _dataset(
     missing: tuple[LeftOut, ...],
     draws: Draws,
     at: Mapping[str, float],
+    doubts: Sequence[str],
 ) -> Dataset:
     values = draws.values
     health = diagnose(values)
     parameters, names = posterior.present_parameters, posterior.present_names
     prior_sd = np.array([parameter.prior.sd for parameter in parameters])
     sd = values.std(axis=(0, 1))
-    cautions = information_complaints(posterior, mode, values.reshape(-1, len(names)), at)
+    cautions = [*doubts, *information_complaints(posterior, mode, values.reshape(-1, len(names)), at)]
     prior_value, prior_density = zip(*prior_curves(posterior).values(), strict=True)
     wider = {name: robust.wider(name, float(one)) for name, one in zip(names, sd, strict=True)}
     wide = [name for name, one in wider.items() if one is not None]

@@ -18,6 +18,7 @@ from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.estimate import estimate_key, prior_curves
 from seatrial.campaign.inference.identifiability import symmetry_of
 from seatrial.campaign.inference.judge_predictions import N_DRAWS, HeldBack, held_back_lines, predict_held_back
+from seatrial.campaign.inference.long_steps import long_steps
 from seatrial.campaign.inference.omitted_effects import causes_of, left_out, remedies_of
 from seatrial.campaign.inference.posterior import is_whole, random_key
 from seatrial.campaign.store.estimates import HasKey, with_model_error
@@ -214,7 +215,11 @@ def _mode(
     )
     flat = "in one direction the posterior is flat, and its standard deviations are those of the prior there"
     missing = left_out(posterior, structure, robust.omitted) if robust else ()
-    cautions = [flat] * mode.flat + [one.sentence for one in missing]
+    cautions = (
+        [flat] * mode.flat
+        + (long_steps(posterior, whole, study.records) if robust else [])
+        + [one.sentence for one in missing]
+    )
     note = f"log evidence by Laplace {mode.log_evidence:.2f}  {' '.join(structure.terms)}"
     held_back = predict_held_back(campaign, drawn, trials)
     told = {name: robust.wider(name, sd) for name, _, ((_, sd),) in rows} if robust else {}
