@@ -78,7 +78,7 @@ def speed(gain=1.0, drag=-6.0, constant=0.0):
     return np.array(found)
 
 
-def write(folder, scale, text=CAMPAIGN):
+def write(folder, scale="1.0", text=CAMPAIGN):
     """A vehicle of the prior means of `CAMPAIGN`, with noise."""
     folder.mkdir()
     (folder / "campaign.toml").write_text(text.replace("SCALE", scale))
@@ -90,7 +90,7 @@ def write(folder, scale, text=CAMPAIGN):
 
 @pytest.mark.parametrize(
     ("scale", "code", "told"),
-    [("1.0", 0, "record one: pass"), ("-1.0", 3, "set scale = -1"), ("57.3", 0, "degrees taken for radians")],
+    [("1.0", 0, "record one: pass"), ("-1.0", 3, "set scale = -1"), ("3.28084", 0, "feet taken for metres")],
 )
 def test_the_sign_and_the_unit_of_a_channel(tmp_path, scale, code, told):
     write(tmp_path / "a", scale)
@@ -98,6 +98,29 @@ def test_the_sign_and_the_unit_of_a_channel(tmp_path, scale, code, told):
     assert result.exit_code == code, result.output
     assert told in result.output
     assert (tmp_path / "a" / "check-one.svg").read_text().endswith("</svg>\n")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        (
+            "SCALE",
+            "1.94",
+            "u          trim: with the controls at trim about 2.398 m/s (vehicle.trim.u is 1.2 m/s); knots taken for m/s",
+        ),
+        (
+            'unit = "N"',
+            'unit = "lbf"',
+            "tau_X      trim: of about 44.48 N (vehicle.trim.tau_X is 10 N); pounds-force taken for newtons",
+        ),
+        ('unit = "s"', 'unit = "ms"', "time       clock: 0.0001 s between samples"),
+    ],
+)
+def test_a_record_that_contradicts_the_trim_or_any_clock(tmp_path, old, new, told):
+    """The unit error is within what the priors allow; 10 N hold (10/6)^(1/2) = 1.29 m/s less what is still missing after 15 s."""
+    text = CAMPAIGN.replace('mass = "30 kg"', 'mass = "30 kg"\ntrim = { u = "1.2 m/s", tau_X = "10 N" }')
+    write(tmp_path / "a", text=text.replace(old, new))
+    assert told in CliRunner().invoke(app, ["check", str(tmp_path / "a"), "--quiet"]).output
 
 
 def test_empty_cells_are_told_with_what_is_done_with_them(tmp_path):

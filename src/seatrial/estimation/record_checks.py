@@ -14,7 +14,8 @@ import numpy as np
 from jaxtyping import Float
 
 from seatrial.core.coefficients import CoefficientName
-from seatrial.core.signals import HELD
+from seatrial.core.display_units import shown_unit
+from seatrial.core.signals import ANGLE, ANGULAR_RATE, FORCE, MOMENT, RATES, SPEED, signal_unit
 from seatrial.manoeuvres.manoeuvre import Limits
 
 RecordLevel = Literal["pass", "note", "caution", "fail"]
@@ -23,19 +24,37 @@ OPPOSED, RELATED = -0.4, 0.5
 """Correlation with the expected motion below which a channel goes the other way, and from which size and delay can be told."""
 SIZE = 3.0
 """Ratio to the expected motion, or its inverse, from which a unit is doubted."""
-CONFUSED = {
+_LENGTHS = {
+    "knots taken for m/s, or the reverse": 1.94384,
+    "feet taken for metres, or the reverse": 3.28084,
+    "km/h taken for m/s, or the reverse": 3.6,
+    "centimetres taken for metres, or the reverse": 100.0,
+    "millimetres taken for metres, or the reverse": 1000.0,
+}
+_TURNS = {
     "degrees taken for radians, or the reverse": 180 / pi,
     "rpm taken for rad/s, or the reverse": 30 / pi,
-    "millimetres taken for metres, or the reverse": 1000.0,
     "revolutions taken for radians, or the reverse": 2 * pi,
     "minutes taken for seconds, or the reverse": 60.0,
 }
-"""Factors of unit errors."""
-FORCES = {
+_FORCES = {
     "kilograms-force taken for newtons, or the reverse": 9.80665,
     "pounds-force taken for newtons, or the reverse": 4.44822,
 }
-"""Those of a force gauge."""
+CONFUSED = {
+    str(SPEED): _LENGTHS,
+    str(ANGULAR_RATE): _TURNS,
+    str(ANGLE): _TURNS,
+    str(FORCE): _FORCES,
+    str(MOMENT): _FORCES,
+}
+"""Factors of unit errors by the SI unit of what is measured or commanded."""
+UNLIKE, AT = 1.5, 0.1
+"""Ratio to the stated trim, or its inverse, from which a record contradicts it, and share by which a control may be off its trim there."""
+SELDOM = 0.01
+"""Share of the samples in which a control must come near its trim."""
+QUICK, SLOW = 1e-3, 10.0
+"""Seconds between samples below and above which the unit of a clock is doubted."""
 CUT = 0.02
 """Share of the samples that may lie at the very end of a gauge's range while the expected force goes on."""
 BEYOND = 0.01
@@ -128,7 +147,7 @@ def check_motion(
     fits = 1 / SIZE <= ratio <= SIZE
     value, remedy = (
         f"{ratio:.3g} times the motion expected",
-        "" if fits else _unit_guess(ratio, FORCES if name in HELD else CONFUSED),
+        "" if fits else _unit_guess(name, ratio, "check the units in the channel map, and the priors"),
     )
     results.append(RecordFinding(name, "size", "pass" if fits else "caution", value, limits, remedy))
     return [*results, *_delay(name, lag * step, correlation, _correlation(measured, expected), has_delay)]
@@ -180,6 +199,49 @@ def check_limits(
             value = f"the record reaches {end * factor:.4g} {unit}"
             results.append(RecordFinding(name, "limits", "caution", value, limit, remedy))
     return results
+
+
+def check_trim(
+    trim: Mapping[str, float],
+    controls: Mapping[str, Float[np.ndarray, " n"]],
+    measured: Mapping[str, Float[np.ndarray, " n"]],
+) -> list[RecordFinding]:
+    """Return what contradicts the trim: a control that never comes near its value, a speed of another size where all controls do.
+
+    Args:
+        trim: of controls and velocities that belong together, SI.
+        controls: of the record by name, SI.
+        measured: velocities of the record by name, SI, NaN where not measured.
+    """
+    results, is_there = [], True
+    for name in (one for one in controls if trim.get(one)):
+        share = controls[name] / trim[name]
+        is_there = is_there & (np.abs(share - 1) < AT)
+        if np.mean((share > 1 / UNLIKE) & (share < UNLIKE)) < SELDOM and np.any(share):
+            size = np.median(np.abs(share[share != 0]))
+            results.append(_unlike_trim(name, trim[name], float(size if share.max() > 0 else -size), "of about"))
+    for name in (one for one in measured if one in RATES[:3] and trim.get(one)):
+        share = (measured[name] / trim[name])[is_there & np.isfinite(measured[name])]
+        ratio = float(np.median(share)) if share.size >= AROUND else 1.0
+        if not 1 / UNLIKE <= ratio <= UNLIKE:
+            results.append(_unlike_trim(name, trim[name], ratio, "with the controls at trim about"))
+    return results
+
+
+def _unlike_trim(name: str, trim: float, ratio: float, when: str) -> RecordFinding:
+    factor, unit = shown_unit(name)
+    value, limit = f"{when} {ratio * trim * factor:.4g} {unit}", f"vehicle.trim.{name} is {trim * factor:.4g} {unit}"
+    remedy = _unit_guess(name, ratio, "check column, unit and sign in the channel map, or correct the trim")
+    return RecordFinding(name, "trim", "caution", value, limit, remedy)
+
+
+def check_clock(step: float) -> list[RecordFinding]:
+    """Return the doubt of a clock whose samples, `step` seconds apart at the median, come quicker or slower than a vehicle is logged."""
+    if QUICK <= step <= SLOW:
+        return []
+    remedy = "check the unit of the time column in the channel map: ms taken for us, or s for min?"
+    value, limit = f"{step:.2g} s between samples", f"usual: {QUICK:g} to {SLOW:g} s"
+    return [RecordFinding("time", "clock", "caution", value, limit, remedy)]
 
 
 def check_turn(
@@ -408,11 +470,8 @@ def _correlation(a: np.ndarray, b: np.ndarray) -> float:
     return float(np.corrcoef(a[there], b[there])[0, 1])
 
 
-def _unit_guess(ratio: float, confused: Mapping[str, float]) -> str:
-    size = max(ratio, 1 / ratio)
-    near = [words for words, factor in confused.items() if 0.6 < size / factor < 1.6]
-    return (
-        f"{near[0]}? check the unit in the channel map"
-        if near
-        else "check the units in the channel map, and the priors"
-    )
+def _unit_guess(name: str, ratio: float, otherwise: str) -> str:
+    """Return the remedy: the unit error of a signal whose factor is nearest to a ratio, or what to check if none is near."""
+    size = max(abs(ratio), 1 / max(abs(ratio), 1e-300))
+    near = {abs(np.log(size / factor)): words for words, factor in CONFUSED.get(signal_unit(name), {}).items()}
+    return f"{near[min(near)]}? check the unit in the channel map" if near and min(near) < np.log(1.6) else otherwise

@@ -23,12 +23,14 @@ from seatrial.estimation.first_guess import first_guess
 from seatrial.estimation.priors import Prior
 from seatrial.estimation.record_checks import (
     RecordFinding,
+    check_clock,
     check_excitation,
     check_limits,
     check_motion,
     check_range,
     check_samples,
     check_signs,
+    check_trim,
     check_turn,
     not_judged,
     says_direction,
@@ -121,8 +123,11 @@ def _judge(campaign: Campaign, record: Record) -> RecordJudgement:
     findings += check_signs(plan.names, {**driven, **measured}, campaign.noise)
     for name in (one for one in campaign.control_limits if one in driven):
         findings += check_limits(name, driven[name], campaign.control_limits[name], *shown_unit(name))
+    is_real, usual = record.provenance.source != SIMULATED, float(np.median(np.diff(record.time)))
+    if is_real:
+        findings += [*check_clock(usual), *check_trim(campaign.hull.trim, driven, measured)]
     runs_away = not np.isfinite(expected).all()
-    steps = [] if record.provenance.source == SIMULATED else _steps(campaign, record, alone, tried, control, expected)
+    steps = _steps(campaign, record, alone, tried, control, expected) if is_real else []
     findings += steps
     if runs_away:
         if not steps:
@@ -130,7 +135,7 @@ def _judge(campaign: Campaign, record: Record) -> RecordJudgement:
             value = "the vehicle at the prior means runs away"
             findings.append(RecordFinding("motion", "direction", "caution", value, "it must not", remedy))
         return RecordJudgement(record, tuple(findings), tuple(record_cautions(record)))
-    usual, unsaid = float(np.median(np.diff(record.time))), []
+    unsaid = []
     turns = [name for name in measured if name in QUATERNION]
     for index, (name, column) in enumerate(measured.items()):
         if name in turns:
