@@ -212,7 +212,7 @@ MEANINGS: dict[str, dict[str, tuple[str, str]]] = {
     "ImportTable": {
         "fit": ("", "labels of the runs that are fitted jointly"),
         "predict": ("", "labels of the runs that are only predicted"),
-        "step": ("time", "step of the common clock; if not given, that of the fastest channel"),
+        "step": ("time", "step of the common clock; if not given, the stamps of all channels together"),
         "start": ("time", "cut off what comes before this"),
         "end": ("time", "cut off what comes after this"),
         "trim": ("", "`[import.trim.RUN]`, for a run with its own start and end"),

@@ -9,12 +9,14 @@ import pytest
 import xarray as xr
 
 from seatrial.campaign.config.load import load_campaign
+from seatrial.campaign.design.sweep import design_first
 from seatrial.campaign.store.stored_result import Store, stamp_of
 from seatrial.campaign.workflow.loop import run_loop
+from seatrial.core.errors import InputError
 from seatrial.core.files import watching_files
 from seatrial.core.reporter import SilentReporter
 from seatrial.report.page import write_report
-from tests.campaign.small import hearing_of_files, write_small
+from tests.campaign.small import NO_X_U, SMALL, hearing_of_files, write_small
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +39,7 @@ def test_probabilities_and_words_are_complete(finished):
     assert sum(item["probability"] for item in summary["structures"]) == pytest.approx(1.0)
     assert len(summary["structures"]) == 2
     assert any("X_u" in verdict for verdict in summary["verdicts"])
-    assert summary["next_trial"]["gain_nat"] > 0
+    assert summary["next_trial"]["best"]["gain_nat"] > 0
     assert summary["alarms"] == []
 
 
@@ -104,3 +106,28 @@ def test_an_edited_key_recomputes_what_depends_on_it(finished, tmp_path):
     run_loop(load_campaign(copy), SilentReporter())
     changed = {name for name, stamp in stamps.items() if stamp_of(copy / "results" / name) != stamp}
     assert changed == {"selection.json"}
+
+
+def test_a_log_is_fitted_and_reported_without_a_design(tmp_path, finished):
+    """What designs a trial is refused with the key to add; a campaign without logs needs it."""
+    record = xr.load_dataset(Store(finished[0]).record("trial"), engine="h5netcdf")
+    text = SMALL[: SMALL.index("[design]")] + SMALL[SMALL.index("[estimation]") :]
+    for old, new in NO_X_U[:2]:
+        text = text.replace(old, new)
+    rows = [
+        f"{t},{n},{u}" for t, n, u in zip(record["time"].values, record["n"].values, record["u"].values, strict=True)
+    ]
+    (tmp_path / "log.csv").write_text("\n".join(["t,n,u", *rows]) + "\n")
+    channels = 'channels = { n = { column = "n", unit = "rad/s" }, u = { column = "u", unit = "m/s" } }'
+    text += f'[import]\nfit = ["1"]\n[[import.files]]\npath = "log.csv"\ntime = {{ column = "t", unit = "s" }}\n{channels}\n'
+    (tmp_path / "campaign.toml").write_text(text)
+    campaign = load_campaign(tmp_path)
+    outcome = run_loop(campaign, SilentReporter())
+    assert outcome.summary["next_trial"]["best"] is None
+    assert "add [design] to the campaign" in outcome.summary["next_trial"]["words"]
+    assert "The next trial" not in write_report(outcome).read_text()
+    with pytest.raises(InputError, match=r"key design\n"):
+        design_first(campaign)
+    (tmp_path / "campaign.toml").write_text(text[: text.index("[import]")])
+    with pytest.raises(InputError, match='control = "n"'):
+        load_campaign(tmp_path)

@@ -117,7 +117,8 @@ def _worked(home: Path, reporter: Any, work: Work, answer: Answer) -> Exit:
     from seatrial.campaign.config.named_files import folders_outside
 
     campaign = load_campaign(home)
-    own = [] if campaign.design.own is None else [Path(campaign.design.own.source)]
+    stated = campaign.trial_design
+    own = [] if stated is None or stated.own is None else [Path(stated.own.source)]
     for outside in folders_outside(campaign.folder, campaign.known_from, campaign.imports, own):
         reporter.say(f"reads files outside the campaign's folder, in {outside}")
     return work(campaign, reporter, answer)

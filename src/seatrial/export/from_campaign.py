@@ -110,8 +110,9 @@ def _alone(campaign: Campaign, estimate: Estimate) -> tuple[ExportedVehicle, Exp
     means = dict(zip(estimated.names, map(float, estimated.mean), strict=True))
     coefficients = {**hull.fixed, **means}
     common, beside = {"coefficients": coefficients, "estimated": estimated}, {}
+    model = vehicle.model(structure)
     if isinstance(vehicle, WholeVehicle):
-        model, tether = vehicle.model(structure), vehicle.hull.tether
+        tether = vehicle.hull.tether
         sought = [one.name for one in model.unknowns if one.name in estimate.names]
         beside = {name: float(estimate.draws([name]).mean()) for name in sought}
         moves = tuple(rate for rate in RATES if rate in vehicle.body.moves) or ("u",)
@@ -121,7 +122,7 @@ def _alone(campaign: Campaign, estimate: Estimate) -> tuple[ExportedVehicle, Exp
             moves=moves,
             added_coriolis=vehicle.body.added_coriolis,
             thrusters=vehicle.body.thrusters,
-            actuators=_actuators(campaign.family.control, campaign.limits, model),
+            actuators=_actuators(campaign, model),
             **common,
         )
         moved = ", ".join(rate for rate in RATES if rate in model.states)
@@ -134,9 +135,7 @@ def _alone(campaign: Campaign, estimate: Estimate) -> tuple[ExportedVehicle, Exp
             thrust_deduction=hull.thrust_deduction,
             trim=hull.trim,
         )
-        result = ExportedVehicle(
-            hull.name, body, moves=("u",), actuators=_actuators(campaign.family.control, campaign.limits), **common
-        )
+        result = ExportedVehicle(hull.name, body, moves=("u",), actuators=_actuators(campaign, model), **common)
         moved = "u"
     source = vehicle.catalogue
     given = [name for name in coefficients if name not in means]
@@ -152,7 +151,7 @@ def _alone(campaign: Campaign, estimate: Estimate) -> tuple[ExportedVehicle, Exp
         tuple([", ".join(absent)] if absent else []),
         (
             f"{'body' if result.knows_body else 'mass'}{', and ' + ' '.join(given) if given else ''}: {where}",
-            *_limit_words(campaign.family.control, campaign.limits, result),
+            *_limit_words(campaign, result),
         ),
         (
             *estimate.alarms,
@@ -224,25 +223,24 @@ def _with_rest(
     )
 
 
-def _actuators(control: str, limits: Limits, model: VehicleModel | None = None) -> dict[str, Actuator]:
-    """Return the lags and limits of the campaign's vehicle; the designed control has those of its trials where it has no others."""
+def _actuators(campaign: Campaign, model: VehicleModel) -> dict[str, Actuator]:
+    """Return the lags and limits of the campaign's vehicle; a control has those of its trials where it has no others."""
     results: dict[str, dict[str, float]] = {}
-    for key, value in () if model is None else model.constants:
+    for key, value in model.constants:
         if key.startswith("actuator "):
             _, name, part = key.split(" ")
             results.setdefault(name, {})[part] = value
     actuators = {name: Actuator(**parts) for name, parts in results.items()}
-    lower, upper, rate = (getattr(limits, key) for key in ("lower", "upper", "rate"))
-    if control not in actuators and not (lower is None and upper is None and rate is None):
-        actuators[control] = Actuator(
-            0.0, -inf if lower is None else lower, inf if upper is None else upper, inf if rate is None else rate
-        )
+    for name, limits in campaign.control_limits.items():
+        if name in model.controls and name not in actuators and limits != Limits():
+            bounds = ((limits.lower, -inf), (limits.upper, inf), (limits.rate, inf))
+            actuators[name] = Actuator(0.0, *(no_bound if bound is None else bound for bound, no_bound in bounds))
     return actuators
 
 
-def _limit_words(control: str, limits: Limits, vehicle: ExportedVehicle) -> list[str]:
-    known = control in vehicle.actuators and limits != Limits()
-    return [f"limits of {control}: those of its trials, [limits] of campaign.toml"] if known else []
+def _limit_words(campaign: Campaign, vehicle: ExportedVehicle) -> list[str]:
+    told = [name for name in campaign.control_limits if name in vehicle.actuators]
+    return [f"limits of {', '.join(told)}: those of its trials, [limits] of campaign.toml"] if told else []
 
 
 def _estimated(estimate: Estimate, structure: Structure) -> CoefficientEstimates:

@@ -66,6 +66,7 @@ def next_trial(
 
         if execute:
             check_simulated(campaign)
+        _ = campaign.design  # said before the loop is run
         look = _by_loop if by is NextBy.CHAINS else _by_mode
         found = look(campaign, reporter)
         if execute and found.proposal.trial is not None:

@@ -136,14 +136,15 @@ def _export_target(exporter: Exporter, vehicle: ExportedVehicle) -> ExportTarget
 def form_data(folder: str) -> FormData:
     """Read a campaign for the forms."""
     campaign = load_campaign(folder)
-    control, imports = campaign.family.control, campaign.imports
+    model, imports = campaign.model(campaign.full), campaign.imports
+    control = model.controls[0] if campaign.trial_design is None else campaign.family.control
     stated = toml_content(campaign.path, campaign.text).get("limits", {})
-    known, limits = [control, *motion_signals(campaign.model(campaign.full))], []
+    known, limits = [control, *motion_signals(model)], []
     for name in [control, *(one for one in stated if one != control)]:
         unit = shown_unit(name)[1]
         written = [str(stated.get(name, {}).get(part, "")) for part in ("lower", "upper", "rate")]
         limits.append(Limit(name, unit, *written, has_rate=name == control))
-    shown = true_coefficients(campaign, campaign.model(campaign.full))
+    shown = true_coefficients(campaign, model)
     return FormData(
         campaign.name,
         imports is not None,

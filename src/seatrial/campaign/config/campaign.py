@@ -60,9 +60,8 @@ class Campaign:
         priors: of coefficients, delay and nuisances, by name, SI.
         prior_units: units in which priors are written, by name; SI where nothing is said.
         sensors: by the channel that each measures.
-        design: which trials are tried.
-        limits: of the designed control.
-        other_limits: of other controls, by name, which schedules may move.
+        trial_design: which trials are tried; None where imported runs are fitted, and none is designed.
+        control_limits: of controls, by name, SI.
         motion_limits: of the motion.
         autopilot: through which trials run.
         power: what a trial draws; None where nobody asks.
@@ -86,10 +85,9 @@ class Campaign:
     structure: StructureSettings
     priors: Mapping[str, Prior]
     sensors: Mapping[str, SensorSettings]
-    design: DesignSettings
+    trial_design: DesignSettings | None
     prior_units: Mapping[str, str] = field(default_factory=dict)
-    limits: Limits = Limits()
-    other_limits: Mapping[str, Limits] = field(default_factory=dict)
+    control_limits: Mapping[str, Limits] = field(default_factory=dict)
     motion_limits: tuple[MotionLimit, ...] = ()
     autopilot: AutopilotSettings = AutopilotSettings()
     power: Power | None = None
@@ -269,6 +267,22 @@ class Campaign:
         """Whether the delay between command and action is estimated."""
         return "delay" in self.priors
 
+    @property
+    def design(self) -> DesignSettings:
+        """Which trials are tried.
+
+        Raises:
+            InputError: the campaign designs none.
+        """
+        if self.trial_design is None:
+            raise InputError(
+                self.where("design"),
+                found="nothing",
+                expected="[design]: which control a trial moves, how long, and in which shapes, amplitudes and periods",
+                remedy="add [design] to design a trial; without it a campaign imports, checks, estimates, selects and reports",
+            )
+        return self.trial_design
+
     @cached_property
     def families(self) -> tuple[Family, ...]:
         """Families that are swept; all of one control, trim and timing."""
@@ -281,13 +295,24 @@ class Campaign:
         return self.design.family
 
     @property
-    def control_limits(self) -> Mapping[str, Limits]:
-        """Limits of every control that has any, by name, SI."""
-        return {self.family.control: self.limits, **self.other_limits}
+    def limits(self) -> Limits:
+        """Limits of the designed control, SI."""
+        return self.control_limits.get(self.family.control, Limits())
+
+    @property
+    def other_limits(self) -> Mapping[str, Limits]:
+        """Limits of other controls, which schedules may move, SI."""
+        return {name: limits for name, limits in self.control_limits.items() if name != self.family.control}
+
+    @property
+    def trim(self) -> Mapping[str, float]:
+        """Trim values of states and controls that are stated, SI; that of a designed control where the design states another."""
+        stated = self.trial_design
+        return self.hull.trim if stated is None else {**self.hull.trim, stated.family.control: stated.family.trim}
 
     def state_trim(self, model: VehicleModel) -> tuple[float, ...]:
         """Trim value of every state of a model, SI; level and 0 where nothing is said."""
-        return level_start(model, {**self.hull.trim, self.family.control: self.family.trim})
+        return level_start(model, self.trim)
 
     def pilot(self, controls: Sequence[str]) -> Autopilot | None:
         """Return the autopilot of a vehicle of these controls; None where trials act on them directly."""
@@ -304,16 +329,16 @@ class Campaign:
         Raises:
             InputError: a control without a trim value.
         """
-        known = {**self.autopilot.moved, **self.hull.trim, **self.autopilot.trim, self.family.control: self.family.trim}
+        known = {**self.autopilot.moved, **self.trim, **self.autopilot.trim}
         commands = (*model.controls, *self.autopilot.trim)
-        for name in commands:
-            if name not in known:
-                raise InputError(
-                    self.where(f"vehicle.trim.{name}"),
-                    found="nothing",
-                    expected=f"the value at which {name} is held while {self.family.control} is driven",
-                    remedy=f'add it to the trim of [vehicle], for example {name} = "0 {shown_unit(name)[1]}"',
-                )
+        if missing := [name for name in commands if name not in known]:
+            example = ", ".join(f'{name} = "0 {shown_unit(name)[1]}"' for name in missing)
+            raise InputError(
+                self.where(f"vehicle.trim.{missing[0]}"),
+                found="nothing",
+                expected=f"the value at which {' and '.join(missing)} would be held while a trial moves another control",
+                remedy=f"add to the trim of [vehicle], for example {example}",
+            )
         return tuple((name, known[name]) for name in commands)
 
     def prediction(self, model: VehicleModel) -> Prediction | None:
@@ -322,14 +347,14 @@ class Campaign:
         Raises:
             InputError: something the vehicle cannot predict, or a control without a trim value.
         """
-        stated, family = self.design.prediction, self.family
+        stated = None if self.trial_design is None else self.trial_design.prediction
         if stated is None:
             return None
         trim = self.control_trim(model)[: len(model.controls)]
-        controls = [stated.control if name == family.control else value for name, value in trim]
+        controls = [stated.control if name == self.family.control else value for name, value in trim]
         with located(self.where("design.prediction.of")):
             start = self.state_trim(model)
-            return prediction(model, stated.of, start, controls, stated.after, family.sample_time)
+            return prediction(model, stated.of, start, controls, stated.after, self.family.sample_time)
 
 
 def sensor_models(sensors: Mapping[str, SensorSettings], residuals: Residuals) -> tuple[Sensor, ...]:

@@ -95,6 +95,8 @@ def _current(file: CampaignFile) -> Iterator[Idle]:
 
 def _design(file: CampaignFile, campaign: Campaign) -> Iterator[Idle]:
     table = file.design
+    if table is None:
+        return
     if "probability" in table.model_fields_set and not campaign.motion_limits:
         yield Idle(
             "design.probability", "[limits] bounds no motion", "remove it, or limit the motion: [limits.distance]"

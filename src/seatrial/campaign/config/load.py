@@ -4,6 +4,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import replace
 from math import inf
 from pathlib import Path
+from textwrap import indent
 
 from seatrial.campaign.config.autopilot_table import read_autopilot
 from seatrial.campaign.config.campaign import Campaign, sensor_models
@@ -26,6 +27,7 @@ from seatrial.campaign.config.schema import (
 )
 from seatrial.campaign.config.sensor_table import measured_angles, read_sensors, with_attitude, with_mounts
 from seatrial.campaign.config.settings import (
+    AutopilotSettings,
     ComputeSettings,
     EstimationSettings,
     Goal,
@@ -41,9 +43,9 @@ from seatrial.campaign.config.vehicle import CampaignVehicle, WholeVehicle
 from seatrial.campaign.config.vehicle_table import read_vehicle
 from seatrial.campaign.store.stored_result import FILE_NAME, campaign_folder
 from seatrial.core.argument_checks import check_path
+from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError, located, nearest
 from seatrial.core.signals import ANGLES, QUATERNION, signal_unit, thruster_controls
-from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.selection.structures import Structure
 from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.thrusters import ThrustLaw
@@ -116,20 +118,24 @@ def _campaign(file: CampaignFile, keys: FileKeys) -> Campaign:
     inertia = 1.0 if vehicle.hull.mass is None else vehicle.hull.mass
     priors = read_priors(tables, keys, units, tuple(unknown), rules.never, inertia)
     process_noise = _process_noise(file.filter, keys, units, model)
-    sample_time = keys.si(file.design.sample_time, "s", "design.sample_time")
-    autopilot = read_autopilot(file.autopilot, keys, model, tuple(sensors), vehicle.hull.trim, sample_time)
+    _check_source(file, keys, model)
+    autopilot, design, power = AutopilotSettings(), None, None
+    if file.design is not None:
+        sample_time = keys.si(file.design.sample_time, "s", "design.sample_time")
+        autopilot = read_autopilot(file.autopilot, keys, model, tuple(sensors), vehicle.hull.trim, sample_time)
     commands = (*model.controls, *autopilot.trim)
-    trim = {**vehicle.hull.trim, **autopilot.trim}
-    design = read_design(file.design, keys, commands, trim, tuple(sensors))
-    check_utility(design, keys, is_one_structure=not rules.optional, has_autopilot=bool(autopilot.loops))
     limits, motion_limits = read_limits(file.limits, keys, model, commands)
-    if file.design.schedule is not None:
-        where = keys.where("design.schedule")
-        with located(where):
-            own = read_own(find(folder, file.design.schedule, where), commands, limits, design.family.sample_time)
-        design = replace(design, own=own)
-    is_powered = file.power is not None or design.per == "joule"
-    _check_one_source(file, keys)
+    if file.design is not None:
+        trim = {**vehicle.hull.trim, **autopilot.trim}
+        design = read_design(file.design, keys, commands, trim, tuple(sensors))
+        check_utility(design, keys, is_one_structure=not rules.optional, has_autopilot=bool(autopilot.loops))
+        if file.design.schedule is not None:
+            where = keys.where("design.schedule")
+            with located(where):
+                own = read_own(find(folder, file.design.schedule, where), commands, limits, design.family.sample_time)
+            design = replace(design, own=own)
+        if file.power is not None or design.per == "joule":
+            power = read_power(file.power, keys, file.design.control)
     recorded = (*commands, *model.channel_units())
     campaign = Campaign(
         name=file.campaign.name,
@@ -139,12 +145,11 @@ def _campaign(file: CampaignFile, keys: FileKeys) -> Campaign:
         priors=priors,
         prior_units={name: table.unit for name, table in tables.items() if table.unit is not None},
         sensors=sensors,
-        design=design,
-        limits=limits.pop(file.design.control, Limits()),
-        other_limits=limits,
+        trial_design=design,
+        control_limits=limits,
         motion_limits=motion_limits,
         autopilot=autopilot,
-        power=read_power(file.power, keys, file.design.control) if is_powered else None,
+        power=power,
         goal=None if file.goal is None else _goal(file.goal, keys, units),
         plan=PlanSettings() if file.plan is None else _plan(file.plan, keys, is_power_known=file.power is not None),
         truth=file.truth,
@@ -164,9 +169,9 @@ def _campaign(file: CampaignFile, keys: FileKeys) -> Campaign:
             expected='"estimated": no log says the velocity of the water at the start',
             remedy='set initial = "estimated", or remove vehicle.current',
         )
-    _ = campaign.full, campaign.families, campaign.prediction(model)
+    _ = campaign.full, campaign.prediction(model)
     check_truth(campaign)
-    _check_start(campaign, is_trim_stated=file.design.trim is not None)
+    _check_start(campaign, is_trim_stated=file.design is not None and file.design.trim is not None)
     return campaign
 
 
@@ -300,8 +305,8 @@ def _compute(table: ComputeTable) -> ComputeSettings:
     return ComputeSettings(table.workers, None if table.slurm is None else SlurmJobs(**table.slurm.model_dump()))
 
 
-def _check_one_source(file: CampaignFile, keys: FileKeys) -> None:
-    """Check that trials are simulated, or imported, or neither."""
+def _check_source(file: CampaignFile, keys: FileKeys, model: VehicleModel) -> None:
+    """Check that trials are simulated, or imported, or neither; and that they are designed unless they are imported."""
     if file.truth and file.imported is not None:
         raise InputError(
             str(keys.path),
@@ -309,6 +314,27 @@ def _check_one_source(file: CampaignFile, keys: FileKeys) -> None:
             expected="one of them: a simulated vehicle or a real log",
             remedy="remove one of the two; without both a trial is designed before there are any data",
         )
+    needing = [f"[{name}]" for name in ("autopilot", "power", "plan") if getattr(file, name)]
+    if file.design is None and (needing or file.imported is None):
+        raise InputError(
+            keys.where("design"),
+            found="nothing",
+            expected=f"[design], {'without [import]' if file.imported is None else 'beside ' + needing[0]}: what a trial may be",
+            remedy=f"add it; for example\n{indent(_design_example(model.controls[0]), '    ')}",
+        )
+
+
+def _design_example(control: str) -> str:
+    """Return a section that designs trials of a control."""
+    unit = shown_unit(control)[1]
+    least, greatest = {"rpm": (100, 300), "deg": (2, 15)}.get(unit, (2, 20))
+    return f'''[design]
+control = "{control}"
+duration = "60 s"
+active = "45 s"
+sample_time = "0.1 s"
+amplitude = {{ from = "{least} {unit}", to = "{greatest} {unit}", points = 5 }}
+period = {{ from = "4 s", to = "32 s", points = 8 }}'''
 
 
 def _check_start(campaign: Campaign, is_trim_stated: bool) -> None:

@@ -282,6 +282,8 @@ class DesignTable(Table):
     compared with the families, and is the first trial that is run. Controls named under `together` move at the same
     time. The amplitude of each belongs to the largest amplitude of `control`: `{ n = "100 rpm" }`. A control with slower motion may
     have a longer period: `{ n = { amplitude = "100 rpm", period = 2.0 } }`.
+
+    Without this table a campaign with `[import]` is fitted and reported, and no next trial is proposed.
     """
 
     control: str
@@ -492,7 +494,7 @@ class CampaignFile(Table):
     mounts: dict[str, MountTable] = {}
     limits: dict[str, LimitsTable] = {}
     autopilot: dict[str, LoopTable] = {}
-    design: DesignTable
+    design: DesignTable | None = None
     power: PowerTable | None = None
     goal: GoalTable | None = None
     plan: PlanTable | None = None

@@ -57,9 +57,8 @@ class Session:
         self.controls, self.measured = self.recursion.model.controls, campaign.channels
         self.channels = Channels(campaign, name, self.notes.say)
         self.clock = ClockGate(settings.gap, self.notes.say)
-        limits, driven = campaign.limits, campaign.family.control
-        size = max(abs(limits.lower), abs(limits.upper))
-        known = {driven: size} if np.isfinite(size) and size > 0 else {}
+        sizes = {name: max(abs(one.lower), abs(one.upper)) for name, one in campaign.control_limits.items()}
+        known = {name: size for name, size in sizes.items() if np.isfinite(size) and size > 0}
         self.values = ValueGate({} if library is None else library.sizes, known, self.notes.say)
         self.signs = SignGate(campaign.noise, self.controls, self.notes.say)
         self.memory = InnovationMemory(len(self.measured))

@@ -20,7 +20,7 @@ def file_cautions(campaign: Campaign) -> list[str]:
 
 def _start_that_is_not_held(campaign: Campaign) -> list[str]:
     """Say so where trials begin at a speed at which the controls at trim do not keep the vehicle, by 90 % of the priors."""
-    model, known = campaign.model(campaign.full), {**campaign.hull.trim, campaign.family.control: campaign.family.trim}
+    model, known = campaign.model(campaign.full), campaign.trim
     if not {"u", *model.controls} <= {*known} or "u" not in model.states or campaign.autopilot.loops:
         return []
     draws = prior_draws(campaign, model)

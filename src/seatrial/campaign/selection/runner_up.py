@@ -320,9 +320,9 @@ def change_words(best: Sequence[str], other: Sequence[str]) -> str:
 def find_contenders(
     campaign: Campaign, selection: Selection, trials: Trials, reporter: Reporter = SILENT
 ) -> Contenders | None:
-    """Estimate the two contenders where that has not been done, and compare them; None where there is one structure only."""
+    """Estimate the two contenders where that has not been done, and compare them; None of one structure, or where no trial is designed."""
     pair = contending(selection)
-    if len(pair) < 2:
+    if len(pair) < 2 or campaign.trial_design is None:
         return None
     best, runner = estimate_all(replace(campaign, shortlist=pair), trials, reporter)
     sweep = design_next(campaign, best, reporter).best

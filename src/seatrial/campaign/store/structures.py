@@ -100,8 +100,8 @@ class StoredCoefficient:
 
 
 @dataclass(frozen=True)
-class NextTrial:
-    """The next trial: its design, SI, what it promises, and both in words.
+class BestDesign:
+    """The best design of the next trial, SI, and what it promises.
 
     Attributes:
         family: kind of the manoeuvre.
@@ -113,8 +113,6 @@ class NextTrial:
         gain_nat: entropy reduction of the coefficients.
         sd_before: standard deviation of each coefficient before the trial.
         sd_after: expected after it.
-        words: what to run and why, or why not.
-        stop: whether it is better not run.
     """
 
     family: str
@@ -126,8 +124,21 @@ class NextTrial:
     gain_nat: float
     sd_before: dict[str, float]
     sd_after: dict[str, float]
+
+
+@dataclass(frozen=True)
+class NextTrial:
+    """What to run next.
+
+    Attributes:
+        words: what to run and why, or why not.
+        stop: whether no trial is proposed.
+        best: the design that gives most information; None where the campaign designs no trial.
+    """
+
     words: str
     stop: bool
+    best: BestDesign | None
 
 
 BETTER_EVIDENCE = "raise `particles`, `draws` or `repeats` in [selection], or narrow the priors"
@@ -394,6 +405,11 @@ def read_selection(path: Path, made_by: str) -> StoredSelection:
         )
 
 
+def _decode_next(content: Mapping[str, Any]) -> NextTrial:
+    best = content["best"]
+    return NextTrial(content["words"], content["stop"], None if best is None else BestDesign(**best))
+
+
 def read_summary(path: Path, made_by: str) -> Summary:
     """Read the summary of a finished campaign."""
     content = read_json(path, made_by)
@@ -412,7 +428,7 @@ def read_summary(path: Path, made_by: str) -> Summary:
             fits=tuple(decode_fit(item) for item in content["fits"]),
             pooled=tuple(Pooled(**item) for item in content["pooled"]),
             baselines=tuple(decode_comparison(item) for item in content["baselines"]),
-            next_trial=NextTrial(**content["next_trial"]),
+            next_trial=_decode_next(content["next_trial"]),
             seatrial_version=content["seatrial_version"],
         )
 

@@ -41,7 +41,8 @@ def run_loop(campaign: Campaign, reporter: Reporter = SILENT) -> Outcome:
         InputError: as the steps; that the next trial cannot be designed is said before the first of them.
     """
     check_kind(campaign, Campaign, "campaign", "read it with `load_campaign`")
-    campaign.control_trim(campaign.model(campaign.full))
+    if campaign.trial_design is not None:
+        campaign.control_trim(campaign.model(campaign.full))
     standing = Workflow(campaign)
     whole = WholeRun(reporter, [step.name for step in LOOP if step.stored and standing.state(step.name) != "current"])
     flow, found = Workflow(campaign, whole), {}
@@ -121,11 +122,11 @@ def summarise(outcome: Outcome) -> dict[str, Any]:
         "fits": [fit.__dict__ for fit in outcome.fits],
         "pooled": [one.__dict__ for one in outcome.pooled],
         "baselines": [asdict(one) for one in outcome.compared],
-        "next_trial": _next_trial(outcome.next),
+        "next_trial": {"best": None if outcome.next is None else _best_design(outcome.next)},
     }
 
 
-def _next_trial(designs: Designs) -> dict[str, Any]:
+def _best_design(designs: Designs) -> dict[str, Any]:
     """The best design of the next trial in numbers, SI."""
     sweep = designs.best
     row, column = sweep.best

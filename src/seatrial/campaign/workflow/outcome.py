@@ -38,10 +38,10 @@ class Outcome:
         known: what the data tell about each parameter of the chosen structure.
         promised: what the best design would tell about those of the full one; None without such designs.
         first: designs from the priors; None where trials were imported that nothing was designed for.
-        next: designs from the posterior of the chosen structure.
+        next: designs from the posterior of the chosen structure; None where the campaign designs no trial.
         screened: every structure in closed form; None where that cannot be done.
         screening_cautions: of that, or why it could not be done.
-        contenders: the chosen structure beside the runner-up; None where there is one structure.
+        contenders: the chosen structure beside the runner-up; None where there is one structure, or no trial is designed.
         summary: the machine-readable summary.
         cross_validation: how well each fitted run is predicted from the others; None where that was not asked, or is not current.
     """
@@ -60,7 +60,7 @@ class Outcome:
     known: Known
     promised: Known | None
     first: Designs | None
-    next: Designs
+    next: Designs | None
     screened: Screened | None
     screening_cautions: tuple[str, ...]
     contenders: Contenders | None

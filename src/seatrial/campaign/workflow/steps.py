@@ -175,7 +175,14 @@ class Workflow:
 
 def _first(campaign: Campaign, reporter: Reporter) -> Any:
     """Return the designs from the priors: of imported trials those that were made before, if they still belong to the campaign."""
-    return sweep.design_first(campaign, reporter) if campaign.imports is None or sweep.is_designed(campaign) else None
+    if campaign.trial_design is None or not (campaign.imports is None or sweep.is_designed(campaign)):
+        return None
+    return sweep.design_first(campaign, reporter)
+
+
+def _next(candidates: Campaign, chosen: Any, reporter: Reporter) -> Any:
+    """Return the designs from the posterior, of a campaign that designs trials."""
+    return None if candidates.trial_design is None else sweep.design_next(candidates, chosen, reporter)
 
 
 def _stored_trials(campaign: Campaign) -> Iterator[StoredResult]:
@@ -212,6 +219,8 @@ def _seen_selection(stored: Sequence[StoredResult], campaign: Campaign, trials: 
 
 
 def _stored_contenders(campaign: Campaign, selection: Any, trials: Any) -> Iterator[StoredResult]:
+    if campaign.trial_design is None:
+        return
     best, *others = (
         UnreadEstimate(estimate.estimate_key(campaign, one, trials), one) for one in runner_up.contending(selection)
     )
@@ -253,7 +262,7 @@ LOOP = (
         "first",
         ("campaign", "reporter"),
         _first,
-        lambda campaign: [sweep.stored_first(campaign)],
+        lambda campaign: [] if campaign.trial_design is None else [sweep.stored_first(campaign)],
         "design.nc",
         listed="design",
         command="design",
@@ -318,7 +327,9 @@ LOOP = (
         "promised",
         ("campaign", "first"),
         _promised,
-        lambda campaign, first: [identifiability.stored_known_before(campaign)],
+        lambda campaign, first: (
+            [] if campaign.trial_design is None else [identifiability.stored_known_before(campaign)]
+        ),
         "known/design.json",
     ),
     Step(
@@ -349,8 +360,8 @@ LOOP = (
     Step(
         "next",
         ("candidates", "chosen", "reporter"),
-        sweep.design_next,
-        lambda campaign, chosen: [sweep.stored_next(campaign, chosen)],
+        _next,
+        lambda campaign, chosen: [] if campaign.trial_design is None else [sweep.stored_next(campaign, chosen)],
         "next.nc",
         listed="next",
         command="next",

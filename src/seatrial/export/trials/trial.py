@@ -19,6 +19,7 @@ from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.signals import SET, SIGNALS, signal_unit
 from seatrial.export.from_campaign import stored_estimate
+from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.manoeuvres.schedule import read_rows
 from seatrial.vehicles.model import VehicleModel
 
@@ -298,18 +299,19 @@ def _trial(campaign: Campaign, path: Path, content: dict[str, Any]) -> Trial:
     factor, unit = shown_unit(control)
     if content["unit"] != unit:
         raise ValueError(f"unit {content['unit']!r} of {control}, which is shown in {unit}")
-    limits, motion = campaign.limits, tuple(limit.words for limit in campaign.motion_limits)
+    limits, motion = (
+        campaign.control_limits.get(control, Limits()),
+        tuple(limit.words for limit in campaign.motion_limits),
+    )
     time, value = np.array(content["time_s"], float), np.array(content["value"], float) / factor
     whole = time.ndim == 1 and time.shape == value.shape and time.size > 1 and np.isfinite([*time, *value]).all()
     if not (whole and (np.diff(time) >= 0).all()):
         raise ValueError("times and values that are no schedule")
-    own = control == campaign.family.control
-    lower, upper, rate = (getattr(limits, key) if own else None for key in ("lower", "upper", "rate"))
-    name = campaign.name
+    bounds = limits.lower, limits.upper, limits.rate
     rule = content.get("rule", "")
     find_stick = partial(campaign_stick, campaign, control, value)
     manoeuvre = content["manoeuvre"]
-    return Trial(name, path.name, manoeuvre, control, time, value, lower, upper, rate, motion, rule, find_stick)
+    return Trial(campaign.name, path.name, manoeuvre, control, time, value, *bounds, motion, rule, find_stick)
 
 
 def _again(folder: Path) -> str:

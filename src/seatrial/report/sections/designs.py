@@ -49,8 +49,10 @@ def trial_section(outcome: Outcome) -> dict[str, Any]:
 
 
 def next_section(outcome: Outcome) -> dict[str, Any]:
-    """Return what `next.html` prints."""
-    trial, proposal = outcome.summary["next_trial"], propose(outcome)
+    """Return what `next.html` prints; nothing where no trial is designed."""
+    if outcome.next is None:
+        return {}
+    trial, proposal = outcome.summary["next_trial"]["best"], propose(outcome)
     names = list(trial["sd_before"])
     return {
         "figures": sweep_drawings(outcome, outcome.next, "next"),

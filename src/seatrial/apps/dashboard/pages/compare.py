@@ -12,7 +12,7 @@ from seatrial.apps.dashboard.app_context import AppContext, markup, say
 from seatrial.apps.dashboard.page_layout import section, table
 from seatrial.apps.dashboard.result_charts import Side, sides_chart
 from seatrial.campaign.store.stored_result import Store
-from seatrial.campaign.store.structures import StoredCoefficient, Summary, read_summary
+from seatrial.campaign.store.structures import BestDesign, StoredCoefficient, Summary, read_summary
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import shown_as_written
 from seatrial.core.errors import InputError, SeatrialError
@@ -116,7 +116,7 @@ def side_by_side(ours: Summary, theirs: Summary, here: str, there: str) -> Marku
     facts = [
         ["model", _model(ours), _model(theirs)],
         ["probability of it", *(_probability(one) for one in (ours, theirs))],
-        ["information of the next trial", *(f"{one.next_trial.gain_nat:.2f} nat" for one in (ours, theirs))],
+        ["information of the next trial", *(_promised(one.next_trial.best) for one in (ours, theirs))],
         ["alarms", *(str(len(one.alarms)) for one in (ours, theirs))],
         ["cautions", *(str(len(one.cautions)) for one in (ours, theirs))],
     ]
@@ -153,6 +153,10 @@ def _value(row: StoredCoefficient | None) -> str:
 
 def _model(summary: Summary) -> str:
     return f"{summary.chosen}: {' '.join(summary.terms)}"
+
+
+def _promised(best: BestDesign | None) -> str:
+    return "none is designed" if best is None else f"{best.gain_nat:.2f} nat"
 
 
 def _probability(summary: Summary) -> str:

@@ -87,7 +87,7 @@ async def _results(context: AppContext, campaign: str, folder: Path) -> None:
         _models(store, summary)
     with section("The next trial"):
         words = sentence_about(summary.next_trial.words, names, labels)
-        markup(next_html(words, summary.next_trial.stop, campaign, store))
+        markup(next_html(words, summary.next_trial.stop or summary.next_trial.best is None, campaign, store))
 
 
 def next_html(words: Markup, stop: bool, campaign: str, store: Store) -> Markup:
