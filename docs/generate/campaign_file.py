@@ -52,8 +52,8 @@ writes this page). `seatrial init DIR --template NAME` writes a commented file t
 - `{ a = 1, b = 2 }` on one line is the same as a table of its own.
 
 The smallest file that designs a trial has `[campaign]`, `[vehicle]`, `[structure]`, a `[prior.NAME]` for each term, `[sensors.CHANNEL]` and
-`[design]`; one that only fits logs has `[import]` instead. With `[import]` it reads logs, with `[truth]` it simulates them; it may not have both.
-All other tables are optional.
+`[design]`; one that only fits logs has `[import]` instead. With `[import]` a campaign reads logs, with `[truth]` it simulates them; it may
+not have both. All other tables are optional.
 
 ## `[truth]`
 
