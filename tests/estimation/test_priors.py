@@ -11,6 +11,7 @@ from scipy import integrate, stats
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError
 from seatrial.estimation.priors import (
+    CORNER,
     LogNormal,
     LogUniform,
     Normal,
@@ -105,16 +106,16 @@ def test_density_of_z_integrates_to_one(prior):
 
 @each_prior
 def test_z_is_nearly_standardised(prior):
-    """Exactly so for the normal and log-normal; the box is a uniform blurred by a logistic of scale 1/50, which adds 4 (pi/50)^2.
+    """Exactly so for the normal and log-normal; the box is a uniform blurred by a logistic of scale 1/k, which adds 4 (pi/k)^2.
 
-    Where a normal is cut on one side only, the corner moves z by less than it is wide, sqrt(12) / 50 = 0.07.
+    Where a normal is cut on one side only, the corner moves z by less than it is wide, sqrt(12) / k = 0.02.
     """
     mean, variance = expectation(Z, prior), expectation(Z**2, prior)
     if isinstance(prior, TruncatedNormal):
         assert abs(mean) < 0.02
         assert variance == pytest.approx(1, abs=0.03)
     else:
-        exact = 1.0 if isinstance(prior, Normal | LogNormal) else 1 + 4 * (np.pi / 50) ** 2
+        exact = 1.0 if isinstance(prior, Normal | LogNormal) else 1 + 4 * (np.pi / CORNER) ** 2
         assert mean == pytest.approx(0, abs=1e-12)
         assert variance == pytest.approx(exact, abs=1e-10)
 
@@ -134,12 +135,17 @@ def test_log_density_is_that_of_the_value_times_the_slope(prior):
     z, h = np.linspace(-1.9, 1.9, 39), 1e-5
     value = np.asarray(prior.constrain(jnp.asarray(z)))
     slope = np.asarray(prior.constrain(jnp.asarray(z + h)) - prior.constrain(jnp.asarray(z - h))) / (2 * h)
-    assert np.allclose(prior.log_density(z), textbook(prior).logpdf(value) + np.log(slope), atol=1e-5)
+    shown = slope > 1e-6 * prior.sd
+    assert shown.sum() > 25
+    assert np.allclose(
+        prior.log_density(z)[shown], (textbook(prior).logpdf(value) + np.log(slope, where=shown))[shown], atol=1e-5
+    )
 
 
 @each_prior
 def test_round_trip(prior):
-    z = jnp.linspace(-2.2, 2.2, 45)
+    """Where a value is told from a bound; beyond z = -1.5 those of a half-normal far from zero are not, which holds e^-30 of it."""
+    z = jnp.linspace(-1.5, 2.0, 45)
     value = textbook(prior).ppf([1e-9, 0.01, 0.3, 0.5, 0.9, 1 - 1e-9])
     assert np.allclose(prior.unconstrain(prior.constrain(z)), z, atol=1e-7)
     assert np.allclose(prior.constrain(prior.unconstrain(value)), value, rtol=1e-12, atol=1e-14 * prior.sd)
@@ -188,7 +194,7 @@ def derivatives(prior, z):
 def test_derivatives_are_finite_where_samplers_go(prior):
     for first, twice, hessian in np.reshape(derivatives(prior, jnp.linspace(-8.0, 8.0, 321)), (2, 3, 321)):
         assert np.isfinite([first, twice, hessian]).all()
-        assert np.allclose(twice, hessian, rtol=1e-6, atol=1e-9)
+        assert np.allclose(twice, hessian, rtol=1e-6, atol=1e-9 * max(1.0, prior.sd))
 
 
 @each_prior
@@ -197,7 +203,7 @@ def test_compiled_code_serves_all_of_a_kind(prior):
     leaves, structure = jax.tree.flatten(prior)
     assert all(isinstance(leaf, float) for leaf in leaves)
     assert jax.tree.unflatten(structure, leaves) == prior
-    z = jnp.linspace(-2.0, 2.0, 9)
+    z = jnp.linspace(-1.5, 2.0, 8)
     value, density, back = jax.jit(lambda p, z: (p.constrain(z), p.log_density(z), p.unconstrain(p.constrain(z))))(
         prior, z
     )

@@ -10,8 +10,8 @@ import jax.numpy as jnp
 from seatrial.core.argument_checks import check_number, check_order, is_traced
 from seatrial.core.pytrees import compiled_tree
 
-CORNER = 50.0
-"""Sharpness of the bend where the box map leaves the line: within 1/50 of the width of a bound."""
+CORNER = 200.0
+"""Sharpness of the bend where the box map leaves the line: within 1/200 of the width of a bound."""
 _BELIEVED = "give the smallest and the largest value you would believe"
 
 
