@@ -12,7 +12,7 @@ from seatrial.campaign.data import simulate as simulated
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.data.simulate import Chosen, add_trial, later_trials
 from seatrial.campaign.workflow import loop as sequence
-from seatrial.campaign.workflow.loop import run_sequence
+from seatrial.campaign.workflow.loop import OTHER_NOISE, run_sequence, summarise
 from seatrial.campaign.workflow.next_trial import Proposal, propose, settling
 from seatrial.core.errors import InputError
 from seatrial.report.sections.summary import answer
@@ -158,7 +158,9 @@ def test_no_goal_is_met_by_standard_deviations_that_do_not_hold(tmp_path):
     assert not found.is_stop
     assert "only if the stated ± hold" in found.lines[-2]
     assert found.lines[-1].endswith("so slow")
-    assert "Its stated ± do not hold" in answer(replace(outcome, fits=slow))
+    assert "Its stated ± do not hold, and which terms are needed may change" in answer(replace(outcome, fits=slow))
+    assert summarise(replace(outcome, fits=slow))["verdicts"][-1] == OTHER_NOISE
+    assert OTHER_NOISE not in summarise(outcome)["verdicts"]
     (row,) = (one for one in outcome.summary["coefficients"] if one["name"] == "X_u")
     row["model_error_sd"] = 20 * abs(row["mean"])
     assert any(line.startswith("X_u is known to 2000 %, 900 % wanted") for line in propose(outcome).lines)

@@ -26,6 +26,11 @@ from seatrial.core.argument_checks import check_kind
 from seatrial.core.reporter import SILENT, Reporter
 from seatrial.core.signals import signal_unit
 
+OTHER_NOISE = (
+    "these probabilities hold for the noise that is modelled, which the residuals contradict: correct the noise first"
+)
+"""What is said of the verdicts where the residuals are correlated."""
+
 
 def run_loop(campaign: Campaign, reporter: Reporter = SILENT) -> Outcome:
     """Run every step that is not current, and summarise.
@@ -114,7 +119,7 @@ def summarise(outcome: Outcome) -> dict[str, Any]:
         "terms": list(chosen.structure.terms),
         "coefficients": [_coefficient(chosen, name) for name in chosen.names],
         "structures": structure_rows(selection),
-        "verdicts": list(selection.verdicts),
+        "verdicts": [*selection.verdicts, *([OTHER_NOISE] if outcome.disowned and selection.inclusion else [])],
         "cautions": cautions,
         "alarms": [*outcome.own_alarms, *outcome.other_alarms],
         "usable": not outcome.own_alarms,

@@ -78,7 +78,8 @@ def answer(outcome: Outcome) -> Markup:
         return Markup("Do not use these numbers yet: {} failed.").format(_checks(len(own) + len(elsewhere)))
     said = [_unbeaten(outcome) + _basis(outcome), _found(outcome), _predicts(outcome)]
     if outcome.disowned:
-        said.append("Its stated ± do not hold: the residuals are correlated.")
+        and_terms = ", and which terms are needed may change" if outcome.selection.inclusion else ""
+        said.append(f"Its stated ± do not hold{and_terms}: the residuals are correlated.")
     if elsewhere:
         what = "The choice of the model is not reliable" if outcome.choice_alarms else "Another model is not reliable"
         said.append(Markup("{}: {} failed.").format(what, _checks(len(elsewhere))))
