@@ -45,26 +45,29 @@ def log_of(folder):
 
 def test_a_log_makes_a_campaign(tmp_path):
     path = log_of(tmp_path)
-    campaign = check_text(tmp_path, log_campaign_text("bluerov2_heavy", path))
+    campaign = check_text(tmp_path, log_campaign_text(tmp_path, "bluerov2_heavy", path))
     (file,) = campaign.imports.files
     assert set(file.channels) == {*"uvwpqr", "phi", "theta", "psi", *(f"f_{k}" for k in range(1, 9))}
     assert (file.channels["f_8"].column, file.channels["r"].unit, campaign.imports.step) == ("pwm[7]", "deg/s", 0.1)
+    assert file.path == "dive.csv"
     assert {"X_u", "gain_f", "lag_f", "net_weight", "z_b"} <= set(campaign.priors)
-    level = check_text(tmp_path, log_campaign_text("bluerov2_heavy", path, ("u", "v", "r")))
+    beside = tmp_path / "rov"
+    level = check_text(beside, log_campaign_text(beside, "bluerov2_heavy", path, ("u", "v", "r")))
     assert {"psi", "u", "v", "r"} == {name for name in level.channels if not name.startswith("f_")}
+    assert level.imports.files[0].path == "../dive.csv"
 
 
 def test_a_log_without_the_vehicles_controls_is_refused(tmp_path):
     path = log_of(tmp_path)
     with pytest.raises(InputError, match="no column that may be a control"):
-        log_campaign_text("remus100_prestero", path)
+        log_campaign_text(tmp_path, "remus100_prestero", path)
     with pytest.raises(InputError, match="surge alone"):
-        log_campaign_text("remus100_surge", path)
+        log_campaign_text(tmp_path, "remus100_surge", path)
 
 
 def test_a_run_is_kept_while_its_conditions_hold(tmp_path):
     """Armed from 1.0 s to the end, above 14.05 V until 1.9 s, the last stamp at which it is still held being that of the next row."""
-    text = log_campaign_text("bluerov2_heavy", log_of(tmp_path), ("u", "v", "r"))
+    text = log_campaign_text(tmp_path, "bluerov2_heavy", log_of(tmp_path), ("u", "v", "r"))
     when = '[[import.keep]]\npath = "dive.csv"\nwhen = "armed == 1 and volts > 14.05"\n\n[[import.files]]'
     campaign_file = tmp_path / "campaign.toml"
     campaign_file.write_text(text.replace("[[import.files]]", when, 1))
