@@ -6,6 +6,7 @@ import pytest
 from seatrial.campaign.config.load import check_text, load_campaign
 from seatrial.campaign.config.log_campaign import log_campaign_text
 from seatrial.campaign.data.import_logs import import_trials
+from seatrial.campaign.data.unmapped import unmapped
 from seatrial.core.errors import InputError
 from tests.campaign.small import write_small
 from tests.cases import RPM
@@ -55,6 +56,25 @@ def test_a_log_makes_a_campaign(tmp_path):
     level = check_text(beside, log_campaign_text(beside, "bluerov2_heavy", path, ("u", "v", "r")))
     assert {"psi", "u", "v", "r"} == {name for name in level.channels if not name.startswith("f_")}
     assert level.imports.files[0].path == "../dive.csv"
+
+
+def test_what_is_needed_and_not_mapped_is_known(tmp_path):
+    """A quaternion is made of three angles, velocities along the body are made of those over the earth; a thruster is made of nothing."""
+    text = log_campaign_text(tmp_path, "bluerov2_heavy", log_of(tmp_path))
+
+    def missing(*gone, more=""):
+        kept = [line for line in text.splitlines() if not line.startswith(tuple(f"channels.{name} " for name in gone))]
+        return [*unmapped(check_text(tmp_path, "\n".join([*kept, more]) + "\n"))]
+
+    assert missing() == []
+    assert missing("f_3", "psi") == ["f_3", "q_w", "q_x", "q_y", "q_z"]
+    assert missing("phi", "theta", "psi", more=lines_of("q_w", "q_x", "q_y", "q_z", unit="1")) == []
+    assert missing("u", "v", "w", more=lines_of("v_north", "v_east")) == ["w"]
+    assert missing("u", "v", "w", more=lines_of("v_north", "v_east", "v_down")) == []
+
+
+def lines_of(*names, unit="m/s"):
+    return "\n".join(f'channels.{name} = {{ column = "{name}", unit = "{unit}" }}' for name in names)
 
 
 def test_a_log_without_the_vehicles_controls_is_refused(tmp_path):

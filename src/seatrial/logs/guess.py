@@ -157,6 +157,8 @@ def best(found: Sequence[Guess], only: Sequence[str] = ()) -> tuple[Guess, ...]:
     Velocities over the earth, and quaternions, are there where what is made of them is wanted and nothing gives it itself.
     """
     wanted = set(only) or {guess.channel for guess in found} | {*_BODY, *ANGLES}
+    if wanted & {*QUATERNION}:  # which is made of angles too
+        wanted |= {*ANGLES}
     direct = {guess.channel for guess in found}
     for made_of, makes, needs in ((OVER_EARTH, _BODY, ANGLES), (QUATERNION, ANGLES, ())):
         wanted -= {*made_of}

@@ -240,6 +240,14 @@ def test_a_column_of_time_is_chosen_and_a_second_run_added(tmp_path, page):
         for channel, column, unit in (("u", "speed", "m/s"), ("n", "rpm", "rpm")):
             choose(f"{channel}: column", f"{column} · rows")
             page.get_by_label(f"{channel}: unit").fill(unit)
+        choose("n: column", "not in a log")
+        choose("time of run_a.csv: column", "Zeit")
+        page.get_by_role("button", name="Check and save this map").click()
+        page.get_by_text("Choose a column: n is an input of the model.").wait_for()
+        assert page.locator(".channel .q-field--error").count() == 1
+        assert (folder / "campaign.toml").read_text() == before
+        choose("time of run_a.csv: column", "choose")
+        choose("n: column", "rpm · rows")
         page.get_by_role("button", name="Check and save this map").click()
         page.get_by_text("Choose the column of the time stamps, and its unit.").wait_for()
         assert page.locator(".channel .q-field--error").count() == 1
@@ -253,6 +261,8 @@ def test_a_column_of_time_is_chosen_and_a_second_run_added(tmp_path, page):
 
         choose("A log in the campaign's folder", "logs/run_b.csv")
         page.get_by_role("button", name="Preview log").click()
+        page.get_by_text("logs/run_b.csv takes the place of logs/run_a.csv").wait_for()
+        assert page.get_by_label("Name of the run").input_value() == "run_b"
         page.get_by_role("button", name="Add it, held back to predict").click()
         page.get_by_text("Saved in campaign.toml: run_b is under predict").wait_for()
         imports = tomllib.loads((folder / "campaign.toml").read_text())["import"]
