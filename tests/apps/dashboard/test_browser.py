@@ -81,6 +81,12 @@ def test_from_a_limit_to_an_export(tmp_path, page):
             page.get_by_text(words).first.wait_for()
         for title in ("Autocorrelation of the residuals", "Posterior of X_uabsu", "measured, predicted, and residuals"):
             page.locator(f'[aria-label*="{title}"] svg').first.wait_for()
+        page.set_viewport_size({"width": 390, "height": 844})
+        assert page.locator("table.stacks").count() == 2
+        assert page.evaluate(
+            "[...document.querySelectorAll('.scroll:has(.stacks)')].every((one) => one.scrollWidth <= one.clientWidth)"
+        )
+        page.set_viewport_size({"width": 1000, "height": 900})
         page.get_by_role("link", name="Compare").click()
         page.get_by_text("difference, joint sd").wait_for()
         assert page.locator("table td").first.inner_text() == "0.0"

@@ -72,6 +72,7 @@ def test_estimates_stand_by_structure_before_a_model_is_chosen(tmp_path):
     assert '<th scope="col">with model error' in second
     assert "± 0.478 <small>a force X_u</small>" in second
     assert '<th scope="col">mean ± sd, within the model' in second
+    assert '<td data-head="with model error">± 0.478' in second  # on a narrow screen, where the head is above each cell
 
 
 def test_every_view_stands_in_its_documentation():
