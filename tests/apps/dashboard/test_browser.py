@@ -282,7 +282,9 @@ def test_a_column_of_time_is_chosen_and_a_second_run_added(tmp_path, page):
 def test_from_nothing_to_a_schedule_by_the_page_alone(tmp_path, page):
     root, log = tmp_path / "served", tmp_path / "dive.csv"
     root.mkdir()
-    log.write_text("time_s,speed,rpm\n" + "".join(f"{0.1 * i:.1f},1.5,{1200 + i}\n" for i in range(300)))
+    log.write_text(
+        "time_s,speed,rpm\n" + "".join(f"{0.1 * i:.1f},{1.5 + 0.001 * i:.3f},{1200 + i}\n" for i in range(300))
+    )
     with served(root) as (address, _):
         page.goto(address)
         page.get_by_role("button", name="New campaign").click()
