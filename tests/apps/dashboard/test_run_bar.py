@@ -38,6 +38,11 @@ def test_a_piece_that_takes_longer_than_was_expected_of_the_whole_run_is_told():
     assert found.words == "seatrial run, 75%, 60 s elapsed, about 3 min remaining; evidence M-0: nested sampling, 20%"
 
 
+def test_what_was_compiled_says_nothing_about_the_remaining_time():
+    found = standing_of(job(("evidence M-0: nested sampling", 1, 1000, 13.0)), 1013.0)
+    assert found.words == "seatrial run, evidence M-0: nested sampling, 0%, 13 s elapsed"
+
+
 def test_of_several_trials_the_last_is_told():
     found = standing_of(job(("whole run", 1000, 1000, 60.0), ("whole run", 500, 1000, 50.0)), 1110.0)
     assert found == ("seatrial run, round 2, 50%, 2 min elapsed, about 50 s remaining in this round", 0.5)

@@ -12,6 +12,7 @@ from seatrial.apps.dashboard.app_context import AppContext, markup, say
 from seatrial.apps.dashboard.jobs import Job
 from seatrial.campaign.workflow.whole_run import TITLE
 from seatrial.core.errors import SeatrialError
+from seatrial.core.reporter import remaining
 
 EVERY = 1.0
 """Seconds between looks at what is running."""
@@ -56,16 +57,15 @@ def standing_of(job: Job, now: float) -> Standing:
     slowest = max(running, key=lambda one: remaining_of(one) or 0.0, default=None) if whole else None
     known = [seconds for one in (piece, slowest) if one is not None and (seconds := remaining_of(one)) is not None]
     if known:
-        remaining = f"about {duration_text(max(known))} remaining"
-        words.append(remaining if len(whole) == 1 else f"{remaining} in this {'round' if whole else 'step'}")
+        said = f"about {duration_text(max(known))} remaining"
+        words.append(said if len(whole) == 1 else f"{said} in this {'round' if whole else 'step'}")
     now_at = "" if slowest is None else f"; {slowest['title']}, {slowest['done'] / slowest['total']:.0%}"
     return Standing(", ".join(words) + now_at, share)
 
 
 def remaining_of(piece: Mapping[str, Any]) -> float | None:
     """Return the time that a piece of work of an occupant still takes at its pace, s; None where that is not known yet."""
-    made = piece["done"] - piece["begun_at"]
-    return piece["elapsed"] * (piece["total"] - piece["done"]) / made if made > 0 else None
+    return remaining(piece["elapsed"], piece["begun_at"], piece["done"], piece["total"])
 
 
 class RunBar:

@@ -210,9 +210,9 @@ def _bar(piece: dict) -> Markup:
     if total and done >= total:
         words = f"done in {duration_text(elapsed)}"
     elif share > 0:
-        remaining = remaining_of(piece)
+        seconds = remaining_of(piece)
         words = f"{share:.0%}, {duration_text(elapsed)} elapsed"
-        words += "" if remaining is None else f", about {duration_text(remaining)} remaining"
+        words += "" if seconds is None else f", about {duration_text(seconds)} remaining"
     else:
         words = "begun"
     title = escape(piece["title"])
