@@ -72,7 +72,7 @@ def check_truth(campaign: Campaign) -> None:
                 expected="a true value of terms of [structure] only",
                 remedy=f"remove {name} from [truth], or the rule that leaves it out of every structure"
                 if name in campaign.rules.never
-                else f"remove {name} from [truth], or list it in [structure]; else {nearest(name, names)}",
+                else f"remove {name} from [truth], or list it in [structure]; if it is misspelt, {nearest(name, names)}",
             )
         if name not in names:
             raise InputError(
