@@ -76,6 +76,15 @@ def test_what_leaves_no_record_changes_nothing(folder, words, told):
     assert (folder / "campaign.toml").read_text() == before
 
 
+def test_a_control_without_a_column_is_named_before_a_log_is_opened(folder):
+    path = folder / "campaign.toml"
+    path.write_text(path.read_text().replace("channels.n =", "# channels.n ="))
+    (folder / "log_1.csv").unlink()
+    result = run(folder)
+    assert "import.files" in str(result.exception)
+    assert "no column for n\n  expected: a column for n, which is an input of the model" in str(result.exception)
+
+
 def test_a_simulated_campaign_has_no_ends(tmp_path):
     result = run(write_small(tmp_path / "small"), "--start", "1 s")
     assert "a simulated vehicle" in str(result.exception)

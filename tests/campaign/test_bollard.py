@@ -495,7 +495,7 @@ REFUSED = {
     "no force": ([("[sensors.force_X]", "[sensors.u]")], ('channel "u"', "force_X")),
     "a force that is not in the log": ([('channels.force_X = { column = "gauge", unit = "N" }', "")], ("force_X",)),
     "a force in metres": ([('"gauge", unit = "N"', '"gauge", unit = "m"')], ("force_X", "N")),
-    "no voltage": ([('channels.V = { column = "battery", unit = "V" }', "")], ('"V"',)),
+    "no voltage": ([('channels.V = { column = "battery", unit = "V" }', "")], ("no column for V",)),
     "no trim of the voltage": ([('trim = { V = "16 V" }\n', "")], ("T_fdV", "trim.V")),
     "drag of a vehicle that is held": ([('"T_absf", "T_fdV"', '"X_u"')], ("X_u", "u is zero", "held")),
     "inflow of a vehicle that is held": ([('"T_absf", "T_fdV"', '"T_uabsf"')], ("T_uabsf", "u is zero")),

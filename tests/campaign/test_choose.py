@@ -1,5 +1,6 @@
 """The route of `seatrial select` where the evidence of its structures is known."""
 
+from collections import deque
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,10 @@ import pytest
 from seatrial.campaign.compute.shared_work import Study
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import get_trials
+from seatrial.campaign.selection import evidence
 from seatrial.campaign.selection.evidence import agreement_words, select_structure
+from seatrial.selection.combined_evidence import EvidenceRun, Weighed
+from seatrial.selection.evidence import Evidence
 from tests.campaign.small import write_small
 from tests.selection.targets import far_peaks, one_peak, spike_on_slab
 
@@ -24,7 +28,7 @@ def selection_of(folder: Path, monkeypatch, full, without):
 def test_a_second_peak_is_weighed_and_the_methods_agree(tmp_path, monkeypatch):
     (full, exact), (without, other) = far_peaks(), one_peak()
     found = selection_of(tmp_path, monkeypatch, full, without)
-    assert [evidence.log_value for evidence in found.evidences] == pytest.approx([exact, other], abs=0.02)
+    assert [one.log_value for one in found.evidences] == pytest.approx([exact, other], abs=0.02)
     assert "with which tempered SMC" in agreement_words(found.evidences[0])
     assert (found.alarms, found.evidences[0].diagnostics["modes"]) == ((), 2)
 
@@ -34,6 +38,41 @@ def test_a_spike_on_a_slab_is_weighed_and_no_verdict_is_claimed(tmp_path, monkey
     """By the slab alone, a hundredth of its evidence, the full structure would lose to one of evidence between the two."""
     (full, exact), slab = spike_on_slab(), spike_on_slab(weight=np.exp(3.0), spike=0.1, away=0.0)
     found = selection_of(tmp_path, monkeypatch, full, slab[0])
-    assert [evidence.log_value for evidence in found.evidences] == pytest.approx([exact, slab[1]], abs=0.05)
+    assert [one.log_value for one in found.evidences] == pytest.approx([exact, slab[1]], abs=0.05)
     assert "not reliable: adaptive tempered SMC finds -4." in found.alarms[0]
     assert found.verdicts[0].startswith("it cannot be said whether the data support X_u: its probability of 0.8")
+
+
+class InTurn:
+    """Workers that do one piece after another, each told at its half: tempered SMC fails, so that nested sampling decides."""
+
+    def run(self, work, shared, items, done, on_progress):
+        del work, shared
+        waiting = deque(enumerate(items))
+        while waiting:
+            index, (_, piece) = waiting.popleft()
+            on_progress(index, 1, 2)
+            found = Weighed(piece.method, Evidence(0.0, 0.1, piece.method))
+            if piece.method == "smc":
+                found = EvidenceRun(piece.repeat, None, np.empty((0, 3)), "lost")
+            following = done(index, found)
+            if following is not None:
+                waiting.appendleft((index, following))
+
+
+def test_progress_is_that_of_the_method_that_runs(tmp_path, monkeypatch):
+    campaign = load_campaign(write_small(tmp_path))
+    trials, bars = get_trials(campaign), {}
+
+    class Told:
+        def say(self, text):
+            del text
+
+        def progress(self, title):
+            return lambda done, total: bars.setdefault(title, []).append(done / total)
+
+    monkeypatch.setattr(evidence, "workers_of", lambda *_: InTurn())
+    select_structure(campaign, trials, Told())
+    assert bars["evidence M-1: nested sampling decides, because no two methods agree"] == [0.0, 0.5, 1.0]
+    smc = bars["evidence M-1: X_uabsu T_nabsn"]
+    assert smc == sorted(smc)

@@ -50,6 +50,12 @@ MISTAKES = {
     "limit of another control": (("[limits.n]", "[limits.m]"), "limits.m", "use one of: n"),
     "no quiet tail": (('active = "20 s"', 'active = "40 s"'), "design.active", "lengthen"),
     "truth of an unknown term": (("X_u = -1.21", "X_w = -1.21"), "truth.X_w", "did you mean"),
+    "truth of a term put out": (
+        ("X_u = -1.21", "X_uu = -1.21"),
+        "[truth] has X_uu, and no structure has it",
+        "remove X_uu from [truth], or list it",
+    ),
+    "truth of no name": (("X_u = -1.21", "X_u = -1.21\nlag_x = 1.0"), "truth.lag_x", "did you mean"),
     "no noise": (('noise = "0.05 m/s"', 'noise = "0 m/s"'), "sensors.u.noise", "more than 0"),
     "chains thinned away": (("draws = 1000", "draws = 100\nthin = 10"), "estimation.thin", "10 of 100 draws"),
     "chains that are no multiple": (("warmup = 500", "warmup = 530"), "estimation.warmup", "multiple of 100"),

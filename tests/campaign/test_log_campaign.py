@@ -6,6 +6,7 @@ import pytest
 from seatrial.campaign.config.load import check_text, load_campaign
 from seatrial.campaign.config.log_campaign import log_campaign_text
 from seatrial.campaign.data.import_logs import import_trials
+from seatrial.campaign.data.unmapped import unmapped
 from seatrial.core.errors import InputError
 from tests.campaign.small import write_small
 from tests.cases import RPM
@@ -45,26 +46,48 @@ def log_of(folder):
 
 def test_a_log_makes_a_campaign(tmp_path):
     path = log_of(tmp_path)
-    campaign = check_text(tmp_path, log_campaign_text("bluerov2_heavy", path))
+    campaign = check_text(tmp_path, log_campaign_text(tmp_path, "bluerov2_heavy", path))
     (file,) = campaign.imports.files
     assert set(file.channels) == {*"uvwpqr", "phi", "theta", "psi", *(f"f_{k}" for k in range(1, 9))}
     assert (file.channels["f_8"].column, file.channels["r"].unit, campaign.imports.step) == ("pwm[7]", "deg/s", 0.1)
+    assert file.path == "dive.csv"
     assert {"X_u", "gain_f", "lag_f", "net_weight", "z_b"} <= set(campaign.priors)
-    level = check_text(tmp_path, log_campaign_text("bluerov2_heavy", path, ("u", "v", "r")))
+    beside = tmp_path / "rov"
+    level = check_text(beside, log_campaign_text(beside, "bluerov2_heavy", path, ("u", "v", "r")))
     assert {"psi", "u", "v", "r"} == {name for name in level.channels if not name.startswith("f_")}
+    assert level.imports.files[0].path == "../dive.csv"
+
+
+def test_what_is_needed_and_not_mapped_is_known(tmp_path):
+    """A quaternion is made of three angles, velocities along the body are made of those over the earth; a thruster is made of nothing."""
+    text = log_campaign_text(tmp_path, "bluerov2_heavy", log_of(tmp_path))
+
+    def missing(*gone, more=""):
+        kept = [line for line in text.splitlines() if not line.startswith(tuple(f"channels.{name} " for name in gone))]
+        return [*unmapped(check_text(tmp_path, "\n".join([*kept, more]) + "\n"))]
+
+    assert missing() == []
+    assert missing("f_3", "psi") == ["f_3", "q_w", "q_x", "q_y", "q_z"]
+    assert missing("phi", "theta", "psi", more=lines_of("q_w", "q_x", "q_y", "q_z", unit="1")) == []
+    assert missing("u", "v", "w", more=lines_of("v_north", "v_east")) == ["w"]
+    assert missing("u", "v", "w", more=lines_of("v_north", "v_east", "v_down")) == []
+
+
+def lines_of(*names, unit="m/s"):
+    return "\n".join(f'channels.{name} = {{ column = "{name}", unit = "{unit}" }}' for name in names)
 
 
 def test_a_log_without_the_vehicles_controls_is_refused(tmp_path):
     path = log_of(tmp_path)
     with pytest.raises(InputError, match="no column that may be a control"):
-        log_campaign_text("remus100_prestero", path)
+        log_campaign_text(tmp_path, "remus100_prestero", path)
     with pytest.raises(InputError, match="surge alone"):
-        log_campaign_text("remus100_surge", path)
+        log_campaign_text(tmp_path, "remus100_surge", path)
 
 
 def test_a_run_is_kept_while_its_conditions_hold(tmp_path):
     """Armed from 1.0 s to the end, above 14.05 V until 1.9 s, the last stamp at which it is still held being that of the next row."""
-    text = log_campaign_text("bluerov2_heavy", log_of(tmp_path), ("u", "v", "r"))
+    text = log_campaign_text(tmp_path, "bluerov2_heavy", log_of(tmp_path), ("u", "v", "r"))
     when = '[[import.keep]]\npath = "dive.csv"\nwhen = "armed == 1 and volts > 14.05"\n\n[[import.files]]'
     campaign_file = tmp_path / "campaign.toml"
     campaign_file.write_text(text.replace("[[import.files]]", when, 1))

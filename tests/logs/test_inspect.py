@@ -212,6 +212,14 @@ NAMES = {
     "field.angular_velocity.z": ("r", "rad/s", 1.0),
     "vel_n": ("v_north", "m/s", 1.0),
     "orientation.w": ("q_w", "1", 1.0),
+    "heave_cms": ("w", "cm/s", 1.0),
+    "sway_mm_s": ("v", "mm/s", 1.0),
+    "speed_kt": ("u", "kn", 1.0),
+    "roll_cdeg": ("phi", "deg", 0.01),
+    "yaw_rate_degps": ("r", "deg/s", 1.0),
+    "pitch_rate_mrad_s": ("q", "rad/s", 0.001),
+    "depth_cm": ("z", "cm", 1.0),
+    "yaw_moment_n_m": ("tau_N", "N*m", 1.0),
 }
 
 
@@ -220,6 +228,16 @@ def test_guesses_by_name_and_unit(tmp_path, name):
     text = f"time,{name},remark\n" + "".join(f"{0.1 * k:.1f},{0.01 * k},ok\n" for k in range(20))
     found = inspect_log(written(tmp_path, text)).guesses
     assert [(guess.channel, guess.unit, guess.scale) for guess in found] == [NAMES[name]]
+
+
+@pytest.mark.parametrize("name", ["out{}", "RCOUT{}", "nav.output_{}", "servo{}_raw", "thruster_{}_us"])
+def test_numbered_columns_of_pulse_widths_are_commands(tmp_path, name):
+    """Of eight, numbered from 1; ones that are no pulse widths, and a column that only ends like one, are none."""
+    names = ["time", *(name.format(k) for k in range(1, 9)), "timeout1", "out9"]
+    rows = [[0.1 * k, *(1500 + 10 * (k - 9) * (-1) ** i for i in range(8)), 1500 + k, k] for k in range(20)]
+    path = written(tmp_path, "\n".join([",".join(names), *(",".join(map(str, row)) for row in rows)]) + "\n")
+    found = [(one.channel, one.column, one.unit) for one in inspect_log(path).guesses]
+    assert found == [(f"f_{k}", name.format(k), "command") for k in range(1, 9)]
 
 
 @pytest.mark.parametrize(("reach", "unit"), [(350.0, "deg"), (3.0, "rad")])

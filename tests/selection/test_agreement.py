@@ -36,8 +36,10 @@ def evidences(**given):
 
 
 def test_agreement_on_a_known_evidence():
-    target, exact = one_peak()
-    found = agreed_evidence(target, KEYS, SMALL)
+    (target, exact), told = one_peak(), []
+    found = agreed_evidence(target, KEYS, SMALL, lambda done, total: told.append(done / total))
+    assert told[-1] == 1.0
+    assert 0.0 < told[0] < 0.25  # within the first piece of four or more
     assert found.status == ""
     assert (found.diagnostics["checks"], found.diagnostics["modes"]) == (1, 1)
     assert abs(found.log_value - exact) < 4 * found.std_error < 0.05

@@ -42,7 +42,7 @@ class Occupant:
         host: on which it runs.
         command: as it was given.
         started: when, seconds since 1970.
-        work: pieces of work begun so far: title, done, total and elapsed seconds of each.
+        work: pieces of work begun so far: title, done, total, what was done at its first report, and elapsed seconds since, of each.
     """
 
     alive: bool
@@ -71,13 +71,16 @@ class Occupation:
 
     def progress(self, title: str) -> Callable[[int, int], None]:
         """Begin a piece of work; call the result with (done, total), from any thread."""
-        piece = {"title": title, "done": 0, "total": 0, "elapsed": 0.0}
-        began = time.monotonic()
+        piece = {"title": title, "done": 0, "total": 0, "begun_at": 0, "elapsed": 0.0}
+        began: float | None = None
         with self.guard:
             self.work.append(piece)
 
         def told(done: int, total: int) -> None:
+            nonlocal began
             with self.guard:
+                if began is None:  # a piece may wait for others long before it begins
+                    began, piece["begun_at"] = time.monotonic(), int(done)
                 piece.update(done=int(done), total=int(total), elapsed=time.monotonic() - began)
                 if done >= total or time.monotonic() - self.noted > EVERY:
                     self._note()

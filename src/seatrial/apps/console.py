@@ -9,6 +9,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from seatrial.core.reporter import Progress as Report
+from seatrial.core.reporter import remaining
 
 EVERY = 10.0
 """Seconds between two lines of one piece of work, when piped."""
@@ -84,8 +85,8 @@ class _Lines:
             self.say(f"{self.title}: done in {gone:.1f} s")
         elif now - self.said >= EVERY and not self.finished:
             self.said = now
-            made = done - self.begun_at
-            left = f", about {gone * (total - done) / made:.0f} s remaining" if made > 0 else ""
+            seconds = remaining(gone, self.begun_at, done, total)
+            left = "" if seconds is None else f", about {seconds:.0f} s remaining"
             self.say(f"{self.title}: {done / max(total, 1):.0%} after {gone:.0f} s{left}")
 
 

@@ -6,7 +6,8 @@ tomlkit edits the text; then old and new text are parsed by the standard library
 import copy
 import json
 import re
-from collections.abc import MutableMapping, Sequence
+from collections.abc import Iterator, MutableMapping, Sequence
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 from seatrial.campaign.config.toml import toml_content
@@ -44,34 +45,27 @@ def set_key(text: str, table: str, key: str, value: Value, where: str = "the fil
     Args:
         text: of the file.
         table: its name, such as `limits.n`; made at the end of the file where it is missing.
-        key: bare key.
+        key: bare key; a new one stands right below the last of its table, above comments that follow it.
         value: string, number, truth value or strings; None removes the key.
         where: file, for errors.
 
     Raises:
         InputError: text that is not TOML, or that has something else in the place of the table.
     """
-    import tomlkit
     from tomlkit.exceptions import TOMLKitError
 
     before = toml_content(where, text)
     wanted, path = copy.deepcopy(before), table.split(".")
-    has_table = _has(before, path)
     try:
         _put(wanted, path, key, value)
-        if _exact(wanted) == _exact(before) or (value is None and not has_table):
+        if _exact(wanted) == _exact(before) or (value is None and not _has(before, path)):
             return text
-        if has_table:
-            document = tomlkit.parse(text)
-            _put(document, path, key, value)
-            edited = tomlkit.dumps(document)
-        else:
-            gap = "" if not text or text.endswith("\n") else "\n"
-            edited = f"{text}{gap}\n[{table}]\n{key} = {written(value)}\n"
-        if text.count("\n") == text.count("\r\n") > 0:
-            edited = re.sub(r"(?<!\r)\n", "\r\n", edited)
-        if _exact(toml_content(where, edited)) == _exact(wanted):
-            return edited
+        for edited in _edits(text, table, key, value, before):
+            if text.count("\n") == text.count("\r\n") > 0:
+                edited = re.sub(r"(?<!\r)\n", "\r\n", edited)
+            with suppress(InputError):
+                if _exact(toml_content(where, edited)) == _exact(wanted):
+                    return edited
     except (TOMLKitError, TypeError, AttributeError, InputError):  # something that is no table is in its way
         pass
     raise InputError(
@@ -80,6 +74,34 @@ def set_key(text: str, table: str, key: str, value: Value, where: str = "the fil
         expected=f"a line `{key} = …` under [{table}]",
         remedy="edit the file in a text editor",
     )
+
+
+def _edits(text: str, table: str, key: str, value: Value, before: Any) -> Iterator[str]:
+    """Yield texts with the key set, the first wanted first; a line within a string may look like a table, so each has to be read again."""
+    import tomlkit
+
+    path, line = table.split("."), f"{key} = {written(value)}\n" if value is not None else ""
+    if not _has(before, path):
+        yield f"{_ended(text)}\n[{table}]\n{line}"
+        return
+    if not _has(before, [*path, key]):
+        at = 0
+        for one in sections_of(text):
+            if one.name == table:
+                lines = one.text.splitlines(keepends=True)
+                while not lines[-1].strip() or lines[-1].lstrip().startswith("#"):
+                    lines.pop()
+                end = at + len("".join(lines))
+                yield _ended(text[:end]) + line + text[end:]
+            at += len(one.text)
+    document = tomlkit.parse(text)
+    _put(document, path, key, value)
+    yield tomlkit.dumps(document)
+
+
+def _ended(text: str) -> str:
+    """Text whose last line is ended."""
+    return text if not text or text.endswith("\n") else text + "\n"
 
 
 def comment_out(text: str, table: str) -> str:

@@ -34,6 +34,23 @@ class SilentReporter:
         return lambda done, total: None
 
 
+ENOUGH = 0.02
+"""Share of a piece of work from which its pace is believed: before, what was compiled weighs more."""
+
+
+def remaining(seconds: float, begun_at: int, done: int, total: int) -> float | None:
+    """Return the time that a piece of work still takes at its pace, s; None where that is not known yet.
+
+    Args:
+        seconds: since its first report.
+        begun_at: work done at that.
+        done: work done.
+        total: work in all.
+    """
+    made = done - begun_at
+    return seconds * (total - done) / made if made > 0 and made >= ENOUGH * total else None
+
+
 def no_progress(done: int, total: int) -> None:
     """Tell nobody."""
 

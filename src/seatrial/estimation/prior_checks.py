@@ -96,7 +96,7 @@ def _remedy(parameter: Parameter, bound: float) -> str:
             f"the model misses {channel} by more than the sensor's noise can explain: check units, signs, the channel map and {channel} "
             f'for outliers (residuals = "heavy" tolerates them), then the other priors; widen this one only if {channel} is that noisy'
         )
-    return "widen the prior, or check units, signs and the channel map"
+    return 'widen the prior, or check units, signs, clocks (a control that was measured: between = "line") and the channel map'
 
 
 def _contradictions(posterior: Posterior, mode: Mode) -> list[str]:

@@ -93,25 +93,27 @@ _NAMES = (
     ("tau_N", 2, "tau_?n|yaw_?moment|torque\\.z|mz"),
 )
 _SUFFIXES = {
-    "deg_s": "deg/s",
-    "degps": "deg/s",
-    "dps": "deg/s",
-    "rad_s": "rad/s",
-    "radps": "rad/s",
+    **dict.fromkeys(("deg_s", "degps", "degs", "deg_per_s", "dps"), "deg/s"),
+    **dict.fromkeys(("rad_s", "radps", "rads", "rad_per_s"), "rad/s"),
+    "mrad_s": "mrad/s",
     "deg": "deg",
+    "cdeg": "cdeg",
     "rad": "rad",
+    "mrad": "mrad",
     "rpm": "rpm",
     "rps": "rev/s",
-    "mps": "m/s",
-    "m_s": "m/s",
-    "ms": "m/s",
-    "kn": "kn",
-    "knots": "kn",
-    "kts": "kn",
-    "newton": "N",
-    "n": "N",
-    "nm": "N*m",
+    **dict.fromkeys(("mps", "m_s", "ms", "m_per_s"), "m/s"),
+    **dict.fromkeys(("cmps", "cm_s", "cms", "cm_per_s"), "cm/s"),
+    **dict.fromkeys(("mmps", "mm_s", "mms", "mm_per_s"), "mm/s"),
+    **dict.fromkeys(("kmph", "km_h", "kmh", "kph"), "km/h"),
+    **dict.fromkeys(("kn", "kt", "kts", "knot", "knots"), "kn"),
+    **dict.fromkeys(("newton", "n"), "N"),
+    **dict.fromkeys(("nm", "n_m"), "N*m"),
+    "m": "m",
+    "cm": "cm",
+    "mm": "mm",
 }
+"""Units at the end of a name, in small letters."""
 _SPELLING = {
     "RPM": "rpm",
     "knots": "kn",
@@ -155,6 +157,8 @@ def best(found: Sequence[Guess], only: Sequence[str] = ()) -> tuple[Guess, ...]:
     Velocities over the earth, and quaternions, are there where what is made of them is wanted and nothing gives it itself.
     """
     wanted = set(only) or {guess.channel for guess in found} | {*_BODY, *ANGLES}
+    if wanted & {*QUATERNION}:  # which is made of angles too
+        wanted |= {*ANGLES}
     direct = {guess.channel for guess in found}
     for made_of, makes, needs in ((OVER_EARTH, _BODY, ANGLES), (QUATERNION, ANGLES, ())):
         wanted -= {*made_of}

@@ -56,20 +56,21 @@ class LogSummary:
         ]
         return lines + (["", *self.remarks] if self.remarks else [])
 
-    def as_toml(self, only: Sequence[str] = ()) -> str:
+    def as_toml(self, only: Sequence[str] = (), named: str = "") -> str:
         """Return the guessed map as `[[import.files]]` of a campaign file.
 
         Args:
             only: channels to map, those of the campaign's model; all that were guessed by default.
+            named: path of the log from the campaign's folder; as it was given by default.
         """
-        return self._map_of(best(self.guesses, only))
+        return self._map_of(best(self.guesses, only), named)
 
-    def _map_of(self, chosen: Sequence[Guess]) -> str:
+    def _map_of(self, chosen: Sequence[Guess], named: str = "") -> str:
         lines = ["# Guesses by names and types: check column, unit and sign of each line before you believe a result."]
         for table in self.tables:
             mine = [guess for guess in chosen if guess.table == table.info.name]
             if (mine or not chosen) and (table.clock is not None or len(self.tables) == 1):
-                lines += ["", *self._block(table, table.clock, mine)]
+                lines += ["", *self._block(table, table.clock, mine, named)]
         if not chosen:
             lines.append(
                 "# No column could be guessed; `seatrial inspect` without --map lists them. A line for each: "
@@ -77,22 +78,29 @@ class LogSummary:
             )
         return "\n".join([*lines, *(f"# {remark}" for remark in self.remarks)]) + "\n"
 
-    def head_toml(self, table: TableSummary) -> str:
-        """Return how a table is named in a campaign file: its `[[import.files]]` without channels; without a clock its column is empty."""
+    def head_toml(self, table: TableSummary, named: str) -> str:
+        """Return how a table is named in a campaign file: its `[[import.files]]` without channels; without a clock its column is empty.
+
+        Args:
+            table: of the log.
+            named: path of the log from the campaign's folder.
+        """
         mine = [guess for guess in best(self.guesses) if guess.table == table.info.name]
-        lines = self._block(table, table.clock, mine)
+        lines = self._block(table, table.clock, mine, named)
         return "\n".join(line for line in lines if not line.startswith(("channels.", "#"))) + "\n"
 
-    def _block(self, table: TableSummary, clock: ClockSummary | None, mine: Sequence[Guess]) -> Iterator[str]:
+    def _block(
+        self, table: TableSummary, clock: ClockSummary | None, mine: Sequence[Guess], named: str
+    ) -> Iterator[str]:
         layout = self.log.layout
         yield "[[import.files]]"
         path = self.log.path
         beside = (
             ""
-            if path.is_absolute()
+            if named or path.is_absolute()
             else "  # relative to the folder of the campaign file: correct it if that is another"
         )
-        yield f"path = {_quoted(path.as_posix())}{beside}"
+        yield f"path = {_quoted(named or path.as_posix())}{beside}"
         if len(catalogue(self.log)) > 1:
             yield f"table = {_quoted(table.info.name)}"
         name, unit = ("", "s") if clock is None else (clock.name, clock.unit)

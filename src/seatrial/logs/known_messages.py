@@ -127,7 +127,8 @@ _NORMALISED = "actuator_motors"
 _PULSES = (900.0, 1500.0, 2100.0)
 _ELEMENT = re.compile(r"(.*)\[(\d+)\]")
 _NUMBERED = re.compile(
-    r"(?:.*[./])?(?:pwm|servo|thruster|motor|esc|output)_?(?:pwm_?)?(\d+)(?:_?(?:pwm|us|raw))?", re.IGNORECASE
+    r"(?:.*[./])?(?:pwm|servo|thruster|motor|esc|(?:rc_?)?out(?:put)?)_?(?:pwm_?)?(\d+)(?:_?(?:pwm|us|raw))?",
+    re.IGNORECASE,
 )
 """Names of columns that count outputs from 1."""
 

@@ -162,6 +162,8 @@ CALLED: Mapping[Method, str] = {
     "nested": "nested sampling",
 }
 """Methods as a sentence names them."""
+FINE = 1000
+"""Parts of a piece in which progress is told."""
 HIGHER = 3.0
 """Nats above the highest peak known that count as another one."""
 
@@ -214,7 +216,7 @@ def agreed_evidence(
         keys: random keys; or one of which both are made, or a seed.
         settings: repeats of tempered SMC that are asked for, and their size; more are made while they check too bluntly; and draws of the
             importance sampling.
-        progress: called with the work done and the work in all.
+        progress: called with the work done and the work in all, in thousandths of a piece.
 
     Returns:
         The chosen evidence. Its diagnostics hold `methods`: value, error, status, difference from the chosen and that in joint
@@ -232,10 +234,15 @@ def agreed_evidence(
     waiting = gathering.begin()
     done = 0
     while waiting:
-        following = gathering.add(do(posterior, waiting.pop(0), keys, settings))
+        piece = waiting.pop(0)
+
+        def within(share: int, whole: int, done: int = done, pieces: int = done + 1 + len(waiting)) -> None:
+            progress(round(FINE * (done + share / whole)), FINE * pieces)
+
+        following = gathering.add(do(posterior, piece, keys, settings, within))
         waiting = [following, *waiting] if following else waiting
         done += 1
-        progress(done, done + len(waiting))
+        progress(FINE * done, FINE * (done + len(waiting)))
     return gathering.evidence()
 
 

@@ -265,6 +265,40 @@ def test_a_second_log_with_the_same_columns_becomes_another_run(tmp_path):
     assert further_run(other, "logs/run_b.csv") is None
 
 
+def test_a_log_takes_the_place_of_one_of_which_it_has_every_column_or_channel(tmp_path):
+    from seatrial.apps.dashboard.edits import channels_of, files_of, with_newer_log
+
+    names = {
+        "again.csv": "time_s,speed,rpm,yaw",
+        "other.csv": "t,u_kn,prop_rpm",
+        "half.csv": "time_s,speed",
+    }
+    looked = {}
+    for name, head in names.items():
+        rows = [",".join([f"{0.1 * k:.1f}", *[str(900 + k)] * head.count(",")]) for k in range(30)]
+        (tmp_path / name).write_text("\n".join([head, *rows]) + "\n")
+        looked[name] = look_into(str(tmp_path / name), name, ("u", "n"))
+    before = (
+        '[[import.files]]\npath = "run_a.csv"\ntime = { column = "time_s", unit = "s" }\n'
+        'channels.u = { column = "speed", unit = "cm/s", scale = -1.0 }  # reversed\n'
+        'channels.n = { sum = "0.5 rpm + 0.5 rpm", unit = "rpm" }\n'
+    )
+    after, gone = with_newer_log(before, "again.csv", looked["again.csv"], ("a",))
+    assert (after, gone) == (before.replace("run_a", "again"), ("run_a.csv",))
+    assert with_newer_log(after, "again.csv", looked["again.csv"], ("a",)) == (after, ())
+    after, gone = with_newer_log(before, "other.csv", looked["other.csv"], ())
+    assert (channels_of(after), gone) == ({}, ("run_a.csv",))
+    assert with_newer_log(before, "half.csv", looked["half.csv"], ()) == (before, ())
+    of_runs = before.replace("run_a", "{run}")
+    assert with_newer_log(of_runs, "again.csv", looked["again.csv"], ("again",)) == (of_runs, ())
+    two = before.replace('channels.n = { sum = "0.5 rpm + 0.5 rpm", unit = "rpm" }\n', "") + (
+        '\n[[import.files]]\npath = "motor.csv"\nchannels.n = { column = "rpm", unit = "rpm" }\n'
+    )
+    after, gone = with_newer_log(two, "again.csv", looked["again.csv"], ())
+    assert gone == ("run_a.csv", "motor.csv")
+    assert [(one["path"], [*one["channels"]]) for one in files_of(after)] == [("again.csv", ["u"])]
+
+
 def test_two_logs_are_lined_up_and_drawn_by_a_map_that_is_not_saved(tmp_path):
     from seatrial.apps.dashboard.edits import with_map, with_shift
     from seatrial.apps.dashboard.logs import line_up

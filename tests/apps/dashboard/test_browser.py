@@ -81,6 +81,12 @@ def test_from_a_limit_to_an_export(tmp_path, page):
             page.get_by_text(words).first.wait_for()
         for title in ("Autocorrelation of the residuals", "Posterior of X_uabsu", "measured, predicted, and residuals"):
             page.locator(f'[aria-label*="{title}"] svg').first.wait_for()
+        page.set_viewport_size({"width": 390, "height": 844})
+        assert page.locator("table.stacks").count() == 2
+        assert page.evaluate(
+            "[...document.querySelectorAll('.scroll:has(.stacks)')].every((one) => one.scrollWidth <= one.clientWidth)"
+        )
+        page.set_viewport_size({"width": 1000, "height": 900})
         page.get_by_role("link", name="Compare").click()
         page.get_by_text("difference, joint sd").wait_for()
         assert page.locator("table td").first.inner_text() == "0.0"
@@ -240,6 +246,14 @@ def test_a_column_of_time_is_chosen_and_a_second_run_added(tmp_path, page):
         for channel, column, unit in (("u", "speed", "m/s"), ("n", "rpm", "rpm")):
             choose(f"{channel}: column", f"{column} · rows")
             page.get_by_label(f"{channel}: unit").fill(unit)
+        choose("n: column", "not in a log")
+        choose("time of run_a.csv: column", "Zeit")
+        page.get_by_role("button", name="Check and save this map").click()
+        page.get_by_text("Choose a column: n is an input of the model.").wait_for()
+        assert page.locator(".channel .q-field--error").count() == 1
+        assert (folder / "campaign.toml").read_text() == before
+        choose("time of run_a.csv: column", "choose")
+        choose("n: column", "rpm · rows")
         page.get_by_role("button", name="Check and save this map").click()
         page.get_by_text("Choose the column of the time stamps, and its unit.").wait_for()
         assert page.locator(".channel .q-field--error").count() == 1
@@ -253,6 +267,8 @@ def test_a_column_of_time_is_chosen_and_a_second_run_added(tmp_path, page):
 
         choose("A log in the campaign's folder", "logs/run_b.csv")
         page.get_by_role("button", name="Preview log").click()
+        page.get_by_text("logs/run_b.csv takes the place of logs/run_a.csv").wait_for()
+        assert page.get_by_label("Name of the run").input_value() == "run_b"
         page.get_by_role("button", name="Add it, held back to predict").click()
         page.get_by_text("Saved in campaign.toml: run_b is under predict").wait_for()
         imports = tomllib.loads((folder / "campaign.toml").read_text())["import"]
@@ -266,7 +282,9 @@ def test_a_column_of_time_is_chosen_and_a_second_run_added(tmp_path, page):
 def test_from_nothing_to_a_schedule_by_the_page_alone(tmp_path, page):
     root, log = tmp_path / "served", tmp_path / "dive.csv"
     root.mkdir()
-    log.write_text("time_s,speed,rpm\n" + "".join(f"{0.1 * i:.1f},1.5,{1200 + i}\n" for i in range(300)))
+    log.write_text(
+        "time_s,speed,rpm\n" + "".join(f"{0.1 * i:.1f},{1.5 + 0.001 * i:.3f},{1200 + i}\n" for i in range(300))
+    )
     with served(root) as (address, _):
         page.goto(address)
         page.get_by_role("button", name="New campaign").click()

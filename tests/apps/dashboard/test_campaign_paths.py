@@ -71,7 +71,12 @@ def test_what_is_there_is_served(context):
     for name in ("prior.svg", "results/free_form_schedule.csv", "results/x.nc"):
         (context.root / "one" / name).write_text("mine")
     made = ["campaign.toml", "prior.svg", "report.html", "results/free_form_schedule.csv"]
-    assert context.files("one") == made
+    exported = ["export/gz/model.sdf", "export/trial/trial_ros2/metadata.yaml"]
+    for name in (*exported, "export/odd name/x.json", "export/a/b/c/d.json"):
+        (context.root / "one" / name).parent.mkdir(parents=True)
+        (context.root / "one" / name).write_text("mine")
+    assert context.files("one") == sorted(made + exported)
+    assert context.download("one", exported[1])[1] == "application/octet-stream"
     assert context.download("one", "prior.svg")[1] == "image/svg+xml"
 
 

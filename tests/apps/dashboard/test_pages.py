@@ -1,6 +1,7 @@
 """What pages say of results: where to go on, what colours mean, what a column is."""
 
 import os
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 from markupsafe import Markup
 
 from seatrial.apps.dashboard.jobs import Jobs, log_of
+from seatrial.apps.dashboard.page_layout import VIEWS
 from seatrial.apps.dashboard.pages.design import legend_html
 from seatrial.apps.dashboard.pages.record_chart import RecordChart
 from seatrial.apps.dashboard.pages.results import estimated, next_html
@@ -70,3 +72,9 @@ def test_estimates_stand_by_structure_before_a_model_is_chosen(tmp_path):
     assert '<th scope="col">with model error' in second
     assert "± 0.478 <small>a force X_u</small>" in second
     assert '<th scope="col">mean ± sd, within the model' in second
+    assert '<td data-head="with model error">± 0.478' in second  # on a narrow screen, where the head is above each cell
+
+
+def test_every_view_stands_in_its_documentation():
+    text = (Path(__file__).parents[3] / "docs" / "dashboard.md").read_text()
+    assert [name for name in VIEWS.values() if f"\n| {name} |" not in text] == []

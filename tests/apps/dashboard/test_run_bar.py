@@ -15,13 +15,32 @@ from tests.campaign.small import write_small
 
 
 def job(*work, alive=True):
-    pieces = tuple({"title": t, "done": d, "total": n, "elapsed": s} for t, d, n, s in work)
+    pieces = tuple({"title": t, "done": d, "total": n, "begun_at": 0, "elapsed": s} for t, d, n, s in work)
     return Job(Occupant(alive, 1, "here", ("seatrial", "run", "boat"), 1000.0, pieces), "", "")
 
 
 def test_the_whole_run_is_one_share():
     found = standing_of(job(("whole run", 250, 1000, 20.0), ("estimate M-0", 9, 10, 5.0)), 1040.0)
-    assert found == ("seatrial run, 25%, 40 s elapsed, about 60 s remaining", 0.25)
+    assert found == ("seatrial run, 25%, 40 s elapsed, about 60 s remaining; estimate M-0, 90%", 0.25)
+    assert standing_of(job(("whole run", 250, 1000, 20.0), ("estimate M-0", 9, 9, 5.0)), 1040.0).words.endswith(
+        "remaining"
+    )
+
+
+def test_a_piece_that_takes_longer_than_was_expected_of_the_whole_run_is_told():
+    """A third method for an evidence is not foreseen: the share of the whole run then stands still, and the bar says what is computed."""
+    pieces = (
+        ("whole run", 750, 1000, 60.0),
+        ("evidence M-1", 9, 10, 9.0),
+        ("evidence M-0: nested sampling", 200, 1000, 40.0),
+    )
+    found = standing_of(job(*pieces), 1060.0)
+    assert found.words == "seatrial run, 75%, 60 s elapsed, about 3 min remaining; evidence M-0: nested sampling, 20%"
+
+
+def test_what_was_compiled_says_nothing_about_the_remaining_time():
+    found = standing_of(job(("evidence M-0: nested sampling", 1, 1000, 13.0)), 1013.0)
+    assert found.words == "seatrial run, evidence M-0: nested sampling, 0%, 13 s elapsed"
 
 
 def test_of_several_trials_the_last_is_told():

@@ -45,7 +45,10 @@ def test_a_value_is_replaced_in_its_line():
 def test_a_missing_key_goes_below_the_last_of_its_table():
     new = set_key(TEXT, "limits.u", "upper", "2 m/s")
     assert changed(new) == ['+ upper = "2 m/s"']
-    assert new.index("# the end of u") < new.index('upper = "2 m/s"') < new.index("[design]")
+    assert 'lower = "0.5 m/s"\nupper = "2 m/s"\n# the end of u\n' in new
+    text = "[estimation]\nchains = [\n  2,\n]\n\n# [import]\n# fit = ['a']\n"
+    assert set_key(text, "estimation", "residuals", "heavy") == text.replace("\n]\n", '\n]\nresiduals = "heavy"\n')
+    assert set_key("[estimation]", "estimation", "residuals", "heavy") == '[estimation]\nresiduals = "heavy"\n'
 
 
 def test_a_missing_table_goes_to_the_end():

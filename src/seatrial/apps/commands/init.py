@@ -161,7 +161,9 @@ def _write_of_log(folder: Path, log: Path, said: dict[str, Any]) -> None:
             expected="--vehicle, and --moves or --name at most",
             remedy="for a vehicle of your own take --template log, and the map of `seatrial inspect LOG --map`",
         )
-    text = log_campaign_text(said["vehicle"], log, tuple(listed_names(said.get("moves", ""))), said.get("name", ""))
+    text = log_campaign_text(
+        folder, said["vehicle"], log, tuple(listed_names(said.get("moves", ""))), said.get("name", "")
+    )
     with located("what this log makes"):
         check_text(folder, text)
     path, answer = write_campaign(folder, text), current_answer()

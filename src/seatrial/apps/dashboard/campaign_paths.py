@@ -26,8 +26,8 @@ DOWNLOADS = {
 MADE = re.compile(r"[\w-][\w.-]*\.svg|results/[a-z0-9_]+_schedule\.(csv|json)|results/(coefficients|averaged)\.csv")
 """Pictures, schedules and tables that commands wrote, by their place in the campaign's folder."""
 _TYPES = {".svg": "image/svg+xml", ".csv": "text/csv; charset=utf-8", ".json": "application/json"}
-_EXPORTED = re.compile(r"export/[A-Za-z0-9_-]+/[A-Za-z0-9_][A-Za-z0-9_.-]*")
-"""Files that `seatrial export` wrote; they are only ever saved, never shown."""
+_EXPORTED = re.compile(r"export/(?:[A-Za-z0-9_-]+/){1,2}[A-Za-z0-9_][A-Za-z0-9_.-]*")
+"""Files that `seatrial export` wrote, those of a bag in a folder of its own; they are only ever saved, never shown."""
 LONGEST = 200
 """Bytes of a name; file systems take 255, and a name beside it is longer while it is written."""
 _PLAIN = re.compile(r"\w[\w. +()-]{0,119}")
@@ -153,12 +153,11 @@ class CampaignPaths:
         )
 
     def files(self, name: str) -> list[str]:
-        """Files of a campaign that may be fetched, exports aside, relative to its folder."""
+        """Files of a campaign that may be fetched, relative to its folder."""
         folder = self.folder(name)
-        there = [
-            path.relative_to(folder).as_posix() for place in (folder, Store(folder).results) for path in place.glob("*")
-        ]
-        return sorted(one for one in there if one in DOWNLOADS or MADE.fullmatch(one))
+        paths = [*folder.glob("*"), *Store(folder).results.glob("*"), *(folder / "export").rglob("*")]
+        there = [path.relative_to(folder).as_posix() for path in paths if path.is_file()]
+        return sorted(one for one in there if one in DOWNLOADS or MADE.fullmatch(one) or _EXPORTED.fullmatch(one))
 
     def download(self, name: str, relative: str) -> tuple[Path, str]:
         """A file that may be fetched, and its type.

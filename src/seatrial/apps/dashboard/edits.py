@@ -11,6 +11,7 @@ from seatrial.apps.toml_edit import comment_out, sections_of, set_key, written
 from seatrial.campaign.config.named_files import place_of
 from seatrial.campaign.config.toml import toml_content
 from seatrial.core.errors import InputError
+from seatrial.logs.linear_sum import parse_sum
 
 BOUNDS = ("lower", "upper", "rate")
 MAP = "import.files"
@@ -176,6 +177,60 @@ def with_channel(channel_map: str, name: str, mapped: Mapped | None) -> str:
             _fill(column, mapped)
             files[target] = _with_line(files[target], name, column)
     return "\n".join(file.strip() + "\n" for file in files if file.strip())
+
+
+def with_newer_log(channel_map: str, name: str, log: Any, runs: Sequence[str]) -> tuple[str, tuple[str, ...]]:
+    """Channel map with a log in the place of those that it makes needless, and the paths of these.
+
+    A log that is new to the map takes the place of one of which it has every column, with units, signs and comments; and of one whose
+    channels it all has by other names, which are then without a column.
+
+    Args:
+        channel_map: `[[import.files]]` tables.
+        name: path of the log from the campaign's folder.
+        log: what a look into it found: `heads`, `columns` and `guesses`, as `seatrial.apps.dashboard.logs.Looked`.
+        runs: of the campaign, for paths with `{run}`.
+
+    Raises:
+        InputError: a map that is not TOML, or that cannot be edited.
+    """
+    mapped: dict[str, list[dict[str, Any]]] = {}
+    for file in files_of(channel_map):
+        mapped.setdefault(str(file.get("path")), []).append(file)
+    gone: list[str] = []
+    if any(name in (path, path.replace("{run}", run)) for path in mapped for run in runs or ("",)):
+        return channel_map, ()
+    guessed = {one.channel for one in log.guesses}
+    for path, files in mapped.items():
+        channels = [channel for file in files for channel in file.get("channels", {})]
+        if not gone and all(_has_columns(log, file) for file in files):
+            channel_map = "\n".join(
+                _edited(text, lambda file: file.update(path=name)) if _file_of(text).get("path") == path else text
+                for text in _texts_of(channel_map)
+            )
+        elif channels and guessed >= {*channels}:
+            for channel in channels:
+                channel_map = with_channel(channel_map, channel, None)
+        else:
+            continue
+        gone.append(path)
+    return channel_map, tuple(gone)
+
+
+def _has_columns(log: Any, file: Mapping[str, Any]) -> bool:
+    """Return whether a log has every column that one `[[import.files]]` names, laid out as that says."""
+    name = file.get("table") or (next(iter(log.heads)) if len(log.heads) == 1 else None)
+    if name not in log.heads:
+        return False
+    head = _file_of(log.heads[name])
+    alike = all(file.get(key) == head.get(key) for key in ("table", "delimiter", "encoding", "skip_rows"))
+    columns = [file.get("time", {}), *file.get("channels", {}).values()]
+    try:
+        sums = [part for one in columns if "sum" in one for _, part in parse_sum(str(one["sum"]), "the channel map")]
+    except InputError:  # said when the map is checked
+        return False
+    needed = {*sums, *(str(one["column"]) for one in columns if one.get("column"))}
+    return alike and needed <= {one.name for one in log.columns if one.table == name}
 
 
 def with_shift(channel_map: str, path: str, table: str | None, shift: float) -> str:

@@ -198,12 +198,7 @@ def _samples(path: str, head: str, column: str) -> tuple[Decimal, Samples]:
 
 def _look(path: str, relative: str, only: tuple[str, ...]) -> Looked:
     found = inspect_log(Path(path))
-    written = f'path = "{Path(path).as_posix()}"'
-    heads = {
-        one.info.name: found.head_toml(one).replace(written, f'path = "{relative}"')
-        for one in found.tables
-        if not one.info.trouble
-    }
+    heads = {one.info.name: found.head_toml(one, relative) for one in found.tables if not one.info.trouble}
     guesses = tuple(
         Guessed(one.channel, one.table, one.column, one.unit, one.scale, one.reason)
         for one in best(found.guesses, only)

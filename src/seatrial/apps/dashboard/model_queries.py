@@ -43,6 +43,7 @@ from seatrial.campaign.config.toml import toml_content
 from seatrial.campaign.config.truth import true_coefficients
 from seatrial.campaign.data.import_logs import Trials, read_tables, read_untrimmed
 from seatrial.campaign.data.simulate import chosen_of
+from seatrial.campaign.data.unmapped import unmapped
 from seatrial.campaign.design.evaluate import plan_as_run, plan_of
 from seatrial.campaign.design.prior_state_space import prior_draws
 from seatrial.campaign.design.schedule import design_words, write_schedule
@@ -244,6 +245,15 @@ def check(folder: str, text: str) -> tuple[str, ...]:
         InputError: what is wrong with it.
     """
     return tuple(file_cautions(check_text(Path(folder), text)))
+
+
+def channels_without_column(folder: str, text: str) -> dict[str, str]:
+    """Return the channels that a campaign file needs of its logs and does not map, each with the reason.
+
+    Raises:
+        InputError: what is wrong with it.
+    """
+    return unmapped(check_text(Path(folder), text))
 
 
 def check_term(folder: str, text: str, term: str) -> None:

@@ -103,8 +103,13 @@ LONG = 40
 """Characters from which a cell is text that may be broken over lines."""
 
 
-def table(head: list[str], rows: list[list[str | Markup]], caption: str = "", left: int = 1) -> Markup:
-    """A table that scrolls inside its own frame; the first `left` columns are text, as is every column with a long cell."""
+def table(
+    head: list[str], rows: list[list[str | Markup]], caption: str = "", left: int = 1, stacks: bool = False
+) -> Markup:
+    """A table that scrolls inside its own frame; the first `left` columns are text, as is every column with a long cell.
+
+    One that `stacks` shows on a narrow screen each row as a block, every cell under the head of its column.
+    """
     long = {i for row in rows for i, cell in enumerate(row) if len(escape(cell).striptags()) > LONG}
 
     def cells(row: list[str | Markup], tag: str) -> Markup:
@@ -113,10 +118,11 @@ def table(head: list[str], rows: list[list[str | Markup]], caption: str = "", le
             kind = "th" if i == 0 or tag == "th" else "td"
             scope = Markup(' scope="{}"').format("col" if tag == "th" else "row") if kind == "th" else ""
             parts.append(
-                Markup("<{}{}{}>{}</{}>").format(
+                Markup("<{}{}{}{}>{}</{}>").format(
                     Markup(kind),
                     scope,
                     Markup(' class="text"') if i < left or i in long else "",
+                    Markup(' data-head="{}"').format(head[i]) if stacks and kind == "td" else "",
                     cell,
                     Markup(kind),
                 )
@@ -126,8 +132,8 @@ def table(head: list[str], rows: list[list[str | Markup]], caption: str = "", le
     body = Markup("").join(cells(row, "td") for row in rows)
     title = Markup("<caption>{}</caption>").format(caption) if caption else ""
     return Markup(
-        '<div class="scroll" tabindex="0" role="region" aria-label="{}"><table>{}<thead>{}</thead><tbody>{}</tbody></table></div>'
-    ).format(caption or "table", title, cells(list(head), "th"), body)
+        '<div class="scroll" tabindex="0" role="region" aria-label="{}"><table{}>{}<thead>{}</thead><tbody>{}</tbody></table></div>'
+    ).format(caption or "table", Markup(' class="stacks"') if stacks else "", title, cells(list(head), "th"), body)
 
 
 def _top(context: AppContext, campaign: str) -> Markup:

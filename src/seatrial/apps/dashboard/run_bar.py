@@ -1,8 +1,9 @@
 """The bar of what is at work on a campaign, on each of its pages: how far it has come, elapsed and remaining time, and Stop."""
 
 import time
+from collections.abc import Mapping
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from markupsafe import Markup
 from nicegui import ui
@@ -11,6 +12,7 @@ from seatrial.apps.dashboard.app_context import AppContext, markup, say
 from seatrial.apps.dashboard.jobs import Job
 from seatrial.campaign.workflow.whole_run import TITLE
 from seatrial.core.errors import SeatrialError
+from seatrial.core.reporter import remaining
 
 EVERY = 1.0
 """Seconds between looks at what is running."""
@@ -40,7 +42,8 @@ def standing_of(job: Job, now: float) -> Standing:
         return Standing("starting", None)
     words = [" ".join(there.command[:2])]
     whole = [piece for piece in there.work if piece["title"] == TITLE]
-    pieces = whole or [piece for piece in there.work if piece["done"] < piece["total"]]
+    running = [piece for piece in there.work if piece["done"] < piece["total"] and piece["title"] != TITLE]
+    pieces = whole or running
     elapsed = f"{duration_text(max(0.0, now - there.started))} elapsed"
     if not pieces:
         return Standing(", ".join([*words, elapsed]), None)
@@ -51,10 +54,18 @@ def standing_of(job: Job, now: float) -> Standing:
     if not whole:
         words.append(str(piece["title"]))
     words += [f"{share:.0%}", elapsed]
-    if share > 0:
-        remaining = f"about {duration_text(piece['elapsed'] * (1 - share) / share)} remaining"
-        words.append(remaining if len(whole) == 1 else f"{remaining} in this {'round' if whole else 'step'}")
-    return Standing(", ".join(words), share)
+    slowest = max(running, key=lambda one: remaining_of(one) or 0.0, default=None) if whole else None
+    known = [seconds for one in (piece, slowest) if one is not None and (seconds := remaining_of(one)) is not None]
+    if known:
+        said = f"about {duration_text(max(known))} remaining"
+        words.append(said if len(whole) == 1 else f"{said} in this {'round' if whole else 'step'}")
+    now_at = "" if slowest is None else f"; {slowest['title']}, {slowest['done'] / slowest['total']:.0%}"
+    return Standing(", ".join(words) + now_at, share)
+
+
+def remaining_of(piece: Mapping[str, Any]) -> float | None:
+    """Return the time that a piece of work of an occupant still takes at its pace, s; None where that is not known yet."""
+    return remaining(piece["elapsed"], piece["begun_at"], piece["done"], piece["total"])
 
 
 class RunBar:

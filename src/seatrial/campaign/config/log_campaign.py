@@ -1,6 +1,7 @@
 """The campaign file of a published vehicle and a log of it: what the log holds is mapped, and what is believed stands beside it."""
 
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -53,12 +54,13 @@ sd = 0.01""",
 }
 
 
-def log_campaign_text(vehicle: str, log: Path, moves: tuple[str, ...] = (), name: str = "") -> str:
+def log_campaign_text(folder: Path, vehicle: str, log: Path, moves: tuple[str, ...] = (), name: str = "") -> str:
     """Return the campaign file of a published vehicle with a log of it, commented.
 
     Args:
+        folder: of the campaign, which need not be there yet.
         vehicle: name in the catalogue.
-        log: of a trial.
+        log: of a trial; the file names it relative to its folder, so that both can be moved together.
         moves: velocities that are modelled; none for all that are published.
         name: of the campaign; empty for one that is made up.
 
@@ -95,9 +97,17 @@ def log_campaign_text(vehicle: str, log: Path, moves: tuple[str, ...] = (), name
         '# The log determines the initial state.\n[estimation]\ninitial = "estimated"',
         _next_trial(controls[0]),
         f'[import]\nfit = ["1"]\nstep = "{_step(summary, controls)} s"',
-        summary.as_toml([*controls, *_mapped(sensors, summary)]).rstrip("\n"),
+        summary.as_toml([*controls, *_mapped(sensors, summary)], _named(folder, log)).rstrip("\n"),
     ]
     return "\n\n".join(parts) + "\n"
+
+
+def _named(folder: Path, log: Path) -> str:
+    """Return the path of a log from the campaign's folder; absolute if none leads there, as to another drive."""
+    try:
+        return Path(os.path.relpath(log.resolve(), folder.resolve())).as_posix()
+    except ValueError:
+        return log.resolve().as_posix()
 
 
 def _head(name: str, log: Path) -> str:

@@ -14,6 +14,7 @@ from seatrial.core.signals import ACTUAL
 from seatrial.estimation.delayed_control import DELAY
 from seatrial.estimation.filter_error import process_name
 from seatrial.estimation.mounts import mount_names
+from seatrial.estimation.remedies import is_coefficient
 from seatrial.estimation.sensor_errors import (
     bias_name,
     correlation_name,
@@ -64,14 +65,21 @@ def check_truth(campaign: Campaign) -> None:
     truth = campaign.truth
     names = {*campaign.units, *beyond_structures(campaign)}
     for name in campaign.truth:
+        if name not in names and is_coefficient(name):
+            raise InputError(
+                campaign.where(f"truth.{name}"),
+                found=f"[truth] has {name}, and no structure has it",
+                expected="a true value of terms of [structure] only",
+                remedy=f"remove {name} from [truth], or the rule that leaves it out of every structure"
+                if name in campaign.rules.never
+                else f"remove {name} from [truth], or list it in [structure]; if it is misspelt, {nearest(name, names)}",
+            )
         if name not in names:
             raise InputError(
                 campaign.where(f"truth.{name}"),
                 found=f'"{name}"',
                 expected="one of " + ", ".join(sorted(names)),
-                remedy="the rules of [structure] leave it out of every structure: drop it here, or the rule that does"
-                if name in campaign.rules.never
-                else nearest(name, names),
+                remedy=nearest(name, names),
             )
     if not truth:
         return

@@ -14,6 +14,7 @@ from seatrial.campaign.config.settings import Imports, LogColumn, LogFile
 from seatrial.campaign.data.no_record import no_record
 from seatrial.campaign.data.rebuilt_controls import with_rebuilt_controls
 from seatrial.campaign.data.simulate import check_simulated, simulated_records
+from seatrial.campaign.data.unmapped import check_mapped
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.argument_checks import check_kind
 from seatrial.core.dataset import Dataset
@@ -80,7 +81,8 @@ def import_trials(campaign: Campaign, reporter: Reporter = SILENT) -> Trials:
     """Read every run's files and store the records; runs whose files and options have not changed are kept.
 
     Raises:
-        InputError: a campaign that simulates instead or says nothing of its trials, or files that cannot be used.
+        InputError: a campaign that simulates instead or says nothing of its trials, a channel that is needed and not mapped, or files that
+            cannot be used.
     """
     imports = campaign.imports
     if not campaign.has_records:
@@ -89,6 +91,7 @@ def import_trials(campaign: Campaign, reporter: Reporter = SILENT) -> Trials:
         raise InputError(
             str(campaign.path), found="[truth]", expected="[import], to read logs", remedy="use `seatrial simulate`"
         )
+    check_mapped(campaign)
     pieces, keys = {}, []
     for run in imports.runs:
         record, key = _import_run(campaign, imports, run)

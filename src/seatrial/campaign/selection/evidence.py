@@ -21,6 +21,7 @@ from seatrial.core.reporter import SILENT, Progress, Reporter
 from seatrial.sampling.tempered_smc import SMCResult, SMCSettings
 from seatrial.selection.combined_evidence import (
     CALLED,
+    FINE,
     EvidenceRun,
     Gathering,
     Keys,
@@ -33,9 +34,6 @@ from seatrial.selection.combined_evidence import (
 from seatrial.selection.evidence import Evidence, EvidenceSettings
 from seatrial.selection.structures import Structure
 from seatrial.selection.verdict import Selection, evidence_alarms, select
-
-FINE = 1000
-"""Steps in which a repeat is shown."""
 
 
 def select_structure(campaign: Campaign, trials: Trials, reporter: Reporter = SILENT) -> Selection:
@@ -142,17 +140,19 @@ def _evidences(campaign: Campaign, trials: Trials, reporter: Reporter) -> list[E
     kept = [_Kept(campaign, one, evidence_key(campaign, one, trials), reporter) for one in campaign.structures]
     of = {one.structure.label: one for one in kept}
     parts = [_Part(one.structure, piece) for one in kept for piece in one.gathering.begin()]
+    doing = [*parts]
 
     def done(index: int, result: EvidenceRun | Weighed) -> _Part | None:
-        structure = parts[index].structure
+        structure = doing[index].structure
         following = of[structure.label].keep(result)
         if following is None:
             return None
+        doing[index] = _Part(structure, following)
         of[structure.label].show(following, 0.0)
-        return _Part(structure, following)
+        return doing[index]
 
     def on_progress(index: int, done: int, total: int) -> None:
-        part = parts[index]
+        part = doing[index]
         of[part.structure.label].show(part.piece, done / total)
 
     workers_of(campaign, reporter).run(_compute, Study(campaign, trials.fit), parts, done, on_progress)
@@ -202,7 +202,7 @@ class _Kept:
             self.progress(round(float(FINE * self.shares[:count].sum())), FINE * count)
         elif piece.method == "nested":
             self.third = self.third or self.reporter.progress(
-                f"evidence {self.structure.label}: two methods disagree, a third one decides"
+                f"evidence {self.structure.label}: nested sampling decides, because no two methods agree"
             )
             self.third(round(FINE * share), FINE)
         elif not self.gathering.asked:

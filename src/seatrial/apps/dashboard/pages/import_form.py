@@ -22,6 +22,7 @@ from seatrial.apps.dashboard.edits import (
     with_channel,
     with_further_run,
     with_map,
+    with_newer_log,
     with_time,
 )
 from seatrial.apps.dashboard.page_layout import button, table
@@ -112,6 +113,10 @@ class ImportForm:
             self.seen = read_file(self.folder)
             self.map = channel_map_of(self.seen)
         self.logs[name] = log
+        try:
+            self.map, gone = with_newer_log(self.map, name, log, (*found.fit, *found.predict))
+        except SeatrialError:  # said where the map is edited
+            gone = ()
         there = channels_of(self.map)
         for one in log.guesses:
             if one.channel not in there:
@@ -123,6 +128,9 @@ class ImportForm:
         markup(Markup("<p><strong>{}</strong>: {}</p>").format(name, log.kind))
         lines = Markup("").join(Markup("<li>{}</li>").format(line) for line in (*log.tables, *log.remarks))
         markup(Markup('<ul class="findings">{}</ul>').format(lines))
+        if gone:
+            words = "In the map below {} takes the place of {}, because it has all that was mapped from there."
+            markup(Markup('<p class="note" role="status">' + words + "</p>").format(name, ", ".join(gone)))
         markup(columns_of(log))
         self._offer_run(name)
         self._rows(found)
@@ -202,8 +210,13 @@ class ImportForm:
 
     def _ends(self, name: str, found: FormData) -> None:
         run = re.sub(r"[^A-Za-z0-9_-]", "_", Path(name).stem)[:40] or "run"
+        saved = {one.get("path") for one in files_of(channel_map_of(self.seen))}
+        is_kept = not saved.isdisjoint(one.get("path") for one in files_of(self.map))
         with ui.element("div").classes("line"):
-            self.run = ui.input("Name of the run", value=found.fit[0] if found.fit else run).props(LOOK)
+            self.run = ui.input("Name of the run", value=found.fit[0] if found.fit and is_kept else run).props(LOOK)
+        if found.fit and not is_kept:
+            words = "Saving this map makes {} the run to fit in the place of {}."
+            markup(Markup('<p class="note">' + words + "</p>").format(run, ", ".join(found.fit)))
         with ui.element("details"):
             with ui.element("summary"):
                 markup("The same as TOML: comments and further keys, such as sums of columns, are kept")
@@ -270,6 +283,8 @@ class ImportForm:
         made = await self._draft(self.said)
         if made is None:
             return
+        if not await self._is_whole(made[0]):
+            return
         with self.said:
             try:
                 write_file(self.folder, made[0], self.seen)
@@ -282,6 +297,22 @@ class ImportForm:
                     '<p class="done" role="status">Saved in campaign.toml. Now import the records; they are shown above.</p>'
                 )
                 button("Import the records", self.start, main=True)
+
+    async def _is_whole(self, text: str) -> bool:
+        """Return whether every channel that the campaign needs has a column; what is missing is said beside its row."""
+        try:
+            missing = await self.context.worker_pool.think("channels_without_column", str(self.folder), text)
+        except (SeatrialError, OSError) as error:
+            with self.said:
+                say(error)
+            return False
+        for channel, why in missing.items():
+            if channel in self.rows:
+                self.rows[channel].complain(f"Choose a column: {channel} {why}.", "column")
+        if missing:
+            with self.said:
+                say(f"Nothing was written. See above what needs a column: {', '.join(missing)}.")
+        return not missing
 
 
 class MapRow:

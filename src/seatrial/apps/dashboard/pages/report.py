@@ -45,21 +45,16 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
         button("Write the report again", lambda: begin(context, folder, said, "report"), main=not report.is_file())
     with section(
         "Export",
-        "To a simulator or a vehicle: into export/ in the campaign's folder. Only what is possible is offered.",
+        "To a simulator or a vehicle: into export/ in the campaign's folder, listed under Files. Only what is possible is offered.",
     ):
 
         async def form() -> None:
             await ExportForm(context, folder).show()
 
         await keep_current(ui.element("div"), lambda: stamp(Store(folder).summary), form)
-
-        async def exported() -> None:
-            _exported(folder, campaign)
-
-        await keep_current(ui.element("div"), lambda: _files_of(folder / "export", folder), exported)
     with section("At work"):
         Live(context, folder)
-    with section("Files", "The results themselves, as they lie in the campaign's folder."):
+    with section("Files", "Results and exports, as they lie in the campaign's folder."):
 
         async def files() -> None:
             there = context.campaign_paths.files(campaign)
@@ -160,16 +155,3 @@ def options_of(target: str, rest: str) -> list[str]:
     if trial:
         return ["--trial", "--to", name]
     return ["--to", name, *(["--rest", rest] if rest else [])]
-
-
-def _files_of(place: Path, folder: Path) -> tuple[str, ...]:
-    return tuple(sorted(path.relative_to(folder).as_posix() for path in place.rglob("*") if path.is_file()))
-
-
-def _exported(folder: Path, campaign: str) -> None:
-    if found := _files_of(folder / "export", folder):
-        rows = Markup("").join(
-            Markup('<li><a href="{}">{}</a></li>').format(link("download", campaign, file=name), name)
-            for name in found[:50]
-        )
-        markup(Markup('<h3>Exported so far</h3><ul class="findings">{}</ul>').format(rows))

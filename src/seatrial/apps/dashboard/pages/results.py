@@ -139,7 +139,7 @@ def coefficients(summary: Summary, shown: Shown) -> Markup:
     ]
     with_error = [_WITH_ERROR] if wider else []
     head = ["parameter", _WITHIN, *with_error, "95 % interval, within the model", "prior sd", "unit", "sd / prior sd"]
-    return table(head, rows, f"Parameters of {summary.chosen}: {' '.join(summary.terms)}")
+    return table(head, rows, f"Parameters of {summary.chosen}: {' '.join(summary.terms)}", stacks=True)
 
 
 def estimated(store: Store) -> Markup:
@@ -165,7 +165,7 @@ def _of_structure(label: str, rows: list[dict[str, str]]) -> Markup:
         for row in rows
     ]
     head = ["parameter", _WITHIN, *([_WITH_ERROR] if wider else []), "unit"]
-    return table(head, cells, f"Parameters of {label}: {' '.join(terms)}")
+    return table(head, cells, f"Parameters of {label}: {' '.join(terms)}", stacks=True)
 
 
 def _number(text: str) -> float | None:
@@ -245,7 +245,7 @@ async def _fits(context: AppContext, store: Store) -> None:
             for one in found.pooled
         ]
         head = ["run", "channel", "verdict", "explained", "inside 90 % band", "why"]
-        markup(table(head, rows, "How well each record is predicted"))
+        markup(table(head, rows, "How well each record is predicted", stacks=True))
         pictures = ui.element("div")
         curves = {
             (i, j): f"run {record}, {channel}{' (held back)' if record in found.held_back else ''}"

@@ -14,7 +14,7 @@ from seatrial.apps.dashboard.command_options import STARTED, CommandOption, Valu
 from seatrial.apps.dashboard.jobs import Job
 from seatrial.apps.dashboard.page_layout import button, link, section
 from seatrial.apps.dashboard.pages.overview import LEGEND, steps_html
-from seatrial.apps.dashboard.run_bar import duration_text
+from seatrial.apps.dashboard.run_bar import duration_text, remaining_of
 from seatrial.campaign.workflow.whole_run import TITLE
 from seatrial.core.errors import InputError, SeatrialError
 
@@ -210,7 +210,9 @@ def _bar(piece: dict) -> Markup:
     if total and done >= total:
         words = f"done in {duration_text(elapsed)}"
     elif share > 0:
-        words = f"{share:.0%}, {duration_text(elapsed)} elapsed, about {duration_text(elapsed * (1 - share) / share)} remaining"
+        seconds = remaining_of(piece)
+        words = f"{share:.0%}, {duration_text(elapsed)} elapsed"
+        words += "" if seconds is None else f", about {duration_text(seconds)} remaining"
     else:
         words = "begun"
     title = escape(piece["title"])
