@@ -66,7 +66,7 @@ def can_be_screened(campaign: Campaign) -> bool:
 
 
 def screening_of(campaign: Campaign, trials: Trials, reporter: Reporter = SILENT) -> tuple[Screened | None, list[str]]:
-    """The screening, and what it cautions of; where it cannot be had and is not needed, only why.
+    """The screening, and what it cautions of if structures are chosen by it; where it cannot be had and is not needed, only why.
 
     Raises:
         InputError: as `screen_terms`, where there are too many structures to do without.
@@ -80,7 +80,7 @@ def screening_of(campaign: Campaign, trials: Trials, reporter: Reporter = SILENT
             raise
         why = f"{error.where}: {error.sentence()}"
         return None, [f"the structures are simulated without a screening in closed form, which failed: {why}"]
-    return found, found.cautions
+    return found, found.cautions if campaign.is_large else []
 
 
 def with_shortlist(campaign: Campaign, trials: Trials, reporter: Reporter = SILENT) -> Campaign:
