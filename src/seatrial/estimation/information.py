@@ -22,7 +22,6 @@ from seatrial.estimation.delayed_control import DELAY
 from seatrial.estimation.filter_error import FilterError
 from seatrial.estimation.output_error import OutputError, is_deviation
 from seatrial.estimation.posterior import Posterior
-from seatrial.estimation.sensor_errors import correlation_name, dof_name, drift_name, drift_time_name, noise_name
 from seatrial.estimation.slopes import Slopes, likelihood_slopes
 from seatrial.estimation.trial_data import TrialData
 from seatrial.manoeuvres.autopilot import Autopilot
@@ -72,22 +71,27 @@ def expand_likelihood(posterior: Posterior, point: Float[np.ndarray, " d"]) -> E
 
 
 def _differences(posterior: Posterior, point: Float[np.ndarray, " d"], here: Slopes) -> Float[np.ndarray, "d d"]:
-    """Return the Hessian by differences of gradients; of the delay with itself, along which they have kinks, minus the information."""
-    hessian = np.zeros((point.size,) * 2)
+    """Return the Hessian: minus the information, and what that leaves out by differences of gradients.
+
+    An output-error information leaves out nothing about the noise, which what is shown does not depend on. Along the delay gradients have
+    kinks: about that alone nothing is added.
+    """
+    left_out = np.zeros((point.size,) * 2)
     sizes = np.sqrt(np.diag(here.information).clip(0.0))
+    known = posterior.likelihood.noise_parameters if isinstance(posterior.likelihood, OutputError) else frozenset()
+    noise = [i for i, name in enumerate(posterior.names) if name in known]
     kinked = [i for i in posterior.places if posterior.names[i] == DELAY]
-    smooth = [i for i in posterior.places if i not in kinked]
+    smooth = [i for i in posterior.places if i not in (*kinked, *noise)]
     for i in smooth:
         # A scale stays positive: it moves by a small part of itself.
         widest = APART * abs(point[i]) if point[i] else APART
         step = np.zeros(point.size)
         step[i] = min(APART / sizes[i], widest) if sizes[i] > 0 else widest
         ahead = np.asarray(likelihood_slopes(posterior, point + step).gradient)
-        hessian[i] = (ahead - here.gradient) / step[i]
-    for i in kinked:
-        hessian[i, smooth] = hessian[smooth, i]
-        hessian[i, i] = -here.information[i, i]
-    return 0.5 * (hessian + hessian.T)
+        left_out[i] = (ahead - here.gradient) / step[i] + here.information[i]
+    left_out[:, noise] = 0.0
+    left_out[kinked] = left_out[:, kinked].T
+    return 0.5 * (left_out + left_out.T) - here.information
 
 
 def likelihood_information(posterior: Posterior, values: Float[np.ndarray, " d"]) -> Float[np.ndarray, "d d"]:
@@ -126,9 +130,7 @@ def _of_hierarchy(posterior: Posterior) -> Float[np.ndarray, "d d"]:
 
 def is_noise(posterior: Posterior) -> np.ndarray:
     """Return which parameters belong to the noise of an output-error likelihood and not to what the sensors show, shape (d,)."""
-    kinds = (noise_name, correlation_name, dof_name, drift_name, drift_time_name)
-    names = {kind(channel) for channel in posterior.likelihood.channels for kind in kinds}
-    return np.array([name in names for name in posterior.present_names])
+    return np.isin(posterior.present_names, list(posterior.likelihood.noise_parameters))
 
 
 @program(static_argnums=(0, 1))
