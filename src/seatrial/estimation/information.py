@@ -4,7 +4,7 @@ Expected (Fisher) information of an output-error fit: I = sum_k S_k^T R^-1 S_k w
 the log-likelihood of data that are the simulation itself: every term with a residual in it then vanishes, so that what cannot
 be told apart has no curvature to rounding. Other likelihoods give the observed information, minus their Hessian.
 
-The Hessian of a likelihood of records is the difference of exact gradients a millionth of a standard deviation apart: right to
+The Hessian of a likelihood of records is the difference of exact gradients some millionths of a standard deviation apart: right to
 some 1e-5 of itself, with the one program that also climbs.
 """
 
@@ -30,8 +30,9 @@ from seatrial.numerics.integrate import rk4_for_slopes
 from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.simulate import move_by
 
-APART = 1e-6
-"""Distance of gradients whose difference is a Hessian, over the standard deviation that the data alone give the parameter."""
+APART = 1e-7
+"""Distance of gradients whose difference is a Hessian, over the standard deviation that the data alone give the parameter and the root of
+the number of measurements: what their sums lose by rounding grows with that number, and in a standard deviation less bends."""
 
 
 class Expansion(NamedTuple):
@@ -81,12 +82,12 @@ def _differences(posterior: Posterior, point: Float[np.ndarray, " d"], here: Slo
     known = posterior.likelihood.noise_parameters if isinstance(posterior.likelihood, OutputError) else frozenset()
     noise = [i for i, name in enumerate(posterior.names) if name in known]
     kinked = [i for i in posterior.places if posterior.names[i] == DELAY]
-    smooth = [i for i in posterior.places if i not in (*kinked, *noise)]
-    for i in smooth:
-        # A scale stays positive: it moves by a small part of itself.
-        widest = APART * abs(point[i]) if point[i] else APART
+    apart = APART * np.sqrt(sum(float(np.sum(one.present)) for one in posterior.data.channels))
+    for i in posterior.places:
+        if i in (*kinked, *noise):
+            continue
         step = np.zeros(point.size)
-        step[i] = min(APART / sizes[i], widest) if sizes[i] > 0 else widest
+        step[i] = apart / max(sizes[i], 1.0 / posterior.parameters[i].prior.sd)
         ahead = np.asarray(likelihood_slopes(posterior, point + step).gradient)
         left_out[i] = (ahead - here.gradient) / step[i] + here.information[i]
     left_out[:, noise] = 0.0
