@@ -3,8 +3,9 @@
 `python benchmarks/commands.py` runs the loop on the template campaign twice, each time in a new folder: first with caches that are empty,
 then with those that the first left. Growth with the number of structures and of samples follows, the study of the paper, quick and full,
 and a click on "Run the design" in the dashboard: its session's answer, without the browser (`dashboard.py --clicks` has one).
-`--only loop growth run click paper-quick paper` measures some of it. Nothing else should run meanwhile. Modules are compiled before,
-as an installer does, whatever PYTHONDONTWRITEBYTECODE says.
+Then the fits of records that are long or have many unknowns: ten minutes of an ROV with eight thrusters at 50 Hz, and a minute of nine
+channels with 27 unknowns. `--only loop growth run click records paper-quick paper` measures some of it. Nothing else should run
+meanwhile. Modules are compiled before, as an installer does, whatever PYTHONDONTWRITEBYTECODE says.
 """
 
 import argparse
@@ -12,6 +13,7 @@ import compileall
 import os
 import re
 import resource
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -44,6 +46,12 @@ RUN_GOALS = (15, 40)
 PAPER_GOALS = {"paper-quick": (30, 60), "paper": (210, 270)}
 CLICK_GOALS = (3, 8)
 """Seconds until the study is there, and from a click to the design, with caches full and empty."""
+RECORDS = {
+    "thruster_rov": (600, {"estimate --by mode": (60, 120, 1000)}),
+    "six_degrees": (60, {"estimate --by mode": (10, 40, 1000), "estimate": (30, 80, 1200)}),
+}
+"""Examples that are fitted: the length of their record, s, and what each command may take: processor seconds with caches full and empty,
+and MB with full ones."""
 THINKING = 60.0
 """Seconds for which a page is looked at before the click that is called warm."""
 LOOP_PROGRAMS = 40
@@ -165,6 +173,34 @@ def _whole_run(base: Path) -> None:
         )
 
 
+def _records(base: Path) -> None:
+    """Fit the records of examples, each command in a folder of its own."""
+    for example, (duration, commands) in RECORDS.items():
+        made = base / example
+        _make_record(example, duration, made)
+        for name, goals in commands.items():
+            for column, cache in ((1, "empty caches"), (0, "full caches")):
+                folder = base / f"{example}-{name}-{cache.split()[0]}"
+                shutil.copytree(made, folder)
+                command, *options = name.split()
+                cost = _run([command, str(folder), *options], base / f"{example}-{name}-cache")
+                over = cost.cpu > goals[column] or (not column and cost.memory > goals[2])
+                print(
+                    f"{example}, {duration} s, {name}, {cache}: CPU {cost.cpu:.1f} s, goal {goals[column]}; {cost.wall:.1f} s, "
+                    f"{cost.memory:.0f} MB, {cost.compiled} compiled, {cost.loaded} loaded{'  over' if over else ''}"
+                )
+
+
+def _make_record(example: str, duration: int, folder: Path) -> None:
+    """Simulate the log of an example over so many seconds, and import it."""
+    (script,) = (ROOT / "examples" / example).glob("make_*.py")
+    folder.mkdir()
+    shutil.copy(script.with_name("campaign.toml"), folder)
+    code = f"import {script.stem} as made; from pathlib import Path; made.DURATION = {duration}; made.main(Path({str(folder)!r}))"
+    subprocess.run([sys.executable, "-c", code], cwd=script.parent, check=True)
+    _run(["import", str(folder)], folder.with_name(f"{example}-import-cache"))
+
+
 def _click(base: Path) -> None:
     """Have a session of the dashboard make the design of a new campaign: as it was opened, and when it had been looked at."""
     from seatrial.apps.session import Session
@@ -204,6 +240,7 @@ PARTS: dict[str, Callable[[Path], None]] = {
     "growth": _growth,
     "run": _whole_run,
     "click": _click,
+    "records": _records,
     "paper-quick": partial(_paper, "paper-quick"),
     "paper": partial(_paper, "paper"),
 }

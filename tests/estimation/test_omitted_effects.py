@@ -25,7 +25,12 @@ EFFECT = J @ [0.5, -1.0, 0.2] + RNG.normal(size=N)
 def scored(measured, effect=EFFECT, worth=1.0):
     """Score of one effect about least squares, its covariance and its values."""
     values, cov = np.linalg.lstsq(J, measured, rcond=None)[0], np.linalg.inv(J.T @ J)
-    return score_effects(Linear(measured - J @ values, J, effect[:, None], worth, 0.0), cov), values
+    return score_effects(linear(measured - J @ values, effect, worth), cov), values
+
+
+def linear(residual, signature, worth=1.0):
+    columns = np.column_stack([J, signature])
+    return Linear(3, columns.T @ columns, columns.T @ residual, N, worth, 0.0)
 
 
 def test_size_shift_and_variance_are_those_of_the_wider_fit():
@@ -72,7 +77,7 @@ def test_an_effect_is_tested_of_which_the_parameters_leave_a_ten_thousandth(left
     direction = np.linalg.qr(np.column_stack([J, RNG.normal(size=N)]))[0]
     inside, outside = J[:, 0] / np.linalg.norm(J[:, 0]), direction[:, 3]
     signature = np.sqrt(1 - left) * inside + np.sqrt(left) * outside
-    found = score_effects(Linear(outside, J, signature[:, None], 1.0, 0.0), np.linalg.inv(J.T @ J))
+    found = score_effects(linear(outside, signature), np.linalg.inv(J.T @ J))
     assert len(found) == tested
     assert all(one.size == pytest.approx(1 / np.sqrt(left), rel=1e-6) for one in found.values())
 

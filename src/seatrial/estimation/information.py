@@ -4,7 +4,7 @@ Expected (Fisher) information of an output-error fit: I = sum_k S_k^T R^-1 S_k w
 the log-likelihood of data that are the simulation itself: every term with a residual in it then vanishes, so that what cannot
 be told apart has no curvature to rounding. Other likelihoods give the observed information, minus their Hessian.
 
-The Hessian of a likelihood of records is the difference of exact gradients a millionth of a standard deviation apart: right to
+The Hessian of a likelihood of records is the difference of exact gradients some millionths of a standard deviation apart: right to
 some 1e-5 of itself, with the one program that also climbs.
 """
 
@@ -22,7 +22,6 @@ from seatrial.estimation.delayed_control import DELAY
 from seatrial.estimation.filter_error import FilterError
 from seatrial.estimation.output_error import OutputError, is_deviation
 from seatrial.estimation.posterior import Posterior
-from seatrial.estimation.sensor_errors import correlation_name, dof_name, drift_name, drift_time_name, noise_name
 from seatrial.estimation.slopes import Slopes, likelihood_slopes
 from seatrial.estimation.trial_data import TrialData
 from seatrial.manoeuvres.autopilot import Autopilot
@@ -31,8 +30,9 @@ from seatrial.numerics.integrate import rk4_for_slopes
 from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.simulate import move_by
 
-APART = 1e-6
-"""Distance of gradients whose difference is a Hessian, over the standard deviation that the data alone give the parameter."""
+APART = 1e-7
+"""Distance of gradients whose difference is a Hessian, over the standard deviation that the data alone give the parameter and the root of
+the number of measurements: what their sums lose by rounding grows with that number, and in a standard deviation less bends."""
 
 
 class Expansion(NamedTuple):
@@ -72,22 +72,27 @@ def expand_likelihood(posterior: Posterior, point: Float[np.ndarray, " d"]) -> E
 
 
 def _differences(posterior: Posterior, point: Float[np.ndarray, " d"], here: Slopes) -> Float[np.ndarray, "d d"]:
-    """Return the Hessian by differences of gradients; of the delay with itself, along which they have kinks, minus the information."""
-    hessian = np.zeros((point.size,) * 2)
+    """Return the Hessian: minus the information, and what that leaves out by differences of gradients.
+
+    An output-error information leaves out nothing about the noise, which what is shown does not depend on. Along the delay gradients have
+    kinks: about that alone nothing is added.
+    """
+    left_out = np.zeros((point.size,) * 2)
     sizes = np.sqrt(np.diag(here.information).clip(0.0))
+    known = posterior.likelihood.noise_parameters if isinstance(posterior.likelihood, OutputError) else frozenset()
+    noise = [i for i, name in enumerate(posterior.names) if name in known]
     kinked = [i for i in posterior.places if posterior.names[i] == DELAY]
-    smooth = [i for i in posterior.places if i not in kinked]
-    for i in smooth:
-        # A scale stays positive: it moves by a small part of itself.
-        widest = APART * abs(point[i]) if point[i] else APART
+    apart = APART * np.sqrt(max(1.0, sum(float(np.sum(one.present)) for one in posterior.data.channels)))
+    for i in posterior.places:
+        if i in (*kinked, *noise):
+            continue
         step = np.zeros(point.size)
-        step[i] = min(APART / sizes[i], widest) if sizes[i] > 0 else widest
+        step[i] = apart / max(sizes[i], 1.0 / posterior.parameters[i].prior.sd)
         ahead = np.asarray(likelihood_slopes(posterior, point + step).gradient)
-        hessian[i] = (ahead - here.gradient) / step[i]
-    for i in kinked:
-        hessian[i, smooth] = hessian[smooth, i]
-        hessian[i, i] = -here.information[i, i]
-    return 0.5 * (hessian + hessian.T)
+        left_out[i] = (ahead - here.gradient) / step[i] + here.information[i]
+    left_out[:, noise] = 0.0
+    left_out[kinked] = left_out[:, kinked].T
+    return 0.5 * (left_out + left_out.T) - here.information
 
 
 def likelihood_information(posterior: Posterior, values: Float[np.ndarray, " d"]) -> Float[np.ndarray, "d d"]:
@@ -126,9 +131,7 @@ def _of_hierarchy(posterior: Posterior) -> Float[np.ndarray, "d d"]:
 
 def is_noise(posterior: Posterior) -> np.ndarray:
     """Return which parameters belong to the noise of an output-error likelihood and not to what the sensors show, shape (d,)."""
-    kinds = (noise_name, correlation_name, dof_name, drift_name, drift_time_name)
-    names = {kind(channel) for channel in posterior.likelihood.channels for kind in kinds}
-    return np.array([name in names for name in posterior.present_names])
+    return np.isin(posterior.present_names, list(posterior.likelihood.noise_parameters))
 
 
 @program(static_argnums=(0, 1))

@@ -66,6 +66,8 @@ NAMED, BLAMED = 3, 0.5
 """Effects that are named as a cause, at most, and their share of the probability that the first of them puts outside."""
 COUPLED = ("tau_", "delta_")
 """How controls begin that may act on other axes than the model has them on: generalised forces, which may act off the centre, and fins."""
+SIDE_BY_SIDE = 8
+"""Slopes that are computed at once: each needs a control of its own over the whole record."""
 INSTANT = 1e-9
 """Lag that is none, s."""
 
@@ -131,26 +133,30 @@ class OmittedEffects:
 class Linear(NamedTuple):
     """What was measured beside what is shown, over the noise, at one point, and how it changes with z and with each effect.
 
+    Sums over all samples say all of it: by length, the columns would be most of what a fit keeps in memory.
+
     Attributes:
-        residual: measured less shown, channels and trials side by side, shape (n,).
-        slopes: of what is shown along z, shape (n, d).
-        signatures: of what is shown along the size of each effect, 0 for those that the structure has, shape (n, m).
-        worth: share of the samples that these residuals are worth where they are correlated.
+        dim: number of components of z, d.
+        products: sums of products of the slopes of what is shown along z and along the size of each of m effects, 0 for those that the
+            structure has, shape (d + m, d + m).
+        pull: sums of their products with what was measured less shown, shape (d + m,).
+        count: samples.
+        worth: share of them that these residuals are worth where they are correlated.
         log_noise: sum over samples of the log of the residuals' standard deviation in their channel.
     """
 
-    residual: Float[np.ndarray, " n"]
-    slopes: Float[np.ndarray, "n d"]
-    signatures: Float[np.ndarray, "n m"]
+    dim: int
+    products: Float[np.ndarray, "dm dm"]
+    pull: Float[np.ndarray, " dm"]
+    count: int
     worth: float
     log_noise: float
 
     @property
     def price(self) -> float:
         """What one more effect has to gain, nats."""
-        independent = np.count_nonzero(self.residual) * self.worth
-        sought = np.count_nonzero(self.signatures.any(0))
-        return 0.5 * float(np.log(max(independent, 2.0))) + float(np.log(max(sought, 1)))
+        sought = np.count_nonzero(np.diag(self.products)[self.dim :])
+        return 0.5 * float(np.log(max(self.count * self.worth, 2.0))) + float(np.log(max(sought, 1)))
 
 
 class Score(NamedTuple):
@@ -287,11 +293,12 @@ def score_effects(at: Linear, cov: Float[np.ndarray, "dk dk"], taken: tuple[int,
         cov: posterior covariance of z, and then of the effects that are in the fit.
         taken: places of these.
     """
-    slopes, d = np.concatenate([at.slopes, at.signatures[:, taken]], 1), at.slopes.shape[1]
-    along, own = slopes.T @ at.signatures, (at.signatures**2).sum(0)
+    d = at.dim
+    fitted = [*range(d), *(d + i for i in taken)]
+    along, own = at.products[fitted, d:], np.diag(at.products)[d:]
     absorbed = cov @ along
     information = own - (along * absorbed).sum(0)
-    pull = at.signatures.T @ at.residual - absorbed.T @ (slopes.T @ at.residual)
+    pull = at.pull[d:] - absorbed.T @ at.pull[fitted]
     scores = {}
     for i in range(own.size):
         if i in taken or not information[i] > HIDDEN * own[i] > 0:
@@ -310,13 +317,13 @@ def _fitted(problem: _Problem, before: _Fit, added: int) -> _Fit:
     here = list(taken)
     lowest = np.where([effects[i].is_positive for i in taken], 0.0, -np.inf)
     z, sizes, at = before.z, before.sizes, before.at
-    moves = np.flatnonzero(at.slopes.any(0))
+    moves = np.flatnonzero(np.diag(at.products)[:d])
+    fitted = np.r_[moves, d + np.array(here)]
     for _ in range(STEPS):
         prior = _priors(posterior, z, moves)
         height = prior[0].sum() - at.log_noise
-        slopes = np.concatenate([at.slopes[:, moves], at.signatures[:, here]], 1)
-        uphill = slopes.T @ at.residual + np.r_[prior[1], np.zeros(len(here))]
-        step = _inverse(slopes, prior[2]) @ uphill
+        uphill = at.pull[fitted] + np.r_[prior[1], np.zeros(len(here))]
+        step = _inverse(at.products[np.ix_(fitted, fitted)], prior[2]) @ uphill
         for share in 0.5 ** np.arange(HALVINGS):
             tried, new = z.copy(), sizes.copy()
             tried[moves] += share * step[: moves.size]
@@ -330,9 +337,9 @@ def _fitted(problem: _Problem, before: _Fit, added: int) -> _Fit:
         z, sizes, at = tried, new, near
         if gain < SETTLED:
             break
-    slopes = np.concatenate([at.slopes[:, moves], at.signatures[:, here]], 1)
     cov, among = np.diag(np.r_[np.diag(before.cov)[:d], np.zeros(len(here))]), np.r_[moves, d + np.arange(len(here))]
-    cov[np.ix_(among, among)] = _inverse(slopes, _priors(posterior, z, moves)[2]) / at.worth
+    curvature = at.products[np.ix_(fitted, fitted)]
+    cov[np.ix_(among, among)] = _inverse(curvature, _priors(posterior, z, moves)[2]) / at.worth
     log_odds = before.log_odds + (before.at.log_noise - at.log_noise) * at.worth - at.price
     return _Fit(z, sizes, taken, cov, log_odds, at)
 
@@ -342,10 +349,9 @@ def _priors(posterior: Posterior, z: np.ndarray, at: np.ndarray) -> np.ndarray:
     return np.asarray(expand_prior(posterior, z)[0])[:, at]
 
 
-def _inverse(slopes: np.ndarray, prior: np.ndarray) -> np.ndarray:
-    """Return the covariance of k parameters and then of effects, for independent samples and the curvature of the log prior density."""
-    curvature = slopes.T @ slopes
-    curvature[range(prior.size), range(prior.size)] += np.maximum(-prior, 0.0)
+def _inverse(curvature: np.ndarray, prior: np.ndarray) -> np.ndarray:
+    """Return the covariance of k parameters and then of effects, for the curvatures of independent samples and of the log prior density."""
+    curvature = curvature + np.diag(np.pad(np.maximum(-prior, 0.0), (0, len(curvature) - prior.size)))
     size = np.sqrt(np.maximum(np.diag(curvature), np.finfo(float).tiny))
     return np.linalg.pinv(curvature / np.outer(size, size), rcond=SINGULAR, hermitian=True) / np.outer(size, size)
 
@@ -353,28 +359,35 @@ def _inverse(slopes: np.ndarray, prior: np.ndarray) -> np.ndarray:
 def _linear(problem: _Problem, z: np.ndarray, sizes: np.ndarray) -> Linear:
     """Return what is linear about one point, over the noise that the residuals themselves show there; no sample where it diverges."""
     posterior, effects, values = problem
-    shown, slopes, signatures = map(np.asarray, _shown(posterior, effects, z, sizes))
-    data, likelihood = posterior.data, posterior.likelihood
-    present = np.stack([np.asarray(one.present) for one in data.channels], -1) > 0
-    residual = np.where(present, np.stack([np.asarray(one.measured) for one in data.channels], -1) - shown, 0.0)
-    columns = np.concatenate([residual[..., None], slopes, signatures], -1) * present[..., None]
-    if not np.isfinite(columns).all():
-        return Linear(np.zeros(0), np.zeros((0, z.size)), np.zeros((0, sizes.size)), 1.0, np.inf)
-    for i, (sensor, channel) in enumerate(zip(likelihood.simulator.sensors, data.channels, strict=True)):
-        for trial, here in enumerate(present[..., i]):
-            gaps = np.asarray(channel.gaps)[trial][np.asarray(channel.kind)[trial][here]]
-            columns[trial, here, i] = whiten(sensor, values, gaps, columns[trial, here, i])
-    residual, count = columns[..., 0], np.maximum(present.sum((0, 1)), 1)
-    noise = np.sqrt((residual**2).sum((0, 1)) / count)
-    noise = np.where(noise > 0, noise, 1.0)
-    columns = (columns / noise[:, None]).reshape(-1, columns.shape[-1])
-    return Linear(
-        columns[:, 0],
-        columns[:, 1 : 1 + z.size],
-        columns[:, 1 + z.size :] * _absent(posterior, effects),
-        _worth(residual, present, np.asarray(data.step)),
-        float(count @ np.log(noise)),
-    )
+    data, d, sought = posterior.data, z.size, np.r_[np.ones(z.size), _absent(posterior, effects)]
+    present = [np.asarray(channel.present) > 0 for channel in data.channels]
+    edges = np.cumsum([0, *(here.sum() for here in present)])
+    filled = -(-sought.size // SIDE_BY_SIDE) * SIDE_BY_SIDE  # as many in each call: one program
+    ways = np.eye(filled, sought.size)
+    rows = np.empty((edges[-1], 1 + filled))
+    for first in range(0, filled, SIDE_BY_SIDE):
+        shown, slopes = _shown(posterior, effects, z, sizes, ways[first : first + SIDE_BY_SIDE])
+        if not all(np.isfinite(one).all() for one in (*shown, *slopes)):
+            return Linear(d, np.zeros((sought.size,) * 2), np.zeros(sought.size), 0, 1.0, np.inf)
+        for i, (here, channel) in enumerate(zip(present, data.channels, strict=True)):
+            own = rows[edges[i] : edges[i + 1]]
+            own[:, 0] = (np.asarray(channel.measured) - np.asarray(shown[i]))[here]
+            own[:, 1 + first : 1 + first + SIDE_BY_SIDE] = np.asarray(slopes[i])[:, here].T
+    time = np.cumsum(data.step, 1) - np.asarray(data.step)
+    products, log_noise, shares = np.zeros((1 + sought.size,) * 2), 0.0, [1.0]
+    for i, (sensor, channel) in enumerate(zip(posterior.likelihood.simulator.sensors, data.channels, strict=True)):
+        own, begin = rows[edges[i] : edges[i + 1], : 1 + sought.size], 0
+        for trial, here in enumerate(present[i]):
+            piece = slice(begin, begin := begin + here.sum())
+            gaps = np.asarray(channel.gaps)[trial][np.asarray(channel.kind)[trial, here]]
+            own[piece] = whiten(sensor, values, gaps, own[piece])
+            shares.append(_worth(time[trial, here], own[piece, 0]))
+        noise = np.sqrt(np.mean(own[:, 0] ** 2)) if len(own) else 0.0
+        noise = noise if noise > 0 else 1.0
+        products += own.T @ own / noise**2
+        log_noise += len(own) * float(np.log(noise))
+    pull, products = products[0, 1:] * sought, products[1:, 1:] * np.outer(sought, sought)
+    return Linear(d, products, pull, len(rows), min(shares), log_noise)
 
 
 def whiten(
@@ -448,25 +461,22 @@ def _candidates(posterior: Posterior) -> Iterator[Effect]:
                 yield Effect("start", state, signal_unit(state))
 
 
-def _worth(residual: np.ndarray, present: np.ndarray, step: np.ndarray) -> float:
-    """Return the share of the samples that residuals are worth, where they are worth least of all channels and trials; 1 if white."""
-    shares = [1.0]
-    for trial in range(residual.shape[0]):
-        time = np.concatenate([[0.0], np.cumsum(step[trial])[:-1]])
-        for channel in range(residual.shape[2]):
-            here = present[trial, :, channel] > 0
-            if here.sum() > 8 and whiteness(time[here], residual[trial, here, channel]).p_value < LIKELY:
-                shares.append(effective_samples(time[here], residual[trial, here, channel]) / here.sum())
-    return float(min(shares))
+def _worth(time: Float[np.ndarray, " n"], residual: Float[np.ndarray, " n"]) -> float:
+    """Return the share of the samples that residuals of one channel of a trial are worth; 1 where they are white, or too few to tell."""
+    if len(time) <= 8 or whiteness(time, residual).p_value >= LIKELY:
+        return 1.0
+    return effective_samples(time, residual) / len(time)
 
 
 @program(static_argnums=1)
-def _shown(posterior: Posterior, effects: tuple[Effect, ...], z: Array, sizes: Array) -> tuple[Array, Array, Array]:
-    """Return what the sensors show, shape (trials, n, channels), with slopes along z and along the size of each effect."""
+def _shown(
+    posterior: Posterior, effects: tuple[Effect, ...], z: Array, sizes: Array, ways: Float[Array, "k dm"]
+) -> tuple[tuple[Array, ...], tuple[Array, ...]]:
+    """Return what each sensor shows, shape (trials, n), and its slopes along ways of z and then the sizes, shape (k, trials, n)."""
     likelihood: Any = posterior.likelihood
     simulator = replace(likelihood.simulator, model=_pushed(likelihood.model, effects))
 
-    def shown(z: Array, sizes: Array) -> Array:
+    def shown(z: Array, sizes: Array) -> tuple[Array, ...]:
         size = dict(zip(effects, sizes, strict=True))
         named: dict[str, Any] = dict(zip(posterior.names, posterior.constrain(z), strict=True))
         for one, x in size.items():
@@ -474,7 +484,7 @@ def _shown(posterior: Posterior, effects: tuple[Effect, ...], z: Array, sizes: A
                 own = one.of if one.of in named else f"omitted {one.of}"
                 named[own] = named.get(own, 0.0) + x
 
-        def of_one_trial(apart: dict, trial: Any, start: Array) -> Array:
+        def of_one_trial(apart: dict, trial: Any, start: Array) -> tuple[Array, ...]:
             control = dict(zip(likelihood.model.controls, trial.control, strict=True))
             starts, biases = start, {}
             for one, x in size.items():
@@ -494,12 +504,13 @@ def _shown(posterior: Posterior, effects: tuple[Effect, ...], z: Array, sizes: A
                     name: column if name in MOTIONS else delay_control(column, size[delay] / trial.step[0])
                     for name, column in control.items()
                 }
-            seen = simulator.outputs({**named, **apart}, starts, tuple(control.values()), trial.step)
-            return seen + jnp.stack([jnp.asarray(biases.get(channel, 0.0)) for channel in likelihood.channels])
+            seen = simulator.follow({**named, **apart}, starts, tuple(control.values()), trial.step).kept
+            return tuple(x + biases.get(channel, 0.0) for channel, x in zip(likelihood.channels, seen, strict=True))
 
         return jax.vmap(of_one_trial)(likelihood.apart(named), posterior.data, likelihood.starts(named, posterior.data))
 
-    return shown(z, sizes), *jax.jacfwd(shown, (0, 1))(z, sizes)
+    along = ways[:, : z.size], ways[:, z.size :]
+    return jax.vmap(lambda *way: jax.jvp(shown, (z, sizes), way), out_axes=(None, 0))(*along)
 
 
 def _pushed(model: VehicleModel, effects: tuple[Effect, ...]) -> VehicleModel:

@@ -11,6 +11,7 @@ a common value: `X_u` is then X_u + spread_X_u dev_X_u[label], a hierarchical mo
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from math import gcd
 from typing import Any
 
 import jax
@@ -36,6 +37,8 @@ from seatrial.vehicles.model import VehicleModel
 
 QUATERNION_SHARE = 0.75
 """What each of four parts of a unit quaternion counts: its error has three directions, those along the sphere."""
+BLOCK = 256
+"""Samples of a block at most: few enough for the cache."""
 
 
 @dataclass(frozen=True)
@@ -67,6 +70,11 @@ class OutputError:
     def channels(self) -> tuple[str, ...]:
         """Measured channels."""
         return tuple(sensor.channel for sensor in self.simulator.sensors)
+
+    @property
+    def noise_parameters(self) -> frozenset[str]:
+        """Names of the parameters of the sensors' noise, which do not change what they show."""
+        return frozenset(name for sensor in self.simulator.sensors for name in sensor.noise_parameters)
 
     @property
     def is_plain(self) -> bool:
@@ -137,12 +145,36 @@ class OutputError:
                 memory = jnp.exp(-data.gaps / values[drift_time_name(sensor.channel)])
                 return Drifting(sd, values[drift_name(sensor.channel)], memory)
 
-    def of_shown(self, values: Mapping[str, Any], trial: TrialData, shown: Float[Array, "n m"]) -> Float[Array, ""]:
-        """Return the log-likelihood of one trial if the sensors, but for their noise, had shown this at its samples, SI."""
+    def of_tangent(
+        self,
+        values: Mapping[str, Any],
+        trial: TrialData,
+        shown: tuple[Float[Array, " n"], ...],
+        slopes: tuple[Float[Array, "n d"], ...],
+        step: Float[Array, " d"],
+    ) -> Float[Array, ""]:
+        """Return the log-likelihood of one trial if each sensor, but for its noise, had shown `shown + slopes @ step`.
+
+        Its derivatives need the memory of a block of samples: of each block only the sums before it are kept.
+
+        Args:
+            values: parameters by name, SI.
+            trial: of n samples.
+            shown: by each sensor, SI.
+            slopes: of each of these along d parameters.
+            step: along these.
+        """
         absorb, begin, end = self._sums(values, trial)
-        columns = tuple(shown[:, i] for i in range(shown.shape[1]))
-        sums, _ = jax.lax.scan(lambda sums, sample: absorb(sums, *sample), begin, (columns, _measured(trial)))
-        return end(sums)
+
+        @jax.checkpoint
+        def absorb_block(sums: tuple, block: tuple) -> tuple[tuple, None]:
+            shown, slopes, measured = block
+            moved = tuple(x + slope @ step for x, slope in zip(shown, slopes, strict=True))
+            return jax.lax.scan(lambda sums, sample: absorb(sums, *sample), sums, (moved, measured))
+
+        length = gcd(trial.step.size, BLOCK)
+        blocks = jax.tree.map(lambda x: x.reshape(-1, length, *x.shape[1:]), (shown, slopes, _measured(trial)))
+        return end(jax.lax.scan(absorb_block, begin, blocks)[0])
 
     def _trial(self, values: dict[str, Any], trial: TrialData, start: Array) -> Any:
         """Return one time loop that simulates and sums what is new in each residual, and keeps nothing else."""

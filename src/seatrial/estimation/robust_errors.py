@@ -238,9 +238,7 @@ def _of_noise(posterior: Posterior) -> Bool[np.ndarray, " d"]:
     without that piece would be far too long: of these parameters, and across to the others, H_i is 0 in d_i.
     """
     output = posterior.likelihood.output if isinstance(posterior.likelihood, FilterError) else posterior.likelihood
-    sensors = output.simulator.sensors if isinstance(output, OutputError) else ()
-    noise = {name for sensor in sensors for name in replace(sensor, bias=False, lag=False).parameters}
-    return np.isin(posterior.names, list(noise))
+    return np.isin(posterior.names, list(output.noise_parameters))
 
 
 def _by_blocks(posterior: Posterior, mode: Mode, shared: np.ndarray) -> Pieces:

@@ -52,18 +52,21 @@ class Sensor:
             check_kind(getattr(self, name), bool, f"Sensor, {name}", remedy)
 
     @property
-    def parameters(self) -> tuple[str, ...]:
-        """Names of its parameters, in the order of the report."""
-        names = [noise_name(self.channel)]
+    def noise_parameters(self) -> tuple[str, ...]:
+        """Names of the parameters of its noise, which do not change what it shows."""
         of_kind = {
             "white": (),
             "coloured": (correlation_name,),
             "heavy": (dof_name,),
             "drifting": (drift_name, drift_time_name),
         }
-        names += [name(self.channel) for name in of_kind[self.noise]]
-        names += [bias_name(self.channel)] * self.bias + [lag_name(self.channel)] * self.lag
-        return tuple(names)
+        return tuple(name(self.channel) for name in (noise_name, *of_kind[self.noise]))
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of its parameters, in the order of the report."""
+        bias, lag = (bias_name(self.channel),) * self.bias, (lag_name(self.channel),) * self.lag
+        return (*self.noise_parameters, *bias, *lag)
 
     @property
     def is_late(self) -> bool:

@@ -75,30 +75,30 @@ def _of_density(posterior: Posterior, point: Array) -> Slopes:
 def _along_simulation(likelihood: OutputError, names: tuple[str, ...], point: Array, data: Any, index: Array) -> Slopes:
     """Return the slopes of one trial that is simulated."""
     trial = jax.tree.map(lambda x: x[index], data)
-    along = jnp.eye(len(names))
+    along, still = jnp.eye(len(names)), jnp.zeros(len(names))
+    moving = jnp.array([i for i, name in enumerate(names) if name not in likelihood.noise_parameters], int)
 
     def values_at(theta: Array) -> dict[str, Any]:
         named = dict(zip(names, theta, strict=True))
         return {**named, **{name: of_all[index] for name, of_all in likelihood.apart(named).items()}}
 
-    def shown_at(theta: Array) -> Array:
+    def shown_at(theta: Array) -> tuple[Array, ...]:
         start = likelihood.starts(dict(zip(names, theta, strict=True)), data)[index]
-        return likelihood.simulator.outputs(values_at(theta), start, trial.control, trial.step)
+        return likelihood.simulator.follow(values_at(theta), start, trial.control, trial.step).kept
 
-    def density(theta: Array, shown: Array) -> Array:
-        return likelihood.of_shown(values_at(theta), trial, shown)
+    shown, by_theta = jax.vmap(lambda way: jax.jvp(shown_at, (point,), (way,)), out_axes=(None, -1))(along[moving])
 
-    def with_slopes(theta: Array, shown: Array) -> tuple[tuple[Array, Array], Array]:
-        value, slopes = jax.value_and_grad(density, (0, 1))(theta, shown)
-        return slopes, value
+    def gradient_and_value(step: Array) -> tuple[Array, Array]:
+        def density(step: Array) -> Array:
+            return likelihood.of_tangent(values_at(point + step), trial, shown, by_theta, step[moving])
 
-    shown, by_theta = jax.vmap(lambda way: jax.jvp(shown_at, (point,), (way,)), out_axes=(None, 0))(along)
-    (own, through), bend, value = jax.vmap(
-        lambda *way: jax.jvp(with_slopes, (point, shown), way, has_aux=True), out_axes=(None, 0, None)
-    )(along, by_theta)
-    flat = by_theta.reshape(len(names), -1)
-    curvature = bend[0] + bend[1].reshape(len(names), -1) @ flat.T
-    return Slopes(value, own + flat @ through.ravel(), -0.5 * (curvature + curvature.T))
+        value, gradient = jax.value_and_grad(density)(step)
+        return gradient, value
+
+    gradient, curvature, value = jax.vmap(
+        lambda way: jax.jvp(gradient_and_value, (still,), (way,), has_aux=True), out_axes=(None, 0, None)
+    )(along)
+    return Slopes(value, gradient, -0.5 * (curvature + curvature.T))
 
 
 def _along_filter(likelihood: FilterError, names: tuple[str, ...], point: Array, data: Any, index: Array) -> Slopes:
