@@ -110,7 +110,9 @@ def test_a_g_prior_by_file_is_the_closed_form(tmp_path, campaign, trials):
 
 
 def test_mistakes_in_names_are_told_where_they_are(tmp_path):
-    with pytest.raises(InputError, match=r"(?s)key truth.X_u.*remove X_u from \[truth\], or the rule that leaves it out"):
+    with pytest.raises(
+        InputError, match=r"(?s)key truth.X_u.*remove X_u from \[truth\], or the rule that leaves it out"
+    ):
         load_campaign(
             write_small(tmp_path / "never", ('optional = ["X_u"]', 'optional = ["X_u"]\nrules = ["never X_u"]'))
         )
