@@ -83,6 +83,8 @@ SPECIFIC_FORCE = ("a_x", "a_y", "a_z")
 """What an accelerometer shows: acceleration less gravity along the body axes, (0, 0, -9.81) at rest and level; in m/s^2."""
 HELD = ("force_X", "force_Y", "force_Z", "moment_K", "moment_M", "moment_N")
 """What a gauge that holds the vehicle shows: force and moment that thrust and water exert on it along the body axes; in N and N m."""
+PROPULSION = ("n", "tau_X")
+"""Controls that drive a vehicle ahead, and hold its speed."""
 OVER_EARTH = ("v_north", "v_east", "v_down")
 """Velocity over ground along north, east and down, as some logs hold it; in m/s."""
 ACTUAL = "_act"

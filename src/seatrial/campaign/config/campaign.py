@@ -29,7 +29,7 @@ from seatrial.campaign.config.vehicle import CampaignVehicle, level_start
 from seatrial.campaign.store.stored_result import FILE_NAME
 from seatrial.core.display_units import Shown, shown_as_written, shown_unit
 from seatrial.core.errors import InputError, located
-from seatrial.core.signals import ACTUAL, HELD
+from seatrial.core.signals import ACTUAL, HELD, PROPULSION
 from seatrial.design.motion_limits import MotionLimit
 from seatrial.design.prior_belief import ACTUATOR_SD
 from seatrial.design.stated_prediction import Prediction, prediction
@@ -326,12 +326,14 @@ class Campaign:
     def control_trim(self, model: VehicleModel) -> Trim:
         """All that a trial commands with its trim value, SI: controls of a model, then set-points; what a design leaves alone stays there.
 
+        Thrusters, fins and forces across are at 0 where nothing is said; not so what drives the vehicle ahead.
+
         Raises:
-            InputError: a control without a trim value.
+            InputError: a propeller, or a force ahead, without a trim value.
         """
         known = {**self.autopilot.moved, **self.trim, **self.autopilot.trim}
         commands = (*model.controls, *self.autopilot.trim)
-        if missing := [name for name in commands if name not in known]:
+        if missing := [name for name in commands if name not in known and name in PROPULSION]:
             example = ", ".join(f'{name} = "0 {shown_unit(name)[1]}"' for name in missing)
             raise InputError(
                 self.where(f"vehicle.trim.{missing[0]}"),
@@ -339,7 +341,7 @@ class Campaign:
                 expected=f"the value at which {' and '.join(missing)} would be held while a trial moves another control",
                 remedy=f"add to the trim of [vehicle], for example {example}",
             )
-        return tuple((name, known[name]) for name in commands)
+        return tuple((name, known.get(name, 0.0)) for name in commands)
 
     def prediction(self, model: VehicleModel) -> Prediction | None:
         """What the coefficients are wanted for, by one structure's model; None where nothing is stated.

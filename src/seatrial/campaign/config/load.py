@@ -45,15 +45,15 @@ from seatrial.campaign.store.stored_result import FILE_NAME, campaign_folder
 from seatrial.core.argument_checks import check_path
 from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError, located, nearest
-from seatrial.core.signals import ANGLES, QUATERNION, signal_unit, thruster_controls
+from seatrial.core.signals import ANGLES, PROPULSION, QUATERNION, signal_unit, thruster_controls
 from seatrial.selection.structures import Structure
 from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.thrusters import ThrustLaw
 
 FEWEST_DRAWS = 20
 """Draws that are kept of a chain: its first tenth is held against its last half."""
-PROPULSION = {"n": "1200 rpm", "tau_X": "20 N"}
-"""Controls that hold a speed, each with an example of a value."""
+_AHEAD = {"n": "1200 rpm", "tau_X": "20 N"}
+"""An example of a value of each control that holds a speed."""
 
 
 def load_campaign(folder: Path | str) -> Campaign:
@@ -363,6 +363,6 @@ def _check_start(campaign: Campaign, is_trim_stated: bool) -> None:
             campaign.where(f"vehicle.trim.{control}"),
             found="nothing",
             expected=f"the value of {control} that holds the {trim['u']:g} m/s at which a trial begins",
-            remedy=f'add {control} = "{PROPULSION[control]}" to the trim of [vehicle]; `seatrial prior` shows the resulting speed',
+            remedy=f'add {control} = "{_AHEAD[control]}" to the trim of [vehicle]; `seatrial prior` shows the resulting speed',
         )
     campaign.control_trim(model)

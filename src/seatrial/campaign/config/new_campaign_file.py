@@ -6,12 +6,8 @@ from math import ceil, floor, log10
 
 from seatrial.campaign.config.new_campaign import OWN, PUBLISHED, Control, NewCampaign, Sought
 from seatrial.core.errors import InputError
-from seatrial.core.signals import signal_unit
+from seatrial.core.signals import PROPULSION, signal_unit
 from seatrial.core.units import quantity, to_si
-
-PROPULSION = ("n", "tau_X")
-SURGE = "_surge"
-"""Ending of the published vehicles of surge alone, whose trim is published too."""
 
 
 def campaign_text(new: NewCampaign) -> str:
