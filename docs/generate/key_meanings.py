@@ -43,7 +43,8 @@ MEANINGS: dict[str, dict[str, tuple[str, str]]] = {
         "fixed": ("SI", "known coefficients, by name"),
         "trim": (
             "that of the signal",
-            "steady values about which the vehicle is driven, by signal, such as `n` and `u`; 0 for thrusters, fins and side forces where nothing is said",
+            "steady values about which the vehicle is driven, by signal, such as `n` and `u`; "
+            "thrusters, fins and side forces are at 0 where nothing is said",
         ),
         "thrusters": ("", "place and direction of each thruster, in place of those of the catalogue"),
         "thrust_laws": ("", "thrust of logged commands, by name"),

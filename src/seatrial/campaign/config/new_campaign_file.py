@@ -9,6 +9,9 @@ from seatrial.core.errors import InputError
 from seatrial.core.signals import PROPULSION, signal_unit
 from seatrial.core.units import quantity, to_si
 
+SURGE = "_surge"
+"""Ending of the published vehicles of surge alone, whose trim is published too."""
+
 
 def campaign_text(new: NewCampaign) -> str:
     """Return the campaign file, commented.
