@@ -161,6 +161,8 @@ def test_no_goal_is_met_by_standard_deviations_that_do_not_hold(tmp_path):
     assert "Its stated ± do not hold, and which terms are needed may change" in answer(replace(outcome, fits=slow))
     assert summarise(replace(outcome, fits=slow))["verdicts"][-1] == OTHER_NOISE
     assert OTHER_NOISE not in summarise(outcome)["verdicts"]
+    unmet = propose(with_goal(replace(outcome, fits=slow), Goal(shares={"X_u": 1e-3})))
+    assert unmet.first == ("first correct what failed: run 1: so slow",) or unmet.first[0].endswith("so slow")
     (row,) = (one for one in outcome.summary["coefficients"] if one["name"] == "X_u")
     row["model_error_sd"] = 20 * abs(row["mean"])
     assert any(line.startswith("X_u is known to 2000 %, 900 % wanted") for line in propose(outcome).lines)

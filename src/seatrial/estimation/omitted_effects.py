@@ -122,12 +122,14 @@ class OmittedEffects:
         sought: how many were looked for; 0 where none can be.
         spread: second standard deviation over the first one, shape (d,).
         causes: of each parameter, the effects that put most probability beyond the first one; none where nothing was looked for.
+        worth: share of the samples that the residuals are worth with what was found; 1 where they are white.
     """
 
     found: tuple[Omitted, ...]
     sought: int
     spread: Float[np.ndarray, " d"]
     causes: tuple[tuple[Effect, ...], ...]
+    worth: float = 1.0
 
 
 class Linear(NamedTuple):
@@ -257,7 +259,8 @@ def omitted_effects(posterior: Posterior, mode: Mode) -> OmittedEffects:
         tuple(effects[i] for i in np.argsort(-one, kind="stable")[:NAMED] if one[i] > BLAMED * one.max())
         for one in blamed.T
     )
-    return OmittedEffects(tuple(omitted), int(_absent(posterior, effects).sum()), np.maximum(spread, 1.0), causes)
+    sought = int(_absent(posterior, effects).sum())
+    return OmittedEffects(tuple(omitted), sought, np.maximum(spread, 1.0), causes, fit.at.worth)
 
 
 def half_width(

@@ -31,9 +31,7 @@ APART = 0.25
 """Difference of mean ranks, 0.5 at most, from which a parameter is said to set what is lost apart."""
 
 
-def check_prior_contains_data(
-    posterior: Posterior, mode: Mode, where: Callable[[str], str], whole: bool = True
-) -> None:
+def check_prior_contains_data(posterior: Posterior, mode: Mode, where: Callable[[str], str]) -> None:
     """Refuse a prior against whose bound the data push.
 
     A mode within 2 % of a bound is suspect, in shares of the width, or where one side is open of that of a uniform of the same
@@ -41,18 +39,15 @@ def check_prior_contains_data(
     along the ridge of the likelihood, makes the data more likely by over 10 nats, the prior excludes them.
 
     Args:
-        posterior: posterior.
+        posterior: of a model with every term in question. One that lacks a real term calls it noise or lets others stand for it, which may
+            push these against a bound; its evidence judges it.
         mode: its mode, of the parameters that are present.
         where: names a key of the configuration file, for the error.
-        whole: whether the model has every term in question. One that lacks a real term has to call it noise, and is judged by its
-            evidence: its noise may push against the bound.
 
     Raises:
         InputError: naming the parameter, its bound and the gain beyond it.
     """
     for index, parameter in enumerate(posterior.present_parameters):
-        if not whole and parameter.name.startswith("sigma_"):
-            continue
         for bound, beyond in _suspect_bounds(parameter, float(mode.values[index])):
             gain = _gain_beyond(posterior, mode.values, index, beyond)
             if gain > GAIN:

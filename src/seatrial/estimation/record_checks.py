@@ -114,6 +114,7 @@ def check_motion(
     step: float,
     measured: Float[np.ndarray, " n"],
     expected: Float[np.ndarray, " n"],
+    drawn: Float[np.ndarray, "d n"],
     has_delay: bool = False,
 ) -> list[RecordFinding]:
     """Direction, size and delay of a measured channel beside the expected one, NaN where not measured.
@@ -123,9 +124,11 @@ def check_motion(
         step: of the record, s.
         measured: SI, shape (n,).
         expected: of the vehicle at the prior means, SI, shape (n,).
+        drawn: of vehicles drawn from the priors, SI, not finite where they run away, shape (d, n): a slower one may explain a delay.
         has_delay: whether the delay has a prior.
     """
-    lag, correlation = best_lag(measured, expected, round(LONGEST / step))
+    most = round(LONGEST / step)
+    lag, correlation = best_lag(measured, expected, most)
     against = f"below {OPPOSED:g} it goes the other way"
     if correlation <= OPPOSED:
         remedy = (
@@ -150,7 +153,12 @@ def check_motion(
         "" if fits else _unit_guess(name, ratio, "check the units in the channel map, and the priors"),
     )
     results.append(RecordFinding(name, "size", "pass" if fits else "caution", value, limits, remedy))
-    return [*results, *_delay(name, lag * step, correlation, _correlation(measured, expected), has_delay)]
+    late = lag * step
+    if abs(late) >= LATE:
+        others = [best_lag(measured, one, most)[0] * step for one in drawn if np.isfinite(one).all()]
+        if any(one * late < LATE * abs(late) for one in others):
+            return results
+    return [*results, *_delay(name, late, correlation, _correlation(measured, expected), has_delay)]
 
 
 def check_range(

@@ -139,6 +139,10 @@ class RobustErrors:
         told = min(sd * float(np.sqrt(self._of_pieces(at) ** 2 + self.spread[at] ** 2 - 1.0)), float(self.prior_sd[at]))
         return told if told > TELLING * sd else None
 
+    def is_prior(self, name: str, wider: float) -> bool:
+        """Whether a standard deviation of `wider` is that of the prior, which is as much as to say that nothing narrows it."""
+        return wider >= 0.999 * float(self.prior_sd[self.names.index(name)])
+
     def cause(self, name: str) -> tuple[Effect, ...]:
         """Return the effects, any of which makes most of the second standard deviation of a parameter; none where pieces of the data do."""
         at = self.names.index(name)

@@ -18,6 +18,8 @@ from seatrial.core.signals import ANGLES
 from seatrial.logs.source import LogTable
 from seatrial.numerics.integrate import held_mean
 
+_HOLE, _MOST_ACROSS = 5.0, 10_000
+"""Usual steps from which a step is a hole, and most instants that are put into one."""
 _MOST_INSTANTS = 50_000_000
 _NANOSECOND = 1e-9
 _SPARSE = 100.0
@@ -177,12 +179,25 @@ def _interval(tracks: Sequence[_Track]) -> tuple[float, float]:
     return float(first), float(last)
 
 
+def _filled(time: np.ndarray) -> np.ndarray:
+    """Return instants with steps of the usual length across holes: one step over a hole would be too long to simulate."""
+    steps = np.diff(time)
+    usual = float(np.median(steps)) if steps.size else 0.0
+    holes = np.flatnonzero(steps > _HOLE * usual)
+    if not holes.size:
+        return time
+    between = [
+        np.linspace(time[at], time[at + 1], min(math.ceil(steps[at] / usual), _MOST_ACROSS) + 1)[1:-1] for at in holes
+    ]
+    return np.sort(np.concatenate([time, *between]))
+
+
 def _instants(tracks: Sequence[_Track], begin: float, stop: float, step: float | None, label: str) -> np.ndarray:
     """Return the time axis of the record from 0 on: a grid, or every stamp to the nanosecond."""
     if step is None:
         stamps = [track.time[(track.time >= begin) & (track.time <= stop)] - begin for track in tracks]
         counts = np.sort(np.rint(np.concatenate([np.zeros(1), *stamps]) / _NANOSECOND), kind="stable")
-        return counts[np.diff(counts, prepend=-1.0) > 0] / 1e9
+        return _filled(counts[np.diff(counts, prepend=-1.0) > 0] / 1e9)
     if not (math.isfinite(step) and step > 0 and (stop - begin) / step < _MOST_INSTANTS):
         raise InputError(
             f'record "{label}", step',
@@ -237,10 +252,13 @@ def _holes(time: np.ndarray, last: float, role: str) -> list[str]:
     if gaps.size == 0 or gaps.max() < max(1.0, 20.0 * np.median(gaps)):
         return []
     at, usual = int(np.argmax(gaps)), float(np.median(gaps))
-    held = "its last value was held" if role == "control" else "nothing was measured"
+    begin, end = inside[at : at + 2]
+    found = f"no sample from {begin:.2f} s to {end:.2f} s, though one comes every {usual:.3g} s"
+    if role != "control":
+        return [f"{found}: nothing was measured, and the motion is simulated across it"]
     return [
-        f"no sample from {inside[at]:.2f} s to {inside[at + 1]:.2f} s, though one comes every {usual:.3g} s: {held}; "
-        "end the run before the hole, or make two runs of it"
+        f'{found}: its last value was held, which may be wrong; end the run there, end = "{begin:.6g} s" in [import.trim.RUN], and give '
+        f'the rest a label of its own in fit, with start = "{end:.6g} s" and the same file, or a copy if its path has {{run}}'
     ]
 
 

@@ -200,12 +200,13 @@ def _by_chains(campaign: Any, reporter: Any, answer: Answer) -> Exit:
 
 
 def _checked_trials(campaign: Any, flow: Any, answer: Answer) -> Any:
-    """Return the records, and say before anything is fitted what is wrong with their steps and with priors of earlier campaigns."""
+    """Return the records, and say before anything is fitted what is wrong with them and with priors of earlier campaigns."""
     from seatrial.campaign.config.earlier_campaigns import lost_correlations
-    from seatrial.campaign.data.check import step_cautions
+    from seatrial.campaign.data.check import record_doubts, step_cautions
 
     trials = flow.get("trials")
-    for text in (*step_cautions(campaign, trials), *lost_correlations(campaign)):
+    doubts = (text for record in trials.fit for text in record_doubts(campaign, record))
+    for text in (*doubts, *step_cautions(campaign, trials), *lost_correlations(campaign)):
         answer.caution(text)
     return trials
 

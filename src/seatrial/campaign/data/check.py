@@ -82,6 +82,27 @@ def check_records(campaign: Campaign, trials: Trials) -> list[RecordJudgement]:
     return [_judge(campaign, record) for record in (*trials.fit, *trials.predict)]
 
 
+def record_doubts(campaign: Campaign, record: Record) -> list[str]:
+    """Say what is to be known of a record before anything that is fitted to it is believed, as far as nothing has to be simulated."""
+    found = [one for one in _stated(campaign, record) if one.level != "pass"]
+    return record_cautions(record) + [
+        f"run {record.label}, {one.signal}, {one.check}: {one.value} ({one.threshold}); {one.remedy}" for one in found
+    ]
+
+
+def _stated(campaign: Campaign, record: Record) -> list[RecordFinding]:
+    """Compare a record with what the campaign states: limits, and of a real one the trim; and its clock with that of any vehicle."""
+    driven = {name: record.channel(name) for name in campaign.model(campaign.full).controls}
+    findings: list[RecordFinding] = []
+    for name in (one for one in campaign.control_limits if one in driven):
+        findings += check_limits(name, driven[name], campaign.control_limits[name], *shown_unit(name))
+    if record.provenance.source == SIMULATED:
+        return findings
+    measured = {name: record.channel(name) for name in campaign.channels}
+    findings += check_clock(float(np.median(np.diff(record.time))))
+    return findings + check_trim(campaign.hull.trim, driven, measured)
+
+
 def step_cautions(campaign: Campaign, trials: Trials) -> list[str]:
     """Say of which fitted records the steps are too long to simulate this vehicle, by the prior means; of several alike the first."""
     said: dict[str, str] = {}
@@ -121,11 +142,8 @@ def _judge(campaign: Campaign, record: Record) -> RecordJudgement:
     findings += [*empty_cells(record), *check_thrusters(campaign, record)]
     driven = {name: record.channel(name) for name in alone.model.controls}
     findings += check_signs(plan.names, {**driven, **measured}, campaign.noise)
-    for name in (one for one in campaign.control_limits if one in driven):
-        findings += check_limits(name, driven[name], campaign.control_limits[name], *shown_unit(name))
+    findings += _stated(campaign, record)
     is_real, usual = record.provenance.source != SIMULATED, float(np.median(np.diff(record.time)))
-    if is_real:
-        findings += [*check_clock(usual), *check_trim(campaign.hull.trim, driven, measured)]
     runs_away = not np.isfinite(expected).all()
     steps = _steps(campaign, record, alone, tried, control, expected) if is_real else []
     findings += steps
@@ -144,7 +162,7 @@ def _judge(campaign: Campaign, record: Record) -> RecordJudgement:
             findings += check_range(name, column, expected[:, index], campaign.noise[name])
         ways = np.array([one[:, index] for one in drawn])
         if says_direction(expected[:, index], ways, campaign.noise[name]):
-            findings += check_motion(name, usual, column, expected[:, index], campaign.has_delay)
+            findings += check_motion(name, usual, column, expected[:, index], ways, campaign.has_delay)
         else:
             unsaid.append(name)
     for group in SENSORS:

@@ -165,7 +165,8 @@ def _prepare(study: Study, structure: Structure) -> tuple[Posterior, Mode, Robus
     campaign, posterior = study.campaign, study.posterior(structure)
     mode = find_mode(posterior, random_key(campaign.seed, f"mode {structure.terms}"))
     own = mode.only(posterior.places)
-    check_prior_contains_data(posterior, own, campaign.where, is_whole(campaign, structure))
+    if is_whole(campaign, structure):
+        check_prior_contains_data(posterior, own, campaign.where)
     return posterior, mode, robust_errors(posterior, mode), *uncouple(posterior, mode)
 
 
@@ -186,7 +187,7 @@ def _dataset(
     cautions = [*doubts, *information_complaints(posterior, mode, values.reshape(-1, len(names)), at)]
     prior_value, prior_density = zip(*prior_curves(posterior).values(), strict=True)
     wider = {name: robust.wider(name, float(one)) for name, one in zip(names, sd, strict=True)}
-    wide = [name for name, one in wider.items() if one is not None]
+    wide = {name: one for name, one in wider.items() if one is not None}
     per_parameter = {
         "mode": mode.values,
         "laplace_sd": mode.sd,

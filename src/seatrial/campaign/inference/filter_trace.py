@@ -23,6 +23,9 @@ from seatrial.filters.run import FilterTrace, run_filter
 from seatrial.filters.square_root import unscented_filter
 from seatrial.vehicles.discretise import discretise
 
+AS_STATED = 1.3
+"""Ratio of the fitted noise to the nominal one, or its inverse, up to which the nominal one is right."""
+
 
 def stored_filter(campaign: Campaign, estimate: OfStructure) -> StoredResult[Dataset]:
     """Return where the traces of the filter are kept, and what they depend on."""
@@ -40,8 +43,13 @@ def trace_filter(campaign: Campaign, estimate: Estimate, trials: Trials) -> Data
     return stored_filter(campaign, estimate).read_or_make(lambda: _traces(campaign, estimate, trials))
 
 
-def filter_complaints(dataset: Dataset) -> list[str]:
-    """What is wrong with the filter's run, in words."""
+def filter_complaints(dataset: Dataset, fitted: Sequence[float] = ()) -> list[str]:
+    """What is wrong with the filter's run, in words.
+
+    Args:
+        dataset: its traces.
+        fitted: noise of each sensor by the fit, over the nominal one; none where it was not fitted.
+    """
     said = []
     if dataset.attrs["failures"] > 0:
         said.append(
@@ -53,10 +61,15 @@ def filter_complaints(dataset: Dataset) -> list[str]:
     error = np.sqrt(2.0 / max(count.sum(), 1))
     if abs(ratio - 1.0) > max(5.0 * error, 0.2):
         word = "smaller" if ratio < 1 else "larger"
-        said.append(
-            f"innovations of the filter are {word} than its nominal sensor noise says (normalised square {ratio:.2f} instead of 1): "
-            f"multiply the noise in [sensors] by about {np.sqrt(ratio):.2g}, or expect model error; `seatrial tuning` says more"
-        )
+        found = f"innovations of the filter are {word} than its nominal sensor noise says (normalised square {ratio:.2f} instead of 1)"
+        if fitted and all(1 / AS_STATED < one < AS_STATED for one in fitted):
+            said.append(
+                f"{found}, though the fit finds the noise as stated: the filter is linearised about wide priors, and knows no lag or start "
+                "that is fitted; do not use its traces, and leave [sensors] as it is"
+            )
+        else:
+            times = f"multiply the noise in [sensors] by about {np.sqrt(ratio):.2g}"
+            said.append(f"{found}: {times}, or expect model error; `seatrial tuning` says more")
     return said
 
 

@@ -1,6 +1,6 @@
 """What a fitted structure leaves out, in words: the effect, which coefficient hides it or is uncertain by it, and how to add it."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping
 
 from seatrial.campaign.store.estimates import LeftOut
 from seatrial.estimation.fit_verdict import either
@@ -14,6 +14,8 @@ from seatrial.selection.structures import Structure
 MATTERS, SURE = 1.0, 3.0
 """Shift of a coefficient, in standard deviations, and log odds from which a missing effect is told: 20 to 1, strong evidence (Kass and
 Raftery, Journal of the American Statistical Association 90, 1995)."""
+OTHERS = "other structures have"
+"""How a remedy begins that asks for nothing new."""
 
 
 def left_out(posterior: Posterior, structure: Structure, omitted: OmittedEffects) -> tuple[LeftOut, ...]:
@@ -34,38 +36,51 @@ def left_out(posterior: Posterior, structure: Structure, omitted: OmittedEffects
     return tuple(sorted(missing, key=lambda one: -abs(one.by)))
 
 
-def causes_of(robust: RobustErrors, names: Sequence[str]) -> dict[str, str]:
-    """Return what makes most of the ± with model error of each of these parameters, in words."""
-    causes = {name: robust.cause(name) for name in names}
-    return {
-        name: either([_name(one).rstrip(",") for one in effects]) if effects else robust.pieces.differ
-        for name, effects in causes.items()
-    }
+def causes_of(robust: RobustErrors, wider: Mapping[str, float]) -> dict[str, str]:
+    """Return in words what makes most of the ± with model error of each of these parameters, and whether it is only that of the prior."""
+    only = "; as wide as its prior: nothing narrows it"
+    return {name: _cause(robust, name) + only * robust.is_prior(name, sd) for name, sd in wider.items()}
 
 
-def remedies_of(posterior: Posterior, robust: RobustErrors, names: Sequence[str]) -> list[str]:
-    """Return a sentence for each cause of a ± with model error: of which parameters, and how to get rid of it."""
-    found: dict[tuple[str, str], list[str]] = {}
-    for name, words in causes_of(robust, names).items():
-        effects = robust.cause(name)
-        remedies = [_remedy(posterior, one) for one in effects] or [_of_pieces(posterior, robust)]
-        remedy = "; or ".join(dict.fromkeys(remedies))
-        found.setdefault((words, remedy), []).append(name)
+def _cause(robust: RobustErrors, name: str) -> str:
+    effects = robust.cause(name)
+    return either([_name(one).rstrip(",") for one in effects]) if effects else robust.pieces.differ
+
+
+def remedies_of(posterior: Posterior, robust: RobustErrors, names: Iterable[str]) -> list[str]:
+    """Return a sentence for each cause of a ± with model error: of which parameters, and how to get rid of it; the noise comes first.
+
+    As long as residuals are correlated, a missing effect is hardly told from them.
+    """
+    noise, found = _better_noise(posterior, robust), {}
+    for name in names:
+        words, effects = _cause(robust, name), robust.cause(name)
+        remedies = [_remedy(posterior, one) for one in effects] or [noise or _of_pieces(robust)]
+        if effects and noise and not any(one.startswith(OTHERS) for one in remedies):
+            remedies = [f"first {noise}; if it stays, {'; or '.join(dict.fromkeys(remedies))}"]
+        found.setdefault((words, "; or ".join(dict.fromkeys(remedies))), []).append(name)
     return [
         f"{listed(several)}: most of the ± with model error is from {words}; {remedy}"
-        for (words, remedy), several in found.items()
+        for (words, remedy), several in sorted(found.items(), key=lambda item: item[0][1] != noise)
     ]
 
 
-def _of_pieces(posterior: Posterior, robust: RobustErrors) -> str:
-    """Return what helps where runs, or blocks of time, differ by more than the noise says."""
+def _better_noise(posterior: Posterior, robust: RobustErrors) -> str:
+    """Return which model of the noise to choose where the residuals are correlated; empty where they are white, or it is chosen."""
     likelihood = posterior.likelihood
     sensors = likelihood.simulator.sensors if isinstance(likelihood, OutputError) else ()
     kinds = {sensor.noise for sensor in sensors}
+    if robust.omitted.worth >= 1.0:
+        return ""
     if kinds & {"white", "heavy"}:
-        return 'slow residuals do so: set estimation.residuals = "coloured", or "drifting" if there is white noise too, with priors'
+        return 'set estimation.residuals = "coloured", or "drifting" if there is white noise too, with priors: the residuals are correlated'
     if "coloured" in kinds:
-        return 'white noise on slow residuals does so: set estimation.residuals = "drifting", with priors'
+        return 'set estimation.residuals = "drifting", with priors: there is white noise on slow residuals'
+    return ""
+
+
+def _of_pieces(robust: RobustErrors) -> str:
+    """Return what helps where runs, or blocks of time, differ by more than the noise says."""
     if robust.pieces.differ.startswith("runs"):
         return "look for what changed between the runs, or let a coefficient vary by estimation.varying"
     return "look for what changed during the run, or fit more runs"
@@ -84,7 +99,7 @@ def _remedy(posterior: Posterior, effect: Effect) -> str:
     match effect.kind:
         case "force":
             others = of in {one.text for one in posterior.likelihood.model.coefficients}
-            return f"other structures have {of}" if others else f"add {of} to structure.optional, with a prior"
+            return f"{OTHERS} {of}" if others else f"add {of} to structure.optional, with a prior"
         case "command lag":
             return f"state it in [vehicle.actuators.{of}], or give `delay` a prior, [prior.delay]"
         case "delay":

@@ -110,9 +110,8 @@ def _guess(
 
 
 def is_whole(campaign: Campaign, structure: Structure) -> bool:
-    """Whether a structure has every term that any may have, or all that the shortlist has."""
-    terms = {term for one in campaign.shortlist or (campaign.full,) for term in one.terms}
-    return terms <= set(structure.terms)
+    """Whether no candidate has all terms of a structure and more."""
+    return not any(set(structure.terms) < set(other.terms) for other in campaign.structures)
 
 
 def build_parameters(campaign: Campaign, model: VehicleModel, records: Sequence[Record]) -> tuple[Parameter, ...]:

@@ -208,7 +208,8 @@ def _mode(
     robust = robust_errors(posterior, whole) if len(campaign.structures) <= MOST_ROBUST else None
     drawn, more = (draw_about_mode(campaign.seed, structure, posterior, whole, n) for n in (N_DRAWS, DESIGNED_FROM))
     mode = whole.only(posterior.places)
-    check_prior_contains_data(posterior, mode, campaign.where, is_whole(campaign, structure))
+    if is_whole(campaign, structure):
+        check_prior_contains_data(posterior, mode, campaign.where)
     rows = tuple(
         (parameter.name, parameter.unit, ((float(value), float(sd)),))
         for parameter, value, sd in zip(posterior.present_parameters, mode.values, mode.sd, strict=True)
@@ -233,8 +234,8 @@ def _mode(
         held_back=held_back,
         log_evidence=float(mode.log_evidence),
         wider=wider,
-        wider_causes=causes_of(robust, list(wider)) if robust else {},
-        wider_words=(robust.words, *remedies_of(posterior, robust, list(wider))) if robust else (),
+        wider_causes=causes_of(robust, wider) if robust else {},
+        wider_words=(robust.words, *remedies_of(posterior, robust, wider)) if robust else (),
         drawn=more,
         symmetry=symmetry_of(campaign, more, lambda: prior_curves(posterior)),
         shown={name: campaign.shown(name, unit) for name, unit, _ in rows},

@@ -4,7 +4,7 @@ from dataclasses import asdict, replace
 from typing import Any
 
 from seatrial.campaign.config.campaign import Campaign
-from seatrial.campaign.data.record_cautions import record_cautions
+from seatrial.campaign.data.check import record_doubts
 from seatrial.campaign.data.simulate import add_trial
 from seatrial.campaign.design.sweep import Designs
 from seatrial.campaign.inference.baselines import compare_with_baselines, comparison_cautions
@@ -25,6 +25,7 @@ from seatrial.campaign.workflow.whole_run import WholeRun
 from seatrial.core.argument_checks import check_kind
 from seatrial.core.reporter import SILENT, Reporter
 from seatrial.core.signals import signal_unit
+from seatrial.estimation.sensor_errors import noise_name
 
 OTHER_NOISE = (
     "these probabilities hold for the noise that is modelled, which the residuals contradict: correct the noise first"
@@ -107,11 +108,11 @@ def summarise(outcome: Outcome) -> dict[str, Any]:
     campaign, chosen, selection = outcome.campaign, outcome.chosen, outcome.selection
     records = [*outcome.trials.fit, *outcome.trials.predict]
     cautions = [*fit_complaints(outcome.fits, outcome.pooled), *comparison_cautions(outcome.compared)]
-    cautions += [text for record in records for text in record_cautions(record)]
+    cautions += [text for record in records for text in record_doubts(campaign, record)]
     cautions += outcome.screening_cautions
     cautions += outcome.idle_complaints
     cautions += [effect.sentence for effect in chosen.left_out]
-    cautions += [*chosen.cautions, *filter_complaints(outcome.filter)]
+    cautions += [*chosen.cautions, *filter_complaints(outcome.filter, _fitted_noise(outcome))]
     cautions += held_back_cautions(campaign, outcome.trials)
     return {
         "name": campaign.name,
@@ -129,6 +130,16 @@ def summarise(outcome: Outcome) -> dict[str, Any]:
         "baselines": [asdict(one) for one in outcome.compared],
         "next_trial": {"best": None if outcome.next is None else _best_design(outcome.next)},
     }
+
+
+def _fitted_noise(outcome: Outcome) -> list[float]:
+    """Return the noise of each sensor by the chosen structure's fit, over the nominal one, of those whose noise is fitted."""
+    nominal, chosen = outcome.campaign.noise, outcome.chosen
+    return [
+        float(chosen.data.sel(parameter=noise_name(channel))["mean"]) / noise
+        for channel, noise in nominal.items()
+        if noise_name(channel) in chosen.names
+    ]
 
 
 def _best_design(designs: Designs) -> dict[str, Any]:

@@ -24,6 +24,8 @@ from seatrial.selection.verdict import DECIDED
 
 Known = dict[str, tuple[float, float]]
 """Mean and standard deviation of each coefficient, SI."""
+WITHIN = " within the model; model error stays until its cause is corrected"
+"""What is said of expected standard deviations where wider ones with model error are known."""
 ENOUGH = 0.2
 """Entropy reduction, nats, below which another trial of the family is not worth running."""
 
@@ -61,7 +63,7 @@ def propose(outcome: Outcome) -> Proposal:
     if wrong:
         return Proposal(None, standing, wrong)
     found, failed = _weighed(outcome, standing), _failed(outcome)
-    if not failed:
+    if not failed or found.first:
         return found
     if found.trial is None:
         found = Proposal(None, standing, ("no trial yet: a health check failed; run again once it is corrected",))
@@ -75,7 +77,7 @@ def _failed(outcome: Outcome) -> str:
         return outcome.own_alarms[0]
     if (goal is None or goal.decided) and not choice.is_reliable and not choice.is_settled:
         return f"the evidence does not yet tell the models apart; {BETTER_EVIDENCE}"
-    return ""
+    return outcome.disowned
 
 
 def _weighed(outcome: Outcome, standing: tuple[str, ...]) -> Proposal:
@@ -100,8 +102,10 @@ def _weighed(outcome: Outcome, standing: tuple[str, ...]) -> Proposal:
             f"it settles {' against '.join(found.labels)} with probability {odds:.2f} ({found.nats:.2g} nat expected)"
         )
         if not unmet or odds > 0.5:
-            return _run(outcome.next, found.decisive, _known(outcome), _noise(outcome), standing, promise)
-    return _most_informative(outcome.next, _known(outcome), _noise(outcome), standing, counting)
+            return _run(
+                outcome.next, found.decisive, _known(outcome), _noise(outcome), standing, promise, _within(outcome)
+            )
+    return _most_informative(outcome.next, _known(outcome), _noise(outcome), standing, counting, _within(outcome))
 
 
 def propose_by_mode(campaign: Campaign, first: FirstAnswer, designs: Designs, trials: int) -> Proposal:
@@ -131,14 +135,20 @@ def propose_by_mode(campaign: Campaign, first: FirstAnswer, designs: Designs, tr
     return _most_informative(designs, known, noise_words(campaign, first.drawn), tuple(standing), counting)
 
 
+def _within(outcome: Outcome) -> str:
+    """What the expected standard deviations do not contain; empty where nothing is known of that."""
+    is_wider = any(row.get("model_error_sd") for row in outcome.summary["coefficients"])
+    return WITHIN if is_wider else ""
+
+
 def _most_informative(
-    designs: Designs, known: Known, noise: str, standing: tuple[str, ...], counting: bool
+    designs: Designs, known: Known, noise: str, standing: tuple[str, ...], counting: bool, within: str = ""
 ) -> Proposal:
     gain = float(designs.best.gain[designs.best.best])
     if gain < ENOUGH and not counting:
         why = f"stop: another trial of this kind would give little information ({gain:.2f} nat): change sensors, limits or manoeuvres"
         return Proposal(None, standing, (why,))
-    return _run(designs, designs.best.best, known, noise, standing, _gain_words(gain))
+    return _run(designs, designs.best.best, known, noise, standing, _gain_words(gain), within)
 
 
 def settling(contenders: Contenders, probability: Sequence[float]) -> float:
@@ -225,7 +235,13 @@ def _wrong(outcome: Outcome) -> tuple[str, ...]:
 
 
 def _run(
-    designs: Designs, at: tuple[int, int], known: Known, noise: str, standing: tuple[str, ...], promise: str
+    designs: Designs,
+    at: tuple[int, int],
+    known: Known,
+    noise: str,
+    standing: tuple[str, ...],
+    promise: str,
+    within: str = "",
 ) -> Proposal:
     sweep = designs.best
     chosen = chosen_of(sweep, at)
@@ -236,5 +252,5 @@ def _run(
         for name, sd in after.items()
         if name in known
     )
-    advice = (f"run a {words}", f"{promise}; expected: {shrink}", *((noise,) if noise else ()))
+    advice = (f"run a {words}", f"{promise}; expected: {shrink}{within}", *((noise,) if noise else ()))
     return Proposal(chosen, standing, advice)
