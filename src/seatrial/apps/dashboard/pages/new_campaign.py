@@ -159,7 +159,7 @@ class Form:
 
     def _text(self, option: str, value: str) -> None:
         label, example = TEXTS[option]
-        self.texts[option] = ui.input(label, value=value, placeholder=example).props(LOOK)
+        self.texts[option] = ui.input(label, value=value, placeholder=_example(example)).props(LOOK)
         self.texts[option].on("blur", lambda: self._check_text(option))
 
     def _of_vehicle(self) -> None:
@@ -255,7 +255,9 @@ class OneRow:
                 self.fields = {}
                 for key, (label, example) in kind.fields.items():
                     offered = list(kind.offered) if key == "name" else None
-                    form = ui.input(label, value=values.get(key, ""), placeholder=example, autocomplete=offered)
+                    form = ui.input(
+                        label, value=values.get(key, ""), placeholder=_example(example), autocomplete=offered
+                    )
                     self.fields[key] = form.props(LOOK).on("blur", self._left)
                 button("✕", lambda: remove(self)).props(f'aria-label="Remove this {kind.one}"').classes("remove")
             self.wrong = _wrong()
@@ -288,6 +290,11 @@ class OneRow:
         for key, form in self.fields.items():
             form.props("error" if key in at_fault else "", remove="" if key in at_fault else "error")
         return not words
+
+
+def _example(text: str) -> str:
+    """What stands grey in an empty field, so that nobody takes it for an entry."""
+    return f"e.g. {text}" if text else ""
 
 
 def _is_number(text: str | None) -> bool:
