@@ -20,10 +20,14 @@ from seatrial.core.errors import InputError, SeatrialError
 from seatrial.core.term_checks import terms_that_may_be_one
 from seatrial.core.units import quantity
 
-STARTS = {"own": "a vehicle of your own", "published": "a published vehicle"} | {
-    name: meaning for name, meaning in TEMPLATES.items() if name not in WRITTEN
-}
+STARTS = {
+    "own": "a vehicle of your own: asks for its mass, coefficients and controls",
+    "published": "a published vehicle",
+} | {name: meaning for name, meaning in TEMPLATES.items() if name not in WRITTEN}
 """What a campaign may begin from: the form, filled in with an example, or a file."""
+OF_LOGS = ("log", "bollard")
+"""Files whose campaign goes on with a log."""
+EXAMPLES = "The numbers in its campaign.toml (mass, trim, priors, noise) are examples: correct them to your vehicle."
 _TO_THE_FIRST = 'document.querySelector(".q-field--error, p.wrong")?.scrollIntoView({ block: "center" })'
 """Shows the first field that is wrong: the button stands far below it."""
 LOOK = "outlined dense stack-label hide-bottom-space no-error-icon"
@@ -69,6 +73,9 @@ class Start:
             place.set_visibility(name == start)
         is_form = start in self.places
         words = "The fields below hold an example: put your vehicle in its place." if is_form else STARTS[start]
+        if start in OF_LOGS:
+            words = f"{words[:1].upper()}{words[1:]}. {EXAMPLES} "
+            words += "To be asked for them, begin from a vehicle of your own; its log is added on the page Records too."
         self.meaning.set_content(Markup('<p class="note">{}</p>').format(words))
         if start == "own" and start not in self.forms:
             with self.places[start]:
@@ -120,7 +127,7 @@ class Start:
             with self.said:
                 say(error)
             return
-        ui.navigate.to(link("design", folder.name))
+        ui.navigate.to(link("import" if self.start.value in OF_LOGS else "design", folder.name))
 
 
 class Form:
