@@ -56,6 +56,13 @@ def test_ends_are_written_for_one_run_or_all(folder):
     assert first.channel("n")[0] * 60 / 6.283185307179586 == pytest.approx(1210.0)
 
 
+def test_a_map_of_two_runs_is_not_corrected_for_one(folder):
+    log = folder / "log_2.csv"
+    log.write_text(log.read_text().replace("north", "north_ms"))
+    said = run(folder)
+    assert 'did you mean "north_ms"? One map is read for all runs (1, 2)' in str(said.exception)
+
+
 @pytest.mark.parametrize(
     ("words", "told"),
     [

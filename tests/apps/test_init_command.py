@@ -32,6 +32,8 @@ def test_what_was_said_is_in_the_campaign(monkeypatch, capsys, tmp_path):
     code, out, _ = run(monkeypatch, capsys, "init", tmp_path / "boat", *shlex.split(OWN))
     assert code in (Exit.OK, None)
     assert "seatrial prior" in out
+    assert "read T_nabsn: 0.02 to 0.06 N/(rev/s)^2" in out
+    assert "read X_u: -5 to 0 kg/s (SI, as no unit was given)" in out
     made = load_campaign(tmp_path / "boat")
     assert (made.name, made.full.terms) == ("otter, first day", ("X_uabsu", "T_nabsn", "X_u"))
     assert not made.has_records
@@ -70,6 +72,9 @@ def test_a_published_vehicle_brings_its_priors_and_trim(monkeypatch, capsys, tmp
         ("-8 to -2 kg/m", "about 5", "--seek[^$]*a range such as"),
         ("'n 1000 rpm, 500", "'n 1600 rpm, 500", "--control[^$]*trim inside the range"),
         ("'n 1000 rpm, 500 to 1500 rpm, 600 rpm/s'", "'n 1000 rpm'", "--control n[^$]*a trim without a range"),
+        ("'n 1000 rpm, 500 to 1500 rpm, 600 rpm/s'", "'f_1 0 N, -9 to 9 N'", "--control f_1[^$]*vehicle.thrusters"),
+        ("'n 1000 rpm, 500 to 1500 rpm, 600 rpm/s'", "'u 1 m/s, 0 to 2 m/s'", "--control[^$]*a control: n, delta_r"),
+        ("'n 1000 rpm, 500 to 1500 rpm, 600 rpm/s'", "'tau_X 0 N, -9 to 9 N'", "limits.tau_X[^$]*a term names it"),
         ("u 0.02 m/s", "u 0.02 kg", "--sensor"),
         ("distance below 200 m", "distanz below 200 m", "--limit[^$]*a signal or control"),
         ("X_uabsu 5 %", "X_uabsu 0 %", "--goal[^$]*more than 0"),

@@ -26,14 +26,14 @@ COLUMNS = {
 ROWS = 40
 
 
-def log_of(folder):
-    """A table of ten outputs, of which the last two stand still, armed from 1 s on and at a voltage that falls."""
+def log_of(folder, moving=8, count=10):
+    """A table of outputs, of which the first move, armed from 1 s on and at a voltage that falls."""
     rng = np.random.default_rng(2)
-    outputs = np.column_stack([rng.integers(1400, 1600, (ROWS, 8)), np.full((ROWS, 2), 1500)])
+    outputs = np.column_stack([rng.integers(1400, 1600, (ROWS, moving)), np.full((ROWS, count - moving), 1500)])
     names = [
         "t",
         *(f"{name}_{unit}" for name, unit in COLUMNS.items()),
-        *(f"pwm[{k}]" for k in range(10)),
+        *(f"pwm[{k}]" for k in range(count)),
         "armed",
         "volts",
     ]
@@ -78,6 +78,14 @@ def lines_of(*names, unit="m/s"):
 
 
 def test_a_log_without_the_vehicles_controls_is_refused(tmp_path):
+    """Outputs that stand still are thrusters of a vehicle that has as many; with fewer it is said how many there are."""
+    few = log_of(tmp_path, moving=4, count=4)
+    with pytest.raises(
+        InputError, match=r"4 outputs to thrusters: pwm\[0\] \(f_1\)[^$]*8, one for each[^$]*vehicle.thrusters"
+    ):
+        log_campaign_text(tmp_path, "bluerov2_heavy", few)
+    still = check_text(tmp_path, log_campaign_text(tmp_path, "bluerov2_heavy", log_of(tmp_path, moving=5)))
+    assert still.imports.files[0].channels["f_8"].column == "pwm[7]"
     path = log_of(tmp_path)
     with pytest.raises(InputError, match="no column that may be a control"):
         log_campaign_text(tmp_path, "remus100_prestero", path)

@@ -212,6 +212,10 @@ NAMES = {
     "field.angular_velocity.z": ("r", "rad/s", 1.0),
     "vel_n": ("v_north", "m/s", 1.0),
     "orientation.w": ("q_w", "1", 1.0),
+    "engine_rpm": ("n", "rpm", 1.0),
+    "log_speed": ("u", "m/s", 1.0),
+    "dvl_vx": ("u", "m/s", 1.0),
+    "dvl_vz_mps": ("w", "m/s", 1.0),
     "heave_cms": ("w", "cm/s", 1.0),
     "sway_mm_s": ("v", "mm/s", 1.0),
     "speed_kt": ("u", "kn", 1.0),
@@ -228,6 +232,13 @@ def test_guesses_by_name_and_unit(tmp_path, name):
     text = f"time,{name},remark\n" + "".join(f"{0.1 * k:.1f},{0.01 * k},ok\n" for k in range(20))
     found = inspect_log(written(tmp_path, text)).guesses
     assert [(guess.channel, guess.unit, guess.scale) for guess in found] == [NAMES[name]]
+    assert ("axes are not known" in found[0].reason) == name.startswith("dvl_v")
+
+
+def test_where_nothing_can_be_guessed_it_is_said_what_was_sought(tmp_path):
+    said = inspect_log(written(tmp_path, "time,a,b\n" + "".join(f"{k},{k},{k % 7}\n" for k in range(20)))).lines()
+    assert "no column could be guessed. Sought were speeds" in said[-3]
+    assert "`--map`" in said[-2]
 
 
 @pytest.mark.parametrize("name", ["out{}", "RCOUT{}", "nav.output_{}", "servo{}_raw", "thruster_{}_us"])

@@ -92,6 +92,7 @@ ACTUAL = "_act"
 SET = "_set"
 """Ending of a set-point of an autopilot: `psi_set` is the heading that it is told to hold."""
 RATES = ("u", "v", "w", "p", "q", "r")
+CONTROLS = ("n", "delta_r", "delta_s", "tau_X", "tau_Y", "tau_Z", "tau_K", "tau_M", "tau_N")
 """Signals whose time derivative may be written, as in `X_udot`."""
 
 
@@ -134,6 +135,11 @@ def set_point(channel: str) -> str:
     return channel + SET
 
 
+def is_thruster(name: str) -> bool:
+    """Whether a name is that of the control of one of several thrusters: `f_1`, `n_1`, …."""
+    return name[:2] in ("n_", "f_") and name[2:].isdigit()
+
+
 def thruster_controls(count: int, commanded_force: bool) -> tuple[str, ...]:
     """Controls of several thrusters: speeds `n_1`, `n_2`, … in rad/s, or forces `f_1`, `f_2`, … in N."""
     return tuple(f"{'f' if commanded_force else 'n'}_{number}" for number in range(1, count + 1))
@@ -151,7 +157,7 @@ def _dimension(name: str) -> Dimension:
     ):
         if base in names:
             return dimension
-    if base[:2] in ("n_", "f_") and base[2:].isdigit():
+    if is_thruster(base):
         return ANGULAR_RATE if base[0] == "n" else FORCE
     return SIGNALS[base].dimension
 

@@ -3,13 +3,14 @@
 import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import pi
 
 from seatrial.core.errors import InputError
 from seatrial.core.record import Role
 from seatrial.core.signals import (
     ANGLES,
+    CONTROLS,
     OVER_EARTH,
     POSITIONS,
     QUATERNION,
@@ -45,7 +46,8 @@ class Guess:
         axes: of the message.
         role: whether the channel drives the vehicle or observes it.
         reason: why.
-        strength: 3 by the type of message, 2 by a plain name, 1 by a name that may mean something else.
+        strength: 3 by the type of message, 2 by a plain name, 1 by a name that may mean something else, 0 of an output that stands still
+            after the last that moves: a thruster only of a vehicle that has as many.
     """
 
     channel: str
@@ -62,17 +64,20 @@ class Guess:
 _BODY = ("u", "v", "w")
 _OF = "(?:dvl|speed|vel|velocity|body|measured|meas|nu)_?"
 """What a name may have before the letter of a velocity."""
+_ALONG = "(?:velocity[._]?|vel_?|v_?)"
+"""What a velocity along x, y or z is called before that letter."""
+_AXES_UNKNOWN = re.compile(rf"(?:{_OF})?{_ALONG}[xyz]")
 _NAMES = (
     ("v_north", 2, "v_?n(?:orth)?|vel(?:ocity)?[._]?n(?:orth)?|north_?(?:vel|velocity|speed)"),
     ("v_east", 2, "v_?e(?:ast)?|vel(?:ocity)?[._]?e(?:ast)?|east_?(?:vel|velocity|speed)"),
     ("v_down", 2, "v_?d(?:own)?|vel(?:ocity)?[._]?d(?:own)?|down_?(?:vel|velocity|speed)"),
     *((f"q_{part}", 2, rf"(?:orientation|quat(?:ernion)?)[._]?{part}|q_?{part}") for part in "wxyz"),
     ("u", 2, f"(?:{_OF})?u|surge|surge_?(?:speed|vel|velocity)"),
-    ("u", 1, "speed|spd|velocity\\.x|vel_?x|vx|speed_?over_?ground|sog"),
+    ("u", 1, f"speed|spd|log_?speed|speed_?log|(?:{_OF})?{_ALONG}x|speed_?over_?ground|sog"),
     ("v", 2, f"(?:{_OF})?v|sway|sway_?(?:speed|vel|velocity)"),
-    ("v", 1, "velocity\\.y|vel_?y|vy"),
+    ("v", 1, f"(?:{_OF})?{_ALONG}y"),
     ("w", 2, f"(?:{_OF})?w|heave|heave_?(?:speed|vel|velocity)"),
-    ("w", 1, "velocity\\.z|vel_?z|vz"),
+    ("w", 1, f"(?:{_OF})?{_ALONG}z"),
     ("p", 2, "p|roll_?rate|roll_?speed|angular_velocity\\.x|gyro?_?x"),
     ("q", 2, "q|pitch_?rate|pitch_?speed|angular_velocity\\.y|gyro?_?y"),
     ("r", 2, "r|yaw_?rate|yaw_?speed|turn_?rate|rate_?of_?turn|rot|angular_velocity\\.z|gyro?_?z"),
@@ -82,6 +87,7 @@ _NAMES = (
     ("z", 2, "depth|depth_?m"),
     ("z", 1, "z|position\\.z"),
     ("n", 2, "n|rpm|(?:prop|propeller|shaft|motor|thruster)(?:_?(?:rpm|speed|rate))?"),
+    ("n", 1, "(?:main_?)?engine_?(?:rpm|speed)|(?:main_?)?engine"),
     ("delta_r", 2, "delta_?r|rudder|rudder_?angle|desired_rudder"),
     ("delta_r", 1, "delta"),
     ("delta_s", 2, "delta_?s|stern_?planes?|elevator|desired_elevator"),
@@ -152,11 +158,11 @@ def guesses(tables: Sequence[TableSummary]) -> tuple[Guess, ...]:
 
 
 def best(found: Sequence[Guess], only: Sequence[str] = ()) -> tuple[Guess, ...]:
-    """Return one guess for each channel, or for each of some.
+    """Return one guess for each channel, or for each of some, which alone may be an output that stands still.
 
     Velocities over the earth, and quaternions, are there where what is made of them is wanted and nothing gives it itself.
     """
-    wanted = set(only) or {guess.channel for guess in found} | {*_BODY, *ANGLES}
+    wanted = set(only) or {guess.channel for guess in found if guess.strength} | {*_BODY, *ANGLES}
     if wanted & {*QUATERNION}:  # which is made of angles too
         wanted |= {*ANGLES}
     direct = {guess.channel for guess in found}
@@ -165,7 +171,7 @@ def best(found: Sequence[Guess], only: Sequence[str] = ()) -> tuple[Guess, ...]:
         asked, given = wanted & {*makes}, direct & {*makes}
         if asked - given and (direct >= {*made_of} or (not given and direct & {*made_of})):
             wanted = wanted - given | {*made_of, *needs}
-    outputs = Counter(guess.table for guess in found if guess.unit == COMMAND)
+    outputs = Counter(guess.table for guess in found if guess.unit == COMMAND and guess.strength)
     first: dict[str, Guess] = {}
     for guess in found:
         # The commands of all thrusters are in one table: that with most of them.
@@ -184,7 +190,20 @@ def remarks(found: Sequence[Guess]) -> tuple[str, ...]:
         f"{first.table}: {first.column} to {last.column} may be pulse widths or outputs to the thrusters: give the maker's table of thrust "
         f"over them under [vehicle.thrust_laws], for channels {first.channel} to {last.channel} in the unit "
         f'"{COMMAND}", or as the `curve` of a channel',
+        *_still(found, first.table),
     )
+
+
+def _still(found: Sequence[Guess], table: str) -> Iterator[str]:
+    """Name the outputs that stand still after the last that moves."""
+    still = [guess for guess in found if guess.table == table and not guess.strength]
+    if still:
+        names, channels = (" to ".join(dict.fromkeys((some[0], some[-1]))) for some in _names_of(still))
+        yield f"{table}: {names} never change: map them too, as {channels}, if they are thrusters that stood still"
+
+
+def _names_of(some: Sequence[Guess]) -> tuple[list[str], list[str]]:
+    return [guess.column for guess in some], [guess.channel for guess in some]
 
 
 def _of_table(table: TableSummary) -> Iterator[Guess]:
@@ -200,11 +219,12 @@ def _of_table(table: TableSummary) -> Iterator[Guess]:
             found.append((guess, column))
     # Three parts of a quaternion may be constant where the vehicle only turns, all four where it is not known.
     turns = any(guess.channel in QUATERNION and not column.trouble for guess, column in found)
-    # A thruster may stand still; outputs that do after the last that moves are lights, cameras, or nothing.
+    # A thruster may stand still; outputs that do after the last that moves are mostly lights, cameras, or nothing.
     moving = [at for at, (guess, column) in enumerate(found) if guess.unit == COMMAND and not column.constant]
     for at, (guess, column) in enumerate(found):
-        is_thruster = guess.unit == COMMAND and moving and at <= moving[-1]
-        if is_thruster or (guess.unit != COMMAND and not column.trouble) or (turns and guess.channel in QUATERNION):
+        if guess.unit == COMMAND and moving:
+            yield guess if at <= moving[-1] else replace(guess, strength=0)
+        elif (guess.unit != COMMAND and not column.trouble) or (turns and guess.channel in QUATERNION):
             yield guess
 
 
@@ -250,7 +270,8 @@ def _by_name(table: TableSummary, column: ColumnSummary) -> Guess | None:
                     unit = _unit(channel, column, hinted if candidate == bare else None)
                     if unit is None:
                         continue
-                    reason = f'the name "{full}"; {unit[2]}'
+                    axes = "; its axes are not known: check its sign" if _AXES_UNKNOWN.fullmatch(text) else ""
+                    reason = f'the name "{full}"; {unit[2]}{axes}'
                     return Guess(
                         channel, table.info.name, column.name, *unit[:2], "NED", _role(channel), reason, strength
                     )
@@ -313,4 +334,4 @@ def _text_unit(channel: str) -> str:
 
 
 def _role(channel: str) -> Role:
-    return "control" if channel in ("n", "delta_r", "delta_s") or channel.startswith("tau_") else "measurement"
+    return "control" if channel in CONTROLS else "measurement"

@@ -20,6 +20,14 @@ _LISTED = 16
 """Elements of an array up to which each has a line where several tables are listed."""
 
 
+SOUGHT = (
+    "no column could be guessed. Sought were speeds, rates, angles, depth, position, propeller, rudder, forces and outputs to thrusters,",
+    "by names such as u, yaw_rate, heading, depth, rpm, rudder, tau_x or out1, and by types of message. Write the map yourself: `--map`",
+    'prints the [[import.files]] of a campaign file; add a line for each channel, such as channels.u = { column = "...", unit = "m/s" }',
+)
+"""What is said where nothing could be guessed."""
+
+
 @dataclass(frozen=True)
 class LogSummary:
     """What a log holds.
@@ -46,11 +54,13 @@ class LogSummary:
             lines += ["", *_table_lines(table, count == 1)]
         notes = dict.fromkeys(note for table in self.tables for note in table.info.notes)
         lines += ["", *notes] if notes else []
-        lines += ["", "guessed map (check each line; `--map` prints it for a campaign file):"] if self.guesses else []
         chosen = best(self.guesses)
+        lines += (
+            ["", "guessed map (check each line; `--map` prints it for a campaign file):"] if chosen else ["", *SOUGHT]
+        )
         for guess in chosen:
             lines.append(f"  {guess.channel:<8} {_place(guess, count)} [{_unit(guess)}]: {guess.reason}")
-        others = [guess for guess in self.guesses if guess not in chosen]
+        others = [guess for guess in self.guesses if guess.strength and guess not in chosen]
         lines += [
             f"  or {guess.channel:<5} {_place(guess, count)} [{_unit(guess)}]: {guess.reason}" for guess in others
         ]

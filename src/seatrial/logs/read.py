@@ -12,7 +12,7 @@ from seatrial.core.record import Channel
 from seatrial.core.signals import signal_unit
 from seatrial.core.units import to_si
 from seatrial.logs.axes import from_axes
-from seatrial.logs.formats.protocol import LogFormat, RawTable, TableInfo, unit_in_name
+from seatrial.logs.formats.protocol import LogFormat, NoColumn, RawTable, TableInfo, unit_in_name
 from seatrial.logs.formats.registry import catalogue, format_of, hash_of_log, pick, read_columns
 from seatrial.logs.formats.text_layout import signs_of
 from seatrial.logs.source import (
@@ -368,7 +368,7 @@ def _no_column(name: str, info: TableInfo, where: str) -> InputError:
         return _no_element(name, elements, where)
     names: Sequence[str] = [column.name for column in info.columns]
     text = nearest(name, names)
-    return InputError(
+    return NoColumn(
         f'{where}, column "{name}"',
         found="no column of that name",
         expected=f"one of the {len(names)} numbers in the table",

@@ -45,9 +45,16 @@ def test_a_form_that_makes_no_campaign_is_refused_and_nothing_is_written(tmp_pat
 
 
 def test_a_template_begins_a_campaign_of_the_given_name(tmp_path):
+    pytest.importorskip("nicegui")
+    from seatrial.apps.dashboard.pages.records import is_of_template
+
+    text, _ = thinking.begun(str(tmp_path), "my boat", "log", ())
+    (tmp_path / "campaign.toml").write_text(text)
+    assert is_of_template(tmp_path)  # whose numbers are said to be examples
     text, _ = thinking.begun(str(tmp_path), "my boat", "remus100", ())
     (tmp_path / "campaign.toml").write_text(text)
     assert load_campaign(tmp_path).name == "my boat"
+    assert not is_of_template(tmp_path)
 
 
 def test_what_is_published_of_each_vehicle_can_be_sought():

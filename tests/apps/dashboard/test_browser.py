@@ -144,7 +144,7 @@ def test_a_log_is_sent_mapped_cut_and_checked_by_keyboard(tmp_path, page):
         unit.fill("m/s")
         page.locator(".channel .q-field--error").wait_for(state="detached")
         page.get_by_role("button", name="Check and save this map").click()
-        page.get_by_text("Now import the records; they are shown above").wait_for()
+        page.get_by_text("Now import the records: they will be shown above").wait_for()
         assert "# [truth]" in (folder / "campaign.toml").read_text()
         page.reload()
         page.get_by_role("button", name="Check the records").click()
@@ -216,7 +216,7 @@ def test_two_logs_with_clocks_of_their_own_are_lined_up_before_anything_is_saved
         shift.press("Enter")
         page.get_by_text("Nothing is saved yet").wait_for()
         page.get_by_role("button", name="Check and save this map").click()
-        page.get_by_text("Now import the records; they are shown above").wait_for()
+        page.get_by_text("Now import the records: they will be shown above").wait_for()
         page.get_by_text("Nothing is saved yet").wait_for(state="detached")
         assert 'path = "logs/doppler.csv"\nshift = "-5000 s"\n' in (folder / "campaign.toml").read_text()
         page.reload()
@@ -261,7 +261,7 @@ def test_a_column_of_time_is_chosen_and_a_second_run_added(tmp_path, page):
         choose("time of run_a.csv: column", "Zeit")
         choose("time of run_a.csv: unit", "ms")
         page.get_by_role("button", name="Check and save this map").click()
-        page.get_by_text("Now import the records; they are shown above").wait_for()
+        page.get_by_text("Now import the records: they will be shown above").wait_for()
         (file,) = tomllib.loads((folder / "campaign.toml").read_text())["import"]["files"]
         assert file["time"] == {"column": "Zeit", "unit": "ms"}
 
@@ -325,7 +325,7 @@ def test_from_nothing_to_a_schedule_by_the_page_alone(tmp_path, page):
         page.locator("input[type=file]").set_input_files(log)
         page.locator(".channel").get_by_text("1200 to 1499").wait_for()
         page.get_by_role("button", name="Check and save this map").click()
-        page.get_by_text("Now import the records; they are shown above").wait_for()
+        page.get_by_text("Now import the records: they will be shown above").wait_for()
         assert 'path = "logs/dive.csv"' in (root / "boat" / "campaign.toml").read_text()
         page.goto(address)
         page.locator("li.missing", has_text="import").wait_for()

@@ -4,7 +4,7 @@ import tomllib
 
 import pytest
 
-from seatrial.apps.dashboard.model_edits import Range, with_noise, with_priors, with_terms
+from seatrial.apps.dashboard.model_edits import Range, with_noise, with_priors, with_sizes, with_terms
 from seatrial.apps.dashboard.model_queries import check, model_data
 from seatrial.core.errors import InputError
 from tests.campaign.small import SMALL, write_small
@@ -37,6 +37,16 @@ def test_the_noise_of_one_sensor(tmp_path):
     text = with_noise(tmp_path, COMMENTED, {"u": "heavy"})
     assert tomllib.loads(text)["sensors"]["u"]["residuals"] == "heavy"
     assert with_noise(tmp_path, text, {"u": ""}).split() == COMMENTED.split()
+
+
+def test_the_size_of_the_chains(tmp_path):
+    text = with_sizes(tmp_path, COMMENTED, {"warmup": "1000", "draws": "3000"})
+    found = tomllib.loads(text)["estimation"]
+    assert (found["warmup"], found["draws"]) == (1000, 3000)
+    with pytest.raises(InputError, match="a whole number"):
+        with_sizes(tmp_path, COMMENTED, {"draws": "many"})
+    with pytest.raises(InputError, match="multiple of 100"):
+        check(str(tmp_path), with_sizes(tmp_path, COMMENTED, {"draws": "1050"}))
 
 
 def test_terms_change_their_places_and_comments_stay(tmp_path):

@@ -180,6 +180,7 @@ def _write_new(folder: Path, said: dict[str, Any]) -> None:
     from seatrial.campaign.config.new_campaign import new_campaign
     from seatrial.campaign.config.new_campaign_file import campaign_text
     from seatrial.campaign.config.templates import init_campaign
+    from seatrial.core.coefficients import CoefficientName
     from seatrial.core.errors import located
 
     new = new_campaign(said)
@@ -189,6 +190,10 @@ def _write_new(folder: Path, said: dict[str, Any]) -> None:
     answer.say(f"wrote {path}: {new.name}")
     answer.name_file("campaign", path)
     answer.give(template=None)
+    for one in (*new.sought, *new.optional):
+        if one.lower:
+            unit = one.unit or f"{CoefficientName.parse(one.name).unit} (SI, as no unit was given)"
+            answer.say(f"read {one.name}: {one.lower} to {one.upper} {unit}")
     answer.say(f"next, see the priors as speeds: seatrial prior {folder}; then: seatrial design {folder}")
 
 

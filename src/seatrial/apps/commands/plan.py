@@ -78,6 +78,7 @@ def design(
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
         from seatrial.apps import results
         from seatrial.campaign.data.simulate import own_lines
+        from seatrial.campaign.prior.cautions import file_cautions
         from seatrial.campaign.store.stored_result import Store
         from seatrial.campaign.workflow.steps import Workflow
 
@@ -110,7 +111,7 @@ def design(
             answer.say(
                 f"after the trial, add its log to this campaign: `seatrial check {shlex.quote(str(folder))}` says how"
             )
-        return answer.finish([] if own is None else own.alarms, [])
+        return answer.finish([] if own is None else own.alarms, file_cautions(campaign))
 
     with_campaign(folder, quiet, work, context)
 

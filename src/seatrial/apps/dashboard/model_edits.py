@@ -37,6 +37,24 @@ def with_noise(folder: Path, text: str, residuals: Mapping[str, str]) -> str:
     return text
 
 
+def with_sizes(folder: Path, text: str, sizes: Mapping[str, str]) -> str:
+    """Text of a campaign file with other sizes of the chains, as they were typed, by key of `[estimation]`.
+
+    Raises:
+        InputError: no whole number, or a key that cannot be edited.
+    """
+    for key, typed in sizes.items():
+        if not (typed.isascii() and typed.isdigit()):
+            raise InputError(
+                f"key estimation.{key}",
+                found=f'"{typed}"',
+                expected="a whole number",
+                remedy="a multiple of 100, such as 1000",
+            )
+        text = set_key(text, "estimation", key, int(typed), str(folder / CAMPAIGN))
+    return text
+
+
 def with_terms(folder: Path, text: str, always: Sequence[str], optional: Sequence[str]) -> str:
     """Text of a campaign file with other terms that are always there, and others that may be; errors as `with_noise`."""
     for key, terms in (("always", always), ("optional", optional)):

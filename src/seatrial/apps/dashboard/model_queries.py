@@ -175,6 +175,7 @@ def model_data(folder: str) -> ModelData:
         {name: _prior_words(table) for name, table in file.get("prior", {}).items()},
         published,
         tuple(dict.fromkeys(term for term in (*published, *TERMS) if term not in terms)),
+        {key: getattr(campaign.estimation, key) for key in ("warmup", "draws")},
     )
 
 

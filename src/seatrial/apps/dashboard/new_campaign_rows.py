@@ -17,12 +17,11 @@ from seatrial.campaign.config.new_campaign import (
     read_sensor,
     read_sought,
 )
-from seatrial.core.signals import TRACKS
+from seatrial.core.signals import ANGLES, CONTROLS, RATES, TRACKS
 
 Row = Mapping[str, str]
 """What stands in the fields of a row, by field."""
-SIGNALS = ("u", "v", "w", "p", "q", "r", "phi", "theta", "psi")
-CONTROLS = ("n", "delta_r", "delta_s", "tau_X", "tau_Y", "tau_Z", "tau_N")
+SIGNALS = (*RATES, *ANGLES)
 TERMS = ("X_u", "X_uabsu", "T_nabsn", "X_udot", "Y_v", "Y_vabsv", "N_r", "N_rabsr", "N_uv", "N_ur", "N_uudelta_r")
 """Names that are offered while one types; any other that has a meaning may be typed too."""
 
@@ -68,7 +67,7 @@ def kinds(is_published: bool) -> tuple[Kind, ...]:
         "name": ("coefficient", "X_uabsu"),
         "lower": ("least", "-4.5"),
         "upper": ("largest", "-1.5"),
-        "unit": ("unit", "SI"),
+        "unit": ("unit, or SI", "kg/m"),
     }
     known = Kind(
         "known",

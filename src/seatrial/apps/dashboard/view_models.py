@@ -185,6 +185,8 @@ class ModelData(NamedTuple):
     """Terms that have a published value."""
     offered: tuple[str, ...]
     """Names of further terms."""
+    sizes: Mapping[str, int]
+    """Size of the chains, by key of `[estimation]`."""
 
 
 class PublishedTerms(NamedTuple):

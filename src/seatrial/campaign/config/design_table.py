@@ -17,7 +17,7 @@ from seatrial.campaign.config.schema import (
 )
 from seatrial.campaign.config.settings import DesignSettings, OwnSchedule, Power, RelaySettings, StatedPrediction
 from seatrial.core.errors import InputError, located, nearest
-from seatrial.core.signals import signal_unit
+from seatrial.core.signals import CONTROLS, is_thruster, signal_unit
 from seatrial.design.integrals import motion_signals
 from seatrial.design.motion_limits import MotionLimit
 from seatrial.manoeuvres.family import Beside, Family
@@ -160,10 +160,22 @@ def read_limits(
                 keys.where(f"limits.{name}"),
                 found=f'"{name}"',
                 expected="a control, a state or a track: " + ", ".join(known),
-                remedy=nearest(name, known),
+                remedy=_control_remedy(name, commands)
+                if name in CONTROLS or is_thruster(name)
+                else nearest(name, known),
             )
     of_controls = {name: _control_limits(one, keys, name) for name, one in tables.items() if name in commands}
     return of_controls, tuple(_motion_limit(name, one, keys) for name, one in tables.items() if name not in commands)
+
+
+def _control_remedy(name: str, controls: Sequence[str]) -> str:
+    """Say how a vehicle gets a control that it does not have."""
+    if is_thruster(name):
+        return "describe the thrusters of your own vehicle under [[vehicle.thrusters]], or name a published vehicle that has them"
+    if controls and name not in CONTROLS:
+        return nearest(name, controls)
+    has = ", ".join(controls) or "none"
+    return f"a vehicle has a control where a term names it, such as T_nabsn, X_tau_X or N_uudelta_r; this one has {has}"
 
 
 def read_power(table: PowerTable | None, keys: FileKeys, control: str) -> Power:
@@ -207,8 +219,9 @@ def _family(table: DesignTable, keys: FileKeys, controls: Sequence[str], trims: 
         raise InputError(
             keys.where("design.control"),
             found=f'"{table.control}"',
-            expected="a control of the vehicle, or a set-point of its autopilot: " + ", ".join(controls),
-            remedy=nearest(table.control, controls),
+            expected="a control of the vehicle, or a set-point of its autopilot: "
+            + (", ".join(controls) or "it has none"),
+            remedy=_control_remedy(table.control, controls),
         )
     unit = signal_unit(table.control)
     trim = trims.get(table.control, 0.0) if table.trim is None else keys.si(table.trim, unit, "design.trim")

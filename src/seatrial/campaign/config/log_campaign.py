@@ -78,6 +78,8 @@ def log_campaign_text(folder: Path, vehicle: str, log: Path, moves: tuple[str, .
     axes = moves or body.moves
     controls = _controls(body, summary)
     sensors = _sensors(summary, axes)
+    if body.thrusters and not controls:
+        _say_too_few(vehicle, body, summary, log)
     if missing := [what for what, found in (("control", controls), ("sensor", sensors)) if not found]:
         raise InputError(
             str(log),
@@ -135,8 +137,25 @@ def _controls(body: PublishedVehicle, summary: LogSummary) -> list[str]:
     guessed = {guess.channel for guess in summary.guesses}
     if body.thrusters:
         thrusters = thruster_controls(len(body.thrusters), commanded_force=True)
-        return list(thrusters) if {*thrusters} <= guessed else []
+        return list(thrusters) if len(best(summary.guesses, thrusters)) == len(thrusters) else []
     return [name for name in body.controls if name in guessed]
+
+
+def _say_too_few(vehicle: str, body: PublishedVehicle, summary: LogSummary, log: Path) -> None:
+    """Refuse a log with fewer outputs than the vehicle has thrusters."""
+    count = len(body.thrusters)
+    thrusters = thruster_controls(count, commanded_force=True)
+    found = best(summary.guesses, thrusters)
+    outputs = ", ".join(f"{guess.column} ({guess.channel})" for guess in found)
+    raise InputError(
+        str(log),
+        found=f"{len(found)} outputs to thrusters: {outputs}"
+        if found
+        else "no column that may be an output to a thruster",
+        expected=f"{count}, one for each thruster of {vehicle}: pulse widths about 1500 us, in columns such as out1 to out{count}",
+        remedy="name the columns so, in the order of the thrusters. If the vehicle has others, take --template log, the map of "
+        "`seatrial inspect LOG --map`, and describe its thrusters under [[vehicle.thrusters]] (docs/how-to/ros2_bag.md)",
+    )
 
 
 def _is_commanded(summary: LogSummary, controls: list[str]) -> bool:

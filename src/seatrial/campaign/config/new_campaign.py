@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError, nearest
-from seatrial.core.signals import is_signal, signal_unit
+from seatrial.core.signals import ANGLES, CONTROLS, RATES, TRACKS, is_signal, is_thruster, signal_unit
 from seatrial.core.units import quantity, to_si
 
 Part = TypeVar("Part")
@@ -143,7 +143,7 @@ def new_campaign(said: Mapping[str, Any]) -> NewCampaign:
         said: by option of `seatrial init`, with `_` for `-`: a text, or the lines of an option that may be given again.
 
     Raises:
-        InputError: an option that cannot be read, both or neither of a published vehicle and one's own.
+        InputError: an option that cannot be read, both or neither of a published vehicle and one's own, a thruster of one's own.
     """
     if ("vehicle" in said) == ("mass" in said):
         raise InputError(
@@ -159,11 +159,14 @@ def new_campaign(said: Mapping[str, Any]) -> NewCampaign:
     for option, unit in SCALARS.items():
         if option in said:
             quantity(said[option], unit, f"--{option.replace('_', '-')}")
+    controls = each("control", read_control)
+    if "vehicle" not in said:
+        _check_no_thruster(controls)
     deduction, sought = said.get("thrust_deduction", ""), partial(read_sought, is_published="vehicle" in said)
     return NewCampaign(
         said.get("name") or f"{said.get('vehicle') or 'my vehicle'}, first trial",
         each("seek", sought),
-        each("control", read_control),
+        controls,
         each("sensor", read_sensor),
         each("optional", sought),
         vehicle=said.get("vehicle", ""),
@@ -177,6 +180,19 @@ def new_campaign(said: Mapping[str, Any]) -> NewCampaign:
         duration=said.get("duration", NewCampaign.duration),
         goal=each("goal", read_goal),
     )
+
+
+def _check_no_thruster(controls: tuple[Control, ...]) -> None:
+    """Refuse thrusters of one's own vehicle, whose places the options do not say."""
+    for one in controls:
+        if is_thruster(one.name):
+            raise InputError(
+                f"--control {one.name}",
+                found="a thruster of a vehicle of your own",
+                expected="one of " + ", ".join(CONTROLS),
+                remedy="describe each thruster, its place and direction, under [[vehicle.thrusters]] of a campaign file "
+                "(docs/how-to/ros2_bag.md has an example); or name a published vehicle that has thrusters",
+            )
 
 
 SCALARS = {"mass": "kg", "thrust_deduction": "1", "speed": "m/s", "duration": "s"}
@@ -222,11 +238,18 @@ def read_control(text: str, place: str) -> Control:
     """Read a control: `n 1200 rpm`, its trim, or `n 1200 rpm, 700 to 1600 rpm, 800 rpm/s`, with its range and rate of change.
 
     Raises:
-        InputError: no signal, units that are not its, or a trim outside the range.
+        InputError: no control, units that are not its, or a trim outside the range.
     """
     example = "n 1200 rpm, 700 to 1600 rpm, 800 rpm/s"
     name, rest = _parted(text, place, example)
-    unit = _unit_of(name, place)
+    if name not in CONTROLS and not is_thruster(name):
+        raise InputError(
+            place,
+            found=f'"{name}"',
+            expected=f"a control: {', '.join(CONTROLS)}, or a thruster of a published vehicle, f_1, f_2, …",
+            remedy=nearest(name, CONTROLS),
+        )
+    unit = signal_unit(name)
     trim, *more = _pieces(rest, place, example, most=3)
     value = quantity(trim, unit, place)
     if not more:
@@ -315,8 +338,9 @@ def _parted(text: str, place: str, example: str) -> tuple[str, str]:
 
 def _unit_of(name: str, place: str) -> str:
     if not is_signal(name):
-        known = ("u", "v", "w", "p", "q", "r", "phi", "theta", "psi", "n", "delta_r", "delta_s", "tau_X", "tau_N")
-        raise InputError(place, found=f'"{name}"', expected="a signal or control", remedy=nearest(name, known))
+        raise InputError(
+            place, found=f'"{name}"', expected="a signal or control", remedy=nearest(name, (*RATES, *ANGLES, *TRACKS))
+        )
     return signal_unit(name)
 
 

@@ -1,6 +1,7 @@
 """Getting the trial's records: simulated from the campaign's truth, or imported from real logs."""
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from decimal import Decimal
 from pathlib import Path
@@ -28,6 +29,7 @@ from seatrial.logs.body_frame import to_body
 from seatrial.logs.curve import CellCurve, Curve, read_curve
 from seatrial.logs.cut_record import cut
 from seatrial.logs.followed import follow
+from seatrial.logs.formats.protocol import NoColumn
 from seatrial.logs.formats.registry import format_of, hash_of_log
 from seatrial.logs.keep import longest, spans_of
 from seatrial.logs.read import read_log
@@ -222,10 +224,23 @@ def _tables(campaign: Campaign, imports: Imports, paths: list[Path]) -> list[Log
     for index, (file, path) in enumerate(zip(imports.files, paths, strict=True)):
         _check_layout(campaign, file, path, index)
         source = log_source(campaign, file, path, index, roles)
-        with located(campaign.where(f"import.files[{index}]")):
+        with located(campaign.where(f"import.files[{index}]")), _of_every_run(imports):
             logs.append(read_log(source))
     tables = [_without_idle(table, campaign.channels) for table in to_body(logs, roles)]
     return [one for one in tables if one.channels]
+
+
+@contextmanager
+def _of_every_run(imports: Imports) -> Iterator[None]:
+    """Where a column is missing, say that the map is that of the other runs too, before somebody corrects it for one run alone."""
+    try:
+        yield
+    except NoColumn as error:
+        if len(imports.runs) == 1:
+            raise
+        runs = ", ".join(imports.runs)
+        remedy = f"{error.remedy} One map is read for all runs ({runs}): if the others have this column, rename it in this log"
+        raise InputError(error.where, found=error.found, expected=error.expected, remedy=remedy) from error.__cause__
 
 
 def _without_idle(table: LogTable, wanted: Sequence[str]) -> LogTable:

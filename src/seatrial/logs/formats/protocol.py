@@ -35,6 +35,10 @@ Wanted = Mapping[str, Sequence[str]]
 """For each table the columns to read."""
 
 
+class NoColumn(InputError):
+    """A log has no column of the name that the map gives."""
+
+
 @dataclass(frozen=True)
 class TextLayout:
     """How a log of text is laid out; see `LogSource`."""

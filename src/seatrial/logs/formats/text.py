@@ -27,6 +27,7 @@ from seatrial.logs.formats.protocol import (
     ColumnInfo,
     LogFile,
     LogFormat,
+    NoColumn,
     RawTable,
     TableInfo,
     Wanted,
@@ -312,7 +313,7 @@ def _find(name: str, names: Sequence[str], log: LogFile) -> int:
         remedy = f"the file has no header: its columns are {names[0]}, …; or give their names with `names`"
     else:
         remedy = nearest(name, names)
-    raise InputError(
+    raise NoColumn(
         where, found="no column of that name", expected=f"one of the {len(names)} in the header", remedy=remedy
     )
 

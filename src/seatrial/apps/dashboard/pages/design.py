@@ -223,7 +223,11 @@ class Surface:
             schedule_chart(clicked.time, clicked.control, found.control, found.unit)
         rows = [[one.what, _kept(one.kept), one.room, one.reached, one.bound] for one in clicked.margins]
         head = ["limit", "kept?", "room left", "reached", "bound"]
-        markup(table(head, rows, "Room inside the limits") if rows else "<p>No limits are set: write some below.</p>")
+        markup(
+            table(head, rows, "Room inside the limits", stacks=True)
+            if rows
+            else "<p>No limits are set: write some below.</p>"
+        )
         button("Download its schedule", lambda: ui.download(clicked.schedule.encode(), name, "text/csv"))
 
 
@@ -264,6 +268,7 @@ def what_it_teaches(found: Swept, family: int, row: int, column: int, shown: Sho
             ["coefficient", "sd before", "sd after", "unit", "after / before"],
             rows,
             "Standard deviations",
+            stacks=True,
         ),
     )
 

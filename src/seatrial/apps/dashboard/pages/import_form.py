@@ -28,6 +28,7 @@ from seatrial.apps.dashboard.edits import (
 from seatrial.apps.dashboard.page_layout import button, table
 from seatrial.apps.dashboard.pages.one_axis import OneAxis
 from seatrial.apps.dashboard.view_models import FormData, beside
+from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import SeatrialError
 from seatrial.logs.formats.protocol import TIME_UNITS
 
@@ -138,13 +139,15 @@ class ImportForm:
 
     def _offer_run(self, name: str) -> None:
         """Offer to add the log as a further run where the map that is there reads it too."""
+        self.offer = ui.element("div")
         try:
             run = further_run(self.seen, name)
         except SeatrialError:  # said where the map is edited
             return
         if run is None:
             return
-        markup(Markup("<h3>Another run, {}, with the columns of the map in campaign.toml</h3>").format(run.label))
+        with self.offer:
+            markup(Markup("<h3>Another run, {}, with the columns of the map in campaign.toml</h3>").format(run.label))
 
         async def add(role: str) -> None:
             said.clear()
@@ -157,7 +160,8 @@ class ImportForm:
                     say(error)
                     return
                 self.seen, self.map = text, channel_map_of(text)
-                self.text.value = self.map
+                self.text.value, self.run.value = self.map, run.label
+                self._settled()
                 self.axis.tell()
                 markup(
                     Markup('<p class="done" role="status">Saved in campaign.toml: {} is under {}.</p>').format(
@@ -166,10 +170,15 @@ class ImportForm:
                 )
                 button("Import the records", self.start, main=True)
 
-        with ui.element("div").classes("line"):
+        with self.offer, ui.element("div").classes("line"):
             button("Add it, to fit", lambda: add("fit"))
             button("Add it, held back to predict", lambda: add("predict"))
         said = ui.element("div")
+
+    def _settled(self) -> None:
+        """Take away what was said of a map that was not saved yet."""
+        self.offer.clear()
+        self.replaced.clear()
 
     def _rows(self, found: FormData) -> None:
         mapped = channels_of(self.map)
@@ -211,12 +220,15 @@ class ImportForm:
     def _ends(self, name: str, found: FormData) -> None:
         run = re.sub(r"[^A-Za-z0-9_-]", "_", Path(name).stem)[:40] or "run"
         saved = {one.get("path") for one in files_of(channel_map_of(self.seen))}
-        is_kept = not saved.isdisjoint(one.get("path") for one in files_of(self.map))
+        runs = (*found.fit, *found.predict)
+        is_example = not any(self._is_there(str(path), run) for path in saved for run in runs)
+        is_kept = not is_example and not saved.isdisjoint(one.get("path") for one in files_of(self.map))
         with ui.element("div").classes("line"):
             self.run = ui.input("Name of the run", value=found.fit[0] if found.fit and is_kept else run).props(LOOK)
-        if found.fit and not is_kept:
-            words = "Saving this map makes {} the run to fit in the place of {}."
-            markup(Markup('<p class="note">' + words + "</p>").format(run, ", ".join(found.fit)))
+        with ui.element("div") as self.replaced:
+            if found.fit and not is_kept and not is_example:
+                words = "Saving this map makes {} the run to fit in the place of {}."
+                markup(Markup('<p class="note">' + words + "</p>").format(run, ", ".join(found.fit)))
         with ui.element("details"):
             with ui.element("summary"):
                 markup("The same as TOML: comments and further keys, such as sums of columns, are kept")
@@ -228,6 +240,10 @@ class ImportForm:
             markup(Markup('<p class="note">{}</p>').format(words))
         button("Check and save this map", self._save, main=True)
         self.said = ui.element("div")
+
+    def _is_there(self, path: str, run: str) -> bool:
+        """Whether a log that the map names may exist; one that is named by a variable is not looked for."""
+        return any(mark in path for mark in "$~") or (self.folder / path.replace("{run}", run)).exists()
 
     def _change(self, channel_map: str) -> None:
         self.map = self.text.value = channel_map
@@ -255,6 +271,9 @@ class ImportForm:
         said.clear()
         for row in (*self.rows.values(), *self.clocks.values()):
             row.complain("")
+        without_unit = [row for row in self.rows.values() if row.lacks_unit]
+        for row in without_unit:
+            row.complain(f'Write the unit of {row.channel}, such as "{shown_unit(row.channel)[1]}".', "unit")
         identities: list[Any] = []
         try:
             files = files_of(self.map)
@@ -263,6 +282,12 @@ class ImportForm:
                 if not one.get("time", {}).get("column", "-") and identity in self.clocks:
                     self.clocks[identity].complain("Choose the column of the time stamps, and its unit.", "column")
                     return None
+            if without_unit:
+                with said:
+                    say(
+                        f"Nothing was written. See above which units are missing: {', '.join(row.channel for row in without_unit)}."
+                    )
+                return None
             text = with_map(self.folder, self.seen, str(self.run.value), self.map)
             await self.context.worker_pool.think("check", str(self.folder), text)
         except (SeatrialError, OSError) as error:
@@ -292,10 +317,10 @@ class ImportForm:
                 say(error)
             else:
                 self.seen = made[0]
+                self._settled()
                 self.axis.tell()
-                markup(
-                    '<p class="done" role="status">Saved in campaign.toml. Now import the records; they are shown above.</p>'
-                )
+                words = "Saved in campaign.toml. Now import the records: they will be shown above."
+                markup(Markup('<p class="done" role="status">{}</p>').format(words))
                 button("Import the records", self.start, main=True)
 
     async def _is_whole(self, text: str) -> bool:
@@ -413,6 +438,11 @@ class Row(MapRow):
             if (there.get("path"), there.get("column")) == (log, column) and there.get("table") in (None, name):
                 return key
         return KEPT
+
+    @property
+    def lacks_unit(self) -> bool:
+        """Whether a column was chosen, and no unit."""
+        return str(self.column.value or "") not in (NONE, KEPT) and not (self.unit.value or "").strip()
 
     def _draw(self) -> None:
         one = self.choices.get(str(self.column.value))

@@ -11,7 +11,7 @@ from nicegui import ui
 
 from seatrial.apps.campaign_text import CAMPAIGN, read_file, write_file
 from seatrial.apps.dashboard.app_context import AppContext, cautions_html, keep_form, markup, say
-from seatrial.apps.dashboard.model_edits import Range, number, with_noise, with_priors, with_terms
+from seatrial.apps.dashboard.model_edits import Range, number, with_noise, with_priors, with_sizes, with_terms
 from seatrial.apps.dashboard.page_layout import button, link, section
 from seatrial.apps.dashboard.view_models import ModelData, NoisePrior, beside
 from seatrial.core.coefficients import CoefficientName
@@ -27,6 +27,7 @@ KINDS = {
 ROLES = {"always": "always in", "optional": "may be in: the data decide", "out": "out"}
 LOOK = "outlined options-dense hide-bottom-space no-error-icon"
 FIELD = "outlined dense stack-label hide-bottom-space no-error-icon"
+SIZES = {"warmup": "Warm-up, steps of each chain", "draws": "Draws, steps of each chain"}
 OF_ALL = ""
 """Name of the noise of all sensors that state none."""
 
@@ -60,6 +61,7 @@ class ModelForm:
         with section("Noise of the residuals", words):
             self.noise: dict[str, ui.select] = {}
             self.needs: dict[str, RangeFields] = {}
+            self.stated: dict[str, ui.html] = {}
             with ui.element("div").classes("line"):
                 self._noise(OF_ALL, "all sensors", found.residuals, KINDS)
             if len(found.sensors) > 1 or any(one.residuals for one in found.sensors):
@@ -75,10 +77,17 @@ class ModelForm:
                 for name in names:
                     self._row(name, role, found.priors.get(name, "from what is known of the vehicle"))
             with ui.element("div").classes("line"):
-                self.more = ui.input("Another term", placeholder="X_u", autocomplete=list(found.offered)).props(FIELD)
+                self.more = ui.input("Another term", placeholder="e.g. X_u", autocomplete=list(found.offered)).props(
+                    FIELD
+                )
                 self.more.on("keydown.enter", self._add)
                 button("Add the term", self._add)
             self.cautions = markup("").props('aria-live="polite"')
+        words = "If an alarm asks for longer chains, such as warm-up and draws twice as many: multiples of 100."
+        with section("Size of the chains", words), ui.element("div").classes("line"):
+            self.sizes = {
+                key: ui.input(SIZES[key], value=str(number)).props(FIELD) for key, number in found.sizes.items()
+            }
         with ui.element("div").classes("line"):
             button("Check and save", self._save, main=True)
         self._show_needs()
@@ -96,6 +105,7 @@ class ModelForm:
             {name: form.value for name, form in self.noise.items()},
             {name: row.role.value for name, row in self.rows.items()},
             [one.values for one in ranges if one.is_shown],
+            [form.value for form in self.sizes.values()],
         )
 
     def _noise(self, name: str, words: str, value: str, kinds: dict[str, str]) -> None:
@@ -118,8 +128,13 @@ class ModelForm:
             for name, prior in wanted.items():
                 if prior.is_needed and name not in self.needs and name not in self.found.priors:
                     self.needs[name] = RangeFields(name, prior.words, prior.unit, prior.lower, prior.upper)
+                if prior.is_needed and name in self.found.priors and name not in self.stated:
+                    words = Markup('<p class="note">{}: {}; prior in campaign.toml: {}</p>')
+                    self.stated[name] = markup(words.format(name, prior.words, self.found.priors[name]))
         for name, fields in self.needs.items():
             fields.show(name in wanted)
+        for name, line in self.stated.items():
+            line.set_visibility(name in wanted)
 
     def _row(self, name: str, role: str, prior: str, *, is_new: bool = False) -> None:
         with self.terms:
@@ -168,6 +183,10 @@ class ModelForm:
         stated = {OF_ALL: found.residuals, **{one.name: one.residuals for one in found.sensors}}
         changed = {name: str(form.value) for name, form in self.noise.items() if form.value != stated[name]}
         text = with_noise(self.folder, self.seen, changed)
+        sizes = {key: (form.value or "").strip() for key, form in self.sizes.items()}
+        text = with_sizes(
+            self.folder, text, {key: size for key, size in sizes.items() if size != str(found.sizes[key])}
+        )
         text = with_terms(self.folder, text, of_role["always"], of_role["optional"])
         of_noise = [prior.name for one in found.sensors for some in one.priors.values() for prior in some]
         idle = [name for name in of_noise if name not in wanted]
@@ -178,7 +197,7 @@ class ModelForm:
 
     async def _save(self) -> None:
         self.said.clear()
-        for form in (*self.noise.values(), *(row.role for row in self.rows.values())):
+        for form in (*self.noise.values(), *self.sizes.values(), *(row.role for row in self.rows.values())):
             form.error = None
         ranges = [*self.needs.values(), *(row.range for row in self.rows.values() if not row.may_be_published)]
         ranges += [row.range for row in self.rows.values() if row.may_be_published and any(row.range.values)]
@@ -218,6 +237,8 @@ class ModelForm:
         parts = key[1].split(".") if key else []
         if parts[:2] == ["estimation", "residuals"]:
             form = self.noise[OF_ALL]
+        elif parts[:1] == ["estimation"] and parts[-1] in self.sizes:
+            form = self.sizes[parts[-1]]
         elif parts[:1] == ["sensors"] and parts[-1] == "residuals":
             form = self.noise.get(parts[1], self.noise[OF_ALL])
         elif parts[:1] == ["prior"] and parts[1] in self.needs:
@@ -249,8 +270,8 @@ class RangeFields:
         with ui.element("div").props(f'role=group aria-label="prior of {name}"').classes("line fields") as self.part:
             markup(Markup('<p class="note">{}</p>').format(words))
             self.fields = {
-                "lower": ui.input(f"{name}: least", value=lower, placeholder="-3.0").props(FIELD),
-                "upper": ui.input(f"{name}: largest", value=upper, placeholder="0.0").props(FIELD),
+                "lower": ui.input(f"{name}: least", value=lower, placeholder="e.g. -3.0").props(FIELD),
+                "upper": ui.input(f"{name}: largest", value=upper, placeholder="e.g. 0.0").props(FIELD),
                 "unit": ui.input(f"{name}: unit", placeholder=unit).props(FIELD),
             }
         self.is_shown = True

@@ -20,10 +20,14 @@ from seatrial.core.errors import InputError, SeatrialError
 from seatrial.core.term_checks import terms_that_may_be_one
 from seatrial.core.units import quantity
 
-STARTS = {"own": "a vehicle of your own", "published": "a published vehicle"} | {
-    name: meaning for name, meaning in TEMPLATES.items() if name not in WRITTEN
-}
+STARTS = {
+    "own": "a vehicle of your own: asks for its mass, coefficients and controls",
+    "published": "a published vehicle",
+} | {name: meaning for name, meaning in TEMPLATES.items() if name not in WRITTEN}
 """What a campaign may begin from: the form, filled in with an example, or a file."""
+OF_LOGS = ("log", "bollard")
+"""Files whose campaign goes on with a log."""
+EXAMPLES = "The numbers in its campaign.toml (mass, trim, priors, noise) are examples: correct them to your vehicle."
 _TO_THE_FIRST = 'document.querySelector(".q-field--error, p.wrong")?.scrollIntoView({ block: "center" })'
 """Shows the first field that is wrong: the button stands far below it."""
 LOOK = "outlined dense stack-label hide-bottom-space no-error-icon"
@@ -69,6 +73,9 @@ class Start:
             place.set_visibility(name == start)
         is_form = start in self.places
         words = "The fields below hold an example: put your vehicle in its place." if is_form else STARTS[start]
+        if start in OF_LOGS:
+            words = f"{words[:1].upper()}{words[1:]}. {EXAMPLES} "
+            words += "To be asked for them, begin from a vehicle of your own; its log is added on the page Records too."
         self.meaning.set_content(Markup('<p class="note">{}</p>').format(words))
         if start == "own" and start not in self.forms:
             with self.places[start]:
@@ -120,7 +127,7 @@ class Start:
             with self.said:
                 say(error)
             return
-        ui.navigate.to(link("design", folder.name))
+        ui.navigate.to(link("import" if self.start.value in OF_LOGS else "design", folder.name))
 
 
 class Form:
@@ -159,7 +166,7 @@ class Form:
 
     def _text(self, option: str, value: str) -> None:
         label, example = TEXTS[option]
-        self.texts[option] = ui.input(label, value=value, placeholder=example).props(LOOK)
+        self.texts[option] = ui.input(label, value=value, placeholder=_example(example)).props(LOOK)
         self.texts[option].on("blur", lambda: self._check_text(option))
 
     def _of_vehicle(self) -> None:
@@ -255,7 +262,9 @@ class OneRow:
                 self.fields = {}
                 for key, (label, example) in kind.fields.items():
                     offered = list(kind.offered) if key == "name" else None
-                    form = ui.input(label, value=values.get(key, ""), placeholder=example, autocomplete=offered)
+                    form = ui.input(
+                        label, value=values.get(key, ""), placeholder=_example(example), autocomplete=offered
+                    )
                     self.fields[key] = form.props(LOOK).on("blur", self._left)
                 button("✕", lambda: remove(self)).props(f'aria-label="Remove this {kind.one}"').classes("remove")
             self.wrong = _wrong()
@@ -288,6 +297,11 @@ class OneRow:
         for key, form in self.fields.items():
             form.props("error" if key in at_fault else "", remove="" if key in at_fault else "error")
         return not words
+
+
+def _example(text: str) -> str:
+    """What stands grey in an empty field, so that nobody takes it for an entry."""
+    return f"e.g. {text}" if text else ""
 
 
 def _is_number(text: str | None) -> bool:

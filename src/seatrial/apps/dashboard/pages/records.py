@@ -1,16 +1,20 @@
 """Records: what a log holds, which columns are which channels, where a record begins and ends, and whether it may be believed."""
 
+import re
 from pathlib import Path
 from typing import Any
 
+from markupsafe import Markup
 from nicegui import ui
 
-from seatrial.apps.dashboard.app_context import AppContext, fill, keep_current, say
+from seatrial.apps.campaign_text import CAMPAIGN, read_file
+from seatrial.apps.dashboard.app_context import AppContext, fill, keep_current, markup, say
 from seatrial.apps.dashboard.jobs import CHECK
-from seatrial.apps.dashboard.page_layout import button, section
+from seatrial.apps.dashboard.page_layout import button, link, section
 from seatrial.apps.dashboard.pages.import_form import ImportForm
+from seatrial.apps.dashboard.pages.new_campaign import EXAMPLES
 from seatrial.apps.dashboard.pages.record_chart import RecordChart
-from seatrial.apps.dashboard.pages.work import Live, begin
+from seatrial.apps.dashboard.pages.work import Live, begin, made_part
 from seatrial.apps.dashboard.worker_pool import stamp
 from seatrial.campaign.store.stored_result import Store
 from seatrial.core.errors import SeatrialError
@@ -21,6 +25,10 @@ OF_RECORDS = (CHECK, "import", "simulate")
 
 async def build(context: AppContext, campaign: str, folder: Path) -> None:
     """Build the view."""
+    if is_of_template(folder):
+        words = '<ul class="cautions"><li>{} <a href="{}">Look at campaign.toml</a>, <a href="{}">change noise and terms</a>.</li></ul>'
+        address = link("download", campaign, file=CAMPAIGN, shown="1")
+        markup(Markup(words).format(EXAMPLES, address, link("model", campaign)))
     with section("What was recorded", "Raw data, downsampled, spikes kept."):
 
         def records() -> list[Path]:
@@ -34,7 +42,10 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
                 lambda found: RecordChart(context, folder, found, stored).build(),
             )
 
-        await keep_current(ui.element("div"), lambda: tuple(map(stamp, records())), draw)
+        def seen() -> Any:
+            return tuple(map(stamp, records())) or stamp(folder / CAMPAIGN)
+
+        await keep_current(ui.element("div"), seen, draw)
     with section(
         "Checks",
         "What seatrial check says: direction, size, delay, outliers, gaps, and which coefficients each record can determine.",
@@ -45,11 +56,20 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
                 "Check the records", lambda: (begin(context, folder, said, "check"), live.look()), main=bool(records())
             )
             button("Re-import or simulate again", lambda: again(context, folder, said, live))
+        await made_part(context, campaign, folder, OF_RECORDS)
     with section(
         "A new log",
         "Put a log into the campaign's folder, or send it from here. Preview it, say which column is which channel, and save.",
     ):
         ImportForm(context, campaign, folder, lambda: again(context, folder, said, live)).build()
+
+
+def is_of_template(folder: Path) -> bool:
+    """Whether the campaign file still has the places in capitals of a template."""
+    try:
+        return bool(re.search(r"^[^#\n]*\"(YOUR VEHICLE|TIME COLUMN)", read_file(folder), re.MULTILINE))
+    except SeatrialError:  # said by the forms
+        return False
 
 
 async def again(context: AppContext, folder: Path, said: ui.element, live: Any) -> None:

@@ -359,4 +359,4 @@ def _models(store: Store, summary: Summary) -> None:
         ]
         for one in ranked
     ]
-    markup(table(["model", "terms", "probability", "log evidence", "note"], rows, "Models", left=2))
+    markup(table(["model", "terms", "probability", "log evidence", "note"], rows, "Models", left=2, stacks=True))

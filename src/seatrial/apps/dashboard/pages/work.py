@@ -36,11 +36,12 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
         await made_part(context, campaign, folder)
 
 
-async def made_part(context: AppContext, campaign: str, folder: Path) -> None:
-    """Show what the last command wrote, and keep that up to date."""
+async def made_part(context: AppContext, campaign: str, folder: Path, words: Sequence[str] = ()) -> None:
+    """Show what the last command wrote, or the last check where it is none of some, and keep that up to date."""
 
     async def show() -> None:
-        _made(folder, campaign, context.jobs.look(folder))
+        job = context.jobs.look(folder)
+        _made(folder, campaign, context.jobs.last_check(folder) if words and job.word not in words else job)
 
     await keep_current(ui.element("div"), lambda: change_of(folder), show)
 
