@@ -21,6 +21,8 @@ from seatrial.estimation.priors.truncated import TruncatedNormal, truncated_norm
 
 CURVE = 241
 """Points of a prior's curve."""
+ROUNDED = 1e-9
+"""Slope of the map to values, over its largest, below which their last digits are lost."""
 _VELOCITY = dict(zip(AXES, RATES, strict=False))
 """Axis of a force or moment to the velocity along it: X to u, …, N to r; both lists are in that order."""
 
@@ -67,7 +69,11 @@ class Prior(Protocol):
 def prior_curve(prior: Prior) -> tuple[jax.Array, jax.Array]:
     """Return values over nearly all of a prior's support, and the log density per unit of the value there, shape (241,)."""
     z = jnp.linspace(-4.0, 4.0, CURVE)
-    value, slope = jax.jvp(prior.constrain, (z,), (jnp.ones_like(z),))
+    ones = jnp.ones_like(z)
+    _, slope = jax.jvp(prior.constrain, (z,), (ones,))
+    told = jnp.abs(slope) > ROUNDED * jnp.abs(slope).max()  # beyond, a value is rounded to the bound
+    z = jnp.clip(z, z[jnp.argmax(told)], z[-1 - jnp.argmax(told[::-1])])
+    value, slope = jax.jvp(prior.constrain, (z,), (ones,))
     return value, prior.log_density(z) - jnp.log(jnp.abs(slope))
 
 
