@@ -11,6 +11,7 @@ import pytest
 
 from seatrial.report.drawing import digits_of, moments_of
 from seatrial.report.page import CONTENTS, render, write_report
+from seatrial.report.sections.fits import fits_section
 from seatrial.report.sections.summary import answer
 from seatrial.selection.verdict import averaged
 from tests.report.outcomes import EVIL, FITTED, HELD, make_compared, make_outcome, make_pooled
@@ -149,6 +150,17 @@ def test_a_probability_of_a_model_stands_once_and_the_average_beside_the_chosen_
     chosen = digits.pair(row["mean"], row["sd"])
     assert f'<td class="value">{chosen}</td>' in html
     assert f"<td>{digits.pair(*average)}</td>" in html
+
+
+def test_the_page_says_where_a_predicted_run_starts(outcome, html):
+    assert (
+        "the start of a fitted run is fitted to the whole of that run, that of a held-back run to its first sample"
+        in html
+    )
+    estimation = outcome.campaign.estimation
+    for initial, said in (("trim", "beginning at the trim"), ("measured", "its first sample only")):
+        changed = replace(outcome, campaign=replace(outcome.campaign, estimation=replace(estimation, initial=initial)))
+        assert fits_section(changed)["basis"].endswith(said)
 
 
 def test_alarms_come_first_and_take_the_answer_over(tmp_path):

@@ -44,6 +44,9 @@ def summary_section(outcome: Outcome) -> dict[str, Any]:
         "alarms": find(outcome, "alarm"),
         "usable": not outcome.own_alarms,
         "cautions": find(outcome, "caution"),
+        "passed": "The computation passed its health checks; the model or its noise did not pass the check of the residuals"
+        if outcome.disowned
+        else "No health check failed",
         "verdicts": find(outcome, "finding"),
         "tables": tables,
         "several": len(outcome.estimates) > 1,
