@@ -82,6 +82,14 @@ def test_the_table_names_the_verdict_or_says_that_there_is_none():
     assert "with model error not X_u:" in unsure.separately
 
 
+def test_what_is_sharp_by_itself_is_not_called_known_only_in_combination():
+    """Ten thousand times the data: the same correlation, and each parameter known a hundred times better than a per cent is."""
+    known, _, cov = judged(100 * regressors())
+    assert abs(cov[0, 1]) > 0.9 * np.sqrt(cov[0, 0] * cov[1, 1])
+    assert max(item.relative for item in known.parameters) < 0.01
+    assert known.verdict == ()
+
+
 def test_it_survives_the_disk():
     without_derivatives = judged(np.full((9, 3), np.nan))[0]
     assert without_derivatives.directions == ()

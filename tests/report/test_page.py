@@ -270,7 +270,7 @@ def test_the_headline_tells_a_model_that_is_beaten_from_one_that_fails(tmp_path)
     beaten = replace(alarmed(tmp_path), compared=make_compared(0.2))
     beaten.summary["alarms"].append(beaten.compared[0].sentence)
     assert answer(beaten).startswith(
-        "Do not use this model: a simpler one predicts better. Held-back runs: a first-order lag of the controls predicts u better"
+        "Do not use this model: another predicts better. Held-back runs: a first-order lag of the controls predicts u better"
     )
     assert "failed too" not in answer(beaten)
     even = answer(replace(make_outcome(tmp_path), compared=make_compared(0.051)))

@@ -74,7 +74,7 @@ def answer(outcome: Outcome) -> Markup:
         what = (
             "The model fails on runs that it was not fitted to."
             if unseen
-            else "Do not use this model: a simpler one predicts better."
+            else "Do not use this model: another predicts better."
         )
         return Markup("{} {}{}").format(what, sentence_of(outcome, (unseen or beaten)[0]), more)
     if own:
