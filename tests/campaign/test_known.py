@@ -1,7 +1,7 @@
 """What is kept of identifiability: numbers against the closed form of a linear problem, and the same after a round trip."""
 
 import json
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
@@ -76,6 +76,18 @@ def test_the_table_names_the_verdict_or_says_that_there_is_none():
     alone, _, _ = judged(np.kron(np.eye(3), np.ones((4, 1))) * np.array([10.0, 10.0, 1e5]))
     assert alone.verdict == ()
     assert alone.lines(shown_as_written({}))[-1].strip() == BY_ITSELF
+    first, *others = alone.parameters
+    assert replace(alone, parameters=(replace(first, wider=0.4 * abs(first.value)), *others)).separately == BY_ITSELF
+    unsure = replace(alone, parameters=(replace(first, wider=0.9 * abs(first.value)), *others))
+    assert "with model error not X_u:" in unsure.separately
+
+
+def test_what_is_sharp_by_itself_is_not_called_known_only_in_combination():
+    """Ten thousand times the data: the same correlation, and each parameter known a hundred times better than a per cent is."""
+    known, _, cov = judged(100 * regressors())
+    assert abs(cov[0, 1]) > 0.9 * np.sqrt(cov[0, 0] * cov[1, 1])
+    assert max(item.relative for item in known.parameters) < 0.01
+    assert known.verdict == ()
 
 
 def test_it_survives_the_disk():

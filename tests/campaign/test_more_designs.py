@@ -11,6 +11,7 @@ from seatrial.campaign.design.global_search import search_design, search_lines
 from seatrial.campaign.design.prior_state_space import prior_draws
 from seatrial.campaign.design.sensor_choice import sensor_table
 from seatrial.campaign.design.sweep import design_first
+from seatrial.campaign.store.designs import edge_words
 from seatrial.campaign.store.stored_result import Store
 from seatrial.core.errors import InputError
 from seatrial.design.safety import judge_safety
@@ -190,3 +191,11 @@ def test_a_trim_outside_the_limits_is_told_from_amplitudes_that_are_too_large(tm
             design_first(campaign)
         assert caught.value.remedy.startswith("the trim itself, ")
         assert "amplitude" not in caught.value.remedy
+
+
+def test_a_best_design_at_the_edge_of_the_grid_names_the_key_to_widen():
+    assert edge_words(5, 4, (4, 1)) == (
+        "the best amplitude lies on the edge of the grid: widen design.amplitude if the limits allow it"
+    )
+    assert "amplitude and period lie on" in edge_words(5, 4, (0, 3))
+    assert edge_words(1, 4, (0, 2)) == ""

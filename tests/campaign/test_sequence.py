@@ -15,7 +15,7 @@ from seatrial.campaign.workflow import loop as sequence
 from seatrial.campaign.workflow.loop import OTHER_NOISE, run_sequence, summarise
 from seatrial.campaign.workflow.next_trial import Proposal, propose, settling
 from seatrial.core.errors import InputError
-from seatrial.report.sections.summary import answer
+from seatrial.report.sections.summary import answer, summary_section
 from tests.campaign.small import SMALL
 from tests.report.outcomes import make_outcome, make_pooled
 
@@ -159,6 +159,8 @@ def test_no_goal_is_met_by_standard_deviations_that_do_not_hold(tmp_path):
     assert "only if the stated ± hold" in found.lines[-2]
     assert found.lines[-1].endswith("so slow")
     assert "Its stated ± do not hold, and which terms are needed may change" in answer(replace(outcome, fits=slow))
+    assert "the model or its noise did not pass" in summary_section(replace(outcome, fits=slow))["passed"]
+    assert summary_section(outcome)["passed"] == "No health check failed"
     assert summarise(replace(outcome, fits=slow))["verdicts"][-1] == OTHER_NOISE
     assert OTHER_NOISE not in summarise(outcome)["verdicts"]
     unmet = propose(with_goal(replace(outcome, fits=slow), Goal(shares={"X_u": 1e-3})))

@@ -10,7 +10,7 @@ from scipy import stats
 from scipy.optimize import brentq
 
 from seatrial.core.errors import InputError
-from seatrial.design.limit_conflicts import check_some_allowed, conflicting_pairs, least_miss
+from seatrial.design.limit_conflicts import check_some_allowed, conflicting_pairs, least_miss, remedy_of_any
 from seatrial.design.motion_limits import MotionLimit
 from seatrial.design.safety import Safety, judge_runs, judge_safety, least_rooms, probability_at_least
 from seatrial.design.trial_plan import plan_trial
@@ -272,7 +272,14 @@ def test_limit_that_excludes_all():
     miss = top_speed(4.0, -draws.max()) - 0.5  # all 59 draws must hold
     assert f"u at most 0.5 m/s is missed by {miss:.3g} m/s by design 0, the gentlest" in caught.value.found
     assert "distance travelled at most 10000 m excludes 0" in caught.value.found
-    assert f"widen u at most 0.5 m/s by {miss:.3g} m/s or more" in caught.value.remedy
+    remedy = caught.value.remedy
+    assert f"widen u at most 0.5 m/s by {miss:.3g} m/s or more; or try gentler or shorter designs (" in remedy
+    assert remedy.endswith("design.duration)")
+    further = remedy.replace(f"by {miss:.3g} ", f"by {2 * miss:.3g} ")
+    assert remedy_of_any([further, remedy]) == remedy
+    assert remedy_of_any([further, "narrow the priors", remedy]).startswith(
+        f"widen u at most 0.5 m/s by {miss:.3g} m/s or more; or narrow"
+    )
 
 
 def test_three_limits_of_which_every_two_leave_designs():

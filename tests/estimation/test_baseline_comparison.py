@@ -66,7 +66,10 @@ def test_bands_alone_may_be_why():
 def test_a_little_worse_is_a_caution():
     found = compare("u", runs_of(), off(0.05), {"a lag": off(0.04)})
     assert found.level == "caution"
-    assert "the model does not beat it" in found.sentence
+    assert found.sentence.endswith("the model does not beat it; prefer the simpler model, or correct the model")
+    same = compare("u", runs_of(), off(0.05), {"a lag": off(0.04)}, ["a lag"])
+    assert same.level == "caution"
+    assert same.sentence.endswith("it predicts as well; it has the same equations, so it is no simpler model")
 
 
 def test_chance_alone_rarely_fails():

@@ -60,7 +60,10 @@ def test_data_beyond_a_bound(prior, centre, bound):
     assert caught.value.where == "trial.toml, key prior.a"
     assert f"against its bound {bound} 1" in caught.value.found
     assert float(caught.value.found.split("they are ")[1].split()[0]) == pytest.approx(gain, rel=0.05)
-    assert "widen the prior" in caught.value.remedy
+    assert caught.value.remedy.startswith("widen the prior")
+    with pytest.raises(InputError) as caught:
+        checked(prior, centre, 0.01)  # a hundred times the nats
+    assert caught.value.remedy.startswith("check units, signs, clocks")
 
 
 def test_scale_against_its_bound_is_judged_by_its_logarithm():

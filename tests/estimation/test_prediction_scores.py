@@ -97,6 +97,7 @@ def test_an_uncertain_motion_is_one_error_and_not_a_thousand():
     found = verdict(off, held_back=True)
     assert found.level == "unjudged"
     assert "worth one independent sample, too few to judge whether its band holds" in found.reason
+    assert "worth 9.9 independent samples, too few" in verdict(replace(off, effective=9.97), held_back=True).reason
     assert verdict(scored(white(0.01) + 0.5, motion_sd=0.002, noise=0.01), held_back=True).level == "fail"
 
 

@@ -229,7 +229,10 @@ def test_a_shift_counts_where_it_explains_most_of_the_rest(late, shifted, direct
     """From 0.1 s on, where 0.9 is reached with it and less than half of what is left without it remains."""
     found = _delay("u", late, shifted, direct, False)
     assert [finding.value for finding in found] == ([said] if said else [])
-    assert all("(told from 0.1 s, if a shift explains most of the rest)" in finding.line for finding in found)
+    assert all(
+        "(reported from 0.1 s on, if a shift in time explains most of the difference)" in finding.line
+        for finding in found
+    )
     assert all(("[prior.delay]" in finding.remedy) == (late > 0) for finding in found)
     for finding in _delay("u", late, shifted, direct, True):
         assert "give the delay a prior" not in finding.remedy

@@ -112,7 +112,7 @@ def make_outcome(folder: Path, alarms: tuple[str, ...] = (), gain: float = 1.0) 
         "cautions": [f"held-back run {HELD} is predicted poorly: 40% of the variance of u explained"],
         "alarms": list(alarms),
         "usable": not any(text.startswith(f"{chosen.structure.label}: ") for text in alarms),
-        "next_trial": _next_trial(next_design),
+        "next_trial": {"best": _next_trial(next_design)},
     }
     return Outcome(
         campaign,

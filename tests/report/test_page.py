@@ -11,6 +11,7 @@ import pytest
 
 from seatrial.report.drawing import digits_of, moments_of
 from seatrial.report.page import CONTENTS, render, write_report
+from seatrial.report.sections.fits import fits_section
 from seatrial.report.sections.summary import answer
 from seatrial.selection.verdict import averaged
 from tests.report.outcomes import EVIL, FITTED, HELD, make_compared, make_outcome, make_pooled
@@ -151,6 +152,17 @@ def test_a_probability_of_a_model_stands_once_and_the_average_beside_the_chosen_
     assert f"<td>{digits.pair(*average)}</td>" in html
 
 
+def test_the_page_says_where_a_predicted_run_starts(outcome, html):
+    assert (
+        "the start of a fitted run is fitted to the whole of that run, that of a held-back run to its first sample"
+        in html
+    )
+    estimation = outcome.campaign.estimation
+    for initial, said in (("trim", "beginning at the trim"), ("measured", "its first sample only")):
+        changed = replace(outcome, campaign=replace(outcome.campaign, estimation=replace(estimation, initial=initial)))
+        assert fits_section(changed)["basis"].endswith(said)
+
+
 def test_alarms_come_first_and_take_the_answer_over(tmp_path):
     names = ("X_u", "X_uabsu", "delay")
     alarms = tuple(
@@ -258,7 +270,7 @@ def test_the_headline_tells_a_model_that_is_beaten_from_one_that_fails(tmp_path)
     beaten = replace(alarmed(tmp_path), compared=make_compared(0.2))
     beaten.summary["alarms"].append(beaten.compared[0].sentence)
     assert answer(beaten).startswith(
-        "Do not use this model: a simpler one predicts better. Held-back runs: a first-order lag of the controls predicts u better"
+        "Do not use this model: another predicts better. Held-back runs: a first-order lag of the controls predicts u better"
     )
     assert "failed too" not in answer(beaten)
     even = answer(replace(make_outcome(tmp_path), compared=make_compared(0.051)))

@@ -18,7 +18,7 @@ from seatrial.report.figures.structures import (
 )
 from seatrial.report.sections.models import models_section
 from seatrial.report.term_figures import term_figures
-from tests.report.outcomes import EVIL, make_outcome, make_screened
+from tests.report.outcomes import EVIL, METHODS, make_outcome, make_screened
 
 
 @pytest.fixture(scope="module")
@@ -92,6 +92,13 @@ def test_the_section_says_what_was_left_out(outcome):
     assert names == ["inclusion", "contenders"]
     without = models_section(replace(outcome, screened=None, contenders=None))
     assert (without["contenders"], without["screening"]) == ({}, {})
+    assert "the two agree" in without["agreement"]
+    asked = replace(outcome.selection.evidences[1], diagnostics={"methods": {**METHODS, "nested": METHODS["smc"]}})
+    some = replace(
+        outcome.selection, evidences=[outcome.selection.evidences[0], asked, *outcome.selection.evidences[2:]]
+    )
+    counted = models_section(replace(outcome, selection=some))["agreement"]
+    assert counted.endswith(f"agree on 3 of 4 evidences; nested sampling decided that of {some.structures[1].label}.")
     cautious = models_section(replace(outcome, screened=make_screened("<b>rows</b> follow one another")))["screening"]
     assert cautious["cautions"][-1]["kind"] == "caution"
     assert "&lt;b&gt;rows&lt;/b&gt; follow one another" in cautious["cautions"][-1]["text"]

@@ -27,7 +27,9 @@ Work = Callable[[Any, Any, Answer], Exit]
 
 Json = Annotated[
     bool,
-    typer.Option("--json", help="Print one JSON document instead of lines; docs/reference/json.md lists its keys."),
+    typer.Option(
+        "--json", help="Print one JSON document instead of lines; seatrial/apps/results.schema.json lists its keys."
+    ),
 ]
 INTERACTIVE = ("shell", "serve")
 """Commands that go on until they are left: they have neither a result nor `--quiet`."""

@@ -4,6 +4,8 @@ A miss is told in the limit's own unit: were its bound that much wider, one desi
 probability and confidence asked for.
 """
 
+import re
+from collections.abc import Sequence
 from itertools import combinations
 
 import numpy as np
@@ -13,6 +15,9 @@ from seatrial.design.safety import Safety
 
 PAIRS = 3
 """Conflicting pairs that are told, most telling first."""
+GENTLER = "; or try gentler or shorter designs (design.amplitude, design.duration)"
+"""How the remedy ends that widens limits."""
+_WIDTH = re.compile(r"(?<= by )[\d.e+-]+(?= )")
 
 
 def check_some_allowed(safety: Safety) -> None:
@@ -39,8 +44,24 @@ def check_some_allowed(safety: Safety) -> None:
         f"(confidence {safety.confidence:g})",
         remedy="narrow the priors or choose gentler designs: no limit can be kept while the motion diverges"
         if lost.all()
-        else f"{remedy}; or try gentler or shorter designs",
+        else f"{remedy}{GENTLER}",
     )
+
+
+def remedy_of_any(remedies: Sequence[str]) -> str:
+    """Return one remedy of several of which any will do: of those that differ in widths alone the one that widens least.
+
+    Args:
+        remedies: of `check_some_allowed` for each family, or others.
+    """
+    least: dict[str, str] = {}
+    for whole in remedies:
+        one = whole.removesuffix(GENTLER)
+        kind = _WIDTH.sub("#", one)
+        least[kind] = min(
+            least.get(kind, one), one, key=lambda text: max(map(float, _WIDTH.findall(text)), default=0.0)
+        )
+    return "; or ".join(least.values()) + (GENTLER if any(one.endswith(GENTLER) for one in remedies) else "")
 
 
 def conflicting_pairs(safety: Safety) -> list[tuple[int, int]]:

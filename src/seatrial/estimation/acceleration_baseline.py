@@ -29,7 +29,7 @@ from seatrial.numerics.rotations import quaternion_of_angles
 from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.simulate import simulate
 
-NAME = "accelerations"
+NAME, WORDS = "accelerations", "least squares of accelerations"
 STEPS = 5
 """Steps of Gauss and Newton, each with every axis weighed anew."""
 POOR = 3.0
@@ -42,7 +42,7 @@ def acceleration_baseline(model: VehicleModel) -> Baseline:
     Args:
         model: vehicle; its own controls are used, whatever controls the baseline is asked to fit with.
     """
-    return Baseline(NAME, "least squares of accelerations", partial(_why_not, model), partial(_fit, model))
+    return Baseline(NAME, WORDS, partial(_why_not, model), partial(_fit, model))
 
 
 def _why_not(model: VehicleModel, records: Sequence[Record], channels: Sequence[str], controls: Sequence[str]) -> str:

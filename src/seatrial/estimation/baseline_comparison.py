@@ -5,7 +5,7 @@ the number of independent values that d is worth in each run, and, of three runs
 (Diebold and Mariano, J. Bus. Econ. Stat. 13, 1995, with the variance by effective samples or by runs).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -96,7 +96,11 @@ class Comparison:
 
 
 def compare(
-    channel: str, runs: Sequence[Run], ours: Sequence[Predicted], baselines: Mapping[str, Sequence[Predicted]]
+    channel: str,
+    runs: Sequence[Run],
+    ours: Sequence[Predicted],
+    baselines: Mapping[str, Sequence[Predicted]],
+    same_equations: Collection[str] = (),
 ) -> Comparison:
     """Compare a model with baselines on one channel of held-back runs.
 
@@ -105,6 +109,7 @@ def compare(
         runs: held-back runs, of which one at least measures it.
         ours: the model's prediction of each run.
         baselines: those of each baseline, by the words that say what it is; one at least.
+        same_equations: the baselines that have the model's own equations, so that they are no simpler.
     """
     own = _pooled("the model", runs, ours)
     scores = [_pooled(words, runs, predicted) for words, predicted in baselines.items()]
@@ -116,7 +121,8 @@ def compare(
         p_value = min(1.0, len(scores) * _chance(runs, ours, theirs)) if worse else _chance(runs, theirs, ours)
     clear = own.diverges or own.crps > CLEAR * best.crps
     level: FitLevel = "pass" if not worse else "fail" if clear and p_value < CHANCE else "caution"
-    return Comparison(channel, own, (best, *others), p_value, level, _said(channel, own, best, p_value, level))
+    simpler = best.words not in same_equations
+    return Comparison(channel, own, (best, *others), p_value, level, _said(channel, own, best, p_value, level, simpler))
 
 
 def _pooled(words: str, runs: Sequence[Run], predicted: Sequence[Predicted]) -> PooledScore:
@@ -172,7 +178,7 @@ def _chance(runs: Sequence[Run], first: Sequence[Predicted], second: Sequence[Pr
     return float(stdtr(freedom, -total / np.sqrt(variance))) if variance > 0 else 0.5
 
 
-def _said(channel: str, own: PooledScore, best: PooledScore, p_value: float, level: FitLevel) -> str:
+def _said(channel: str, own: PooledScore, best: PooledScore, p_value: float, level: FitLevel, simpler: bool) -> str:
     """Return what the comparison means."""
     if own.diverges:
         other = (
@@ -199,6 +205,8 @@ def _said(channel: str, own: PooledScore, best: PooledScore, p_value: float, lev
     result = f"held-back runs: {best.words} predicts {channel} {how} ({shares}, {scores})"
     if level == "caution":
         little = f"a difference that chance may make (p = {p_value:.2g})" if chance else "though by little"
+        if not simpler:
+            return f"{result}, {little}: it predicts as well; it has the same equations, so it is no simpler model"
         return f"{result}, {little}: the model does not beat it; prefer the simpler model, or correct the model"
     if own.explained >= best.explained:
         return f"{result}: the model's motion is no worse, but its bands are too narrow or too wide; change its model of the residuals"

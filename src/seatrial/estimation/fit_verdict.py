@@ -13,6 +13,7 @@ from scipy.special import betainc, chdtr, chdtrc
 from seatrial.core.display_units import shown_unit
 from seatrial.core.usual_priors import DRIFT_TIME_PRIOR, SIZE_PRIOR, TIME_PRIOR
 from seatrial.estimation.prediction_scores import DIVERGES, Score
+from seatrial.estimation.remedies import count_below
 
 if TYPE_CHECKING:
     from seatrial.estimation.sensor_errors import Noise
@@ -142,7 +143,11 @@ def _few(
     if not held_back and (found := _colour(score, channel, noise, feedback)):
         return found
     motion = _motion(score, channel, held_back, lacks)
-    worth = "one independent sample" if score.effective < 1.5 else f"{score.effective:.0f} independent samples"
+    worth = (
+        "one independent sample"
+        if score.effective < 1.5
+        else f"{count_below(score.effective, FEWEST)} independent samples"
+    )
     return FitVerdict(
         "unjudged",
         "too little to judge",

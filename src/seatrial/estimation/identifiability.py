@@ -39,6 +39,8 @@ TOGETHER = 0.9
 """Correlation beyond which the split between two parameters is over twice as uncertain as either given the other."""
 UNTOUCHED = 1e-10
 """Information of the data about a parameter, over that of its prior, below which no measurement depends on it."""
+SHARP = 0.01
+"""Relative standard deviation below which a parameter is known by itself, however strongly it is correlated."""
 NEAR_ZERO = 1e-6
 """Value, in prior standard deviations, below which a parameter is scaled by its prior and not by its value."""
 
@@ -137,7 +139,9 @@ class Identifiability:
     def cautions(self) -> list[str]:
         """Return what a reader must know or do; empty where each parameter is known by itself."""
         together = [
-            self._together(group) for group in self.groups if not all(one.startswith(NOISE) for one in group.names)
+            self._together(group)
+            for group in self.groups
+            if not all(one.startswith(NOISE) for one in group.names) and not self._is_sharp(group)
         ]
         if np.isfinite(self.eigenvalues).all():
             return [*self._structural(), *self._practical(), *together]
@@ -177,6 +181,9 @@ class Identifiability:
     def _measured(self, i: int) -> str:
         factor, unit = self.shown[i] if self.shown else (1.0, self.units[i])
         return measured(factor * self.values[i], factor * self.sd[i], unit)
+
+    def _is_sharp(self, group: Group) -> bool:
+        return all(self.relative_sd[self.names.index(name)] < SHARP for name in group.names)
 
     def _together(self, group: Group) -> str:
         at = [self.names.index(name) for name in group.names]

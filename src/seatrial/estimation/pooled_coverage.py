@@ -38,6 +38,7 @@ from seatrial.estimation.fit_verdict import (
     explained_words,
 )
 from seatrial.estimation.prediction_scores import LaggedProducts, coverage, lagged_products
+from seatrial.estimation.remedies import count_below
 
 ENOUGH = 20.0
 """Effective samples from which on all runs together may pass: of ten, slow errors twice those stated leave 85 % inside by chance too often
@@ -351,7 +352,7 @@ def _inside(pooled: Pooled) -> str:
     apart = f"; {pooled.least:.0%} to {pooled.most:.0%} by run" if pooled.runs > 1 else ""
     return (
         f"{pooled.coverage:.0%} of {pooled.channel} in {runs} lies inside the 90 % band (95 % range {pooled.lower:.0%} to "
-        f"{pooled.upper:.0%} by {pooled.effective:.0f} effective samples{apart})"
+        f"{pooled.upper:.0%} by {count_below(pooled.effective, ENOUGH)} effective samples{apart})"
     )
 
 

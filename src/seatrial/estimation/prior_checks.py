@@ -19,6 +19,8 @@ from seatrial.sampling.target import AT_ONCE, evaluate
 
 EDGE = 0.02
 GAIN = 10.0
+HUGE = 1000.0
+"""Gain beyond a bound, nats, from which a slip in the log or its map is likelier than a prior that is too narrow."""
 LEANING = 0.1
 """Share of the posterior that may lie within `EDGE` of a bound."""
 FAR = 4.0
@@ -56,7 +58,7 @@ def check_prior_contains_data(posterior: Posterior, mode: Mode, where: Callable[
                     found=f"the data push {parameter.name} against its bound {parameter.said(bound)}; beyond it, "
                     f"at {parameter.said(beyond)}, they are {'over 10 000' if gain > 1e4 else f'{gain:.0f}'} nats more likely",
                     expected="a prior that contains what the data say",
-                    remedy=_remedy(parameter, bound),
+                    remedy=_remedy(parameter, bound, gain),
                 )
 
 
@@ -80,7 +82,7 @@ def information_complaints(
     return said + _contradictions(posterior, mode) + _lost_region(posterior)
 
 
-def _remedy(parameter: Parameter, bound: float) -> str:
+def _remedy(parameter: Parameter, bound: float, gain: float) -> str:
     kind, _, channel = parameter.name.partition("_")
     if kind == "tau" and bound == parameter.prior.bounds[0]:
         return 'set estimation.residuals = "white" and remove this prior: the residuals have no memory'
@@ -91,7 +93,10 @@ def _remedy(parameter: Parameter, bound: float) -> str:
             f"the model misses {channel} by more than the sensor's noise can explain: check units, signs, the channel map and {channel} "
             f'for outliers (residuals = "heavy" tolerates them), then the other priors; widen this one only if {channel} is that noisy'
         )
-    return 'widen the prior, or check units, signs, clocks (a control that was measured: between = "line") and the channel map'
+    checks = 'units, signs, clocks (a control that was measured: between = "line") and the channel map'
+    if gain > HUGE:
+        return f"check {checks} first: `seatrial check` compares the log with the model; widen the prior only if they are right"
+    return f"widen the prior, or check {checks}"
 
 
 def _contradictions(posterior: Posterior, mode: Mode) -> list[str]:

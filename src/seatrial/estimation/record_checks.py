@@ -276,7 +276,7 @@ def check_turn(
     (turn, turned), (mirror, mirrored) = ways[False], ways[True]
     is_mirror = mirrored > turned + APART
     best, plain = max(turned, mirrored), float(np.trace(left * worth @ right))
-    limit = f"as it is they agree by {plain:+.2f}; told from {APART:g} more"
+    limit = f"as it is they agree by {plain:+.2f}; reported if other axes agree by {2 * APART:g} more"
     if best < RELATED or best < plain + 2 * APART:
         return (
             [RecordFinding(", ".join(names), "axes", "pass", "as the channel map says", limit)]
@@ -348,7 +348,7 @@ def not_judged(names: Sequence[str]) -> RecordFinding:
 
 def _delay(name: str, late: float, shifted: float, direct: float, has_delay: bool) -> list[RecordFinding]:
     """Return a shift in time that explains most of what is not explained without it; a slower vehicle looks late too."""
-    limit = f"told from {LATE:g} s, if a shift explains most of the rest"
+    limit = f"reported from {LATE:g} s on, if a shift in time explains most of the difference"
     if abs(late) < LATE or shifted < TOLD or (1.0 - direct) < 2.0 * (1.0 - shifted):
         return []
     if late > 0 and has_delay:

@@ -55,6 +55,11 @@ def percent(share: float) -> str:
     return f"{100 * share:.0f} %" if share >= 0.1 else f"{100 * share:.2g} %"
 
 
+def count_below(count: float, enough: float) -> str:
+    """Return a count of effective samples; one that is too low, but rounds to what is enough, with a digit, cut and not rounded."""
+    return f"{floor(10 * count) / 10:.1f}" if round(count) >= enough > count else f"{count:.0f}"
+
+
 def listed(names: Sequence[str]) -> str:
     """Return the names as a sentence has them: `a`, `a and b`, `a, b and c`."""
     return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)

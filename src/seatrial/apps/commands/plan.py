@@ -88,7 +88,7 @@ def design(
         designs = flow.get("design")
         first, *others = designs.lines()
         answer.say(f"best design: {first}; schedule in {Store(folder).schedule(Store(folder).design)}")
-        for line in (*others, *designs.safety, *designs.prediction):
+        for line in (*others, *filter(None, [designs.at_edge]), *designs.safety, *designs.prediction):
             answer.say(f"  {line}")
         promised = flow.get("promised")
         answer.say(f"expected precision of each coefficient of {promised.structure} at the prior means:")

@@ -349,6 +349,11 @@ class EstimationSettings:
     draws: int = 1500
     thin: int = 1
 
+    @property
+    def free_initial(self) -> bool:
+        """Whether initial states are parameters, fitted to the whole run; a filter takes them as uncertain anyway."""
+        return self.initial == "estimated" and self.likelihood == "output-error"
+
 
 @dataclass(frozen=True)
 class SelectionSettings:

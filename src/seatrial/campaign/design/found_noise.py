@@ -55,7 +55,7 @@ def noise_words(campaign: Campaign, estimate: Drawn) -> str:
         if not nominal / TOLD < sd < nominal * TOLD:
             said.append(f"{sd * factor:.2g} {unit} on {name}, where [sensors] says {nominal * factor:.2g}")
     return (
-        f"this assumes white noise that costs as much information as the residuals of the fit: {', '.join(said)}"
+        f"this assumes the noise that the residuals of the fit show, as white noise of the same effect: {', '.join(said)}"
         if said
         else ""
     )

@@ -19,7 +19,7 @@ from seatrial.campaign.design.found_noise import with_found_noise
 from seatrial.campaign.design.prior_state_space import HALF, belief_space, believed, prior_draws
 from seatrial.campaign.design.schedule import design_words, write_schedule
 from seatrial.campaign.design.utility import design_filter, prediction_lines
-from seatrial.campaign.store.designs import read_sweeps
+from seatrial.campaign.store.designs import edge_words, read_sweeps
 from seatrial.campaign.store.estimates import Drawn, Estimate, OfStructure
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.argument_checks import check_kind
@@ -29,6 +29,7 @@ from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.gaussian import Gaussian
 from seatrial.core.reporter import SILENT, Progress, Reporter
 from seatrial.core.signals import signal_unit
+from seatrial.design.limit_conflicts import remedy_of_any
 from seatrial.design.sweep import LANES, Sweep, sweep_family
 from seatrial.design.trial_plan import TrialPlan
 from seatrial.manoeuvres.family import Family
@@ -220,6 +221,11 @@ class Designs:
         found = [f"{_words(sweep)}: {sweep.gain[sweep.best]:.2f} nat{self._worth(sweep)}" for sweep in self.sweeps]
         return found + [f"{kind}: no design, {why}" for kind, why in self.refused.items()] + self.diverging()
 
+    @property
+    def at_edge(self) -> str:
+        """Where the best design is at an edge of the grid, so that one beyond may be better, and the key to widen; else empty."""
+        return edge_words(self.best.amplitude.size, self.best.period.size, self.best.best)
+
     def diverging(self) -> list[str]:
         """The families of which some designs are left out, because their motion diverges for vehicles that the priors allow."""
         counts = {sweep.family.kind: int(np.isposinf(sweep.peak_speed).sum()) for sweep in self.sweeps}
@@ -231,7 +237,7 @@ class Designs:
 
     def _worth(self, sweep: Sweep) -> str:
         worth, gain = sweep.worth[sweep.best], sweep.gain[sweep.best]
-        return "" if worth == gain else f", worth {worth:.3g} {self.unit}".rstrip()
+        return "" if worth == gain else f"; by its utility, {worth:.3g} {self.unit}".rstrip()
 
 
 def stored_first(campaign: Campaign) -> StoredResult[Designs]:
@@ -354,7 +360,7 @@ def _sweep(
             campaign.where("design"),
             found="of all families none:" + "".join(f"\n    {kind}: {why}" for kind, why in refused.items()),
             expected="one design at least that fits and is inside the limits",
-            remedy="; or ".join(dict.fromkeys(remedies)),
+            remedy=remedy_of_any(remedies),
         )
     best = max(sweeps, key=lambda sweep: np.nanmax(sweep.worth))
     units = {

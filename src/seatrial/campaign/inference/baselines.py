@@ -12,7 +12,7 @@ from seatrial.campaign.store.estimates import HasKey
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.dataset import Dataset
 from seatrial.core.reporter import SILENT, Reporter
-from seatrial.estimation.acceleration_baseline import acceleration_baseline
+from seatrial.estimation.acceleration_baseline import WORDS, acceleration_baseline
 from seatrial.estimation.baseline_comparison import Comparison, Predicted, Run, compare
 from seatrial.estimation.baselines import BASELINES, FittedBaseline, fit_baselines
 
@@ -79,7 +79,7 @@ def compare_with_baselines(
         ours = [Predicted(one["mean"][:, column], one["sd"][:, column]) for one in curves]
         others = {one.words: predicted for one in baselines.curves if (predicted := one.of_channel(column)) is not None}
         if others:
-            compared.append(compare(channel, runs, ours, others))
+            compared.append(compare(channel, runs, ours, others, [WORDS]))
     return tuple(compared)
 
 

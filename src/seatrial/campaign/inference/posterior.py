@@ -9,7 +9,6 @@ import numpy as np
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.nuisance_parameters import deviations, varying
-from seatrial.campaign.config.settings import EstimationSettings
 from seatrial.campaign.config.vehicle import first_measured, level_start
 from seatrial.core.errors import InputError, located
 from seatrial.core.random_keys import seeded_key
@@ -124,7 +123,7 @@ def build_parameters(campaign: Campaign, model: VehicleModel, records: Sequence[
         one_each = nuisance.name in own
         parameters += [nuisance.of_trial(label, prior) for label in labels] if one_each else [nuisance.parameter(prior)]
     parameters += deviations(varying(campaign.estimation, model), labels)
-    if _free_initial(campaign.estimation):
+    if campaign.estimation.free_initial:
         starts = [initial_state(campaign, model, record) for record in records]
         parameters += _initial_states(campaign.noise, model, labels, starts)
     parameters = [replace(one, shown=campaign.shown(one.name, one.unit)) for one in parameters]
@@ -155,7 +154,7 @@ def build_likelihood(
             options["disturbed"] = disturbed_axes(campaign.priors, model)
             return filter_error(model, records, campaign.sensor_models, starts, spread, **options)
         return output_error(
-            model, records, campaign.sensor_models, starts, free_initial=_free_initial(campaign.estimation), **options
+            model, records, campaign.sensor_models, starts, free_initial=campaign.estimation.free_initial, **options
         )
 
 
@@ -179,11 +178,6 @@ def _check_turns(model: VehicleModel, records: Sequence[Record], channels: Seque
 def first_sd(noise: Mapping[str, float], state: str) -> float:
     """How far a first measurement lies from the state, SI: the sensor's noise, or 1 where there is no sensor."""
     return noise.get(state, 1.0)
-
-
-def _free_initial(estimation: EstimationSettings) -> bool:
-    """Whether initial states are parameters; a filter takes them as uncertain anyway."""
-    return estimation.initial == "estimated" and estimation.likelihood == "output-error"
 
 
 def _initial_states(

@@ -1,5 +1,6 @@
 """Selection among the candidate structures: evidences with checkpointed repeats, probabilities, verdicts."""
 
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -18,6 +19,7 @@ from seatrial.campaign.store.stored_result import Store, StoredResult, key_of, l
 from seatrial.campaign.store.structures import StoredSelection, read_selection
 from seatrial.core.argument_checks import check_kind
 from seatrial.core.reporter import SILENT, Progress, Reporter
+from seatrial.estimation.remedies import listed
 from seatrial.sampling.tempered_smc import SMCResult, SMCSettings
 from seatrial.selection.combined_evidence import (
     CALLED,
@@ -88,6 +90,18 @@ def agreement_words(evidence: Evidence) -> str:
         else "which no other method confirms"
     )
     return "; ".join([said, *evidence.diagnostics["notes"], *([evidence.status] if evidence.status else [])])
+
+
+def agreement_counts(labels: Sequence[str], evidences: Sequence[Evidence]) -> str:
+    """Say on how many evidences two methods agree without a third, and which nested sampling decided; nothing where none is sound."""
+    sound = {label: one.diagnostics["methods"] for label, one in zip(labels, evidences, strict=True) if not one.status}
+    decided = [label for label, table in sound.items() if "nested" in table]
+    agreed, count = len(sound) - len(decided), len(evidences)
+    if agreed == count:
+        return "Every evidence was computed by importance sampling and by tempered SMC, and the two agree."
+    said = [f"Importance sampling and tempered SMC agree on {agreed} of {count} evidences"] if sound else []
+    said += [f"nested sampling decided that of {listed(decided)}"] if decided else []
+    return f"{'; '.join(said)}." if said else ""
 
 
 def evidence_key(campaign: Campaign, structure: Structure, trials: HasKey) -> str:

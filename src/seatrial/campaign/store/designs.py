@@ -289,6 +289,23 @@ class Searched:
 # Readers: of the errors that they raise see `read_json` and `open_dataset`.
 
 
+def edge_words(amplitudes: int, periods: int, best: tuple[int, int]) -> str:
+    """Say that the best of a grid of designs lies on its edge, and which key to widen; empty where it does not.
+
+    Args:
+        amplitudes: in the grid; of one alone nothing is said.
+        periods: likewise.
+        best: indices of the best amplitude and period.
+    """
+    sizes = zip(("amplitude", "period"), best, (amplitudes, periods), strict=True)
+    edges = [name for name, at, size in sizes if size > 1 and at in (0, size - 1)]
+    if not edges:
+        return ""
+    keys = " and ".join(f"design.{name}" for name in edges)
+    lies = "lies" if len(edges) == 1 else "lie"
+    return f"the best {' and '.join(edges)} {lies} on the edge of the grid: widen {keys} if the limits allow it"
+
+
 def read_sweeps(path: Path) -> SweptDesigns:
     """Read the designs of the first trial, or of the next one."""
     data = open_dataset(path)

@@ -20,7 +20,7 @@ from seatrial.estimation.calibration import DRAWS, Calibration
 from seatrial.estimation.fit_verdict import FitLevel, FitVerdict
 from seatrial.estimation.pooled_coverage import Pooled
 from seatrial.estimation.prediction_scores import Score
-from seatrial.estimation.remedies import measured, percent
+from seatrial.estimation.remedies import is_coefficient, listed, measured, percent
 from seatrial.selection.structures import Structure
 
 if TYPE_CHECKING:
@@ -31,6 +31,8 @@ VAIN = 10.0
 
 
 BY_ITSELF = "each parameter is known separately"
+UNSURE = 0.5
+"""Share of a coefficient that its ± with model error may be for it to be called known: `VAGUE` of `estimation/identifiability.py`."""
 
 
 class HasKey(Protocol):
@@ -212,6 +214,11 @@ class KnownParameter:
     wider: float = 0.0
 
     @property
+    def is_unsure(self) -> bool:
+        """Whether an error of the model leaves little more than the sign of a coefficient."""
+        return is_coefficient(self.name) and self.wider > UNSURE * abs(self.value)
+
+    @property
     def known_to(self) -> str:
         """`relative` in words, and what it is with an error of the model where that is more."""
         shares = [self.relative] + [self.relative * self.wider / self.sd] * (self.wider > 0 and self.sd > 0)
@@ -267,6 +274,18 @@ class Known:
     verdict: tuple[str, ...]
     symmetry: tuple[str, ...] = ()
 
+    @property
+    def unsure(self) -> list[str]:
+        """Coefficients that an error of the model leaves unknown."""
+        return [item.name for item in self.parameters if item.is_unsure]
+
+    @property
+    def separately(self) -> str:
+        """What is said where no verdict is: each parameter is known, within the model alone if its error leaves one unknown."""
+        if not self.unsure:
+            return BY_ITSELF
+        return f"{BY_ITSELF} within the model, but with model error not {listed(self.unsure)}: that ± is over half of the value"
+
     def lines(self, shown: Shown) -> list[str]:
         """A table, its values in the units in which they are `shown`, the directions known best and least, and the verdict."""
         before = self.stage == "before"
@@ -292,7 +311,7 @@ class Known:
         if len(self.directions) > 1:
             said.append(f"best-known direction, one standard error of the data alone: {self.directions[0].words}")
             said.append(f"least-known direction: {self.directions[-1].words}")
-        return [f"  {line}" for line in (*said, *(self.verdict or (BY_ITSELF,)), *self.symmetry)]
+        return [f"  {line}" for line in (*said, *(self.verdict or (self.separately,)), *self.symmetry)]
 
 
 def _share(move: float) -> str:

@@ -73,19 +73,13 @@ def next_section(outcome: Outcome) -> dict[str, Any]:
 def sweep_drawings(outcome: Outcome, designs: Designs, name: str) -> list[Drawing]:
     """Surface and chosen control of the best family's sweep."""
     sweep = designs.best
-    row, column = sweep.best
     control = sweep.family.control
     factor, unit = shown_unit(control)
     forbidden = int(np.isnan(sweep.gain).sum())
     caption = f"Each of {sweep.gain.size} designs, the best marked by a star"
     caption += f"; hatched: {forbidden} designs that break a limit." if forbidden else "; none breaks a limit."
-    edges = [
-        name
-        for name, at, grid in (("amplitude", row, sweep.amplitude), ("period", column, sweep.period))
-        if grid.size > 1 and at in (0, grid.size - 1)
-    ]
-    if edges:
-        caption += f" The best {' and '.join(edges)} {'lies' if len(edges) == 1 else 'lie'} on the edge of the grid."
+    if edge := designs.at_edge:
+        caption += f" {edge[0].upper()}{edge[1:]}."
     surface = design_surface(
         sweep.period,
         sweep.amplitude * factor,

@@ -11,8 +11,9 @@ from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.core.display_units import shown_unit
 from seatrial.core.record import Record
 from seatrial.estimation.baseline_comparison import Comparison, PooledScore
-from seatrial.estimation.fit_verdict import LEVELS, NARROW, POOR, FitVerdict, explained_share
+from seatrial.estimation.fit_verdict import FEWEST, LEVELS, NARROW, POOR, FitVerdict, explained_share
 from seatrial.estimation.pooled_coverage import Pooled
+from seatrial.estimation.remedies import count_below
 from seatrial.report.drawing import draw, model_said, record_curves
 from seatrial.report.figures.fit import record_fit, record_residuals
 from seatrial.report.labels import sentence_html
@@ -44,6 +45,7 @@ def fits_section(outcome: Outcome) -> dict[str, Any]:
     cards = [_card(outcome, at, records[at], records[at].label in held_back, most) for at in drawn]
     rows = [_row(fit) for fit in outcome.fits]
     return {
+        "basis": _basis(outcome),
         "shown": cards[:1],
         "cards": cards[1:],
         "undrawn": [records[at].label for at in order[len(drawn) :]],
@@ -100,6 +102,17 @@ def _card(outcome: Outcome, index: int, record: Record, held_back: bool, most: i
 
 def _verdict(fit: Fit) -> dict[str, Any]:
     return {"level": fit.level, "kind": LOOKS[fit.level], "reason": sentence_html(fit.words, {})}
+
+
+def _basis(outcome: Outcome) -> str:
+    """Say from what the motion of a run is predicted."""
+    estimation = outcome.campaign.estimation
+    if estimation.initial == "trim":
+        return "its control only, beginning at the trim"
+    if not estimation.free_initial:
+        return "its control and its first sample only"
+    held_back = ", that of a held-back run to its first sample only" if outcome.trials.predict else ""
+    return f"its control and its start; the start of a fitted run is fitted to the whole of that run{held_back}"
 
 
 def _together(one: Pooled) -> dict[str, Any]:
@@ -172,7 +185,7 @@ def _row(fit: Fit) -> dict[str, Any]:
         "white": _p_value(fit.white) if number else "",
         "interval": short(fit.interval, 2),
         "samples": fit.samples,
-        "effective": f"{fit.effective:.0f}",
+        "effective": count_below(fit.effective, FEWEST),
     }
 
 

@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from seatrial.campaign.selection.evidence import agreement_counts
 from seatrial.campaign.store.structures import ENOUGH
 from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.estimation.row_fit import SCREENING
@@ -26,6 +27,7 @@ def models_section(outcome: Outcome) -> dict[str, Any]:
     rows = [_row(outcome, index, best) for index in order]
     return {
         "sound": not any(row["status"] for row in rows),
+        "agreement": agreement_counts([one.label for one in selection.structures], selection.evidences),
         "rows": rows[:MOST],
         "more": rows[MOST:],
         "always": [label_html(labels_of(outcome).get(term, term)) for term in outcome.campaign.structure.always],

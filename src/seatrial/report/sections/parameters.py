@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from seatrial.campaign.store.estimates import BY_ITSELF, Direction, Known, KnownParameter
+from seatrial.campaign.store.estimates import Direction, Known, KnownParameter
 from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.report.drawing import (
     Drawing,
@@ -97,7 +97,9 @@ def correlation(draws: np.ndarray) -> np.ndarray:
 
 def verdict_of(outcome: Outcome, known: Known) -> list[dict[str, Any]]:
     """Sentences as findings of the page; one that all is well where there are none."""
-    found = [("caution", text) for text in known.verdict] or [("finding", BY_ITSELF)]
+    found = [("caution", text) for text in known.verdict] or [
+        ("caution" if known.unsure else "finding", known.separately)
+    ]
     found += [("finding", text) for text in known.symmetry]
     return [{"kind": kind, "text": sentence_of(outcome, text)} for kind, text in found]
 

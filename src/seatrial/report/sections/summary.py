@@ -44,6 +44,9 @@ def summary_section(outcome: Outcome) -> dict[str, Any]:
         "alarms": find(outcome, "alarm"),
         "usable": not outcome.own_alarms,
         "cautions": find(outcome, "caution"),
+        "passed": "The computation passed its health checks; the model or its noise did not pass the check of the residuals"
+        if outcome.disowned
+        else "No health check failed",
         "verdicts": find(outcome, "finding"),
         "tables": tables,
         "several": len(outcome.estimates) > 1,
@@ -71,7 +74,7 @@ def answer(outcome: Outcome) -> Markup:
         what = (
             "The model fails on runs that it was not fitted to."
             if unseen
-            else "Do not use this model: a simpler one predicts better."
+            else "Do not use this model: another predicts better."
         )
         return Markup("{} {}{}").format(what, sentence_of(outcome, (unseen or beaten)[0]), more)
     if own:

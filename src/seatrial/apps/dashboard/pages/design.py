@@ -17,6 +17,7 @@ from seatrial.apps.dashboard.pages.work import Live, begin, made_part
 from seatrial.apps.dashboard.result_charts import mark_chosen, schedule_chart, surface_chart
 from seatrial.apps.dashboard.view_models import Clicked, FormData, Limit, Swept
 from seatrial.apps.dashboard.worker_pool import stamp
+from seatrial.campaign.store.designs import edge_words
 from seatrial.campaign.store.stored_result import Store
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import Shown, shown_as_written, shown_unit
@@ -259,7 +260,8 @@ def what_it_teaches(found: Swept, family: int, row: int, column: int, shown: Sho
         for name, before, after in zip(found.names, found.sd_before, found.final_sd[family, row, column], strict=True)
         for factor, unit in [shown(name, CoefficientName.parse(name).unit)]
     ]
-    said = [*found.safety, *found.prediction] if (family, row, column) == found.best else []
+    edge = edge_words(len(found.amplitude), len(found.period), (row, column))
+    said = [*filter(None, [edge]), *found.safety, *found.prediction] if (family, row, column) == found.best else []
     more = Markup("").join(Markup("<li>{}</li>").format(line) for line in said)
     return Markup("<p>{}.</p>{}{}").format(
         "; ".join(lines)[:1].upper() + "; ".join(lines)[1:],
