@@ -12,10 +12,11 @@ from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.gaussian import Gaussian
 from seatrial.design import expected_gain
-from seatrial.design.expected_gain import STEEPEST, (
+from seatrial.design.expected_gain import (
     FEW,
     FREEDOM,
     LEAST_ESS,
+    STEEPEST,
     Explained,
     GainSettings,
     _log_student,
