@@ -300,7 +300,7 @@ def test_explanations_of_a_linear_model_are_exact():
 
 
 def test_precision_and_slope_of_the_prior_against_differences():
-    """A box's log density bends by hundreds near its ends of which a normal follows ten, and not at all inside, where the precision of its z is taken as one."""
+    """A box bends by hundreds near its ends, of which a normal follows ten; inside not at all, where the precision is taken as one."""
     belief, z = (PRIORS["uniform"], PRIORS["uniform"], PRIORS["normal"]), np.array([1.7, 0.3, -2.0])
     information = np.array([[2.0, 0.5, 0.1], [0.5, 3.0, 0.2], [0.1, 0.2, 1.0]])
     precision, rise = _with_prior(belief, jnp.asarray(z), jnp.asarray(information))
