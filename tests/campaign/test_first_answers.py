@@ -84,6 +84,15 @@ def test_a_disturbance_is_found_small_where_there_is_none(tmp_path):
     assert answer.held_back.fits[0].coverage > 0.8
 
 
+def test_a_structure_that_lacks_a_needed_term_ends_nothing(tmp_path):
+    """Without X_u the data want X_uabsu = -3.7, beyond the bound of its prior; with it they are content, and its evidence tells."""
+    strict = ("lower = -8.8", "lower = -3.2"), ('noise = "0.05 m/s"', 'noise = "0.002 m/s"')
+    campaign = load_campaign(write_small(tmp_path, *strict))
+    full, without = posterior_modes(campaign, get_trials(campaign))
+    assert dict((name, pair[0]) for name, _, (pair,) in without.rows)["X_uabsu"] < -3.19
+    assert full.log_evidence > without.log_evidence + 20
+
+
 def test_the_mode_predicts_what_was_held_back(tmp_path):
     campaign = load_campaign(write_small(tmp_path, *NO_X_U))
     trials = get_trials(campaign)

@@ -52,6 +52,11 @@ def test_a_channel_in_another_unit(factor, words):
     assert words in next(finding.remedy for finding in found if finding.check == "size")
 
 
+def test_a_delay_that_a_slower_vehicle_of_the_priors_explains_is_not_told():
+    slower = np.vstack([EXPECTED, np.roll(EXPECTED, 5)])
+    assert "delay" not in levels(check_motion("u", STEP, np.roll(EXPECTED, 5) + NOISE, EXPECTED, slower))
+
+
 @pytest.mark.parametrize(("steps", "level"), [(5, "caution"), (-5, "caution"), (-15, "caution"), (0, None)])
 def test_a_response_that_is_late_or_early(steps, level):
     found = check_motion("u", STEP, np.roll(EXPECTED, steps) + NOISE, EXPECTED, ALIKE)

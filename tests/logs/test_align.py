@@ -234,3 +234,22 @@ def test_a_control_faster_than_the_grid_is_averaged(tmp_path):
         fine = grid[i] + 1e-5 * (np.arange(10000) + 0.5)
         held = values[np.searchsorted(time, fine, side="right") - 1]
         assert record.channel("tau_X")[i] == pytest.approx(held.mean(), abs=1e-2)
+
+
+def test_a_hole_has_instants_of_the_usual_spacing(tmp_path):
+    """One step over the hole would be too long to simulate: nothing is measured there, and the control is held."""
+    stamps = [f"{t:.1f}" for t in (*np.arange(0.0, 2.05, 0.1), *np.arange(5.0, 7.05, 0.1))]
+    values = np.arange(len(stamps), dtype=float)
+    table = [
+        read_log(column(tmp_path, f"{name}.csv", stamps, name, values, role))
+        for name, role in (("u", "measurement"), ("tau_X", "control"))
+    ]
+    record = align(table)
+    assert np.diff(record.time) == pytest.approx(0.1, abs=1e-6)
+    hole = (record.time > 2.05) & (record.time < 4.95)
+    assert hole.sum() == 29
+    assert not np.isfinite(record.channel("u")[hole]).any()
+    assert (record.channel("tau_X")[hole] == 20.0).all()
+    said = " ".join(record.provenance.options["cautions"])
+    assert 'end = "2 s" in [import.trim.RUN]' in said
+    assert "the motion is simulated across it" in said

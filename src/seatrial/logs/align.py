@@ -187,7 +187,7 @@ def _filled(time: np.ndarray) -> np.ndarray:
     if not holes.size:
         return time
     between = [
-        np.linspace(time[at], time[at + 1], min(math.ceil(steps[at] / usual), _MOST_ACROSS) + 1)[1:-1] for at in holes
+        np.linspace(time[at], time[at + 1], min(round(steps[at] / usual), _MOST_ACROSS) + 1)[1:-1] for at in holes
     ]
     return np.sort(np.concatenate([time, *between]))
 
