@@ -89,7 +89,7 @@ def test_a_structure_that_lacks_a_needed_term_ends_nothing(tmp_path):
     strict = ("lower = -8.8", "lower = -3.2"), ('noise = "0.05 m/s"', 'noise = "0.002 m/s"')
     campaign = load_campaign(write_small(tmp_path, *strict))
     full, without = posterior_modes(campaign, get_trials(campaign))
-    assert dict((name, pair[0]) for name, _, (pair,) in without.rows)["X_uabsu"] < -3.19
+    assert {name: pair[0] for name, _, (pair,) in without.rows}["X_uabsu"] < -3.19
     assert full.log_evidence > without.log_evidence + 20
 
 
