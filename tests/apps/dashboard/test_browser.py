@@ -82,7 +82,7 @@ def test_from_a_limit_to_an_export(tmp_path, page):
         for title in ("Autocorrelation of the residuals", "Posterior of X_uabsu", "measured, predicted, and residuals"):
             page.locator(f'[aria-label*="{title}"] svg').first.wait_for()
         page.set_viewport_size({"width": 390, "height": 844})
-        assert page.locator("table.stacks").count() == 2
+        assert page.locator("table.stacks").count() == 3
         assert page.evaluate(
             "[...document.querySelectorAll('.scroll:has(.stacks)')].every((one) => one.scrollWidth <= one.clientWidth)"
         )
