@@ -23,8 +23,8 @@ from seatrial.filters.run import FilterTrace, run_filter
 from seatrial.filters.square_root import unscented_filter
 from seatrial.vehicles.discretise import discretise
 
-AS_STATED = 1.3
-"""Ratio of the fitted noise to the nominal one, or its inverse, up to which the nominal one is right."""
+EXPLAINED = 1.3
+"""Ratio of the innovations to the fitted noise, or its inverse, up to which that noise explains them."""
 
 
 def stored_filter(campaign: Campaign, estimate: OfStructure) -> StoredResult[Dataset]:
@@ -62,10 +62,11 @@ def filter_complaints(dataset: Dataset, fitted: Sequence[float] = ()) -> list[st
     if abs(ratio - 1.0) > max(5.0 * error, 0.2):
         word = "smaller" if ratio < 1 else "larger"
         found = f"innovations of the filter are {word} than its nominal sensor noise says (normalised square {ratio:.2f} instead of 1)"
-        if fitted and all(1 / AS_STATED < one < AS_STATED for one in fitted):
+        beyond = np.sqrt(ratio) / np.exp(np.mean(np.log(fitted))) if fitted else 1.0
+        if not 1 / EXPLAINED < beyond < EXPLAINED:
             said.append(
-                f"{found}, though the fit finds the noise as stated: the filter is linearised about wide priors, and knows no lag or start "
-                "that is fitted; do not use its traces, and leave [sensors] as it is"
+                f"{found}, and {beyond:.2g} times what the fit finds: the filter is linearised about wide priors, and knows no fitted lag "
+                "or start; do not use its traces, and leave [sensors] as it is"
             )
         else:
             times = f"multiply the noise in [sensors] by about {np.sqrt(ratio):.2g}"

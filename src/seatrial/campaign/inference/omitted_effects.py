@@ -14,6 +14,8 @@ from seatrial.selection.structures import Structure
 MATTERS, SURE = 1.0, 3.0
 """Shift of a coefficient, in standard deviations, and log odds from which a missing effect is told: 20 to 1, strong evidence (Kass and
 Raftery, Journal of the American Statistical Association 90, 1995)."""
+WHITE_ENOUGH = 0.5
+"""Share of the samples that residuals are worth above which the noise is not blamed first."""
 OTHERS = "other structures have"
 """How a remedy begins that asks for nothing new."""
 
@@ -70,7 +72,7 @@ def _better_noise(posterior: Posterior, robust: RobustErrors) -> str:
     likelihood = posterior.likelihood
     sensors = likelihood.simulator.sensors if isinstance(likelihood, OutputError) else ()
     kinds = {sensor.noise for sensor in sensors}
-    if robust.omitted.worth >= 1.0:
+    if robust.omitted.worth > WHITE_ENOUGH:
         return ""
     if kinds & {"white", "heavy"}:
         return 'set estimation.residuals = "coloured", or "drifting" if there is white noise too, with priors: the residuals are correlated'
