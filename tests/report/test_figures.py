@@ -169,13 +169,16 @@ def test_a_posterior_shows_prior_interval_and_truth_and_pulls_out_powers_of_ten(
         "kg m/rad^2",
         prior=flat(2e-4, 12e-4),
         interval=(5.8e-4, 6.2e-4),
-        normal=(6e-4, 1e-5),
+        normal=(6e-4, 3e-6),
         truth=6.3e-4,
     )
     (axes,) = figure.axes
     assert axes.get_xlabel() == "$T_{n|n|}$ [10⁻⁴ kg m/rad²]"
     assert {"posterior draws", "prior", "normal approximation", "95 % interval", "true value"} <= set(labels_of(axes))
     assert axes.get_xlim()[0] < 6.3 < axes.get_xlim()[1]
+    curves = [line.get_ydata() for line in axes.lines if line.get_label() in ("prior", "normal approximation")]
+    assert max(map(np.max, curves)) > 3.0
+    assert axes.get_ylim()[1] > max(map(np.max, curves))
 
 
 def test_a_prior_is_drawn_between_its_points_and_ends_at_its_bounds():

@@ -148,8 +148,8 @@ def test_a_probability_of_a_model_stands_once_and_the_average_beside_the_chosen_
     digits, average = digits_of(outcome)[name], averaged(moments, outcome.selection.probability)[name]
     row = next(item for item in outcome.summary["coefficients"] if item["name"] == name)
     chosen = digits.pair(row["mean"], row["sd"])
-    assert f'<td class="value">{chosen}</td>' in html
-    assert f"<td>{digits.pair(*average)}</td>" in html
+    assert f'<td class="value" data-head="Chosen model">{chosen}</td>' in html
+    assert f'<td data-head="Averaged">{digits.pair(*average)}</td>' in html
 
 
 def test_the_page_says_where_a_predicted_run_starts(outcome, html):

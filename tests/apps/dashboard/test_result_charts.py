@@ -86,6 +86,8 @@ def test_the_axis_of_the_autocorrelation_holds_its_bars(shown, values):
     ends = result_charts.correlation_chart(about, "blue")["yAxis"]
     assert ends["min"] < min(*values, -about.white)
     assert ends["max"] > max(*values, about.white)
+    assert not ends["axisLabel"]["showMinLabel"]
+    assert not ends["axisLabel"]["showMaxLabel"]
 
 
 def test_the_surface_leaves_out_what_breaks_a_limit_and_shows_no_foreign_markup(shown):

@@ -179,7 +179,7 @@ def marginal_chart(one: Marginal, labels: Mapping[str, str]) -> ui.echart:
             "lineStyle": {"color": colour("purple"), "type": "dotted", "width": 2},
             "data": [{"xAxis": one.truth}],
         }
-    top = max(float(density.max()) for density in one.density.values())
+    top = max(float(np.nanmax(curve)) for curve in (*one.density.values(), one.prior, one.normal) if np.size(curve))
     unit = unit_label(one.name, one.unit, one.exponent)
     ends = {"min": float(one.edges[0]), "max": float(one.edges[-1])}
     along = axis(unit, nameLocation="middle", nameGap=26, splitNumber=4, **ends)
@@ -187,7 +187,7 @@ def marginal_chart(one: Marginal, labels: Mapping[str, str]) -> ui.echart:
     options = {
         "grid": {"left": 12, "right": 12, "top": 30 if others else 24, "bottom": 46},
         "xAxis": along,
-        "yAxis": {"type": "value", "show": False, "min": 0, "max": 1.15 * top},
+        "yAxis": {"type": "value", "show": False, "min": 0, "max": 1.1 * top},
         "legend": {"show": bool(others), "type": "scroll", "top": 0, "textStyle": {"color": colour("ink")}},
         "tooltip": tooltip(_HOVER),
         "dataZoom": WHEEL,
@@ -285,16 +285,19 @@ def correlation_chart(about: FitAbout, shade: str) -> ui.echart:
     """Draw the autocorrelation of residuals, and the band of white noise."""
     least, greatest = float(about.correlation.min()), float(about.correlation.max())
     reach = max(0.3, 1.1 * abs(least), 1.1 * greatest, 1.3 * about.white)
+    upward = axis(
+        "autocorrelation (modelled correlation not removed)",
+        min=-round(min(1.0, reach), 2),
+        max=round(min(1.05, reach), 2),
+        splitNumber=4,
+        nameTextStyle={"color": colour("ink"), "align": "left", "padding": [0, 0, 0, -54]},
+    )
+    # The ends are no round numbers: their labels would lie over those of the nearest ticks.
+    upward["axisLabel"] |= {"showMinLabel": False, "showMaxLabel": False}
     options = {
         "grid": {"left": 62, "right": 14, "top": 30, "bottom": 46},
         "xAxis": axis("lag [s]", nameLocation="middle", nameGap=26, min=0),
-        "yAxis": axis(
-            "autocorrelation (modelled correlation not removed)",
-            min=-round(min(1.0, reach), 2),
-            max=round(min(1.05, reach), 2),
-            splitNumber=4,
-            nameTextStyle={"color": colour("ink"), "align": "left", "padding": [0, 0, 0, -54]},
-        ),
+        "yAxis": upward,
         "tooltip": tooltip(_HOVER),
         "dataZoom": WHEEL,
         "series": [

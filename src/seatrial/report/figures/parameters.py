@@ -222,11 +222,11 @@ def _frame(values: np.ndarray) -> tuple[float, float]:
 
 def _diagonal(axes: "Axes", at: np.ndarray, unit: np.ndarray, frame: tuple[float, float], prior: PriorShape) -> None:
     counts, edges = np.histogram(unit, bins=BINS, range=(0, 1))
-    top = 1.12 * counts.max() or 1
-    axes.stairs(counts / top + at[1], at[0] + edges, baseline=at[1], fill=True, color=BLUE, alpha=0.45, linewidth=0)
     x, bin_width = np.linspace(0, 1, 60), (frame[1] - frame[0]) / BINS
-    height = prior.density(frame[0] + x * (frame[1] - frame[0])) * unit.size * bin_width / top
-    axes.plot(at[0] + x, at[1] + np.clip(height, 0, 1), color=MUTED, linewidth=1.1, linestyle=(0, (4, 3)))
+    height = prior.density(frame[0] + x * (frame[1] - frame[0])) * unit.size * bin_width
+    top = 1.12 * max(counts.max(), height.max()) or 1
+    axes.stairs(counts / top + at[1], at[0] + edges, baseline=at[1], fill=True, color=BLUE, alpha=0.45, linewidth=0)
+    axes.plot(at[0] + x, at[1] + height / top, color=MUTED, linewidth=1.1, linestyle=(0, (4, 3)))
 
 
 def _regions(x: np.ndarray, y: np.ndarray, kinds: tuple[list, list]) -> list[tuple[list, np.ndarray]]:

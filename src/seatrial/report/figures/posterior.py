@@ -32,8 +32,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-WIDTH, HIGHEST = 4.5, 2.5
-"""Half width of the frame, posterior standard deviations; its height, in heights of the draws, at most."""
+WIDTH = 4.5
+"""Half width of the frame, posterior standard deviations."""
 SHARES = (0.95, 0.5)
 PROFILE_WIDTH, ROW, HEAD, BELOW = 640.0, 104.0, 22.0, 40.0
 COLUMNS = 3
@@ -105,10 +105,11 @@ def draw_marginal(
     grid, peak = np.linspace(low, high, 160), 1.1
     if prior is not None:
         height = prior.density(grid) / top
+        peak = max(peak, 1.05 * float(height.max()))
         axes.plot(grid * scale, height, color=MUTED, linewidth=1.4, linestyle=(0, (4, 3)), label="prior")
     if normal is not None and normal[1] > 0:
         height = normal_density(grid, *normal) / top
-        peak = float(np.clip(1.05 * height.max(), peak, HIGHEST))
+        peak = max(peak, 1.05 * float(height.max()))
         axes.plot(grid * scale, height, color=INK, linewidth=1.1, label="normal approximation")
     foot = -0.045 * peak
     axes.plot(

@@ -50,6 +50,7 @@ def summary_section(outcome: Outcome) -> dict[str, Any]:
         "verdicts": find(outcome, "finding"),
         "tables": tables,
         "several": len(outcome.estimates) > 1,
+        "value_head": "Chosen model" if len(outcome.estimates) > 1 else "Value ± sd",
         "has_truth": bool(truth_of(outcome)),
         "unit_mass": outcome.campaign.hull.mass is None,
         "wider": sentence_of(outcome, outcome.chosen.wider_words),
