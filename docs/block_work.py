@@ -28,8 +28,6 @@ LEAST_SHARE = 0.8
 _NUMBER = re.compile(r"[-+±]?\d[\d.,]*(e[-+]?\d+)?")
 _PROGRESS = re.compile(r"compiling programs for .*|.*(: done in [\d.]+ s| after [\d.]+ s, about .* remaining)$")
 
-_PROGRESS = re.compile(r"(?m)^.*: \d+% after \d+ s.*\n")
-
 
 @dataclass
 class Work:
@@ -119,7 +117,7 @@ def _seatrial(arguments: list[str]) -> None:
 
 
 def _captured(work: Callable[[], object]) -> tuple[int, str]:
-    """Exit code and everything printed, without lines of progress, which only a slow machine prints."""
+    """Exit code and everything printed."""
     out, code = io.StringIO(), 0
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(out):
         try:
@@ -129,7 +127,7 @@ def _captured(work: Callable[[], object]) -> tuple[int, str]:
         except Exception:
             traceback.print_exc()
             code = 1
-    return code, _PROGRESS.sub("", out.getvalue())
+    return code, out.getvalue()
 
 
 def _share_found(told: tuple[str, ...], lines: list[str]) -> float:
