@@ -26,7 +26,7 @@ SHARED = "demo"
 LEAST_SHARE = 0.8
 """Share of the lines that a page shows which must still be printed."""
 _NUMBER = re.compile(r"[-+±]?\d[\d.,]*(e[-+]?\d+)?")
-_PROGRESS = re.compile(r"compiling programs for .*|.*(: done in [\d.]+ s| after [\d.]+ s, about .* remaining)$")
+_PROGRESS = re.compile(r"compiling programs for .*|.*(: done in [\d.]+ s| after [\d.]+ s(, about .* remaining)?)$")
 
 
 @dataclass
