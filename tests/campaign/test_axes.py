@@ -38,7 +38,7 @@ def test_truth_is_inside_the_stated_uncertainty(campaign):
 
 
 def test_a_trial_is_designed_about_the_trim_of_every_control(campaign):
-    with pytest.raises(InputError, match=r"(?s)vehicle\.trim\.u.*while delta_r is driven"):
+    with pytest.raises(InputError, match=r"(?s)vehicle\.trim\.u.*while a trial moves another control"):
         run_loop(campaign)
 
 

@@ -329,11 +329,11 @@ class Campaign:
         Thrusters, fins and forces across are at 0 where nothing is said; not so what drives the vehicle ahead.
 
         Raises:
-            InputError: a propeller, or a force ahead, without a trim value.
+            InputError: a propeller, a force ahead or a given velocity without a trim value.
         """
         known = {**self.autopilot.moved, **self.trim, **self.autopilot.trim}
         commands = (*model.controls, *self.autopilot.trim)
-        if missing := [name for name in commands if name not in known and name in PROPULSION]:
+        if missing := [name for name in commands if name not in known and not _rests_at_zero(name)]:
             example = ", ".join(f'{name} = "0 {shown_unit(name)[1]}"' for name in missing)
             raise InputError(
                 self.where(f"vehicle.trim.{missing[0]}"),
@@ -376,3 +376,8 @@ def no_prior(where: str, name: str, unit: str, unused: Sequence[str]) -> InputEr
         expected=f"a prior of {name}, SI unit {unit}",
         remedy=f'add [prior.{name}] with distribution = "uniform", lower and upper{meant}',
     )
+
+
+def _rests_at_zero(control: str) -> bool:
+    """Whether a control does nothing at 0: thrusters, fins, and forces and moments but that ahead."""
+    return control.startswith(("f_", "delta_", "tau_")) and control not in PROPULSION
