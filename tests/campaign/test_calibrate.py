@@ -40,7 +40,7 @@ def test_ranks_of_every_parameter(found, small):
     )
     assert found.health.shape == (24, 4)
     assert np.isnan(found.health).all(0).tolist() == [False, False, False, True]
-    assert "the draws mixed well in all 24 replicates (R-hat up to 1.1" in found.lines()[-2]
+    assert "the draws mixed well in all 24 replicates (R-hat up to 1.0" in found.lines()[-2]
     assert write_calibration_picture(small[0].folder, small[0].name, found).read_text().lstrip().startswith("<?xml")
 
 
