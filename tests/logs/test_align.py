@@ -253,3 +253,13 @@ def test_a_hole_has_instants_of_the_usual_spacing(tmp_path):
     said = " ".join(record.provenance.options["cautions"])
     assert 'end = "2 s" in [import.trim.RUN]' in said
     assert "the motion is simulated across it" in said
+
+
+def test_clocks_a_millisecond_apart_make_no_holes(tmp_path):
+    """Half of the steps are a millisecond: the others are the usual spacing of each log, and nothing is put between them."""
+    late = [f"{0.1 * k + 0.001:.3f}" for k in range(50)]
+    logs = [([f"{0.1 * k:.3f}" for k in range(50)], "u", "measurement"), (late, "tau_X", "control")]
+    record = align(
+        [read_log(column(tmp_path, f"{name}.csv", t, name, np.arange(50.0), role)) for t, name, role in logs]
+    )
+    assert record.time.size == 98

@@ -3,6 +3,7 @@
 Nothing is computed here: results that are missing, or were made from another configuration than the folder now holds, are refused.
 """
 
+from collections.abc import Mapping
 from dataclasses import replace
 from math import inf
 from pathlib import Path
@@ -122,7 +123,7 @@ def _alone(campaign: Campaign, estimate: Estimate) -> tuple[ExportedVehicle, Exp
             moves=moves,
             added_coriolis=vehicle.body.added_coriolis,
             thrusters=vehicle.body.thrusters,
-            actuators=_actuators(campaign, model),
+            actuators=_actuators(campaign.control_limits, model),
             **common,
         )
         moved = ", ".join(rate for rate in RATES if rate in model.states)
@@ -135,7 +136,9 @@ def _alone(campaign: Campaign, estimate: Estimate) -> tuple[ExportedVehicle, Exp
             thrust_deduction=hull.thrust_deduction,
             trim=hull.trim,
         )
-        result = ExportedVehicle(hull.name, body, moves=("u",), actuators=_actuators(campaign, model), **common)
+        result = ExportedVehicle(
+            hull.name, body, moves=("u",), actuators=_actuators(campaign.control_limits, model), **common
+        )
         moved = "u"
     source = vehicle.catalogue
     given = [name for name in coefficients if name not in means]
@@ -151,7 +154,7 @@ def _alone(campaign: Campaign, estimate: Estimate) -> tuple[ExportedVehicle, Exp
         tuple([", ".join(absent)] if absent else []),
         (
             f"{'body' if result.knows_body else 'mass'}{', and ' + ' '.join(given) if given else ''}: {where}",
-            *_limit_words(campaign, result),
+            *_limit_words(campaign.control_limits, result),
         ),
         (
             *estimate.alarms,
@@ -223,7 +226,7 @@ def _with_rest(
     )
 
 
-def _actuators(campaign: Campaign, model: VehicleModel) -> dict[str, Actuator]:
+def _actuators(limited: Mapping[str, Limits], model: VehicleModel) -> dict[str, Actuator]:
     """Return the lags and limits of the campaign's vehicle; a control has those of its trials where it has no others."""
     results: dict[str, dict[str, float]] = {}
     for key, value in model.constants:
@@ -231,15 +234,15 @@ def _actuators(campaign: Campaign, model: VehicleModel) -> dict[str, Actuator]:
             _, name, part = key.split(" ")
             results.setdefault(name, {})[part] = value
     actuators = {name: Actuator(**parts) for name, parts in results.items()}
-    for name, limits in campaign.control_limits.items():
+    for name, limits in limited.items():
         if name in model.controls and name not in actuators and limits != Limits():
             bounds = ((limits.lower, -inf), (limits.upper, inf), (limits.rate, inf))
             actuators[name] = Actuator(0.0, *(no_bound if bound is None else bound for bound, no_bound in bounds))
     return actuators
 
 
-def _limit_words(campaign: Campaign, vehicle: ExportedVehicle) -> list[str]:
-    told = [name for name in campaign.control_limits if name in vehicle.actuators]
+def _limit_words(limited: Mapping[str, Limits], vehicle: ExportedVehicle) -> list[str]:
+    told = [name for name, limits in limited.items() if name in vehicle.actuators and limits != Limits()]
     return [f"limits of {', '.join(told)}: those of its trials, [limits] of campaign.toml"] if told else []
 
 

@@ -18,8 +18,8 @@ from seatrial.core.signals import ANGLES
 from seatrial.logs.source import LogTable
 from seatrial.numerics.integrate import held_mean
 
-_HOLE, _MOST_ACROSS = 5.0, 10_000
-"""Usual steps from which a step is a hole, and most instants that are put into one."""
+_HOLE, _LONG, _MOST_ACROSS = 20.0, 1.0, 10_000
+"""Usual spacings and seconds beyond both of which a spacing is a hole, and most instants that are put into one."""
 _MOST_INSTANTS = 50_000_000
 _NANOSECOND = 1e-9
 _SPARSE = 100.0
@@ -179,11 +179,15 @@ def _interval(tracks: Sequence[_Track]) -> tuple[float, float]:
     return float(first), float(last)
 
 
-def _filled(time: np.ndarray) -> np.ndarray:
+def _spacing(tracks: Sequence[_Track]) -> float:
+    """Return the usual spacing of the quickest channel, s; 0 where none has two samples."""
+    return min((float(np.median(np.diff(track.time))) for track in tracks if track.time.size > 1), default=0.0)
+
+
+def _filled(time: np.ndarray, usual: float) -> np.ndarray:
     """Return instants with steps of the usual length across holes: one step over a hole would be too long to simulate."""
     steps = np.diff(time)
-    usual = float(np.median(steps)) if steps.size else 0.0
-    holes = np.flatnonzero(steps > _HOLE * usual)
+    holes = np.flatnonzero(steps > max(_LONG, _HOLE * usual)) if usual > 0 else np.empty(0, int)
     if not holes.size:
         return time
     between = [
@@ -197,7 +201,7 @@ def _instants(tracks: Sequence[_Track], begin: float, stop: float, step: float |
     if step is None:
         stamps = [track.time[(track.time >= begin) & (track.time <= stop)] - begin for track in tracks]
         counts = np.sort(np.rint(np.concatenate([np.zeros(1), *stamps]) / _NANOSECOND), kind="stable")
-        return _filled(counts[np.diff(counts, prepend=-1.0) > 0] / 1e9)
+        return _filled(counts[np.diff(counts, prepend=-1.0) > 0] / 1e9, _spacing(tracks))
     if not (math.isfinite(step) and step > 0 and (stop - begin) / step < _MOST_INSTANTS):
         raise InputError(
             f'record "{label}", step',
@@ -236,7 +240,7 @@ def _check_curves(
 
 def _sparse(tracks: Sequence[_Track], step: float | None) -> list[str]:
     """Say that even the quickest channel has far fewer samples than the grid, as where its stamps are read in too large a unit."""
-    spacing = min((float(np.median(np.diff(track.time))) for track in tracks if track.time.size > 1), default=0.0)
+    spacing = _spacing(tracks)
     if step is None or spacing < _SPARSE * step:
         return []
     return [
@@ -249,7 +253,7 @@ def _holes(time: np.ndarray, last: float, role: str) -> list[str]:
     """Say where a channel fell silent: for over a second and twenty times its usual spacing."""
     inside = time[(time >= 0) & (time <= last)]
     gaps = np.diff(inside)
-    if gaps.size == 0 or gaps.max() < max(1.0, 20.0 * np.median(gaps)):
+    if gaps.size == 0 or gaps.max() < max(_LONG, _HOLE * np.median(gaps)):
         return []
     at, usual = int(np.argmax(gaps)), float(np.median(gaps))
     begin, end = inside[at : at + 2]

@@ -326,10 +326,8 @@ def _unseen(piece: Mapping[str, Any], record: Record) -> str:
 
 def _lacks(campaign: Campaign, channel: str) -> tuple[str, ...]:
     """What the model may lack, but for what the campaign has already."""
-    filtered, slow = (
-        campaign.estimation.likelihood == "filter-error",
-        _noise(campaign, channel) in ("coloured", "drifting"),
-    )
+    filtered = campaign.estimation.likelihood == "filter-error"
+    slow = _noise(campaign, channel) in ("coloured", "drifting")
     change = 'likelihood = "filter-error"' if slow else 'residuals = "drifting"'
     error = () if filtered else (f"a model of the error ({change})",)
     return ("a term", *(() if campaign.has_delay else ("a delay",)), *error)

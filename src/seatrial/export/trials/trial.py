@@ -299,10 +299,8 @@ def _trial(campaign: Campaign, path: Path, content: dict[str, Any]) -> Trial:
     factor, unit = shown_unit(control)
     if content["unit"] != unit:
         raise ValueError(f"unit {content['unit']!r} of {control}, which is shown in {unit}")
-    limits, motion = (
-        campaign.control_limits.get(control, Limits()),
-        tuple(limit.words for limit in campaign.motion_limits),
-    )
+    limits = campaign.control_limits.get(control, Limits())
+    motion = tuple(limit.words for limit in campaign.motion_limits)
     time, value = np.array(content["time_s"], float), np.array(content["value"], float) / factor
     whole = time.ndim == 1 and time.shape == value.shape and time.size > 1 and np.isfinite([*time, *value]).all()
     if not (whole and (np.diff(time) >= 0).all()):
