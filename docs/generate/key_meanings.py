@@ -290,7 +290,10 @@ MEANINGS: dict[str, dict[str, tuple[str, str]]] = {
         "sampler": ("", "how the posterior is sampled: [the samplers](../explanation/samplers.md)"),
         "chains": ("", "number of chains"),
         "warmup": ("", "draws at the start of each chain that are discarded"),
-        "draws": ("", "draws of each chain after that"),
+        "draws": (
+            "",
+            "draws of each chain after that; twice or four times as many while chains disagree or have too few effective draws",
+        ),
         "thin": ("", "keep one draw in so many"),
     },
     "ComputeTable": {

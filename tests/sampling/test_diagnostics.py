@@ -3,7 +3,7 @@ import pytest
 from arviz_stats.base import array_stats
 from scipy import signal, stats
 
-from seatrial.sampling.diagnostics import ChainHealth, complaints, diagnose, geweke_score
+from seatrial.sampling.diagnostics import ChainHealth, asks_for_more, complaints, diagnose, geweke_score
 
 
 def autoregressive(rho, shape, seed=0):
@@ -103,6 +103,7 @@ def test_complaints(change, words):
     said = complaints(("T_nabsn", "X_u"), health)
     assert len(said) == bool(words)
     assert all(word in said[0] for word in words)
+    assert asks_for_more(health) == (bool(words) and not np.isnan(bad["r_hat"])), "chains that never moved gain nothing"
 
 
 def test_chains_of_twenty_draws_are_judged():

@@ -74,6 +74,12 @@ def mixing(draws: Float[np.ndarray, "chains draws d"]) -> tuple[float, float]:
     return float(np.max(r_hat)), float(np.min(ess))
 
 
+def asks_for_more(health: ChainHealth) -> bool:
+    """Return whether chains disagree, or have too few effective draws, in a way that more draws may mend: all have moved."""
+    effective = np.minimum(health.ess_bulk, health.ess_tail)
+    return bool(((health.r_hat > MAX_R_HAT) | (effective < MIN_ESS)).any() and np.isfinite(health.r_hat).all())
+
+
 def geweke_score(chain: Float[np.ndarray, " n"], first: float = 0.1, last: float = 0.5) -> float:
     """Geweke's convergence score of one chain (Bayesian Statistics 4, 1992).
 

@@ -350,6 +350,11 @@ class EstimationSettings:
     thin: int = 1
 
     @property
+    def lengths(self) -> tuple[int, ...]:
+        """Draws after which chains are looked at, and end if they agree: as many as asked for, then twice and four times as many."""
+        return tuple(times * self.draws for times in (1, 2, 4))
+
+    @property
     def free_initial(self) -> bool:
         """Whether initial states are parameters, fitted to the whole run; a filter takes them as uncertain anyway."""
         return self.initial == "estimated" and self.likelihood == "output-error"

@@ -13,6 +13,7 @@ import numpy as np
 from seatrial.campaign.compute.place import workers_of
 from seatrial.campaign.compute.shared_work import Study
 from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.config.settings import EstimationSettings
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.long_steps import long_steps
 from seatrial.campaign.inference.omitted_effects import causes_of, left_out, remedies_of
@@ -31,17 +32,17 @@ from seatrial.estimation.prior_checks import check_prior_contains_data, informat
 from seatrial.estimation.priors import prior_curve
 from seatrial.estimation.robust_errors import RobustErrors, robust_errors
 from seatrial.estimation.sample_posterior import spread_starts
-from seatrial.sampling.diagnostics import complaints, diagnose
+from seatrial.sampling.diagnostics import asks_for_more, complaints, diagnose
 from seatrial.sampling.run import (
     BLOCK,
     ChainSettings,
     Draws,
+    Run,
     arrays_of_run,
     complaints_of_draws,
-    is_finished,
     run_from_arrays,
 )
-from seatrial.sampling.sampler import SAMPLERS
+from seatrial.sampling.sampler import SAMPLERS, Sampler
 from seatrial.sampling.target import Target
 from seatrial.selection.structures import Structure
 
@@ -85,7 +86,6 @@ def estimate_all(campaign: Campaign, trials: Trials, reporter: Reporter = SILENT
     store, kept = Store(campaign.folder), stored_estimates(campaign, trials)
     missing = [one for one, result in kept.items() if not result.is_current()]
     if missing:
-        total = campaign.estimation.warmup + campaign.estimation.draws
         shown = [reporter.progress(f"estimate {one.label}: {' '.join(one.terms)}") for one in missing]
 
         checkpoint_keys = {one: key_of("chains", kept[one].key, widest(campaign.structures).terms) for one in missing}
@@ -96,11 +96,11 @@ def estimate_all(campaign: Campaign, trials: Trials, reporter: Reporter = SILENT
             checkpoint = store.checkpoint(f"posterior-{structure.label}")
             if isinstance(result, _Unended):
                 save_checkpoint(checkpoint, checkpoint_keys[structure], result.run)
-                shown[index](int(result.run["iteration"]), total)
+                shown[index](result.done, result.total)
                 return result
             kept[structure].write(result.data)
             checkpoint.unlink(missing_ok=True)
-            shown[index](total, total)
+            shown[index](1, 1)
             return None
 
         def on_progress(index: int, done: int, total: int) -> None:
@@ -122,10 +122,12 @@ class _Begun(NamedTuple):
 
 
 class _Unended(NamedTuple):
-    """A structure and its chains' run so far."""
+    """A structure and its chains' run so far, with the iterations done and in all."""
 
     structure: Structure
     run: dict[str, np.ndarray]
+    done: int
+    total: int
 
 
 class _Ended(NamedTuple):
@@ -140,24 +142,32 @@ def _advance(study: Study, item: _Begun | _Unended, report: Progress) -> _Ended 
     posterior, mode, robust, target, there = study.once(("mode", structure.terms), lambda: _prepare(study, structure))
     table = campaign.estimation
     sampler = SAMPLERS[table.sampler]
-    settings = ChainSettings(table.chains, table.warmup, table.draws, table.thin)
+    settings = ChainSettings(table.chains, table.warmup, table.lengths[-1], table.thin)
     draw_key = random_key(campaign.seed, f"chains {structure.terms}")
     if item.run is None:
         starts = spread_starts(target, there, settings.chains, fold_in(draw_key, 2**31))
         run = sampler.start_chains(target, starts, there.cov)
     else:
         run = run_from_arrays(sampler.State, item.run)
-    total = settings.warmup + settings.draws
-    while not is_finished(run, settings):
+    while (draws := _enough(target, sampler, run, table)) is None:
         run = sampler.advance_chains(target, run, draw_key, settings)
+        total = next(end for length in table.lengths if (end := table.warmup + length) >= run.iteration)
         report(run.iteration, total)
-        if run.iteration // BLOCK % CHECKPOINT_EVERY == 0 and not is_finished(run, settings):
-            return _Unended(structure, arrays_of_run(run))
-    draws = in_posterior(target, sampler.finish(run))
+        if run.iteration // BLOCK % CHECKPOINT_EVERY == 0 and run.iteration < total:
+            return _Unended(structure, arrays_of_run(run), run.iteration, total)
     doubts = long_steps(posterior, mode, study.records)
     mode = mode.only(posterior.places)
     missing = left_out(posterior, structure, robust.omitted)
     return _Ended(_dataset(posterior, mode, robust, missing, draws, campaign.hull.trim, doubts))
+
+
+def _enough(target: Target, sampler: Sampler, run: Run, table: EstimationSettings) -> Draws | None:
+    """Return the draws of chains that need no more: they are as many as asked for, or twice, and agree, or four times; else None."""
+    made = run.iteration - table.warmup
+    if made not in table.lengths:
+        return None
+    draws = in_posterior(target, sampler.finish(run))
+    return None if made < table.lengths[-1] and asks_for_more(diagnose(draws.values)) else draws
 
 
 def _prepare(study: Study, structure: Structure) -> tuple[Posterior, Mode, RobustErrors, Target, Mode]:

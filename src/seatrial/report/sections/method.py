@@ -43,6 +43,7 @@ def method_section(outcome: Outcome) -> dict[str, Any]:
         "chains": estimation.chains,
         "warmup": estimation.warmup,
         "draws": estimation.draws,
+        "most_draws": estimation.lengths[-1],
         "residuals": estimation.residuals,
         "initial": estimation.initial,
         "particles": selection.particles,
