@@ -419,3 +419,45 @@ def test_a_folder_that_cannot_be_written_is_said_in_words(tmp_path, page):
         page.goto(f"{address}run?campaign=.")
         page.get_by_role("button", name="Start or resume").click()
         assert "Permission denied" in page.get_by_role("alert").inner_text()
+
+
+def test_the_whole_file_is_edited_and_a_mistake_marked(tmp_path, page):
+    folder = write_small(tmp_path / "served")
+    path = folder / "campaign.toml"
+    before, shows = path.read_text(), "(text) => document.querySelector('#main textarea').value === text"
+    with served(tmp_path / "served") as (address, _):
+        page.goto(f"{address}file?campaign=.")
+        field, save = page.get_by_label("campaign.toml, as TOML"), page.get_by_role("button", name="Check and save")
+        assert field.input_value() == before
+        field.fill(before.replace("upper = 1.2", "uper = 1.2"))
+        save.click()
+        assert "prior.X_u.uper" in page.get_by_role("alert").inner_text()
+        assert path.read_text() == before
+        marked = "(one) => one.value.slice(one.selectionStart, one.selectionEnd)"
+        page.wait_for_function("() => getSelection().toString() || document.activeElement.tagName === 'TEXTAREA'")
+        assert field.evaluate(marked) == "uper = 1.2"
+        page.get_by_role("button", name="Undo my changes").click()
+        page.wait_for_function(shows, arg=before)
+
+        field.fill(before.replace("upper = 1.2", "upper = 1.0"))
+        save.click()
+        page.get_by_text("Saved. Results made before").wait_for()
+        assert path.read_text() == before.replace("upper = 1.2", "upper = 1.0")
+
+        # What somebody else writes is shown where nothing was typed; it is never overwritten.
+        path.write_text(before)
+        page.wait_for_function(shows, arg=before)
+        page.get_by_label("campaign.toml, as TOML").fill(before.replace("upper = 1.2", "upper = 1.1"))
+        path.write_text(before + "\n# by another hand\n")
+        page.get_by_role("button", name="Check and save").click()
+        assert "a file that somebody changed" in page.get_by_role("alert").inner_text()
+        assert path.read_text().endswith("# by another hand\n")
+
+        # A file that is no campaign any more can still be mended here.
+        path.write_text(before.replace("[campaign]", "[campaign"))
+        page.goto(f"{address}file?campaign=.")
+        page.get_by_label("campaign.toml, as TOML").fill(before)
+        page.get_by_role("button", name="Check and save").click()
+        page.get_by_text("Saved. Results made before").wait_for()
+    assert page.said == []
+    assert path.read_text() == before

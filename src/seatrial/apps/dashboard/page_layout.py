@@ -20,6 +20,7 @@ VIEWS = {
     "results": "Results",
     "compare": "Compare",
     "report": "Report and export",
+    "file": "Campaign file",
 }
 """Views of a campaign, in the order of the work."""
 _THEME = """<script>

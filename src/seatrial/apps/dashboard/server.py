@@ -22,6 +22,7 @@ from seatrial.apps.dashboard.jobs import Jobs
 from seatrial.apps.dashboard.logs import receive
 from seatrial.apps.dashboard.page_layout import frame
 from seatrial.apps.dashboard.pages import (
+    campaign_file,
     compare,
     design,
     live,
@@ -61,6 +62,7 @@ VIEWS = {
     "results": results.build,
     "compare": compare.build,
     "report": report.build,
+    "file": campaign_file.build,
 }
 
 

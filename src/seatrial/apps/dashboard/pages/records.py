@@ -26,9 +26,8 @@ OF_RECORDS = (CHECK, "import", "simulate")
 async def build(context: AppContext, campaign: str, folder: Path) -> None:
     """Build the view."""
     if is_of_template(folder):
-        words = '<ul class="cautions"><li>{} <a href="{}">Look at campaign.toml</a>, <a href="{}">change noise and terms</a>.</li></ul>'
-        address = link("download", campaign, file=CAMPAIGN, shown="1")
-        markup(Markup(words).format(EXAMPLES, address, link("model", campaign)))
+        words = '<ul class="cautions"><li>{} <a href="{}">Edit campaign.toml</a>, <a href="{}">change noise and terms</a>.</li></ul>'
+        markup(Markup(words).format(EXAMPLES, link("file", campaign), link("model", campaign)))
     with section("What was recorded", "Raw data, downsampled, spikes kept."):
 
         def records() -> list[Path]:

@@ -1,0 +1,84 @@
+"""The campaign file as text: all of it, also what no form has a field for, and a file that can no longer be read as a campaign."""
+
+import asyncio
+import re
+from functools import partial
+from pathlib import Path
+
+from markupsafe import Markup
+from nicegui import ui
+
+from seatrial.apps.campaign_text import CAMPAIGN, read_file, write_file
+from seatrial.apps.dashboard.app_context import AppContext, cautions_html, keep_form, markup, say
+from seatrial.apps.dashboard.page_layout import button, link, section
+from seatrial.core.errors import SeatrialError
+
+_MARK = """(() => {{
+  const area = document.querySelector("#main textarea"), lines = area.value.split("\\n"), at = {line} - 1;
+  const start = lines.slice(0, at).join("\\n").length + (at > 0);
+  area.focus();
+  area.setSelectionRange(start, start + lines[at].length);
+  area.scrollTop = Math.max(0, at - 3) * area.scrollHeight / lines.length;
+}})()"""
+"""Script that selects a line of the text and brings it into sight."""
+
+
+async def build(context: AppContext, campaign: str, folder: Path) -> None:
+    """Build the view."""
+    await keep_form(
+        folder / CAMPAIGN, lambda: asyncio.to_thread(read_file, folder), partial(FileForm, context, campaign, folder)
+    )
+
+
+class FileForm:
+    """A field that holds the whole file; it is checked as a whole before anything is written.
+
+    Args:
+        context: what is served.
+        campaign: name of the campaign below the root.
+        folder: of it.
+        text: of the file.
+    """
+
+    def __init__(self, context: AppContext, campaign: str, folder: Path, text: str) -> None:
+        self.context, self.campaign, self.folder, self.seen = context, campaign, folder, text
+        words = "Everything the forms write, and what they have no field for. It is checked as a whole before it is written."
+        with section(str(folder.name) + "/" + CAMPAIGN, words):
+            self.text = ui.textarea("campaign.toml, as TOML", value=text).props('outlined spellcheck="false"')
+            self.text.classes("mono wide whole").style("width: 100%")
+            with ui.element("div").classes("line"):
+                button("Check and save", self._save, main=True)
+                button("Undo my changes", self._take_back)
+            self.said = ui.element("div")
+
+    @property
+    def is_edited(self) -> bool:
+        """Whether something was typed that is not saved."""
+        return self.text.value != self.seen
+
+    def _take_back(self) -> None:
+        self.said.clear()
+        self.text.value = self.seen
+
+    async def _save(self) -> None:
+        self.said.clear()
+        text = str(self.text.value)
+        try:
+            cautions = await self.context.worker_pool.think("check", str(self.folder), text)
+            if text != self.seen:
+                write_file(self.folder, text, self.seen)
+        except (SeatrialError, OSError) as error:
+            with self.said:
+                say(error)
+            if line := re.search(rf"{re.escape(CAMPAIGN)}:(\d+)", str(error)):
+                ui.run_javascript(_MARK.format(line=line[1]))
+            return
+        is_new, self.seen = text != self.seen, text
+        self.context.jobs.get_ready(self.folder)
+        with self.said:
+            if is_new:
+                words = '<p class="done" role="status">Saved. Results made before may be stale now: <a href="{}">run again</a>.</p>'
+                markup(Markup(words).format(link("run", self.campaign)))
+            else:
+                markup('<p class="note" role="status">The file can be used. Nothing was changed.</p>')
+            markup(cautions_html(cautions))
