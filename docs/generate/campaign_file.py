@@ -43,7 +43,7 @@ HEADINGS: dict[str, type[BaseModel]] = {
 }
 INTRODUCTION = """# campaign.toml
 
-A campaign is a folder with this file in it. Every key is listed below, table by table, as the code reads it (`python docs/campaign_keys.py`
+A campaign is a folder with this file in it. Here is every key, table by table, as the code reads it (`python docs/kept_reference.py`
 writes this page). `seatrial init DIR --template NAME` writes a commented file to start from.
 
 - A quantity with a dimension is text with a unit, such as `"200 rpm"`. A plain number is SI, in the unit of the coefficient.

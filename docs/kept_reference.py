@@ -1,0 +1,12 @@
+"""Write the pages of the reference that are kept in the repository, for who reads it without building: `python docs/kept_reference.py`."""
+
+from pathlib import Path
+
+from generate.reference import PAGES
+
+KEPT = ("campaign_file", "json")
+"""Every key of a campaign file, from the schema that reads it; every key of what `--json` prints."""
+
+if __name__ == "__main__":
+    for name in KEPT:
+        (Path(__file__).parent / "reference" / f"{name}.md").write_text(PAGES[name](), encoding="utf-8")
