@@ -234,6 +234,10 @@ MEANINGS: dict[str, dict[str, tuple[str, str]]] = {
         "table": ("", "topic, type of message, struct or variable, if the log has several"),
         "time": ("", "column of time, `[import.files.time]`"),
         "channels": ("", "columns of the channels, `[import.files.channels.CHANNEL]`"),
+        "runs": (
+            "",
+            "the runs that have this log, if its columns or its name are not those of every run; all without it",
+        ),
         "clock": ("", "use the stamps as they are, spread them evenly, or drop rows that repeat one"),
         "shift": (
             "time",

@@ -2,12 +2,14 @@
 
 import tomllib
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 from seatrial.apps.cli import app
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import import_trials
+from seatrial.core.errors import InputError
 from tests.campaign.small import write_small
 
 IMPORT = """
@@ -60,7 +62,33 @@ def test_a_map_of_two_runs_is_not_corrected_for_one(folder):
     log = folder / "log_2.csv"
     log.write_text(log.read_text().replace("north", "north_ms"))
     said = run(folder)
-    assert 'did you mean "north_ms"? One map is read for all runs (1, 2)' in str(said.exception)
+    assert 'did you mean "north_ms"? Run 1 has this map too: if only run 2 has other columns, write' in str(
+        said.exception
+    )
+
+
+def test_a_run_with_other_columns_has_a_map_of_its_own(folder):
+    """What `runs` says is followed by the import, by what is missing, and by what a name that is none is told."""
+    log, path = folder / "log_2.csv", folder / "campaign.toml"
+    whole = import_trials(load_campaign(folder)).fit
+    log.write_text(log.read_text().replace("t,rpm,north", "stamp,shaft,dvl_x"))
+    text, files = path.read_text(), IMPORT[IMPORT.index("[[import.files]]") :]
+    own = files.replace('"t"', '"stamp"').replace('"rpm", unit', '"shaft", unit').replace('"north"', '"dvl_x"')
+    both = text.replace(files, files + 'runs = ["1"]\n' + own + 'runs = ["2"]\n')
+    path.write_text(both)
+    again = import_trials(load_campaign(folder)).fit
+    for one, other in zip(whole, again, strict=True):
+        np.testing.assert_array_equal(one.channel("u"), other.channel("u"))
+        np.testing.assert_array_equal(one.channel("n"), other.channel("n"))
+    for change, told in (
+        (('runs = ["2"]', 'runs = ["3"]'), r'files\[1\]\.runs[^$]*run "3"[^$]*one of 1, 2'),
+        (('runs = ["2"]', 'runs = ["1"]'), 'no log of run "2"'),
+        (('channels.n = { column = "shaft"', '# { column = "shaft"'), "no column for n[^$]*for run 2"),
+    ):
+        assert change[0] in both
+        path.write_text(both.replace(*change))
+        with pytest.raises(InputError, match=told):
+            import_trials(load_campaign(folder))
 
 
 @pytest.mark.parametrize(

@@ -55,18 +55,29 @@ def read_imports(table: ImportTable, keys: FileKeys, known: Sequence[str], laws:
             )
     ends = {run: _ends(table, keys, run) for run in runs}
     files = tuple(_file(file, keys, f"import.files[{index}]", known, laws) for index, file in enumerate(table.files))
-    for run in table.trim:
+    named = [(run, f"import.trim.{run}") for run in table.trim]
+    named += [(run, f"import.files[{index}].runs") for index, file in enumerate(files) for run in file.runs]
+    for run, key in named:
         if run not in runs:
             raise InputError(
-                keys.where(f"import.trim.{run}"),
+                keys.where(key),
                 found=f'run "{run}"',
                 expected="one of " + ", ".join(runs),
                 remedy=nearest(run, runs),
             )
     keep = tuple(_keep(one, keys, f"import.keep[{index}]") for index, one in enumerate(table.keep))
-    return Imports(
+    found = Imports(
         tuple(table.fit), tuple(table.predict), files, step, split, ends, tuple(table.trim), table.schedule, keep
     )
+    for run in runs if files else ():
+        if not found.of(run):
+            raise InputError(
+                keys.where("import.files"),
+                found=f'no log of run "{run}": `runs` of each names others',
+                expected="one [[import.files]] or more for each run",
+                remedy=f'add "{run}" to `runs` of its logs, or leave `runs` out of logs that every run has',
+            )
+    return found
 
 
 def _keep(one: KeepTable, keys: FileKeys, key: str) -> KeepRule:
@@ -136,6 +147,7 @@ def _file(file: FileTable, keys: FileKeys, key: str, known: Sequence[str], laws:
         file.header_rows,
         None if file.names is None else tuple(file.names),
         tuple(name for name in LAYOUT if name in file.model_fields_set),
+        tuple(file.runs or ()),
     )
 
 

@@ -84,9 +84,10 @@ def named_in(known_from: Sequence[str], imports: Imports | None) -> Iterator[tup
         return
     for run in imports.runs if imports.schedule is not None else ():
         yield "import.schedule", imports.schedule or "", run
-    for index, file in enumerate(imports.files):
-        for run in imports.runs:
+    for run in imports.runs:
+        for index, file in imports.of(run).items():
             yield f"import.files[{index}].path", file.path, run
+    for index, file in enumerate(imports.files):
         for name, column in file.channels.items():
             if column.curve is not None:
                 yield f"import.files[{index}].channels.{name}.curve", column.curve, ""

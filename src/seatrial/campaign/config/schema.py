@@ -370,6 +370,7 @@ class FileTable(Table):
     table: str | None = None
     time: TimeTable | None = None
     channels: dict[str, ColumnTable]
+    runs: list[str] | None = Field(default=None, min_length=1)
     clock: Literal["as_stamped", "even", "drop_repeated"] = "as_stamped"
     shift: Quantity | None = None
     axes: Literal["NED", "ENU"] = "NED"

@@ -261,6 +261,7 @@ class LogFile:
         header_rows: of the header.
         names: of all columns, where there is no header.
         layout: which of the last five are stated; a log that is no text must not be told them.
+        runs: that have this log; none where all have.
     """
 
     path: str
@@ -277,6 +278,7 @@ class LogFile:
     header_rows: int = 1
     names: tuple[str, ...] | None = None
     layout: tuple[str, ...] = field(default=(), compare=False)
+    runs: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -332,6 +334,10 @@ class Imports:
     def runs(self) -> tuple[str, ...]:
         """All runs, those that are fitted first."""
         return (*self.fit, *self.predict)
+
+    def of(self, run: str) -> dict[int, LogFile]:
+        """Return the logs of one run, by their places in `files`."""
+        return {index: file for index, file in enumerate(self.files) if not file.runs or run in file.runs}
 
 
 @dataclass(frozen=True)

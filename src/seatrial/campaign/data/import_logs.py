@@ -130,7 +130,7 @@ def read_tables(campaign: Campaign, run: str) -> list[LogTable]:
     """
     if campaign.imports is None:
         raise no_record(campaign)
-    return _tables(campaign, campaign.imports, _located(campaign, campaign.imports, run))
+    return _tables(campaign, campaign.imports, run)
 
 
 def stored_record(
@@ -141,7 +141,7 @@ def stored_record(
     Raises:
         InputError: a name that cannot be a file's, or files that are missing.
     """
-    key = _key(campaign, imports, run, _located(campaign, imports, run), hash_of)
+    key = _key(campaign, imports, run, hash_of)
     return StoredResult(Store(campaign.folder).record(run), key, read_record)
 
 
@@ -149,16 +149,15 @@ def _import_run(campaign: Campaign, imports: Imports, run: str) -> tuple[Record,
     kept = stored_record(campaign, imports, run)
 
     def read_files() -> Dataset:
-        paths = _located(campaign, imports, run)
-        aligned = _aligned(campaign, imports, run, paths, imports.ends.get(run, {}))
+        aligned = _aligned(campaign, imports, run, imports.ends.get(run, {}))
         return record_dataset(with_rebuilt_controls(campaign, aligned))
 
     return kept.read_or_make(read_files), kept.key
 
 
-def _aligned(campaign: Campaign, imports: Imports, run: str, paths: list[Path], ends: Mapping[str, float]) -> Record:
+def _aligned(campaign: Campaign, imports: Imports, run: str, ends: Mapping[str, float]) -> Record:
     """Read the files of a run, and put them on one axis between its ends: where none are stated, those of what was commanded."""
-    tables = _tables(campaign, imports, paths)
+    tables = _tables(campaign, imports, run)
     if imports.keep:
         ends = _kept(campaign, imports, run, align(_unchecked(tables), step=imports.step, **ends, label=run))
     if imports.schedule is None:
@@ -218,29 +217,36 @@ def _commanded(campaign: Campaign, imports: Imports, run: str) -> Path:
     return find(campaign.folder, imports.schedule or "", campaign.where("import.schedule"), run)
 
 
-def _tables(campaign: Campaign, imports: Imports, paths: list[Path]) -> list[LogTable]:
+def _tables(campaign: Campaign, imports: Imports, run: str) -> list[LogTable]:
     """Read the files of a run, with velocities along the body."""
     logs, roles = [], signal_roles(campaign.model(campaign.full), campaign.autopilot.trim)
-    for index, (file, path) in enumerate(zip(imports.files, paths, strict=True)):
+    for (index, file), path in zip(imports.of(run).items(), _located(campaign, imports, run), strict=True):
         _check_layout(campaign, file, path, index)
         source = log_source(campaign, file, path, index, roles)
-        with located(campaign.where(f"import.files[{index}]")), _of_every_run(imports):
+        with located(campaign.where(f"import.files[{index}]")), _of_several_runs(imports, file, run):
             logs.append(read_log(source))
     tables = [_without_idle(table, campaign.channels) for table in to_body(logs, roles)]
     return [one for one in tables if one.channels]
 
 
 @contextmanager
-def _of_every_run(imports: Imports) -> Iterator[None]:
-    """Where a column is missing, say that the map is that of the other runs too, before somebody corrects it for one run alone."""
+def _of_several_runs(imports: Imports, file: LogFile, run: str) -> Iterator[None]:
+    """Where a column is missing, say that the map is that of other runs too, before somebody corrects it for one run alone."""
     try:
         yield
     except NoColumn as error:
-        if len(imports.runs) == 1:
+        others = [one for one in file.runs or imports.runs if one != run]
+        if not others:
             raise
-        runs = ", ".join(imports.runs)
-        remedy = f"{error.remedy} One map is read for all runs ({runs}): if the others have this column, rename it in this log"
+        remedy = (
+            f"{error.remedy} Run {', '.join(others)} has this map too: if only run {run} has other columns, write "
+            f"runs = {_written(others)} here, and runs = {_written([run])} under an [[import.files]] of its own"
+        )
         raise InputError(error.where, found=error.found, expected=error.expected, remedy=remedy) from error.__cause__
+
+
+def _written(runs: Sequence[str]) -> str:
+    return "[" + ", ".join(f'"{run}"' for run in runs) + "]"
 
 
 def _without_idle(table: LogTable, wanted: Sequence[str]) -> LogTable:
@@ -265,25 +271,26 @@ def _without_idle(table: LogTable, wanted: Sequence[str]) -> LogTable:
 def _located(campaign: Campaign, imports: Imports, run: str) -> list[Path]:
     return [
         find(campaign.folder, file.path, campaign.where(f"import.files[{index}].path"), run)
-        for index, file in enumerate(imports.files)
+        for index, file in imports.of(run).items()
     ]
 
 
-def _key(campaign: Campaign, imports: Imports, run: str, paths: list[Path], hash_of: Callable[[Path], str]) -> str:
+def _key(campaign: Campaign, imports: Imports, run: str, hash_of: Callable[[Path], str]) -> str:
+    files = imports.of(run)
     curves = [
         _curve(campaign, index, name, column.curve)
-        for index, file in enumerate(imports.files)
+        for index, file in files.items()
         for name, column in file.channels.items()
         if column.curve
     ]
-    hashes = [hash_of(path) for path in (*paths, *curves)]
+    hashes = [hash_of(path) for path in (*_located(campaign, imports, run), *curves)]
     sent = (
         () if imports.schedule is None else (hash_of(_commanded(campaign, imports, run)), campaign.family.sample_time)
     )
     keep = [hash_of(path) for path in _keep_paths(campaign, imports, run)]
     kept = (keep, imports.keep) if keep else ()
     kept += (campaign.pilot(campaign.model(campaign.full).controls),) if campaign.autopilot.loops else ()
-    return key_of("record", run, hashes, imports.step, imports.files, imports.ends.get(run, {}), *sent, *kept)
+    return key_of("record", run, hashes, imports.step, [*files.values()], imports.ends.get(run, {}), *sent, *kept)
 
 
 def _curve(campaign: Campaign, index: int, name: str, written: str) -> Path:

@@ -14,10 +14,15 @@ def unmapped(campaign: Campaign) -> dict[str, str]:
     """
     if campaign.imports is None:
         return {}
-    given = _given(campaign, campaign.imports)
+    given = {run: _given(campaign, campaign.imports, run) for run in campaign.imports.runs}
     driving = dict.fromkeys(campaign.model(campaign.full).controls, "is an input of the model")
     needed = driving | dict.fromkeys(campaign.channels, "is in [sensors], where it can be removed")
-    return {name: why for name, why in needed.items() if name not in given}
+    missing = {name: [run for run, names in given.items() if name not in names] for name in needed}
+    return {
+        name: needed[name] + ("" if len(runs) == len(given) else f", for run {', '.join(runs)}")
+        for name, runs in missing.items()
+        if runs
+    }
 
 
 def check_mapped(campaign: Campaign) -> None:
@@ -36,9 +41,9 @@ def check_mapped(campaign: Campaign) -> None:
         )
 
 
-def _given(campaign: Campaign, imports: Imports) -> set[str]:
-    """Return the channels that a record has after the import."""
-    given = {name for file in imports.files for name in file.channels}
+def _given(campaign: Campaign, imports: Imports, run: str) -> set[str]:
+    """Return the channels that the record of a run has after the import."""
+    given = {name for file in imports.of(run).values() for name in file.channels}
     for some, others in ((QUATERNION, ANGLES), (ANGLES, QUATERNION)):
         if given >= {*some}:
             given |= {*others}
