@@ -4,9 +4,10 @@ On a coarser grid a control is the mean over each step of what was held, which i
 """
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -100,7 +101,9 @@ def align(
             columns[name], note, count = _place(time, track, instants, slack, reach)
             averaged |= {name: count} if count > 1 else {}
         notes += [f"{name}: {note}"] if note else []
-        cautions += [f'channel "{name}": {text}' for text in _holes(time, instants[-1], track.channel.role)]
+    controls = [track.channel.name for track in tracks if track.channel.role == "control"]
+    holes = [_hole(track.channel.name, track.time - begin, instants[-1]) for track in tracks]
+    cautions += [_of_hole(one, controls) for one in _joined(one for one in holes if one is not None)]
     cautions += _sparse(tracks, step)
     hashes = [table.sha256 for table in tables]
     options = {
@@ -249,21 +252,48 @@ def _sparse(tracks: Sequence[_Track], step: float | None) -> list[str]:
     ]
 
 
-def _holes(time: np.ndarray, last: float, role: str) -> list[str]:
-    """Say where a channel fell silent: for over a second and twenty times its usual spacing."""
+class _Hole(NamedTuple):
+    """Where channels fell silent, s from the begin of the record, and their usual spacing, s."""
+
+    begin: float
+    end: float
+    usual: float
+    names: tuple[str, ...]
+
+
+def _hole(name: str, time: np.ndarray, last: float) -> _Hole | None:
+    """Return where a channel fell silent for longest, if that is over a second and twenty times its usual spacing."""
     inside = time[(time >= 0) & (time <= last)]
     gaps = np.diff(inside)
     if gaps.size == 0 or gaps.max() < max(_LONG, _HOLE * np.median(gaps)):
-        return []
-    at, usual = int(np.argmax(gaps)), float(np.median(gaps))
-    begin, end = inside[at : at + 2]
-    found = f"no sample from {begin:.2f} s to {end:.2f} s, though one comes every {usual:.3g} s"
-    if role != "control":
-        return [f"{found}: nothing was measured, and the motion is simulated across it"]
-    return [
-        f'{found}: its last value was held, which may be wrong; end the run there, end = "{begin:.6g} s" in [import.trim.RUN], and give '
-        f'the rest a label of its own in fit, with start = "{end:.6g} s" and the same file, or a copy if its path has {{run}}'
-    ]
+        return None
+    at = int(np.argmax(gaps))
+    return _Hole(float(inside[at]), float(inside[at + 1]), float(np.median(gaps)), (name,))
+
+
+def _joined(holes: Iterable[_Hole]) -> list[_Hole]:
+    """Return holes that overlap as one of all their channels."""
+    joined: list[_Hole] = []
+    for one in sorted(holes):
+        if joined and one.begin < joined[-1].end:
+            before = joined.pop()
+            usual = min(before.usual, one.usual)
+            one = _Hole(before.begin, max(before.end, one.end), usual, (*before.names, *one.names))
+        joined.append(one)
+    return joined
+
+
+def _of_hole(hole: _Hole, controls: Collection[str]) -> str:
+    """Say which channels fell silent, and what that does."""
+    held = [name for name in hole.names if name in controls]
+    found = f"no sample of {', '.join(hole.names)} from {hole.begin:.2f} s to {hole.end:.2f} s, though one comes every {hole.usual:.3g} s"
+    if not held:
+        return f"{found}: nothing was measured, and the motion is simulated across it"
+    return (
+        f"{found}: the motion is simulated across it with the last value of {', '.join(held)}, which may be wrong; end the run there, "
+        f'end = "{hole.begin:.6g} s" in [import.trim.RUN], and give the rest a label of its own in fit, with start = "{hole.end:.6g} s" '
+        "and the same file, or a copy if its path has {run}"
+    )
 
 
 def _hold(time: np.ndarray, values: np.ndarray, instants: np.ndarray, slack: float) -> tuple[np.ndarray, str]:
