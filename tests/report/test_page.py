@@ -206,7 +206,7 @@ def test_what_is_folded_is_counted(tmp_path):
 def test_a_family_that_is_exhausted_is_said_to_be(tmp_path):
     html = render(make_outcome(tmp_path, gain=0.01))
     assert "another trial of this kind would give little information" in html
-    assert "What next" not in html
+    assert "Run a repeated doublet" not in html
 
 
 def test_chains_that_never_moved_do_not_break_the_page(tmp_path):

@@ -51,11 +51,6 @@ class Proposal:
         """All of it in words."""
         return (*self.standing, *self.first, *self.advice)
 
-    @property
-    def is_stop(self) -> bool:
-        """Whether the campaign ends here: no trial is worth running, and nothing is to be corrected before that can be said."""
-        return self.trial is None and not self.first
-
 
 def propose(outcome: Outcome) -> Proposal:
     """Weigh the goal, the doubt about the structure and what the best designs promise, after what failed."""

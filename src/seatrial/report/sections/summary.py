@@ -57,7 +57,6 @@ def summary_section(outcome: Outcome) -> dict[str, Any]:
         "wider_remedies": [sentence_of(outcome, text) for text in outcome.chosen.wider_remedies],
         "has_wider": any(row["wider"] for _, rows in tables for row in rows),
         "models": _models(outcome),
-        "stop": proposal.is_stop,
         "advice": [
             sentence_of(outcome, line.split("; expected: ")[0]) for line in (*proposal.first, *proposal.advice[:2])
         ],
