@@ -169,7 +169,7 @@ class Score(NamedTuple):
         information: about it, of samples that are independent.
         log_odds: that it is there.
         shift: of z, shape (d,).
-        variance: of z with it, shape (d,).
+        variance: by how much that of z grows with it, shape (d,).
     """
 
     size: float
@@ -194,7 +194,7 @@ class _Fit(NamedTuple):
         z: parameters, shape (d,).
         sizes: of every effect, 0 for those that are not taken in, shape (m,).
         taken: places of those that are, k of them.
-        cov: of z and then of their sizes, shape (d + k, d + k).
+        cov: of z and then of their sizes, as if all samples were independent, shape (d + k, d + k).
         log_odds: against the model without any.
         at: what is linear about it.
     """
@@ -205,6 +205,11 @@ class _Fit(NamedTuple):
     cov: np.ndarray
     log_odds: float
     at: Linear
+
+    @property
+    def variance(self) -> np.ndarray:
+        """Of z and the sizes, of as many samples as the residuals are worth, shape (d + k,); of the model itself, as it states it."""
+        return np.diag(self.cov) / (self.at.worth if self.taken else 1.0)
 
 
 def omitted_effects(posterior: Posterior, mode: Mode) -> OmittedEffects:
@@ -233,7 +238,7 @@ def omitted_effects(posterior: Posterior, mode: Mode) -> OmittedEffects:
             break
         near = [i for i in ranked if scores[i].log_odds >= ALIKE * scores[ranked[0]].log_odds]
         fits = [_fitted(problem, fit, i) for i in near]
-        tried += [(one.log_odds, np.diag(one.cov)[: posterior.dim], one.z - mode.z) for one in fits]
+        tried += [(one.log_odds, one.variance[: posterior.dim], one.z - mode.z) for one in fits]
         within += [one.taken for one in fits]
         best = max(fits, key=lambda one: one.log_odds)
         if best.log_odds <= fit.log_odds:
@@ -243,14 +248,15 @@ def omitted_effects(posterior: Posterior, mode: Mode) -> OmittedEffects:
         alike = tuple(effects[i] for i in rivals)
         found.append((best.taken[-1], best.log_odds - fit.log_odds, (best.z - fit.z) / sd, alike))
         fit = best
-    tried += [(fit.log_odds + one.log_odds, one.variance, fit.z + one.shift - mode.z) for one in scores.values()]
+    own = fit.variance[: posterior.dim]
+    tried += [(fit.log_odds + one.log_odds, own + one.variance, fit.z + one.shift - mode.z) for one in scores.values()]
     within += [(*fit.taken, i) for i in scores]
     log_odds, variance, shift = map(np.array, zip(*tried, strict=True))
     weight, shift, width = np.exp(log_odds - log_odds.max()), shift / sd, np.sqrt(variance) / sd
     spread = half_width(weight, shift, width) / ndtri(BAND)
     beyond = weight[:, None] * (1.0 - inside(ndtri(BAND), shift, width))
     blamed = np.array([beyond[[i in taken for taken in within]].sum(0) for i in range(len(effects))])
-    errors = np.sqrt(np.diag(fit.cov)[posterior.dim :])
+    errors = np.sqrt(fit.variance[posterior.dim :])
     omitted = [
         Omitted(effects[i], float(fit.sizes[i]), float(error), float(odds), shift, alike)
         for (i, odds, shift, alike), error in zip(found, errors, strict=True)
@@ -307,7 +313,7 @@ def score_effects(at: Linear, cov: Float[np.ndarray, "dk dk"], taken: tuple[int,
         if i in taken or not information[i] > HIDDEN * own[i] > 0:
             continue
         size = float(pull[i] / information[i])
-        variance = np.diag(cov)[:d] + absorbed[:d, i] ** 2 / (information[i] * at.worth)
+        variance = absorbed[:d, i] ** 2 / (information[i] * at.worth)
         log_odds = 0.5 * size * float(pull[i]) * at.worth - at.price
         scores[i] = Score(size, float(information[i]), log_odds, -absorbed[:d, i] * size, variance)
     return scores
@@ -342,7 +348,7 @@ def _fitted(problem: _Problem, before: _Fit, added: int) -> _Fit:
             break
     cov, among = np.diag(np.r_[np.diag(before.cov)[:d], np.zeros(len(here))]), np.r_[moves, d + np.arange(len(here))]
     curvature = at.products[np.ix_(fitted, fitted)]
-    cov[np.ix_(among, among)] = _inverse(curvature, _priors(posterior, z, moves)[2]) / at.worth
+    cov[np.ix_(among, among)] = _inverse(curvature, _priors(posterior, z, moves)[2])
     log_odds = before.log_odds + (before.at.log_noise - at.log_noise) * at.worth - at.price
     return _Fit(z, sizes, taken, cov, log_odds, at)
 
