@@ -89,7 +89,7 @@ def test_both_known():
 
 def test_one_unknown():
     (said,) = complaints([1, 0], np.diag([1e4, 0]), np.column_stack([1 + SHARP, UNIFORM]))
-    assert said.startswith("the data do not touch b: no measurement depends on it")
+    assert said.startswith("the trial says nothing about b: no measurement changes with it; fix it")
     assert said.endswith("the stated value is the prior's")
 
 

@@ -414,7 +414,8 @@ def test_lines_of_a_report():
     assert untouched.condition == np.inf
     assert "sigma_u is what the prior says: 0.100 +- 0.010 m/s" in untouched.lines()
     assert untouched.cautions()[0].startswith("no measurement of u is left")
-    assert judged(untouched=("X_u",)).cautions()[0].startswith("the data do not touch X_u")
+    said = judged(untouched=("X_u",)).cautions()[0]
+    assert said.startswith("the trial says nothing about X_u: no measurement changes with it; move u, fix it")
     (nothing,) = judged(untouched=judged().names).cautions()
     assert nothing.startswith("the data say nothing about any parameter")
     blind = judged(eigenvalues=np.full(3, np.nan))

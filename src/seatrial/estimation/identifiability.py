@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Float
 
 from seatrial.core.batching import bucket_length, filled
+from seatrial.core.coefficients import CoefficientName
 from seatrial.estimation.combinations import (
     Combination,
     Invisible,
@@ -328,7 +329,10 @@ def identifiability_of_design(
 def _untouched(name: str) -> str:
     if name.startswith("sigma_"):
         return f"no measurement of {name.removeprefix('sigma_')} is left, so the data say nothing about {name}"
-    return f"the data do not touch {name}: no measurement depends on it; fix it, or measure what it moves"
+    moved = f"move {listed(sorted({*CoefficientName.parse(name).signals}))}, " if is_coefficient(name) else ""
+    return (
+        f"the trial says nothing about {name}: no measurement changes with it; {moved}fix it, or measure what it moves"
+    )
 
 
 def _prior_means(parameters: Sequence[Parameter]) -> Float[np.ndarray, " d"]:

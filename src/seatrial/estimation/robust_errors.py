@@ -113,15 +113,15 @@ class RobustErrors:
         pieces, tests, is_wider = self.pieces, [], bool((self.ratio > TELLING).any())
         if pieces.count:
             few = f" (widened for so few: Student's t, {pieces.freedom} degrees of freedom)"
-            tests.append(f"each of {pieces.basis} is left out{few if is_wider else ''}")
+            tests.append(f"without any of {pieces.basis}{few if is_wider else ''}")
         if self.omitted.sought:
-            tests.append(f"one of {self.omitted.sought} effects that the model may lack is added")
+            tests.append(f"with any of {self.omitted.sought} effects that the model may lack")
         if not tests:
             return f"± with model error: not judged; {pieces.basis}"
         why = "" if pieces.count else f"; nothing was left out: {pieces.basis}"
-        moves = f"if {' or '.join(tests)}{why}"
+        moves = f"{' or '.join(tests)}{why}"
         if not is_wider:
-            return f"± with model error: not needed, no value moves by much more than its ± {moves}; {BEYOND}"
+            return f"± with model error: not needed: no value moves by much more than its ± {moves}; {BEYOND}"
         return f"± with model error: how far a value moves {moves}; printed if it is more than half larger; {BEYOND}"
 
     def wider(self, name: str, sd: float) -> float | None:

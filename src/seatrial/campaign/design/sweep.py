@@ -237,7 +237,7 @@ class Designs:
 
     def _worth(self, sweep: Sweep) -> str:
         worth, gain = sweep.worth[sweep.best], sweep.gain[sweep.best]
-        return "" if worth == gain else f"; by its utility, {worth:.3g} {self.unit}".rstrip()
+        return "" if worth == gain else f"; utility {worth:.3g} {self.unit}".rstrip()
 
 
 def stored_first(campaign: Campaign) -> StoredResult[Designs]:

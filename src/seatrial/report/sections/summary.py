@@ -112,7 +112,7 @@ def _basis(outcome: Outcome) -> str:
     seconds = sum(float(record.time[-1] - record.time[0]) for record in runs)
     what = "simulated trial" if outcome.campaign.imports is None else "run"
     if len(runs) > 1:
-        return f"{len(runs)} {what}s of {seconds:.0f} s in all"
+        return f"{len(runs)} {what}s, {seconds:.0f} s together,"
     return f"One {what} of {seconds:.0f} s"
 
 
