@@ -1,4 +1,4 @@
-"""How far a whole run has come, by the seconds that its steps took before on this machine."""
+"""How far a whole run has come, by the seconds that its steps took before on this machine, and by how far the step at work has come."""
 
 import json
 import os
@@ -24,8 +24,10 @@ USUAL = {
 LEAST = 0.5
 """Seconds of any other."""
 SHARE = 0.95
-"""Of a step's expected time, the most that counts as done before it is."""
+"""Of a step's time, the most that counts as over before it is."""
 PARTS = 1000
+EARLY = 0.1
+"""Share of a step's own bars from which they say more of its time than what it took before."""
 UNSURE = 0.25
 """Share of the whole run that the pace of its steps has to outweigh: short steps say little about long ones."""
 
@@ -44,6 +46,7 @@ class WholeRun:
         self.expected = {step: known.get(step, USUAL.get(step, LEAST)) for step in steps}
         self.tell = reporter.progress(TITLE) if len(steps) > 1 else None
         self.before, self.took, self.now, self.began = 0.0, 0.0, "", time.monotonic()
+        self.shares: dict[str, float] = {}
         self.show()
 
     def say(self, text: str) -> None:
@@ -54,33 +57,46 @@ class WholeRun:
         """See `Reporter.progress`."""
         told = self.reporter.progress(title)
 
+        self.shares[title] = 0.0
+
         def both(done: int, total: int) -> None:
             told(done, total)
+            self.shares[title] = done / max(total, 1)
             self.show()
 
         return both
 
     def begin(self, step: str) -> None:
         """Say which step is made now."""
-        self.now, self.began = step, time.monotonic()
+        self.now, self.began, self.shares = step, time.monotonic(), {}
 
     def end(self) -> None:
         """Say that it is made, and learn how long it took."""
         if self.now in self.expected:
             seconds = time.monotonic() - self.began
-            self.before, self.took = self.before + self.expected[self.now], self.took + seconds
+            self.before, self.took = self.before + self.expected.pop(self.now), self.took + seconds
             learn(self.now, seconds)
         self.now = ""
         self.show()
 
     def show(self) -> None:
-        """Show how far the run has come; a step is as much slower than expected as those before it were."""
+        """Show how far the run has come.
+
+        A step is as much slower than expected as those before it were; the farther it is, the more its own bars say of how long it takes.
+        The bar goes back where a step turns out to be longer than it was, so that the time that remains is right.
+        """
         if self.tell is None:
             return
-        ahead, usual = self.expected.get(self.now, 0.0), UNSURE * sum(self.expected.values())
+        usual = UNSURE * (self.before + sum(self.expected.values()))
         pace = (self.took + usual) / (self.before + usual)
-        done = self.before + min((time.monotonic() - self.began) / pace, SHARE * ahead)
-        self.tell(round(PARTS * done / sum(self.expected.values())), PARTS)
+        over = time.monotonic() - self.began if self.now in self.expected else 0.0
+        share = sum(self.shares.values()) / len(self.shares) if over > 0 and self.shares else 0.0
+        here = pace * self.expected.get(self.now, 0.0)
+        trust = share / (share + EARLY)
+        here = (1.0 - trust) * here + trust * (over / share if share > 0 else 0.0)
+        later = pace * sum(seconds for step, seconds in self.expected.items() if step != self.now)
+        whole = self.took + max(here, over / SHARE) + later
+        self.tell(round(PARTS * (self.took + over) / whole) if whole > 0 else PARTS, PARTS)
 
 
 def learnt() -> dict[str, float]:
