@@ -93,7 +93,7 @@ def _remedy(parameter: Parameter, bound: float, gain: float) -> str:
             f"the model misses {channel} by more than the sensor's noise can explain: check units, signs, the channel map and {channel} "
             f'for outliers (residuals = "heavy" tolerates them), then the other priors; widen this one only if {channel} is that noisy'
         )
-    checks = 'units, signs, clocks (a control that was measured: between = "line") and the channel map'
+    checks = 'units, signs, clocks (a control that was measured: between = "line"), the channel map, and the masses under [vehicle]'
     if gain > HUGE:
         return f"check {checks} first: `seatrial check` compares the log with the model; widen the prior only if they are right"
     return f"widen the prior, or check {checks}"
