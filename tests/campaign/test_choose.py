@@ -10,11 +10,11 @@ from seatrial.campaign.compute.shared_work import Study
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.selection import evidence
-from seatrial.campaign.selection.evidence import agreement_words, select_structure
+from seatrial.campaign.selection.evidence import agreement_counts, agreement_words, select_structure
 from seatrial.selection.combined_evidence import EvidenceRun, Weighed
 from seatrial.selection.evidence import Evidence
 from tests.campaign.small import write_small
-from tests.selection.targets import far_peaks, one_peak, spike_on_slab
+from tests.selection.targets import far_peaks, one_peak, peaks, spike_on_slab
 
 
 def selection_of(folder: Path, monkeypatch, full, without):
@@ -31,6 +31,19 @@ def test_a_second_peak_is_weighed_and_the_methods_agree(tmp_path, monkeypatch):
     assert [one.log_value for one in found.evidences] == pytest.approx([exact, other], abs=0.02)
     assert "with which tempered SMC" in agreement_words(found.evidences[0])
     assert (found.alarms, found.evidences[0].diagnostics["modes"]) == ((), 2)
+
+
+def test_a_structure_that_is_hopelessly_behind_is_given_up(tmp_path, monkeypatch):
+    """Its peak is twelve standard deviations of the prior away: 72 nats; one repeat and importance sampling know that, and are right."""
+    (full, exact), (without, other) = one_peak(), peaks((12.0, 12.0))
+    found = selection_of(tmp_path, monkeypatch, full, without)
+    assert [one.log_value for one in found.evidences] == pytest.approx([exact, other], abs=0.02)
+    assert list(found.evidences[1].diagnostics["methods"]) == ["importance"]
+    assert "alone: tempered SMC, run once, finds it 7" in agreement_words(found.evidences[1])
+    assert agreement_counts(["M-0", "M-1"], found.evidences) == (
+        "Importance sampling and tempered SMC agree on 1 of 2 evidences; 1 is so far behind that one repeat of tempered SMC was enough."
+    )
+    assert (found.alarms, found.chosen) == ((), 0)
 
 
 @pytest.mark.proof

@@ -142,6 +142,41 @@ def test_pieces_follow_what_is_known():
     assert len(gathering.runs) <= gathering.most == 8
 
 
+@pytest.mark.parametrize(
+    ("weighed", "repeat", "is_hopeless"),
+    [
+        (Evidence(-60.0, 0.01, "importance"), -55.0, True),
+        (Evidence(-60.0, 0.01, "importance"), -49.0, False),
+        (Evidence(-49.0, 0.01, "importance"), -60.0, False),
+        (Evidence(-60.0, 0.01, "importance", {}, "k-hat"), -60.0, False),
+        (None, -60.0, False),
+    ],
+)
+def test_a_structure_is_given_up_where_both_methods_find_it_hopeless(weighed, repeat, is_hopeless):
+    gathering = Gathering(2)
+    assert gathering.begin(1) == [Piece("smc", 0)]
+    (run,) = numbered(repeat)
+    assert gathering.add(run) == Piece("importance", first=run)
+    assert gathering.add(Weighed("importance", weighed, None if weighed else "no mode")) is None
+    assert gathering.give_up(0.0) == is_hopeless
+    if is_hopeless:
+        evidence = gathering.evidence()
+        assert (evidence.log_value, evidence.std_error, evidence.status) == (-60.0, 0.01, "")
+        assert evidence.diagnostics["notes"] == [
+            "tempered SMC, run once, finds it 55 nats behind the best or more, too"
+        ]
+    else:
+        assert gathering.begin() == [Piece("smc", 1)]
+
+
+def test_a_higher_peak_that_particles_met_gives_nothing_up():
+    gathering = Gathering(2)
+    gathering.begin(1)
+    gathering.add(numbered(-60.0)[0])
+    gathering.add(Weighed("importance", Evidence(-60.0, 0.01, "importance"), None, ("a higher peak",)))
+    assert not gathering.give_up(0.0)
+
+
 @pytest.mark.parametrize("late", [False, True])
 def test_nested_sampling_is_asked_once_where_tempered_smc_does_not_confirm(late):
     """More repeats of what complains are not asked; in whatever order the results came."""

@@ -8,6 +8,8 @@ Where the noise is unknown and the priors are wide, tempered SMC may fail on a p
 the number of coefficients, L^b is a power law of the residuals, of which every scale holds as much as every other, and few particles
 meet the narrow ones. Nested sampling, which goes down in likelihood instead of temperature, has no such stretch, and is asked then.
 
+A structure that the first repeat and importance sampling both find hopelessly behind another is given up: its last digits decide nothing.
+
 What agreement cannot show: a mode that no particle met. Two methods can miss the same narrow peak and agree.
 
 The work is cut into pieces that may run anywhere and in any order: `Gathering` says which are to be done, `do` does one.
@@ -15,7 +17,7 @@ The work is cut into pieces that may run anywhere and in any order: `Gathering` 
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal, NamedTuple
 
 import jax
@@ -144,6 +146,8 @@ BLUNT = 0.5
 """Joint error, nats, of a check: what it then still finds, 1.5 nats, moves odds between structures by a factor of four."""
 MOST_REPEATS = 4
 """Repeats of tempered SMC at most, in those asked for."""
+HOPELESS = 50.0
+"""Nats behind the best structure from which one is given up: it then has a probability below 1e-21."""
 NESTED_RUNS, NESTED_LIVE, NESTED_MOVES = 4, 200, 4
 """Runs of nested sampling, live points of each, and slice moves for each parameter: an error of 0.2 nats where the data tell 26.
 
@@ -273,12 +277,14 @@ class Gathering:
         asked: repeats of tempered SMC asked for; with 0 importance sampling is done alone, for a value that decides nothing.
         runs: repeats that are there, by number; what is known before `begin` is not done again.
         weighed: what the other methods found, by method.
+        behind: nats behind the best structure, of one that is given up; 0 of any other.
     """
 
     def __init__(self, asked: int):
         self.asked = asked
         self.runs: dict[int, EvidenceRun] = {}
         self.weighed: dict[Method, Weighed] = {}
+        self.behind = 0.0
         self._begun: set[tuple[Method, int]] = set()
 
     @property
@@ -286,11 +292,12 @@ class Gathering:
         """Repeats at most."""
         return MOST_REPEATS * self.asked
 
-    def begin(self) -> list[Piece]:
-        """Return all that can be done at once."""
-        asked = [self._begin(Piece("smc", repeat)) for repeat in range(self.asked) if repeat not in self.runs]
+    def begin(self, most: int | None = None) -> list[Piece]:
+        """Return all that can be done at once, of the repeats that are asked for so many at most; what was begun is not begun again."""
+        repeats = [Piece("smc", repeat) for repeat in range(self.asked if most is None else min(most, self.asked))]
+        new = [one for one in repeats if one.repeat not in self.runs and (one.method, one.repeat) not in self._begun]
         following = iter(self._following, None)
-        return [*asked, *following]
+        return [*map(self._begin, new), *following]
 
     def add(self, result: EvidenceRun | Weighed) -> Piece | None:
         """Keep what was found, and return what can be done now, if anything can."""
@@ -300,10 +307,30 @@ class Gathering:
             self.runs[result.repeat] = result
         return self._following()
 
+    @property
+    def first(self) -> tuple[float, float] | None:
+        """The lower and the higher of two first values, by importance sampling and by one repeat; None where one is not sound."""
+        weighed, run = self.weighed.get("importance"), self.runs.get(0)
+        if weighed is None or weighed.evidence is None or weighed.evidence.status or weighed.alarms:
+            return None
+        if run is None or run.smc is None:
+            return None
+        low, high = sorted((weighed.evidence.log_value, run.smc.log_evidence))
+        return low, high
+
+    def give_up(self, best: float) -> bool:
+        """Give up a structure that cannot be the best, for a lower bound of that one's log evidence; returns whether it is given up."""
+        self.behind = best - self.first[1] if self.first is not None and self.first[1] < best - HOPELESS else 0.0
+        return self.behind > 0.0
+
     def evidence(self) -> Evidence:
         """Return the evidence once all is there."""
         if "importance" not in self.weighed:
             raise RuntimeError("importance sampling has not been done yet")
+        if self.behind and (own := self.weighed["importance"].evidence) is not None:
+            alone = judge({"importance": own}, {}, alone=True)
+            note = f"tempered SMC, run once, finds it {self.behind:.0f} nats behind the best or more, too"
+            return replace(alone, diagnostics={**alone.diagnostics, "notes": [note]})
         found: dict[Method, Evidence] = {
             name: one.evidence for name, one in self.weighed.items() if one.evidence is not None
         }

@@ -76,7 +76,8 @@ def agreement_words(evidence: Evidence) -> str:
     """Which methods gave this evidence, which of them agree, and what is known of the others."""
     table = evidence.diagnostics["methods"]
     if len(table) == 1 and not evidence.status:
-        return f"by {CALLED[next(iter(table))]} alone, since there is no other structure to compare with"
+        why = evidence.diagnostics["notes"] or ["there is no other structure to compare with"]
+        return f"by {CALLED[next(iter(table))]} alone: {why[0]}"
     value = value_of(table)
     others = {name: one for name, one in table.items() if name != value and not one["status"]}
     agree = [
@@ -93,21 +94,29 @@ def agreement_words(evidence: Evidence) -> str:
 
 
 def agreement_counts(labels: Sequence[str], evidences: Sequence[Evidence]) -> str:
-    """Say on how many evidences two methods agree without a third, and which nested sampling decided; nothing where none is sound."""
-    sound = {label: one.diagnostics["methods"] for label, one in zip(labels, evidences, strict=True) if not one.status}
+    """Say on how many evidences two methods agree without a third, which nested sampling decided, and how many are hopelessly behind.
+
+    Nothing where none is sound.
+    """
+    tables = {label: one.diagnostics["methods"] for label, one in zip(labels, evidences, strict=True) if not one.status}
+    sound = {label: table for label, table in tables.items() if len(table) > 1}
     decided = [label for label, table in sound.items() if "nested" in table]
-    agreed, count = len(sound) - len(decided), len(evidences)
+    agreed, count, behind = len(sound) - len(decided), len(evidences), len(tables) - len(sound)
     if agreed == count:
         return "Every evidence was computed by importance sampling and by tempered SMC, and the two agree."
     said = [f"Importance sampling and tempered SMC agree on {agreed} of {count} evidences"] if sound else []
     said += [f"nested sampling decided that of {listed(decided)}"] if decided else []
+    if behind:
+        said.append(
+            f"{behind} {'is' if behind == 1 else 'are'} so far behind that one repeat of tempered SMC was enough"
+        )
     return f"{'; '.join(said)}." if said else ""
 
 
 def evidence_key(campaign: Campaign, structure: Structure, trials: HasKey) -> str:
     """Key of one structure's evidence."""
     name = (
-        "evidence by agreement, a third method asked"
+        "evidence by agreement, the hopeless given up"
         if len(campaign.structures) > 1
         else "evidence by importance sampling"
     )
@@ -150,11 +159,10 @@ class _Part(NamedTuple):
 
 
 def _evidences(campaign: Campaign, trials: Trials, reporter: Reporter) -> list[Evidence]:
-    """All pieces of all evidences side by side; what each adds up to is `agreed_evidence`."""
+    """All pieces of all evidences side by side; what each adds up to is `agreed_evidence`, but for structures that are given up first."""
     kept = [_Kept(campaign, one, evidence_key(campaign, one, trials), reporter) for one in campaign.structures]
     of = {one.structure.label: one for one in kept}
-    parts = [_Part(one.structure, piece) for one in kept for piece in one.gathering.begin()]
-    doing = [*parts]
+    doing: list[_Part] = []
 
     def done(index: int, result: EvidenceRun | Weighed) -> _Part | None:
         structure = doing[index].structure
@@ -169,7 +177,13 @@ def _evidences(campaign: Campaign, trials: Trials, reporter: Reporter) -> list[E
         part = doing[index]
         of[part.structure.label].show(part.piece, done / total)
 
-    workers_of(campaign, reporter).run(_compute, Study(campaign, trials.fit), parts, done, on_progress)
+    workers, study = workers_of(campaign, reporter), Study(campaign, trials.fit)
+    doing[:] = [_Part(one.structure, piece) for one in kept for piece in one.gathering.begin(1)]
+    workers.run(_compute, study, [*doing], done, on_progress)
+    best = max((first[0] for one in kept if (first := one.gathering.first) is not None), default=-np.inf)
+    left = [one for one in kept if not one.give_up(best)]
+    doing[:] = [_Part(one.structure, piece) for one in left for piece in one.gathering.begin()]
+    workers.run(_compute, study, [*doing], done, on_progress)
     return [one.gathering.evidence() for one in kept]
 
 
@@ -207,6 +221,13 @@ class _Kept:
             save_checkpoint(self._checkpoint(found.repeat), self.checkpoint_key, arrays)
             self.show(Piece("smc", found.repeat), 1.0)
         return self.gathering.add(found)
+
+    def give_up(self, best: float) -> bool:
+        """See `Gathering.give_up`."""
+        is_hopeless = self.gathering.give_up(best)
+        if is_hopeless:
+            self.progress(1, 1)
+        return is_hopeless
 
     def show(self, piece: Piece, share: float) -> None:
         """Show how much of a piece is done: all repeats in one bar, nested sampling in a bar of its own."""
