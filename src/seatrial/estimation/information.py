@@ -82,7 +82,7 @@ def _differences(posterior: Posterior, point: Float[np.ndarray, " d"], here: Slo
     known = posterior.likelihood.noise_parameters if isinstance(posterior.likelihood, OutputError) else frozenset()
     noise = [i for i, name in enumerate(posterior.names) if name in known]
     kinked = [i for i in posterior.places if posterior.names[i] == DELAY]
-    apart = APART * np.sqrt(max(1.0, sum(float(np.sum(one.present)) for one in posterior.data.channels)))
+    apart = APART * np.sqrt(max(1.0, sum(float(np.asarray(one.present).sum()) for one in posterior.data.channels)))
     for i in posterior.places:
         if i in (*kinked, *noise):
             continue

@@ -382,7 +382,8 @@ def _linear(problem: _Problem, z: np.ndarray, sizes: np.ndarray) -> Linear:
             own = rows[edges[i] : edges[i + 1]]
             own[:, 0] = (np.asarray(channel.measured) - np.asarray(shown[i]))[here]
             own[:, 1 + first : 1 + first + SIDE_BY_SIDE] = np.asarray(slopes[i])[:, here].T
-    time = np.cumsum(data.step, 1) - np.asarray(data.step)
+    step = np.asarray(data.step)
+    time = np.cumsum(step, 1) - step
     products, log_noise, shares = np.zeros((1 + sought.size,) * 2), 0.0, [1.0]
     for i, (sensor, channel) in enumerate(zip(posterior.likelihood.simulator.sensors, data.channels, strict=True)):
         own, begin = rows[edges[i] : edges[i + 1], : 1 + sought.size], 0
