@@ -6,7 +6,7 @@ from scipy.optimize import linprog
 
 from seatrial.logs.align import align
 from seatrial.logs.read import read_log
-from seatrial.logs.time_stamps import even_clock
+from seatrial.logs.time_stamps import even_clock, lost_after
 from tests.logs.log_cases import GOOD, SPEED, refusal, source, written
 
 
@@ -65,6 +65,34 @@ def test_even_clock_from_a_file(tmp_path):
     assert any("clock rebuilt" in note for note in table.notes)
     with refusal("run.csv", 'column "t", row', "same time stamp"):
         read_log(source(written(tmp_path, text), channels={"u": SPEED}))
+
+
+def without(truth, arrival, first, seconds):
+    """Return the rows of a log that lost some after one of them."""
+    kept = (truth <= truth[first]) | (truth > truth[first] + seconds)
+    return truth[kept], arrival[kept]
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_rows_that_were_held_back_are_not_lost(seed):
+    assert lost_after(np.round(bursts(seed)[1], 4)).size == 0
+    sends = np.arange(3000)
+    assert lost_after(5.0 * (sends // 50) + 1e-3 * (sends % 50)).size == 0
+
+
+@pytest.mark.parametrize("seconds", [4.0, 250.0])
+def test_rows_of_a_hole_are_lost(seconds):
+    truth = 0.1 * np.arange(3600)
+    arrival = np.round(truth + np.random.default_rng(0).normal(0, 0.005, truth.size), 3)
+    assert lost_after(without(truth, arrival, 700, seconds)[1]).tolist() == [700]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_even_clock_is_even_between_the_holes(seed):
+    truth, arrival = without(*bursts(seed), 1200, 8.0)
+    time, notes = even_clock(arrival)
+    assert np.max(np.abs(time - truth)) < 2e-3
+    assert "in each of 2 stretches, between which rows are lost: period 0.02 s" in notes[0]
 
 
 REPEATED = "t,rpm,speed\n0,1,1\n0.1,1,2\n0.1,1,3\n0.1,1,4\n0.2,1,5\n0.3,1,6\n"

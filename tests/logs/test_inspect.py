@@ -390,3 +390,15 @@ def test_map_without_a_guess_has_the_file_and_its_clock(tmp_path):
     assert 'table = "timestamps"\ntime = { column = "timestamps", unit = "ns" }' in text
     assert "beside" not in text
     assert "No column could be guessed" in text
+
+
+def test_a_hole_is_no_burst(tmp_path):
+    time = np.delete(0.1 * np.arange(3600), slice(1200, 1240))
+    rows = "".join(f"{1.7e9 + at:.2f},{1 + at % 7}\n" for at in time.tolist())
+    found = inspect_log(written(tmp_path, "stamp,speed\n" + rows))
+    clock = found.tables[0].clock
+    assert (clock.rate, clock.holes, clock.gap) == (pytest.approx(10.0), 1, pytest.approx(4.1))
+    assert (clock.lost, clock.jitter) == (pytest.approx(4.1), pytest.approx(0.0, abs=1e-6))
+    assert "10 Hz" in found.lines()[3]
+    assert "longest gap 4.1 s; rows are lost in 1 hole, 4.1 s in all" in found.lines()[3]
+    assert "even" not in found.as_toml()

@@ -246,7 +246,12 @@ def _clock_text(clock: ClockSummary) -> str:
     faults = [
         f"{count} {what}" for count, what in ((clock.repeated, "repeated"), (clock.backward, "run back")) if count
     ]
-    return text + (f"; stamps: {', '.join(faults)}" if faults else "")
+    lost = (
+        f"; rows are lost in {clock.holes} hole{'s' if clock.holes > 1 else ''}, {clock.lost:.3g} s in all"
+        if clock.holes
+        else ""
+    )
+    return text + lost + (f"; stamps: {', '.join(faults)}" if faults else "")
 
 
 def _column_text(column: ColumnSummary) -> str:
