@@ -123,10 +123,24 @@ def test_a_unit_in_the_name_of_the_clock_is_held_against_the_map(tmp_path, colum
     assert found.cautions == ((expected,) if asked else ())
 
 
+@pytest.mark.parametrize(("step", "unit", "meant"), [(0.1, "ms", "s"), (100, "s", "ms")])
+def test_a_clock_in_another_unit_is_told_with_the_one_that_fits(tmp_path, step, unit, meant):
+    text = "clock,rpm,speed\n" + "".join(f"{step * k:.1f},{600 + k},{1 + 0.01 * k:.2f}\n" for k in range(40))
+    table = read_log(source(written(tmp_path, text), time_column="clock", time_unit=unit))
+    (said,) = table.cautions
+    assert said.startswith('run.csv, time: column "clock" has a row every')
+    assert (
+        f'with the unit "{unit}", where 0.001 s to 10 s is usual; is it "{meant}"? Then it would be one every 0.1 s'
+        in said
+    )
+    with refusal("start and end", "correct the unit of time first: run.csv has a row every", f'is it "{meant}"?'):
+        align([table], start=1e5, end=2e5)
+
+
 def test_a_grid_much_finer_than_every_channel_is_told(tmp_path):
     text = "clock,rpm,speed\n" + "".join(f"{100 * k},{600 + k},{1 + 0.01 * k:.2f}\n" for k in range(20))
     log = written(tmp_path, text)
-    (told,) = align([read_log(source(log, time_column="clock"))], step=0.05).provenance.options["cautions"]
+    *_, told = align([read_log(source(log, time_column="clock"))], step=0.05).provenance.options["cautions"]
     assert "a sample only every 100 s, and the record one every 0.05 s: check the unit of time" in told
     fine = align([read_log(source(log, time_column="clock", time_unit="ms"))], step=0.05)
     assert fine.provenance.options["cautions"] == []

@@ -53,8 +53,6 @@ UNLIKE, AT = 1.5, 0.1
 """Ratio to the stated trim, or its inverse, from which a record contradicts it, and share by which a control may be off its trim there."""
 SELDOM = 0.01
 """Share of the samples in which a control must come near its trim."""
-QUICK, SLOW = 1e-3, 10.0
-"""Seconds between samples below and above which the unit of a clock is doubted."""
 CUT = 0.02
 """Share of the samples that may lie at the very end of a gauge's range while the expected force goes on."""
 BEYOND = 0.01
@@ -241,15 +239,6 @@ def _unlike_trim(name: str, trim: float, ratio: float, when: str) -> RecordFindi
     value, limit = f"{when} {ratio * trim * factor:.4g} {unit}", f"vehicle.trim.{name} is {trim * factor:.4g} {unit}"
     remedy = _unit_guess(name, ratio, "check column, unit and sign in the channel map, or correct the trim")
     return RecordFinding(name, "trim", "caution", value, limit, remedy)
-
-
-def check_clock(step: float) -> list[RecordFinding]:
-    """Return the doubt of a clock whose samples, `step` seconds apart at the median, come quicker or slower than a vehicle is logged."""
-    if QUICK <= step <= SLOW:
-        return []
-    remedy = "check the unit of the time column in the channel map: ms taken for us, or s for min?"
-    value, limit = f"{step:.2g} s between samples", f"usual: {QUICK:g} to {SLOW:g} s"
-    return [RecordFinding("time", "clock", "caution", value, limit, remedy)]
 
 
 def check_turn(

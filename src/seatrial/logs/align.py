@@ -17,7 +17,7 @@ from seatrial.core.files import sha256_of_json
 from seatrial.core.record import Channel, Provenance, Record, make_record
 from seatrial.core.signals import ANGLES
 from seatrial.logs.source import LogTable
-from seatrial.logs.time_stamps import hole_from
+from seatrial.logs.time_stamps import hole_from, unit_doubt
 from seatrial.numerics.integrate import held_mean
 
 _MOST_ACROSS = 10_000
@@ -81,12 +81,19 @@ def align(
     stop = last if end is None else min(first + end, last)
     instants = _instants(tracks, begin, stop, step, label) if stop > begin else np.empty(0)
     if instants.size < 3:
+        doubts = [
+            f"{table.source} has {doubt}"
+            for table in tables
+            if (doubt := unit_doubt(table.time, table.options.get("time_unit") or "s"))
+        ]
         raise InputError(
             f'record "{label}", start and end',
             found=f"start {start or 0.0:g} s, end {'of the interval' if end is None else f'{end:g} s'}: "
             f"{instants.size} samples",
             expected=f"at least 3 samples between 0 s and {last - first:.6g} s, where the files overlap",
-            remedy="correct start and end, in seconds from the beginning of the overlap, or the step",
+            remedy=f"correct the unit of time first: {', and '.join(doubts)}"
+            if doubts
+            else "correct start and end, in seconds from the beginning of the overlap, or the step",
         )
 
     columns, notes, averaged = {}, [], {}

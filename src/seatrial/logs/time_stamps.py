@@ -20,6 +20,8 @@ from seatrial.logs.source import Clock
 
 _PLAUSIBLE_STEP = (1e-5, 1e3)
 _USUAL_STEP = 0.03
+_QUICK, _SLOW = 1e-3, 10.0
+"""Seconds between samples below and above which the unit of a clock is doubted."""
 _COMMON_UNITS = ("ns", "us", "ms", "s", "min")
 _HOLE, _LONG = 20.0, 1.0
 """Usual spacings and seconds beyond both of which a spacing is a hole."""
@@ -161,6 +163,26 @@ def fitting_unit(step: float) -> str:
     """Return the unit in which a step, as it stands in a log, is nearest to a usual one."""
     far = {name: math.log(max(step * to_si(1.0, name, "s", name), 1e-300) / _USUAL_STEP) for name in _COMMON_UNITS}
     return min(far, key=lambda name: abs(far[name]))
+
+
+def unit_doubt(time: Float[np.ndarray, " n"], unit: str) -> str:
+    """Say which unit would make rows as frequent as a vehicle's log has them, where the stated one does not; empty where it does.
+
+    Args:
+        time: s, as the unit says, rising, shape (n,).
+        unit: as stated.
+    """
+    step = float(np.median(np.diff(time)))
+    if _QUICK <= step <= _SLOW:
+        return ""
+    in_file = step / to_si(1.0, unit, "s", unit)
+    best = fitting_unit(in_file)
+    question = (
+        f'; is it "{best}"? Then it would be one every {in_file * to_si(1.0, best, "s", best):.2g} s'
+        if best != unit
+        else ""
+    )
+    return f'a row every {step:.2g} s with the unit "{unit}", where {_QUICK:g} s to {_SLOW:g} s is usual{question}'
 
 
 def check_unit(time: Float[np.ndarray, " n"], unit: str, where: str) -> None:

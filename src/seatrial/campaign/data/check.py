@@ -23,7 +23,6 @@ from seatrial.estimation.first_guess import first_guess
 from seatrial.estimation.priors import Prior
 from seatrial.estimation.record_checks import (
     RecordFinding,
-    check_clock,
     check_excitation,
     check_limits,
     check_motion,
@@ -91,7 +90,7 @@ def record_doubts(campaign: Campaign, record: Record) -> list[str]:
 
 
 def _stated(campaign: Campaign, record: Record) -> list[RecordFinding]:
-    """Compare a record with what the campaign states: limits, and of a real one the trim; and its clock with that of any vehicle."""
+    """Compare a record with what the campaign states: limits, and of a real one the trim."""
     driven = {name: record.channel(name) for name in campaign.model(campaign.full).controls}
     findings: list[RecordFinding] = []
     for name in (one for one in campaign.control_limits if one in driven):
@@ -99,7 +98,6 @@ def _stated(campaign: Campaign, record: Record) -> list[RecordFinding]:
     if record.provenance.source == SIMULATED:
         return findings
     measured = {name: record.channel(name) for name in campaign.channels}
-    findings += check_clock(float(np.median(np.diff(record.time))))
     return findings + check_trim(campaign.hull.trim, driven, measured)
 
 
