@@ -236,6 +236,7 @@ def test_a_unit_is_named_within_a_factor_of_1_6_of_it(name, factor, words):
     )
     assert size.level == ("pass" if words is None else "caution")
     assert (words or "") in size.remedy
+    assert ("?" in size.remedy) == (words not in (None, "check the units"))
     assert float(size.value.split()[0]) == pytest.approx(factor, rel=0.01)
 
 
