@@ -63,6 +63,27 @@ def test_a_published_vehicle_brings_its_priors_and_trim(monkeypatch, capsys, tmp
     assert made.family.trim == pytest.approx(1194 / 30 * 3.141592653589793)
 
 
+def test_every_control_keeps_the_range_that_was_said(monkeypatch, capsys, tmp_path):
+    more = (
+        "--known 'X_tau_X 1' --moves u,r --inertia '1, 5, 5 kg m^2' --seek 'N_ur -9 to 0' --seek 'N_uudelta_r -9 to 0'"
+    )
+    controls = "--control 'tau_X 15 N, 2 to 26 N' --control 'delta_r 0 rad, -0.35 to 0.35 rad, 0.5 rad/s'"
+    words = [
+        "--mass",
+        "30 kg",
+        "--seek",
+        "X_uabsu -9 to -1",
+        *shlex.split(more),
+        *shlex.split(controls),
+        "--speed",
+        "1.5 m/s",
+    ]
+    run(monkeypatch, capsys, "init", tmp_path / "boat", *words, "--sensor", "u 0.02 m/s", "--sensor", "r 0.5 deg/s")
+    limits = load_campaign(tmp_path / "boat").control_limits
+    assert (limits["tau_X"].lower, limits["tau_X"].upper) == (2.0, 26.0)
+    assert (limits["delta_r"].lower, limits["delta_r"].upper, limits["delta_r"].rate) == (-0.35, 0.35, 0.5)
+
+
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
@@ -74,18 +95,31 @@ def test_a_published_vehicle_brings_its_priors_and_trim(monkeypatch, capsys, tmp
         ("'n 1000 rpm, 500 to 1500 rpm, 600 rpm/s'", "'n 1000 rpm'", "--control n[^$]*a trim without a range"),
         ("'n 1000 rpm, 500 to 1500 rpm, 600 rpm/s'", "'f_1 0 N, -9 to 9 N'", "--control f_1[^$]*vehicle.thrusters"),
         ("'n 1000 rpm, 500 to 1500 rpm, 600 rpm/s'", "'u 1 m/s, 0 to 2 m/s'", "--control[^$]*a control: n, delta_r"),
-        ("'n 1000 rpm, 500 to 1500 rpm, 600 rpm/s'", "'tau_X 0 N, -9 to 9 N'", "limits.tau_X[^$]*a term names it"),
+        (
+            "'n 1000 rpm, 500 to 1500 rpm, 600 rpm/s'",
+            "'tau_X 0 N, -9 to 9 N'",
+            '--control tau_X\n[^$]*--known "X_tau_X 1"',
+        ),
         ("u 0.02 m/s", "u 0.02 kg", "--sensor"),
         ("distance below 200 m", "distanz below 200 m", "--limit[^$]*a signal or control"),
         ("X_uabsu 5 %", "X_uabsu 0 %", "--goal[^$]*more than 0"),
         ("--mass '45 kg'", "--mass '45 kg' --template design", "--template design[^$]*--mass"),
-        ("'u 0.02 m/s, 5 Hz'", "'v 0.02 m/s, 5 Hz'", "what these options make[^$]*sensors.v"),
+        ("'u 0.02 m/s, 5 Hz'", "'v 0.02 m/s, 5 Hz'", "--sensor v\n[^$]*one of u, udot"),
+        ("--speed '1.5 m/s'", "", '--speed\n[^$]*remedy: +for example --speed "1.5 m/s"\n'),
+        ("--thrust-deduction '10 %'", "--moves u,r", "--inertia\n[^$]*no I_zz"),
+        ("--thrust-deduction '10 %'", "--moves u,x", "--moves\n"),
+        ("X_uabsu 5 %", "X_w 5 %", "--goal X_w\n"),
+        ("distance below 200 m", "p below 2 rad/s", "--limit p\n"),
+        ("distance below 200 m", "n below 2000 rpm", "--limit n\n[^$]*beside --control n"),
+        ("X_u -5 to 0", "X_uabsu -5 to 0", "--optional X_uabsu\n[^$]*again, beside --seek X_uabsu"),
+        ("'90 s'", "'0.1 s'", "--duration\n"),
     ],
 )
 def test_what_cannot_be_is_told_by_its_option(monkeypatch, capsys, tmp_path, old, new, said):
     code, _, err = run(monkeypatch, capsys, "init", tmp_path / "boat", *changed(old, new))
     assert code == Exit.BAD_INPUT
     assert re.search(said, err), err
+    assert "campaign.toml" not in err
     assert not (tmp_path / "boat").exists()
 
 

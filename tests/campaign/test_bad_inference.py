@@ -65,6 +65,27 @@ def test_a_prior_that_is_missing_says_why_it_is_needed_and_gives_one(tmp_path, n
     assert f"add a section [prior.{name}], for example with distribution = " in caught.value.remedy
 
 
+def test_all_missing_priors_are_named_at_once(tmp_path):
+    other = f'{SENSOR}\n[sensors.udot]\nnoise = "0.1 m/s^2"'
+    folder = write_small(tmp_path, (SENSOR, other), (ESTIMATION, f'{ESTIMATION}residuals = "coloured"\n'))
+    with pytest.raises(InputError) as caught:
+        load_campaign(folder)
+    assert "a prior of tau_u, SI unit s, and of tau_udot, SI unit s" in caught.value.expected
+    for name in ("tau_u", "tau_udot"):
+        assert f"a section [prior.{name}], for example with distribution = " in caught.value.remedy
+    bare = write_small(tmp_path / "bare", (XU, ""), ('always = ["X_uabsu", ', 'always = ["X_uabsu", "X_uuu", '))
+    with pytest.raises(InputError, match=r"add \[prior.X_uuu\] and \[prior.X_u\], each with distribution"):
+        load_campaign(bare)
+
+
+def test_a_prior_of_a_term_that_was_removed_is_to_be_deleted(tmp_path):
+    folder = write_small(tmp_path, ('optional = ["X_u"]', "optional = []"), ("X_u = -1.21\n", ""))
+    with pytest.raises(InputError) as caught:
+        load_campaign(folder)
+    assert caught.value.where.endswith("key prior.X_u")
+    assert caught.value.remedy == "delete the table, or name X_u under always or optional of [structure]"
+
+
 def test_a_spread_between_trials_needs_two(tmp_path):
     loaded = load_campaign(campaign(tmp_path, "", 'varying = ["X_uabsu"]'))
     with pytest.raises(InputError, match=r"(?s)estimation\.varying.*one trial, \"a\".*remove `varying`"):

@@ -6,7 +6,7 @@ import pickle
 
 import pytest
 
-from seatrial.core.errors import InputError, NumericalError, file_error
+from seatrial.core.errors import InputError, NumericalError, file_error, located
 from seatrial.core.files import write_text
 
 
@@ -54,3 +54,17 @@ def test_the_file_is_named_and_not_the_temporary_one(tmp_path):
     with pytest.raises(PermissionError) as refused:
         write_text(tmp_path / "kept" / "design.json", "x")
     assert refused.value.filename == str(tmp_path / "kept" / "design.json")
+
+
+@pytest.mark.parametrize(
+    ("inner", "where"),
+    [
+        ("trial.toml:13, key vehicle.mass", "trial.toml:13, key vehicle.mass"),
+        ("log.csv, row 3", "trial.toml:11, key vehicle: log.csv, row 3"),
+        ("inertia", "trial.toml:11, key vehicle: inertia"),
+    ],
+)
+def test_a_place_in_the_same_file_stands_alone(inner, where):
+    with pytest.raises(InputError) as caught, located("trial.toml:11, key vehicle"):
+        raise InputError(inner, found="nothing", expected="more", remedy="add it")
+    assert caught.value.where == where

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -30,6 +32,15 @@ def test_columns_in_order_of_role():
     assert np.array_equal(record.channel("u"), columns()["u"])
     assert np.array_equal(record.channel("n"), record.control[:, 0])
     assert np.allclose(record.step, [0.1, 0.1, 0.15, 0.05, 0.05], atol=1e-15)
+
+
+def test_a_record_is_printed_in_one_line():
+    assert (
+        repr(record_of()) == 'Record "run 7": 5 samples over 0.4 s; controls n [rad/s]; measured u [m/s], udot [m/s^2]'
+    )
+    doubted = replace(record_of(), provenance=replace(PROVENANCE, options={"cautions": ["a hole", "a clock"]}))
+    assert repr(doubted).endswith("; 2 cautions: read record.cautions")
+    assert doubted.cautions == ("a hole", "a clock")
 
 
 def test_a_record_may_have_no_control():

@@ -94,6 +94,8 @@ def test_wrong_dimension(text, si):
         ("2 degre", '"degree"'),
         ("1 xyz", "use one of: m/s, kn"),
         ("1 rads", '"rad'),
+        ("1 metres per sec", 'as in "m/s"'),
+        ("1 per s", "with / for per"),
     ],
 )
 def test_unknown_unit(text, remedy):

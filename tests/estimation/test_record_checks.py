@@ -9,13 +9,16 @@ from seatrial.estimation.record_checks import (
     _scatter,
     _standing_out,
     best_lag,
+    check_angle,
     check_excitation,
+    check_limits,
     check_motion,
     check_samples,
     check_signs,
     check_turn,
     says_direction,
 )
+from seatrial.manoeuvres.manoeuvre import Limits
 
 STEP = 0.1
 TIME = np.arange(600) * STEP
@@ -50,6 +53,42 @@ def test_a_channel_in_another_unit(factor, words):
     found = check_motion("r", STEP, factor * (EXPECTED + NOISE), EXPECTED, ALIKE)
     assert levels(found)["size"] == "caution"
     assert words in next(finding.remedy for finding in found if finding.check == "size")
+
+
+@pytest.mark.parametrize(
+    ("factor", "words"),
+    [
+        (180 / np.pi, "degrees taken for radians, or the reverse, in r or delta_r? check the unit"),
+        (np.pi / 180, "degrees taken for radians, or the reverse, in r or delta_r? check the unit"),
+        (
+            11.0,
+            "rpm taken for rad/s, or the reverse, in r; or kilograms-force taken for newtons, or the reverse, in tau_X?",
+        ),
+        (20.0, "check the units of r, delta_r and tau_X in the channel map, and the priors"),
+    ],
+)
+def test_the_unit_of_a_control_explains_a_size_as_well(factor, words):
+    found = check_motion("r", STEP, factor * EXPECTED, EXPECTED, ALIKE, controls=("delta_r", "tau_X"))
+    (size,) = [finding for finding in found if finding.check == "size"]
+    assert words in size.remedy
+
+
+def test_a_fin_beyond_a_quarter_turn_is_in_degrees():
+    (found,) = check_angle("delta_r", 14.3 * EXPECTED / np.abs(EXPECTED).max(), 180 / np.pi, "deg")
+    assert (found.signal, found.check, found.level) == ("delta_r", "size", "caution")
+    assert (found.value, found.threshold) == ("the record reaches 819.3 deg", "usual: up to 90 deg")
+    assert "degrees taken for radians" in found.remedy
+    assert check_angle("delta_r", np.array([-1.5, 1.5]), 180 / np.pi, "deg") == []
+    assert check_angle("n", np.array([0.0, 100.0]), 30 / np.pi, "rpm") == []
+
+
+def test_a_control_that_stays_within_a_thirtieth_of_its_limits():
+    limits = Limits(-0.35, 0.35)
+    (found,) = check_limits("delta_r", 0.25 * np.pi / 180 * np.sign(EXPECTED), limits, 180 / np.pi, "deg")
+    assert (found.value, found.threshold) == ("the record reaches 0.25 deg", "limits.delta_r go to 20.05 deg")
+    assert "degrees taken for radians" in found.remedy
+    assert check_limits("delta_r", 0.02 * np.sign(EXPECTED), limits, 180 / np.pi, "deg") == []
+    assert check_limits("delta_r", 0.0 * EXPECTED, limits, 180 / np.pi, "deg") == []
 
 
 def test_a_delay_that_a_slower_vehicle_of_the_priors_explains_is_not_told():
@@ -197,6 +236,7 @@ def test_a_unit_is_named_within_a_factor_of_1_6_of_it(name, factor, words):
     )
     assert size.level == ("pass" if words is None else "caution")
     assert (words or "") in size.remedy
+    assert ("?" in size.remedy) == (words not in (None, "check the units"))
     assert float(size.value.split()[0]) == pytest.approx(factor, rel=0.01)
 
 

@@ -30,7 +30,7 @@ FILES = {
     "empty": (b"", "a.csv", ("a.csv", "empty", "0 bytes")),
     "only spaces": (b" \n\n", "a.csv", ("empty",)),
     "empty gzip": (gzip.compress(b""), "a.csv.gz", ("empty",)),
-    "only a header": (LINES[0].encode(), "a.csv", ("no row below the header",)),
+    "only a header": (LINES[0].encode(), "a.csv", ("no row below the header\n", "export the log again")),
     "two rows": ("".join(LINES[:3]).encode(), "a.csv", ("2 samples", "at least 3")),
     "unknown suffix": (b"one\ntwo\n", "a.dat", ("a.dat, delimiter", "whitespace")),
 }
@@ -65,6 +65,7 @@ CELLS = {
     "endless stamp": (edited(5, "inf,603,1.03,ok"), ("row 5", 'column "t"', "'inf'")),
     "stamp of nothing": (edited(5, "1e-99999999999999999999,603,1.03,ok"), ('column "t"', "stamps beyond any clock")),
     "impossible stamp": (edited(5, "1e99999999999999999999,603,1.03,ok"), ("row 5", 'column "t"', "a finite number")),
+    "one cell": (edited(5, "0.3"), ("row 5", "1 cell; 1 of 20 rows is so")),
     "short row": (edited(5, "0.3,603,1.03"), ("row 5", "3 cells; 1 of 20", "4 cells")),
     "long row": (edited(5, "0.3,603,1.03,ok,ok"), ("row 5", "5 cells", "4 cells", "correct or delete")),
     "cut off": (GOOD[:-8], ("row 21", "3 cells", "last row is cut off")),
@@ -121,7 +122,7 @@ MAPS = {
     "delimiter within numbers": ({"delimiter": "."}, ("delimiter", "'.'")),
     "negative rows": ({"skip_rows": -1}, ("skip_rows", "-1")),
     "no header row": ({"header_rows": 0}, ("header_rows", "0")),
-    "skips everything": ({"skip_rows": 1000}, ("no row below the header", "skip_rows")),
+    "skips everything": ({"skip_rows": 1000}, ("no row below the 1000 lines that skip_rows", "skip_rows is too large")),
     "unknown encoding": ({"encoding": "utf-9"}, ("encoding", "utf-9")),
     "encoding that is not text": ({"encoding": "rot13"}, ("encoding", "rot13")),
 }

@@ -6,7 +6,7 @@ from scipy.optimize import linprog
 
 from seatrial.logs.align import align
 from seatrial.logs.read import read_log
-from seatrial.logs.time_stamps import even_clock
+from seatrial.logs.time_stamps import even_clock, lost_after
 from tests.logs.log_cases import GOOD, SPEED, refusal, source, written
 
 
@@ -67,6 +67,34 @@ def test_even_clock_from_a_file(tmp_path):
         read_log(source(written(tmp_path, text), channels={"u": SPEED}))
 
 
+def without(truth, arrival, first, seconds):
+    """Return the rows of a log that lost some after one of them."""
+    kept = (truth <= truth[first]) | (truth > truth[first] + seconds)
+    return truth[kept], arrival[kept]
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_rows_that_were_held_back_are_not_lost(seed):
+    assert lost_after(np.round(bursts(seed)[1], 4)).size == 0
+    sends = np.arange(3000)
+    assert lost_after(5.0 * (sends // 50) + 1e-3 * (sends % 50)).size == 0
+
+
+@pytest.mark.parametrize("seconds", [4.0, 250.0])
+def test_rows_of_a_hole_are_lost(seconds):
+    truth = 0.1 * np.arange(3600)
+    arrival = np.round(truth + np.random.default_rng(0).normal(0, 0.005, truth.size), 3)
+    assert lost_after(without(truth, arrival, 700, seconds)[1]).tolist() == [700]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_even_clock_is_even_between_the_holes(seed):
+    truth, arrival = without(*bursts(seed), 1200, 8.0)
+    time, notes = even_clock(arrival)
+    assert np.max(np.abs(time - truth)) < 2e-3
+    assert "in each of 2 stretches, between which rows are lost: period 0.02 s" in notes[0]
+
+
 REPEATED = "t,rpm,speed\n0,1,1\n0.1,1,2\n0.1,1,3\n0.1,1,4\n0.2,1,5\n0.3,1,6\n"
 
 
@@ -95,10 +123,24 @@ def test_a_unit_in_the_name_of_the_clock_is_held_against_the_map(tmp_path, colum
     assert found.cautions == ((expected,) if asked else ())
 
 
+@pytest.mark.parametrize(("step", "unit", "meant"), [(0.1, "ms", "s"), (100, "s", "ms")])
+def test_a_clock_in_another_unit_is_told_with_the_one_that_fits(tmp_path, step, unit, meant):
+    text = "clock,rpm,speed\n" + "".join(f"{step * k:.1f},{600 + k},{1 + 0.01 * k:.2f}\n" for k in range(40))
+    table = read_log(source(written(tmp_path, text), time_column="clock", time_unit=unit))
+    (said,) = table.cautions
+    assert said.startswith('run.csv, time: column "clock" has a row every')
+    assert (
+        f'with the unit "{unit}", where 0.001 s to 10 s is usual; is it "{meant}"? Then it would be one every 0.1 s'
+        in said
+    )
+    with refusal("start and end", "correct the unit of time first: run.csv has a row every", f'is it "{meant}"?'):
+        align([table], start=1e5, end=2e5)
+
+
 def test_a_grid_much_finer_than_every_channel_is_told(tmp_path):
     text = "clock,rpm,speed\n" + "".join(f"{100 * k},{600 + k},{1 + 0.01 * k:.2f}\n" for k in range(20))
     log = written(tmp_path, text)
-    (told,) = align([read_log(source(log, time_column="clock"))], step=0.05).provenance.options["cautions"]
+    *_, told = align([read_log(source(log, time_column="clock"))], step=0.05).provenance.options["cautions"]
     assert "a sample only every 100 s, and the record one every 0.05 s: check the unit of time" in told
     fine = align([read_log(source(log, time_column="clock", time_unit="ms"))], step=0.05)
     assert fine.provenance.options["cautions"] == []

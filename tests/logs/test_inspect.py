@@ -208,6 +208,11 @@ NAMES = {
     "rudder_deg": ("delta_r", "deg", 1.0),
     "speed_kn": ("u", "kn", 1.0),
     "field.force.x": ("tau_X", "N", 1.0),
+    "thrust_cmd_N": ("tau_X", "N", 1.0),
+    "thrust [kgf]": ("tau_X", "kgf", 1.0),
+    "commanded_thrust": ("tau_X", "N", 1.0),
+    "rudder_rad": ("delta_r", "rad", 1.0),
+    "thrust_kgf": ("tau_X", "kgf", 1.0),
     "nav.pitch": ("theta", "rad", 1.0),
     "field.angular_velocity.z": ("r", "rad/s", 1.0),
     "vel_n": ("v_north", "m/s", 1.0),
@@ -390,3 +395,29 @@ def test_map_without_a_guess_has_the_file_and_its_clock(tmp_path):
     assert 'table = "timestamps"\ntime = { column = "timestamps", unit = "ns" }' in text
     assert "beside" not in text
     assert "No column could be guessed" in text
+
+
+def test_a_hole_is_no_burst(tmp_path):
+    time = np.delete(0.1 * np.arange(3600), slice(1200, 1240))
+    rows = "".join(f"{1.7e9 + at:.2f},{1 + at % 7}\n" for at in time.tolist())
+    found = inspect_log(written(tmp_path, "stamp,speed\n" + rows))
+    clock = found.tables[0].clock
+    assert (clock.rate, clock.holes, clock.gap) == (pytest.approx(10.0), 1, pytest.approx(4.1))
+    assert (clock.lost, clock.jitter) == (pytest.approx(4.1), pytest.approx(0.0, abs=1e-6))
+    assert "10 Hz" in found.lines()[3]
+    assert "longest gap 4.1 s; rows are lost in 1 hole, 4.1 s in all" in found.lines()[3]
+    assert "even" not in found.as_toml()
+
+
+def test_a_map_names_the_columns_that_nothing_uses(tmp_path):
+    rows = "".join(f"{k / 10},{1 + k % 7},{3 + k % 5},{k % 3},5\n" for k in range(40))
+    path = written(tmp_path, "t,speed,thrust_crmd,wind,battery\n" + rows)
+    said = inspect_log(path).as_toml()
+    assert (
+        "# No channel uses these columns; give a line to each that the model needs:\n#   thrust_crmd  3 to 7; mean 5"
+        in said
+    )
+    assert "#   wind         0 to 2;" in said
+    assert "battery" not in said, "it never moves"
+    assert [*tomllib.loads(said)["import"]["files"][0]["channels"]] == ["u"]
+    assert "wind" not in inspect_log(path).as_toml(["u"])

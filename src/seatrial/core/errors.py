@@ -2,6 +2,7 @@
 
 import difflib
 import errno
+import re
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from functools import partial
@@ -37,11 +38,12 @@ class InputError(SeatrialError):
 
 @contextmanager
 def located(place: str) -> Iterator[None]:
-    """Put the place (file and key) before the `where` of any input error raised inside the block."""
+    """Put the place (file and key) before the `where` of any input error raised inside the block, unless that names the file already."""
+    file = re.sub(r":\d+$", "", place.partition(", ")[0])
     try:
         yield
     except InputError as error:
-        where = f"{place}: {error.where}"
+        where = error.where if error.where.startswith((f"{file}:", f"{file},")) else f"{place}: {error.where}"
         raise InputError(where, found=error.found, expected=error.expected, remedy=error.remedy) from error.__cause__
 
 

@@ -9,9 +9,10 @@ from jaxtyping import Float
 
 from seatrial.core.argument_checks import check_array, check_each_of, check_kind, check_mapping, check_text
 from seatrial.core.errors import InputError
-from seatrial.core.signals import QUATERNION
+from seatrial.core.signals import FORCE, MOMENT, QUATERNION
 
 Role = Literal["control", "measurement"]
+_SI = {str(FORCE): "N", str(MOMENT): "N m"}
 LARGEST = 1e9
 """SI, from which a number is no measurement of a vehicle."""
 
@@ -69,6 +70,20 @@ class Record:
     channels: tuple[Channel, ...]
     provenance: Provenance
     label: str = "trial"
+
+    def __repr__(self):
+        said = [f'Record "{self.label}": {self.time.size} samples over {self.time[-1] - self.time[0]:.6g} s']
+        for word, role in (("controls", "control"), ("measured", "measurement")):
+            named = [f"{one.name} [{_SI.get(one.unit, one.unit)}]" for one in self.channels if one.role == role]
+            said += [f"{word} {', '.join(named)}"] if named else []
+        if count := len(self.cautions):
+            said.append(f"{count} caution{'s' if count > 1 else ''}: read record.cautions")
+        return "; ".join(said)
+
+    @property
+    def cautions(self) -> tuple[str, ...]:
+        """What makes its numbers doubtful, in words: holes, clocks and units of the log that it was read from."""
+        return tuple(self.provenance.options.get("cautions", ()))
 
     @property
     def controls(self) -> tuple[str, ...]:

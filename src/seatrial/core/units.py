@@ -79,6 +79,8 @@ _USUAL = (
 """Units that errors suggest, those of one dimension in this order."""
 _SPELLED = {"kt": "kn", "kts": "kn", "knots": "kn", "feet": "ft", "lbs": "lb", "secs": "s"}
 """What logs call some units."""
+_IN_SYMBOLS = 'write symbols, with / for per and ^ for powers, as in "m/s" or "kg m^2"'
+"""Remedy for a unit that is written in words."""
 _LONGEST = 120
 """Characters of a quantity or of a unit."""
 _LARGEST_POWER = 27
@@ -164,14 +166,16 @@ def _like(expected_unit: str) -> tuple[str, ...]:
 def _parse(unit: str, expected_unit: str, where: str) -> Unit:
     """Unit of an expression; `expected_unit` is what is suggested in its place."""
     text = unit[: _LONGEST + 1]
-    for word in re.findall(r"[A-Za-z_%]+", text):
-        if word not in UNITS:
-            raise InputError(
-                where,
-                found=f'unknown unit "{word}"' + (f' in "{text}"' if word != text.strip() else ""),
-                expected="units such as " + ", ".join(_like(expected_unit)),
-                remedy=_meant(word) or "use one of: " + ", ".join(_like(expected_unit)),
-            )
+    unknown = [word for word in re.findall(r"[A-Za-z_%]+", text) if word not in UNITS]
+    if unknown:
+        is_in_words = len(unknown) > 1 or unknown[0].casefold() == "per"
+        remedy = _IN_SYMBOLS if is_in_words else _meant(unknown[0])
+        raise InputError(
+            where,
+            found=f'unknown unit "{unknown[0]}"' + (f' in "{text}"' if unknown[0] != text.strip() else ""),
+            expected="units such as " + ", ".join(_like(expected_unit)),
+            remedy=remedy or "use one of: " + ", ".join(_like(expected_unit)),
+        )
     try:
         return _unit(text)
     except ValueError as cause:

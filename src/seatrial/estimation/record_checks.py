@@ -31,10 +31,11 @@ _LENGTHS = {
     "centimetres taken for metres, or the reverse": 100.0,
     "millimetres taken for metres, or the reverse": 1000.0,
 }
+_DEGREES = "degrees taken for radians, or the reverse"
+_ANGLES = {_DEGREES: 180 / pi, "revolutions taken for radians, or the reverse": 2 * pi}
 _TURNS = {
-    "degrees taken for radians, or the reverse": 180 / pi,
+    **_ANGLES,
     "rpm taken for rad/s, or the reverse": 30 / pi,
-    "revolutions taken for radians, or the reverse": 2 * pi,
     "minutes taken for seconds, or the reverse": 60.0,
 }
 _FORCES = {
@@ -44,7 +45,7 @@ _FORCES = {
 CONFUSED = {
     str(SPEED): _LENGTHS,
     str(ANGULAR_RATE): _TURNS,
-    str(ANGLE): _TURNS,
+    str(ANGLE): _ANGLES,
     str(FORCE): _FORCES,
     str(MOMENT): _FORCES,
 }
@@ -53,12 +54,12 @@ UNLIKE, AT = 1.5, 0.1
 """Ratio to the stated trim, or its inverse, from which a record contradicts it, and share by which a control may be off its trim there."""
 SELDOM = 0.01
 """Share of the samples in which a control must come near its trim."""
-QUICK, SLOW = 1e-3, 10.0
-"""Seconds between samples below and above which the unit of a clock is doubted."""
 CUT = 0.02
 """Share of the samples that may lie at the very end of a gauge's range while the expected force goes on."""
 BEYOND = 0.01
 """Share of how far a control moves by which it may lie beyond a limit without being told."""
+HARDLY = 1 / 30
+"""Share of its limits within which a control stays whose unit is doubted."""
 APART = 0.1
 """Share of the motion by which a mirror has to explain more than a turn; either has to explain twice as much more than neither."""
 SIGN = 4.0
@@ -116,6 +117,7 @@ def check_motion(
     expected: Float[np.ndarray, " n"],
     drawn: Float[np.ndarray, "d n"],
     has_delay: bool = False,
+    controls: Sequence[str] = (),
 ) -> list[RecordFinding]:
     """Direction, size and delay of a measured channel beside the expected one, NaN where not measured.
 
@@ -126,6 +128,7 @@ def check_motion(
         expected: of the vehicle at the prior means, SI, shape (n,).
         drawn: of vehicles drawn from the priors, SI, not finite where they run away, shape (d, n): a slower one may explain a delay.
         has_delay: whether the delay has a prior.
+        controls: that make the motion, whose units may be wrong as well.
     """
     most = round(LONGEST / step)
     lag, correlation = best_lag(measured, expected, most)
@@ -148,9 +151,14 @@ def check_motion(
     ratio = float(np.std(measured[there]) / max(np.std(expected[there]), 1e-300))
     limits = f"between 1/{SIZE:g} and {SIZE:g}"
     fits = 1 / SIZE <= ratio <= SIZE
-    value, remedy = (
+    value, whose = (
         f"{ratio:.3g} times the motion expected",
-        "" if fits else _unit_guess(name, ratio, "check the units in the channel map, and the priors"),
+        " and ".join((", ".join((name, *controls[:-1])), *controls[-1:])),
+    )
+    remedy = (
+        ""
+        if fits
+        else f"{_unit_guess((name, *controls), ratio)}check the units of {whose} in the channel map, and the priors"
     )
     results.append(RecordFinding(name, "size", "pass" if fits else "caution", value, limits, remedy))
     late = lag * step
@@ -206,7 +214,32 @@ def check_limits(
             remedy = "designs stay inside the limit: correct it if the vehicle may go so far, else check the unit in the channel map"
             value = f"the record reaches {end * factor:.4g} {unit}"
             results.append(RecordFinding(name, "limits", "caution", value, limit, remedy))
+    farthest = max((abs(bound) for bound in (limits.lower, limits.upper) if bound is not None), default=0.0)
+    reached = max(abs(least), abs(greatest))
+    if 0 < reached < HARDLY * farthest:
+        value, limit = (
+            f"the record reaches {reached * factor:.4g} {unit}",
+            f"limits.{name} go to {farthest * factor:.4g} {unit}",
+        )
+        remedy = _unit_guess((name,), reached / farthest) + "check the unit in the channel map, or correct the limits"
+        results.append(RecordFinding(name, "limits", "caution", value, limit, remedy))
     return results
+
+
+def check_angle(name: str, column: Float[np.ndarray, " n"], factor: float, unit: str) -> list[RecordFinding]:
+    """Return the doubt of a rudder or fin that turns by more than a quarter turn: its degrees are read as radians.
+
+    Args:
+        name: control.
+        column: SI.
+        factor: from SI to the unit in which the control is shown.
+        unit: that unit.
+    """
+    reached = float(np.abs(column).max())
+    if signal_unit(name) != str(ANGLE) or reached <= pi / 2:
+        return []
+    value, limit = f"the record reaches {reached * factor:.4g} {unit}", f"usual: up to {pi / 2 * factor:.4g} {unit}"
+    return [RecordFinding(name, "size", "caution", value, limit, f"{_DEGREES}? check the unit in the channel map")]
 
 
 def check_trim(
@@ -239,17 +272,8 @@ def check_trim(
 def _unlike_trim(name: str, trim: float, ratio: float, when: str) -> RecordFinding:
     factor, unit = shown_unit(name)
     value, limit = f"{when} {ratio * trim * factor:.4g} {unit}", f"vehicle.trim.{name} is {trim * factor:.4g} {unit}"
-    remedy = _unit_guess(name, ratio, "check column, unit and sign in the channel map, or correct the trim")
+    remedy = _unit_guess((name,), ratio) + "check column, unit and sign in the channel map, or correct the trim"
     return RecordFinding(name, "trim", "caution", value, limit, remedy)
-
-
-def check_clock(step: float) -> list[RecordFinding]:
-    """Return the doubt of a clock whose samples, `step` seconds apart at the median, come quicker or slower than a vehicle is logged."""
-    if QUICK <= step <= SLOW:
-        return []
-    remedy = "check the unit of the time column in the channel map: ms taken for us, or s for min?"
-    value, limit = f"{step:.2g} s between samples", f"usual: {QUICK:g} to {SLOW:g} s"
-    return [RecordFinding("time", "clock", "caution", value, limit, remedy)]
 
 
 def check_turn(
@@ -478,8 +502,14 @@ def _correlation(a: np.ndarray, b: np.ndarray) -> float:
     return float(np.corrcoef(a[there], b[there])[0, 1])
 
 
-def _unit_guess(name: str, ratio: float, otherwise: str) -> str:
-    """Return the remedy: the unit error of a signal whose factor is nearest to a ratio, or what to check if none is near."""
+def _unit_guess(names: Sequence[str], ratio: float) -> str:
+    """Ask of each signal for the unit error whose factor is nearest to a ratio; empty if none is near."""
     size = max(abs(ratio), 1 / max(abs(ratio), 1e-300))
-    near = {abs(np.log(size / factor)): words for words, factor in CONFUSED.get(signal_unit(name), {}).items()}
-    return f"{near[min(near)]}? check the unit in the channel map" if near and min(near) < np.log(1.6) else otherwise
+    near: dict[str, list[str]] = {}
+    for name in names:
+        far = {words: abs(np.log(size / factor)) for words, factor in CONFUSED.get(signal_unit(name), {}).items()}
+        words = min(far, key=lambda one: far[one], default="")
+        if words and far[words] < np.log(1.6):
+            near.setdefault(words, []).append(name)
+    said = [words + (f", in {' or '.join(some)}" if len(names) > 1 else "") for words, some in near.items()]
+    return f"{'; or '.join(said)}? " if said else ""

@@ -17,10 +17,11 @@ from seatrial.core.files import sha256_of_json
 from seatrial.core.record import Channel, Provenance, Record, make_record
 from seatrial.core.signals import ANGLES
 from seatrial.logs.source import LogTable
+from seatrial.logs.time_stamps import hole_from, unit_doubt
 from seatrial.numerics.integrate import held_mean
 
-_HOLE, _LONG, _MOST_ACROSS = 20.0, 1.0, 10_000
-"""Usual spacings and seconds beyond both of which a spacing is a hole, and most instants that are put into one."""
+_MOST_ACROSS = 10_000
+"""Most instants that are put into a hole."""
 _MOST_INSTANTS = 50_000_000
 _NANOSECOND = 1e-9
 _SPARSE = 100.0
@@ -80,12 +81,19 @@ def align(
     stop = last if end is None else min(first + end, last)
     instants = _instants(tracks, begin, stop, step, label) if stop > begin else np.empty(0)
     if instants.size < 3:
+        doubts = [
+            f"{table.source} has {doubt}"
+            for table in tables
+            if (doubt := unit_doubt(table.time, table.options.get("time_unit") or "s"))
+        ]
         raise InputError(
             f'record "{label}", start and end',
             found=f"start {start or 0.0:g} s, end {'of the interval' if end is None else f'{end:g} s'}: "
             f"{instants.size} samples",
             expected=f"at least 3 samples between 0 s and {last - first:.6g} s, where the files overlap",
-            remedy="correct start and end, in seconds from the beginning of the overlap, or the step",
+            remedy=f"correct the unit of time first: {', and '.join(doubts)}"
+            if doubts
+            else "correct start and end, in seconds from the beginning of the overlap, or the step",
         )
 
     columns, notes, averaged = {}, [], {}
@@ -190,7 +198,7 @@ def _spacing(tracks: Sequence[_Track]) -> float:
 def _filled(time: np.ndarray, usual: float) -> np.ndarray:
     """Return instants with steps of the usual length across holes: one step over a hole would be too long to simulate."""
     steps = np.diff(time)
-    holes = np.flatnonzero(steps > max(_LONG, _HOLE * usual)) if usual > 0 else np.empty(0, int)
+    holes = np.flatnonzero(steps > hole_from(usual)) if usual > 0 else np.empty(0, int)
     if not holes.size:
         return time
     between = [
@@ -265,7 +273,7 @@ def _hole(name: str, time: np.ndarray, last: float) -> _Hole | None:
     """Return where a channel fell silent for longest, if that is over a second and twenty times its usual spacing."""
     inside = time[(time >= 0) & (time <= last)]
     gaps = np.diff(inside)
-    if gaps.size == 0 or gaps.max() < max(_LONG, _HOLE * np.median(gaps)):
+    if gaps.size == 0 or gaps.max() < hole_from(float(np.median(gaps))):
         return None
     at = int(np.argmax(gaps))
     return _Hole(float(inside[at]), float(inside[at + 1]), float(np.median(gaps)), (name,))

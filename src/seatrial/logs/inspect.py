@@ -2,7 +2,7 @@
 
 import json
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
@@ -67,20 +67,21 @@ class LogSummary:
         return lines + (["", *self.remarks] if self.remarks else [])
 
     def as_toml(self, only: Sequence[str] = (), named: str = "") -> str:
-        """Return the guessed map as `[[import.files]]` of a campaign file.
+        """Return the guessed map as `[[import.files]]` of a campaign file, with a comment on each column that moves and that nothing uses.
 
         Args:
-            only: channels to map, those of the campaign's model; all that were guessed by default.
+            only: channels to map, those of the campaign's model, without such comments; all that were guessed by default.
             named: path of the log from the campaign's folder; as it was given by default.
         """
-        return self._map_of(best(self.guesses, only), named)
+        return self._map_of(best(self.guesses, only), named, names_unused=not only)
 
-    def _map_of(self, chosen: Sequence[Guess], named: str = "") -> str:
+    def _map_of(self, chosen: Sequence[Guess], named: str = "", *, names_unused: bool = True) -> str:
         lines = ["# Guesses by names and types: check column, unit and sign of each line before you believe a result."]
         for table in self.tables:
             mine = [guess for guess in chosen if guess.table == table.info.name]
             if (mine or not chosen) and (table.clock is not None or len(self.tables) == 1):
                 lines += ["", *self._block(table, table.clock, mine, named)]
+                lines += _unused_lines(table, {guess.column for guess in mine}) if names_unused else []
         if not chosen:
             lines.append(
                 "# No column could be guessed; `seatrial inspect` without --map lists them. A line for each: "
@@ -188,12 +189,24 @@ def maps_together(found: Sequence[LogSummary], only: Sequence[str] = ()) -> list
         chosen = tuple(guess for guess in guessed if guess.channel not in mapped)
         mapped |= {guess.channel for guess in chosen}
         maps.append(
-            one._map_of(chosen)
+            one._map_of(chosen, names_unused=not only)
             if chosen or not guessed
             else f"# {one.log.path.name}: the logs above have all its channels. If it is another run, not another file of theirs, write "
             'one\n# path with {run} for both, such as "log_{run}.csv", and name both runs under fit of [import].\n'
         )
     return maps
+
+
+def _unused_lines(table: TableSummary, used: Collection[str]) -> Iterator[str]:
+    """Yield a comment on each column that moves and that no channel uses."""
+    others = {*used, *(clock.name for clock in table.clocks)}
+    columns = [one for one in table.columns if one.name not in others and not one.trouble]
+    if columns:
+        yield "# No channel uses these columns; give a line to each that the model needs:"
+    width = max((len(one.name) for one in columns[:_LISTED]), default=0)
+    yield from (f"#   {one.name:<{width}}  {_column_text(one)}" for one in columns[:_LISTED])
+    if len(columns) > _LISTED:
+        yield f"#   and {len(columns) - _LISTED} more: `seatrial inspect` lists them"
 
 
 def _table_lines(table: TableSummary, is_alone: bool) -> Iterator[str]:
@@ -246,7 +259,12 @@ def _clock_text(clock: ClockSummary) -> str:
     faults = [
         f"{count} {what}" for count, what in ((clock.repeated, "repeated"), (clock.backward, "run back")) if count
     ]
-    return text + (f"; stamps: {', '.join(faults)}" if faults else "")
+    lost = (
+        f"; rows are lost in {clock.holes} hole{'s' if clock.holes > 1 else ''}, {clock.lost:.3g} s in all"
+        if clock.holes
+        else ""
+    )
+    return text + lost + (f"; stamps: {', '.join(faults)}" if faults else "")
 
 
 def _column_text(column: ColumnSummary) -> str:

@@ -27,7 +27,7 @@ from seatrial.logs.source import (
     text_options,
     time_scale,
 )
-from seatrial.logs.time_stamps import check_unit, checked_time, elapsed
+from seatrial.logs.time_stamps import check_unit, checked_time, elapsed, unit_doubt
 
 _LAYOUT = {"delimiter": None, "skip_rows": 0, "header_rows": 1, "names": None, "encoding": "utf-8"}
 
@@ -225,10 +225,11 @@ def in_si(source: LogSource, name: str, cells_of: Callable[[str], Float[np.ndarr
 
 
 def _other_unit(read: "Stamped", log: str) -> tuple[str, ...]:
-    """Say that the name of the clock ends in another unit than that in which it was read."""
+    """Say that the name of the clock ends in another unit than it was read in, or that in this unit rows are not as frequent as usual."""
     named = unit_in_name(read.clock)
     if named is None or to_si(1.0, named, "s", log) == to_si(1.0, read.clock_unit, "s", log):
-        return ()
+        doubt = unit_doubt(read.time, read.clock_unit)
+        return (f'{log}, time: column "{read.clock}" has {doubt}',) if doubt else ()
     return (f'{log}, time: the unit of column "{read.clock}" is "{read.clock_unit}" in the map; is it "{named}"?',)
 
 

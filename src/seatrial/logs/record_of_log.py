@@ -56,7 +56,7 @@ def record_of_log(
             `delimiter`, `skip_rows`, `header_rows`, `names` and `encoding`.
 
     Returns:
-        a record in SI whose time starts at 0.
+        a record in SI whose time starts at 0. Holes, and doubts of clocks and units, are among its `cautions`.
 
     Raises:
         InputError: a file, column or unit that cannot be used, or a control that is no channel.

@@ -7,7 +7,7 @@ import numpy as np
 
 from seatrial.core.units import to_si
 from seatrial.logs.formats.protocol import TIME_UNITS, Block, TableInfo
-from seatrial.logs.time_stamps import fitting_unit, is_plausible
+from seatrial.logs.time_stamps import fitting_unit, is_plausible, lost_after
 
 _TINY, _HUGE = 1e-6, 1e15
 _LONGEST = 1e18
@@ -71,11 +71,13 @@ class ClockSummary:
         name: of the column.
         unit: of its stamps.
         duration: from the first stamp to the last.
-        rate: rows per second, Hz.
-        jitter: standard deviation of the step.
+        rate: rows per second, Hz, without the holes in which rows were lost.
+        jitter: standard deviation of the step, without these.
         gap: longest step.
         repeated: stamps equal to the one before.
         backward: stamps earlier than the one before.
+        holes: in which rows were lost.
+        lost: their length, all together.
     """
 
     name: str
@@ -86,6 +88,8 @@ class ClockSummary:
     gap: float
     repeated: int
     backward: int
+    holes: int = 0
+    lost: float = 0.0
 
     @property
     def moves(self) -> bool:
@@ -150,6 +154,8 @@ class _Clock:
     gap: float = 0.0
     repeated: int = 0
     backward: int = 0
+    holes: int = 0
+    lost: float = 0.0
 
     @property
     def scale(self) -> float:
@@ -173,9 +179,13 @@ class _Clock:
         with np.errstate(over="ignore"):
             step = np.clip(np.diff(joined).astype(float) * self.scale, -_LONGEST, _LONGEST)
         if step.size:
-            self.steps += step.size
-            self.total += float((step - self.typical).sum())
-            self.squares += float(((step - self.typical) ** 2).sum())
+            holes = lost_after(np.cumsum(np.append(0.0, step)))
+            self.holes += holes.size
+            self.lost += float(step[holes].sum())
+            usual = np.delete(step, holes)
+            self.steps += usual.size
+            self.total += float((usual - self.typical).sum())
+            self.squares += float(((usual - self.typical) ** 2).sum())
             self.gap = max(self.gap, float(step.max()))
             self.repeated += int((step == 0).sum())
             self.backward += int((step < 0).sum())
@@ -186,8 +196,9 @@ class _Clock:
         duration = float((self.last - self.first)[0]) * self.scale
         mean = self.total / self.steps
         jitter = math.sqrt(max(self.squares / self.steps - mean**2, 0.0))
-        rate = self.steps / duration if duration > 0 else math.nan
-        return ClockSummary(name, self.unit, duration, rate, jitter, self.gap, self.repeated, self.backward)
+        rate = self.steps / (duration - self.lost) if duration > self.lost else math.nan
+        faults = (self.repeated, self.backward, self.holes, self.lost)
+        return ClockSummary(name, self.unit, duration, rate, jitter, self.gap, *faults)
 
 
 @dataclass(eq=False)

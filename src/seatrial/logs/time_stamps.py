@@ -2,7 +2,8 @@
 
 Rows that leave a source evenly, at a + b k, arrive at t_k = a + b k + d_k with delays d_k >= 0. The clock is the
 line below every arrival with the least total delay: min sum_k (t_k - a - b k) subject to t_k >= a + b k, a linear
-programme solved by the edge of the lower convex hull that spans the middle row.
+programme solved by the edge of the lower convex hull that spans the middle row. Where rows were lost k goes on without
+them, so that the line is sought for each stretch between such holes.
 """
 
 import math
@@ -19,7 +20,43 @@ from seatrial.logs.source import Clock
 
 _PLAUSIBLE_STEP = (1e-5, 1e3)
 _USUAL_STEP = 0.03
+_QUICK, _SLOW = 1e-3, 10.0
+"""Seconds between samples below and above which the unit of a clock is doubted."""
 _COMMON_UNITS = ("ns", "us", "ms", "s", "min")
+_HOLE, _LONG = 20.0, 1.0
+"""Usual spacings and seconds beyond both of which a spacing is a hole."""
+_AROUND, _CAUGHT_UP = 4.0, 2.0
+"""Lengths of a hole on either side that tell the usual pace, and times this pace from which rows after it had only been held back."""
+
+
+def hole_from(usual: float) -> float:
+    """Return the spacing, s, beyond which samples that usually come every `usual` seconds have a hole."""
+    return max(_LONG, _HOLE * usual)
+
+
+def lost_after(time: Float[np.ndarray, " n"]) -> Int[np.ndarray, " k"]:
+    """Return the rows after which others were lost: a hole follows, and then rows come no quicker than around it.
+
+    Rows that were only held back come quicker than usual after the hole: about four times as many in a quarter of its length.
+
+    Args:
+        time: stamps, s, shape (n,); one that runs back counts as the latest before it.
+    """
+    time = np.maximum.accumulate(time)
+    step = np.diff(time)
+    if not (step > 0).any():
+        return np.empty(0, int)
+    at = np.flatnonzero(step > hole_from(float(np.median(step[step > 0]))))
+    begin, end, length = time[at], time[at + 1], step[at]
+
+    def rows_until(instant: np.ndarray) -> np.ndarray:
+        return np.searchsorted(time, instant, side="right") - (at + 2)
+
+    left, right = np.maximum(begin - _AROUND * length, time[0]), np.minimum(end + _AROUND * length, time[-1])
+    before = at - np.searchsorted(time, left)
+    pace = (before + rows_until(right)) / np.maximum(begin - left + right - end, 1e-9)
+    after = np.minimum(end + length / 4, time[-1])
+    return at[rows_until(after) < _CAUGHT_UP * pace * (after - end)]
 
 
 def elapsed(
@@ -67,16 +104,17 @@ def checked_time(
     _check_increasing(time[moving], moving, line_of, where)
     if clock == "even":
         rebuilt, notes = even_clock(time)
+        _check_increasing(rebuilt, rows, line_of, where)
         return rebuilt, rows, notes
     dropped = time.size - moving.size
     return time[moving], moving, [f"{dropped} of {time.size} rows repeated a stamp and were dropped"] if dropped else []
 
 
 def even_clock(arrival: Float[np.ndarray, " n"]) -> tuple[Float[np.ndarray, " n"], list[str]]:
-    """Rebuild the evenly spaced clock a + b k below arrival times that come in bursts.
+    """Rebuild the evenly spaced clock a + b k below arrival times that come in bursts, for each stretch between holes.
 
     The line rests on two rows and shares their delays: between them no rebuilt time is later than the truth by more
-    than the greater of the two. A delay common to all rows cannot be told from a later clock; rows that were lost
+    than the greater of the two. A delay common to all rows cannot be told from a later clock; single rows that were lost
     shift the clock, which shows in the last note.
 
     Args:
@@ -85,23 +123,32 @@ def even_clock(arrival: Float[np.ndarray, " n"]) -> tuple[Float[np.ndarray, " n"
     Returns:
         rebuilt time, s, and notes with the period and the delays.
     """
+    stretches = np.split(arrival, lost_after(arrival) + 1)
+    time = np.concatenate([_even_stretch(stretch) for stretch in stretches])
+    longest = time[: stretches[0].size] if len(stretches) == 1 else _even_stretch(max(stretches, key=len))
+    delay = np.maximum(arrival - time, 0.0)
+    quiet = max(part.min() for part in np.array_split(delay, min(10, delay.size)))
+    parts = f" in each of {len(stretches)} stretches, between which rows are lost" if len(stretches) > 1 else ""
+    return time, [
+        f"clock rebuilt{parts}: period {(longest[-1] - longest[0]) / max(longest.size - 1, 1):.6g} s; rows arrived "
+        f"{np.median(delay):.3g} s late at the median and "
+        f"{delay.max():.3g} s at most; in every tenth of the rows one was at most {quiet:.2g} s late"
+    ]
+
+
+def _even_stretch(arrival: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+    """Return the evenly spaced clock below the arrivals of rows of which none was lost."""
     index = np.arange(arrival.size)
     middle = (arrival.size - 1) / 2
     left, right = 0, arrival.size - 1
-    while True:
+    while right > left:
         period = (arrival[right] - arrival[left]) / (right - left)
         below = int(np.argmin(arrival - period * index))
         drop = arrival[below] - arrival[left] - period * (below - left)
         if drop >= -1e-12 * max(abs(arrival[-1]), 1.0) or below in (left, right):
-            break
+            return arrival[left] + period * (index - left)
         left, right = (below, right) if below <= middle else (left, below)
-    time = arrival[left] + period * (index - left)
-    delay = np.maximum(arrival - time, 0.0)
-    quiet = max(part.min() for part in np.array_split(delay, min(10, delay.size)))
-    return time, [
-        f"clock rebuilt: period {period:.6g} s; rows arrived {np.median(delay):.3g} s late at the median and "
-        f"{delay.max():.3g} s at most; in every tenth of the rows one was at most {quiet:.2g} s late"
-    ]
+    return arrival.copy()
 
 
 def is_plausible(time: Float[np.ndarray, " n"]) -> bool:
@@ -116,6 +163,26 @@ def fitting_unit(step: float) -> str:
     """Return the unit in which a step, as it stands in a log, is nearest to a usual one."""
     far = {name: math.log(max(step * to_si(1.0, name, "s", name), 1e-300) / _USUAL_STEP) for name in _COMMON_UNITS}
     return min(far, key=lambda name: abs(far[name]))
+
+
+def unit_doubt(time: Float[np.ndarray, " n"], unit: str) -> str:
+    """Say which unit would make rows as frequent as a vehicle's log has them, where the stated one does not; empty where it does.
+
+    Args:
+        time: s, as the unit says, rising, shape (n,).
+        unit: as stated.
+    """
+    step = float(np.median(np.diff(time)))
+    if _QUICK <= step <= _SLOW:
+        return ""
+    in_file = step / to_si(1.0, unit, "s", unit)
+    best = fitting_unit(in_file)
+    question = (
+        f'; is it "{best}"? Then it would be one every {in_file * to_si(1.0, best, "s", best):.2g} s'
+        if best != unit
+        else ""
+    )
+    return f'a row every {step:.2g} s with the unit "{unit}", where {_QUICK:g} s to {_SLOW:g} s is usual{question}'
 
 
 def check_unit(time: Float[np.ndarray, " n"], unit: str, where: str) -> None:

@@ -151,8 +151,9 @@ def _write_of_log(folder: Path, log: Path, said: dict[str, Any]) -> None:
     from seatrial.campaign.config.load import check_text
     from seatrial.campaign.config.log_campaign import log_campaign_text
     from seatrial.campaign.config.new_campaign import listed_names
+    from seatrial.campaign.config.new_campaign_file import told_by_options
     from seatrial.campaign.config.templates import write_campaign
-    from seatrial.core.errors import InputError, located
+    from seatrial.core.errors import InputError
 
     if "vehicle" not in said or (others := sorted({*said} - {"vehicle", "moves", "name"})):
         raise InputError(
@@ -164,7 +165,7 @@ def _write_of_log(folder: Path, log: Path, said: dict[str, Any]) -> None:
     text = log_campaign_text(
         folder, said["vehicle"], log, tuple(listed_names(said.get("moves", ""))), said.get("name", "")
     )
-    with located("what this log makes"):
+    with told_by_options(lambda key: "--moves" if key == "vehicle.moves" else f"--log {log}"):
         check_text(folder, text)
     path, answer = write_campaign(folder, text), current_answer()
     answer.say(f"wrote {path}: {said['vehicle']} and its log {log.name}")
@@ -178,13 +179,12 @@ def _write_new(folder: Path, said: dict[str, Any]) -> None:
     """Write what was said, once it makes a campaign that can be used."""
     from seatrial.campaign.config.load import check_text
     from seatrial.campaign.config.new_campaign import new_campaign
-    from seatrial.campaign.config.new_campaign_file import campaign_text
+    from seatrial.campaign.config.new_campaign_file import campaign_text, option_of, told_by_options
     from seatrial.campaign.config.templates import init_campaign
     from seatrial.core.coefficients import CoefficientName
-    from seatrial.core.errors import located
 
     new = new_campaign(said)
-    with located("what these options make"):
+    with told_by_options(partial(option_of, new)):
         check_text(folder, campaign_text(new))
     path, answer = init_campaign(folder, new), current_answer()
     answer.say(f"wrote {path}: {new.name}")

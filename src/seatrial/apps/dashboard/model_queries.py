@@ -3,7 +3,7 @@
 import tempfile
 from contextlib import suppress
 from dataclasses import replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, NamedTuple, get_args
 
@@ -34,7 +34,7 @@ from seatrial.apps.toml_edit import set_key
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.load import check_text, load_campaign
 from seatrial.campaign.config.new_campaign import new_campaign
-from seatrial.campaign.config.new_campaign_file import campaign_text
+from seatrial.campaign.config.new_campaign_file import campaign_text, option_of, told_by_options
 from seatrial.campaign.config.nuisance_parameters import Nuisance, of_sensor
 from seatrial.campaign.config.sensor_table import ATTITUDE
 from seatrial.campaign.config.settings import Residuals
@@ -234,9 +234,11 @@ def begun(folder: str, name: str, template: str, said: tuple[tuple[str, Any], ..
     """
     if template:
         text = set_key(template_text(template), "campaign", "name", name)
-    else:
-        text = campaign_text(new_campaign({**dict(said), "name": name}))
-    return text, check(folder, text)
+        return text, check(folder, text)
+    new = new_campaign({**dict(said), "name": name})
+    with told_by_options(partial(option_of, new)):
+        text = campaign_text(new)
+        return text, check(folder, text)
 
 
 def check(folder: str, text: str) -> tuple[str, ...]:

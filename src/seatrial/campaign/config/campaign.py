@@ -1,6 +1,6 @@
 """A campaign as plain data in SI; where it was read from a file, errors name the key and its line."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from functools import cached_property
@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from seatrial.campaign.config.nuisance_parameters import Nuisance, nuisances
+from seatrial.campaign.config.nuisance_parameters import Nuisance, no_nuisance_prior, nuisances
 from seatrial.campaign.config.settings import (
     AutopilotSettings,
     ComputeSettings,
@@ -231,7 +231,7 @@ class Campaign:
         """
         if name not in self.priors:
             unused = [other for other in self.priors if other not in self.units]
-            raise no_prior(self.where(f"prior.{name}"), name, self.units.get(name, "s"), unused)
+            raise no_prior(self.where, {name: self.units.get(name, "s")}, unused)
         return self.priors[name]
 
     def coefficient_priors(self, model: VehicleModel) -> tuple[Prior, ...]:
@@ -244,12 +244,10 @@ class Campaign:
         Raises:
             InputError: a prior that is missing.
         """
-        found = []
-        for one in nuisances(self.estimation, self.sensor_models, self.noise, model, self.priors):
-            prior = self.priors.get(one.name, one.default)
-            if prior is None:
-                raise one.no_prior(self.where(f"prior.{one.name}"))
-            found.append((one, prior))
+        every = list(nuisances(self.estimation, self.sensor_models, self.noise, model, self.priors))
+        found = [(one, prior) for one in every if (prior := self.priors.get(one.name, one.default)) is not None]
+        if missing := [one for one in every if one.name not in self.priors and one.default is None]:
+            raise no_nuisance_prior(self.where, missing)
         return found
 
     @property
@@ -367,14 +365,24 @@ def sensor_models(sensors: Mapping[str, SensorSettings], residuals: Residuals) -
     )
 
 
-def no_prior(where: str, name: str, unit: str, unused: Sequence[str]) -> InputError:
-    """Return the error of a coefficient without a prior; one of those that nothing uses may be meant for it."""
-    meant = f" (is [prior.{close[0]}] meant for it?)" if (close := get_close_matches(name, unused, 1)) else ""
+def no_prior(where: Callable[[str], str], missing: Mapping[str, str], unused: Sequence[str]) -> InputError:
+    """Return the error of coefficients without a prior; some of those that nothing uses may be meant for them.
+
+    Args:
+        where: names a key of the file.
+        missing: SI unit of each.
+        unused: names that have a prior and no use.
+    """
+    tables = [
+        f"[prior.{name}]"
+        + (f" (is [prior.{close[0]}] meant for it?)" if (close := get_close_matches(name, unused, 1)) else "")
+        for name in missing
+    ]
     return InputError(
-        where,
+        where(f"prior.{next(iter(missing))}"),
         found="nothing",
-        expected=f"a prior of {name}, SI unit {unit}",
-        remedy=f'add [prior.{name}] with distribution = "uniform", lower and upper{meant}',
+        expected="a prior of " + ", and of ".join(f"{name}, SI unit {unit}" for name, unit in missing.items()),
+        remedy=f'add {" and ".join(tables)}{", each" if len(tables) > 1 else ""} with distribution = "uniform", lower and upper',
     )
 
 

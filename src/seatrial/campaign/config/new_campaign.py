@@ -163,7 +163,7 @@ def new_campaign(said: Mapping[str, Any]) -> NewCampaign:
     if "vehicle" not in said:
         _check_no_thruster(controls)
     deduction, sought = said.get("thrust_deduction", ""), partial(read_sought, is_published="vehicle" in said)
-    return NewCampaign(
+    new = NewCampaign(
         said.get("name") or f"{said.get('vehicle') or 'my vehicle'}, first trial",
         each("seek", sought),
         controls,
@@ -180,6 +180,53 @@ def new_campaign(said: Mapping[str, Any]) -> NewCampaign:
         duration=said.get("duration", NewCampaign.duration),
         goal=each("goal", read_goal),
     )
+    _check_once(new)
+    if not new.vehicle:
+        _check_driven(new)
+    return new
+
+
+def _check_once(new: NewCampaign) -> None:
+    """Refuse a name that is said twice."""
+    controls = [("control", one.name) for one in new.controls]
+    terms = [("seek", one.name) for one in new.sought] + [("optional", one.name) for one in new.optional]
+    limits = [("control", one.name) for one in new.controls if one.lower] + [("limit", one.name) for one in new.limits]
+    sensors, goals = [("sensor", one.name) for one in new.sensors], [("goal", name) for name, _ in new.goal]
+    groups = [*terms, *(("known", name) for name, _ in new.known)], controls, limits, sensors, goals
+    for group in groups:
+        first: dict[str, str] = {}
+        for option, name in group:
+            if name in first:
+                raise InputError(
+                    f"--{option} {name}",
+                    found=f"{name} again, beside --{first[name]} {name}",
+                    expected="each once",
+                    remedy="leave one of them out",
+                )
+            first[name] = option
+
+
+def _check_driven(new: NewCampaign) -> None:
+    """Refuse a control of one's own vehicle that no term has: it would move nothing."""
+    terms = [one.name for one in new.sought + new.optional] + [name for name, _ in new.known]
+    driving = {signal for term in terms for signal in CoefficientName.parse(term).signals}
+    for one in new.controls:
+        if one.name not in driving:
+            force = f'--known "{one.name[-1]}_{one.name} 1"'
+            raise InputError(
+                f"--control {one.name}",
+                found=f"a control that no term has: {', '.join(terms) or 'there is none'}",
+                expected=f"a term with {one.name}, which says how it moves the vehicle",
+                remedy=f"for example {_DRIVING.get(one.name, force)}",
+            )
+
+
+_DRIVING = {
+    "n": '--seek "T_nabsn 0.02 to 0.06 N/(rev/s)^2"',
+    "delta_r": '--seek "N_uudelta_r -10 to 0"',
+    "delta_s": '--seek "M_uudelta_s -10 to 0"',
+}
+"""An example of the option that lets each control move the vehicle; the forces and moments are known to be what they are."""
 
 
 def _check_no_thruster(controls: tuple[Control, ...]) -> None:
@@ -195,6 +242,23 @@ def _check_no_thruster(controls: tuple[Control, ...]) -> None:
             )
 
 
+EXAMPLES = {
+    "vehicle": "remus100_hall_anstee",
+    "mass": "30 kg",
+    "inertia": "0.2, 3.4, 3.4 kg m^2",
+    "moves": "u,v,r",
+    "thrust_deduction": "0.1",
+    "speed": "1.5 m/s",
+    "duration": "60 s",
+    "seek": "X_uabsu -4.5 to -1.5 kg/m",
+    "optional": "X_u -3 to 0 kg/s",
+    "known": "X_udot -1.0",
+    "control": "n 1200 rpm, 700 to 1600 rpm, 800 rpm/s",
+    "sensor": "u 0.05 m/s, 5 Hz",
+    "limit": "u above 0.5 m/s",
+    "goal": "X_uabsu 3 %",
+}
+"""Options, each with what may be said by it."""
 SCALARS = {"mass": "kg", "thrust_deduction": "1", "speed": "m/s", "duration": "s"}
 """Options that are one quantity, and their units."""
 

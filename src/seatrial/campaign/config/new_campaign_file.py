@@ -1,10 +1,13 @@
 """The campaign file of what is known before there are any data, with a comment on each table."""
 
 import json
-from collections.abc import Callable, Sequence
+import re
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from math import ceil, floor, log10
 
-from seatrial.campaign.config.new_campaign import OWN, PUBLISHED, Control, NewCampaign, Sought
+from seatrial.campaign.config.new_campaign import EXAMPLES, OWN, PUBLISHED, Control, NewCampaign, Sought
+from seatrial.campaign.store.stored_result import FILE_NAME
 from seatrial.core.errors import InputError
 from seatrial.core.signals import PROPULSION, signal_unit
 from seatrial.core.units import quantity, to_si
@@ -19,24 +22,78 @@ def campaign_text(new: NewCampaign) -> str:
     Raises:
         InputError: no control, or one without a range; no sensor; nothing that is sought.
     """
-    for place, given, remedy in (
-        ("--seek", new.sought + new.optional, '--seek "X_uabsu -4.5 to -1.5 kg/m"'),
-        ("--control", new.controls, '--control "n 1200 rpm, 700 to 1600 rpm, 800 rpm/s"'),
-        ("--sensor", new.sensors, '--sensor "u 0.05 m/s, 5 Hz"'),
-    ):
+    for option, given in (("seek", new.sought + new.optional), ("control", new.controls), ("sensor", new.sensors)):
         if not given:
-            raise InputError(place, found="nothing", expected="one at least", remedy=f"for example {remedy}")
+            raise InputError(f"--{option}", found="nothing", expected="one at least", remedy=_for_example(option))
     if not new.controls[0].lower:
         raise InputError(
             f"--control {new.controls[0].name}",
             found="a trim without a range",
             expected="what the control may do in a trial that is designed",
-            remedy='for example "n 1200 rpm, 700 to 1600 rpm, 800 rpm/s"; name the control that is driven first',
+            remedy=f"{_for_example('control')}; name the control that is driven first",
         )
     parts: tuple[Callable[[NewCampaign], list[str]], ...] = (
         *(_head, _vehicle, _structure, _priors, _sensors, _limits, _design, _goal, _estimation, _import),
     )
     return "\n\n".join("\n".join(part(new)) for part in parts if part(new)) + "\n"
+
+
+@contextmanager
+def told_by_options(option_of: Callable[[str], str]) -> Iterator[None]:
+    """Name options in the errors of a file that they make and that nobody has seen yet: in place of its keys, and of remedies for these.
+
+    Args:
+        option_of: the option that a key of the file is written from, such as `--sensor u` of `sensors.u.noise`.
+    """
+    try:
+        yield
+    except InputError as error:
+        place = _OF_FILE.fullmatch(error.where)
+        if place is None:
+            raise
+        rest = place["rest"].removeprefix(": ")
+        argument = rest.rpartition(", ")[2]
+        key = f"{place['key']}.{argument}" if argument in EXAMPLES else place["key"] or ""
+        option = option_of(key)
+        flag, _, name = option.removeprefix("--").partition(" ")
+        example = _for_example(flag.replace("-", "_"), name)
+        remedy = example if _TOML.search(error.remedy) and example else error.remedy
+        raise InputError(option, found=error.found, expected=error.expected, remedy=remedy) from None
+
+
+_OF_FILE = re.compile(rf".*?{re.escape(FILE_NAME)}(?::\d+)?(?:, key (?P<key>[^\s:,]+))?(?P<rest>.*)", re.DOTALL)
+_TOML = re.compile(r"\[\w|\w = |`|\btable\b")
+"""What a remedy for a file has in it."""
+
+
+def _for_example(option: str, name: str = "") -> str:
+    """Return an option as it may be given, of a coefficient with its name; empty of one that has no example."""
+    if option not in EXAMPLES:
+        return ""
+    said = f"{name} -4.5 to -1.5" if name and option in ("seek", "optional") else EXAMPLES[option]
+    return f'for example --{option.replace("_", "-")} "{said}"'
+
+
+def option_of(new: NewCampaign, key: str) -> str:
+    """Return the option from which a key of the file is written, with the name that it has there: `--sensor u` of `sensors.u.noise`."""
+    table, _, inner = key.partition(".")
+    name, _, last = inner.partition(".")
+    controls = [one.name for one in new.controls]
+    if table == "vehicle":
+        if name == "trim" and last not in ("", "u"):
+            return f"--control {last}"
+        if name == "fixed" and last:
+            return f"--known {last}"
+        of_body = {"trim": "speed", "catalogue": "vehicle", "fixed": "known"} | {one: one for one in EXAMPLES}
+        return f"--{of_body.get(name, 'vehicle' if new.vehicle else 'mass').replace('_', '-')}"
+    if table == "prior":
+        return f"--optional {name}" if name in [one.name for one in new.optional] else f"--seek {name}"
+    if table == "limits":
+        return f"--control {name}" if name in controls else f"--limit {name}"
+    if table == "design":
+        return f"--control {controls[0]}" if name in ("control", "trim", "amplitude", "ramp") else "--duration"
+    named = {"sensors": f"--sensor {name}", "goal": f"--goal {last}", "structure": "--seek, --optional"}
+    return named.get(table, "the options together").strip()
 
 
 def _head(new: NewCampaign) -> list[str]:
@@ -121,11 +178,10 @@ def _sensors(new: NewCampaign) -> list[str]:
 
 def _limits(new: NewCampaign) -> list[str]:
     lines = [
-        "# Limits of a trial: the control and its rate of change, the lowest speed at which the vehicle can dive, the space."
+        "# Limits of a trial: each control and its rate of change, the lowest speed at which the vehicle can dive, the space."
     ]
-    driven = new.controls[0]
     for name, bounds in [
-        (driven.name, {"lower": driven.lower, "upper": driven.upper, "rate": driven.rate}),
+        *((one.name, {"lower": one.lower, "upper": one.upper, "rate": one.rate}) for one in new.controls if one.lower),
         *((one.name, {"lower": one.lower, "upper": one.upper}) for one in new.limits),
     ]:
         lines += [f"[limits.{name}]", *(f"{key} = {_text(text)}" for key, text in bounds.items() if text), ""]

@@ -62,18 +62,26 @@ class Nuisance(NamedTuple):
         """The unknown, shared by all trials."""
         return Parameter(self.name, self.unit, self.label, prior)
 
-    def no_prior(self, where: str) -> InputError:
-        """Return the error of one for which no prior is stated."""
-        return InputError(
-            where,
-            found=f"nothing, though {self.because}",
-            expected=f"a prior of {self.name}, SI unit {self.unit}",
-            remedy=f"add a section [prior.{self.name}], for example with {self.example}",
-        )
-
     def of_trial(self, label: str, prior: Prior) -> Parameter:
         """One trial's own."""
         return Parameter(own_name(self.name, label), self.unit, f"{self.label}[{label}]", prior)
+
+
+def no_nuisance_prior(where: Callable[[str], str], missing: Sequence[Nuisance]) -> InputError:
+    """Return the error of unknowns for which no prior is stated.
+
+    Args:
+        where: names a key of the file.
+        missing: all of them.
+    """
+    reasons = dict.fromkeys(one.because for one in missing)
+    return InputError(
+        where(f"prior.{missing[0].name}"),
+        found=f"nothing, though {', and '.join(reasons)}",
+        expected="a prior of " + ", and of ".join(f"{one.name}, SI unit {one.unit}" for one in missing),
+        remedy="add "
+        + "; and ".join(f"a section [prior.{one.name}], for example with {one.example}" for one in missing),
+    )
 
 
 def nuisances(

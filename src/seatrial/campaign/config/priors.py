@@ -1,13 +1,13 @@
 """From `[prior.NAME]` tables to priors in SI."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from math import inf, isfinite
 from typing import Any
 
 from seatrial.campaign.config.campaign import no_prior
 from seatrial.campaign.config.file_keys import FileKeys
-from seatrial.campaign.config.nuisance_parameters import Nuisance
+from seatrial.campaign.config.nuisance_parameters import Nuisance, no_nuisance_prior
 from seatrial.campaign.config.schema import PriorTable
 from seatrial.core.coefficients import AXES, CoefficientName
 from seatrial.core.errors import InputError, located, nearest
@@ -68,18 +68,15 @@ def read_priors(
     Raises:
         InputError: a prior that is missing, that nothing uses, or that is none; a support below 0 of what has no sign.
     """
-    found = {}
-    for name, unit in units.items():
-        if name not in tables:
-            unused = [other for other in tables if other not in units]
-            raise no_prior(keys.where(f"prior.{name}"), name, unit, unused)
-        found[name] = read_prior(tables[name], unit, keys.where(f"prior.{name}"), name=name, inertia=inertia)
-    for one in unknown:
-        where = keys.where(f"prior.{one.name}")
-        if one.name in tables:
-            found[one.name] = read_prior(tables[one.name], one.unit, where, name=one.name, inertia=inertia)
-        elif one.default is None:
-            raise one.no_prior(where)
+    if missing := {name: unit for name, unit in units.items() if name not in tables}:
+        raise no_prior(keys.where, missing, [other for other in tables if other not in units])
+    if needed := [one for one in unknown if one.default is None and one.name not in tables]:
+        raise no_nuisance_prior(keys.where, needed)
+    found = {
+        name: read_prior(tables[name], unit, keys.where(f"prior.{name}"), name=name, inertia=inertia)
+        for name, unit in (*units.items(), *((one.name, one.unit) for one in unknown))
+        if name in tables
+    }
     _check_used(tables, keys, (*units, *never), [one.name for one in unknown])
     if "delay" in found and not isinstance(found["delay"], Uniform):
         raise InputError(
@@ -117,12 +114,19 @@ def _check_used(tables: Mapping[str, PriorTable], keys: FileKeys, terms: Sequenc
                 keys.where(f"prior.{name}"),
                 found=f'"{name}", which nothing uses',
                 expected="one of " + ", ".join(sorted(allowed)),
-                remedy="remove it: white residuals have no correlation time"
-                if name in map(correlation_name, channels)
-                else "add [vehicle.tether] to a vehicle that says what `moves`"
-                if name in TETHER
-                else nearest(name, allowed),
+                remedy=_unused_remedy(name, channels, allowed),
             )
+
+
+def _unused_remedy(name: str, channels: Sequence[str], allowed: Sequence[str]) -> str:
+    """Say what to do with a prior that nothing uses; all that is used has a prior, so that none is meant for a term without one."""
+    if name in map(correlation_name, channels):
+        return "remove it: white residuals have no correlation time"
+    if name in TETHER:
+        return "add [vehicle.tether] to a vehicle that says what `moves`"
+    with suppress(InputError):
+        return f"delete the table, or name {CoefficientName.parse(name).text} under always or optional of [structure]"
+    return nearest(name, allowed)
 
 
 def prior_of_keys(keys: Mapping[str, Any], unit: str, where: str, name: str) -> Prior:

@@ -23,7 +23,7 @@ from seatrial.estimation.first_guess import first_guess
 from seatrial.estimation.priors import Prior
 from seatrial.estimation.record_checks import (
     RecordFinding,
-    check_clock,
+    check_angle,
     check_excitation,
     check_limits,
     check_motion,
@@ -91,15 +91,16 @@ def record_doubts(campaign: Campaign, record: Record) -> list[str]:
 
 
 def _stated(campaign: Campaign, record: Record) -> list[RecordFinding]:
-    """Compare a record with what the campaign states: limits, and of a real one the trim; and its clock with that of any vehicle."""
+    """Compare a record with what the campaign states: limits, and of a real one the trim."""
     driven = {name: record.channel(name) for name in campaign.model(campaign.full).controls}
     findings: list[RecordFinding] = []
-    for name in (one for one in campaign.control_limits if one in driven):
-        findings += check_limits(name, driven[name], campaign.control_limits[name], *shown_unit(name))
+    for name, column in driven.items():
+        wrong = check_angle(name, column, *shown_unit(name))
+        bounds = campaign.control_limits.get(name)
+        findings += wrong if wrong or bounds is None else check_limits(name, column, bounds, *shown_unit(name))
     if record.provenance.source == SIMULATED:
         return findings
     measured = {name: record.channel(name) for name in campaign.channels}
-    findings += check_clock(float(np.median(np.diff(record.time))))
     return findings + check_trim(campaign.hull.trim, driven, measured)
 
 
@@ -162,7 +163,7 @@ def _judge(campaign: Campaign, record: Record) -> RecordJudgement:
             findings += check_range(name, column, expected[:, index], campaign.noise[name])
         ways = np.array([one[:, index] for one in drawn])
         if says_direction(expected[:, index], ways, campaign.noise[name]):
-            findings += check_motion(name, usual, column, expected[:, index], ways, campaign.has_delay)
+            findings += check_motion(name, usual, column, expected[:, index], ways, campaign.has_delay, tuple(driven))
         else:
             unsaid.append(name)
     for group in SENSORS:

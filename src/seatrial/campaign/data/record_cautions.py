@@ -11,7 +11,7 @@ _DONE = {"control": "each holds the value before it", "measurement": "they are l
 def record_cautions(record: Record) -> list[str]:
     """Holes in its channels, and controls of whole real trials that never move, in words."""
     whole = record.provenance.source != SIMULATED and "piece" not in record.provenance.options
-    said = [f"run {record.label}, {text}" for text in record.provenance.options.get("cautions", [])]
+    said = [f"run {record.label}, {text}" for text in record.cautions]
     for name in record.controls if whole else ():
         column = record.channel(name)
         if column.min() == column.max():

@@ -408,20 +408,30 @@ def _ragged(log: LogFile, expected: int, rows: int, wrong: int, first: _Row, las
         remedy = "correct or delete the row"
     return InputError(
         f"{log.path}, row {line}",
-        found=f"{width} cells; {wrong} of {rows} rows are so",
+        found=f"{width} cell{'s' if width != 1 else ''}; {wrong} of {rows} rows {'are' if wrong != 1 else 'is'} so",
         expected=f"{expected} cells, as in the header",
         remedy=remedy,
     )
 
 
 def _no_rows(log: LogFile, is_empty: bool) -> InputError:
+    skipped, count = log.layout.skip_rows, log.layout.header_rows
+    head = [
+        f"the {skipped} lines that skip_rows leaves out" if skipped > 1 else "the line that skip_rows leaves out"
+    ] * bool(skipped)
+    head += [f"the header's {count} lines" if count > 1 else "the header"] * bool(count)
+    keys = [
+        f"{key} is too large"
+        for key, value, usual in (("skip_rows", skipped, 0), ("header_rows", count, 1))
+        if value > usual
+    ]
     return InputError(
         str(log.path),
         found=f"an empty file ({log.path.stat().st_size} bytes)"
         if is_empty
-        else f"no row below the header and the first {log.layout.skip_rows} lines",
+        else f"no row{' below ' if head else ''}{' and '.join(head)}",
         expected="rows of numbers",
-        remedy="export the log again, or correct skip_rows and header_rows",
+        remedy=" or ".join([*keys, "nothing was recorded: export the log again"]),
     )
 
 
