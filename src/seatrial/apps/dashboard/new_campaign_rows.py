@@ -1,5 +1,6 @@
 """The rows of the form of a new campaign: their fields, and the line of `seatrial init` that each of them says."""
 
+import re
 from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any, NamedTuple
@@ -24,6 +25,36 @@ Row = Mapping[str, str]
 SIGNALS = (*RATES, *ANGLES)
 TERMS = ("X_u", "X_uabsu", "T_nabsn", "X_udot", "Y_v", "Y_vabsv", "N_r", "N_rabsr", "N_uv", "N_ur", "N_uudelta_r")
 """Names that are offered while one types; any other that has a meaning may be typed too."""
+
+
+_FIELDS: tuple[tuple[str, tuple[str, ...]], ...] = (
+    (r"key vehicle\.(?P<option>mass|inertia|thrust_deduction|moves)\b", ()),
+    (r"key vehicle: .*, mass$", ("mass",)),
+    (r"key vehicle\.trim\.u$", ("speed",)),
+    (r"key vehicle\.trim\.(?P<name>\w+)", ("control",)),
+    (r"key vehicle\.fixed\.(?P<name>\w+)", ("known", "seek", "optional")),
+    (r"key (?:vehicle|structure)\b.*, term (?P<name>\w+)$", ("known", "seek", "optional")),
+    (r"key prior\.(?P<name>\w+)", ("seek", "optional")),
+    (r"key sensors\.(?P<name>\w+)", ("sensor",)),
+    (r"key limits\.(?P<name>\w+)", ("limit", "control")),
+    (r"key goal\.sd\.(?P<name>\w+)", ("goal",)),
+    (r"key design\.(?:duration|active|sample_time|ramp|period)\b", ("duration",)),
+    (r"^--(?P<option>[a-z-]+)(?: (?P<name>\w+))?$", ()),
+)
+"""Where an error says it is, and the options of `seatrial init` whose fields say it; in those of rows, the row of the name."""
+
+
+def fields_of(where: str) -> tuple[tuple[str, ...], str]:
+    """Return the options that may say what an error is about, and the name in their rows; none where no field says it.
+
+    Args:
+        where: of an `InputError` of a new campaign: a key of its file, or an option of `seatrial init`.
+    """
+    for pattern, options in _FIELDS:
+        if match := re.search(pattern, where):
+            said = match.groupdict()
+            return options or (said["option"].replace("-", "_"),), said.get("name") or ""
+    return (), ""
 
 
 class Kind(NamedTuple):

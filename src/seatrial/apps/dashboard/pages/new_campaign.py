@@ -1,6 +1,7 @@
 """A new campaign by form: what `seatrial init` asks, what is wrong beside each field, nothing written before all is checked."""
 
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Collection
 from contextlib import suppress
 from math import isfinite
 from typing import Any
@@ -9,9 +10,9 @@ from markupsafe import Markup
 from nicegui import ui
 
 from seatrial.apps.dashboard.app_context import AppContext, cautions_html, fill, markup, say
-from seatrial.apps.dashboard.new_campaign_rows import Kind, kinds
+from seatrial.apps.dashboard.new_campaign_rows import Kind, fields_of, kinds
 from seatrial.apps.dashboard.page_layout import button, frame, link, section
-from seatrial.apps.dashboard.view_models import PublishedTerms
+from seatrial.apps.dashboard.view_models import PublishedTerms, beside, input_error_of
 from seatrial.campaign.config.new_campaign import OWN, PUBLISHED, SCALARS, NewCampaign, three_quantities
 from seatrial.campaign.config.new_campaign_file import SURGE
 from seatrial.campaign.config.templates import TEMPLATES, WRITTEN
@@ -100,15 +101,16 @@ class Start:
         said = self.forms[start].read() if start in self.forms else {}
         with self.said:
             if folder is None or said is None:
-                say("Some fields are wrong: see the messages beside them. Nothing was written.")
-                ui.run_javascript(_TO_THE_FIRST)
-                return None
+                return _refuse()
             try:
                 template = "" if start in self.places else start
                 about = str(folder), folder.name, template, tuple(said.items())
                 return folder, *await self.context.worker_pool.think("begun", *about)
             except (SeatrialError, OSError) as error:
-                say(error)
+                read = input_error_of(error)
+                if read is not None and start in self.forms and self.forms[start].complain(read):
+                    return _refuse()
+                say(error if read is None else without_file(read))
         return None
 
     async def _preview(self) -> None:
@@ -201,8 +203,24 @@ class Form:
             form.error = error.sentence()
         return form.error is None
 
+    def complain(self, error: InputError) -> bool:
+        """Say beside its field what is wrong with the campaign that the form makes; returns whether a field says what is wrong."""
+        options, name = fields_of(error.where)
+        for option in options:
+            if option in self.texts and self.texts[option].visible:
+                self.texts[option].error = _remedied(error, "empty this field")
+                return True
+            if option == "moves" and self.moves.visible:
+                self.moves.error = _remedied(error, "choose others")
+                return True
+        rows = [row for rows in self.rows if rows.kind.option in options for row in rows.rows if row.name == name]
+        if rows:
+            rows[-1].complain(_remedied(error, "remove this row"))
+        return bool(rows)
+
     def read(self) -> dict[str, Any] | None:
         """Return what the form says, as the options of `seatrial init` have it; None where something is wrong."""
+        self.moves.error = None
         is_right = [self._check_text(option) for option in self.texts] + [rows.check() for rows in self.rows]
         if not all(is_right):
             return None
@@ -274,6 +292,11 @@ class OneRow:
             self.check()
         self.changed()
 
+    @property
+    def name(self) -> str:
+        """What the row is about, such as a coefficient."""
+        return (self.fields["name"].value or "").strip()
+
     def line(self) -> str:
         """Return what the row says, as a line of the option; empty where nothing is written in it."""
         row = {key: (form.value or "").strip() for key, form in self.fields.items()}
@@ -293,10 +316,32 @@ class OneRow:
                         f"{', '.join(said)}: expected a number, such as {self.kind.fields[wrong[0]][1] or 1}",
                         wrong,
                     )
+        self.complain(words, at_fault)
+        return not words
+
+    def complain(self, words: str, at_fault: Collection[str] = ("name",)) -> None:
+        """Say what is wrong with the row, and outline the fields that are at fault; nothing if empty."""
         self.wrong.set_content(_wrong_html(words) if words else "")
         for key, form in self.fields.items():
-            form.props("error" if key in at_fault else "", remove="" if key in at_fault else "error")
-        return not words
+            is_wrong = bool(words) and key in at_fault
+            form.props("error" if is_wrong else "", remove="" if is_wrong else "error")
+
+
+def without_file(error: InputError) -> str:
+    """Return what is wrong with a campaign that is not written yet: by its key, without the file and the line where it would stand."""
+    where = re.sub(r"^\S.*?campaign\.toml(:\d+)?(, )?", "", error.where) or "the new campaign"
+    return str(InputError(where, found=error.found, expected=error.expected, remedy=error.remedy))
+
+
+def _remedied(error: InputError, instead: str) -> str:
+    """Return what is wrong beside its field; what is removed from a file is not typed into a form."""
+    return re.sub(r"\bremove it\b(?! here)", instead, beside(error))
+
+
+def _refuse() -> None:
+    """Say that fields are wrong, and show the first one."""
+    say("Some fields are wrong: see the messages beside them. Nothing was written.")
+    ui.run_javascript(_TO_THE_FIRST)
 
 
 def _example(text: str) -> str:
