@@ -143,6 +143,7 @@ class Form:
     def __init__(self, new: NewCampaign, published: tuple[PublishedTerms, ...] = ()):
         self.published = {one.name: one for one in published}
         self.texts: dict[str, ui.input] = {}
+        self.refused: dict[str, str] = {}
         with section("Vehicle"):
             with ui.element("div").classes("line"):
                 if published:
@@ -169,7 +170,7 @@ class Form:
     def _text(self, option: str, value: str) -> None:
         label, example = TEXTS[option]
         self.texts[option] = ui.input(label, value=value, placeholder=_example(example)).props(LOOK)
-        self.texts[option].on("blur", lambda: self._check_text(option))
+        self.texts[option].on("blur", lambda: self._left_text(option))
 
     def _of_vehicle(self) -> None:
         chosen = self.published[str(self.vehicle.value)]
@@ -190,6 +191,11 @@ class Form:
                         terms.append(CoefficientName.parse((row.fields["name"].value or "").strip()))
         self.cautions.set_content(cautions_html(terms_that_may_be_one(terms)))
 
+    def _left_text(self, option: str) -> None:
+        """Check a field that was left, unless it still says what the whole campaign refused."""
+        if self.texts[option].value != self.refused.get(option):
+            self._check_text(option)
+
     def _check_text(self, option: str) -> bool:
         form, value = self.texts[option], (self.texts[option].value or "").strip()
         form.error = None
@@ -208,6 +214,7 @@ class Form:
         options, name = fields_of(error.where)
         for option in options:
             if option in self.texts and self.texts[option].visible:
+                self.refused[option] = self.texts[option].value
                 self.texts[option].error = _remedied(error, "empty this field")
                 return True
             if option == "moves" and self.moves.visible:
@@ -215,12 +222,14 @@ class Form:
                 return True
         rows = [row for rows in self.rows if rows.kind.option in options for row in rows.rows if row.name == name]
         if rows:
+            rows[-1].refused = rows[-1].line()
             rows[-1].complain(_remedied(error, "remove this row"))
         return bool(rows)
 
     def read(self) -> dict[str, Any] | None:
         """Return what the form says, as the options of `seatrial init` have it; None where something is wrong."""
         self.moves.error = None
+        self.refused.clear()
         is_right = [self._check_text(option) for option in self.texts] + [rows.check() for rows in self.rows]
         if not all(is_right):
             return None
@@ -274,7 +283,7 @@ class OneRow:
     def __init__(
         self, kind: Kind, values: dict[str, str], remove: Callable[["OneRow"], None], changed: Callable[[], None]
     ):
-        self.kind, self.changed = kind, changed
+        self.kind, self.changed, self.refused = kind, changed, ""
         with ui.element("div").props(f'role=group aria-label="{kind.one}"') as self.part:
             with ui.element("div").classes("line fields"):
                 self.fields = {}
@@ -288,7 +297,7 @@ class OneRow:
             self.wrong = _wrong()
 
     def _left(self) -> None:
-        if self.wrong.content:  # what was wrong may be right now
+        if self.wrong.content and self.line() != self.refused:  # what was wrong may be right now
             self.check()
         self.changed()
 
