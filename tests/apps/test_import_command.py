@@ -98,6 +98,8 @@ def test_a_run_with_other_columns_has_a_map_of_its_own(folder):
         (["--run", "2", "--start", "30 s"], ("key import.end", "18 s, with a start at 30 s")),
         (["--start", "5 s", "--end", "4 s"], ("5 s to 4 s", "a start before the end")),
         (["--start", "5 m"], ("--start", 'a unit like "s"')),
+        (["--run", "2", "--end", "900 s"], ("--end", "run 2 at 19.9 s", "an end inside the run")),
+        (["--end", "900 s"], ("--end", "run 1 at 19.9 s, run 2 at 19.9 s")),
         (["--run", "2"], ("--run", "--start or --end with it")),
         (["--run", "a b", "--start", "1 s"], ("run 'a b'", "by hand")),
     ],
@@ -109,6 +111,17 @@ def test_what_leaves_no_record_changes_nothing(folder, words, told):
     for part in told:
         assert part in str(result.exception)
     assert (folder / "campaign.toml").read_text() == before
+
+
+def test_a_run_that_is_shorter_than_the_others_is_told(folder):
+    log = folder / "log_2.csv"
+    log.write_text("".join(log.read_text().splitlines(keepends=True)[:101]))
+    told = run(folder, "--end", "15 s")
+    assert told.exit_code == 0
+    assert "the files of some runs end before --end, and the runs with them: run 2 at 9.9 s" in told.output
+    path = folder / "campaign.toml"
+    path.write_text(path.read_text() + '\n[import.trim.2]\nend = "900 s"\n')
+    assert 'run 2, its files end at 9.9 s, before its end = "900 s": it ends with them' in run(folder).output
 
 
 def test_a_control_without_a_column_is_named_before_a_log_is_opened(folder):

@@ -16,6 +16,7 @@ from seatrial.campaign.store.estimates import Fit, decode_fit
 from seatrial.estimation.fit_verdict import judge_fit
 from seatrial.estimation.pooled_coverage import pooled_verdict, run_residuals
 from seatrial.estimation.prediction_scores import Score
+from seatrial.estimation.remedies import TOLD, without_repeats
 
 NUMBERS = {
     "nrmse": 0.5,
@@ -69,6 +70,22 @@ def test_complaints_are_few_and_the_gravest_is_first():
     assert said.startswith("run 2: residuals of u are correlated (+0.60 over 0.1 s)")
     assert said.endswith("; likewise 3")
     assert fit_complaints(fits[:1]) == []
+
+
+def test_correlated_residuals_of_all_channels_are_one_caution():
+    fits = [
+        fit(run, channel=channel, correlation=0.6, white=1e-9) for run in ("a", "b") for channel in ("u", "r", "udot")
+    ]
+    (said,) = fit_complaints(fits)
+    assert said.startswith("run a: residuals of u are correlated (+0.60 over 0.1 s)")
+    assert "[prior.tau_u]" in said
+    assert said.endswith("; likewise b; likewise r of a, b; likewise udot of a, b")
+    assert fits[0].finding == fits[0].reason.partition("; ")[0] != fits[0].reason
+    assert "estimation.residuals" not in fits[0].finding
+    assert without_repeats(f"first correct what failed: run a: {fits[0].reason}", [said]).endswith(f"failed: {TOLD}")
+    narrow = [fit("a", channel=channel, coverage=0.7, variance=2.5) for channel in ("u", "r")]
+    assert len(fit_complaints(narrow)) == 2
+    assert narrow[0].finding == narrow[0].words
 
 
 def pooled(scale):

@@ -44,6 +44,20 @@ def test_a_clock_set_wrong_is_found_to_a_tenth_of_a_step(late, sign):
     assert found.rival is None
 
 
+def test_the_peak_of_a_slow_motion_is_blunt():
+    time = np.arange(0, 120, 0.1)
+    quick, slow = turning(time), turning(time / 8.0)
+    sharp, blunt = (shift_between(Samples(time, one), Samples(time - 2.0, one)) for one in (quick, slow))
+    for found in (sharp, blunt):
+        assert found.lower <= found.shift <= found.upper
+        assert found.shift == pytest.approx(2.0, abs=0.01)
+    assert sharp.upper - sharp.lower < 0.5
+    assert blunt.upper - blunt.lower > 3 * (sharp.upper - sharp.lower)
+    later = blunt.later(10.0)
+    assert (later.shift, later.lower, later.upper) == (blunt.shift + 10, blunt.lower + 10, blunt.upper + 10)
+    assert later.correlation == blunt.correlation
+
+
 def test_a_motion_that_repeats_names_another_shift():
     time = np.arange(0, 60, 0.1)
     wave = np.sign(np.sin(2 * np.pi * time / 10.0)) + 0.001 * np.cos(time)

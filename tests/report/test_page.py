@@ -1,5 +1,6 @@
 """The page: complete in itself, safe whatever names it prints, well formed, and the same bytes for the same results."""
 
+import json
 import re
 from base64 import b64encode
 from dataclasses import replace
@@ -9,6 +10,8 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
+from seatrial.estimation.fit_verdict import COLOURED
+from seatrial.estimation.remedies import CORRELATED
 from seatrial.report.drawing import digits_of, moments_of
 from seatrial.report.page import CONTENTS, render, write_report
 from seatrial.report.sections.fits import fits_section
@@ -192,6 +195,42 @@ def test_alarms_of_other_models_leave_the_values_of_the_chosen_one(tmp_path):
     assert '<p class="answer">' in html
     html = render(alarmed(tmp_path, "the evidence of M-1 is not reliable: repeats differ by 3.6 nats"))
     assert "The choice of the model is not reliable: 1 health check failed." in html
+
+
+def test_what_need_not_be_seen_at_first_is_folded(outcome, html, tmp_path):
+    def part(text, name, end):
+        return text[text.index(f'id="{name}"') : text.index(f'id="{end}"')]
+
+    quiet = [replace(one, left=0.1, correlation=0.2) for one in outcome.known.parameters]
+    outcome = replace(outcome, known=replace(outcome.known, parameters=tuple(quiet)))
+    parameters = part(render(outcome), "parameters", "method")
+    seen, folded = parameters.split("of the sensors and runs, in detail</summary>")
+    assert all(f"<code>{name}</code>" in seen for name in outcome.chosen.structure.terms)
+    assert "<code>sigma_u</code>" in folded
+    flagged = next(row for row in outcome.summary["coefficients"] if row["name"] == "sigma_u") | {"ess_bulk": 3.0}
+    rows = [flagged if row["name"] == "sigma_u" else row for row in outcome.summary["coefficients"]]
+    told = render(replace(outcome, summary=outcome.summary | {"coefficients": rows}))
+    seen, _ = part(told, "parameters", "method").split("of the sensors and runs, in detail</summary>")
+    assert "<code>sigma_u</code>" in seen  # what is flagged is never folded away
+
+    assert "The best design, should another trial be run" not in html
+    stopped = render(make_outcome(tmp_path, gain=0.01))
+    following = part(stopped, "next", "parameters")
+    assert following.index("The best design, should another trial be run</summary>") < following.index("<svg")
+    is_settled = outcome.selection.is_settled
+    assert ("How the two most probable models differ</summary>" in html) == is_settled
+
+
+def test_a_caution_about_the_noise_is_told_once(outcome):
+    reason = "run 1: residuals of u are correlated, so the stated standard deviations are too small; set estimation.residuals"
+    summary = outcome.summary | {"cautions": [f"{reason}; likewise {FITTED[1]}"]}
+    fits = [
+        replace(fit, about=COLOURED, reason=reason.partition(": ")[2], outside=(), ahead="") for fit in outcome.fits
+    ]
+    outcome.chosen.data.attrs["model_error_remedies"] = json.dumps([f"X_u: most of it is from blocks; {CORRELATED}"])
+    html = render(replace(outcome, summary=summary, fits=tuple(fits)))
+    assert html.count("set estimation.residuals") == 1
+    assert "blocks; the residuals are correlated" not in html
 
 
 def test_what_is_folded_is_counted(tmp_path):

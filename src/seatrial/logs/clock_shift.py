@@ -13,8 +13,8 @@ OVERLAP = 0.5
 """Share of the shorter curve that has to lie on the other."""
 FEWEST = 16
 """Steps in common, at least."""
-RIVAL = 0.95
-"""Share of the best correlation from which another shift is worth naming."""
+RIVAL, NEARLY = 0.95, 0.99
+"""Share of the best correlation from which another shift is worth naming, and down to which a shift is as good as the best."""
 
 
 class Samples(NamedTuple):
@@ -25,11 +25,27 @@ class Samples(NamedTuple):
 
 
 class ClockShift(NamedTuple):
-    """What to add to the stamps of the second log, s; the correlation there, and another shift that fits almost as well, if any."""
+    """How far two clocks differ.
+
+    Attributes:
+        shift: what to add to the stamps of the second log, s.
+        correlation: there.
+        rival: another shift that fits almost as well, s; None if there is none.
+        lower: least shift about the best one whose correlation is nearly as high, s: how sharp the peak is.
+        upper: largest such shift, s.
+    """
 
     shift: float
     correlation: float
     rival: float | None
+    lower: float
+    upper: float
+
+    def later(self, seconds: float) -> "ClockShift":
+        """Return the same of a second log whose stamps are less by so many seconds."""
+        rival = None if self.rival is None else self.rival + seconds
+        moved = {"shift": self.shift + seconds, "lower": self.lower + seconds, "upper": self.upper + seconds}
+        return self._replace(rival=rival, **moved)
 
 
 def shift_between(first: Samples, second: Samples) -> ClockShift:
@@ -69,12 +85,25 @@ def shift_between(first: Samples, second: Samples) -> ClockShift:
     peaks = _is_peak(size) & (size > RIVAL * size[best])
     peaks[best] = False
     rival = int(np.argmax(np.where(peaks, size, -np.inf))) if peaks.any() else None
-    between = float(first.time[0] - second.time[0])
+    between, place = float(first.time[0] - second.time[0]), float(lag[best]) + part
+    left, right = (_reach(size[::way], at) for way, at in ((-1, size.size - 1 - best), (1, best)))
     return ClockShift(
-        between + (float(lag[best]) + part) * step,
+        between + place * step,
         float(correlation[best]),
         None if rival is None else between + float(lag[rival]) * step,
+        between + min(lag[best] - left, place) * step,
+        between + max(lag[best] + right, place) * step,
     )
+
+
+def _reach(size: Float[np.ndarray, " l"], best: int) -> float:
+    """Return how many steps after the best one the correlation is nearly as high, by straight lines between the steps."""
+    after, level = size[best:], NEARLY * size[best]
+    below = np.flatnonzero(after < level)
+    if not below.size:
+        return float(after.size - 1)
+    end = int(below[0])
+    return end - 1 + float((after[end - 1] - level) / (after[end - 1] - after[end]))
 
 
 def _known(curve: Samples, name: str) -> Samples:

@@ -461,3 +461,80 @@ def test_the_whole_file_is_edited_and_a_mistake_marked(tmp_path, page):
         page.get_by_text("Saved. Results made before").wait_for()
     assert page.said == []
     assert path.read_text() == before
+
+
+def test_hovered_values_are_those_of_the_view_after_a_zoom(tmp_path, page):
+    """As far as the mouse rests: what is told is what a chart tells when the mouse comes anew."""
+    folder = write_small(tmp_path / "served")
+    (folder / "logs").mkdir()
+    rows = [f"{0.05 * i:.2f},{1.5 + 0.001 * (i % 997):.4f},{1200 + i % 400}" for i in range(8000)]
+    (folder / "logs" / "dive.csv").write_text("time_s,speed,rpm\n" + "\n".join(rows) + "\n")
+    with served(folder) as (address, _):
+        page.goto(f"{address}import?campaign=.")
+        page.get_by_role("combobox", name="A log in the campaign's folder").click()
+        page.get_by_role("option", name="logs/dive.csv").click()
+        page.get_by_role("button", name="Preview log").click()
+        page.get_by_role("button", name="Check and save this map").click()
+        page.get_by_role("button", name="Import the records").click()
+        page.locator(".chart svg").first.wait_for()
+        end = page.get_by_label("End [s]")
+        end.fill("900")
+        page.get_by_role("button", name="Check and save", exact=True).click()
+        page.get_by_text("the files of this run overlap for 399.95 s").wait_for()
+        assert "[import.trim" not in (folder / "campaign.toml").read_text()
+
+        chart = page.locator(".chart").first
+        chart.scroll_into_view_if_needed()
+        box = chart.bounding_box()
+        at = box["x"] + 0.6 * box["width"], box["y"] + 90
+        page.mouse.move(at[0] - 9, at[1])
+        page.mouse.move(*at)
+        parts = "[...document.querySelectorAll('.chart div')]"
+        told = f"{parts}.find((one) => one.innerText?.includes(' s\\n') && one.style.position).innerText"
+        page.wait_for_function(told)
+        before = page.evaluate(told)
+        for _ in range(15):
+            page.mouse.wheel(0, -400)
+            page.wait_for_timeout(100)
+        page.wait_for_timeout(1500)
+        after = page.evaluate(told)
+        page.mouse.move(at[0] - 60, at[1])
+        page.mouse.move(*at)
+        page.wait_for_timeout(500)
+        assert after == page.evaluate(told)
+        assert after != before
+    assert page.said == []
+
+
+def test_what_is_wrong_with_a_new_campaign_stands_beside_its_field(tmp_path, page):
+    (tmp_path / "served").mkdir()
+    with served(tmp_path / "served") as (address, _):
+        page.goto(f"{address}new")
+        page.get_by_label("Name", exact=True).fill("boat")
+        for field, value, told in (
+            ("Thrust deduction", "1", "less than 1"),
+            ("Mass in air", "0 kg", "a positive mass"),
+            ("Duration of a trial", "0.5 s", "a tenth of the duration"),
+        ):
+            form = page.get_by_label(field)
+            good = form.input_value()
+            form.fill(value)
+            page.get_by_role("button", name="Show the campaign file").click()
+            beside = page.locator(".q-field--error")
+            beside.filter(has=page.get_by_label(field)).get_by_text(told).wait_for()
+            assert beside.count() == 1
+            assert "campaign.toml" not in page.locator("#main").inner_text().replace("one file, campaign.toml", "")
+            form.fill(good)
+            form.blur()
+            beside.wait_for(state="detached")
+        name = page.get_by_label("signal").first
+        name.fill("v")
+        page.get_by_label("noise").first.fill("0.05")
+        page.get_by_role("button", name="Show the campaign file").click()
+        page.locator("p.wrong", has_text='channel "v"').wait_for()
+        assert page.locator(".q-field--error").count() == 1
+        name.fill("u")
+        page.get_by_label("Thrust deduction").fill("0")
+        page.get_by_role("button", name="Show the campaign file").click()
+        page.get_by_text("It can be used.").wait_for()
+    assert page.said == []

@@ -10,12 +10,17 @@ from markupsafe import Markup
 
 from seatrial.apps.dashboard.jobs import Jobs, log_of
 from seatrial.apps.dashboard.page_layout import VIEWS
+from seatrial.apps.dashboard.pages.compare import nothing_beside
 from seatrial.apps.dashboard.pages.design import legend_html
-from seatrial.apps.dashboard.pages.record_chart import RecordChart
-from seatrial.apps.dashboard.pages.results import estimated, next_html
-from seatrial.apps.dashboard.view_models import beside
+from seatrial.apps.dashboard.pages.one_axis import OneAxis, delay_words, lined_up_words
+from seatrial.apps.dashboard.pages.record_chart import RecordChart, ends_errors
+from seatrial.apps.dashboard.pages.results import estimated_html, next_html, of_mode
+from seatrial.apps.dashboard.view_models import EstimatedStructure, EstimatedValue, beside
 from seatrial.campaign.store.stored_result import Store
+from seatrial.campaign.store.structures import StoredMode
+from seatrial.core.display_units import shown_as_written
 from seatrial.core.errors import InputError
+from seatrial.logs.clock_shift import ClockShift
 
 
 def test_after_stop_no_link_leads_to_the_next_trial(tmp_path):
@@ -59,13 +64,21 @@ def test_an_error_beside_its_field_names_no_line_of_the_file():
     assert beside(error) == 'unit "kg": expected a unit like "m/s"; correct it'
 
 
-def test_estimates_stand_by_structure_before_a_model_is_chosen(tmp_path):
-    store = Store(tmp_path)
-    store.coefficients.parent.mkdir(parents=True)
-    head = "structure,name,unit,mean,sd,model_error_sd,model_error_cause\n"
-    rows = "M-0,X_u,kg/s,-1.25,0.23,,\nM-0,sigma_u,m/s,0.05,0.002,,\nM-1,X_uabsu,kg/m,-3.92,0.13,0.478,a force X_u\n"
-    store.coefficients.write_text(head + rows)
-    first, second = estimated(store).split("<caption>")[1:]
+def test_estimates_stand_by_structure_before_a_model_is_chosen():
+    force = "most of the ± with model error is from a force X_u; other structures have X_u"
+    found = (
+        EstimatedStructure("M-0", ("X_u",), (EstimatedValue("X_u", "X_{u}", "kg/s", -1.25, 0.23, None, ""),)),
+        EstimatedStructure(
+            "M-1",
+            ("X_uabsu",),
+            (EstimatedValue("X_uabsu", "X_{u|u|}", "kg/m", -3.92, 0.13, 0.478, "a force X_u"),),
+            (force,),
+            ("R-hat of X_uabsu is 1.2",),
+        ),
+        EstimatedStructure("M-2", ("X_uabsu",), (), (force, force)),
+    )
+    html = estimated_html(found)
+    first, second, _ = html.split("<caption>")[1:]
     assert first.startswith("Parameters of M-0: X_u<")
     assert "−1.25 ± 0.23" in first
     assert "with model error" not in first
@@ -73,6 +86,80 @@ def test_estimates_stand_by_structure_before_a_model_is_chosen(tmp_path):
     assert "± 0.478 <small>a force X_u</small>" in second
     assert '<th scope="col">mean ± sd, within the model' in second
     assert '<td data-head="with model error">± 0.478' in second  # on a narrow screen, where the head is above each cell
+    assert html.count("ost of the ± with model error") == html.count("<li>M-1, M-2: Most") == 1
+    assert html.index("Do not use these numbers yet") < html.index("<caption>")
+
+
+def test_a_stored_mode_is_shown_with_its_model_error_in_the_unit_of_its_prior():
+    mode = StoredMode(
+        ("X_u",),
+        {"X_u": (-1.0, 0.1), "sigma_u": (0.02, 0.001)},
+        (),
+        {"X_u": "kg/s", "sigma_u": "m/s"},
+        {"X_u": (0.5, "a force X_uabsu")},
+    )
+    html = estimated_html([of_mode(mode, shown_as_written({"X_u": "t/s", "sigma_u": "cm/s"}))])
+    assert "± 5.00 × 10⁻⁴ <small>a force X_uabsu</small>" in html
+    assert "2.00 ± 0.10" in html
+    assert "cm/s" in html
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "same"),
+    [("thrust", "dvl_vx", False), ("gyro_z", "rate", True), ("yaw", "yaw", True), ("gyro_z", "dvl_vx", False)],
+)
+def test_columns_of_two_quantities_are_told(tmp_path, first, second, same):
+    channel_map = """[[import.files]]
+path = "a.csv"
+channels.tau_X = { column = "thrust", unit = "N" }
+channels.r = { column = "gyro_z", unit = "rad/s" }
+[[import.files]]
+path = "b.csv"
+channels.u = { column = "dvl_vx", unit = "m/s" }
+"""
+    nothing = SimpleNamespace()
+    axis = OneAxis(nothing, tmp_path, lambda: channel_map, nothing, nothing, nothing)  # pyright: ignore[reportArgumentType]
+    axis.columns = {"1": ("a.csv", SimpleNamespace(name=first)), "2": ("b.csv", SimpleNamespace(name=second))}
+    axis.guesses = {"2": "r"} if second == "rate" else {}
+    assert (axis._differ("1", "2") == "") == same
+
+
+def test_campaigns_that_were_not_run_are_named_with_a_link(tmp_path):
+    alone = nothing_beside([], tmp_path)
+    assert "Serve a folder that holds several" in alone
+    html = nothing_beside(["W2", "W3"], tmp_path)
+    assert "has results of <code>seatrial run</code> yet" in html
+    assert html.count('href="/run?campaign=W') == 2
+    assert "Serve a folder" not in html
+
+
+@pytest.mark.parametrize(
+    ("start", "end", "wrong"),
+    [
+        (0.0, 359.9, (None, None)),
+        (0.0, 900.0, (None, "at most 359.9 s: the files of this run overlap for 359.9 s")),
+        (5.0, 4.0, ("has to be before the end", None)),
+        (-1.0, 20.0, ("a number of seconds, 0 or more", None)),
+        (
+            None,
+            None,
+            ("a number of seconds, 0 or more", "a number of seconds; the files of this run overlap for 359.9 s"),
+        ),
+    ],
+)
+def test_the_ends_of_a_run_are_inside_it(start, end, wrong):
+    assert ends_errors(start, end, 359.9) == wrong
+    assert ends_errors(0.0, 359.9, 359.899996) == (None, None)  # as it was printed
+
+
+def test_a_shift_says_how_sharp_its_peak_is():
+    found = ClockShift(1.6004, 0.97, None, -0.4, 3.1)
+    words = lined_up_words(found, "logs/b.csv")
+    assert words == (
+        "Correlation 0.970 with logs/b.csv shifted by 1.6004 s. Between -0.4 and 3.1 s it is at least 99% of that."
+    )
+    assert "Between 1.594 and 1.612 s" in lined_up_words(found._replace(lower=1.594, upper=1.612), "b")
+    assert "not the same quantity" in delay_words("thrust", "dvl_vx")
 
 
 def test_every_view_stands_in_its_documentation():

@@ -47,6 +47,26 @@ def test_text_stands_out_from_its_ground(theme, least):
     assert contrast(found["dots"], found["paper"]) >= (7.0 if theme == "sun" else 3.0)
 
 
+def mixed(ground, over, share):
+    """A colour of which so much lies over another."""
+    digits = [one[1:] if len(one) == 7 else "".join(2 * digit for digit in one[1:]) for one in (ground, over)]
+    pairs = [[int(one[i : i + 2], 16) for i in (0, 2, 4)] for one in digits]
+    return "#" + "".join(f"{round(a * (1 - share) + b * share):02x}" for a, b in zip(*pairs, strict=True))
+
+
+@pytest.mark.parametrize(("theme", "least"), [("", 4.5), ("dark", 4.5), ("sun", 7.0)])
+def test_a_button_that_is_pointed_at_can_be_read(theme, least):
+    """Quasar lays 15 % of a colour over it: of the words where nothing else is said, which on a filled button takes contrast away."""
+    found = colours(theme)
+    assert ".q-btn.bg-primary > .q-focus-helper { background: var(--ink); }" in STYLE
+    assert contrast(found["paper"], mixed(found["blue"], found["ink"], 0.15)) >= max(
+        least, contrast(found["paper"], found["blue"])
+    )
+    share = re.search(r"\.q-btn > \.q-focus-helper \{ background: color-mix\(in srgb, currentColor (\d+)%", STYLE)
+    assert share is not None
+    assert contrast(found["blue"], mixed(found["paper"], found["blue"], 0.15 * int(share[1]) / 100)) >= least
+
+
 def test_nothing_is_asked_of_the_internet():
     for path in FOLDER.rglob("*"):
         if path.suffix in (".py", ".css"):

@@ -98,8 +98,9 @@ def _trim(campaign: Any, run: str | None, start: str | None, end: str | None, re
     """Import with other ends of the runs, which are written to the campaign file once that has gone well."""
     from seatrial.apps.campaign_text import read_file, with_trim, write_file
     from seatrial.campaign.config.load import check_text
-    from seatrial.campaign.data.import_logs import import_trials
+    from seatrial.campaign.data.import_logs import available_of, import_trials
     from seatrial.campaign.data.no_record import no_record
+    from seatrial.campaign.data.run_ends import is_beyond
     from seatrial.core.errors import InputError
     from seatrial.core.units import quantity
 
@@ -123,8 +124,21 @@ def _trim(campaign: Any, run: str | None, start: str | None, end: str | None, re
     seen = read_file(campaign.folder)
     text = with_trim(campaign.folder, seen, run, start, end)
     trials = import_trials(check_text(campaign.folder, text), reporter)
+    others = () if run is not None else campaign.imports.own_ends
+    lengths = {one: length for one, length in available_of(trials).items() if run in (None, one) and one not in others}
+    short = {one: length for one, length in lengths.items() if end is not None and is_beyond(seconds[-1], length)}
+    told = ", ".join(f"run {one} at {length:.6g} s" for one, length in short.items())
+    if short and len(short) == len(lengths):
+        raise InputError(
+            "--end",
+            found=f"{end}, and the files end before it: {told}",
+            expected="an end inside the run",
+            remedy="give an earlier end, counted from where the files of the run overlap",
+        )
     write_file(campaign.folder, text, seen)
-    for own in campaign.imports.own_ends if run is None else ():
+    if short:
+        answer.caution(f"the files of some runs end before --end, and the runs with them: {told}")
+    for own in others:
         answer.caution(f"run {own} keeps its own start and end; --run {own} changes them")
     return trials
 

@@ -29,7 +29,17 @@ MARGIN = 0.25
 THROTTLE = 0.08
 """Seconds between two views that are asked for while somebody zooms."""
 _LEFT, _RIGHT, _TOP, _GAP, _BOTTOM = 62, 14, 34, 38, 74
-_ZOOMED = "(e) => { const zoom = (e.batch || [e])[0]; emit([zoom.start, zoom.end]); }"
+_MOUSE = """(e) => {
+  e.currentTarget.mouse = e.type === "mouseleave" || e.zrX == null ? null : { x: e.zrX, y: e.zrY };
+}"""
+"""Keeps where the mouse stands over a chart, as ECharts measures it."""
+_TELL_AGAIN = """(one) => {
+  if (one && one.chart && one.$el.mouse) one.chart.dispatchAction({ type: "showTip", ...one.$el.mouse });
+}"""
+"""Reads the hovered values again: of itself ECharts goes on to tell, by their places in the data, those that stood there before a zoom."""
+_ZOOMED = (
+    f"(e) => {{ const zoom = (e.batch || [e])[0]; emit([zoom.start, zoom.end]); ({_TELL_AGAIN})(getElement(%d)); }}"
+)
 _BRUSHED = "(e) => { if (e.areas.length) emit(e.areas[0].coordRange); }"
 DASHES = {"orange": "dashed", "purple": "dotted", "good": [12, 3, 3, 3], "caution": [6, 2], "alarm": [2, 6]}
 """Dashes of a line beside its colour, which sunlight takes away; other colours are solid."""
@@ -184,7 +194,9 @@ class TimeChart:
             if self.on_select is not None:
                 self._tool("select a range", "Select a range: then drag over the chart", self._start_selecting)
         self.element = chart(self._options(curves), self.title, height)
-        self.element.on("chart:datazoom", self._zoomed, js_handler=_ZOOMED, throttle=THROTTLE)
+        self.element.on("chart:datazoom", self._zoomed, js_handler=_ZOOMED % self.element.id, throttle=THROTTLE)
+        for event in ("mousemove", "mouseleave"):
+            self.element.on(event, js_handler=_MOUSE)
         if self.on_select is not None:
             self.element.on("chart:brushEnd", self._brushed, js_handler=_BRUSHED)
         self.said = ui.element("div")
@@ -256,6 +268,7 @@ class TimeChart:
             return
         if turn == self.asked and not self.element.is_deleted:
             self.element.run_chart_method("setOption", {"series": self._series(curves)})
+            self.element.client.run_javascript(f"({_TELL_AGAIN})(getElement({self.element.id}))")
 
     def _curves(self) -> list[tuple[int, Curve]]:
         return [(at, curve) for at, panel in enumerate(self.panels) for curve in panel.curves]

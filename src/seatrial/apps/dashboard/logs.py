@@ -183,8 +183,7 @@ def line_up(first: tuple[str, str, str], second: tuple[str, str, str]) -> ClockS
 
 def _lined_up(first: tuple[str, str, str], second: tuple[str, str, str]) -> ClockShift:
     (epoch, one), (later, two) = _samples(*first), _samples(*second)
-    found, apart = shift_between(one, two), float(epoch - later)
-    return found._replace(shift=found.shift + apart, rival=None if found.rival is None else found.rival + apart)
+    return shift_between(one, two).later(float(epoch - later))
 
 
 def _samples(path: str, head: str, column: str) -> tuple[Decimal, Samples]:

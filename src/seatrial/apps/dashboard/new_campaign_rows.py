@@ -1,5 +1,6 @@
 """The rows of the form of a new campaign: their fields, and the line of `seatrial init` that each of them says."""
 
+import re
 from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any, NamedTuple
@@ -24,6 +25,16 @@ Row = Mapping[str, str]
 SIGNALS = (*RATES, *ANGLES)
 TERMS = ("X_u", "X_uabsu", "T_nabsn", "X_udot", "Y_v", "Y_vabsv", "N_r", "N_rabsr", "N_uv", "N_ur", "N_uudelta_r")
 """Names that are offered while one types; any other that has a meaning may be typed too."""
+
+
+def field_of(where: str) -> tuple[str, str]:
+    """Return the option of `seatrial init` that an error names, and the name in its row; both empty where it names none.
+
+    Args:
+        where: of an `InputError` of a new campaign, such as `--sensor u`.
+    """
+    match = re.match(r"--([a-z-]+)(?: (\w+))?$", where)
+    return (match[1].replace("-", "_"), match[2] or "") if match else ("", "")
 
 
 class Kind(NamedTuple):

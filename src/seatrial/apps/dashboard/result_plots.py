@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from seatrial.apps.dashboard.view_models import Marginal, Swept
+from seatrial.apps.dashboard.view_models import EstimatedStructure, EstimatedValue, Marginal, Swept
 from seatrial.campaign.store.designs import read_sweeps
-from seatrial.campaign.store.estimates import read_estimate
+from seatrial.campaign.store.estimates import Estimate, read_estimate
 from seatrial.core.dataset import Dataset
 from seatrial.core.dataset_file import open_dataset, write_dataset
 from seatrial.core.display_units import Shown, shown_as_written, shown_unit
@@ -56,6 +56,34 @@ def swept(path: Path) -> Swept:
         stored.refused,
         stored.safety,
         stored.prediction,
+    )
+
+
+def estimated(paths: tuple[Path, ...], written: tuple[tuple[str, str], ...]) -> tuple[EstimatedStructure, ...]:
+    """Read the coefficients of stored posteriors.
+
+    Args:
+        paths: posterior of each structure.
+        written: units in which priors are written, by name.
+
+    Raises:
+        InputError: missing or damaged.
+    """
+    shown = shown_as_written(dict(written))
+    return tuple(_estimated(read_estimate(path), shown) for path in paths)
+
+
+def _estimated(estimate: Estimate, shown: Shown) -> EstimatedStructure:
+    values = []
+    for name in estimate.names:
+        row, wider = estimate.data.sel(parameter=name), estimate.wider(name)
+        factor, unit = shown(name, str(row["unit"].item()))
+        mean, sd = factor * float(row["mean"]), factor * float(row["sd"])
+        more = None if wider is None else factor * wider
+        values.append(EstimatedValue(name, str(row["label"].item()), unit, mean, sd, more, estimate.wider_cause(name)))
+    remedies = tuple(text.partition(": ")[2] for text in estimate.wider_remedies)
+    return EstimatedStructure(
+        estimate.structure.label, estimate.structure.terms, tuple(values), remedies, tuple(estimate.alarms)
     )
 
 

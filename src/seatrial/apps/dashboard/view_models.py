@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from seatrial.core.errors import SeatrialError, file_error
+from seatrial.core.errors import InputError, SeatrialError, file_error
 
 
 class PlainError(SeatrialError):
@@ -20,9 +20,14 @@ def words_of(error: BaseException) -> str:
 
 def beside(error: BaseException) -> str:
     """Say what went wrong beside the field that it is about, without the place in the file, which may not stand there yet."""
-    words = words_of(error)
-    parts = re.search(r"\n  found:    (.*)\n  expected: (.*)\n  remedy:   (.*)", words, re.DOTALL)
-    return words if parts is None else f"{parts[1]}: expected {parts[2]}; {parts[3]}"
+    read = input_error_of(error)
+    return words_of(error) if read is None else f"{read.found}: expected {read.expected}; {read.remedy}"
+
+
+def input_error_of(error: BaseException) -> InputError | None:
+    """Return the input error that an error says in words, also one of another process; None where it is of another kind."""
+    parts = re.fullmatch(r"(.*?)\n  found:    (.*)\n  expected: (.*)\n  remedy:   (.*)", words_of(error), re.DOTALL)
+    return None if parts is None else InputError(parts[1], found=parts[2], expected=parts[3], remedy=parts[4])
 
 
 class Stage(NamedTuple):
@@ -71,6 +76,39 @@ class FitAbout(NamedTuple):
     lag: np.ndarray
     correlation: np.ndarray
     white: float
+
+
+class EstimatedValue(NamedTuple):
+    """A parameter of one structure: its name, label in LaTeX, and numbers in the unit in which it is shown.
+
+    `wider` is the standard deviation that survives an error of the model, None where it is not much larger; `cause` what makes most of it.
+    """
+
+    name: str
+    label: str
+    unit: str
+    mean: float
+    sd: float
+    wider: float | None
+    cause: str
+
+
+class EstimatedStructure(NamedTuple):
+    """Coefficients of one structure before any structure is chosen.
+
+    Attributes:
+        label: of the structure.
+        terms: names of its coefficients.
+        values: of every parameter.
+        remedies: how to get rid of a standard deviation with model error that is much larger, each without the names of its parameters.
+        alarms: why the draws are not to be used.
+    """
+
+    label: str
+    terms: tuple[str, ...]
+    values: tuple[EstimatedValue, ...]
+    remedies: tuple[str, ...] = ()
+    alarms: tuple[str, ...] = ()
 
 
 class Marginal(NamedTuple):

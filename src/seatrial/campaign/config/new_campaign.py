@@ -143,7 +143,8 @@ def new_campaign(said: Mapping[str, Any]) -> NewCampaign:
         said: by option of `seatrial init`, with `_` for `-`: a text, or the lines of an option that may be given again.
 
     Raises:
-        InputError: an option that cannot be read, both or neither of a published vehicle and one's own, a thruster of one's own.
+        InputError: an option that cannot be read, both or neither of a published vehicle and one's own, a thruster of one's own, or
+            a name that is given twice.
     """
     if ("vehicle" in said) == ("mass" in said):
         raise InputError(
@@ -163,6 +164,7 @@ def new_campaign(said: Mapping[str, Any]) -> NewCampaign:
     if "vehicle" not in said:
         _check_no_thruster(controls)
     deduction, sought = said.get("thrust_deduction", ""), partial(read_sought, is_published="vehicle" in said)
+    share = quantity(deduction, "1", "--thrust-deduction") if deduction else 0.0
     new = NewCampaign(
         said.get("name") or f"{said.get('vehicle') or 'my vehicle'}, first trial",
         each("seek", sought),
@@ -174,7 +176,7 @@ def new_campaign(said: Mapping[str, Any]) -> NewCampaign:
         inertia=three_quantities(said.get("inertia", "")),
         moves=tuple(listed_names(said.get("moves", ""))),
         known=each("known", read_known),
-        thrust_deduction=f"{quantity(deduction, '1', '--thrust-deduction'):g}" if deduction else "",
+        thrust_deduction=f"{share:g}" if share else "",
         speed=said.get("speed", ""),
         limits=each("limit", read_limit),
         duration=said.get("duration", NewCampaign.duration),
@@ -382,8 +384,19 @@ def read_goal(text: str, place: str) -> tuple[str, str]:
 
 
 def three_quantities(text: str) -> tuple[str, ...]:
-    """Return three quantities parted by commas; a unit at the end alone is that of all."""
+    """Return three quantities parted by commas, none of an empty text; a unit at the end alone is that of all.
+
+    Raises:
+        InputError: not three.
+    """
     parts = listed_names(text)
+    if len(parts) not in (0, 3):
+        raise InputError(
+            "--inertia",
+            found=f'"{text}"',
+            expected="three quantities, about the axes x, y and z",
+            remedy='for example "0.2, 3.4, 3.4 kg m^2"',
+        )
     unit = parts[-1].partition(" ")[2] if parts else ""
     return tuple(part if " " in part else f"{part} {unit}".strip() for part in parts)
 

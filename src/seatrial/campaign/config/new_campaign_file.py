@@ -51,9 +51,9 @@ def told_by_options(option_of: Callable[[str], str]) -> Iterator[None]:
         place = _OF_FILE.fullmatch(error.where)
         if place is None:
             raise
-        rest = place["rest"].removeprefix(": ")
-        argument = rest.rpartition(", ")[2]
+        argument = place["rest"].removeprefix(": ").rpartition(", ")[2]
         key = f"{place['key']}.{argument}" if argument in EXAMPLES else place["key"] or ""
+        key = f"term.{argument.removeprefix('term ')}" if argument.startswith("term ") else key
         option = option_of(key)
         flag, _, name = option.removeprefix("--").partition(" ")
         example = _for_example(flag.replace("-", "_"), name)
@@ -86,8 +86,9 @@ def option_of(new: NewCampaign, key: str) -> str:
             return f"--known {last}"
         of_body = {"trim": "speed", "catalogue": "vehicle", "fixed": "known"} | {one: one for one in EXAMPLES}
         return f"--{of_body.get(name, 'vehicle' if new.vehicle else 'mass').replace('_', '-')}"
-    if table == "prior":
-        return f"--optional {name}" if name in [one.name for one in new.optional] else f"--seek {name}"
+    if table in ("prior", "term"):
+        optional, known = [one.name for one in new.optional], [one for one, _ in new.known]
+        return f"--{'optional' if name in optional else 'known' if name in known else 'seek'} {name}"
     if table == "limits":
         return f"--control {name}" if name in controls else f"--limit {name}"
     if table == "design":

@@ -14,6 +14,7 @@ from seatrial.campaign.config.named_files import find
 from seatrial.campaign.config.settings import Imports, LogColumn, LogFile
 from seatrial.campaign.data.no_record import no_record
 from seatrial.campaign.data.rebuilt_controls import with_rebuilt_controls
+from seatrial.campaign.data.run_ends import is_beyond
 from seatrial.campaign.data.simulate import check_simulated, simulated_records
 from seatrial.campaign.data.unmapped import check_mapped
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
@@ -149,7 +150,7 @@ def _import_run(campaign: Campaign, imports: Imports, run: str) -> tuple[Record,
     kept = stored_record(campaign, imports, run)
 
     def read_files() -> Dataset:
-        aligned = _aligned(campaign, imports, run, imports.ends.get(run, {}))
+        aligned = _with_late_end(imports, run, _aligned(campaign, imports, run, imports.ends.get(run, {})))
         return record_dataset(with_rebuilt_controls(campaign, aligned))
 
     return kept.read_or_make(read_files), kept.key
@@ -171,6 +172,28 @@ def _aligned(campaign: Campaign, imports: Imports, run: str, ends: Mapping[str, 
     options = record.provenance.options
     cautions = [*options["cautions"], *followed.cautions]
     told = {**options, "followed": f"{path.name}: {followed.words}", "cautions": cautions}
+    return replace(record, provenance=replace(record.provenance, options=told))
+
+
+def available_of(trials: Trials) -> dict[str, float]:
+    """Return how long the files of each run overlap, s; a run in pieces stands once."""
+    found: dict[str, float] = {}
+    for record in (*trials.fit, *trials.predict):
+        options = record.provenance.options
+        found.setdefault(record.label.rpartition(".")[0] if "piece" in options else record.label, options["available"])
+    return found
+
+
+def _with_late_end(imports: Imports, run: str, record: Record) -> Record:
+    """Return a record with a caution where the end that is stated for this run lies after its files end."""
+    options, end = record.provenance.options, imports.ends.get(run, {}).get("end", 0.0)
+    if run not in imports.own_ends or imports.keep or not is_beyond(end, options["available"]):
+        return record
+    said = (
+        f'its files end at {options["available"]:.6g} s, before its end = "{end:g} s": it ends with them; '
+        f"correct end in [import.trim.{run}]"
+    )
+    told = {**options, "cautions": [*options["cautions"], said]}
     return replace(record, provenance=replace(record.provenance, options=told))
 
 

@@ -19,7 +19,7 @@ from seatrial.core.dataset_file import open_dataset
 from seatrial.core.record import Record
 from seatrial.core.signals import ACTUAL
 from seatrial.estimation.filter_error import FilterError
-from seatrial.estimation.fit_verdict import LEVELS, POOR, FitVerdict, explained_short, judge_fit, worst
+from seatrial.estimation.fit_verdict import COLOURED, LEVELS, POOR, FitVerdict, explained_short, judge_fit, worst
 from seatrial.estimation.fitted_range import outside_fitted
 from seatrial.estimation.output_error import OutputError, initial_name
 from seatrial.estimation.pooled_coverage import (
@@ -33,7 +33,7 @@ from seatrial.estimation.pooled_coverage import (
 from seatrial.estimation.prediction import ANY, key_of_values, noise_sd, outputs_of_draws, slow_noise
 from seatrial.estimation.prediction_scores import DIVERGES, Score, score_channel
 from seatrial.estimation.priors import Normal
-from seatrial.estimation.remedies import listed
+from seatrial.estimation.remedies import LIKEWISE, listed
 from seatrial.estimation.sensor_errors import Noise
 from seatrial.estimation.short_horizon import ShortHorizon, short_horizons
 from seatrial.estimation.trial_data import TrialData
@@ -195,13 +195,28 @@ def _sentences(fits: Sequence[Fit]) -> list[str]:
     groups: dict[tuple[str, str, bool, str], list[Fit]] = {}
     for fit in sorted(fits, key=lambda fit: -LEVELS.index(fit.level)):
         if fit.level != "pass":
-            groups.setdefault((fit.level, fit.about, fit.held_back, fit.channel), []).append(fit)
+            groups.setdefault((fit.level, fit.about, fit.held_back, _trouble(fit)), []).append(fit)
     said = []
     for (_, _, held_back, _), (first, *others) in groups.items():
-        labels = [fit.record for fit in others[:MOST_NAMED]] + ["others"] * (len(others) > MOST_NAMED)
-        likewise = f"; likewise {', '.join(labels)}" if others else ""
-        said.append(f"{'held-back ' if held_back else ''}run {first.record}: {first.reason}{likewise}")
+        labels: dict[str, list[str]] = {}
+        for fit in others:
+            labels.setdefault(fit.channel, []).append(fit.record)
+        same = labels.pop(first.channel, [])
+        likewise = [_some(same)] * bool(same) + [f"{channel} of {_some(of)}" for channel, of in labels.items()]
+        words = "".join(f"{LIKEWISE}{one}" for one in likewise)
+        said.append(f"{'held-back ' if held_back else ''}run {first.record}: {first.reason}{words}")
     return said
+
+
+def _trouble(fit: Fit) -> str:
+    """Return what a sentence is about: a channel, but of correlated residuals what to do, for one noise is stated for all channels."""
+    if fit.about != COLOURED:
+        return fit.channel
+    return fit.reason.partition("; ")[2].replace(f"_{fit.channel}]", "]")
+
+
+def _some(labels: list[str]) -> str:
+    return ", ".join(labels[:MOST_NAMED] + ["others"] * (len(labels) > MOST_NAMED))
 
 
 def _predict(campaign: Campaign, drawn: Drawn, record: Record) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from seatrial.estimation.fit_verdict import either
 from seatrial.estimation.omitted_effects import Effect, Omitted, OmittedEffects
 from seatrial.estimation.output_error import OutputError
 from seatrial.estimation.posterior import Posterior
-from seatrial.estimation.remedies import listed
+from seatrial.estimation.remedies import CORRELATED, listed
 from seatrial.estimation.robust_errors import RobustErrors
 from seatrial.selection.structures import Structure
 
@@ -75,7 +75,7 @@ def _better_noise(posterior: Posterior, robust: RobustErrors) -> str:
     if robust.omitted.worth > WHITE_ENOUGH:
         return ""
     if kinds & {"white", "heavy"}:
-        return 'set estimation.residuals = "coloured", or "drifting" if there is white noise too, with priors: the residuals are correlated'
+        return f'set estimation.residuals = "coloured", or "drifting" if there is white noise too, with priors: {CORRELATED}'
     if "coloured" in kinds:
         return 'set estimation.residuals = "drifting", with priors: there is white noise on slow residuals'
     return ""

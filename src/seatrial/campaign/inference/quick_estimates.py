@@ -164,15 +164,20 @@ def best_mode(found: Sequence[FirstAnswer]) -> FirstAnswer:
 
 
 def keep_mode(campaign: Campaign, trials: HasKey, best: FirstAnswer) -> None:
-    """Keep the mode of the most probable structure, so that a later campaign can take it over by `known_from`."""
+    """Keep the mode of the most probable structure, so that a later campaign can take it over by `known_from`, and a page show it."""
     assert best.drawn is not None
     found = {name: pair for name, _, (pair,) in best.rows}
     matrix = np.corrcoef(best.drawn.draws(tuple(found)).T)
     pairs = [(a, b, float(matrix[i, j])) for (i, a), (j, b) in combinations(enumerate(found), 2)]
+    told = {
+        "terms": best.structure.terms,
+        "found": found,
+        "correlations": pairs,
+        "units": {name: unit for name, unit, _ in best.rows},
+        "wider": {name: (sd, best.wider_causes.get(name, "")) for name, sd in best.wider.items()},
+    }
     key = key_of("mode", estimate_key(campaign, best.structure, trials))
-    write_stamped_json(
-        Store(campaign.folder).mode, {"terms": best.structure.terms, "found": found, "correlations": pairs}, key
-    )
+    write_stamped_json(Store(campaign.folder).mode, told, key)
 
 
 def regressions(campaign: Campaign, trials: Trials, window: float | None = None) -> list[FirstAnswer]:

@@ -17,7 +17,7 @@ from seatrial.core.display_units import Shown
 from seatrial.core.errors import InputError
 from seatrial.core.notebook import result_html
 from seatrial.estimation.calibration import DRAWS, Calibration
-from seatrial.estimation.fit_verdict import FitLevel, FitVerdict
+from seatrial.estimation.fit_verdict import COLOURED, FitLevel, FitVerdict
 from seatrial.estimation.pooled_coverage import Pooled
 from seatrial.estimation.prediction_scores import Score
 from seatrial.estimation.remedies import is_coefficient, listed, measured, percent
@@ -374,6 +374,11 @@ class Fit(Score):
         return "; ".join(
             [self.reason, *beyond, *([self.ahead] if self.ahead and self.ahead not in self.reason else [])]
         )
+
+    @property
+    def finding(self) -> str:
+        """The same for a table of many: of correlated residuals without what to do, which the cautions of the campaign say once."""
+        return self.reason.partition("; ")[0] if self.about == COLOURED else self.words
 
     @property
     def verdict(self) -> FitVerdict:

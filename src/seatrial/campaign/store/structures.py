@@ -441,11 +441,15 @@ class StoredMode:
         terms: its coefficients.
         found: value and standard deviation of each parameter, those of a normal approximation.
         correlations: each pair of parameters with its correlation.
+        units: SI unit of each parameter; none where an older version stored the mode.
+        wider: standard deviation that survives an error of the model, and what makes most of it, of those where it is much larger.
     """
 
     terms: tuple[str, ...]
     found: dict[str, tuple[float, float]]
     correlations: tuple[tuple[str, str, float], ...]
+    units: dict[str, str]
+    wider: dict[str, tuple[float, str]]
 
 
 def read_mode(path: Path, made_by: str) -> StoredMode:
@@ -454,7 +458,8 @@ def read_mode(path: Path, made_by: str) -> StoredMode:
     with decoding(path, made_by):
         found = {name: (float(value), float(sd)) for name, (value, sd) in content["found"].items()}
         pairs = tuple((str(a), str(b), float(r)) for a, b, r in content["correlations"])
-        return StoredMode(tuple(content["terms"]), found, pairs)
+        wider = {name: (float(sd), str(cause)) for name, (sd, cause) in content.get("wider", {}).items()}
+        return StoredMode(tuple(content["terms"]), found, pairs, dict(content.get("units", {})), wider)
 
 
 def read_screening(path: Path) -> Screened:

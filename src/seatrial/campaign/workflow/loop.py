@@ -107,13 +107,13 @@ def summarise(outcome: Outcome) -> dict[str, Any]:
     """Coefficients of the chosen structure, probabilities, verdicts, warnings and the numbers of the next trial, JSON-able, SI."""
     campaign, chosen, selection = outcome.campaign, outcome.chosen, outcome.selection
     records = [*outcome.trials.fit, *outcome.trials.predict]
+    # In order of gravity: what touches the values that are printed, then the records, then what nothing rests on.
     cautions = [*fit_complaints(outcome.fits, outcome.pooled), *comparison_cautions(outcome.compared)]
+    cautions += [*(effect.sentence for effect in chosen.left_out), *chosen.cautions]
     cautions += [text for record in records for text in record_doubts(campaign, record)]
-    cautions += outcome.screening_cautions
-    cautions += outcome.idle_complaints
-    cautions += [effect.sentence for effect in chosen.left_out]
-    cautions += [*chosen.cautions, *filter_complaints(outcome.filter, _fitted_noise(outcome))]
     cautions += held_back_cautions(campaign, outcome.trials)
+    cautions += filter_complaints(outcome.filter, _fitted_noise(outcome))
+    cautions += [*outcome.screening_cautions, *outcome.idle_complaints]
     return {
         "name": campaign.name,
         "chosen": chosen.structure.label,
@@ -121,7 +121,7 @@ def summarise(outcome: Outcome) -> dict[str, Any]:
         "coefficients": [_coefficient(chosen, name) for name in chosen.names],
         "structures": structure_rows(selection),
         "verdicts": [*selection.verdicts, *([OTHER_NOISE] if outcome.disowned and selection.inclusion else [])],
-        "cautions": cautions,
+        "cautions": list(dict.fromkeys(cautions)),
         "alarms": [*outcome.own_alarms, *outcome.other_alarms],
         "usable": not outcome.own_alarms,
         "known": asdict(outcome.known),

@@ -101,7 +101,7 @@ def _card(outcome: Outcome, index: int, record: Record, held_back: bool, most: i
 
 
 def _verdict(fit: Fit) -> dict[str, Any]:
-    return {"level": fit.level, "kind": LOOKS[fit.level], "reason": sentence_html(fit.words, {})}
+    return {"level": fit.level, "kind": LOOKS[fit.level], "reason": sentence_html(fit.finding, {})}
 
 
 def _basis(outcome: Outcome) -> str:

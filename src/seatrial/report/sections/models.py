@@ -73,6 +73,7 @@ def _contenders(outcome: Outcome) -> dict[str, Any]:
         ("finding" if found.nats > ENOUGH else "caution", found.trial_words(outcome.selection)),
     ]
     return {
+        "decided": outcome.selection.is_settled,
         "findings": [{"kind": kind, "text": sentence_of(outcome, text)} for kind, text in said],
         "figure": draw(
             item.figure, f"terms-{item.name}", item.heading, name_html(item.caption, labels_of(outcome)), item.heading

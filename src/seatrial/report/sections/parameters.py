@@ -41,9 +41,12 @@ def parameters_section(outcome: Outcome) -> dict[str, Any]:
     matrix = correlation(chosen.draws())
     paired = _most_correlated(matrix)
     several = len(known.parameters) > 1
+    terms = chosen.structure.terms
+    shown = [row for row in rows if row["name"] in terms or row["flagged"]]
     return {
         "model": model_said(outcome, chosen.structure.label),
-        "rows": rows,
+        "rows": shown,
+        "more": [row for row in rows if row not in shown],
         "verdict": []
         if set(known.verdict) <= set(outcome.summary["cautions"]) and known.verdict
         else verdict_of(outcome, known),
@@ -108,6 +111,12 @@ def _row(outcome: Outcome, item: dict[str, Any], known: KnownParameter) -> dict[
     name, digits = item["name"], digits_of(outcome)[item["name"]]
     factor = factors_of(outcome)[name]
     ess, partner = min(item["ess_bulk"], item["ess_tail"]), known.partner
+    flags = {
+        "r_hat_bad": not item["r_hat"] <= MAX_R_HAT,
+        "ess_bad": not ess >= MIN_ESS,
+        "little": known.left > LITTLE,
+        "strong": abs(known.correlation) > STRONG,
+    }
     return {
         "name": name,
         **unit_row(outcome, name),
@@ -115,13 +124,11 @@ def _row(outcome: Outcome, item: dict[str, Any], known: KnownParameter) -> dict[
         "prior": prior_words(prior_of(outcome, name), digits.exponent),
         "r_hat": f"{item['r_hat']:.3f}" if np.isfinite(item["r_hat"]) else DASH,
         "ess": f"{ess:.0f}" if np.isfinite(ess) else DASH,
-        "r_hat_bad": not item["r_hat"] <= MAX_R_HAT,
-        "ess_bad": not ess >= MIN_ESS,
         "left": f"{short(100 * known.left, 2)} %" if np.isfinite(known.left) else DASH,
-        "little": known.left > LITTLE,
         "correlation": decimals(known.correlation, 3) if partner else DASH,
         "partner": label_html(labels_of(outcome).get(partner, partner)) if partner else "",
-        "strong": abs(known.correlation) > STRONG,
+        **flags,
+        "flagged": any(flags.values()),
     }
 
 

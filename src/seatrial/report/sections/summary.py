@@ -13,7 +13,7 @@ from seatrial.campaign.store.structures import IF_RELIABLE
 from seatrial.campaign.workflow.next_trial import propose
 from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.estimation.fit_verdict import explained_share
-from seatrial.estimation.remedies import listed
+from seatrial.estimation.remedies import CORRELATED, listed, without_repeats
 from seatrial.report.drawing import (
     digits_of,
     factors_of,
@@ -54,11 +54,16 @@ def summary_section(outcome: Outcome) -> dict[str, Any]:
         "has_truth": bool(truth_of(outcome)),
         "unit_mass": outcome.campaign.hull.mass is None,
         "wider": sentence_of(outcome, outcome.chosen.wider_words),
-        "wider_remedies": [sentence_of(outcome, text) for text in outcome.chosen.wider_remedies],
+        "wider_remedies": [
+            sentence_of(outcome, text)
+            for text in outcome.chosen.wider_remedies
+            if not (outcome.disowned and text.endswith(CORRELATED))  # a caution says it
+        ],
         "has_wider": any(row["wider"] for _, rows in tables for row in rows),
         "models": _models(outcome),
         "advice": [
-            sentence_of(outcome, line.split("; expected: ")[0]) for line in (*proposal.first, *proposal.advice[:2])
+            sentence_of(outcome, without_repeats(line.split("; expected: ")[0], outcome.summary["cautions"]))
+            for line in (*proposal.first, *proposal.advice[:2])
         ],
         "unless": "" if outcome.selection.is_reliable or outcome.selection.is_settled else IF_RELIABLE,
     }

@@ -9,7 +9,7 @@ from nicegui import ui
 
 from seatrial.apps.campaign_text import written_units
 from seatrial.apps.dashboard.app_context import AppContext, markup, say
-from seatrial.apps.dashboard.page_layout import section, table
+from seatrial.apps.dashboard.page_layout import link, section, table
 from seatrial.apps.dashboard.result_charts import Side, sides_chart
 from seatrial.campaign.store.stored_result import Store
 from seatrial.campaign.store.structures import BestDesign, StoredCoefficient, Summary, read_summary
@@ -19,31 +19,27 @@ from seatrial.core.errors import InputError, SeatrialError
 from seatrial.report.labels import label_html
 from seatrial.report.numbers import decimals, unit_html, with_sd
 
+MOST = 12
+"""Campaigns without results that are named."""
 FAR = 3.0
 """Joint standard deviations from which two values contradict each other."""
 
 
 async def build(context: AppContext, campaign: str, folder: Path) -> None:
     """Build the view."""
-    others = [
-        name
-        for name in context.campaign_paths.campaigns()
-        if name != campaign and Store(context.campaign_paths.folder(name)).summary.is_file()
-    ]
+    there = [name for name in context.campaign_paths.campaigns() if name != campaign]
+    others = [name for name in there if Store(context.campaign_paths.folder(name)).summary.is_file()]
     with section(
         "Two campaigns side by side",
         "Beyond 3 joint standard deviations two coefficients contradict each other, if both campaigns had the same vehicle and water. "
         "Noise, bias and current belong to the sensors and the day: they are listed, not judged.",
     ):
         if not Store(folder).summary.is_file():
-            markup("<p>This campaign has no results yet.</p>")
+            words = '<p>This campaign has no results of <code>seatrial run</code> yet: <a href="{}">Run</a>.</p>'
+            markup(Markup(words).format(link("run", campaign)))
             return
         if not others:
-            markup(
-                Markup("<p>No other campaign with results in {}. Serve a folder that holds several.</p>").format(
-                    context.campaign_paths.root
-                )
-            )
+            markup(nothing_beside(there, context.campaign_paths.root))
             return
         form = (
             ui.select(others, value=others[0], label="Compare with")
@@ -75,6 +71,24 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
 
         form.on_value_change(show)
         show()
+
+
+def nothing_beside(others: list[str], root: Path) -> Markup:
+    """Say why no campaign can stand beside this one: there is no other, or none that was run, each with a link to run it.
+
+    Args:
+        others: campaigns that were not run.
+        root: folder that is served.
+    """
+    if not others:
+        return Markup("<p>No other campaign is in {}. Serve a folder that holds several.</p>").format(root)
+    listed = Markup("").join(
+        Markup('<li><a href="{}">Run {}</a></li>').format(link("run", name), root.name if name == "." else name)
+        for name in others[:MOST]
+    )
+    more = Markup("<li>{} more</li>").format(len(others) - MOST) if len(others) > MOST else ""
+    words = "<p>No other campaign in {} has results of <code>seatrial run</code> yet. Go on with one of these:</p><ul>{}{}</ul>"
+    return Markup(words).format(root, listed, more)
 
 
 def shared_sides(ours: Summary, theirs: Summary) -> list[Side]:

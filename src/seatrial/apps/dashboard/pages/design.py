@@ -92,7 +92,7 @@ class Surface:
                 ui.select(options, value=which, label="Sweep", on_change=self._other).props(
                     "outlined options-dense hide-bottom-space"
                 )
-                self.families = ui.element("div").style("display: contents")
+                self.families = ui.element("div").classes("part")
             self.holder = ui.element("div")
             self.forms = ui.element("div").classes("line")
         with section("The design you chose"):

@@ -195,7 +195,12 @@ class ImportForm:
         self.rows = {channel: Row(self, channel, choices, mapped.get(channel)) for channel in channels}
         heads = {(log, name): head for log, looked in self.logs.items() for name, head in looked.heads.items()}
         self.axis = OneAxis(self.context, self.folder, lambda: self.map, self._change, self._draft, lambda: self.seen)
-        self.axis.build(choices, heads)
+        guesses = {
+            f"{log}|{one.table}|{one.column}": one.channel
+            for log, looked in self.logs.items()
+            for one in looked.guesses
+        }
+        self.axis.build(choices, heads, guesses)
 
     def _show_clocks(self) -> None:
         """Show the column of time of each table that the map names, and of each that has none by its name."""

@@ -1,6 +1,7 @@
 """A new campaign by form: what `seatrial init` asks, what is wrong beside each field, nothing written before all is checked."""
 
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Collection
 from contextlib import suppress
 from math import isfinite
 from typing import Any
@@ -9,9 +10,9 @@ from markupsafe import Markup
 from nicegui import ui
 
 from seatrial.apps.dashboard.app_context import AppContext, cautions_html, fill, markup, say
-from seatrial.apps.dashboard.new_campaign_rows import Kind, kinds
+from seatrial.apps.dashboard.new_campaign_rows import Kind, field_of, kinds
 from seatrial.apps.dashboard.page_layout import button, frame, link, section
-from seatrial.apps.dashboard.view_models import PublishedTerms
+from seatrial.apps.dashboard.view_models import PublishedTerms, beside, input_error_of
 from seatrial.campaign.config.new_campaign import OWN, PUBLISHED, SCALARS, NewCampaign, three_quantities
 from seatrial.campaign.config.new_campaign_file import SURGE
 from seatrial.campaign.config.templates import TEMPLATES, WRITTEN
@@ -100,14 +101,15 @@ class Start:
         said = self.forms[start].read() if start in self.forms else {}
         with self.said:
             if folder is None or said is None:
-                say("Some fields are wrong: see the messages beside them. Nothing was written.")
-                ui.run_javascript(_TO_THE_FIRST)
-                return None
+                return _refuse()
             try:
                 template = "" if start in self.places else start
                 about = str(folder), folder.name, template, tuple(said.items())
                 return folder, *await self.context.worker_pool.think("begun", *about)
             except (SeatrialError, OSError) as error:
+                read = input_error_of(error)
+                if read is not None and start in self.forms and self.forms[start].complain(read):
+                    return _refuse()
                 say(error)
         return None
 
@@ -141,6 +143,7 @@ class Form:
     def __init__(self, new: NewCampaign, published: tuple[PublishedTerms, ...] = ()):
         self.published = {one.name: one for one in published}
         self.texts: dict[str, ui.input] = {}
+        self.refused: dict[str, str] = {}
         with section("Vehicle"):
             with ui.element("div").classes("line"):
                 if published:
@@ -167,7 +170,7 @@ class Form:
     def _text(self, option: str, value: str) -> None:
         label, example = TEXTS[option]
         self.texts[option] = ui.input(label, value=value, placeholder=_example(example)).props(LOOK)
-        self.texts[option].on("blur", lambda: self._check_text(option))
+        self.texts[option].on("blur", lambda: self._left_text(option))
 
     def _of_vehicle(self) -> None:
         chosen = self.published[str(self.vehicle.value)]
@@ -188,6 +191,11 @@ class Form:
                         terms.append(CoefficientName.parse((row.fields["name"].value or "").strip()))
         self.cautions.set_content(cautions_html(terms_that_may_be_one(terms)))
 
+    def _left_text(self, option: str) -> None:
+        """Check a field that was left, unless it still says what the whole campaign refused."""
+        if self.texts[option].value != self.refused.get(option):
+            self._check_text(option)
+
     def _check_text(self, option: str) -> bool:
         form, value = self.texts[option], (self.texts[option].value or "").strip()
         form.error = None
@@ -201,8 +209,26 @@ class Form:
             form.error = error.sentence()
         return form.error is None
 
+    def complain(self, error: InputError) -> bool:
+        """Say beside its field what is wrong with the campaign that the form makes; returns whether a field says what is wrong."""
+        option, name = field_of(error.where)
+        if option in self.texts and self.texts[option].visible:
+            self.refused[option] = self.texts[option].value
+            self.texts[option].error = _remedied(error, "empty this field")
+            return True
+        if option == "moves" and self.moves.visible:
+            self.moves.error = _remedied(error, "choose others")
+            return True
+        rows = [row for rows in self.rows if rows.kind.option == option for row in rows.rows if row.name == name]
+        if rows:
+            rows[-1].refused = rows[-1].line()
+            rows[-1].complain(_remedied(error, "remove this row"))
+        return bool(rows)
+
     def read(self) -> dict[str, Any] | None:
         """Return what the form says, as the options of `seatrial init` have it; None where something is wrong."""
+        self.moves.error = None
+        self.refused.clear()
         is_right = [self._check_text(option) for option in self.texts] + [rows.check() for rows in self.rows]
         if not all(is_right):
             return None
@@ -256,7 +282,7 @@ class OneRow:
     def __init__(
         self, kind: Kind, values: dict[str, str], remove: Callable[["OneRow"], None], changed: Callable[[], None]
     ):
-        self.kind, self.changed = kind, changed
+        self.kind, self.changed, self.refused = kind, changed, ""
         with ui.element("div").props(f'role=group aria-label="{kind.one}"') as self.part:
             with ui.element("div").classes("line fields"):
                 self.fields = {}
@@ -270,9 +296,14 @@ class OneRow:
             self.wrong = _wrong()
 
     def _left(self) -> None:
-        if self.wrong.content:  # what was wrong may be right now
+        if self.wrong.content and self.line() != self.refused:  # what was wrong may be right now
             self.check()
         self.changed()
+
+    @property
+    def name(self) -> str:
+        """What the row is about, such as a coefficient."""
+        return (self.fields["name"].value or "").strip()
 
     def line(self) -> str:
         """Return what the row says, as a line of the option; empty where nothing is written in it."""
@@ -293,10 +324,26 @@ class OneRow:
                         f"{', '.join(said)}: expected a number, such as {self.kind.fields[wrong[0]][1] or 1}",
                         wrong,
                     )
+        self.complain(words, at_fault)
+        return not words
+
+    def complain(self, words: str, at_fault: Collection[str] = ("name",)) -> None:
+        """Say what is wrong with the row, and outline the fields that are at fault; nothing if empty."""
         self.wrong.set_content(_wrong_html(words) if words else "")
         for key, form in self.fields.items():
-            form.props("error" if key in at_fault else "", remove="" if key in at_fault else "error")
-        return not words
+            is_wrong = bool(words) and key in at_fault
+            form.props("error" if is_wrong else "", remove="" if is_wrong else "error")
+
+
+def _remedied(error: InputError, instead: str) -> str:
+    """Return what is wrong beside its field; what is removed from a file is not typed into a form."""
+    return re.sub(r"\bremove it\b(?! here)", instead, beside(error))
+
+
+def _refuse() -> None:
+    """Say that fields are wrong, and show the first one."""
+    say("Some fields are wrong: see the messages beside them. Nothing was written.")
+    ui.run_javascript(_TO_THE_FIRST)
 
 
 def _example(text: str) -> str:

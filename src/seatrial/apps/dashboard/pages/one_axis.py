@@ -2,6 +2,8 @@
 
 import asyncio
 from collections.abc import Awaitable, Callable, Mapping
+from contextlib import suppress
+from math import floor, log10
 from pathlib import Path
 from typing import Any
 
@@ -11,13 +13,13 @@ from nicegui import ui
 from seatrial.apps.dashboard.app_context import AppContext, fill, markup, say
 from seatrial.apps.dashboard.charts import Curve, Panel, TimeChart
 from seatrial.apps.dashboard.downsample import Envelope
-from seatrial.apps.dashboard.edits import files_of, with_shift
+from seatrial.apps.dashboard.edits import channels_of, files_of, with_shift
 from seatrial.apps.dashboard.page_layout import button
 from seatrial.apps.dashboard.view_models import AxisAbout
 from seatrial.apps.dashboard.worker_pool import stamp
 from seatrial.core.errors import SeatrialError
 from seatrial.core.units import quantity
-from seatrial.logs.clock_shift import ClockShift
+from seatrial.logs.clock_shift import NEARLY, ClockShift
 
 LOOK = "outlined options-dense hide-bottom-space"
 COLOURS = ("blue", "orange", "purple", "good")
@@ -55,14 +57,20 @@ class OneAxis:
         self.note: ui.html | None = None
         self.drawn, self.spans = "", ""
 
-    def build(self, columns: Mapping[str, tuple[str, Any]], heads: Mapping[tuple[str, str], str]) -> None:
+    def build(
+        self,
+        columns: Mapping[str, tuple[str, Any]],
+        heads: Mapping[tuple[str, str], str],
+        guesses: Mapping[str, str],
+    ) -> None:
         """Build the form.
 
         Args:
             columns: that can be lined up, by key: the log, and the column.
             heads: `[[import.files]]` without channels, by log and table.
+            guesses: channel that a column seems to hold, by key.
         """
-        self.columns, self.heads = columns, heads
+        self.columns, self.heads, self.guesses = columns, heads, guesses
         markup("<h3>One time axis</h3>")
         self.clocks = ui.element("div")
         self.refresh()
@@ -141,22 +149,33 @@ class OneAxis:
         await fill(
             self.said,
             asyncio.to_thread(line_up, *ends),
-            lambda found: self._lined_up(found, stays, moved),
+            lambda found: self._lined_up(found, stays, moved, self._differ(*asked)),
             "comparing …",
         )
 
-    async def _lined_up(self, found: ClockShift, stays: tuple[str, str | None], moved: tuple[str, str | None]) -> None:
-        kept = float(self.shifts[stays].value or 0.0)
-        shift = round(found.shift + kept, 4)
-        words = f"Correlation {found.correlation:.3f} with {moved[0]} shifted by {shift:.13g} s."
-        if found.correlation < 0:
-            words += " It is negative: one of the two columns is reversed."
-        if found.rival is not None:
-            words += f" A shift of {found.rival + kept:.6g} s fits almost as well, because the motion repeats: look at the picture."
-        markup(Markup('<p class="done" role="status">{}</p>').format(words))
+    async def _lined_up(
+        self, found: ClockShift, stays: tuple[str, str | None], moved: tuple[str, str | None], differ: str
+    ) -> None:
+        found = found.later(float(self.shifts[stays].value or 0.0))
+        shift = round(found.shift, 4)
+        said = Markup('<p class="done" role="status">{}</p>').format(lined_up_words(found, moved[0]))
+        markup(said + (Markup('<ul class="cautions"><li>{}</li></ul>').format(differ) if differ else ""))
         self.shifts[moved].value = shift
         self._shift(*moved, shift)
         await self.show()
+
+    def _differ(self, *keys: str) -> str:
+        """Say that two columns are not of one quantity; nothing where they are, by map, guess or name."""
+        mapped: dict[tuple[str, str], str] = {}
+        with suppress(SeatrialError):  # said where the map is edited
+            for channel, there in channels_of(self.map_of()).items():
+                mapped[str(there.get("path")), str(there.get("column"))] = channel
+        columns = [(log, one.name) for log, one in (self.columns[key] for key in keys)]
+        held = [
+            mapped.get(column) or self.guesses.get(key) or column[1] for key, column in zip(keys, columns, strict=True)
+        ]
+        (_, first), (_, second) = columns
+        return "" if held[0] == held[1] or first == second else delay_words(first, second)
 
     def _column(self, key: str) -> tuple[str, str, str]:
         log, table, column = key.split("|", 2)
@@ -222,6 +241,35 @@ class OneAxis:
         if words:
             with self.said:
                 say(words)
+
+
+def lined_up_words(found: ClockShift, moved: str) -> str:
+    """Say which shift of a log correlates best, and how sharp that is.
+
+    Args:
+        found: the shift of its clock, s.
+        moved: name of the log.
+    """
+    words = f"Correlation {found.correlation:.3f} with {moved} shifted by {round(found.shift, 4):.13g} s."
+    words += f" Between {_ends(found.lower, found.upper)} s it is at least {NEARLY:.0%} of that."
+    if found.correlation < 0:
+        words += " It is negative: one of the two columns is reversed."
+    if found.rival is not None:
+        words += (
+            f" A shift of {found.rival:.6g} s fits almost as well, because the motion repeats: look at the picture."
+        )
+    return words
+
+
+def _ends(lower: float, upper: float) -> str:
+    """Return two ends with the digits in which they differ."""
+    digits = max(0, 1 - floor(log10(max(upper - lower, 1e-9))))
+    return f"{lower:.{digits}f} and {upper:.{digits}f}"
+
+
+def delay_words(first: str, second: str) -> str:
+    """Say what a shift between columns of two quantities means too."""
+    return f"{first} and {second} are not the same quantity: the delay from one to the other is part of this shift."
 
 
 def _seconds(shift: Any) -> float:

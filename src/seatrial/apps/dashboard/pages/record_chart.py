@@ -16,6 +16,7 @@ from seatrial.apps.dashboard.downsample import Envelope, envelopes
 from seatrial.apps.dashboard.page_layout import button
 from seatrial.apps.dashboard.view_models import FormData, RecordAbout
 from seatrial.apps.dashboard.worker_pool import stamp
+from seatrial.campaign.data.run_ends import is_beyond
 from seatrial.campaign.store.stored_result import Store
 from seatrial.core.errors import SeatrialError
 from seatrial.core.record import SIMULATED
@@ -156,11 +157,12 @@ class RecordChart:
         self.start.value, self.end.value = float(f"{start:.6g}"), float(f"{end:.6g}")
 
     def _numbers(self, about: RecordAbout) -> None:
+        self.available = about.available
         with ui.element("div").classes("line"):
-            limits = {"min": 0.0, "max": about.available, "format": "%.6g", "on_change": self._typed}
+            look = {"format": "%.6g", "on_change": self._typed}
             props = "outlined hide-bottom-space"
-            self.start = ui.number("Begin [s]", value=float(f"{about.start:.6g}"), **limits).props(props)
-            self.end = ui.number("End [s]", value=float(f"{about.end:.6g}"), **limits).props(props)
+            self.start = ui.number("Begin [s]", value=float(f"{about.start:.6g}"), **look).props(props)
+            self.end = ui.number("End [s]", value=float(f"{about.end:.6g}"), **look).props(props)
             button("Check and save", self._save, main=True)
         self.saved = ui.element("div")
         markup('<p class="note">Seconds from where the files of this run overlap. "Select a range" sets both.</p>')
@@ -173,10 +175,9 @@ class RecordChart:
     async def _save(self) -> None:
         self.saved.clear()
         start, end = self.start.value, self.end.value
-        if start is None or end is None or not start < end:
-            self.start.props('error error-message="has to be before the end"')
+        self.start.error, self.end.error = ends_errors(start, end, self.available)
+        if start is None or end is None or self.start.error or self.end.error:
             return
-        self.start.props(remove="error error-message")
         with self.saved:
             try:
                 text = with_trim(self.folder, self.seen, self.run, f"{start:.6g} s", f"{end:.6g} s")
@@ -187,6 +188,27 @@ class RecordChart:
             else:
                 self.seen = text
                 markup('<p class="done" role="status">Saved in campaign.toml. Re-import to cut the record.</p>')
+
+
+def ends_errors(start: float | None, end: float | None, available: float) -> tuple[str | None, str | None]:
+    """Return what is wrong with the begin and the end of a run, each None where nothing is.
+
+    Args:
+        start: s from where the files of the run overlap; None where none is typed.
+        end: likewise.
+        available: how long they overlap, s.
+    """
+    length = f"the files of this run overlap for {available:.6g} s"
+    wrong_start = wrong_end = None
+    if start is None or start < 0:
+        wrong_start = "a number of seconds, 0 or more"
+    if end is None:
+        wrong_end = f"a number of seconds; {length}"
+    elif is_beyond(end, available):
+        wrong_end = f"at most {available:.6g} s: {length}"
+    elif start is not None and not start < end:
+        wrong_start = wrong_start or "has to be before the end"
+    return wrong_start, wrong_end
 
 
 def predicted_view(

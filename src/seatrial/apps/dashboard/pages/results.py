@@ -1,7 +1,7 @@
 """What the data say: coefficients, fit and residuals, posteriors, probabilities of models, and the next trial."""
 
-import csv
 import re
+from collections.abc import Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -14,15 +14,24 @@ from seatrial.apps.campaign_text import written_units
 from seatrial.apps.dashboard.app_context import AppContext, change_of, fill, keep_current, markup, say
 from seatrial.apps.dashboard.page_layout import link, links_html, section, table
 from seatrial.apps.dashboard.result_charts import Probability, fit_charts, marginal_chart, probability_chart
-from seatrial.apps.dashboard.view_models import Marginal
+from seatrial.apps.dashboard.view_models import EstimatedStructure, EstimatedValue, Marginal
 from seatrial.apps.dashboard.worker_pool import stamp
 from seatrial.campaign.store.estimates import Predictions
 from seatrial.campaign.store.stored_result import Store
-from seatrial.campaign.store.structures import StoredCoefficient, StoredSelection, Summary, read_selection, read_summary
+from seatrial.campaign.store.structures import (
+    StoredCoefficient,
+    StoredMode,
+    StoredSelection,
+    Summary,
+    read_mode,
+    read_selection,
+    read_summary,
+)
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import Shown, shown_as_written
 from seatrial.core.errors import InputError, SeatrialError
 from seatrial.estimation.fit_verdict import explained_share
+from seatrial.estimation.remedies import without_repeats
 from seatrial.report.labels import label_html, name_html, sentence_about
 from seatrial.report.numbers import Digits, percent, probability, short, times_ten, typeset, unit_html, with_sd
 from seatrial.selection.structures import Structure, structure_names
@@ -35,7 +44,13 @@ CANDIDATES = 4
 async def build(context: AppContext, campaign: str, folder: Path) -> None:
     """Build the view."""
     store = Store(folder)
-    await keep_current(ui.element("div"), lambda: stamp(store.summary), partial(_results, context, campaign, folder))
+
+    def seen() -> Any:
+        """What is shown: the finished run, else the estimates that there are."""
+        others = () if store.summary.exists() else (store.mode, *posteriors(store))
+        return tuple(map(stamp, (store.summary, *others)))
+
+    await keep_current(ui.element("div"), seen, partial(_results, context, campaign, folder))
 
 
 async def _results(context: AppContext, campaign: str, folder: Path) -> None:
@@ -46,15 +61,7 @@ async def _results(context: AppContext, campaign: str, folder: Path) -> None:
         if store.summary.exists():
             say(error)
         else:
-            is_estimated = store.coefficients.exists()
-            with section("No model is chosen yet" if is_estimated else "No results yet"):
-                words = Markup('<p>{}: <a href="{}">Run</a>.</p>')
-                if is_estimated:
-                    said = "The coefficients are estimated; the command run chooses a model and fills this page"
-                    markup(words.format(said, link("run", campaign)))
-                    markup(estimated(store))
-                else:
-                    markup(words.format("Run the campaign first", link("run", campaign)))
+            await _before_a_choice(context, campaign, folder)
         return
     names, labels = names_and_labels(summary)
     shown = shown_as_written(dict(written_units(folder)))
@@ -86,8 +93,41 @@ async def _results(context: AppContext, campaign: str, folder: Path) -> None:
     with section("Models and terms"):
         _models(store, summary)
     with section("The next trial"):
-        words = sentence_about(summary.next_trial.words, names, labels)
+        words = sentence_about(without_repeats(summary.next_trial.words, summary.cautions), names, labels)
         markup(next_html(words, summary.next_trial.stop or summary.next_trial.best is None, campaign, store))
+
+
+async def _before_a_choice(context: AppContext, campaign: str, folder: Path) -> None:
+    """Show what `estimate` has found, while no structure is chosen."""
+    store, units = Store(folder), written_units(folder)
+    chains, run = posteriors(store), link("run", campaign)
+    with section("No model is chosen yet" if chains or store.mode.is_file() else "No results yet"):
+        if not chains and not store.mode.is_file():
+            markup(Markup('<p>Run the campaign first: <a href="{}">Run</a>.</p>').format(run))
+            return
+        words = "<p>These are estimates of single structures. The command run chooses among them and fills this page: "
+        markup(Markup(words + '<a href="{}">Run</a>.</p>').format(run))
+        await _currency(context, campaign, folder)
+        if chains:
+            asked = context.worker_pool.draw("estimated", chains, units, files=chains)
+            await fill(ui.element("div"), asked, lambda found: markup(estimated_html(found)), "reading …")
+            return
+        try:
+            mode = read_mode(store.mode, f"seatrial estimate {folder} --by mode")
+        except (SeatrialError, OSError) as error:
+            say(error)
+            return
+        words = (
+            '<p class="note">Kept of <code>estimate --by mode</code>: the most probable structure. It is a normal approximation, '
+            'which is not checked. The command prints all structures on <a href="{}">Run</a>.</p>'
+        )
+        markup(Markup(words).format(run) + estimated_html([of_mode(mode, shown_as_written(dict(units)))]))
+
+
+def posteriors(store: Store) -> tuple[Path, ...]:
+    """Return the stored posteriors, in the order of the structures' labels."""
+    found = store.posterior("any").parent.glob("*.nc")
+    return tuple(sorted(found, key=lambda path: (len(path.stem), path.stem)))
 
 
 def next_html(words: Markup, stop: bool, campaign: str, store: Store) -> Markup:
@@ -142,34 +182,61 @@ def coefficients(summary: Summary, shown: Shown) -> Markup:
     return table(head, rows, f"Parameters of {summary.chosen}: {' '.join(summary.terms)}", stacks=True)
 
 
-def estimated(store: Store) -> Markup:
-    """Return the coefficients of each structure as `estimate` wrote them, before any structure is chosen."""
-    found: dict[str, list[dict[str, str]]] = {}
-    with store.coefficients.open(encoding="utf-8", newline="") as stream:
-        for row in csv.DictReader(stream):
-            found.setdefault(row["structure"], []).append(row)
-    return Markup("").join(_of_structure(label, rows) for label, rows in found.items())
+def estimated_html(found: Sequence[EstimatedStructure]) -> Markup:
+    """Return the coefficients of each structure as they are before any structure is chosen, and once what makes a ± much wider.
+
+    Args:
+        found: stored estimates.
+    """
+    causes: dict[str, list[str]] = {}
+    for one in found:
+        for text in one.remedies:
+            causes.setdefault(text, []).append(one.label)
+    rows = Markup("").join(
+        Markup("<li>{}: {}</li>").format(", ".join(dict.fromkeys(labels)), sentence_about(text, {}, {}))
+        for text, labels in causes.items()
+    )
+    alarms = Markup("").join(
+        Markup('<li class="alarm">{}</li>').format(sentence_about(f"{one.label}: {text}", {}, {}))
+        for one in found
+        for text in one.alarms
+    )
+    return Markup("").join(
+        [
+            Markup('<h3>{}</h3><ul class="findings">{}</ul>').format(_TITLE["alarms"], alarms) if alarms else "",
+            *map(_of_structure, found),
+            Markup('<h3>Where the model error comes from</h3><ul class="findings">{}</ul>').format(rows)
+            if rows
+            else "",
+        ]
+    )
 
 
-def _of_structure(label: str, rows: list[dict[str, str]]) -> Markup:
-    terms = [row["name"] for row in rows if _TERM.fullmatch(row["name"])]
-    wider = any(row["model_error_sd"] for row in rows)
+def _of_structure(one: EstimatedStructure) -> Markup:
+    wider = any(row.wider is not None for row in one.values)
     cells = [
         [
-            (label_html(CoefficientName.parse(row["name"]).label) + " " if row["name"] in terms else Markup(""))
-            + Markup("<small>{}</small>").format(row["name"]),
-            with_sd(float(row["mean"]), float(row["sd"])),
-            *([_wider(_number(row["model_error_sd"]), row["model_error_cause"])] if wider else []),
-            unit_html(row["unit"]),
+            label_html(row.label) + Markup(" <small>{}</small>").format(row.name),
+            with_sd(row.mean, row.sd),
+            *([_wider(row.wider, row.cause)] if wider else []),
+            unit_html(row.unit),
         ]
-        for row in rows
+        for row in one.values
     ]
     head = ["parameter", _WITHIN, *([_WITH_ERROR] if wider else []), "unit"]
-    return table(head, cells, f"Parameters of {label}: {' '.join(terms)}", stacks=True)
+    return table(head, cells, f"Parameters of {one.label}: {' '.join(one.terms)}", stacks=True)
 
 
-def _number(text: str) -> float | None:
-    return float(text) if text else None
+def of_mode(mode: StoredMode, shown: Shown) -> EstimatedStructure:
+    """Return the stored posterior mode of the most probable structure, in the units in which its parameters are `shown`."""
+    values = []
+    for name, (value, sd) in mode.found.items():
+        factor, unit = shown(name, mode.units.get(name, ""))
+        wider, cause = mode.wider.get(name, (None, ""))
+        more = None if wider is None else factor * wider
+        label = CoefficientName.parse(name).label if name in mode.terms else ""
+        values.append(EstimatedValue(name, label, unit, factor * value, factor * sd, more, cause))
+    return EstimatedStructure("the most probable structure", mode.terms, tuple(values))
 
 
 def _wider(sd: float | None, cause: str) -> str | Markup:
@@ -230,7 +297,7 @@ async def _fits(context: AppContext, store: Store) -> None:
                 Markup('<span class="verdict {}">{}</span>').format(fit.level, fit.level),
                 typeset(explained_share(fit.explained)) if not fit.missing else "",
                 percent(fit.coverage) if fit.samples else "",
-                fit.words,
+                fit.finding,
             ]
             for fit in found.fits
         ] + [
