@@ -239,7 +239,10 @@ def check_trim(
 def _unlike_trim(name: str, trim: float, ratio: float, when: str) -> RecordFinding:
     factor, unit = shown_unit(name)
     value, limit = f"{when} {ratio * trim * factor:.4g} {unit}", f"vehicle.trim.{name} is {trim * factor:.4g} {unit}"
-    remedy = _unit_guess(name, ratio, "check column, unit and sign in the channel map, or correct the trim")
+    if 1 / UNLIKE <= -ratio <= UNLIKE:
+        remedy = f"the sign of {name} is reversed: set scale = -1 in the channel map, or correct the trim"
+    else:
+        remedy = _unit_guess(name, ratio, "check column, unit and sign in the channel map, or correct the trim")
     return RecordFinding(name, "trim", "caution", value, limit, remedy)
 
 
