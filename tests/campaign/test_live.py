@@ -244,6 +244,12 @@ def test_a_speed_that_contradicts_the_trim_is_told(campaign):
     assert looks[-1].kind == "check"
     assert "check u: knots taken for m/s" in looks[-1].advice
     assert sum("knots" in note for note in session.notes.take()) == 1
+    # Told as long as the trim is not seen again, and until it is as it should be for a while.
+    away = np.full(700, 0.7 * trim["n"])
+    assert feed(session, away, 1.3 * u[0] * np.ones(700), start=30.0)[-1].kind == "check"
+    right = trim["u"] + 0.05 * np.random.default_rng(1).normal(size=900)
+    looks = feed(session, np.full(900, trim["n"]), right, start=100.0)
+    assert "knots" not in looks[-1].advice
 
 
 @pytest.mark.parametrize("seed", range(4))

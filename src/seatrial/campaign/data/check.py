@@ -36,6 +36,7 @@ from seatrial.estimation.record_checks import (
     check_turn,
     not_judged,
     says_direction,
+    speed_over_trim,
 )
 from seatrial.vehicles.model import VehicleModel
 
@@ -144,13 +145,20 @@ def motion_findings(campaign: Campaign, record: Record, size: int) -> list[Recor
         for index, (name, column) in enumerate(motion.measured.items())
     }
     findings = _directions(campaign, record, motion, [name for name, is_so in moves.items() if is_so])[0]
-    near = dict(motion.measured)
+    trim, near = campaign.hull.trim, {}
     for index, name in enumerate(motion.measured):
-        if trim := campaign.hull.trim.get(name, 0.0):
-            share = motion.expected[:, index] / trim
+        if name in RATES[:3] and trim.get(name):
+            share = motion.expected[:, index] / trim[name]
             near[name] = np.where((share > 1 / UNLIKE) & (share < UNLIKE), motion.measured[name], np.nan)
     driven = {name: record.channel(name) for name in model.controls}
-    return findings + [one for one in check_trim(campaign.hull.trim, driven, near) if one.signal not in driven]
+    unlike = [one for one in check_trim(trim, driven, near) if one.signal not in driven]
+    alike = [
+        RecordFinding(name, "trim", "pass", f"{ratio:.3g} times its trim", "where the controls are at trim")
+        for name, column in near.items()
+        if name not in {one.signal for one in unlike}
+        and (ratio := speed_over_trim(name, trim, driven, column)) is not None
+    ]
+    return [*findings, *unlike, *alike]
 
 
 @dataclass(frozen=True, eq=False)

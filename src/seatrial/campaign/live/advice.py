@@ -207,12 +207,12 @@ class Adviser:
             return ""
         is_near = np.min(np.abs(cut[:, None] - bounds), axis=1) < AT_EDGE * sd
         terms = [term for i, term in enumerate(self.recursion.model.coefficients) if is_near[i] or i in self.pushed]
-        names = " and ".join(term.text for term in terms)
+        names = _listed([term.text for term in terms])
         where = "is at the edge of its prior" if len(terms) == 1 else "are at the edges of their priors"
         signals = {name for term in terms for name in (*term.signals, ALONG.get(term.axis, ""))}
         shown = [name for name in self.channels if name in signals] or list(self.channels)
         checked = [*shown, *(name for name in self.recursion.model.controls if name in signals)]
-        return f"{names} {where}: check the unit and sign of {' and '.join(checked)}; if they are right, widen what the priors allow"
+        return f"{names} {where}: check the unit and sign of {_listed(checked)}; if they are right, widen what the priors allow"
 
     def _wanted(self, mean: np.ndarray) -> Float[np.ndarray, " k"]:
         """Return the standard deviation that is wanted of each coefficient, SI; infinite where nothing is asked."""
@@ -234,8 +234,8 @@ class Adviser:
         """Return the seconds to the goal at the rate of the last window; None where there is no rate or no goal."""
         if rate is None or not np.isfinite(wanted).any():
             return None
-        needed = 1.0 + ((self.recursion.scales / wanted) ** 2 - 1.0) * discount
         with np.errstate(all="ignore"):
+            needed = 1.0 + ((self.recursion.scales / wanted) ** 2 - 1.0) * discount
             return float(np.where(needed > raw, (needed - raw) / rate, 0.0).max())
 
     def _advise(
@@ -298,3 +298,8 @@ class Adviser:
             scales, self.asked = self.recursion.scales, time
             information = np.linalg.inv(honest) / np.outer(scales, scales)
             self.waiting = self.pool.submit(self.library.choose, mean, information, 1.0 / discount, wanted)
+
+
+def _listed(names: Sequence[str]) -> str:
+    """Return names in a sentence: `a, b and c`."""
+    return " and ".join([*([", ".join(names[:-1])] if names[1:] else []), names[-1]])

@@ -1,7 +1,7 @@
 """The stream judged as `seatrial check` judges a record: over its last minute, every few seconds.
 
-What is found twice in a row is a fault, until its channel was found as expected four times in a row: advice that changes with each look
-helps nobody.
+What is found twice in a row is a fault, until the same check passes four times in a row: advice that changes with each look helps nobody.
+Of a channel the first fault is told alone: a wrong unit may look like a wrong sign as well.
 """
 
 from collections import deque
@@ -26,13 +26,13 @@ FIRST = 10.0
 OFTEN = 5.0
 """Seconds between two judgements."""
 FOUND, GONE = 2, 4
-"""Judgements in a row that find a fault before it is one, and that find the channel as expected before it is none."""
+"""Judgements in a row that find a fault before it is one, and that pass before it is none."""
 SIZE = bucket_length(round(LOOKED / APART) + 1)
 """Rows to which every part of a stream is filled up."""
 CONTROLS = 600
 """Latest samples of a control that show whether it changes smoothly."""
-GRAVE = {"direction": ("fail",), "axes": ("fail",), "size": ("fail", "caution"), "trim": ("fail", "caution")}
-"""Levels of each check from which no goal is met."""
+GRAVE = {"trim": ("caution",), "direction": ("fail",), "axes": ("fail",), "size": ("caution",)}
+"""Levels of each check with which no goal is met; of a channel the first check that fails is told."""
 
 
 class StreamCheck:
@@ -51,7 +51,7 @@ class StreamCheck:
         self.fresh: dict[str, float] = {}
         self.judged = 0.0
         self.looks: dict[tuple[str, str], int] = {}
-        """Judgements in a row that found something, by channel and check; below 0 those that found the channel as expected."""
+        """Judgements in a row that found something, by channel and check; below 0 those that passed."""
         self.faults: dict[tuple[str, str], str] = {}
         """What is wrong, in words, likewise."""
         held = [name for name in self.controls if name not in lined]
@@ -107,20 +107,18 @@ class StreamCheck:
         )
         record = self._record(time - time[0], control, measured)
         findings = motion_findings(self.campaign, record, SIZE)
-        found = {(one.signal, one.check): one for one in findings if one.level in GRAVE.get(one.check, ())}
-        passed = {one.signal for one in findings if one.level == "pass"}
-        for key in {*found, *self.looks}:
-            seen = self.looks.get(key, 0)
-            if key in found:
-                seen = max(seen, 0) + 1
-            elif key[0] in passed:
-                seen = min(seen, 0) - 1
-            self.looks[key] = seen
-            if seen >= FOUND and key not in self.faults:
-                self.faults[key] = _words(found[key])
-                self.say(" ".join(key), self.faults[key])
-            if seen <= -GONE:
-                self.faults.pop(key, None)
+        for check, levels in GRAVE.items():
+            for one in (one for one in findings if one.check == check):
+                key, seen = (one.signal, check), self.looks.get((one.signal, check), 0)
+                if one.level in levels:
+                    self.looks[key] = seen = max(seen, 0) + 1
+                elif one.level == "pass":
+                    self.looks[key] = seen = min(seen, 0) - 1
+                if seen >= FOUND and one.signal not in {signal for signal, _ in self.faults}:
+                    self.faults[key] = _words(one)
+                    self.say(" ".join(key), self.faults[key])
+                elif seen <= -GONE:
+                    self.faults.pop(key, None)
 
     def _judge_controls(self) -> None:
         for name, sent in self.sent.items():
