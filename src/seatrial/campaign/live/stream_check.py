@@ -62,7 +62,7 @@ class StreamCheck:
         time = np.arange(3) * APART
         trim = [self.campaign.hull.trim.get(name, 0.0) for name in self.controls]
         motion_findings(
-            self.campaign, self._record(time, np.tile(trim, (3, 1)), np.zeros((3, len(self.measured)))), SIZE
+            self.campaign, self._record(time, np.tile(trim, (3, 1)), np.full((3, len(self.measured)), np.nan)), SIZE
         )
 
     def begin(self) -> None:
@@ -121,13 +121,15 @@ class StreamCheck:
                     self.faults.pop(key, None)
 
     def _judge_controls(self) -> None:
-        for name, sent in self.sent.items():
-            if len(sent) and changes_smoothly(*np.array(sent).T):
-                self.say(
-                    f"smooth {name}",
-                    f"{name} changes smoothly at nearly every sample, and is taken as held from each sample to the next: if it was "
-                    f'measured, and is no command, write between = "line" for channels.{name} under [[import.files]]',
-                )
+        smooth = [name for name, sent in self.sent.items() if len(sent) and changes_smoothly(*np.array(sent).T)]
+        for name in smooth:
+            del self.sent[name]
+        if smooth:
+            self.say(
+                f"smooth {smooth[0]}",
+                f"controls that change smoothly at nearly every sample are taken as held from each to the next: {', '.join(smooth)}; "
+                f'if measured, and no command, write between = "line" for the column, as in channels.{smooth[0]}, under [[import.files]]',
+            )
 
     def _record(self, time: np.ndarray, control: np.ndarray, measured: np.ndarray) -> Record:
         channels = [Channel(name, signal_unit(name), "control") for name in self.controls]
