@@ -4,6 +4,7 @@ import pytest
 
 from seatrial.apps.commands.plan import _each
 from seatrial.apps.running import Answer, Exit
+from seatrial.campaign.config.load import load_campaign
 from seatrial.core.errors import InputError, NumericalError
 from tests.apps.test_cli import results, run
 from tests.campaign.small import write_small
@@ -43,3 +44,14 @@ def test_an_option_that_fails_does_not_drop_the_others(capsys):
     said = capsys.readouterr()
     assert said.out == "one\ntwo\nthree\n"
     assert said.err.startswith("error: here\n  found:    a")
+
+
+def test_the_self_oscillation_that_is_proposed_is_accepted_as_it_stands(monkeypatch, capsys, tmp_path):
+    write_small(tmp_path)
+    _, _, err = run(monkeypatch, capsys, "design", tmp_path, "--self-oscillation", "--quiet")
+    keys = err.partition("add [design.relay] with ")[2].strip().replace(" and threshold", "\nthreshold")
+    path = tmp_path / "campaign.toml"
+    path.write_text(path.read_text() + f"\n[design.relay]\n{keys}\n")
+    relay = load_campaign(tmp_path).design.relay
+    assert relay.output == "u"
+    assert len(relay.thresholds) == 8

@@ -10,7 +10,14 @@ from seatrial.apps.cli import app
 from seatrial.apps.commands import init as asked
 from seatrial.apps.running import Exit
 from seatrial.campaign.config.load import load_campaign
-from seatrial.campaign.config.new_campaign import read_control, read_limit, read_sensor, read_sought
+from seatrial.campaign.config.new_campaign import (
+    read_control,
+    read_inertia,
+    read_limit,
+    read_moves,
+    read_sensor,
+    read_sought,
+)
 from seatrial.core.errors import InputError
 from seatrial.design.motion_limits import MotionLimit
 from tests.apps.test_cli import run
@@ -129,7 +136,7 @@ def answered(folder, *lines):
 
 def test_in_a_terminal_it_asks_and_asks_again(monkeypatch, tmp_path):
     monkeypatch.setattr(asked, "_is_terminal", lambda: True)
-    body = ("own", "45 pounds", "45 kg", "u", "1.5 m/s", "X_udot -1.5", "", "0.1")
+    body = ("own", "45 pounds", "45 kg", "X_udot -2.5", "u", "1.5 m/s", "X_udot -1.5", "", "0.1")
     sought = ("X_uabsu -8 to -2 kg/m", "X_uabsu", "T_nabsn 0.02 to 0.06 N/(rev/s)^2", "", "")
     rest = (
         "n 1000 rpm, 500 to 1500 rpm, 600 rpm/s",
@@ -138,6 +145,7 @@ def test_in_a_terminal_it_asks_and_asks_again(monkeypatch, tmp_path):
         "",
         "",
         "60 s",
+        "X_uu 5 %",
         "X_uabsu 5 %",
         "",
         "otter",
@@ -145,6 +153,8 @@ def test_in_a_terminal_it_asks_and_asks_again(monkeypatch, tmp_path):
     said = answered(tmp_path / "boat", *body, *sought, *rest)
     assert said.exit_code == 0, said.output
     assert 'unknown unit "pounds"' in said.output
+    assert "velocities of the model, parted by commas: some of u, v, w, p, q, r" in said.output
+    assert "X_uu, which is not sought" in said.output
     assert "a range such as" in said.output
     made = load_campaign(tmp_path / "boat")
     assert (made.name, made.hull.mass) == ("otter", 45.0)
@@ -152,6 +162,19 @@ def test_in_a_terminal_it_asks_and_asks_again(monkeypatch, tmp_path):
     words = [word.replace(str(tmp_path / "boat"), str(tmp_path / "again")) for word in shlex.split(again)[1:]]
     assert CliRunner().invoke(app, words).exit_code == 0
     assert (tmp_path / "again" / "campaign.toml").read_text() == (tmp_path / "boat" / "campaign.toml").read_text()
+
+
+def test_velocities_and_inertias_are_read_as_they_are_asked_for():
+    assert read_moves("u, v,r", "--moves") == ("u", "v", "r")
+    assert read_inertia("0.2, 3.4, 3.4 kg m^2", "--inertia") == ("0.2 kg m^2", "3.4 kg m^2", "3.4 kg m^2")
+    for read, text, said in (
+        (read_moves, "u v", '"u v"'),
+        (read_moves, ",", "velocities of the model"),
+        (read_inertia, "0.2, 3.4 kg m^2", "three moments of inertia"),
+        (read_inertia, "0.2, 3.4, 3.4 kg", "kg m"),
+    ):
+        with pytest.raises(InputError, match=said):
+            read(text, "--it")
 
 
 def test_in_a_terminal_a_template_is_one_answer(monkeypatch, tmp_path):

@@ -11,7 +11,7 @@ from seatrial.campaign.data.import_logs import import_trials
 from seatrial.campaign.data.rebuilt_controls import with_rebuilt_controls
 from seatrial.campaign.data.simulate import Scheduled, run_trial
 from seatrial.campaign.data.true_vehicle import _pushes, true_vehicle
-from seatrial.campaign.design.check_autopilot import check_autopilot
+from seatrial.campaign.design.check_autopilot import _advice, check_autopilot
 from seatrial.campaign.design.compare_utilities import check_comparison
 from seatrial.campaign.design.evaluate import plan_of
 from seatrial.campaign.design.free_form import check_free_trial
@@ -23,6 +23,7 @@ from seatrial.campaign.rehearsal.run import rehearse
 from seatrial.core.errors import InputError
 from seatrial.core.record import make_record
 from seatrial.core.reporter import SILENT
+from seatrial.design.loop_stability import GainChange
 from seatrial.design.motion_limits import MotionLimit
 from seatrial.design.safety import judge_safety
 from seatrial.manoeuvres.schedule import Schedule
@@ -221,6 +222,16 @@ def test_an_autopilot_that_is_too_weak_is_refused_in_words_to_act_on(tmp_path):
         match=r"% of the vehicles [^$]*yaw \(heading\)[^$]*double kd \(derivative gain\) of \[autopilot.psi\]",
     ):
         check_autopilot(made, model, prior_draws(made, model), SILENT)
+
+
+def test_an_autopilot_that_no_change_of_one_gain_mends_is_at_fault_and_not_the_priors():
+    assert _advice(None, 1.0).startswith("the autopilot is unstable for the vehicle itself")
+    assert "narrow the priors" not in _advice(GainChange("psi", ("kp",), 2.0, 0.95), 1.0)
+    assert "narrow the priors" in _advice(None, 0.3)
+    turned = _advice(GainChange("psi", ("kp", "kd"), -1.0, 0.02), 1.0)
+    assert turned.startswith(
+        "turn the sign of kp (proportional gain) and kd (derivative gain) of [autopilot.psi]: 2% remain"
+    )
 
 
 @pytest.mark.proof

@@ -19,7 +19,7 @@ from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.config.settings import Goal
 from seatrial.campaign.data.import_logs import import_trials
 from seatrial.campaign.live.channels import Arrival
-from seatrial.campaign.live.gates import ClockGate, Notes, SignGate, ValueGate
+from seatrial.campaign.live.gates import ClockGate, Notes, ValueGate
 from seatrial.campaign.live.innovations import InnovationMemory, discounted
 from seatrial.campaign.live.next_segment import make_library
 from seatrial.campaign.live.recursion import live_recursion, within_bounds
@@ -27,6 +27,7 @@ from seatrial.campaign.live.session import LiveSettings, Session
 from seatrial.campaign.live.session_files import Kept, import_lines, with_session
 from seatrial.campaign.live.sources import GrowingText, MavlinkUdp, Piece, PipedText, open_source
 from seatrial.core.errors import InputError
+from seatrial.estimation.priors.box import Uniform
 from seatrial.filters.run import filter_within
 from tests.campaign.small import NO_X_U, write_small
 from tests.cases import RPM
@@ -96,12 +97,10 @@ def test_step_by_step_is_the_filter_over_the_whole_record(campaign):
     whole = jax.jit(lambda c, m, h: filter_within(r.method, noisy, c, m, h, np.sqrt(step)).final)(
         n[:, None], measured, step
     )
-    r, belief, ghost = replace(r, space=noisy), noisy.initial, np.array([u[0]])
+    r, belief = replace(r, space=noisy), noisy.initial
     for k in range(80):
         held = k - 1 if k else 0
-        belief, ghost, found = r.step(
-            belief, ghost, n[held : held + 1], step[held] * (k > 0), n[k : k + 1], measured[k]
-        )
+        belief, found = r.step(belief, n[held : held + 1], step[held] * (k > 0), n[k : k + 1], measured[k])
         assert not found.failed
         assert np.isnan(found.normalised[0]) == np.isnan(measured[k, 0])
     np.testing.assert_allclose(belief.mean, whole.mean, rtol=1e-10)
@@ -176,23 +175,108 @@ def test_states_begin_anew_and_coefficients_keep_what_is_known(campaign):
     assert any("initialised again" in note for note in session.notes.take())
 
 
-def test_values_of_another_unit_and_of_the_other_sign_are_told_once():
+def test_values_of_another_unit_are_told_once_and_a_channel_of_which_most_cannot_be_is_left_out():
     notes = Notes()
     gate = ValueGate({"u": 2.0}, {"n": 150.0}, notes.say)
     for _ in range(3):
         assert gate.admit({"u": 1500.0, "n": 1200.0, "x": 1e8, "v": np.nan, "w": 3e38}) == {"x": 1e8}
     assert len(notes.take()) == 3
-    signs, rng = SignGate({"u": 0.05}, ("n",), notes.say), np.random.default_rng(0)
-    for k in range(600):
-        moved = np.array([np.sin(k / 40)])
-        signs.add(moved, -moved + 0.05 * rng.normal(size=1), 0.1)
-    assert signs.judge() == ["u"]
-    assert len(notes.take()) == 1
-    right = SignGate({"u": 0.05}, ("n",), notes.say)
-    for k in range(600):
-        moved = np.array([np.sin(k / 40)])
-        right.add(moved, moved + 0.05 * rng.normal(size=1), 0.1)
-    assert right.judge() == []
+    assert gate.left_out == {"u", "n", "w"}
+    # Of a speed in cm/s the smaller values could be: none is taken until most are of a size that is foreseen.
+    assert gate.admit({"u": 90.0, "n": 100.0}) == {}
+    for _ in range(40):
+        gate.admit({"u": 60.0, "n": 100.0})
+    assert gate.left_out == {"u", "w"}
+    for _ in range(10):
+        gate.admit({"u": 1.0})
+    assert gate.admit({"u": 1.0}) == {"u": 1.0}
+    spike = ValueGate({"u": 2.0}, {}, notes.say)
+    assert [spike.admit({"u": one}) for one in (1.0, 1e3, 1.1)] == [{"u": 1.0}, {}, {"u": 1.1}]
+
+
+def test_there_is_no_advice_while_most_values_of_a_channel_are_left_out(campaign):
+    n, u = trial(300)
+    session = Session(campaign, "simulated")
+    session.values = ValueGate({"u": 2.0}, {}, session.notes.say)
+    looks = feed(session, n, 100 * u * np.where(np.arange(1, 301) % 5, 1.0, 0.3))
+    assert {look.kind for look in looks} == {"check"}
+    assert all(look.advice.startswith("check the unit of u: most of its values") for look in looks)
+    assert looks[-1].coefficients[0].sd == pytest.approx(campaign.prior("X_uabsu").sd)
+    looks = feed(session, n, u, start=30.0)
+    assert looks[-1].kind != "check"
+
+
+@pytest.mark.parametrize(
+    ("factor", "words"),
+    [(-1.0, "the sign of u is reversed: set scale = -1"), (1.94384, "knots taken for m/s")],
+    ids=["sign", "knots"],
+)
+def test_a_wrong_sign_or_unit_never_meets_the_goal_and_is_told_steadily(campaign, factor, words):
+    n, u = trial(1200, seed=6)
+    session = Session(narrow(campaign), "simulated")
+    looks = feed(session, n, factor * u)
+    kinds = [look.kind for look in looks]
+    assert "stop" not in kinds
+    assert not any("goal is met" in look.advice for look in looks)
+    first = kinds.index("check")
+    assert looks[first].time < 30.0
+    assert set(kinds[first:]) == {"check"}
+    assert (
+        "X_uabsu and T_nabsn are at the edges of their priors: check the unit and sign of u and n"
+        in looks[first].advice
+    )
+    assert words in looks[-1].advice
+    assert len({look.advice for look in looks[first:]}) <= 3
+
+
+def narrow(campaign):
+    """Return the campaign with priors about its truth."""
+    ranges = {"X_uabsu": (-4.5, -2.0), "T_nabsn": (5.0e-4, 8.0e-4)}
+    priors = {**campaign.priors, **{name: Uniform(*ends) for name, ends in ranges.items()}}
+    return replace(campaign, priors=priors)
+
+
+def test_a_speed_that_contradicts_the_trim_is_told(campaign):
+    trim = campaign.hull.trim
+    session = Session(campaign, "simulated")
+    u = 1.94384 * trim["u"] + 0.05 * np.random.default_rng(0).normal(size=300)
+    looks = feed(session, np.full(300, trim["n"]), u)
+    assert looks[-1].kind == "check"
+    assert "check u: knots taken for m/s" in looks[-1].advice
+    assert sum("knots" in note for note in session.notes.take()) == 1
+    # Told as long as the trim is not seen again, and until it is as it should be for a while.
+    away = np.full(700, 0.7 * trim["n"])
+    assert feed(session, away, 1.3 * u[0] * np.ones(700), start=30.0)[-1].kind == "check"
+    right = trim["u"] + 0.05 * np.random.default_rng(1).normal(size=900)
+    looks = feed(session, np.full(900, trim["n"]), right, start=100.0)
+    assert "knots" not in looks[-1].advice
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_true_value_on_the_edge_of_its_prior_meets_the_goal(campaign, seed):
+    n, u = trial(900, seed=seed)
+    priors = {**campaign.priors, "X_uabsu": Uniform(-8.8, TRUTH["X_uabsu"])}
+    looks = feed(Session(replace(campaign, priors=priors), "simulated"), n, u)
+    assert looks[-1].kind == "stop"
+    assert not any(look.kind in ("check", "wrong") for look in looks)
+
+
+def test_a_control_that_changes_smoothly_and_is_taken_as_held_is_told_once(tmp_path):
+    smooth = (1000 + 300 * np.sin(2 * np.pi * np.arange(600) * STEP / 20)) * RPM
+    told = {}
+    for between in ("held", "line"):
+        campaign = write_campaign(
+            tmp_path / between, more=IMPORT.replace('unit = "rpm" }', f'unit = "rpm", between = "{between}" }}')
+        )
+        session = Session(campaign, "simulated")
+        feed(session, smooth, speeds(TRUTH["X_uabsu"], TRUTH["T_nabsn"], smooth))
+        told[between] = [note for note in session.notes.take() if 'between = "line"' in note]
+    assert len(told["held"]) == 1
+    assert "change smoothly at nearly every sample are taken as held from each to the next: n;" in told["held"][0]
+    assert told["line"] == []
+    session = Session(campaign, "simulated")
+    feed(session, *trial(600))
+    assert not any("smoothly" in note for note in session.notes.take())
 
 
 def test_information_is_discounted_by_what_innovations_repeat():

@@ -19,6 +19,7 @@ from seatrial.campaign.inference.quick_estimates import best_mode, posterior_mod
 from seatrial.campaign.store.stored_result import Store
 from seatrial.campaign.workflow.loop import run_loop
 from seatrial.campaign.workflow.next_trial import propose_by_mode
+from seatrial.core.display_units import shown_as_written
 from seatrial.core.errors import InputError
 from seatrial.manoeuvres.free_form import SteppedInput
 from seatrial.manoeuvres.relay import RelayFamily
@@ -112,6 +113,10 @@ def test_the_best_design_as_ones_own_schedule_is_worth_what_it_is_worth(designed
     assert judged.utility == pytest.approx(judged.beside, rel=2e-3)
     np.testing.assert_allclose(judged.sd, judged.sd_beside, rtol=2e-2)
     assert judge_own(made).utility != judged.utility
+    index = judged.names.index("T_nabsn")
+    per_turn = judged.sd[index] * (2 * np.pi) ** 2
+    said = judged.lines(shown_as_written({"T_nabsn": "N/(rev/s)^2"}))[1]
+    assert f"T_nabsn ± {per_turn:.2g} N/(rev/s)^2 (" in said
     assert store.design.read_bytes() == before
     assert find_schedules(made.folder)["own"].read_text().startswith("time_s,n_rpm\n0,1194\n")
     assert found.best.best == design_first(again).best.best

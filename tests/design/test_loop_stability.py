@@ -54,6 +54,13 @@ def test_growth_is_that_of_the_sampled_loop():
     assert found.unstable.tolist() == [False, False, True]
 
 
+@pytest.mark.parametrize(("kp", "kd", "gains"), [(-1.0, 1.5, ("kp",)), (-1.0, -1.5, ("kp", "kd"))])
+def test_a_gain_or_a_loop_of_the_wrong_sign_is_named(kp, kd, gains):
+    draws = np.array([[-0.2, 2.0 + 0.1 * i] for i in range(10)])
+    change = best_gain_change(plan(kp, kd), np.zeros(2), draws)
+    assert (change.gains, change.factor, change.unstable) == (gains, -1.0, 0.0)
+
+
 @pytest.mark.parametrize("sd", [0.02, 3.0])
 def test_the_autopilot_sees_the_noise_of_each_sensor(sd):
     """Noise over its standard deviation comes back in the channel's own unit, and nothing where the channel is not measured."""
@@ -71,7 +78,7 @@ def test_slow_decisions_make_it_unstable_and_the_gain_to_lower_is_named():
     growth = loop_growth(slow, np.zeros(2), draws)
     assert growth.unstable.all()
     change = best_gain_change(slow, np.zeros(2), draws)
-    assert (change.holds, change.gain, change.factor) == ("psi", "kd", 0.5)
+    assert (change.holds, change.gains, change.factor) == ("psi", ("kd",), 0.5)
     halved = replace(slow, autopilot=slow.autopilot.with_gain("psi", "kd", 0.5))
     assert change.unstable == loop_growth(halved, np.zeros(2), draws).unstable.mean()
     motion = np.array(jax.vmap(lambda values: slow.motion(values, np.tile([0.0, 0.01], (400, 1))))(draws))
@@ -81,7 +88,7 @@ def test_slow_decisions_make_it_unstable_and_the_gain_to_lower_is_named():
 def test_too_little_derivative_is_doubled():
     draws = np.array([[0.5, 0.4]] * 5)
     change = best_gain_change(plan(1.0, 0.8), np.zeros(2), draws)
-    assert (change.gain, change.factor, change.unstable) == ("kd", 2.0, 0.0)
+    assert (change.gains, change.factor, change.unstable) == (("kd",), 2.0, 0.0)
 
 
 def outputs(values, applied):

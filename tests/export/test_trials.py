@@ -40,6 +40,14 @@ def test_the_trial_is_the_schedule_with_its_limits(folder):
     assert trial.lines[1] == "limits of n: lower 0 rpm, upper 1500 rpm, rate 4000 rpm/s"
 
 
+def test_an_end_below_the_lower_limit_is_said_to_be_intended(folder):
+    assert read_trial(folder).lines[2] == "at its end n goes to neutral, 0 rpm"
+    path = folder / "campaign.toml"
+    path.write_text(path.read_text().replace('lower = "0 rpm"', 'lower = "600 rpm"'))
+    said = read_trial(folder).lines[2]
+    assert said.startswith("at its end n goes to neutral, 0 rpm: this is below its lower limit, and intended")
+
+
 def test_the_proposed_trial_comes_first(folder):
     store = Store(folder)
     write_schedule(store.proposed, load_campaign(folder).family.manoeuvre(10.0, 4.0), 0.1)

@@ -109,6 +109,17 @@ def test_limits_name_the_row_that_breaks_them(tmp_path, limits, row, found):
     )
 
 
+@pytest.mark.parametrize(
+    ("text", "row"), [("0,1000\n5,1000\n5,1500\n9,1500\n", 4), ("0,1000\n4.9,1000\n5,1500\n9,1500\n", 3)]
+)
+def test_a_jump_is_told_where_it_is_and_the_limit_as_it_was_given(tmp_path, text, row):
+    table = rows(tmp_path, f"time_s,n_rpm\n{text}")
+    with pytest.raises(InputError, match=r"rpm/s at (5|4\.9) s") as caught:
+        table.check_limits("n", Limits(rate=600 * RPM), table.schedule(STEP))
+    assert caught.value.expected == "within the rate limit of 600 rpm/s, [limits.n]"
+    assert caught.value.where.endswith(f"mine.csv:{row}")
+
+
 def test_rows_between_samples_are_told(tmp_path):
     table = rows(tmp_path, "time_s,n_rpm\n0,1000\n0.25,1000\n0.27,1200\n0.3,1000\n0.3,1100\n1,1100\n")
     assert table.skipped(table.schedule(STEP)) == (3, 4)

@@ -25,8 +25,8 @@ from seatrial.manoeuvres.pilot import Moment, close_loop
 from seatrial.numerics.integrate import rk4_for_slopes
 from seatrial.vehicles.simulate import move_by
 
-FACTORS = (0.5, 2.0)
-"""By which gains are tried."""
+FACTORS = (-1.0, 0.5, 2.0)
+"""By which gains are tried: turned round, halved, doubled."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,10 +50,10 @@ class LoopGrowth:
 
 
 class GainChange(NamedTuple):
-    """One gain of an autopilot, multiplied, and the share of vehicles that are unstable then."""
+    """A gain of a loop of an autopilot, or all of them, multiplied, and the share of vehicles that are unstable then."""
 
     holds: str
-    gain: str
+    gains: tuple[str, ...]
     factor: float
     unstable: float
 
@@ -87,21 +87,24 @@ def loop_growth(
 def best_gain_change(
     plan: TrialPlan, trim: Float[np.ndarray, " c"], draws: Float[np.ndarray, "S k"]
 ) -> GainChange | None:
-    """Return the one gain whose halving or doubling leaves the fewest vehicles unstable; None where no change helps.
+    """Return the gain that, turned round, halved or doubled, leaves the fewest vehicles unstable, or the loop that, turned round as a
+    whole, does; None where no change helps.
 
     Arguments and errors as `loop_growth`.
     """
     autopilot = _pilot_of(plan)
     best, least = None, float(loop_growth(plan, trim, draws).unstable.mean())
     for loop in autopilot.loops:
-        for gain in GAINS:
-            if getattr(loop, gain) == 0:
-                continue
-            for factor in FACTORS:
-                changed = autopilot.with_gain(loop.holds, gain, factor)
-                share = float(loop_growth(plan, trim, draws, changed).unstable.mean())
-                if share < least:
-                    best, least = GainChange(loop.holds, gain, factor, share), share
+        gains = [gain for gain in GAINS if getattr(loop, gain) != 0]
+        tried = [((gain,), factor) for gain in gains for factor in FACTORS]
+        tried += [(tuple(gains), -1.0)] if len(gains) > 1 else []
+        for some, factor in tried:
+            changed = autopilot
+            for gain in some:
+                changed = changed.with_gain(loop.holds, gain, factor)
+            share = float(loop_growth(plan, trim, draws, changed).unstable.mean())
+            if share < least:
+                best, least = GainChange(loop.holds, some, factor, share), share
     return best
 
 

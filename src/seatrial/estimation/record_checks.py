@@ -254,25 +254,47 @@ def check_trim(
         controls: of the record by name, SI.
         measured: velocities of the record by name, SI, NaN where not measured.
     """
-    results, is_there = [], True
+    results = []
     for name in (one for one in controls if trim.get(one)):
         share = controls[name] / trim[name]
-        is_there = is_there & (np.abs(share - 1) < AT)
         if np.mean((share > 1 / UNLIKE) & (share < UNLIKE)) < SELDOM and np.any(share):
             size = np.median(np.abs(share[share != 0]))
             results.append(_unlike_trim(name, trim[name], float(size if share.max() > 0 else -size), "of about"))
     for name in (one for one in measured if one in RATES[:3] and trim.get(one)):
-        share = (measured[name] / trim[name])[is_there & np.isfinite(measured[name])]
-        ratio = float(np.median(share)) if share.size >= AROUND else 1.0
-        if not 1 / UNLIKE <= ratio <= UNLIKE:
+        ratio = speed_over_trim(name, trim, controls, measured[name])
+        if ratio is not None and not 1 / UNLIKE <= ratio <= UNLIKE:
             results.append(_unlike_trim(name, trim[name], ratio, "with the controls at trim about"))
     return results
+
+
+def speed_over_trim(
+    name: str,
+    trim: Mapping[str, float],
+    controls: Mapping[str, Float[np.ndarray, " n"]],
+    measured: Float[np.ndarray, " n"],
+) -> float | None:
+    """Return the median of a velocity over its trim where all controls are at trim; None where too few samples are.
+
+    Args:
+        name: of the velocity, whose trim is not 0.
+        trim: as `check_trim`.
+        controls: likewise.
+        measured: velocity, SI, NaN where not measured.
+    """
+    is_there = np.isfinite(measured)
+    for one in (one for one in controls if trim.get(one)):
+        is_there = is_there & (np.abs(controls[one] / trim[one] - 1) < AT)
+    share = measured[is_there] / trim[name]
+    return float(np.median(share)) if share.size >= AROUND else None
 
 
 def _unlike_trim(name: str, trim: float, ratio: float, when: str) -> RecordFinding:
     factor, unit = shown_unit(name)
     value, limit = f"{when} {ratio * trim * factor:.4g} {unit}", f"vehicle.trim.{name} is {trim * factor:.4g} {unit}"
-    remedy = _unit_guess((name,), ratio) + "check column, unit and sign in the channel map, or correct the trim"
+    if 1 / UNLIKE <= -ratio <= UNLIKE:
+        remedy = f"the sign of {name} is reversed: set scale = -1 in the channel map, or correct the trim"
+    else:
+        remedy = _unit_guess((name,), ratio) + "check column, unit and sign in the channel map, or correct the trim"
     return RecordFinding(name, "trim", "caution", value, limit, remedy)
 
 

@@ -121,6 +121,11 @@ class Rows(NamedTuple):
             lost |= np.abs(taken - values) > 1e-6 * max(1.0, float(np.abs(values).max()))
         return tuple(line for line, out in zip(self.line, lost & ~beside, strict=True) if out)
 
+    def _jumps(self, after: float, until: float) -> Float[np.ndarray, " j"]:
+        """Return the times of two rows at once, behind one time and up to another, s."""
+        twice = self.time[1:][np.diff(self.time) == 0]
+        return twice[(twice > after + 1e-9) & (twice <= until + 1e-9)]
+
     def check_limits(self, control: str, limits: Limits, schedule: Schedule) -> None:
         """Check one control of a schedule of these rows against its limits, at every sample.
 
@@ -144,12 +149,15 @@ class Rows(NamedTuple):
         ):
             if name not in broken:
                 continue
-            reached, bound = broken[name]
+            reached, bound = broken[name][0], getattr(limits, name)
             at = int(np.argmax(np.isclose(found, reached, rtol=1e-9, atol=0.0)))
-            row = int(np.searchsorted(self.time, schedule.time[at] + 1e-9, side="right")) - 1
+            time = float(schedule.time[at])
+            if name == "rate" and (jumps := self._jumps(time, time + step)).size:
+                time = float(jumps[0])
+            row = int(np.searchsorted(self.time, time + 1e-9, side="right")) - 1
             raise InputError(
                 f"{self.source}:{self.line[row]}",
-                found=f"{control} that reaches {reached * factor:.6g} {ends} at {schedule.time[at]:.6g} s",
+                found=f"{control} that reaches {reached * factor:.6g} {ends} at {time:.6g} s",
                 expected=f"within the {name} limit of {bound * factor:.6g} {ends}, [limits.{control}]",
                 remedy="correct the schedule, or widen the limit if the vehicle allows it"
                 if name != "rate"

@@ -58,6 +58,8 @@ def test_a_look_is_told_as_it_is():
     assert "u 1.02" in html
     assert "w " not in html.partition("innovations")[2].partition("<")[0]
     assert "<b>" not in html
+    doubt = look_html({**LOOK, "kind": "check", "advice": "check u: knots?"}, 1001.0)
+    assert '<p class="advice check" role="status"><span aria-hidden="true">!</span> check u: knots?</p>' in doubt
     met = {**LOOK, "coefficients": [{**LOOK["coefficients"][0], "sd": 0.09}]}
     assert "goal ± 0.1: met" in look_html(met, 1001.0)
 

@@ -229,11 +229,15 @@ def _asked() -> dict[str, Any] | str:
     if first == "own":
         said["mass"] = _ask("mass in air, such as 30 kg", _quantity_text("kg"))
     if not first.endswith(SURGE):
-        said["moves"] = _ask("velocities of the model, of u v w p q r", _one_text, "u" if first == "own" else "u,v,r")
+        said["moves"] = _ask(
+            "velocities of the model, of u v w p q r", _text_of(parts.read_moves), "u" if first == "own" else "u,v,r"
+        )
         said["speed"] = _ask("speed at which a trial begins, such as 1.5 m/s", _quantity_text("m/s"))
     if first == "own":
         if set(said["moves"]) & set("pqr"):
-            said["inertia"] = _ask("inertia about its three axes, such as 0.2, 3.4, 3.4 kg m^2", _one_text)
+            said["inertia"] = _ask(
+                "inertia about its three axes, such as 0.2, 3.4, 3.4 kg m^2", _text_of(parts.read_inertia)
+            )
         said["known"] = _several('known coefficients, such as "X_udot -1.0"', parts.read_known)
         said["thrust_deduction"] = _ask(
             "thrust deduction, the share of the thrust that is lost at the stern", _quantity_text("1"), "0"
@@ -251,7 +255,9 @@ def _asked() -> dict[str, Any] | str:
     said["sensor"] = _several('sensors: noise of one sample, rate; "u 0.05 m/s, 5 Hz"', parts.read_sensor, 1)
     said["limit"] = _several('limits of the motion, such as "u above 0.5 m/s"', parts.read_limit)
     said["duration"] = _ask("duration of a trial", _quantity_text("s"), "60 s")
-    said["goal"] = _several('how well coefficients must be known, such as "X_uabsu 3 %"', parts.read_goal)
+    names = [line.split()[0] for line in (*said["seek"], *said["optional"])]
+    goal = partial(parts.read_goal, among=names)
+    said["goal"] = _several('how well coefficients must be known, such as "X_uabsu 3 %"', goal)
     said["name"] = _ask("name of the campaign", _one_text, "first trial")
     return {option: value for option, value in said.items() if value and value != "0"}
 
@@ -299,6 +305,11 @@ def _one_of(names: Iterable[str]) -> Callable[[str, str], str]:
     from seatrial.core.argument_checks import check_choice
 
     return lambda text, place: check_choice(text, tuple(names), place)
+
+
+def _text_of(read: Callable[[str, str], Any]) -> Callable[[str, str], str]:
+    """Return what keeps an answer as it was written, once it can be read."""
+    return lambda text, place: (read(text, place), text)[1]
 
 
 def _quantity_text(unit: str) -> Callable[[str, str], str]:

@@ -80,7 +80,7 @@ def next_trial(
             path = write_schedule(Store(folder).proposed, manoeuvre, campaign.family.sample_time)
             answer.wrote("schedule", path)
         if found.own is not None:
-            answer.say("\n".join(found.own.lines()))
+            answer.say("\n".join(found.own.lines(campaign.shown)))
         answer.give(**results.next_trial(found.designs, proposal))
         return answer.finish(found.alarms, [*found.cautions, *(found.own.alarms if found.own else ())])
 

@@ -95,7 +95,7 @@ def design(
         answer.say("\n".join(promised.lines(campaign.shown)))
         own = flow.get("own")
         if own is not None:
-            answer.say("\n".join((*own.lines(), *own_lines(campaign, campaign.design.own))))
+            answer.say("\n".join((*own.lines(campaign.shown), *own_lines(campaign, campaign.design.own))))
         answer.give(**results.designs(designs, promised))
         answer.name_file("schedule", Store(folder).schedule(Store(folder).design))
         options = {

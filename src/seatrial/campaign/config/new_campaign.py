@@ -5,7 +5,7 @@
 """
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, TypeVar
@@ -173,8 +173,8 @@ def new_campaign(said: Mapping[str, Any]) -> NewCampaign:
         each("optional", sought),
         vehicle=said.get("vehicle", ""),
         mass=said.get("mass", ""),
-        inertia=three_quantities(said.get("inertia", "")),
-        moves=tuple(listed_names(said.get("moves", ""))),
+        inertia=read_inertia(said["inertia"], "--inertia") if "inertia" in said else (),
+        moves=read_moves(said["moves"], "--moves") if "moves" in said else (),
         known=each("known", read_known),
         thrust_deduction=f"{share:g}" if share else "",
         speed=said.get("speed", ""),
@@ -370,14 +370,63 @@ def read_limit(text: str, place: str) -> Bound:
     return Bound(name, f"{lower} {written}", f"{upper} {written}")
 
 
-def read_goal(text: str, place: str) -> tuple[str, str]:
-    """Read how well a coefficient is to be known: `X_uabsu 3 %`, or a standard deviation in its unit.
+def read_moves(text: str, place: str) -> tuple[str, ...]:
+    """Read the velocities of a model: `u` or `u,v,r`.
 
     Raises:
-        InputError: no name of a coefficient, or no positive amount.
+        InputError: none, or something else than a velocity.
+    """
+    names = tuple(listed_names(text))
+    for name in names or ("",):
+        if name not in RATES:
+            raise InputError(
+                place,
+                found=f'"{name or text}"',
+                expected=f"velocities of the model, parted by commas: some of {', '.join(RATES)}",
+                remedy='for example "u", or "u,v,r"',
+            )
+    return names
+
+
+def read_inertia(text: str, place: str) -> tuple[str, ...]:
+    """Read three moments of inertia: `0.2, 3.4, 3.4 kg m^2`.
+
+    Raises:
+        InputError: not three, or units that are not theirs.
+    """
+    found = three_quantities(text)
+    for one in found:
+        quantity(one, "kg m^2", place)
+    if len(found) != len(RATES[3:]):
+        raise InputError(
+            place,
+            found=f'"{text}"',
+            expected="three moments of inertia, about the axes forward, to starboard and down",
+            remedy='for example "0.2, 3.4, 3.4 kg m^2"',
+        )
+    return found
+
+
+def read_goal(text: str, place: str, among: Sequence[str] = ()) -> tuple[str, str]:
+    """Read how well a coefficient is to be known: `X_uabsu 3 %`, or a standard deviation in its unit.
+
+    Args:
+        text: that says it.
+        place: for the error.
+        among: coefficients that are sought; any where none is named.
+
+    Raises:
+        InputError: no name of a coefficient, none that is sought, or no positive amount.
     """
     name, rest = _parted(text, place, "X_uabsu 3 %")
     unit = CoefficientName.parse(name).unit
+    if among and name not in among:
+        raise InputError(
+            place,
+            found=f"{name}, which is not sought",
+            expected="one of " + ", ".join(among),
+            remedy=nearest(name, among),
+        )
     if not quantity(rest, "1" if rest.endswith("%") else unit, place) > 0:
         raise InputError(place, found=f'"{text}"', expected="more than 0", remedy='for example "X_uabsu 3 %"')
     return name, rest

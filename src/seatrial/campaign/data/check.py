@@ -8,6 +8,7 @@ from jaxtyping import Array
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.sensor_table import ATTITUDE
+from seatrial.campaign.config.vehicle import first_measured, level_start
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.data.record_cautions import empty_cells, record_cautions
 from seatrial.campaign.data.thruster_check import check_thrusters
@@ -22,6 +23,7 @@ from seatrial.design.trial_plan import TrialPlan
 from seatrial.estimation.first_guess import first_guess
 from seatrial.estimation.priors import Prior
 from seatrial.estimation.record_checks import (
+    UNLIKE,
     RecordFinding,
     check_angle,
     check_excitation,
@@ -34,12 +36,16 @@ from seatrial.estimation.record_checks import (
     check_turn,
     not_judged,
     says_direction,
+    speed_over_trim,
 )
+from seatrial.vehicles.model import VehicleModel
 
 SENSORS = (RATES[:3], RATES[3:])
 """Channels that one sensor has: a Doppler log, a gyro."""
 COARSE = 0.5
 """Root mean square change of a rate in steps half as long, over its noise, from which steps are too long."""
+MOVES = 2.0
+"""Standard deviation of a motion over its sensor's noise from which the part of a trial that has come tells its direction."""
 DRAWS = 32
 """Vehicles drawn from the priors, beside the one at their means, to see whether they go the same way."""
 
@@ -108,7 +114,8 @@ def step_cautions(campaign: Campaign, trials: Trials) -> list[str]:
     """Say of which fitted records the steps are too long to simulate this vehicle, by the prior means; of several alike the first."""
     said: dict[str, str] = {}
     for record in (one for one in trials.fit if one.provenance.source != SIMULATED):
-        alone, control = _trial(campaign, record)
+        model = campaign.model(campaign.full)
+        alone, control = _trial(campaign, record, model, initial_state(campaign, model, record))
         mean = np.array([[float(prior.mean) for prior in campaign.coefficient_priors(alone.model)]])
         expected = np.asarray(_shown(alone, mean, control))[0, : record.time.size]
         for one in _steps(campaign, record, alone, mean, control, expected):
@@ -116,25 +123,88 @@ def step_cautions(campaign: Campaign, trials: Trials) -> list[str]:
     return list(said.values())
 
 
-def _trial(campaign: Campaign, record: Record) -> tuple[TrialPlan, np.ndarray]:
+def motion_findings(campaign: Campaign, record: Record, size: int) -> list[RecordFinding]:
+    """Judge the part of a trial that has come: what moves against the commands or by another size, and what contradicts the trim.
+
+    Unlike a whole record it may not have come to its trim yet: velocities are compared with it where the controls are at trim and the
+    vehicle at the prior means is near it. A channel that hardly moves, or would hardly, is not judged.
+
+    Args:
+        campaign: the campaign.
+        record: so far; a channel may be NaN throughout.
+        size: samples to which it is filled up, so that one compiled program serves parts of any length.
+    """
+    model = campaign.model(campaign.full)
+    start = level_start(model, {**campaign.hull.trim, **first_measured(record)})
+    alone, control = _trial(campaign, record, model, start, size)
+    motion = _motion(campaign, record, alone, control)
+    if not np.isfinite(motion.expected).all():
+        return []
+    moves = {
+        name: np.isfinite(column).any()
+        and min(float(np.nanstd(column)), float(motion.expected[:, index].std())) > MOVES * campaign.noise[name]
+        for index, (name, column) in enumerate(motion.measured.items())
+    }
+    findings = _directions(campaign, record, motion, [name for name, is_so in moves.items() if is_so])[0]
+    trim, near = campaign.hull.trim, {}
+    for index, name in enumerate(motion.measured):
+        if name in RATES[:3] and trim.get(name):
+            share = motion.expected[:, index] / trim[name]
+            near[name] = np.where((share > 1 / UNLIKE) & (share < UNLIKE), motion.measured[name], np.nan)
+    driven = {name: record.channel(name) for name in model.controls}
+    unlike = [one for one in check_trim(trim, driven, near) if one.signal not in driven]
+    alike = [
+        RecordFinding(name, "trim", "pass", f"{ratio:.3g} times its trim", "where the controls are at trim")
+        for name, column in near.items()
+        if name not in {one.signal for one in unlike}
+        and (ratio := speed_over_trim(name, trim, driven, column)) is not None
+    ]
+    return [*findings, *unlike, *alike]
+
+
+@dataclass(frozen=True, eq=False)
+class _Motion:
+    """A record beside what vehicles of the priors do by its commands; n samples, m channels, d vehicles.
+
+    Attributes:
+        tried: coefficients, at the prior means and then drawn, SI, shape (1 + d, k).
+        expected: of the first, SI, shape (n, m).
+        drawn: of the others, SI, shape (d, n, m).
+        measured: by channel, SI, NaN where not measured.
+    """
+
+    tried: np.ndarray
+    expected: np.ndarray
+    drawn: np.ndarray
+    measured: dict[str, np.ndarray]
+
+
+def _motion(campaign: Campaign, record: Record, alone: TrialPlan, control: np.ndarray) -> _Motion:
+    priors = campaign.coefficient_priors(alone.model)
+    mean = np.array([float(prior.mean) for prior in priors])
+    tried = np.vstack([mean, draw_values(priors, random_key(campaign.seed, "vehicles of the priors"), DRAWS)])
+    shown = np.asarray(_shown(alone, tried, control))[:, : record.time.size]
+    measured = {name: record.channel(name) for name in campaign.channels}
+    return _Motion(tried, shown[0], shown[1:], measured)
+
+
+def _trial(
+    campaign: Campaign, record: Record, model: VehicleModel, start: tuple[float, ...], size: int = 0
+) -> tuple[TrialPlan, np.ndarray]:
     """Return a record as a trial in which every sensor gives each sample, without noise, and its controls; both filled up."""
-    model, size = campaign.model(campaign.full), bucket_length(record.time.size)
+    size = max(size, bucket_length(record.time.size))
     step = filled(np.diff(record.time), size, 0.0)
     control = filled(np.column_stack([record.channel(name) for name in model.controls]), size)
-    start = np.array(initial_state(campaign, model, record))
-    return TrialPlan(model, campaign.channels, start, step, np.ones((size, len(campaign.channels)))), control
+    return TrialPlan(model, campaign.channels, np.array(start), step, np.ones((size, len(campaign.channels)))), control
 
 
 def _judge(campaign: Campaign, record: Record) -> RecordJudgement:
-    alone, control = _trial(campaign, record)
-    priors = campaign.coefficient_priors(alone.model)
-    mean = np.array([float(prior.mean) for prior in priors])
-    n, size = record.time.size, control.shape[0]
-    measured = {name: record.channel(name) for name in campaign.channels}
+    model = campaign.model(campaign.full)
+    alone, control = _trial(campaign, record, model, initial_state(campaign, model, record))
+    motion = _motion(campaign, record, alone, control)
+    measured = motion.measured
     weight = np.column_stack([np.isfinite(column) / campaign.noise[name] for name, column in measured.items()])
-    plan = replace(alone, weight=filled(weight, size, 0.0))
-    tried = np.vstack([mean, draw_values(priors, random_key(campaign.seed, "vehicles of the priors"), DRAWS)])
-    expected, *drawn = np.asarray(_shown(alone, tried, control))[:, :n]
+    plan = replace(alone, weight=filled(weight, control.shape[0], 0.0))
     findings = [
         finding
         for name, column in measured.items()
@@ -144,43 +214,52 @@ def _judge(campaign: Campaign, record: Record) -> RecordJudgement:
     driven = {name: record.channel(name) for name in alone.model.controls}
     findings += check_signs(plan.names, {**driven, **measured}, campaign.noise)
     findings += _stated(campaign, record)
-    is_real, usual = record.provenance.source != SIMULATED, float(np.median(np.diff(record.time)))
-    runs_away = not np.isfinite(expected).all()
-    steps = _steps(campaign, record, alone, tried, control, expected) if is_real else []
+    is_real = record.provenance.source != SIMULATED
+    steps = _steps(campaign, record, alone, motion.tried, control, motion.expected) if is_real else []
     findings += steps
-    if runs_away:
+    if not np.isfinite(motion.expected).all():
         if not steps:
             remedy = "check units and signs, or narrow the priors, so that the vehicle at their means can be simulated over this record"
             value = "the vehicle at the prior means runs away"
             findings.append(RecordFinding("motion", "direction", "caution", value, "it must not", remedy))
         return RecordJudgement(record, tuple(findings), tuple(record_cautions(record)))
-    unsaid = []
-    turns = [name for name in measured if name in QUATERNION]
     for index, (name, column) in enumerate(measured.items()):
-        if name in turns:
-            continue
         if name in HELD:
-            findings += check_range(name, column, expected[:, index], campaign.noise[name])
-        ways = np.array([one[:, index] for one in drawn])
-        if says_direction(expected[:, index], ways, campaign.noise[name]):
-            findings += check_motion(name, usual, column, expected[:, index], ways, campaign.has_delay, tuple(driven))
-        else:
-            unsaid.append(name)
-    for group in SENSORS:
-        said = [name for name in group if name in measured and name not in unsaid]
-        if len(said) > 1:
-            places = [campaign.channels.index(name) for name in said]
-            findings += check_turn(said, np.column_stack([measured[name] for name in said]), expected[:, places])
+            findings += check_range(name, column, motion.expected[:, index], campaign.noise[name])
+    turns = [name for name in measured if name in QUATERNION]
+    said, unsaid = _directions(campaign, record, motion, list(measured))
+    findings += said
     if turns:
         value = "not judged, nor size and delay; errors of all rates add up in it"
         findings.append(RecordFinding(ATTITUDE, "direction", "note", value, "the rates are judged"))
     if unsaid:
         findings.append(not_judged(unsaid))
     if unsaid or turns:
-        findings += _excitation_as_moved(record, plan, priors, control)
+        findings += _excitation_as_moved(record, plan, campaign.coefficient_priors(alone.model), control)
     else:
-        findings += _excitation(plan, priors, mean, control)
+        findings += _excitation(plan, campaign.coefficient_priors(alone.model), motion.tried[0], control)
     return RecordJudgement(record, tuple(findings), tuple(record_cautions(record)))
+
+
+def _directions(
+    campaign: Campaign, record: Record, motion: _Motion, names: list[str]
+) -> tuple[list[RecordFinding], list[str]]:
+    """Judge direction, size, delay and axes of some channels; and name those of which the priors do not say which way they go."""
+    findings, unsaid, usual = [], [], float(np.median(np.diff(record.time)))
+    driving = tuple(campaign.model(campaign.full).controls)
+    places = {name: index for index, name in enumerate(motion.measured) if name in names and name not in QUATERNION}
+    for name, index in places.items():
+        expected, ways = motion.expected[:, index], motion.drawn[:, :, index]
+        if says_direction(expected, ways, campaign.noise[name]):
+            findings += check_motion(name, usual, motion.measured[name], expected, ways, campaign.has_delay, driving)
+        else:
+            unsaid.append(name)
+    for group in SENSORS:
+        said = [name for name in group if name in places and name not in unsaid]
+        if len(said) > 1:
+            shown = np.column_stack([motion.measured[name] for name in said])
+            findings += check_turn(said, shown, motion.expected[:, [places[name] for name in said]])
+    return findings, unsaid
 
 
 def _steps(

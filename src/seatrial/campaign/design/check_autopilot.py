@@ -14,6 +14,8 @@ from seatrial.vehicles.model import VehicleModel
 
 VEHICLES = 200
 """Draws that are looked at."""
+NEARLY_ALL = 0.9
+"""Share of unstable vehicles from which the autopilot is at fault, and not what is believed of the vehicle."""
 AXES = {
     **dict.fromkeys(("u", "x"), "surge (speed)"),
     **dict.fromkeys(("v", "r", "psi", "y"), "yaw (heading)"),
@@ -54,7 +56,7 @@ def check_autopilot(
     found = f"{share:.0%} of the vehicles that the priors allow are unstable under the autopilot, most in {axis}" + (
         f": a small motion there doubles in {doubling:.2g} s" if doubling > 0 else ": they run away"
     )
-    remedy = _advice(best_gain_change(plan, trim, few))
+    remedy = _advice(best_gain_change(plan, trim, few), share)
     if share > 1.0 - probability:
         raise InputError(
             campaign.where(f"autopilot.{campaign.autopilot.loops[0].holds}"),
@@ -65,8 +67,16 @@ def check_autopilot(
     reporter.say(f"caution: {found}; {remedy}")
 
 
-def _advice(change: GainChange | None) -> str:
-    if change is None:
-        return "no gain alone, halved or doubled, helps: narrow the priors, or tune the autopilot on calm water first"
-    verb = "halve" if change.factor < 1 else "double"
-    return f"{verb} {change.gain} ({GAINS[change.gain]} gain) of [autopilot.{change.holds}]: {change.unstable:.0%} remain unstable then"
+def _advice(change: GainChange | None, share: float) -> str:
+    """Return what to do where a share of the vehicles is unstable."""
+    if change is None or change.unstable > NEARLY_ALL:
+        helps = "no gain alone, turned round, halved or doubled, helps"
+        if share > NEARLY_ALL:
+            return (
+                "the autopilot is unstable for the vehicle itself, whatever its priors: check the signs of its gains and of what it "
+                f"drives, and tune it on calm water first; {helps}"
+            )
+        return f"{helps}: narrow the priors, or tune the autopilot on calm water first"
+    verb = "turn the sign of" if change.factor < 0 else "halve" if change.factor < 1 else "double"
+    gains = " and ".join(f"{gain} ({GAINS[gain]} gain)" for gain in change.gains)
+    return f"{verb} {gains} of [autopilot.{change.holds}]: {change.unstable:.0%} remain unstable then"

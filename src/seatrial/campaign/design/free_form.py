@@ -57,6 +57,11 @@ def design_free_trial(campaign: Campaign, levels: int, reporter: Reporter = SILE
         NumericalError: the vehicle diverges at a draw of the priors.
     """
     check_free_trial(campaign)
+    if (edge := _form(campaign.family, levels).edge) < campaign.family.ramp:
+        reporter.say(
+            f"{levels} levels are {edge:.4g} s apart, and design.ramp in {campaign.path} is {campaign.family.ramp:g} s: the control goes "
+            f"in straight lines from level to level; {int(campaign.family.active / campaign.family.ramp)} levels or fewer keep the ramp"
+        )
     kept = stored_free_trial(campaign, levels)
     found = kept.read_or_make(lambda: asdict(_search(campaign, levels, reporter)))
     manoeuvre = _form(campaign.family, levels).manoeuvre(np.array(found.levels))
@@ -149,9 +154,14 @@ def _safety(
 
 
 def _form(family: Family, levels: int) -> SteppedInput:
-    """Levels over the active time of the families, and the way back to trim after it, or before the end of the trial."""
+    """Levels over the active time of the families, and the way back to trim after it, or before the end of the trial.
+
+    Each edge takes the ramp of the families, or the whole interval where that is shorter.
+    """
     active = min(family.active, family.duration - family.start - family.ramp)
-    return SteppedInput(family.control, family.trim, family.duration, family.start, active, levels, edge=family.ramp)
+    return SteppedInput(
+        family.control, family.trim, family.duration, family.start, active, levels, min(family.ramp, active / levels)
+    )
 
 
 def _random(limits: Limits, seed: int, size: int) -> dict[str, np.ndarray]:

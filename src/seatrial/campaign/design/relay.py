@@ -23,6 +23,7 @@ from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError
 from seatrial.core.programs import program
 from seatrial.core.reporter import SILENT, Reporter
+from seatrial.core.signals import QUATERNION
 from seatrial.core.state_space import StateSpace
 from seatrial.design.fisher_utilities import find_criterion
 from seatrial.design.prior_belief import draw_values, prior_cov
@@ -115,9 +116,27 @@ def check_relay(campaign: Campaign) -> RelaySettings:
             campaign.where("design.relay"),
             found="nothing",
             expected="the output that is fed back, and its thresholds",
-            remedy='add [design.relay] with output = "r" and threshold = { from = "2 deg/s", to = "10 deg/s", points = 8 }',
+            remedy=f"add [design.relay] with {_proposal(campaign)}",
         )
     return relay
+
+
+def _proposal(campaign: Campaign) -> str:
+    """Return the keys of a test of this campaign: the channel that answers the control most beside its noise, a fifth to four of it."""
+    model = campaign.model(campaign.full)
+    plan = plan_of(campaign, model)
+    names = [name for name in plan.channels if name not in QUATERNION]
+    if not names:
+        return "output, a channel that answers the control and is measured, and its threshold"
+    values = np.array([prior.mean for prior in campaign.coefficient_priors(model)])
+    step, none = (_outputs(campaign, plan, campaign.control_trim(model), values, share) for share in (1.0, 0.0))
+    answer = np.abs(step - none).max(0)
+    answer = np.where(np.isfinite(answer), answer, 0.0)
+    name = max(names, key=lambda one: answer[plan.channels.index(one)])
+    size = max(float(answer[plan.channels.index(name)]), 10.0) * campaign.noise[name]
+    factor, unit = shown_unit(name)
+    low, high = (f"{share * size * factor:.1g} {unit}" for share in PROPOSED)
+    return f'output = "{name}" and threshold = {{ from = "{low}", to = "{high}", points = 8 }}'
 
 
 def sensor_noise(campaign: Campaign, output: str, count: int) -> Float[np.ndarray, "S n"]:
@@ -129,21 +148,27 @@ def sensor_noise(campaign: Campaign, output: str, count: int) -> Float[np.ndarra
 
 def _effect(campaign: Campaign, output: str, plan: TrialPlan, trim: tuple, trimmed: float, values: np.ndarray) -> float:
     """Sign of the output's answer to a step of the control, where it first is half of what it comes to."""
-    family = campaign.family
-    control = np.tile([value for _, value in trim], (plan.step.shape[0], 1))
-    control[:, [name for name, _ in trim].index(family.control)] += campaign.design.amplitudes[0]
     at = plan.channels.index(output)
-    measured = np.asarray(plan.weight)[:, at] > 0
-    answer = np.asarray(plan.outputs(values, control))[measured, at] / np.asarray(plan.weight)[measured, at] - trimmed
+    weight = np.asarray(plan.weight)[:, at]
+    answer = _outputs(campaign, plan, trim, values)[weight > 0, at] / weight[weight > 0] - trimmed
     most = np.abs(answer).max()
     if not most > 1e-9:
         raise InputError(
             campaign.where("design.relay.output"),
-            found=f"{output}, which {family.control} does not move at the prior means",
+            found=f"{output}, which {campaign.family.control} does not move at the prior means",
             expected="an output that answers the control",
             remedy="feed another output back, or drive another control",
         )
     return float(np.sign(answer[np.argmax(np.abs(answer) >= 0.5 * most)]))
+
+
+def _outputs(
+    campaign: Campaign, plan: TrialPlan, trim: tuple, values: np.ndarray, share: float = 1.0
+) -> Float[np.ndarray, "n m"]:
+    """Every output over its noise, 0 where it is not measured, after a step of the control by a share of the least amplitude."""
+    control = np.tile([value for _, value in trim], (plan.step.shape[0], 1))
+    control[:, [name for name, _ in trim].index(campaign.family.control)] += share * campaign.design.amplitudes[0]
+    return np.asarray(plan.outputs(values, control))
 
 
 def _closed(
@@ -153,6 +178,8 @@ def _closed(
     return jax.vmap(lambda start, error: run_relay(space, family, *settings, start, error))(starts, errors)
 
 
+PROPOSED = (0.2, 0.8)
+"""Thresholds that are proposed, as shares of what a step of the control by its least amplitude comes to."""
 CONFIDENCE = 0.95
 """Of the claim that a test oscillates inside the limits with the probability asked for."""
 RANGE = (0.05, 0.5, 0.95)

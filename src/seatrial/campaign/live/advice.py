@@ -1,6 +1,11 @@
-"""One sentence for who runs the vehicle: go on, stop, switch, or the model is wrong; it never commands anything."""
+"""One sentence for who runs the vehicle: go on, stop, switch, check the stream, or the model is wrong; it never commands anything.
 
-from collections.abc import Mapping
+The goal is never called met while the stream is in doubt, the innovations disown the model, or a coefficient is pushed against the edge
+of its prior. A true value may lie on a physical edge, such as X_u = 0: then the mean of the filter, which knows no edges, is beyond it by
+about a standard deviation. A wrong unit or sign takes it many beyond.
+"""
+
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import Any, Literal
@@ -13,11 +18,18 @@ from seatrial.campaign.live.innovations import InnovationMemory, discounted
 from seatrial.campaign.live.next_segment import Choice, Library
 from seatrial.campaign.live.recursion import Recursion, within_bounds
 from seatrial.core.gaussian import Gaussian
+from seatrial.core.signals import RATES
 
 WINDOW = 20.0
 """Seconds over which is looked at what the input teaches, and how large innovations are."""
-WRONG = 2.0
-"""Root mean square of normalised innovations from which the model is called wrong."""
+WRONG, RIGHT = 2.2, 2.0
+"""Root mean square of normalised innovations from which the model is called wrong, and below which it no longer is."""
+PUSHED = 3.0
+"""Standard deviations by which the mean of the filter is beyond the edge of a prior from where on its coefficient is pushed against it."""
+STAYS = 10.0
+"""Seconds after which that is forgotten."""
+AT_EDGE = 0.5
+"""Standard deviations from the edge of its prior within which a coefficient is named, where one is pushed."""
 ENOUGH = 50
 """Innovations before which nothing is said of a goal."""
 SOON = 30.0
@@ -26,10 +38,12 @@ SLOWER = 2.0
 """Times the best segment's way to the goal from which a change is."""
 HALVES = 600.0
 """Seconds in which an input that excites a coefficient halves its standard deviation, at the rate of the last window."""
+ALONG = {"T": "u", **dict(zip("XYZKMN", RATES, strict=True))}
+"""Velocity that each force or moment changes."""
 OFTEN = 10.0
 """Seconds between two looks into the library."""
 
-Kind = Literal["go on", "stop", "switch", "wrong"]
+Kind = Literal["go on", "stop", "switch", "wrong", "check"]
 
 
 @dataclass(frozen=True)
@@ -126,13 +140,17 @@ class Adviser:
     library: Library | None = None
     known: list[tuple[float, np.ndarray]] = field(default_factory=list)
     met_since: float | None = None
+    is_wrong: bool = False
+    pushed: dict[int, float] = field(default_factory=dict)
     asked: float = -np.inf
     choice: Choice | None = None
     waiting: "Future[Choice] | None" = None
     failure: BaseException | None = None
     pool: ThreadPoolExecutor = field(default_factory=lambda: ThreadPoolExecutor(1, "seatrial library"))
 
-    def look(self, time: float, samples: int, belief: Gaussian, memory: InnovationMemory) -> Look:
+    def look(
+        self, time: float, samples: int, belief: Gaussian, memory: InnovationMemory, doubts: Sequence[str] = ()
+    ) -> Look:
         """Judge what is known.
 
         Args:
@@ -140,16 +158,20 @@ class Adviser:
             samples: that were used.
             belief: about the coefficients, in units of the recursion.
             memory: of the innovations.
+            doubts: of the stream, in words, the gravest first.
         """
         scales, rms = self.recursion.scales, memory.look(time, WINDOW)
         discount = memory.discount()
         honest = discounted(np.asarray(belief.cov), discount)
-        mean = within_bounds(np.asarray(belief.mean), honest, self.recursion.bounds) * scales
+        cut = within_bounds(np.asarray(belief.mean), honest, self.recursion.bounds)
+        mean = cut * scales
         sd = np.sqrt(np.diag(honest)) * scales
         raw = 1.0 / np.diag(np.asarray(belief.cov))
         rate = self._rate(time, raw)
         wanted = self._wanted(mean)
-        kind, advice = self._advise(time, memory, rms, sd, wanted, self._left(raw, rate, wanted, discount))
+        if memory.count.sum() >= ENOUGH and (edges := self._edges(time, np.asarray(belief.mean), cut, honest)):
+            doubts = (*doubts, edges)
+        kind, advice = self._advise(time, memory, rms, sd, wanted, self._left(raw, rate, wanted, discount), doubts)
         if kind in ("go on", "switch") and self.library is not None and np.isfinite(wanted).any():
             self._ask(time, mean, honest, discount, wanted)
         excited = None if rate is None else rate * HALVES >= 3.0 * raw
@@ -167,6 +189,30 @@ class Adviser:
         )
         seen = dict(zip(self.channels, rms.tolist(), strict=True))
         return Look(time, samples, rows, seen, discount, kind, advice)
+
+    def _edges(self, time: float, mean: np.ndarray, cut: np.ndarray, cov: np.ndarray) -> str:
+        """Say which coefficients are at the edges of their priors, if one is pushed against its own; in units of the recursion.
+
+        Args:
+            time: s.
+            mean: of the filter, which knows no edges.
+            cut: what is left of it inside.
+            cov: honest.
+        """
+        bounds, sd = self.recursion.bounds, np.sqrt(np.diag(cov))
+        beyond = np.maximum(bounds[:, 0] - mean, mean - bounds[:, 1]) > PUSHED * sd
+        self.pushed |= {int(i): time for i in np.flatnonzero(beyond)}
+        self.pushed = {i: then for i, then in self.pushed.items() if 0 <= time - then < STAYS}
+        if not self.pushed:
+            return ""
+        is_near = np.min(np.abs(cut[:, None] - bounds), axis=1) < AT_EDGE * sd
+        terms = [term for i, term in enumerate(self.recursion.model.coefficients) if is_near[i] or i in self.pushed]
+        names = _listed([term.text for term in terms])
+        where = "is at the edge of its prior" if len(terms) == 1 else "are at the edges of their priors"
+        signals = {name for term in terms for name in (*term.signals, ALONG.get(term.axis, ""))}
+        shown = [name for name in self.channels if name in signals] or list(self.channels)
+        checked = [*shown, *(name for name in self.recursion.model.controls if name in signals)]
+        return f"{names} {where}: check the unit and sign of {_listed(checked)}; if they are right, widen what the priors allow"
 
     def _wanted(self, mean: np.ndarray) -> Float[np.ndarray, " k"]:
         """Return the standard deviation that is wanted of each coefficient, SI; infinite where nothing is asked."""
@@ -188,8 +234,8 @@ class Adviser:
         """Return the seconds to the goal at the rate of the last window; None where there is no rate or no goal."""
         if rate is None or not np.isfinite(wanted).any():
             return None
-        needed = 1.0 + ((self.recursion.scales / wanted) ** 2 - 1.0) * discount
         with np.errstate(all="ignore"):
+            needed = 1.0 + ((self.recursion.scales / wanted) ** 2 - 1.0) * discount
             return float(np.where(needed > raw, (needed - raw) / rate, 0.0).max())
 
     def _advise(
@@ -200,11 +246,16 @@ class Adviser:
         sd: np.ndarray,
         wanted: np.ndarray,
         left: float | None,
+        doubts: Sequence[str],
     ) -> tuple[Kind, str]:
         is_met = bool((sd <= wanted).all()) and np.isfinite(wanted).any() and memory.count.sum() >= ENOUGH
+        worst = int(np.argmax(np.where(np.isfinite(rms), rms, -np.inf)))
+        self.is_wrong = bool(rms[worst] > (RIGHT if self.is_wrong else WRONG))
+        is_met = is_met and not doubts and not self.is_wrong
         self.met_since = (time if self.met_since is None else self.met_since) if is_met else None
-        if np.nanmax(np.where(np.isfinite(rms), rms, -np.inf)) > WRONG:
-            worst = int(np.nanargmax(np.where(np.isfinite(rms), rms, -np.inf)))
+        if doubts:
+            return "check", doubts[0]
+        if self.is_wrong:
             return "wrong", (
                 f"the model is wrong: innovations of {self.channels[worst]} are {rms[worst]:.1f} times what its sensor noise allows"
             )
@@ -247,3 +298,8 @@ class Adviser:
             scales, self.asked = self.recursion.scales, time
             information = np.linalg.inv(honest) / np.outer(scales, scales)
             self.waiting = self.pool.submit(self.library.choose, mean, information, 1.0 / discount, wanted)
+
+
+def _listed(names: Sequence[str]) -> str:
+    """Return names in a sentence: `a, b and c`."""
+    return " and ".join([*([", ".join(names[:-1])] if names[1:] else []), names[-1]])

@@ -1,11 +1,10 @@
 """What may pass: stamps in their order, and values that the vehicle can have. What may not is told once, in words."""
 
+from collections import deque
 from collections.abc import Callable, Mapping
 from decimal import Decimal
 from math import isfinite
 from typing import Literal, NamedTuple
-
-import numpy as np
 
 from seatrial.core.display_units import shown_unit
 from seatrial.core.record import LARGEST
@@ -16,10 +15,10 @@ BEYOND = 50.0
 """Times what the priors foresee, from which a value is none of this vehicle in this unit."""
 BEYOND_LIMIT = 5.0
 """Likewise times the limit of a control."""
-OPPOSITE = -0.8
-"""Correlation of a channel with its expected course from which its sign is doubted."""
-MEMORY = 30.0
-"""Seconds over which that is looked at."""
+RECENT = 20
+"""Values of a channel over which is looked whether most of them can be."""
+INSIDE = 2.0
+"""Times what is foreseen, or the limit, below which most must lie before a channel that was left out is taken again."""
 
 
 class Notes:
@@ -122,10 +121,27 @@ class ValueGate:
         self.most = {name: BEYOND * size for name, size in sizes.items()}
         self.most |= {name: BEYOND_LIMIT * limit for name, limit in limits.items()}
         self.sizes, self.limits, self.say = sizes, limits, say
+        self.recent: dict[str, deque[float]] = {}
+        self.left_out: set[str] = set()
+        """Channels of which no value is taken, since most of the latest cannot be: the others are in the same wrong unit."""
 
     def admit(self, values: dict[str, float]) -> dict[str, float]:
         """Return the values that can be."""
-        return {name: value for name, value in values.items() if isfinite(value) and not self._is_beyond(name, value)}
+        found = {name: value for name, value in values.items() if isfinite(value)}
+        can_be = {name: value for name, value in found.items() if not self._is_beyond(name, value)}
+        for name in found:
+            self._judge(name, abs(found[name]))
+        return {name: value for name, value in can_be.items() if name not in self.left_out}
+
+    def _judge(self, name: str, size: float) -> None:
+        recent = self.recent.setdefault(name, deque(maxlen=RECENT))
+        recent.append(size)
+        usual = {**self.sizes, **self.limits}.get(name, LARGEST)
+        least = INSIDE * usual if name in self.left_out else self.most.get(name, LARGEST)
+        if 2 * sum(one >= least for one in recent) > len(recent):
+            self.left_out.add(name)
+        else:
+            self.left_out.discard(name)
 
     def _is_beyond(self, name: str, value: float) -> bool:
         most = self.most.get(name, LARGEST)
@@ -142,48 +158,3 @@ class ValueGate:
             f"{name} of {value * factor:.3g} {unit}, where {known}: check the unit of its column; such values are left out",
         )
         return True
-
-
-class SignGate:
-    """Whether channels move the way that the model foresees, by their correlation with its course over the last half minute.
-
-    Args:
-        noise: of each channel, SI.
-        controls: names, for the words.
-        say: told of a channel that moves the other way.
-    """
-
-    def __init__(self, noise: Mapping[str, float], controls: tuple[str, ...], say: Callable[[str, str], None]):
-        self.names, self.noise = tuple(noise), np.array(list(noise.values()))
-        self.controls, self.say = controls, say
-        m = self.noise.size
-        self.seconds = np.zeros(m)
-        self.mean, self.product = np.zeros((2, m)), np.zeros((3, m))
-
-    def add(self, expected: np.ndarray, measured: np.ndarray, step: float) -> None:
-        """Add one sample; both may be NaN."""
-        known = np.isfinite(expected) & np.isfinite(measured)
-        if not known.any():
-            return
-        pair = np.where(known, np.stack([expected, measured]), self.mean)
-        self.mean = np.where((self.seconds == 0) & known, pair, self.mean)
-        self.seconds += np.where(known, max(step, 1e-6), 0.0)
-        share = np.where(known, step / np.clip(self.seconds, 1e-6, MEMORY), 0.0)
-        away = pair - self.mean
-        self.mean = self.mean + share * away
-        fresh = np.stack([away[0] ** 2, away[1] ** 2, away[0] * away[1]]) * (1.0 - share)
-        self.product = (1.0 - share) * self.product + share * fresh
-
-    def judge(self) -> list[str]:
-        """Return the channels that move against what is foreseen; each is told once."""
-        with np.errstate(all="ignore"):
-            correlation = self.product[2] / np.sqrt(self.product[0] * self.product[1])
-            moves = (self.product[:2] > (3 * self.noise) ** 2).all(0) & (self.seconds > MEMORY)
-        found = [name for name, r, is_so in zip(self.names, correlation, moves, strict=True) if is_so and r < OPPOSITE]
-        for name in found:
-            self.say(
-                f"sign {name}",
-                f"{name} moves opposite to the model (correlation {correlation[self.names.index(name)]:.2f}): check its sign, "
-                f"that of {' and '.join(self.controls)}, and the axes of the log",
-            )
-        return found

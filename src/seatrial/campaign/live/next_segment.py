@@ -86,7 +86,8 @@ class Library:
         """Return standard deviations over those wanted after the runs that it takes, or after most, and how many it takes."""
 
         def share(runs: float) -> np.ndarray:
-            return np.sqrt(np.abs(np.diag(np.linalg.inv(information + runs * more)))) / wanted
+            with np.errstate(divide="ignore"):  # a share of a coefficient that is 0 is never reached
+                return np.sqrt(np.abs(np.diag(np.linalg.inv(information + runs * more)))) / wanted
 
         if share(MOST_RUNS).max() > 1.0:
             return share(MOST_RUNS), np.inf

@@ -40,12 +40,10 @@ class Stepped(NamedTuple):
 
     Attributes:
         normalised: innovation of each channel given those before it, over its standard deviation, NaN where missing, shape (m,).
-        expected: what a vehicle at the prior means would show, were nothing ever measured, shape (m,).
         failed: whether the covariance was lost; the belief is then not to be used.
     """
 
     normalised: Float[np.ndarray, " m"]
-    expected: Float[np.ndarray, " m"]
     failed: bool
 
 
@@ -95,27 +93,23 @@ class Recursion:
     def step(
         self,
         belief: Gaussian,
-        ghost: Float[Array, " d"],
         held: Float[np.ndarray, " c"],
         seconds: float,
         now: Float[np.ndarray, " c"],
         measured: Float[np.ndarray, " m"],
-    ) -> tuple[Gaussian, Float[Array, " d"], Stepped]:
-        """Return the belief and the expected state after one sample, and what it has taught.
+    ) -> tuple[Gaussian, Stepped]:
+        """Return the belief after one sample, and what it has taught.
 
         Args:
             belief: after the sample before.
-            ghost: state of a vehicle at the prior means then.
             held: controls since then, SI.
             seconds: since then, 0 at a first sample.
             now: controls from now on, SI.
             measured: SI, NaN where missing.
         """
-        after, ghost, told = _stepper(self.method)(
-            self.space, belief, ghost, self.prior.mean, held, seconds, now, measured
-        )
-        told, m = np.asarray(told), measured.size
-        return after, ghost, Stepped(told[:m], told[m : 2 * m], bool(told[-1]))
+        after, told = _stepper(self.method)(self.space, belief, held, seconds, now, measured)
+        told = np.asarray(told)
+        return after, Stepped(told[:-1], bool(told[-1]))
 
     def coefficients(self, belief: Gaussian) -> Gaussian:
         """Return the belief about the coefficients, in units of `scales`."""
@@ -184,13 +178,11 @@ def _stepper(method: Filter) -> Any:
     def step(
         space: StateSpace,
         belief: Gaussian,
-        ghost: Array,
-        fixed: Array,
         held: Array,
         seconds: Array,
         now: Array,
         measured: Array,
-    ) -> tuple[Gaussian, Array, Array]:
+    ) -> tuple[Gaussian, Array]:
         moving = replace(space, process_sd=space.process_sd * jnp.sqrt(seconds))
         before, current, shown = method.form.begin(belief), tuple(now), tuple(measured)
         prior = jax.lax.cond(
@@ -200,15 +192,12 @@ def _stepper(method: Filter) -> Any:
         )
         after, update = method.update(space, prior, current, shown)
         failed = update.failed | ~method.form.positive(after)
-        d = space.n_dynamic
-        moved = space.transition((*(ghost[i] for i in range(d)), *fixed), tuple(held), seconds)
-        expected = space.observe((*moved, *fixed), current)
         normalised = [
             jnp.where(jnp.isfinite(y), e / jnp.sqrt(v), jnp.nan)
             for y, e, v in zip(shown, update.residual, update.variance, strict=True)
         ]
-        told = jnp.stack([jnp.asarray(x, float) for x in (*normalised, *expected, failed)])
-        return method.form.end(after), jnp.stack(moved), told
+        told = jnp.stack([jnp.asarray(x, float) for x in (*normalised, failed)])
+        return method.form.end(after), told
 
     return step
 

@@ -9,18 +9,17 @@ import numpy as np
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.live.advice import Adviser, Look
 from seatrial.campaign.live.channels import Arrival, Channels, lined_controls
-from seatrial.campaign.live.gates import ClockGate, Notes, SignGate, ValueGate
+from seatrial.campaign.live.gates import ClockGate, Notes, ValueGate
 from seatrial.campaign.live.innovations import InnovationMemory
 from seatrial.campaign.live.next_segment import Library
 from seatrial.campaign.live.recursion import live_recursion
 from seatrial.campaign.live.session_files import Kept
 from seatrial.campaign.live.sources import Piece
+from seatrial.campaign.live.stream_check import StreamCheck
 from seatrial.core.gaussian import Gaussian
 
 OFTEN = 1.0
 """Seconds of the stream between two looks."""
-COMPARED = 0.1
-"""Seconds of the stream between two comparisons of signs."""
 
 
 @dataclass(frozen=True)
@@ -60,19 +59,17 @@ class Session:
         sizes = {name: max(abs(one.lower), abs(one.upper)) for name, one in campaign.control_limits.items()}
         known = {name: size for name, size in sizes.items() if np.isfinite(size) and size > 0}
         self.values = ValueGate({} if library is None else library.sizes, known, self.notes.say)
-        self.signs = SignGate(campaign.noise, self.controls, self.notes.say)
         self.memory = InnovationMemory(len(self.measured))
         self.adviser = Adviser(self.recursion, self.measured, campaign.goal, settings.hold, library)
         lined = lined_controls(campaign)
+        self.check = StreamCheck(campaign, lined, self.notes.say)
         self.lined = np.array([name in lined for name in self.controls])
         self.delay = float(campaign.prior("delay").mean) if campaign.has_delay else 0.0
         self.control: dict[str, float] = {}
         self.sent: deque[tuple[float, np.ndarray]] = deque()
         self.coefficients = self.recursion.prior
         self.belief: Gaussian | None = None
-        self.ghost = np.zeros(0)
         self.held = np.zeros(0)
-        self.compared = 0.0
         self.samples, self.looked, self.came = 0, -np.inf, time.monotonic()
         self.kept: Kept | None = None
 
@@ -87,7 +84,8 @@ class Session:
         belief, nothing = r.begin({}, r.prior), np.full(m, np.nan)
         trim = np.array([r.trim.get(name, 0.0) for name in self.controls])
         for seconds in (0.0, 0.01):
-            belief = r.step(belief, belief.mean[: r.space.n_dynamic], trim, seconds, trim, nothing)[0]
+            belief = r.step(belief, trim, seconds, trim, nothing)[0]
+        self.check.warm()
 
     def take(self, piece: Piece) -> list[Look]:
         """Take what has come, and return the looks for which it was time.
@@ -128,9 +126,9 @@ class Session:
         found = self.recursion.coefficients(self.belief)
         if np.isfinite(found.chol_cov).all():
             self.coefficients = found
-        self.signs.judge()
         self.looked = self.clock.time
-        look = self.adviser.look(self.clock.time, self.samples, self.coefficients, self.memory)
+        doubts = [*map(_left_out, sorted(self.values.left_out)), *self.check.judge()]
+        look = self.adviser.look(self.clock.time, self.samples, self.coefficients, self.memory, doubts)
         if self.adviser.failure is not None:
             self.notes.say("library", f"other designs could not be weighed: {self.adviser.failure}")
         if self.kept is not None:
@@ -142,10 +140,12 @@ class Session:
         if begins:
             self._begin({**self.control, **values})
             self.sent.clear()
+            self.check.begin()
+        self.check.add(self.clock.time, self.control, values)
         now = self._arriving(sent)
         measured = np.array([values.get(name, np.nan) for name in self.measured])
         held, step = (now, 0.0) if begins else (np.where(self.lined, 0.5 * (self.held + now), self.held), step)
-        self.belief, self.ghost, found = self.recursion.step(self.belief, self.ghost, held, step, now, measured)  # pyright: ignore[reportArgumentType]
+        self.belief, found = self.recursion.step(self.belief, held, step, now, measured)  # pyright: ignore[reportArgumentType]
         self.held = now
         if found.failed:
             self.notes.say(
@@ -156,9 +156,6 @@ class Session:
             return
         self.samples += 1
         self.memory.add(found.normalised)
-        if begins or self.clock.time - self.compared >= COMPARED:
-            self.signs.add(found.expected, measured, 0.0 if begins else self.clock.time - self.compared)
-            self.compared = self.clock.time
 
     def _begin(self, known: dict[str, float]) -> None:
         """Begin the states anew, with what is known of the coefficients."""
@@ -167,7 +164,6 @@ class Session:
             if np.isfinite(found.chol_cov).all():
                 self.coefficients = found
         self.belief = self.recursion.begin(known, self.coefficients)
-        self.ghost = self.belief.mean[: self.recursion.space.n_dynamic]
 
     def _arriving(self, sent: np.ndarray) -> np.ndarray:
         """Return the control that arrives at the actuators now, sent a delay ago."""
@@ -177,3 +173,10 @@ class Session:
         while len(self.sent) > 1 and self.sent[1][0] <= self.clock.time - self.delay:
             self.sent.popleft()
         return self.sent[0][1]
+
+
+def _left_out(name: str) -> str:
+    return (
+        f"check the unit of {name}: most of its values are far beyond what the campaign foresees, and {name} is left out; "
+        "there is no advice until it is right"
+    )

@@ -11,7 +11,7 @@ from jaxtyping import Float
 from seatrial.campaign.store.stored_result import decoding, read_json
 from seatrial.core.dataset import Dataset
 from seatrial.core.dataset_file import open_dataset
-from seatrial.core.display_units import shown_unit
+from seatrial.core.display_units import Shown, shown_unit
 from seatrial.design.utility_agreement import Agreement, compare_utilities
 
 
@@ -159,11 +159,11 @@ class OwnTrial:
     is_safe: bool
     probability: float
 
-    def lines(self) -> list[str]:
-        """In words."""
+    def lines(self, shown: Shown) -> list[str]:
+        """In words, with coefficients in the units in which they are shown."""
         worth, beside = (f"{value:.2f} {self.unit}".rstrip() for value in (self.utility, self.beside))
         rows = zip(self.names, self.units, self.sd, self.sd_beside, strict=True)
-        sds = (f"{name} ± {own:.2g} {unit} ({best:.2g})" for name, unit, own, best in rows)
+        sds = (_both(shown(name, unit), name, own, best) for name, unit, own, best in rows)
         return [
             f"your schedule {self.source}, {self.duration:.4g} s: {worth}; the best of the families ({self.best}), "
             f"{self.best_duration:.4g} s: {beside} by the same measure",
@@ -176,6 +176,11 @@ class OwnTrial:
         """That it may leave the limits of the motion."""
         said = f"{self.source} may leave the limits of the motion, which {self.probability:g} of the vehicles are to keep: shorten it"
         return [] if self.is_safe else [f"{said}, lower its amplitude, or widen [limits]"]
+
+
+def _both(shown: tuple[float, str], name: str, own: float, best: float) -> str:
+    factor, unit = shown
+    return f"{name} ± {own * factor:.2g} {unit} ({best * factor:.2g})"
 
 
 @dataclass(frozen=True)

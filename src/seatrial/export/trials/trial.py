@@ -238,11 +238,20 @@ class Trial(NamedTuple):
         return (
             f"trial of {self.campaign}: {self.manoeuvre} in {self.control}, {self.time[-1]:.6g} s, from {self.source}",
             f"limits of {self.control}: lower {ends[0]}, upper {ends[1]}, rate {rate}",
-            f"at its end {self.control} goes to neutral, {NEUTRAL:g} {unit}",
+            f"at its end {self.control} goes to neutral, {NEUTRAL:g} {unit}{self._outside}",
             *(f"limit of the motion: {text}" for text in self.motion),
             *([f"caution: {self.caution}"] if self.caution else []),
             *([f"closed loop, of which this is a forecast: {self.rule}"] if self.rule else []),
         )
+
+    @property
+    def _outside(self) -> str:
+        """Say that neutral lies outside the limits, where it does: they are those of the trial, which is then over."""
+        below = self.lower is not None and self.lower > NEUTRAL
+        if not below and (self.upper is None or self.upper >= NEUTRAL):
+            return ""
+        which = "below its lower" if below else "above its upper"
+        return f": this is {which} limit, and intended, as the trial is over then and the limits are those of the trial"
 
 
 def read_trial(folder: Path | str, schedule: str | None = None) -> Trial:

@@ -17,7 +17,7 @@ EVERY = 1.0
 """Seconds between looks."""
 SILENT = 5.0
 """Seconds without a new look after which it is said that there is none."""
-SIGNS = {"go on": "▶", "stop": "■", "switch": "⇄", "wrong": "▲"}
+SIGNS = {"go on": "▶", "stop": "■", "switch": "⇄", "wrong": "▲", "check": "!"}
 """Sign before each kind of advice, so that colour alone says nothing."""
 
 
@@ -59,7 +59,7 @@ def look_html(look: Mapping[str, Any], now: float) -> Markup:
     foot = [f"session {look['run']}: {look['samples']} samples over {duration_text(look['time_s'])}{rate}"]
     if innovations:
         foot.append(
-            f"innovations over what is expected, last 20 s: {innovations}; 1 is right, above 2 the model is wrong"
+            f"innovations over what is expected, last 20 s: {innovations}; 1 is right, above 2.2 the model is wrong"
         )
     notes = Markup("").join(Markup('<p class="note">{}</p>').format(words) for words in foot)
     return Markup('{}<section><h2>Coefficients</h2><div class="bars live">{}</div>{}</section>').format(
