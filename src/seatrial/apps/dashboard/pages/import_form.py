@@ -31,6 +31,7 @@ from seatrial.apps.dashboard.view_models import FormData, beside
 from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import SeatrialError
 from seatrial.logs.formats.protocol import TIME_UNITS
+from seatrial.logs.guess import unit_by_name
 
 NONE, KEPT = "", "as in campaign.toml"
 """Choices of a row: no column, and what stands in the campaign file."""
@@ -451,8 +452,11 @@ class Row(MapRow):
     def _chosen(self) -> None:
         self._draw()
         one = self.choices.get(str(self.column.value))
+        by_name = None if one is None else unit_by_name(one[1].name, self.channel)
         if one is not None and one[1].unit:
             self.unit.value = one[1].unit
+        elif by_name is not None:
+            self.unit.value, self.factor.value = by_name
         self._changed()
 
     def _changed(self) -> None:
