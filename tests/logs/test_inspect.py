@@ -447,6 +447,16 @@ def test_commands_of_one_message_are_taken_where_a_table_has_several(tmp_path):
     assert [guess.column for guess in best(found.guesses)] == outputs
 
 
+@pytest.mark.parametrize("is_measured", [True, False])
+def test_a_smooth_control_is_guessed_to_be_a_line_between_its_samples(tmp_path, is_measured):
+    wave = np.sin(0.1 * np.arange(80))
+    rpm = 1200 + 200 * (wave if is_measured else np.sign(wave))
+    path = written(tmp_path, "time,u,rpm\n" + "".join(f"{0.2 * k:.1f},{wave[k]:.3f},{rpm[k]:.2f}\n" for k in range(80)))
+    channels = tomllib.loads(inspect_log(path).as_toml())["import"]["files"][0]["channels"]
+    assert channels["n"].get("between") == ("line" if is_measured else None)
+    assert "between" not in channels["u"]
+
+
 def test_a_name_tells_the_unit_of_a_channel_that_has_it():
     assert unit_by_name("ground_mps", "u") == ("m/s", 1.0)
     assert unit_by_name("Lean [cdeg]", "phi") == ("deg", 0.01)

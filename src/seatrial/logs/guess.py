@@ -24,6 +24,7 @@ from seatrial.logs.axes import Axes
 from seatrial.logs.formats.protocol import MOST_ELEMENTS, TableInfo
 from seatrial.logs.formats.text import TABLE
 from seatrial.logs.known_messages import AUTOPILOT, ROS, message_and_field, output_number
+from seatrial.logs.source import Between
 from seatrial.logs.summary import ColumnSummary, TableSummary
 
 COMMAND = "command"
@@ -49,6 +50,7 @@ class Guess:
         reason: why.
         strength: 3 by the type of message, 2 by a plain name, 1 by a name that may mean something else, 0 of an output that stands still
             after the last that moves: a thruster only of a vehicle that has as many.
+        between: "line" of a control whose samples change smoothly, as those of a measured one do; None for the usual.
     """
 
     channel: str
@@ -60,6 +62,7 @@ class Guess:
     role: Role
     reason: str
     strength: int
+    between: Between | None = None
 
 
 _BODY = ("u", "v", "w")
