@@ -30,6 +30,8 @@ from seatrial.logs.source import (
 )
 from seatrial.logs.time_stamps import check_unit, checked_time, elapsed
 
+_SLOW = 0.02
+"""Change of a control from sample to sample, over its standard deviation, below which half a sample of delay moves nothing."""
 _LAYOUT = {"delimiter": None, "skip_rows": 0, "header_rows": 1, "names": None, "encoding": "utf-8"}
 
 
@@ -191,7 +193,11 @@ def _mean_to_next(values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
 def _smooth(source: LogSource, table: LogTable) -> Iterator[str]:
     """Say which controls change smoothly, as measured ones do, and are held from sample to sample because nothing else is said."""
     for name, column in source.channels.items():
-        if column.role == "control" and column.between is None and changes_smoothly(table.time, table.columns[name]):
+        if column.role != "control" or column.between is not None:
+            continue
+        known = table.columns[name][np.isfinite(table.columns[name])]
+        matters = known.size and np.sqrt(np.mean(np.diff(known) ** 2)) > _SLOW * np.std(known)
+        if matters and changes_smoothly(table.time, table.columns[name]):
             yield (
                 f'channel "{name}" of {table.place}: it changes smoothly at nearly every sample, as what is measured does, and is '
                 'held from each sample to the next, which makes it half a sample late: add between = "line" to this channel, or between = '

@@ -1,5 +1,6 @@
 """Judges a campaign's records before anything is fitted to them: direction, size, delay, outliers, holes and excitation."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import jax
@@ -9,6 +10,7 @@ from jaxtyping import Array
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.sensor_table import ATTITUDE
 from seatrial.campaign.data.import_logs import Trials
+from seatrial.campaign.data.mount_check import SENSORS, along_body, check_mounts
 from seatrial.campaign.data.record_cautions import empty_cells, record_cautions
 from seatrial.campaign.data.thruster_check import check_thrusters
 from seatrial.campaign.inference.posterior import initial_state, random_key
@@ -22,6 +24,7 @@ from seatrial.design.trial_plan import TrialPlan
 from seatrial.estimation.first_guess import first_guess
 from seatrial.estimation.priors import Prior
 from seatrial.estimation.record_checks import (
+    SUMMED,
     RecordFinding,
     check_clock,
     check_excitation,
@@ -30,14 +33,15 @@ from seatrial.estimation.record_checks import (
     check_range,
     check_samples,
     check_signs,
+    check_sum,
     check_trim,
     check_turn,
     not_judged,
+    not_judged_sum,
     says_direction,
 )
+from seatrial.vehicles.model import VehicleModel
 
-SENSORS = (RATES[:3], RATES[3:])
-"""Channels that one sensor has: a Doppler log, a gyro."""
 COARSE = 0.5
 """Root mean square change of a rate in steps half as long, over its noise, from which steps are too long."""
 DRAWS = 32
@@ -108,7 +112,7 @@ def step_cautions(campaign: Campaign, trials: Trials) -> list[str]:
     said: dict[str, str] = {}
     for record in (one for one in trials.fit if one.provenance.source != SIMULATED):
         alone, control = _trial(campaign, record)
-        mean = np.array([[float(prior.mean) for prior in campaign.coefficient_priors(alone.model)]])
+        mean = {name: values[:1] for name, values in _believed(campaign, alone.model).items()}
         expected = np.asarray(_shown(alone, mean, control))[0, : record.time.size]
         for one in _steps(campaign, record, alone, mean, control, expected):
             said.setdefault(one.signal, f"run {record.label}, channel {one.signal}: {one.value}; {one.remedy}")
@@ -124,22 +128,32 @@ def _trial(campaign: Campaign, record: Record) -> tuple[TrialPlan, np.ndarray]:
     return TrialPlan(model, campaign.channels, start, step, np.ones((size, len(campaign.channels)))), control
 
 
+def _believed(campaign: Campaign, model: VehicleModel) -> dict[str, np.ndarray]:
+    """Return the vehicle at the prior means, and some drawn from the priors: each coefficient and unknown, SI, shape (1 + d,)."""
+    names = (*(term.text for term in model.coefficients), *(one.name for one in model.unknowns))
+    priors = tuple(campaign.prior(name) for name in names)
+    mean = np.array([float(prior.mean) for prior in priors])
+    tried = np.vstack([mean, draw_values(priors, random_key(campaign.seed, "vehicles of the priors"), DRAWS)])
+    return dict(zip(names, tried.T, strict=True))
+
+
 def _judge(campaign: Campaign, record: Record) -> RecordJudgement:
     alone, control = _trial(campaign, record)
     priors = campaign.coefficient_priors(alone.model)
     mean = np.array([float(prior.mean) for prior in priors])
     n, size = record.time.size, control.shape[0]
-    measured = {name: record.channel(name) for name in campaign.channels}
+    body = along_body(campaign, record)
+    measured = {name: body.channel(name) for name in campaign.channels}
     weight = np.column_stack([np.isfinite(column) / campaign.noise[name] for name, column in measured.items()])
     plan = replace(alone, weight=filled(weight, size, 0.0))
-    tried = np.vstack([mean, draw_values(priors, random_key(campaign.seed, "vehicles of the priors"), DRAWS)])
+    tried = _believed(campaign, alone.model)
     expected, *drawn = np.asarray(_shown(alone, tried, control))[:, :n]
     findings = [
         finding
         for name, column in measured.items()
         for finding in check_samples(name, column, campaign.noise[name], ATTITUDE if name in QUATERNION else name)
     ]
-    findings += [*empty_cells(record), *check_thrusters(campaign, record)]
+    findings += [*empty_cells(record), *check_thrusters(campaign, body)]
     driven = {name: record.channel(name) for name in alone.model.controls}
     findings += check_signs(plan.names, {**driven, **measured}, campaign.noise)
     findings += _stated(campaign, record)
@@ -153,7 +167,7 @@ def _judge(campaign: Campaign, record: Record) -> RecordJudgement:
             value = "the vehicle at the prior means runs away"
             findings.append(RecordFinding("motion", "direction", "caution", value, "it must not", remedy))
         return RecordJudgement(record, tuple(findings), tuple(record_cautions(record)))
-    unsaid = []
+    unsaid, summed = [], []
     turns = [name for name in measured if name in QUATERNION]
     for index, (name, column) in enumerate(measured.items()):
         if name in turns:
@@ -161,11 +175,17 @@ def _judge(campaign: Campaign, record: Record) -> RecordJudgement:
         if name in HELD:
             findings += check_range(name, column, expected[:, index], campaign.noise[name])
         ways = np.array([one[:, index] for one in drawn])
-        if says_direction(expected[:, index], ways, campaign.noise[name]):
+        if name in SUMMED:
+            judged = check_sum(name, usual, column, expected[:, index], ways, campaign.noise[name], campaign.has_delay)
+            findings += judged or []
+            summed += [name] if judged is None else []
+        elif says_direction(expected[:, index], ways, campaign.noise[name]):
             findings += check_motion(name, usual, column, expected[:, index], ways, campaign.has_delay)
         else:
             unsaid.append(name)
-    for group in SENSORS:
+    mounting = check_mounts(campaign, body) if is_real else []
+    findings += mounting
+    for group in (one for one in SENSORS if not any(finding.signal.split(", ")[0] in one for finding in mounting)):
         said = [name for name in group if name in measured and name not in unsaid]
         if len(said) > 1:
             places = [campaign.channels.index(name) for name in said]
@@ -173,6 +193,8 @@ def _judge(campaign: Campaign, record: Record) -> RecordJudgement:
     if turns:
         value = "not judged, nor size and delay; errors of all rates add up in it"
         findings.append(RecordFinding(ATTITUDE, "direction", "note", value, "the rates are judged"))
+    if summed:
+        findings.append(not_judged_sum(summed))
     if unsaid:
         findings.append(not_judged(unsaid))
     if unsaid or turns:
@@ -183,7 +205,12 @@ def _judge(campaign: Campaign, record: Record) -> RecordJudgement:
 
 
 def _steps(
-    campaign: Campaign, record: Record, alone: TrialPlan, tried: np.ndarray, control: np.ndarray, expected: np.ndarray
+    campaign: Campaign,
+    record: Record,
+    alone: TrialPlan,
+    tried: Mapping[str, np.ndarray],
+    control: np.ndarray,
+    expected: np.ndarray,
 ) -> list[RecordFinding]:
     """Say where the vehicle at the prior means moves otherwise in steps half as long; of the first half, which has as many of them."""
     half, size = record.time.size // 2, control.shape[0]
@@ -233,6 +260,6 @@ def _excitation_as_moved(
 
 
 @program
-def _shown(plan: TrialPlan, values: Array, control: Array) -> Array:
+def _shown(plan: TrialPlan, values: Mapping[str, Array], control: Array) -> Array:
     """What the sensors would show of several vehicles, shape (d, n, m)."""
-    return jax.vmap(lambda one: plan.outputs(one, control))(values)
+    return jax.vmap(lambda one: plan.shown(one, control))(values)
