@@ -6,10 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from seatrial.campaign.compute.shared_work import Study
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.config.log_campaign import log_campaign_text
 from seatrial.campaign.data.check import check_records
 from seatrial.campaign.data.import_logs import get_trials
+from seatrial.campaign.inference import prior_and_record
+from seatrial.core.errors import InputError
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "thruster_rov"
 MOUNT = """
@@ -28,14 +31,21 @@ def motion():
     return pulse, dict(zip(names, states.T, strict=True))
 
 
-def findings(folder, motion, yaw=0.0, depth_scale=1.0, more=""):
-    """Of its log at 10 Hz, with a DVL turned by so many degrees about the vertical."""
+def findings(folder, motion, **changes):
+    """What is found about its log."""
+    campaign = rov(folder, motion, **changes)
+    (judged,) = check_records(campaign, get_trials(campaign))
+    return judged.findings
+
+
+def rov(folder, motion, yaw=0.0, depth_scale=1.0, rate_scale=1.0, more=""):
+    """A campaign of its log at 10 Hz, with a DVL turned by so many degrees about the vertical."""
     from scipy.spatial.transform import Rotation
 
     (pulse, state), rng = motion, np.random.default_rng(1)
     velocity = np.stack([state[name] for name in "uvw"], axis=1)
     shown = Rotation.from_euler("z", yaw, degrees=True).inv().apply(velocity) + 0.01 * rng.normal(size=velocity.shape)
-    rates = np.stack([state[name] for name in "pqr"], axis=1) + 0.005 * rng.normal(size=velocity.shape)
+    rates = np.stack([state[name] for name in "pqr"], axis=1) * rate_scale + 0.005 * rng.normal(size=velocity.shape)
     parts = np.stack([state[f"q_{part}"] for part in "wxyz"], axis=1)
     depth = depth_scale * (state["z"] + 0.02 * rng.normal(size=len(pulse)))
     columns = np.column_stack([0.02 * np.arange(len(pulse)), pulse, shown, rates, parts, depth])[::5]
@@ -44,9 +54,7 @@ def findings(folder, motion, yaw=0.0, depth_scale=1.0, more=""):
     np.savetxt(folder / "dive.csv", columns, delimiter=",", header=",".join(names), comments="", fmt="%.7g")
     text = log_campaign_text(folder, "bluerov2_heavy", folder / "dive.csv")
     (folder / "campaign.toml").write_text(text.replace("[design]", more + "\n[design]"))
-    campaign = load_campaign(folder)
-    (judged,) = check_records(campaign, get_trials(campaign))
-    return judged.findings
+    return load_campaign(folder)
 
 
 def test_depth_is_not_judged_where_the_priors_allow_it(tmp_path, motion):
@@ -75,3 +83,27 @@ def test_a_mount_that_is_stated_is_believed(tmp_path, motion):
     found = findings(tmp_path, motion, yaw=45.0, more=MOUNT)
     assert not any(one.check == "mounting" for one in found)
     assert {one.level for one in found if one.check == "direction" and one.signal in "uvw"} == {"pass"}
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"), [({"yaw": 45.0}, "mounting"), ({"rate_scale": 180 / np.pi}, "degrees taken for radians")]
+)
+def test_a_prior_that_excludes_the_data_is_refused_with_what_the_check_finds(
+    tmp_path, motion, monkeypatch, changes, told
+):
+    campaign = rov(tmp_path, motion, **changes)
+    study = Study(campaign, get_trials(campaign).fit)
+
+    def refuse(posterior, mode, where):
+        raise InputError(where("prior.sigma_u"), found="a bound", expected="none", remedy="check units")
+
+    monkeypatch.setattr(prior_and_record, "check_prior_contains_data", refuse)
+    with pytest.raises(InputError, match="check units") as caught:
+        prior_and_record.check_prior_of(study, None, None)
+    assert told in caught.value.remedy
+    assert caught.value.remedy.startswith("`seatrial check` finds a likely cause: run 1, ")
+    line = int(caught.value.where.split("campaign.toml:")[1].split(",")[0])
+    assert campaign.text.splitlines()[line - 1].startswith("u = { noise")
+    assert campaign.where_of_prior("prior.tau_u") == f"{campaign.path}, key prior.tau_u"
+    found = check_records(campaign, get_trials(campaign))[0].findings
+    assert any(one.check == "mounting" for one in found) == ("yaw" in changes)

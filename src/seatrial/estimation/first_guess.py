@@ -84,6 +84,8 @@ class Turn(NamedTuple):
     angle: float
     sd: float
     gain: float
+    missed: float
+    """What the fit then leaves of the change of a velocity over a window, as a share of that change; the largest."""
 
 
 def turn_of_sensor(
@@ -119,30 +121,37 @@ def turn_of_sensor(
             continue
         states, shown = [model.states.index(name) for name in names], [rates.index(name) for name in names]
 
-        def misfit(angle: float, states: list[int] = states, shown: list[int] = shown) -> float:
+        def fitted(angle: float, states: list[int] = states, shown: list[int] = shown) -> _Fit | None:
             turned = motion._replace(state=motion.state.copy(), explained=motion.explained.copy())
             way = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
             turned.state[:, states] = motion.state[:, states] @ way
             turned.explained[:, shown] = motion.explained[:, shown] @ way
-            fit = _fit(model, rates, [turned], priors, sought)
-            return np.inf if fit is None else fit.misfit
+            return _fit(model, rates, [turned], priors, sought)
 
-        found.append(_least(axis, misfit))
+        found.append(_least(axis, fitted))
     best = max(found, key=lambda one: one.gain, default=None)
     return best if best is not None and np.isfinite([best.angle, best.sd, best.gain]).all() else None
 
 
-def _least(axis: int, misfit: Callable[[float], float]) -> Turn:
+def _least(axis: int, fitted: Callable[[float], "_Fit | None"]) -> Turn:
     """Return the angle of least misfit: from a grid over the whole turn by parabolas, the second of which tells its standard deviation."""
+
+    def misfit(angle: float) -> float:
+        fit = fitted(angle)
+        return np.inf if fit is None else fit.misfit
+
     grid = np.arange(-GRID // 2, GRID // 2) * 2 * np.pi / GRID
     angle, curvature = min(grid, key=misfit), np.nan
     for wide, count in ((_WIDE, 7), (0.4 * _WIDE, 3)):
         tried = np.linspace(-wide, wide, count)
         curvature, slope, _ = np.polyfit(tried, [misfit(angle + one) for one in tried], 2)
         if not curvature > 0:
-            return Turn(axis, angle, np.inf, 0.0)
+            return Turn(axis, angle, np.inf, 0.0, np.inf)
         angle += float(np.clip(-slope / (2.0 * curvature), -wide, wide))
-    return Turn(axis, angle, float(1.0 / np.sqrt(2.0 * curvature)), misfit(0.0) - misfit(angle))
+    fit = fitted(angle)
+    if fit is None:
+        return Turn(axis, angle, np.inf, 0.0, np.inf)
+    return Turn(axis, angle, float(1.0 / np.sqrt(2.0 * curvature)), misfit(0.0) - fit.misfit, fit.missed)
 
 
 def _coarser(motion: "_Motion") -> "_Motion":
@@ -155,11 +164,13 @@ def _coarser(motion: "_Motion") -> "_Motion":
 
 
 class _Fit(NamedTuple):
-    """What least squares found: values, standard deviations, and the negative logarithm of the posterior there, up to a constant."""
+    """What least squares found: values, standard deviations, the negative logarithm of the posterior there, up to a constant, and the
+    largest share that is left of the change of a velocity."""
 
     values: Float[np.ndarray, " k"]
     spread: Float[np.ndarray, " k"]
     misfit: float
+    missed: float
 
 
 def _sought(model: VehicleModel, priors: Mapping[str, Prior], terms: Sequence[str] | None) -> tuple[str, ...]:
@@ -188,7 +199,7 @@ def _fit(
     every = _names(model)
     at = [every.index(name) for name in names]
     mean, sd = (np.array([float(getattr(priors[name], key)) for name in names]) for key in ("mean", "sd"))
-    values, spread, misfit = mean, sd, np.inf
+    values, spread, misfit, left = mean, sd, np.inf, np.full(len(rates), np.inf)
     for _ in range(STEPS):
         parts = [_rows(model, rates, trial, values, at) for trial in trials]
         target, design = (np.concatenate(column, axis=0) for column in zip(*parts, strict=True))
@@ -208,7 +219,8 @@ def _fit(
         spread = sd * np.sqrt(np.diag(np.linalg.inv(information)))
         left = np.sqrt(np.mean((target - design @ values) ** 2, axis=0)) + 1e-12
         misfit = float(_INDEPENDENT * len(target) * np.log(left).sum() + 0.5 * z @ z)
-    return _Fit(values, spread, misfit)
+    change = np.sqrt(np.mean(np.concatenate([_change(rates, trial) for trial in trials]) ** 2, axis=0))
+    return _Fit(values, spread, misfit, float((left / np.maximum(change, 1e-12)).max()))
 
 
 def _names(model: VehicleModel) -> tuple[str, ...]:
@@ -271,11 +283,16 @@ def _rows(
     begins = np.arange(0, step.size, SAMPLES)
     made = np.add.reduceat(step[:, None] * rate, begins)
     design = np.add.reduceat(step[:, None, None] * slope, begins)
+    return _change(rates, motion) - made + design @ values, design
+
+
+def _change(rates: tuple[str, ...], motion: _Motion) -> Float[np.ndarray, "w r"]:
+    """Return the change of each velocity over each window, or the impulse of each force."""
+    step = np.diff(motion.time)
+    begins = np.arange(0, step.size, SAMPLES)
     if rates[0] in HELD:
-        change = np.add.reduceat(step[:, None] * motion.explained[:-1], begins)
-    else:
-        change = np.diff(motion.explained[np.append(begins, step.size)], axis=0)
-    return change - made + design @ values, design
+        return np.add.reduceat(step[:, None] * motion.explained[:-1], begins)
+    return np.diff(motion.explained[np.append(begins, step.size)], axis=0)
 
 
 @lru_cache(maxsize=16)

@@ -1,6 +1,6 @@
 """Judges a campaign's records before anything is fitted to them: direction, size, delay, outliers, holes and excitation."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import jax
@@ -42,6 +42,10 @@ from seatrial.estimation.record_checks import (
 )
 from seatrial.vehicles.model import VehicleModel
 
+MOST_CAUSES = 3
+"""Findings that are repeated where no model explains a record."""
+_NO_CAUSE = ("excitation", "told apart", "limits")
+"""Beginnings of checks that say what a record cannot tell, not what is wrong with it."""
 COARSE = 0.5
 """Root mean square change of a rate in steps half as long, over its noise, from which steps are too long."""
 DRAWS = 32
@@ -87,11 +91,41 @@ def check_records(campaign: Campaign, trials: Trials) -> list[RecordJudgement]:
 
 
 def record_doubts(campaign: Campaign, record: Record) -> list[str]:
-    """Say what is to be known of a record before anything that is fitted to it is believed, as far as nothing has to be simulated."""
+    """Say what is to be known of a record before anything that is fitted to it is believed, without a simulation."""
     found = [one for one in _stated(campaign, record) if one.level != "pass"]
+    if record.provenance.source != SIMULATED:
+        found += check_mounts(campaign, along_body(campaign, record))
     return record_cautions(record) + [
         f"run {record.label}, {one.signal}, {one.check}: {one.value} ({one.threshold}); {one.remedy}" for one in found
     ]
+
+
+def likely_causes(campaign: Campaign, records: Sequence[Record]) -> list[str]:
+    """Return what is gravest of what is found about some records, at most three, in words: why no model may explain them."""
+    judged = [_judge(campaign, record) for record in records]
+    words: dict[str, list[str]] = {"fail": [], "caution": []}
+    for one in judged:
+        for each in one.findings:
+            if each.level in words and not each.check.startswith(_NO_CAUSE):
+                text = f"run {one.record.label}, {each.signal}, {each.check}: {each.value}; {each.remedy}"
+                words[each.level].append(text)
+    said = [text for one in judged for text in one.cautions]
+    return [*words["fail"], *said, *words["caution"]][:MOST_CAUSES]
+
+
+def summary_line(judged: Sequence[RecordJudgement]) -> str:
+    """Count failures and cautions of all records, and say whether to go on."""
+    fails = sum(finding.level == "fail" for one in judged for finding in one.findings)
+    cautions = sum(finding.level == "caution" for one in judged for finding in one.findings)
+    cautions += sum(len(one.cautions) for one in judged)
+    counted = ", ".join(
+        f"{count} {word}{'s' * (count != 1)}" for count, word in ((fails, "failure"), (cautions, "caution"))
+    )
+    if fails:
+        return f"in all {counted}: correct what fails before anything is estimated"
+    return f"in all {counted}: " + (
+        "look at each caution, then go on with `estimate`" if cautions else "go on with `estimate`"
+    )
 
 
 def _stated(campaign: Campaign, record: Record) -> list[RecordFinding]:

@@ -20,6 +20,8 @@ SENSORS = (RATES[:3], RATES[3:])
 _NAMES = ("dvl", "imu")
 LEAST, TOLD, SURE = np.radians(5.0), 3.0, 5.0
 """Angle from which a turned sensor is told, and standard deviations from which it is a caution and a fault."""
+MISSED = 2.0
+"""What a fit may leave of the change of a velocity, as a share of it, for its turn to be believed: more is a unit or a sign."""
 _ABOUT = ("forward", "starboard", "vertical")
 
 
@@ -63,7 +65,9 @@ def check_mounts(campaign: Campaign, record: Record) -> list[RecordFinding]:
         if len(said) < 2 or (mount is not None and {*mount.unknown} & {f"{part}_{mount.name}" for part in TURN}):
             continue
         turn = turn_of_sensor(model, record, initial_state(campaign, model, record), priors, said)
-        if turn is not None and abs(turn.angle) >= LEAST and turn.gain >= 0.5 * TOLD**2:
+        if turn is None or turn.missed > MISSED:
+            continue
+        if abs(turn.angle) >= LEAST and turn.gain >= 0.5 * TOLD**2:
             findings.append(_finding(said, usual if mount is None else mount.name, turn, mount))
     return findings
 
