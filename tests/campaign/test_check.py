@@ -97,6 +97,14 @@ def test_the_sign_and_the_unit_of_a_channel(tmp_path, scale, code, told):
     result = CliRunner().invoke(app, ["check", str(tmp_path / "a"), "--quiet"])
     assert result.exit_code == code, result.output
     assert told in result.output
+    assert (
+        result.output.splitlines()[-1]
+        == {
+            "1.0": "in all 0 failures, 0 cautions: go on with `estimate`",
+            "-1.0": "in all 1 failure, 0 cautions: correct what fails before anything is estimated",
+            "3.28084": "in all 0 failures, 1 caution: look at each caution, then go on with `estimate`",
+        }[scale]
+    )
     assert (tmp_path / "a" / "check-one.svg").read_text().endswith("</svg>\n")
 
 
@@ -158,7 +166,7 @@ def test_priors_that_say_neither_way_cast_no_doubt_on_a_record(tmp_path, scale):
     assert result.exit_code == 0, result.output
     assert "record one: pass" in result.output
     assert "note    u          direction: not judged" in result.output
-    assert "caution" not in result.output
+    assert "  caution" not in result.output
 
 
 def test_what_a_record_can_tell_under_priors_that_say_neither_way(tmp_path):

@@ -15,6 +15,7 @@ from seatrial.estimation.record_checks import (
     check_motion,
     check_samples,
     check_signs,
+    check_sum,
     check_turn,
     says_direction,
 )
@@ -413,3 +414,13 @@ def test_forward_left_up_is_named(names, signs, is_enu):
     (finding,) = check_turn(tuple(names), motion * signs, motion)
     assert finding.level == "fail"
     assert ('axes = "ENU"' in finding.remedy) == is_enu
+
+
+def test_a_sum_of_errors_is_judged_where_vehicles_of_the_priors_are_alike_and_none_explains_it():
+    drift = np.linspace(-5.0, 5.0, 8)[:, None] * np.linspace(0.0, 1.0, EXPECTED.size)
+    assert check_sum("z", STEP, -EXPECTED + NOISE, EXPECTED, EXPECTED + drift * EXPECTED.std(), 0.01) is None
+    assert levels(check_sum("z", STEP, -EXPECTED + NOISE, EXPECTED, ALIKE, 0.01)) == {"direction": "fail"}
+    assert check_sum("z", STEP, EXPECTED + NOISE, EXPECTED, ALIKE, 0.01) is None
+    (size,) = check_sum("z", STEP, 100.0 * EXPECTED, EXPECTED, ALIKE, 0.01)
+    assert (size.check, size.level) == ("size", "caution")
+    assert check_sum("z", STEP, EXPECTED, EXPECTED, np.full((3, EXPECTED.size), np.inf), 0.01) is None

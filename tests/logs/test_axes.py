@@ -272,7 +272,13 @@ def cautions_of(folder, time, rates, **attitude):
     channels = {
         name: (name, "1" if name.startswith("q_") else "rad" if name in attitude else "rad/s") for name in columns
     }
-    record = record_of_log(path, {name: one for name, one in channels.items() if name != "t"}, ["n"], time=("t", "s"))
+    record = record_of_log(
+        path,
+        {name: one for name, one in channels.items() if name != "t"},
+        ["n"],
+        time=("t", "s"),
+        between={"n": "line"},
+    )
     return record.provenance.options["cautions"]
 
 
@@ -291,4 +297,23 @@ def test_an_accelerometer_in_units_of_gravity_or_without_it_is_refused(tmp_path,
     )
     channels = {"n": ("n", "rad/s"), **{f"a_{axis}": (f"a{axis}", "m/s^2") for axis in "xyz"}}
     with pytest.raises(InputError, match=r"(?s)a_x, a_y, a_z.*units of gravity"):
-        record_of_log(tmp_path / "log.csv", channels, ["n"], time=("t", "s"))
+        record_of_log(tmp_path / "log.csv", channels, ["n"], time=("t", "s"), between={"n": "line"})
+
+
+def test_topics_of_one_bag_are_told_apart():
+    from decimal import Decimal
+
+    from seatrial.logs.body_frame import doubts_of_gyro
+    from seatrial.logs.source import LogTable
+
+    time, rates, turns = turned()
+    psi, theta, phi = turns.as_euler("ZYX").T
+
+    def topic(name, **columns):
+        return LogTable(time, Decimal(0), columns, (), "pool", "", {"table": name})
+
+    said = doubts_of_gyro(
+        [topic("/imu", **dict(zip("pqr", 2.0 * rates.T, strict=True))), topic("/pose", phi=phi, theta=theta, psi=psi)]
+    )
+    assert len(said) == 3
+    assert said[0].startswith('channel "p" of /imu of pool: the attitude of /pose of pool turns as if')

@@ -14,7 +14,7 @@ from seatrial.core.errors import InputError
 from seatrial.logs import summary
 from seatrial.logs.formats.protocol import Block, ColumnInfo, LogFile, TableInfo
 from seatrial.logs.formats.registry import read_columns
-from seatrial.logs.guess import best, guesses
+from seatrial.logs.guess import best, guesses, unit_by_name
 from seatrial.logs.inspect import inspect_log
 from seatrial.logs.read import read_log
 from seatrial.logs.source import ColumnMap, LogSource
@@ -421,3 +421,75 @@ def test_a_map_names_the_columns_that_nothing_uses(tmp_path):
     assert "battery" not in said, "it never moves"
     assert [*tomllib.loads(said)["import"]["files"][0]["channels"]] == ["u"]
     assert "wind" not in inspect_log(path).as_toml(["u"])
+
+
+# Names of autopilots in a text: of all messages in one table, the message before the field, or of one, its name that of the file.
+MESSAGES = {
+    "vehicle_attitude.q[0]": ("q_w", "1", 1.0),
+    "vehicle_attitude_0.q[3]": ("q_z", "1", 1.0),
+    "vehicle_attitude/q.01": ("q_x", "1", 1.0),
+    "vehicle_angular_velocity.xyz[1]": ("q", "rad/s", 1.0),
+    "vehicle_local_position.x": ("x", "m", 1.0),
+    "vehicle_local_position.vx": ("v_north", "m/s", 1.0),
+    "IMU[0].GyrX": ("p", "rad/s", 1.0),
+    "ATT.Roll": ("phi", "deg", 1.0),
+    "CTUN.Alt": ("z", "m", -1.0),
+    "LOCAL_POSITION_NED.vz": ("v_down", "m/s", 1.0),
+    "dvl_speed_mps": ("u", "m/s", 1.0),
+    "gyro.z": ("r", "rad/s", 1.0),
+}
+
+
+@pytest.mark.parametrize("name", MESSAGES)
+def test_messages_of_autopilots_in_a_text_are_known(tmp_path, name):
+    text = f"time,{name}\n" + "".join(f"{0.1 * k:.1f},{0.01 * k}\n" for k in range(20))
+    found = inspect_log(written(tmp_path, text)).guesses
+    assert [(guess.channel, guess.unit, guess.scale) for guess in found] == [MESSAGES[name]]
+
+
+@pytest.mark.parametrize(
+    "name", ["vehicle_rates_setpoint.roll", "att.q[1]", "accel.z", "vehicle_local_position.ax", "RCIN.C1"]
+)
+def test_what_another_message_holds_is_no_guess(tmp_path, name):
+    text = f"time,{name},att.q[0],att.q[2]\n" if "[1]" in name else f"time,{name},a,b\n"
+    text += "".join(f"{0.1 * k:.1f},{500 + 0.01 * k},{k % 3},{k % 5}\n" for k in range(20))
+    assert inspect_log(written(tmp_path, text)).guesses == ()
+
+
+def test_four_elements_of_a_quaternion_are_guessed_together(tmp_path):
+    rows = (f"{0.1 * k:.1f},{np.cos(0.1 * k):.5f},0.0,0.0,{np.sin(0.1 * k):.5f}\n" for k in range(20))
+    found = inspect_log(written(tmp_path, "time,nav.q[0],nav.q[1],nav.q[2],nav.q[3]\n" + "".join(rows))).guesses
+    assert [guess.channel for guess in found] == ["q_w", "q_x", "q_y", "q_z"]
+    assert "check their order" in found[0].reason
+
+
+def test_the_file_of_one_topic_is_known_by_its_name(tmp_path):
+    path = tmp_path / "dive_vehicle_angular_velocity_0.csv"
+    path.write_text(
+        "timestamp,xyz[0],xyz[1],xyz[2]\n" + "".join(f"{100000 * k},{k % 3},{k % 5},{k % 7}\n" for k in range(20))
+    )
+    assert [guess.channel for guess in inspect_log(path).guesses] == ["p", "q", "r"]
+
+
+def test_commands_of_one_message_are_taken_where_a_table_has_several(tmp_path):
+    motors, outputs = [f"actuator_motors.control[{i}]" for i in range(2)], [f"RCOU.C{i + 1}" for i in range(3)]
+    rows = (f"{0.1 * k:.1f},{k / 20},{-k / 20},{1500 + k},{1500 - k},{1400 + 10 * k}\n" for k in range(20))
+    found = inspect_log(written(tmp_path, ",".join(["time", *motors, *outputs]) + "\n" + "".join(rows)))
+    assert [guess.column for guess in best(found.guesses)] == outputs
+
+
+@pytest.mark.parametrize("is_measured", [True, False])
+def test_a_smooth_control_is_guessed_to_be_a_line_between_its_samples(tmp_path, is_measured):
+    wave = np.sin(0.1 * np.arange(80))
+    rpm = 1200 + 200 * (wave if is_measured else np.sign(wave))
+    path = written(tmp_path, "time,u,rpm\n" + "".join(f"{0.2 * k:.1f},{wave[k]:.3f},{rpm[k]:.2f}\n" for k in range(80)))
+    channels = tomllib.loads(inspect_log(path).as_toml())["import"]["files"][0]["channels"]
+    assert channels["n"].get("between") == ("line" if is_measured else None)
+    assert "between" not in channels["u"]
+
+
+def test_a_name_tells_the_unit_of_a_channel_that_has_it():
+    assert unit_by_name("ground_mps", "u") == ("m/s", 1.0)
+    assert unit_by_name("Lean [cdeg]", "phi") == ("deg", 0.01)
+    assert unit_by_name("ground_mps", "r") is None
+    assert unit_by_name("ground", "u") is None

@@ -28,6 +28,13 @@ def test_channels_roles_and_units(log):
     np.testing.assert_allclose(record.channel("psi"), np.radians(90 + T))
 
 
+def test_a_control_is_a_line_between_its_samples_where_that_is_said(log):
+    record = st.read_log(log, MAP, ["n"], time=("t", "s"), between={"n": "line"})
+    np.testing.assert_allclose(record.channel("n")[:-1], (1202.5 + 10 * T[:-1]) * 2 * np.pi / 60)
+    with pytest.raises(st.InputError, match=r"between[^$]*found[^$]*u"):
+        st.read_log(log, MAP, ["n"], time=("t", "s"), between={"u": "line"})
+
+
 def test_a_grid_and_its_ends(log):
     record = st.read_log(log, MAP, ["n"], time=("t", "s"), step=1.0, start=2.0, end=8.0, label="middle")
     assert record.label == "middle"

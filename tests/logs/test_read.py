@@ -85,6 +85,21 @@ def test_a_control_that_is_a_line_between_samples_has_the_means_of_it(tmp_path):
     assert table.options["channels"]["n"]["between"] == "line"
 
 
+def test_a_smooth_control_that_is_held_is_doubted(tmp_path):
+    """As one of which nothing is said; not as one that is said to be a command, nor one that jumps."""
+    at = np.arange(80)
+    smooth, jumps = 1200 + 200 * np.sin(0.1 * at), 1200 + 200 * np.sign(np.sin(0.1 * at))
+    text = "t,rpm,other\n" + "".join(f"{k},{smooth[k]:.3f},{jumps[k]:.3f}\n" for k in at)
+
+    def cautions(column):
+        return read_log(LogSource(written(tmp_path, text), "t", "s", {"n": column})).cautions
+
+    (said,) = cautions(PROPELLER)
+    assert 'add between = "line" to this channel' in said
+    assert [cautions(replace(PROPELLER, between=one)) for one in ("held", "line")] == [(), ()]
+    assert cautions(replace(PROPELLER, column="other")) == ()
+
+
 def test_nanosecond_stamps_lose_nothing(tmp_path):
     first = 1669909203330211715
     stamps = first + np.cumsum(np.random.default_rng(1).integers(1_000_000, 50_000_000, 500))

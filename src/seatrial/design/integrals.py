@@ -119,5 +119,5 @@ def follow_joint(
         return look(memory, signals_at(plan, integrals, joint, held))
 
     move, start = joint_move(plan, integrals, values), joint_start(plan, integrals)
-    end, held, memory, kept = plan.follow(values, move, start, control, seen, memory, noise=noise)
+    end, held, memory, kept = plan.follow(plan.named(values), move, start, control, seen, memory, noise=noise)
     return signals_at(plan, integrals, end, held), memory, kept

@@ -110,8 +110,9 @@ class TrialPlan:
             noise: of each channel over its standard deviation, as the autopilot sees it; None for perfect sensors.
         """
         start = tuple(self.start[i] for i in range(self.start.shape[0]))
-        move = move_by(self.model, self.named(values))
-        *_, held = self.follow(values, move, start, control, lambda state, memory, held, _: (memory, held), noise=noise)
+        params = self.named(values)
+        move = move_by(self.model, params)
+        *_, held = self.follow(params, move, start, control, lambda state, memory, held, _: (memory, held), noise=noise)
         return jnp.stack(held, 1)
 
     def moments(
@@ -136,7 +137,7 @@ class TrialPlan:
 
     def follow(
         self,
-        values: Float[Array, " k"],
+        params: Mapping[str, Array],
         move: Move,
         start: State,
         control: Float[Array, "n c"],
@@ -148,7 +149,7 @@ class TrialPlan:
         """Follow a motion of the vehicle under a design, through the autopilot where there is one; traced.
 
         Args:
-            values: coefficients, SI.
+            params: coefficients and unknowns by name, SI.
             move: takes the state to the next sample.
             start: state at the first sample; what travels with the vehicle's own stands behind it.
             control: every command, held from each sample to the next, SI.
@@ -164,7 +165,7 @@ class TrialPlan:
         if autopilot is None:
             (end, memory), kept = time_loop(move, start, columns, self.step, look, memory, extra)
             return end, tuple(column[-1] for column in columns), memory, kept
-        closed = close_loop(autopilot, fed_back(self.model, autopilot, self.named(values)))
+        closed = close_loop(autopilot, fed_back(self.model, autopilot, params))
 
         def law(state: tuple, carry: tuple, sample: tuple) -> tuple[tuple, tuple]:
             held, decided = closed(state, carry[0], sample[0])
@@ -181,10 +182,15 @@ class TrialPlan:
         )
         return end, last, memory, kept
 
+    def shown(self, params: Mapping[str, Array], control: Float[Array, "n c"]) -> Float[Array, "n m"]:
+        """Return `outputs` of a vehicle of which unknowns beside the coefficients may be given too, all by name, SI; traced."""
+        return self._followed(params, control)[1]
+
     @program
     def _run(self, values: Array, control: Array) -> tuple[Array, Array]:
-        params = self.named(values)
+        return self._followed(self.named(values), control)
 
+    def _followed(self, params: Mapping[str, Array], control: Array) -> tuple[Array, Array]:
         def look(state: tuple, memory: tuple, held: tuple, counts: Array) -> tuple:
             shown = tuple(
                 self.model.output(name, params, state, held) * counts[i] for i, name in enumerate(self.channels)
@@ -192,7 +198,7 @@ class TrialPlan:
             return memory, (state, shown)
 
         start = tuple(self.start[i] for i in range(self.start.shape[0]))
-        *_, (states, shown) = self.follow(values, move_by(self.model, params), start, control, look, extra=self.weight)
+        *_, (states, shown) = self.follow(params, move_by(self.model, params), start, control, look, extra=self.weight)
         return jnp.stack(states, 1), jnp.stack(shown, 1)
 
 

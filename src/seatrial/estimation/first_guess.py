@@ -7,7 +7,7 @@ measured force in place of the change of x_i. Forces are linear in all coefficie
 buoyancy and drag of a tether, so few Gauss-Newton steps end it; noise in the states draws it aside, which a place to start from may be.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -27,6 +27,8 @@ SAMPLES = 8
 """Samples in a window."""
 STEPS = 4
 """Gauss-Newton steps, each with every velocity weighed anew by what is left of it."""
+GRID, _WIDE, STEP = 12, np.radians(15.0), 0.1
+"""Angles of a turn that are tried; half width of the parabola about the best, rad; least step of a motion in which it is sought, s."""
 _INDEPENDENT = 0.1
 """Rows that are worth one, as neighbours share their noise."""
 
@@ -64,33 +66,161 @@ def fit_motion(
     terms: Sequence[str] | None = None,
 ) -> dict[str, tuple[float, float]]:
     """Return the value of every coefficient and its standard deviation as least squares has them; arguments as `first_guess`."""
-    every = _names(model)
-    beside = {one.name for one in model.unknowns}
-    at = [i for i, name in enumerate(every) if name in priors and (terms is None or name in terms or name in beside)]
-    names = tuple(every[i] for i in at)
-    mean, sd = (np.array([float(getattr(priors[name], key)) for name in names]) for key in ("mean", "sd"))
-    known = (*(state for state in model.states if state in RATES), *(view for view in model.views if view in HELD))
-    rates = tuple(name for name in known if all(name in record.measured for record in records))
+    sought, rates = _sought(model, priors, terms), _explained(model, records)
     trials = [_motion(model, record, start, rates) for record, start in zip(records, starts, strict=True)]
+    fit = _fit(model, rates, trials, priors, sought)
+    return (
+        {}
+        if fit is None
+        else dict(zip(sought, zip(fit.values.tolist(), fit.spread.tolist(), strict=True), strict=True))
+    )
+
+
+class Turn(NamedTuple):
+    """A rotation about one of the body's axes (0 to 2) by which a sensor may be turned in the body, rad, its standard deviation, and by
+    how many nats the motion that it shows is then better explained."""
+
+    axis: int
+    angle: float
+    sd: float
+    gain: float
+    missed: float
+    """What the fit then leaves of the change of a velocity over a window, as a share of that change; the largest."""
+
+
+def turn_of_sensor(
+    model: VehicleModel,
+    record: Record,
+    start: Sequence[float],
+    priors: Mapping[str, Prior],
+    channels: Sequence[str],
+) -> Turn | None:
+    """Return the rotation about one axis after which the velocities of one sensor agree best with the forces of the vehicle.
+
+    The coefficients are fitted anew for each angle, so that what is wrong in them is no rotation.
+
+    Args:
+        model: vehicle.
+        record: trial.
+        start: a state, SI, whose value is taken for what is not measured.
+        priors: of every coefficient and unknown to be fitted.
+        channels: of the sensor, of u, v, w or of p, q, r: two or three that move and are measured.
+
+    Returns:
+        the best about any axis across which two of them lie; None where nothing can be fitted.
+    """
+    sought, rates = _sought(model, priors, None), _explained(model, [record])
+    if not sought or not set(channels) <= {*rates} & {*model.states}:
+        return None
+    motion = _coarser(_motion(model, record, start, rates))
+    group = RATES[:3] if channels[0] in RATES[:3] else RATES[3:]
+    found = []
+    for axis in range(3):
+        names = [group[(axis + 1) % 3], group[(axis + 2) % 3]]
+        if not set(names) <= {*channels}:
+            continue
+        states, shown = [model.states.index(name) for name in names], [rates.index(name) for name in names]
+
+        def fitted(angle: float, states: list[int] = states, shown: list[int] = shown) -> _Fit | None:
+            turned = motion._replace(state=motion.state.copy(), explained=motion.explained.copy())
+            way = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+            turned.state[:, states] = motion.state[:, states] @ way
+            turned.explained[:, shown] = motion.explained[:, shown] @ way
+            return _fit(model, rates, [turned], priors, sought)
+
+        found.append(_least(axis, fitted))
+    best = max(found, key=lambda one: one.gain, default=None)
+    return best if best is not None and np.isfinite([best.angle, best.sd, best.gain]).all() else None
+
+
+def _least(axis: int, fitted: Callable[[float], "_Fit | None"]) -> Turn:
+    """Return the angle of least misfit: from a grid over the whole turn by parabolas, the second of which tells its standard deviation."""
+
+    def misfit(angle: float) -> float:
+        fit = fitted(angle)
+        return np.inf if fit is None else fit.misfit
+
+    grid = np.arange(-GRID // 2, GRID // 2) * 2 * np.pi / GRID
+    angle, curvature = min(grid, key=misfit), np.nan
+    for wide, count in ((_WIDE, 7), (0.4 * _WIDE, 3)):
+        tried = np.linspace(-wide, wide, count)
+        curvature, slope, _ = np.polyfit(tried, [misfit(angle + one) for one in tried], 2)
+        if not curvature > 0:
+            return Turn(axis, angle, np.inf, 0.0, np.inf)
+        angle += float(np.clip(-slope / (2.0 * curvature), -wide, wide))
+    fit = fitted(angle)
+    if fit is None:
+        return Turn(axis, angle, np.inf, 0.0, np.inf)
+    return Turn(axis, angle, float(1.0 / np.sqrt(2.0 * curvature)), misfit(0.0) - fit.misfit, fit.missed)
+
+
+def _coarser(motion: "_Motion") -> "_Motion":
+    """Return a motion at steps of a tenth of a second or more, over which controls are the mean: noise counts less in longer windows."""
+    stride = max(1, round(STEP / float(np.median(np.diff(motion.time)))))
+    begins = np.arange(0, motion.time.size, stride)
+    counts = np.diff(np.append(begins, motion.time.size))[:, None]
+    control = np.add.reduceat(motion.control, begins, axis=0) / counts
+    return _Motion(motion.time[begins], motion.state[begins], control, motion.explained[begins])
+
+
+class _Fit(NamedTuple):
+    """What least squares found: values, standard deviations, the negative logarithm of the posterior there, up to a constant, and the
+    largest share that is left of the change of a velocity."""
+
+    values: Float[np.ndarray, " k"]
+    spread: Float[np.ndarray, " k"]
+    misfit: float
+    missed: float
+
+
+def _sought(model: VehicleModel, priors: Mapping[str, Prior], terms: Sequence[str] | None) -> tuple[str, ...]:
+    beside = {one.name for one in model.unknowns}
+    return tuple(
+        name for name in _names(model) if name in priors and (terms is None or name in terms or name in beside)
+    )
+
+
+def _explained(model: VehicleModel, records: Sequence[Record]) -> tuple[str, ...]:
+    """Return the velocities or forces that every record measures."""
+    known = (*(state for state in model.states if state in RATES), *(view for view in model.views if view in HELD))
+    return tuple(name for name in known if all(name in record.measured for record in records))
+
+
+def _fit(
+    model: VehicleModel,
+    rates: tuple[str, ...],
+    trials: Sequence["_Motion"],
+    priors: Mapping[str, Prior],
+    names: tuple[str, ...],
+) -> _Fit | None:
+    """Return the coefficients that explain some motions; None where they tell too little, or where the fit has no end."""
     if not rates or not names:
-        return {}
-    values, spread = mean, sd
+        return None
+    every = _names(model)
+    at = [every.index(name) for name in names]
+    mean, sd = (np.array([float(getattr(priors[name], key)) for name in names]) for key in ("mean", "sd"))
+    values, spread, misfit, left = mean, sd, np.inf, np.full(len(rates), np.inf)
     for _ in range(STEPS):
         parts = [_rows(model, rates, trial, values, at) for trial in trials]
         target, design = (np.concatenate(column, axis=0) for column in zip(*parts, strict=True))
         known = np.isfinite(target).all(1) & np.isfinite(design).all((1, 2))
         target, design = target[known], design[known]
         if len(target) * len(rates) < len(names):
-            return {}
+            return None
         left = np.sqrt(np.mean((target - design @ values) ** 2, axis=0)) + 1e-12
         weight = np.sqrt(_INDEPENDENT) / left
         a = np.concatenate([(design * weight[:, None]).reshape(-1, len(names)) * sd, np.eye(len(names))])
         b = np.concatenate([((target - design @ mean) * weight).ravel(), np.zeros(len(names))])
-        values = mean + sd * np.linalg.lstsq(a, b, rcond=None)[0]
+        information = a.T @ a  # of which the priors are at least one
+        z = np.linalg.solve(information, a.T @ b)
+        values = mean + sd * z
         if not np.isfinite(values).all():
-            return {}
-        spread = sd * np.sqrt(np.diag(np.linalg.inv(a.T @ a)))
-    return dict(zip(names, zip(values.tolist(), spread.tolist(), strict=True), strict=True))
+            return None
+        spread = sd * np.sqrt(np.diag(np.linalg.inv(information)))
+        left = np.sqrt(np.mean((target - design @ values) ** 2, axis=0)) + 1e-12
+        misfit = float(_INDEPENDENT * len(target) * np.log(left).sum() + 0.5 * z @ z)
+    change = np.sqrt(np.mean(np.concatenate([_change(rates, trial) for trial in trials]) ** 2, axis=0))
+    return _Fit(values, spread, misfit, float((left / np.maximum(change, 1e-12)).max()))
 
 
 def _names(model: VehicleModel) -> tuple[str, ...]:
@@ -153,11 +283,16 @@ def _rows(
     begins = np.arange(0, step.size, SAMPLES)
     made = np.add.reduceat(step[:, None] * rate, begins)
     design = np.add.reduceat(step[:, None, None] * slope, begins)
+    return _change(rates, motion) - made + design @ values, design
+
+
+def _change(rates: tuple[str, ...], motion: _Motion) -> Float[np.ndarray, "w r"]:
+    """Return the change of each velocity over each window, or the impulse of each force."""
+    step = np.diff(motion.time)
+    begins = np.arange(0, step.size, SAMPLES)
     if rates[0] in HELD:
-        change = np.add.reduceat(step[:, None] * motion.explained[:-1], begins)
-    else:
-        change = np.diff(motion.explained[np.append(begins, step.size)], axis=0)
-    return change - made + design @ values, design
+        return np.add.reduceat(step[:, None] * motion.explained[:-1], begins)
+    return np.diff(motion.explained[np.append(begins, step.size)], axis=0)
 
 
 @lru_cache(maxsize=16)

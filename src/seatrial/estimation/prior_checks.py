@@ -44,7 +44,7 @@ def check_prior_contains_data(posterior: Posterior, mode: Mode, where: Callable[
         posterior: of a model with every term in question. One that lacks a real term calls it noise or lets others stand for it, which may
             push these against a bound; its evidence judges it.
         mode: its mode, of the parameters that are present.
-        where: names a key of the configuration file, for the error.
+        where: names what states a prior, by its key, for the error.
 
     Raises:
         InputError: naming the parameter, its bound and the gain beyond it.
@@ -90,8 +90,9 @@ def _remedy(parameter: Parameter, bound: float, gain: float) -> str:
         return f"set sensors.{channel}.lag = false and remove this prior: {channel} is shown without delay"
     if kind == "sigma" and bound == parameter.prior.bounds[1]:
         return (
-            f"the model misses {channel} by more than the sensor's noise can explain: check units, signs, the channel map and {channel} "
-            f'for outliers (residuals = "heavy" tolerates them), then the other priors; widen this one only if {channel} is that noisy'
+            f"the model misses {channel} by more than the sensor's noise can explain: check units, signs, the channel map, how the sensor "
+            f'is mounted, and {channel} for outliers (residuals = "heavy" tolerates them), then the other priors; widen this one, '
+            f"[prior.{parameter.name}], only if {channel} is that noisy"
         )
     checks = 'units, signs, clocks (a control that was measured: between = "line"), the channel map, and the masses under [vehicle]'
     if gain > HUGE:

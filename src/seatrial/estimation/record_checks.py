@@ -15,7 +15,7 @@ from jaxtyping import Float
 
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import shown_unit
-from seatrial.core.signals import ANGLE, ANGULAR_RATE, FORCE, MOMENT, RATES, SPEED, signal_unit
+from seatrial.core.signals import ANGLE, ANGLES, ANGULAR_RATE, FORCE, MOMENT, POSITIONS, RATES, SPEED, signal_unit
 from seatrial.manoeuvres.manoeuvre import Limits
 
 RecordLevel = Literal["pass", "note", "caution", "fail"]
@@ -50,6 +50,10 @@ CONFUSED = {
     str(MOMENT): _FORCES,
 }
 """Factors of unit errors by the SI unit of what is measured or commanded."""
+SUMMED = (*POSITIONS, *ANGLES)
+"""Channels in which the errors of velocities, and the net weight, add up over time."""
+ALIKE = 0.5
+"""Share of the measured motion by which vehicles of the priors may lie apart for them to say how it goes."""
 UNLIKE, AT = 1.5, 0.1
 """Ratio to the stated trim, or its inverse, from which a record contradicts it, and share by which a control may be off its trim there."""
 SELDOM = 0.01
@@ -381,6 +385,52 @@ def says_direction(expected: Float[np.ndarray, " n"], drawn: Float[np.ndarray, "
     if lost.mean() > 1 - LEFT:
         return False
     return float(np.mean([_correlation(one, expected) > 0 for one in drawn[~lost]])) >= AGREED
+
+
+def check_sum(
+    name: str,
+    step: float,
+    measured: Float[np.ndarray, " n"],
+    expected: Float[np.ndarray, " n"],
+    drawn: Float[np.ndarray, "d n"],
+    noise: float,
+    has_delay: bool = False,
+) -> list[RecordFinding] | None:
+    """Judge a channel in which errors add up by all vehicles of the priors; None where these allow no verdict.
+
+    They allow none where one of them goes as the record does, or where they lie as far apart as it moves. Of a record that goes much
+    further than each of them, or much less far, the unit is doubted.
+
+    Args:
+        name: channel.
+        step: of the record, s.
+        measured: SI, NaN where not measured, shape (n,).
+        expected: of the vehicle at the prior means, SI, shape (n,).
+        drawn: of d vehicles drawn from the priors, SI, not finite where they run away, shape (d, n).
+        noise: standard deviation of the sensor, SI.
+        has_delay: whether the delay has a prior.
+    """
+    left, there = drawn[np.isfinite(drawn).all(1)], np.isfinite(measured)
+    if not left.size or there.sum() < 2:
+        return None
+    sizes, size = np.hypot(np.std(left[:, there], axis=1), noise), float(np.std(measured[there]))
+    if not sizes.min() / SIZE <= size <= sizes.max() * SIZE:
+        ratio = size / float(np.median(sizes))
+        remedy = _unit_guess((name,), ratio) + "check the units in the channel map, and the priors"
+        value = f"{ratio:.3g} times the motion of most vehicles of the priors"
+        return [RecordFinding(name, "size", "caution", value, f"within {SIZE:g} times that of one of them", remedy)]
+    apart, most = float(np.median(np.std((left - expected)[:, there], axis=1))), round(LONGEST / step)
+    if apart > ALIKE * size or any(best_lag(measured, one, most)[1] >= RELATED for one in left):
+        return None
+    return check_motion(name, step, measured, expected, drawn, has_delay)
+
+
+def not_judged_sum(names: Sequence[str]) -> RecordFinding:
+    """Return the note about channels in which errors add up, and which the priors allow."""
+    value = "not judged, nor size and delay; errors of velocities, and the net weight, add up in it, and the priors allow it"
+    return RecordFinding(
+        ", ".join(names), "direction", "note", value, "judged where they do not; the velocities are judged"
+    )
 
 
 def not_judged(names: Sequence[str]) -> RecordFinding:

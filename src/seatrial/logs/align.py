@@ -142,7 +142,7 @@ def _tracks(tables: Sequence[LogTable], origin: Decimal, wanted: Sequence[str] |
                 continue
             if channel.name in found:
                 raise InputError(
-                    f'{table.source}, channel "{channel.name}"',
+                    f'{table.place}, channel "{channel.name}"',
                     found=f"a channel that {found[channel.name].source} gives too",
                     expected="one source for each channel",
                     remedy="drop it from one of the maps",
@@ -150,7 +150,7 @@ def _tracks(tables: Sequence[LogTable], origin: Decimal, wanted: Sequence[str] |
             known = np.isfinite(table.columns[channel.name])
             if not known.any():
                 raise InputError(
-                    f'{table.source}, channel "{channel.name}"',
+                    f'{table.place}, channel "{channel.name}"',
                     found="no number in any row",
                     expected="samples",
                     remedy="map another column; where the channel is made of several files, choose those of one run and one clock",
@@ -158,7 +158,7 @@ def _tracks(tables: Sequence[LogTable], origin: Decimal, wanted: Sequence[str] |
             values = table.columns[channel.name][known]
             if channel.name in ANGLES:
                 values = np.unwrap(values)
-            found[channel.name] = _Track(channel, table.source, time[known], values)
+            found[channel.name] = _Track(channel, table.place, time[known], values)
     for name in wanted or ():
         if name not in found:
             offered = [channel.name for table in tables for channel in table.channels]

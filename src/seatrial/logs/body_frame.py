@@ -55,7 +55,7 @@ def check_specific_force(tables: Sequence[LogTable]) -> None:
             size = float(np.nanmedian(np.sqrt(sum(table.columns[name] ** 2 for name in SPECIFIC_FORCE))))
             if size < _LEAST_FORCE:
                 raise InputError(
-                    f"{table.source}, channels {', '.join(SPECIFIC_FORCE)}",
+                    f"{table.place}, channels {', '.join(SPECIFIC_FORCE)}",
                     found=f"a specific force of {size:.3g} m/s^2 at the median",
                     expected="about 9.8 m/s^2, as an accelerometer shows at rest",
                     remedy='unit = "m/s^2" with scale = 9.81 if it is in units of gravity; drop the channels if gravity was taken off',
@@ -86,7 +86,7 @@ def with_doubts(table: LogTable, tables: Sequence[LogTable]) -> LogTable:
     if 1 / _ALIKE < ratio < _ALIKE:
         return table
     caution = (
-        f'channel "psi" of {table.source}: it turns {ratio:.3g} times as fast as r of {rates.source} says: check its unit, its sign and '
+        f'channel "psi" of {table.place}: it turns {ratio:.3g} times as fast as r of {rates.place} says: check its unit, its sign and '
         "`axes`, the order of a quaternion, and the clocks"
     )
     return replace(table, cautions=(*table.cautions, caution))
@@ -106,7 +106,7 @@ def doubts_of_gyro(tables: Sequence[LogTable]) -> list[str] | None:
     for words, parts in _other_readings(angles) if said else ():
         if _doubts(attitude, gyro, parts) == []:
             return [
-                f"the attitude of {attitude.source} turns as the gyro of {gyro.source} does if {words}: correct the channel map"
+                f"the attitude of {attitude.place} turns as the gyro of {gyro.place} does if {words}: correct the channel map"
             ]
     return said
 
@@ -132,7 +132,7 @@ def _doubts(attitude: LogTable, gyro: LogTable, parts: Float[np.ndarray, "4 n"])
     said = []
     if jumps.any():
         said.append(
-            f"the attitude of {attitude.source} jumps {jumps.sum()} times where the gyro of {gyro.source} does not, by up to "
+            f"the attitude of {attitude.place} jumps {jumps.sum()} times where the gyro of {gyro.place} does not, by up to "
             f"{np.degrees(beyond[jumps].max()):.0f} deg, first at {start[jumps][0]:.1f} s: angles averaged or interpolated over a "
             'full turn? Import the quaternion, or set residuals = "heavy" for the attitude'
         )
@@ -141,7 +141,7 @@ def _doubts(attitude: LogTable, gyro: LogTable, parts: Float[np.ndarray, "4 n"])
         largest = int(np.argmax(np.abs(row)))
         if largest == i and 1 / _ALIKE < row[i] < _ALIKE:
             continue
-        found = f'channel "{_GYRO[i]}" of {gyro.source}: the attitude of {attitude.source} turns as if it were '
+        found = f'channel "{_GYRO[i]}" of {gyro.place}: the attitude of {attitude.place} turns as if it were '
         if largest != i:
             found += f"{row[largest]:+.2g} times {_GYRO[largest]}: the axes of one of them are exchanged"
         elif row[i] < 0 and 1 / _ALIKE < -row[i] < _ALIKE:
@@ -160,7 +160,7 @@ def _doubts(attitude: LogTable, gyro: LogTable, parts: Float[np.ndarray, "4 n"])
     signs[range(3), main] = np.sign(matrix[range(3), main])
     if np.linalg.det(signs) < -0.5:
         said.append(
-            f'channels "p", "q", "r" of {gyro.source}: compared with the attitude of {attitude.source} their axes are left-handed, which '
+            f'channels "p", "q", "r" of {gyro.place}: compared with the attitude of {attitude.place} their axes are left-handed, which '
             "no mounting gives: one sign is wrong, or two axes are exchanged"
         )
     return said
@@ -211,7 +211,7 @@ def doubts_of_speed(source: LogTable, angle: str) -> list[str]:
     if most < _MUCH:
         return []
     return [
-        f'channel "{angle}" of {source.source}: it changes by {np.degrees(most):.0f} deg from one sample to the next, and velocities over '
+        f'channel "{angle}" of {source.place}: it changes by {np.degrees(most):.0f} deg from one sample to the next, and velocities over '
         "the earth are turned by interpolated angles: use a faster log of the attitude"
     ]
 
@@ -241,7 +241,7 @@ def to_body(tables: Sequence[LogTable], roles: Mapping[str, Role]) -> list[LogTa
     keeps_quaternion = set(QUATERNION) <= set(roles)
     with_angles = [_with_angles(table, keeps_quaternion) for table in tables]
     for angle in ANGLES:
-        _once(angle, [table.source for table in with_angles if angle in table.columns])
+        _once(angle, [table.place for table in with_angles if angle in table.columns])
     check_specific_force(with_angles)
     gyro = doubts_of_gyro(with_angles)
     with_angles = [
@@ -266,7 +266,7 @@ def _with_angles(table: LogTable, keeps_quaternion: bool) -> LogTable:
     wrong = np.flatnonzero(np.isfinite(length) & ~(np.abs(length - 1.0) < 0.1))
     if wrong.size:
         raise InputError(
-            f"{table.source}, channels {', '.join(QUATERNION)}",
+            f"{table.place}, channels {', '.join(QUATERNION)}",
             found=f"a length of {length[wrong[0]]:.3g} at {table.time[wrong[0]]:g} s; {wrong.size} such rows",
             expected="unit quaternions",
             remedy="map q_w to the scalar part and q_x, q_y, q_z to the others; leave out rows before the filter had started, and rows "
@@ -308,10 +308,10 @@ def _with_body_velocities(table: LogTable, tables: Sequence[LogTable]) -> LogTab
     sources = {angle: next((one for one in tables if angle in one.columns), None) for angle in ANGLES}
     is_level = sources["phi"] is None and sources["theta"] is None
     needed = OVER_EARTH[:2] if is_level and "v_down" not in found else OVER_EARTH
-    complete(found, needed, table.source)
+    complete(found, needed, table.place)
     if sources["psi"] is None:
         raise InputError(
-            f"{table.source}, channels {', '.join(found)}",
+            f"{table.place}, channels {', '.join(found)}",
             found="no heading in any file of the run",
             expected="psi, or a quaternion, to turn them into the body's axes",
             remedy="map the heading too: where the model does not use it, it is used for this alone",
@@ -322,7 +322,7 @@ def _with_body_velocities(table: LogTable, tables: Sequence[LogTable]) -> LogTab
     body = {name: sum(np.asarray(rows[j][i]) * earth[j] for j in range(3)) for i, name in enumerate(_BODY)}
     body = {name: body[name] for name in _BODY[: len(needed)]}
     cautions = [text for angle, one in sources.items() if one is not None for text in doubts_of_speed(one, angle)]
-    by = ", ".join(f"{angle} {'= 0' if one is None else f'of {one.source}'}" for angle, one in sources.items())
+    by = ", ".join(f"{angle} {'= 0' if one is None else f'of {one.place}'}" for angle, one in sources.items())
     turned = _exchange(table, OVER_EARTH, body, "m/s", f"{', '.join(body)} are over the earth, turned by {by}")
     return replace(turned, cautions=(*turned.cautions, *cautions))
 
@@ -333,9 +333,9 @@ def _at(source: LogTable, angle: str, table: LogTable) -> Float[np.ndarray, " n"
     time = source.time[known] + float(source.epoch - table.epoch)
     if time.size < 2 or time[0] > table.time[-1] or time[-1] < table.time[0]:
         raise InputError(
-            f'{source.source}, channel "{angle}"',
+            f'{source.place}, channel "{angle}"',
             found=f"{time.size} samples" if time.size < 2 else f"samples from {time[0]:.6g} s to {time[-1]:.6g} s",
-            expected=f"samples around 0 s to {table.time[-1]:.6g} s, where {table.source} has velocities to be turned",
+            expected=f"samples around 0 s to {table.time[-1]:.6g} s, where {table.place} has velocities to be turned",
             remedy="choose files of the same run, and time columns of the same clock and unit",
         )
     values = np.interp(table.time, time, np.unwrap(source.columns[angle][known]), left=np.nan, right=np.nan)
@@ -352,7 +352,7 @@ def _exchange(
     """Return a log with some measurements in place of others."""
     if both := [name for name in new if name in table.columns]:
         raise InputError(
-            f"{table.source}, channels {', '.join(both)}",
+            f"{table.place}, channels {', '.join(both)}",
             found=f"their columns, and {', '.join(one for one in old if one in table.columns)} that give them too",
             expected="one or the other",
             remedy="drop one from the map",

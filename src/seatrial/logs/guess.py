@@ -21,8 +21,10 @@ from seatrial.core.signals import (
 )
 from seatrial.core.units import to_si
 from seatrial.logs.axes import Axes
-from seatrial.logs.formats.protocol import MOST_ELEMENTS
-from seatrial.logs.known_messages import AUTOPILOT, ROS, autopilot_message, output_number
+from seatrial.logs.formats.protocol import MOST_ELEMENTS, TableInfo
+from seatrial.logs.formats.text import TABLE
+from seatrial.logs.known_messages import AUTOPILOT, ROS, message_and_field, output_number
+from seatrial.logs.source import Between
 from seatrial.logs.summary import ColumnSummary, TableSummary
 
 COMMAND = "command"
@@ -48,6 +50,7 @@ class Guess:
         reason: why.
         strength: 3 by the type of message, 2 by a plain name, 1 by a name that may mean something else, 0 of an output that stands still
             after the last that moves: a thruster only of a vehicle that has as many.
+        between: "line" of a control whose samples change smoothly, as those of a measured one do; None for the usual.
     """
 
     channel: str
@@ -59,9 +62,12 @@ class Guess:
     role: Role
     reason: str
     strength: int
+    between: Between | None = None
 
 
 _BODY = ("u", "v", "w")
+_UNIT = 1.001
+"""Size up to which numbers may be parts of a unit quaternion."""
 _OF = "(?:dvl|speed|vel|velocity|body|measured|meas|nu)_?"
 """What a name may have before the letter of a velocity."""
 _ALONG = "(?:velocity[._]?|vel_?|v_?)"
@@ -73,14 +79,14 @@ _NAMES = (
     ("v_down", 2, "v_?d(?:own)?|vel(?:ocity)?[._]?d(?:own)?|down_?(?:vel|velocity|speed)"),
     *((f"q_{part}", 2, rf"(?:orientation|quat(?:ernion)?)[._]?{part}|q_?{part}") for part in "wxyz"),
     ("u", 2, f"(?:{_OF})?u|surge|surge_?(?:speed|vel|velocity)"),
-    ("u", 1, f"speed|spd|log_?speed|speed_?log|(?:{_OF})?{_ALONG}x|speed_?over_?ground|sog"),
+    ("u", 1, f"speed|spd|(?:log|dvl)_?speed|speed_?(?:log|dvl)|(?:{_OF})?{_ALONG}x|speed_?over_?ground|sog"),
     ("v", 2, f"(?:{_OF})?v|sway|sway_?(?:speed|vel|velocity)"),
     ("v", 1, f"(?:{_OF})?{_ALONG}y"),
     ("w", 2, f"(?:{_OF})?w|heave|heave_?(?:speed|vel|velocity)"),
     ("w", 1, f"(?:{_OF})?{_ALONG}z"),
-    ("p", 2, "p|roll_?rate|roll_?speed|angular_velocity\\.x|gyro?_?x"),
-    ("q", 2, "q|pitch_?rate|pitch_?speed|angular_velocity\\.y|gyro?_?y"),
-    ("r", 2, "r|yaw_?rate|yaw_?speed|turn_?rate|rate_?of_?turn|rot|angular_velocity\\.z|gyro?_?z"),
+    ("p", 2, "p|roll_?rate|roll_?speed|angular_velocity\\.x|gyro?[_.]?x"),
+    ("q", 2, "q|pitch_?rate|pitch_?speed|angular_velocity\\.y|gyro?[_.]?y"),
+    ("r", 2, "r|yaw_?rate|yaw_?speed|turn_?rate|rate_?of_?turn|rot|angular_velocity\\.z|gyro?[_.]?z"),
     ("phi", 2, "phi|roll|roll_?angle"),
     ("theta", 2, "theta|pitch|pitch_?angle"),
     ("psi", 2, "psi|yaw|heading|hdg|yaw_?angle"),
@@ -174,13 +180,23 @@ def best(found: Sequence[Guess], only: Sequence[str] = ()) -> tuple[Guess, ...]:
         asked, given = wanted & {*makes}, direct & {*makes}
         if asked - given and (direct >= {*made_of} or (not given and direct & {*made_of})):
             wanted = wanted - given | {*made_of, *needs}
-    outputs = Counter(guess.table for guess in found if guess.unit == COMMAND and guess.strength)
+    outputs = Counter(map(_source, (guess for guess in found if guess.unit == COMMAND and guess.strength)))
     first: dict[str, Guess] = {}
     for guess in found:
-        # The commands of all thrusters are in one table: that with most of them.
-        if guess.channel in wanted and (guess.unit != COMMAND or guess.table == outputs.most_common(1)[0][0]):
+        # The commands of all thrusters are in one message: that with most of them.
+        if guess.channel in wanted and (guess.unit != COMMAND or _source(guess) == outputs.most_common(1)[0][0]):
             first.setdefault(guess.channel, guess)
     return tuple(first.values())
+
+
+def _source(guess: Guess) -> tuple[str, str]:
+    """Return the table that a guess is from, and the message, of which a table of text may have several."""
+    return guess.table, message_and_field(guess.table, guess.column)[0]
+
+
+def _named(table: TableInfo) -> str:
+    """Return what tells the message of a table: its name, or of a text that holds one message its kind."""
+    return table.kind if table.name == TABLE and table.kind else table.name
 
 
 def remarks(found: Sequence[Guess]) -> tuple[str, ...]:
@@ -193,16 +209,16 @@ def remarks(found: Sequence[Guess]) -> tuple[str, ...]:
         f"{first.table}: {first.column} to {last.column} may be pulse widths or outputs to the thrusters: give the maker's table of thrust "
         f"over them under [vehicle.thrust_laws], for channels {first.channel} to {last.channel} in the unit "
         f'"{COMMAND}", or as the `curve` of a channel',
-        *_still(found, first.table),
+        *_still(found, first),
     )
 
 
-def _still(found: Sequence[Guess], table: str) -> Iterator[str]:
+def _still(found: Sequence[Guess], first: Guess) -> Iterator[str]:
     """Name the outputs that stand still after the last that moves."""
-    still = [guess for guess in found if guess.table == table and not guess.strength]
+    still = [guess for guess in found if _source(guess) == _source(first) and not guess.strength]
     if still:
         names, channels = (" to ".join(dict.fromkeys((some[0], some[-1]))) for some in _names_of(still))
-        yield f"{table}: {names} never change: map them too, as {channels}, if they are thrusters that stood still"
+        yield f"{first.table}: {names} never change: map them too, as {channels}, if they are thrusters that stood still"
 
 
 def _names_of(some: Sequence[Guess]) -> tuple[list[str], list[str]]:
@@ -215,18 +231,21 @@ def _of_table(table: TableSummary) -> Iterator[Guess]:
     for column in table.columns:
         if column.name in clocks or column.name.endswith("log_time"):
             continue
-        guess = _by_type(table, column) or _by_output(table, column)
-        if guess is None and not column.trouble and autopilot_message(table.info.name) not in AUTOPILOT:
+        guess = _by_type(table, column) or _by_output(table, column) or _of_quaternion(table, column)
+        message, _ = message_and_field(_named(table.info), column.name)
+        if guess is None and not column.trouble and message not in AUTOPILOT:
             guess = _by_name(table, column)
         if guess is not None:
             found.append((guess, column))
     # Three parts of a quaternion may be constant where the vehicle only turns, all four where it is not known.
     turns = any(guess.channel in QUATERNION and not column.trouble for guess, column in found)
     # A thruster may stand still; outputs that do after the last that moves are mostly lights, cameras, or nothing.
-    moving = [at for at, (guess, column) in enumerate(found) if guess.unit == COMMAND and not column.constant]
+    moving = {
+        _source(guess): at for at, (guess, column) in enumerate(found) if guess.unit == COMMAND and not column.constant
+    }
     for at, (guess, column) in enumerate(found):
         if guess.unit == COMMAND and moving:
-            yield guess if at <= moving[-1] else replace(guess, strength=0)
+            yield guess if at <= moving.get(_source(guess), -1) else replace(guess, strength=0)
         elif (guess.unit != COMMAND and not column.trouble) or (turns and guess.channel in QUATERNION):
             yield guess
 
@@ -238,8 +257,8 @@ def _by_type(table: TableSummary, column: ColumnSummary) -> Guess | None:
         return None
     reason = f"{info.kind}: its axes are east, north, up and forward, left, up (REP 103)"
     if known is None:
-        message = autopilot_message(info.name)
-        known = AUTOPILOT.get(message, {}).get(column.name.removeprefix("message."))
+        message, field = message_and_field(_named(info), column.name)
+        known = AUTOPILOT.get(message, {}).get(field)
         reason = f"message {message} of an autopilot"
     if known is None:
         return None
@@ -250,7 +269,7 @@ def _by_type(table: TableSummary, column: ColumnSummary) -> Guess | None:
 
 def _by_output(table: TableSummary, column: ColumnSummary) -> Guess | None:
     """Guess that outputs of an autopilot, or elements of an array of pulse widths, are the commands of thrusters, in their order."""
-    number = output_number(table.info.name, column.name, column.least, column.greatest) if column.count else None
+    number = output_number(_named(table.info), column.name, column.least, column.greatest) if column.count else None
     if number is None or number > MOST_ELEMENTS:
         return None
     reason = "pulse width or output; [vehicle.thrust_laws] makes thrust of it: check the order"
@@ -260,6 +279,8 @@ def _by_output(table: TableSummary, column: ColumnSummary) -> Guess | None:
 def _by_name(table: TableSummary, column: ColumnSummary) -> Guess | None:
     """Guess by the last part of the column's name, or by the table's where the column is only `value`."""
     full = table.info.name if column.name in ("value", "data") else column.name
+    if _is_element(table, column):  # what an array is called says nothing of one of its elements
+        return None
     name = full.removesuffix("[0]").lower()
     name = re.sub(r"^.*/(?![^\[(]*[\])])", "", name).replace(" ", "_").removeprefix("nav_")
     bare, hinted = _without_unit(name)
@@ -267,9 +288,8 @@ def _by_name(table: TableSummary, column: ColumnSummary) -> Guess | None:
         parts = candidate.split(".")
         for text in (".".join(parts[-2:]), parts[-1]):
             for channel, strength, pattern in _PATTERNS:
-                if pattern.fullmatch(text) and (
-                    _role(channel) == "control" or not _NOT_MEASURED.search(table.info.name)
-                ):
+                within = table.info.name if text != parts[-1] else " ".join((table.info.name, *parts[:-1]))
+                if pattern.fullmatch(text) and (_role(channel) == "control" or not _NOT_MEASURED.search(within)):
                     unit = _unit(channel, column, hinted if candidate == bare else None)
                     if unit is None:
                         continue
@@ -279,6 +299,31 @@ def _by_name(table: TableSummary, column: ColumnSummary) -> Guess | None:
                         channel, table.info.name, column.name, *unit[:2], "NED", _role(channel), reason, strength
                     )
     return None
+
+
+def _is_element(table: TableSummary, column: ColumnSummary) -> bool:
+    """Return whether a column is one of several elements of an array."""
+    return len(table.info.elements(column.name)) > 1
+
+
+def _of_quaternion(table: TableSummary, column: ColumnSummary) -> Guess | None:
+    """Guess that four elements of an array that is called like one are a quaternion, the scalar part first."""
+    elements = table.info.elements(column.name)
+    array = column.name.rpartition("[")[0].lower()
+    is_one = len(elements) == len(QUATERNION) and re.fullmatch(r"(?:.*[./_])?(?:q|quat(?:ernion)?|attitude)", array)
+    if not is_one or _NOT_MEASURED.search(f"{_named(table.info)} {array}"):
+        return None
+    if not (column.count and -_UNIT <= column.least <= column.greatest <= _UNIT):
+        return None
+    channel = QUATERNION[elements.index(column.name)]
+    reason = f'the name "{column.name}" of four; a quaternion, the scalar part first: check their order, and `axes`'
+    return Guess(channel, table.info.name, column.name, "1", 1.0, "NED", "measurement", reason, 1)
+
+
+def unit_by_name(column: str, channel: str) -> tuple[str, float] | None:
+    """Return the unit that the name of a column ends with and the factor to it; None where it ends with none of the channel's kind."""
+    unit = _without_unit(column.lower().replace(" ", "_"))[1]
+    return None if unit is None else _fitting(unit, channel)
 
 
 def _without_unit(name: str) -> tuple[str, str | None]:

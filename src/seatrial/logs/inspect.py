@@ -3,14 +3,18 @@
 import json
 import re
 from collections.abc import Callable, Collection, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby
 from pathlib import Path
 
+import numpy as np
+
 from seatrial.core.argument_checks import check_kind, check_path, check_text
+from seatrial.core.units import to_si
 from seatrial.logs.formats.protocol import LogFile, TextLayout
 from seatrial.logs.formats.registry import catalogue, format_of, pick, stream
 from seatrial.logs.guess import Guess, best, guesses, remarks
+from seatrial.logs.smooth_control import changes_smoothly
 from seatrial.logs.summary import ClockSummary, ColumnSummary, Gathered, TableSummary
 
 _BURSTS = 0.5
@@ -133,7 +137,8 @@ class LogSummary:
                 yield f"{key} = {_quoted(value) if isinstance(value, str) else value}"
         for guess in mine:
             scale = f", scale = {guess.scale!r}" if guess.scale != 1.0 else ""
-            column = f"{{ column = {_quoted(guess.column)}, unit = {_quoted(guess.unit)}{scale} }}"
+            between = f", between = {_quoted(guess.between)}" if guess.between else ""
+            column = f"{{ column = {_quoted(guess.column)}, unit = {_quoted(guess.unit)}{scale}{between} }}"
             yield f"channels.{guess.channel} = {column}  # guess: {guess.reason}"
 
 
@@ -171,8 +176,38 @@ def inspect_log(
         progress(block.done)
     progress(1.0)
     tables = tuple(found.summary() for found in gathered.values())
-    found = guesses(tables)
+    found = _with_lines(log, tables, guesses(tables))
     return LogSummary(log, format_of(path).name, tables, found, remarks(found))
+
+
+def _with_lines(log: LogFile, tables: Sequence[TableSummary], found: Sequence[Guess]) -> tuple[Guess, ...]:
+    """Return guesses in which controls that change smoothly are lines between their samples; a second pass reads these columns alone."""
+    controls: dict[str, set[str]] = {}
+    for guess in (one for one in found if one.role == "control"):
+        controls.setdefault(guess.table, set()).add(guess.column)
+    clocks = {table.info.name: table.clock for table in tables if table.clock and table.info.name in controls}
+    wanted = {name: [clock.name, *sorted(controls[name] - {clock.name})] for name, clock in clocks.items()}
+    blocks = list(stream(log, wanted)) if wanted else []
+    smooth = set()
+    for name, clock in clocks.items():
+        columns = {
+            column: np.concatenate([block.columns[column] for block in blocks if block.table == name])
+            for column in wanted[name]
+        }
+        stamps = columns.pop(clock.name)
+        time = (stamps - stamps[0]).astype(float) * to_si(1.0, clock.unit, "s", "clock")
+        goes_on = np.diff(time, prepend=-np.inf) > 0
+        smooth |= {
+            (name, column)
+            for column, values in columns.items()
+            if changes_smoothly(time[goes_on], values[goes_on].astype(float))
+        }
+    return tuple(
+        replace(one, between="line", reason=f"{one.reason}; it changes smoothly, as a measured control does")
+        if one.role == "control" and (one.table, one.column) in smooth
+        else one
+        for one in found
+    )
 
 
 def maps_together(found: Sequence[LogSummary], only: Sequence[str] = ()) -> list[str]:

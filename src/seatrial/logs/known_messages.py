@@ -82,8 +82,11 @@ AUTOPILOT: dict[str, dict[str, Known]] = {
     "LOCAL_POSITION_NED": _paired("vx vy vz", OVER_EARTH, "m/s") | _paired("x y z", POSITIONS, "m"),
     "GLOBAL_POSITION_INT": _paired("vx vy vz", OVER_EARTH, "m/s", 0.01),
     "VFR_HUD": _autopilot({"alt": "z"}, "m", -1.0, 2),
+    "CTUN": _autopilot({"Alt": "z"}, "m", -1.0, 2),
     "vehicle_attitude": _paired("q[0] q[1] q[2] q[3]", QUATERNION, "1"),
     "vehicle_angular_velocity": _paired("xyz[0] xyz[1] xyz[2]", _RATES, "rad/s"),
+    "vehicle_odometry": _paired("q[0] q[1] q[2] q[3]", QUATERNION, "1")
+    | _paired("angular_velocity[0] angular_velocity[1] angular_velocity[2]", _RATES, "rad/s"),
     "vehicle_acceleration": _paired("xyz[0] xyz[1] xyz[2]", SPECIFIC_FORCE, "m/s^2"),
     "sensor_combined": _paired("gyro_rad[0] gyro_rad[1] gyro_rad[2]", _RATES, "rad/s")
     | _paired("accelerometer_m_s2[0] accelerometer_m_s2[1] accelerometer_m_s2[2]", SPECIFIC_FORCE, "m/s^2"),
@@ -117,6 +120,26 @@ def autopilot_message(table: str) -> str:
     return table.split("[")[0].split(" of ")[0].rpartition("/")[2]
 
 
+def message_and_field(table: str, column: str) -> tuple[str, str]:
+    """Return the type of message that a column is of, and its field.
+
+    A text of several messages has both in the names of its columns: `ATT.Roll`, `IMU[0].GyrX`, `vehicle_attitude_0.q[1]`, or
+    `vehicle_attitude/q.01`.
+    """
+    match = _FIELD_OF_MESSAGE.fullmatch(column)
+    if match and match["message"] in _MESSAGES:
+        return match["message"], re.sub(r"\.(\d+)$", lambda index: f"[{int(index[1])}]", match["field"])
+    return autopilot_message(table), column.removeprefix("message.")
+
+
+def message_of_file(stem: str) -> str:
+    """Return the type of message of which a text holds one table, by the name of its file as `ulog2csv` makes it; empty for none."""
+    match = re.fullmatch(
+        r"(?:.*?_)??(?P<message>" + "|".join(sorted(_MESSAGES, key=len, reverse=True)) + r")_\d+", stem
+    )
+    return match["message"] if match else ""
+
+
 _OUTPUTS = (
     ("RCOU", re.compile(r"C(\d+)")),
     ("RCO2", re.compile(r"C(\d+)")),
@@ -124,6 +147,11 @@ _OUTPUTS = (
 )
 _NORMALISED = "actuator_motors"
 """Topic of PX4 whose outputs lie between -1 and 1."""
+_MESSAGES = {*AUTOPILOT, *(kind for kind, _ in _OUTPUTS), _NORMALISED, "actuator_outputs"}
+_FIELD_OF_MESSAGE = re.compile(
+    r"(?:.*[/ ])?(?P<message>[A-Za-z]\w*?)(?:_\d+|\.\d+|\[\d+\])?[./](?P<field>[A-Za-z_]\w*(?:\[\d+\]|\.\d+)?)"
+)
+"""Name of a column that begins with its message, of which there may be several."""
 _PULSES = (900.0, 1500.0, 2100.0)
 _ELEMENT = re.compile(r"(.*)\[(\d+)\]")
 _NUMBERED = re.compile(
@@ -142,14 +170,14 @@ def output_number(table: str, column: str, least: float, greatest: float) -> int
         least: number in it.
         greatest: number in it.
     """
-    message = autopilot_message(table)
+    message, field = message_and_field(table, column)
     for kind, pattern in _OUTPUTS:
         if kind == message:
-            match = pattern.fullmatch(column)
+            match = pattern.fullmatch(field)
             return int(match[1]) if match and _is_pulse(least, greatest) else None
     if (match := _NUMBERED.fullmatch(column)) and _is_pulse(least, greatest):
         return int(match[1]) or None
-    match = _ELEMENT.fullmatch(column)
+    match = _ELEMENT.fullmatch(field)
     if match is None or not (_is_pulse(least, greatest) or (message == _NORMALISED and match[1] == "control")):
         return None
     return int(match[2]) + 1

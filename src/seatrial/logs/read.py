@@ -1,6 +1,6 @@
 """Read the mapped columns of a log into SI: all of them, or an error that says what is at fault, whatever the format."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from decimal import Decimal, DecimalException
 
@@ -15,6 +15,7 @@ from seatrial.logs.axes import from_axes
 from seatrial.logs.formats.protocol import LogFormat, NoColumn, RawTable, TableInfo, unit_in_name
 from seatrial.logs.formats.registry import catalogue, format_of, hash_of_log, pick, read_columns
 from seatrial.logs.formats.text_layout import signs_of
+from seatrial.logs.smooth_control import changes_smoothly
 from seatrial.logs.source import (
     ColumnMap,
     CurvedCells,
@@ -29,6 +30,8 @@ from seatrial.logs.source import (
 )
 from seatrial.logs.time_stamps import check_unit, checked_time, elapsed, unit_doubt
 
+_SLOW = 0.02
+"""Change of a control from sample to sample, over its standard deviation, below which half a sample of delay moves nothing."""
 _LAYOUT = {"delimiter": None, "skip_rows": 0, "header_rows": 1, "names": None, "encoding": "utf-8"}
 
 
@@ -61,7 +64,7 @@ def read_log(source: LogSource) -> LogTable:
                 CurvedCells(column.curve, one, f'{where}, column "{part}"') for part, one in cells.items()
             )
         values = _reached(in_si(source, name, cells.__getitem__), empty, read.time, curved.get(name, ()))
-        mapped[name] = values if column.between == "held" else _mean_to_next(values)
+        mapped[name] = _mean_to_next(values) if column.between == "line" else values
         if gaps := int(empty.sum()):
             empties[name] = [gaps, values.size]
             notes.append(f"{name}: {gaps} of {values.size} cells are empty")
@@ -79,7 +82,7 @@ def read_log(source: LogSource) -> LogTable:
     options |= {"empty": empties} if empties else {}
     epoch = read.epoch + Decimal(f"{source.shift:.9f}")
     cautions = _other_unit(read, source.path.name)
-    return LogTable(
+    table = LogTable(
         read.time,
         epoch,
         mapped,
@@ -91,6 +94,7 @@ def read_log(source: LogSource) -> LogTable:
         cautions,
         curved,
     )
+    return replace(table, cautions=(*cautions, *_smooth(source, table)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,6 +188,21 @@ def _mean_to_next(values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
     there = values[known]
     means[known] = np.append(0.5 * (there[:-1] + there[1:]), there[-1:])
     return means
+
+
+def _smooth(source: LogSource, table: LogTable) -> Iterator[str]:
+    """Say which controls change smoothly, as measured ones do, and are held from sample to sample because nothing else is said."""
+    for name, column in source.channels.items():
+        if column.role != "control" or column.between is not None:
+            continue
+        known = table.columns[name][np.isfinite(table.columns[name])]
+        matters = known.size and np.sqrt(np.mean(np.diff(known) ** 2)) > _SLOW * np.std(known)
+        if matters and changes_smoothly(table.time, table.columns[name]):
+            yield (
+                f'channel "{name}" of {table.place}: it changes smoothly at nearly every sample, as what is measured does, and is '
+                'held from each sample to the next, which makes it half a sample late: add between = "line" to this channel, or between = '
+                '"held" if it is a command'
+            )
 
 
 def _reached(

@@ -22,7 +22,7 @@ from seatrial.logs.align import align
 from seatrial.logs.axes import Axes
 from seatrial.logs.body_frame import to_body
 from seatrial.logs.read import read_log
-from seatrial.logs.source import Clock, ColumnMap, LogSource
+from seatrial.logs.source import Between, Clock, ColumnMap, LogSource
 
 _LAYOUT = ("clock", "delimiter", "skip_rows", "header_rows", "names", "encoding", "table", "axes")
 """What may be said of a log's layout, see `LogSource`."""
@@ -38,6 +38,7 @@ def record_of_log(
     start: float | None = None,
     end: float | None = None,
     label: str | None = None,
+    between: Mapping[str, Between] | None = None,
     **layout: Any,
 ) -> Record:
     """Read a log into a record.
@@ -52,6 +53,7 @@ def record_of_log(
         start: where to begin, s from the first sample.
         end: where to end, s likewise.
         label: short name; by default the file's.
+        between: of controls, "line" for one that was measured while it changed, "held" for a command; see `ColumnMap`.
         layout: `clock` ("as_stamped", "even" or "drop_repeated"), `axes` ("NED" or "ENU"), `table` of a log that has several; of text
             `delimiter`, `skip_rows`, `header_rows`, `names` and `encoding`.
 
@@ -81,8 +83,14 @@ def record_of_log(
             expected="among " + ", ".join(channels),
             remedy="map the control to a column",
         )
+    lines = {} if between is None else check_mapping(between, f"{path}, between", 'write for example {"n": "line"}')
+    check_known(lines, tuple(controls), f"{path}, between")
+    for name, value in lines.items():
+        check_choice(value, get_args(Between), f"{path}, between, {name}")
     roles: dict[str, Role] = {name: "control" if name in controls else "measurement" for name in channels}
-    maps = {name: ColumnMap(column, unit, roles[name]) for name, (column, unit) in asked.items()}
+    maps = {
+        name: ColumnMap(column, unit, roles[name], between=lines.get(name)) for name, (column, unit) in asked.items()
+    }
     source = LogSource(path, *(time or (None, None)), maps, **layout)
     made: dict[str, Role] = dict.fromkeys(
         (*RATES, *ANGLES), "measurement"

@@ -35,7 +35,8 @@ class ColumnMap:
         offset: added after scaling, in `unit`.
         curve: what a cell's number stands for; by default itself.
         parts: factors and columns of a sum, see `parse_sum`; by default the column alone.
-        between: what a control does from one sample to the next: it is held, or changes along a straight line.
+        between: what a control does from one sample to the next: it is held, or changes along a straight line; None for one
+            that is held and may be doubted.
     """
 
     column: str
@@ -45,7 +46,7 @@ class ColumnMap:
     offset: float = 0.0
     curve: CellCurve | None = None
     parts: tuple[tuple[float, str], ...] = ()
-    between: Between = "held"
+    between: Between | None = None
 
     @property
     def columns(self) -> tuple[tuple[float, str], ...]:
@@ -134,6 +135,12 @@ class LogTable:
     notes: tuple[str, ...] = ()
     cautions: tuple[str, ...] = ()
     curved: Mapping[str, tuple[CurvedCells, ...]] = field(default_factory=dict)
+
+    @property
+    def place(self) -> str:
+        """The file, after the topic or message where a log has several; for cautions and errors."""
+        table = None if "delimiter" in self.options else self.options.get("table")
+        return f"{table} of {self.source}" if table else self.source
 
 
 def check_source(source: LogSource) -> None:
@@ -224,7 +231,7 @@ def source_options(source: LogSource) -> dict[str, Any]:
                 "offset": float(column.offset),
             }
             | ({} if column.curve is None else {"curve": column.curve.name})
-            | ({} if column.between == "held" else {"between": column.between})
+            | ({} if column.between is None else {"between": column.between})
             for name, column in source.channels.items()
         },
     }

@@ -99,6 +99,11 @@ channels.tau_X = { sum = "0.1 'left one' - 0.1 right", unit = "N", offset = 2 }
 """
     head = '[[import.files]]\npath = "b.csv"\ntime = { column = "t", unit = "s" }\n'
     after = with_channel(before, "n", Mapped("n", '[[import.files]]\npath = "a.csv"', "rps", "Hz", -2.0, 1.5))
+    lined = with_channel(after, "n", Mapped("n", '[[import.files]]\npath = "a.csv"', "rps", "Hz", -2.0, 1.5, "line"))
+    assert channels_of(lined)["n"]["between"] == "line"
+    held = Mapped("n", '[[import.files]]\npath = "a.csv"', "rps", "Hz", -2.0, 1.5, "held")
+    assert channels_of(with_channel(lined, "n", held))["n"]["between"] == "held"
+    assert "between" not in channels_of(with_channel(after, "n", held))["n"]
     after = with_channel(after, "u", Mapped("u", head, "speed", "m/s", 1.0, 0.0))
     files = tomllib.loads(after)["import"]["files"]
     assert files[0] == {

@@ -18,7 +18,7 @@ def check(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
         if not campaign.has_records:
             return _say_what_is_missing(campaign, answer)
         from seatrial.apps import results
-        from seatrial.campaign.data.check import check_records
+        from seatrial.campaign.data.check import check_records, summary_line
         from seatrial.campaign.data.thruster_check import thruster_lines
         from seatrial.campaign.workflow.steps import Workflow
         from seatrial.report.figure_files import write_check_picture
@@ -32,6 +32,7 @@ def check(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
             answer.say("\n".join(one.lines()))
             answer.say(f"  raw plot: {picture}")
             answer.name_file(f"raw plot of {one.record.label}", picture)
+        answer.say(summary_line(judged))
         answer.give(**results.checked(judged))
         return Exit.ALARMS if any(one.level == "fail" for one in judged) else Exit.OK
 

@@ -137,7 +137,9 @@ def with_further_run(folder: Path, text: str, run: FurtherRun, role: str) -> str
 
 
 class Mapped(NamedTuple):
-    """A channel as the form has it: its table's `[[import.files]]` without channels, its column, and what is done to its cells."""
+    """A channel as the form has it: its table's `[[import.files]]` without channels, its column, what is done to its cells,
+    and what a control does between its samples: "line" or "held"; empty for what the map says of it.
+    """
 
     channel: str
     head: str
@@ -145,6 +147,7 @@ class Mapped(NamedTuple):
     unit: str
     scale: float
     offset: float
+    between: str = ""
 
 
 def with_channel(channel_map: str, name: str, mapped: Mapped | None) -> str:
@@ -373,6 +376,8 @@ def _fill(column: MutableMapping[str, Any], mapped: Mapped) -> None:
             column[key] = value
         else:
             column.pop(key, None)
+    if mapped.between == "line" or (mapped.between and "between" in column):
+        column["between"] = mapped.between
 
 
 def _inline(value: Any) -> str:

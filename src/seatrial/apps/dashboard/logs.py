@@ -132,7 +132,7 @@ class Column(NamedTuple):
 
 
 class Guessed(NamedTuple):
-    """A channel that a column may be: the unit of its cells times `scale`, and why."""
+    """A channel that a column may be: the unit of its cells times `scale`, why, and what it does between samples, empty for the usual."""
 
     channel: str
     table: str
@@ -140,6 +140,7 @@ class Guessed(NamedTuple):
     unit: str
     scale: float
     reason: str
+    between: str = ""
 
 
 class Looked(NamedTuple):
@@ -199,7 +200,7 @@ def _look(path: str, relative: str, only: tuple[str, ...]) -> Looked:
     found = inspect_log(Path(path))
     heads = {one.info.name: found.head_toml(one, relative) for one in found.tables if not one.info.trouble}
     guesses = tuple(
-        Guessed(one.channel, one.table, one.column, one.unit, one.scale, one.reason)
+        Guessed(one.channel, one.table, one.column, one.unit, one.scale, one.reason, one.between or "")
         for one in best(found.guesses, only)
     )
     tables = tuple(_table_words(table) for table in found.tables)

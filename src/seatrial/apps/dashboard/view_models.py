@@ -184,6 +184,8 @@ class FormData(NamedTuple):
     simulated: bool
     control: str
     channels: tuple[str, ...]
+    controls: tuple[str, ...]
+    """Those of them that drive the vehicle."""
     limits: tuple[Limit, ...]
     spare: tuple[str, ...]
     """Signals that may be limited and are not."""

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from seatrial.campaign.config.nuisance_parameters import Nuisance, no_nuisance_prior, nuisances
+from seatrial.campaign.config.sensor_table import ATTITUDE
 from seatrial.campaign.config.settings import (
     AutopilotSettings,
     ComputeSettings,
@@ -24,12 +25,12 @@ from seatrial.campaign.config.settings import (
     SensorSettings,
     StructureSettings,
 )
-from seatrial.campaign.config.toml import key_place
+from seatrial.campaign.config.toml import key_lines, key_place
 from seatrial.campaign.config.vehicle import CampaignVehicle, level_start
 from seatrial.campaign.store.stored_result import FILE_NAME
 from seatrial.core.display_units import Shown, shown_as_written, shown_unit
 from seatrial.core.errors import InputError, located
-from seatrial.core.signals import ACTUAL, HELD, PROPULSION
+from seatrial.core.signals import ACTUAL, HELD, PROPULSION, QUATERNION
 from seatrial.design.motion_limits import MotionLimit
 from seatrial.design.prior_belief import ACTUATOR_SD
 from seatrial.design.stated_prediction import Prediction, prediction
@@ -112,6 +113,17 @@ class Campaign:
     def where(self, key: str) -> str:
         """Name a key, and its line where there is a file, for errors."""
         return key_place(self.path, self.text, key) if self.text else f'campaign "{self.name}", key {key}'
+
+    def where_of_prior(self, key: str) -> str:
+        """Name what states a prior such as `prior.sigma_u`, for errors: its section, or the noise of which a usual one is made."""
+        name = key.removeprefix("prior.").partition("[")[0]
+        if not self.text or f"prior.{name}" in key_lines(self.text):
+            return self.where(f"prior.{name}")
+        kind, _, channel = name.partition("_")
+        noise = f"sensors.{ATTITUDE if channel in QUATERNION else channel}.noise"
+        return (
+            self.where(noise) if kind == "sigma" and noise in key_lines(self.text) else f"{self.path}, key prior.{name}"
+        )
 
     @cached_property
     def rules(self) -> CompiledRules:

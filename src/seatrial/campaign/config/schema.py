@@ -347,7 +347,8 @@ class ColumnTable(Table):
     in the unit "command", see `[vehicle.thrust_laws]`.
 
     A control is held from each sample to the next, as a command is. `between = "line"` is for a control that was measured while it changed,
-    such as the speed of a propeller: over each step it is the mean of the straight line between its samples.
+    such as the speed of a propeller: over each step it is the mean of the straight line between its samples. Where neither is said it is
+    held, and a caution tells of a control that changes smoothly, as a measured one does; `between = "held"` says that it is a command.
     """
 
     column: str | None = None
@@ -356,7 +357,7 @@ class ColumnTable(Table):
     scale: float = 1.0
     offset: float = 0.0
     curve: str | None = None
-    between: Literal["held", "line"] = "held"
+    between: Literal["held", "line"] | None = None
 
 
 class FileTable(Table):

@@ -229,7 +229,7 @@ class LogColumn:
     """Column that holds a channel, in a unit; multiplied by `scale`, then `offset` is added; `curve` names a table to read it off.
 
     Of a sum of columns, `column` is the sum as it was written, and `parts` are its factors and columns. `law` is that of a thruster, whose
-    commands the column holds. `between` says what a control does between its samples.
+    commands the column holds. `between` says what a control does between its samples; None where that is not said.
     """
 
     column: str
@@ -239,7 +239,7 @@ class LogColumn:
     curve: str | None = None
     parts: tuple[tuple[float, str], ...] = ()
     law: ThrustLaw | None = None
-    between: Between = "held"
+    between: Between | None = None
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,8 @@
 """Judges a campaign's records before anything is fitted to them: direction, size, delay, outliers, holes and excitation."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import jax
 import numpy as np
@@ -10,6 +12,7 @@ from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.sensor_table import ATTITUDE
 from seatrial.campaign.config.vehicle import first_measured, level_start
 from seatrial.campaign.data.import_logs import Trials
+from seatrial.campaign.data.mount_check import SENSORS, along_body, check_mounts
 from seatrial.campaign.data.record_cautions import empty_cells, record_cautions
 from seatrial.campaign.data.thruster_check import check_thrusters
 from seatrial.campaign.inference.posterior import initial_state, random_key
@@ -23,6 +26,7 @@ from seatrial.design.trial_plan import TrialPlan
 from seatrial.estimation.first_guess import first_guess
 from seatrial.estimation.priors import Prior
 from seatrial.estimation.record_checks import (
+    SUMMED,
     UNLIKE,
     RecordFinding,
     check_angle,
@@ -32,16 +36,20 @@ from seatrial.estimation.record_checks import (
     check_range,
     check_samples,
     check_signs,
+    check_sum,
     check_trim,
     check_turn,
     not_judged,
+    not_judged_sum,
     says_direction,
     speed_over_trim,
 )
 from seatrial.vehicles.model import VehicleModel
 
-SENSORS = (RATES[:3], RATES[3:])
-"""Channels that one sensor has: a Doppler log, a gyro."""
+MOST_CAUSES = 3
+"""Findings that are repeated where no model explains a record."""
+_NO_CAUSE = ("excitation", "told apart", "limits")
+"""Beginnings of checks that say what a record cannot tell, not what is wrong with it."""
 COARSE = 0.5
 """Root mean square change of a rate in steps half as long, over its noise, from which steps are too long."""
 MOVES = 2.0
@@ -89,11 +97,41 @@ def check_records(campaign: Campaign, trials: Trials) -> list[RecordJudgement]:
 
 
 def record_doubts(campaign: Campaign, record: Record) -> list[str]:
-    """Say what is to be known of a record before anything that is fitted to it is believed, as far as nothing has to be simulated."""
+    """Say what is to be known of a record before anything that is fitted to it is believed, without a simulation."""
     found = [one for one in _stated(campaign, record) if one.level != "pass"]
+    if record.provenance.source != SIMULATED:
+        found += check_mounts(campaign, along_body(campaign, record))
     return record_cautions(record) + [
         f"run {record.label}, {one.signal}, {one.check}: {one.value} ({one.threshold}); {one.remedy}" for one in found
     ]
+
+
+def likely_causes(campaign: Campaign, records: Sequence[Record]) -> list[str]:
+    """Return what is gravest of what is found about some records, at most three, in words: why no model may explain them."""
+    judged = [_judge(campaign, record) for record in records]
+    words: dict[str, list[str]] = {"fail": [], "caution": []}
+    for one in judged:
+        for each in one.findings:
+            if each.level in words and not each.check.startswith(_NO_CAUSE):
+                text = f"run {one.record.label}, {each.signal}, {each.check}: {each.value}; {each.remedy}"
+                words[each.level].append(text)
+    said = [text for one in judged for text in one.cautions]
+    return [*words["fail"], *said, *words["caution"]][:MOST_CAUSES]
+
+
+def summary_line(judged: Sequence[RecordJudgement]) -> str:
+    """Count failures and cautions of all records, and say whether to go on."""
+    fails = sum(finding.level == "fail" for one in judged for finding in one.findings)
+    cautions = sum(finding.level == "caution" for one in judged for finding in one.findings)
+    cautions += sum(len(one.cautions) for one in judged)
+    counted = ", ".join(
+        f"{count} {word}{'s' * (count != 1)}" for count, word in ((fails, "failure"), (cautions, "caution"))
+    )
+    if fails:
+        return f"in all {counted}: correct what fails before anything is estimated"
+    return f"in all {counted}: " + (
+        "look at each caution, then go on with `estimate`" if cautions else "go on with `estimate`"
+    )
 
 
 def _stated(campaign: Campaign, record: Record) -> list[RecordFinding]:
@@ -116,7 +154,7 @@ def step_cautions(campaign: Campaign, trials: Trials) -> list[str]:
     for record in (one for one in trials.fit if one.provenance.source != SIMULATED):
         model = campaign.model(campaign.full)
         alone, control = _trial(campaign, record, model, initial_state(campaign, model, record))
-        mean = np.array([[float(prior.mean) for prior in campaign.coefficient_priors(alone.model)]])
+        mean = {name: values[:1] for name, values in _believed(campaign, alone.model).items()}
         expected = np.asarray(_shown(alone, mean, control))[0, : record.time.size]
         for one in _steps(campaign, record, alone, mean, control, expected):
             said.setdefault(one.signal, f"run {record.label}, channel {one.signal}: {one.value}; {one.remedy}")
@@ -137,7 +175,7 @@ def motion_findings(campaign: Campaign, record: Record, size: int) -> list[Recor
     model = campaign.model(campaign.full)
     start = level_start(model, {**campaign.hull.trim, **first_measured(record)})
     alone, control = _trial(campaign, record, model, start, size)
-    motion = _motion(campaign, record, alone, control)
+    motion = _motion(campaign, along_body(campaign, record), alone, control)
     if not np.isfinite(motion.expected).all():
         return []
     moves = {
@@ -145,7 +183,7 @@ def motion_findings(campaign: Campaign, record: Record, size: int) -> list[Recor
         and min(float(np.nanstd(column)), float(motion.expected[:, index].std())) > MOVES * campaign.noise[name]
         for index, (name, column) in enumerate(motion.measured.items())
     }
-    findings = _directions(campaign, record, motion, [name for name, is_so in moves.items() if is_so])[0]
+    findings = _directions(campaign, record, motion, [name for name, is_so in moves.items() if is_so]).findings
     trim, near = campaign.hull.trim, {}
     for index, name in enumerate(motion.measured):
         if name in RATES[:3] and trim.get(name):
@@ -167,25 +205,23 @@ class _Motion:
     """A record beside what vehicles of the priors do by its commands; n samples, m channels, d vehicles.
 
     Attributes:
-        tried: coefficients, at the prior means and then drawn, SI, shape (1 + d, k).
+        tried: each coefficient and unknown, at the prior means and then drawn, SI, shape (1 + d,).
         expected: of the first, SI, shape (n, m).
         drawn: of the others, SI, shape (d, n, m).
         measured: by channel, SI, NaN where not measured.
     """
 
-    tried: np.ndarray
+    tried: Mapping[str, np.ndarray]
     expected: np.ndarray
     drawn: np.ndarray
     measured: dict[str, np.ndarray]
 
 
-def _motion(campaign: Campaign, record: Record, alone: TrialPlan, control: np.ndarray) -> _Motion:
-    priors = campaign.coefficient_priors(alone.model)
-    mean = np.array([float(prior.mean) for prior in priors])
-    tried = np.vstack([mean, draw_values(priors, random_key(campaign.seed, "vehicles of the priors"), DRAWS)])
-    shown = np.asarray(_shown(alone, tried, control))[:, : record.time.size]
-    measured = {name: record.channel(name) for name in campaign.channels}
-    return _Motion(tried, shown[0], shown[1:], measured)
+def _motion(campaign: Campaign, body: Record, alone: TrialPlan, control: np.ndarray) -> _Motion:
+    """Return a record whose sensors look along the body beside what vehicles of the priors do."""
+    tried = _believed(campaign, alone.model)
+    shown = np.asarray(_shown(alone, tried, control))[:, : body.time.size]
+    return _Motion(tried, shown[0], shown[1:], {name: body.channel(name) for name in campaign.channels})
 
 
 def _trial(
@@ -198,10 +234,20 @@ def _trial(
     return TrialPlan(model, campaign.channels, np.array(start), step, np.ones((size, len(campaign.channels)))), control
 
 
+def _believed(campaign: Campaign, model: VehicleModel) -> dict[str, np.ndarray]:
+    """Return the vehicle at the prior means, and some drawn from the priors: each coefficient and unknown, SI, shape (1 + d,)."""
+    names = (*(term.text for term in model.coefficients), *(one.name for one in model.unknowns))
+    priors = tuple(campaign.prior(name) for name in names)
+    mean = np.array([float(prior.mean) for prior in priors])
+    tried = np.vstack([mean, draw_values(priors, random_key(campaign.seed, "vehicles of the priors"), DRAWS)])
+    return dict(zip(names, tried.T, strict=True))
+
+
 def _judge(campaign: Campaign, record: Record) -> RecordJudgement:
     model = campaign.model(campaign.full)
     alone, control = _trial(campaign, record, model, initial_state(campaign, model, record))
-    motion = _motion(campaign, record, alone, control)
+    body = along_body(campaign, record)
+    motion = _motion(campaign, body, alone, control)
     measured = motion.measured
     weight = np.column_stack([np.isfinite(column) / campaign.noise[name] for name, column in measured.items()])
     plan = replace(alone, weight=filled(weight, control.shape[0], 0.0))
@@ -210,7 +256,7 @@ def _judge(campaign: Campaign, record: Record) -> RecordJudgement:
         for name, column in measured.items()
         for finding in check_samples(name, column, campaign.noise[name], ATTITUDE if name in QUATERNION else name)
     ]
-    findings += [*empty_cells(record), *check_thrusters(campaign, record)]
+    findings += [*empty_cells(record), *check_thrusters(campaign, body)]
     driven = {name: record.channel(name) for name in alone.model.controls}
     findings += check_signs(plan.names, {**driven, **measured}, campaign.noise)
     findings += _stated(campaign, record)
@@ -227,43 +273,66 @@ def _judge(campaign: Campaign, record: Record) -> RecordJudgement:
         if name in HELD:
             findings += check_range(name, column, motion.expected[:, index], campaign.noise[name])
     turns = [name for name in measured if name in QUATERNION]
-    said, unsaid = _directions(campaign, record, motion, list(measured))
-    findings += said
+    mounting = check_mounts(campaign, body) if is_real else []
+    turned = [one.signal.split(", ")[0] for one in mounting]
+    judged = _directions(campaign, record, motion, list(measured), turned)
+    findings += [*judged.findings, *mounting]
     if turns:
         value = "not judged, nor size and delay; errors of all rates add up in it"
         findings.append(RecordFinding(ATTITUDE, "direction", "note", value, "the rates are judged"))
-    if unsaid:
-        findings.append(not_judged(unsaid))
-    if unsaid or turns:
-        findings += _excitation_as_moved(record, plan, campaign.coefficient_priors(alone.model), control)
+    if judged.summed:
+        findings.append(not_judged_sum(judged.summed))
+    if judged.unsaid:
+        findings.append(not_judged(judged.unsaid))
+    priors = campaign.coefficient_priors(alone.model)
+    if judged.unsaid or turns:
+        findings += _excitation_as_moved(record, plan, priors, control)
     else:
-        findings += _excitation(plan, campaign.coefficient_priors(alone.model), motion.tried[0], control)
+        mean = np.array([float(prior.mean) for prior in priors])
+        findings += _excitation(plan, priors, mean, control)
     return RecordJudgement(record, tuple(findings), tuple(record_cautions(record)))
 
 
+class _Directions(NamedTuple):
+    """Findings about channels; and the channels of which the priors allow no verdict: rates and speeds, and what errors add up in."""
+
+    findings: list[RecordFinding]
+    unsaid: list[str]
+    summed: list[str]
+
+
 def _directions(
-    campaign: Campaign, record: Record, motion: _Motion, names: list[str]
-) -> tuple[list[RecordFinding], list[str]]:
-    """Judge direction, size, delay and axes of some channels; and name those of which the priors do not say which way they go."""
-    findings, unsaid, usual = [], [], float(np.median(np.diff(record.time)))
+    campaign: Campaign, record: Record, motion: _Motion, names: Sequence[str], turned: Sequence[str] = ()
+) -> _Directions:
+    """Judge direction, size, delay and axes of some channels; the axes not of sensors that are turned, one channel of each named."""
+    found, usual = _Directions([], [], []), float(np.median(np.diff(record.time)))
     driving = tuple(campaign.model(campaign.full).controls)
     places = {name: index for index, name in enumerate(motion.measured) if name in names and name not in QUATERNION}
     for name, index in places.items():
-        expected, ways = motion.expected[:, index], motion.drawn[:, :, index]
-        if says_direction(expected, ways, campaign.noise[name]):
-            findings += check_motion(name, usual, motion.measured[name], expected, ways, campaign.has_delay, driving)
+        measured, expected, ways = motion.measured[name], motion.expected[:, index], motion.drawn[:, :, index]
+        if name in SUMMED:
+            judged = check_sum(name, usual, measured, expected, ways, campaign.noise[name], campaign.has_delay)
+            found.findings.extend(judged or [])
+            found.summed.extend([name] if judged is None else [])
+        elif says_direction(expected, ways, campaign.noise[name]):
+            found.findings.extend(check_motion(name, usual, measured, expected, ways, campaign.has_delay, driving))
         else:
-            unsaid.append(name)
-    for group in SENSORS:
-        said = [name for name in group if name in places and name not in unsaid]
+            found.unsaid.append(name)
+    for group in (one for one in SENSORS if not any(name in one for name in turned)):
+        said = [name for name in group if name in places and name not in found.unsaid]
         if len(said) > 1:
             shown = np.column_stack([motion.measured[name] for name in said])
-            findings += check_turn(said, shown, motion.expected[:, [places[name] for name in said]])
-    return findings, unsaid
+            found.findings.extend(check_turn(said, shown, motion.expected[:, [places[name] for name in said]]))
+    return found
 
 
 def _steps(
-    campaign: Campaign, record: Record, alone: TrialPlan, tried: np.ndarray, control: np.ndarray, expected: np.ndarray
+    campaign: Campaign,
+    record: Record,
+    alone: TrialPlan,
+    tried: Mapping[str, np.ndarray],
+    control: np.ndarray,
+    expected: np.ndarray,
 ) -> list[RecordFinding]:
     """Say where the vehicle at the prior means moves otherwise in steps half as long; of the first half, which has as many of them."""
     half, size = record.time.size // 2, control.shape[0]
@@ -313,6 +382,6 @@ def _excitation_as_moved(
 
 
 @program
-def _shown(plan: TrialPlan, values: Array, control: Array) -> Array:
+def _shown(plan: TrialPlan, values: Mapping[str, Array], control: Array) -> Array:
     """What the sensors would show of several vehicles, shape (d, n, m)."""
-    return jax.vmap(lambda one: plan.outputs(one, control))(values)
+    return jax.vmap(lambda one: plan.shown(one, control))(values)

@@ -19,6 +19,7 @@ from seatrial.estimation.priors import Normal, Prior
 from seatrial.estimation.record_checks import RecordFinding
 from seatrial.estimation.symmetry import mirror_of
 from seatrial.vehicles.hull import AXES
+from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.thrusters import allocation
 
 SMALL = 1e-9
@@ -88,22 +89,28 @@ def check_thrusters(campaign: Campaign, record: Record) -> list[RecordFinding]:
     return [*findings, *_gains(campaign, vehicle, record)]
 
 
-def _gains(campaign: Campaign, vehicle: WholeVehicle, record: Record) -> list[RecordFinding]:
+def model_with_gains(
+    campaign: Campaign, vehicle: WholeVehicle, record: Record
+) -> tuple[VehicleModel, dict[str, Prior]]:
+    """Return the model of all terms in which each thruster has a gain, and the priors with which it is fitted to a record.
+
+    A gain is near 1; of a thruster that never moves in the record none is sought.
+    """
     controls = [name for name in thruster_controls(len(vehicle.body.thrusters), True) if name in record.controls]
-    names = [f"gain_{control}" for control in controls]
-    model = replace(
-        vehicle, unknowns=(*vehicle.unknowns, *(name for name in names if name not in vehicle.unknowns))
-    ).model(campaign.full)
+    names = [f"gain_{name}" for name in controls]
+    unknowns = (*vehicle.unknowns, *(name for name in names if name not in vehicle.unknowns))
+    model = replace(vehicle, unknowns=unknowns).model(campaign.full)
     priors: dict[str, Prior] = {term.text: campaign.prior(term.text) for term in model.coefficients}
     priors |= {one.name: campaign.prior(one.name) for one in model.unknowns if one.name not in names}
     moved = [name for name, control in zip(names, controls, strict=True) if np.ptp(record.channel(control)) > 0]
-    found = fit_motion(
-        model,
-        [record],
-        [initial_state(campaign, model, record)],
-        priors | {name: Normal(1.0, 1.0) for name in moved},
-    )
-    return [_judged(name.removeprefix("gain_"), *found[name]) for name in moved if name in found]
+    return model, priors | {name: Normal(1.0, 1.0) for name in moved}
+
+
+def _gains(campaign: Campaign, vehicle: WholeVehicle, record: Record) -> list[RecordFinding]:
+    model, priors = model_with_gains(campaign, vehicle, record)
+    found = fit_motion(model, [record], [initial_state(campaign, model, record)], priors)
+    gains = {name.removeprefix("gain_"): one for name, one in found.items() if name.startswith("gain_f_")}
+    return [_judged(name, *one) for name, one in gains.items() if name in record.controls]
 
 
 def _judged(control: str, gain: float, sd: float) -> RecordFinding:

@@ -18,6 +18,7 @@ from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.long_steps import long_steps
 from seatrial.campaign.inference.omitted_effects import causes_of, left_out, remedies_of
 from seatrial.campaign.inference.posterior import is_whole, random_key, widest
+from seatrial.campaign.inference.prior_and_record import check_prior_of
 from seatrial.campaign.store.estimates import Estimate, HasKey, LeftOut, read_estimate
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of, load_checkpoint, save_checkpoint
 from seatrial.core.argument_checks import check_kind
@@ -28,7 +29,7 @@ from seatrial.core.reporter import SILENT, Progress, Reporter
 from seatrial.estimation.mode import Mode, find_mode
 from seatrial.estimation.noncentred import in_posterior, uncouple
 from seatrial.estimation.posterior import Posterior
-from seatrial.estimation.prior_checks import check_prior_contains_data, information_complaints
+from seatrial.estimation.prior_checks import information_complaints
 from seatrial.estimation.priors import prior_curve
 from seatrial.estimation.robust_errors import RobustErrors, robust_errors
 from seatrial.estimation.sample_posterior import spread_starts
@@ -176,7 +177,7 @@ def _prepare(study: Study, structure: Structure) -> tuple[Posterior, Mode, Robus
     mode = find_mode(posterior, random_key(campaign.seed, f"mode {structure.terms}"))
     own = mode.only(posterior.places)
     if is_whole(campaign, structure):
-        check_prior_contains_data(posterior, own, campaign.where)
+        check_prior_of(study, posterior, own)
     return posterior, mode, robust_errors(posterior, mode), *uncouple(posterior, mode)
 
 

@@ -21,6 +21,7 @@ from seatrial.campaign.inference.judge_predictions import N_DRAWS, HeldBack, hel
 from seatrial.campaign.inference.long_steps import long_steps
 from seatrial.campaign.inference.omitted_effects import causes_of, left_out, remedies_of
 from seatrial.campaign.inference.posterior import is_whole, random_key
+from seatrial.campaign.inference.prior_and_record import check_prior_of
 from seatrial.campaign.store.estimates import HasKey, with_model_error
 from seatrial.campaign.store.stored_result import Store, key_of, write_stamped_json
 from seatrial.core.errors import NumericalError
@@ -35,7 +36,6 @@ from seatrial.estimation.equation_error import (
 )
 from seatrial.estimation.mode import Mode, find_mode
 from seatrial.estimation.posterior import Posterior, values_of
-from seatrial.estimation.prior_checks import check_prior_contains_data
 from seatrial.estimation.robust_errors import robust_errors
 from seatrial.estimation.sensor_errors import (
     correlation_name,
@@ -214,7 +214,7 @@ def _mode(
     drawn, more = (draw_about_mode(campaign.seed, structure, posterior, whole, n) for n in (N_DRAWS, DESIGNED_FROM))
     mode = whole.only(posterior.places)
     if is_whole(campaign, structure):
-        check_prior_contains_data(posterior, mode, campaign.where)
+        check_prior_of(study, posterior, mode)
     rows = tuple(
         (parameter.name, parameter.unit, ((float(value), float(sd)),))
         for parameter, value, sd in zip(posterior.present_parameters, mode.values, mode.sd, strict=True)

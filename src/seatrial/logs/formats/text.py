@@ -36,6 +36,7 @@ from seatrial.logs.formats.protocol import (
     unreadable,
 )
 from seatrial.logs.formats.text_layout import WHITESPACE, is_date, nanoseconds, signs_of, split_stamps
+from seatrial.logs.known_messages import message_of_file
 
 TABLE = "rows"
 _ENOUGH = 10_000
@@ -117,7 +118,8 @@ def _catalogue(log: LogFile) -> tuple[TableInfo, ...]:
     words = tuple(
         names[at] for at in single if names[at] not in numeric and names[at] not in dates and _has_words(cells[at])
     )
-    return (TableInfo(TABLE, columns, (*whole, *clocks), notes=notes, words=words),)
+    kind = message_of_file(log.path.stem)
+    return (TableInfo(TABLE, columns, (*whole, *clocks), kind=kind, notes=notes, words=words),)
 
 
 def _are_dates(cells: np.ndarray) -> bool:

@@ -31,9 +31,12 @@ from seatrial.apps.dashboard.view_models import FormData, beside
 from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import SeatrialError
 from seatrial.logs.formats.protocol import TIME_UNITS
+from seatrial.logs.guess import unit_by_name
 
 NONE, KEPT = "", "as in campaign.toml"
 """Choices of a row: no column, and what stands in the campaign file."""
+BETWEEN = {"held": "held", "line": "along a line"}
+"""What a control does between its samples: a command is held, what was measured changes along a line."""
 LOOK = "outlined options-dense hide-bottom-space"
 _SEND = """async (e) => {
   const file = e.target.files[0];
@@ -124,7 +127,7 @@ class ImportForm:
                 self.map = with_channel(
                     self.map,
                     one.channel,
-                    Mapped(one.channel, log.heads[one.table], one.column, one.unit, one.scale, 0.0),
+                    Mapped(one.channel, log.heads[one.table], one.column, one.unit, one.scale, 0.0, one.between),
                 )
         markup(Markup("<p><strong>{}</strong>: {}</p>").format(name, log.kind))
         lines = Markup("").join(Markup("<li>{}</li>").format(line) for line in (*log.tables, *log.remarks))
@@ -192,7 +195,9 @@ class ImportForm:
         self._show_clocks()
         markup("<h3>Which column is which channel</h3>")
         channels = dict.fromkeys((*found.channels, *mapped))
-        self.rows = {channel: Row(self, channel, choices, mapped.get(channel)) for channel in channels}
+        self.rows = {
+            channel: Row(self, channel, choices, mapped.get(channel), channel in found.controls) for channel in channels
+        }
         heads = {(log, name): head for log, looked in self.logs.items() for name, head in looked.heads.items()}
         self.axis = OneAxis(self.context, self.folder, lambda: self.map, self._change, self._draft, lambda: self.seen)
         guesses = {
@@ -401,16 +406,24 @@ class ClockRow(MapRow):
 
 
 class Row(MapRow):
-    """One channel: its column with a small picture, unit, sign and offset.
+    """One channel: its column with a small picture, unit, sign and offset, and of a control what it does between its samples.
 
     Args:
         form: that the row belongs to.
         channel: its name.
         choices: columns by key, with the log of each.
         there: what the map says of the channel; None if nothing.
+        is_control: whether it drives the vehicle.
     """
 
-    def __init__(self, form: ImportForm, channel: str, choices: dict[str, Any], there: dict[str, Any] | None):
+    def __init__(
+        self,
+        form: ImportForm,
+        channel: str,
+        choices: dict[str, Any],
+        there: dict[str, Any] | None,
+        is_control: bool,
+    ):
         self.form, self.channel, self.choices = form, channel, choices
         options = {NONE: "not in a log", **{key: f"{one.name} · {one.table}" for key, (_, one) in choices.items()}}
         if len(form.logs) > 1:
@@ -433,6 +446,11 @@ class Row(MapRow):
             self.sign.props(LOOK).on_value_change(self._changed)
             offset = 0.0 if there is None else float(there.get("offset", 0.0))
             self.offset = ui.number("offset, in the unit", value=offset, on_change=self._changed).props(LOOK)
+            between = "held" if there is None else str(there.get("between") or "held")
+            self.between = None
+            if is_control:
+                self.between = ui.select(BETWEEN, value=between, label=f"{channel}: between samples")
+                self.between.props(LOOK).on_value_change(self._changed)
             self.said = ui.element("div").classes("beside")
         self.parts = {"column": self.column, "unit": self.unit, "scale": self.factor, "offset": self.offset}
         self._draw()
@@ -456,8 +474,11 @@ class Row(MapRow):
     def _chosen(self) -> None:
         self._draw()
         one = self.choices.get(str(self.column.value))
+        by_name = None if one is None else unit_by_name(one[1].name, self.channel)
         if one is not None and one[1].unit:
             self.unit.value = one[1].unit
+        elif by_name is not None:
+            self.unit.value, self.factor.value = by_name
         self._changed()
 
     def _changed(self) -> None:
@@ -472,13 +493,14 @@ class Row(MapRow):
             return
         self.complain("")
         scale = float(factor) * float(self.sign.value)
+        between = "" if self.between is None else str(self.between.value)
         if key == KEPT:
             head, column = self._kept_head(), ""
         else:
             log, name, column = key.split("|", 2)
             head = self.form.logs[log].heads[name]
         self.form.set_channel(
-            self.channel, Mapped(self.channel, head, column, str(self.unit.value), scale, float(offset))
+            self.channel, Mapped(self.channel, head, column, str(self.unit.value), scale, float(offset), between)
         )
 
     def _kept_head(self) -> str:

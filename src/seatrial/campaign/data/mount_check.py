@@ -1,0 +1,92 @@
+"""Judges how the sensors of velocities and rates are mounted: along the body, as a mount states, or turned by an angle that shows."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.config.vehicle import WholeVehicle
+from seatrial.campaign.data.thruster_check import model_with_gains
+from seatrial.campaign.inference.posterior import initial_state
+from seatrial.core.record import Record
+from seatrial.core.signals import RATES
+from seatrial.estimation.first_guess import Turn, turn_of_sensor
+from seatrial.estimation.mounts import TURN, Mount
+from seatrial.estimation.record_checks import RecordFinding
+from seatrial.numerics.rotations import matrix_of_angles
+
+SENSORS = (RATES[:3], RATES[3:])
+"""Channels that one sensor has: a Doppler log, a gyro."""
+_NAMES = ("dvl", "imu")
+LEAST, TOLD, SURE = np.radians(5.0), 3.0, 5.0
+"""Angle from which a turned sensor is told, and standard deviations from which it is a caution and a fault."""
+MISSED = 2.0
+"""What a fit may leave of the change of a velocity, as a share of it, for its turn to be believed: more is a unit or a sign."""
+_ABOUT = ("forward", "starboard", "vertical")
+
+
+def along_body(campaign: Campaign, record: Record) -> Record:
+    """Return a record with velocities and rates along the body, by the turns of their mounts, of which sought ones are at prior means."""
+    columns = {name: record.channel(name) for name in record.measured}
+    for group, mount in ((group, _mount(campaign, group)) for group in SENSORS):
+        said = [name for name in group if name in columns]
+        if mount is None or not said:
+            continue
+        angles = [
+            float(campaign.prior(name).mean) if name in mount.unknown else stated
+            for name, stated in zip((f"{part}_{mount.name}" for part in TURN), mount.turn, strict=True)
+        ]
+        shown = np.stack([columns.get(name, np.zeros(record.time.size)) for name in group], axis=1)
+        turned = shown @ np.array(matrix_of_angles(*angles), float).T / mount.scale
+        columns |= {name: turned[:, group.index(name)] for name in said}
+    return replace(record, measurement=np.column_stack([columns[name] for name in record.measured]))
+
+
+def _mount(campaign: Campaign, group: tuple[str, ...]) -> Mount | None:
+    """Return the mount of a sensor of several channels."""
+    return next((one.mount for one in campaign.sensor_models if one.channel in group and one.mount is not None), None)
+
+
+def check_mounts(campaign: Campaign, record: Record) -> list[RecordFinding]:
+    """Say which sensor shows the motion turned about an axis; nothing where the file seeks its turn, or where no motion can be fitted.
+
+    Args:
+        campaign: that the record is of.
+        record: with velocities along the body, see `along_body`.
+    """
+    vehicle = campaign.vehicle
+    if not isinstance(vehicle, WholeVehicle):
+        return []
+    model, priors = model_with_gains(campaign, vehicle, record)
+    findings = []
+    for group, usual in zip(SENSORS, _NAMES, strict=True):
+        mount = _mount(campaign, group)
+        said = [name for name in group if name in campaign.channels and name in model.states]
+        if len(said) < 2 or (mount is not None and {*mount.unknown} & {f"{part}_{mount.name}" for part in TURN}):
+            continue
+        turn = turn_of_sensor(model, record, initial_state(campaign, model, record), priors, said)
+        if turn is None or turn.missed > MISSED:
+            continue
+        if abs(turn.angle) >= LEAST and turn.gain >= 0.5 * TOLD**2:
+            findings.append(_finding(said, usual if mount is None else mount.name, turn, mount))
+    return findings
+
+
+def _finding(said: list[str], name: str, turn: Turn, mount: Mount | None) -> RecordFinding:
+    part, degrees, sd = TURN[turn.axis], np.degrees(turn.angle), np.degrees(turn.sd)
+    told = np.sqrt(2.0 * turn.gain)
+    more = "" if mount is None else ", beside what its mount states"
+    value = f"turned by {degrees:.0f} ± {sd:.0f} deg about the {_ABOUT[turn.axis]} axis{more}, told by {told:.1f} sd"
+    limit = f"told from {np.degrees(LEAST):.0f} deg and {TOLD:g} sd on"
+    channels = ", ".join(f'"{one}"' for one in said)
+    state = (
+        f'state its mount, [mounts.{name}] with channels = [{channels}] and {part} = "{degrees:.0f} deg"'
+        if mount is None
+        else f"correct {part} under [mounts.{name}]"
+    )
+    remedy = (
+        f'{state}; [prior.{part}_{name}] estimates it: distribution = "normal", mean = {degrees:.1f}, sd = {max(2.0 * sd, 1.0):.1f}, '
+        'unit = "deg"'
+    )
+    level = "fail" if told >= SURE else "caution"
+    return RecordFinding(", ".join(said), "mounting", level, value, limit, remedy)

@@ -1,0 +1,27 @@
+"""A prior that excludes what the data say: refused, with what the check of the records finds wrong with them as the likely cause."""
+
+from seatrial.campaign.compute.shared_work import Study
+from seatrial.campaign.data.check import likely_causes
+from seatrial.core.errors import InputError, SeatrialError
+from seatrial.estimation.mode import Mode
+from seatrial.estimation.posterior import Posterior
+from seatrial.estimation.prior_checks import check_prior_contains_data
+
+
+def check_prior_of(study: Study, posterior: Posterior, mode: Mode) -> None:
+    """Check that the priors of a campaign contain what its records say; arguments as `check_prior_contains_data`.
+
+    Raises:
+        InputError: naming the parameter, and first of its remedies what `seatrial check` finds.
+    """
+    try:
+        check_prior_contains_data(posterior, mode, study.campaign.where_of_prior)
+    except InputError as error:
+        try:
+            causes = likely_causes(study.campaign, study.records)
+        except SeatrialError:  # of a record that cannot be judged nothing is added
+            causes = []
+        if not causes:
+            raise
+        remedy = f"`seatrial check` finds a likely cause: {'; '.join(causes)}. If that is not it: {error.remedy}"
+        raise InputError(error.where, found=error.found, expected=error.expected, remedy=remedy) from None
