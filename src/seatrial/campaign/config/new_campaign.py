@@ -389,21 +389,23 @@ def read_moves(text: str, place: str) -> tuple[str, ...]:
 
 
 def read_inertia(text: str, place: str) -> tuple[str, ...]:
-    """Read three moments of inertia: `0.2, 3.4, 3.4 kg m^2`.
+    """Read three moments of inertia, parted by commas: `0.2, 3.4, 3.4 kg m^2`; a unit at the end alone is that of all.
 
     Raises:
         InputError: not three, or units that are not theirs.
     """
-    found = three_quantities(text)
-    for one in found:
-        quantity(one, "kg m^2", place)
-    if len(found) != len(RATES[3:]):
+    parts = listed_names(text)
+    if len(parts) != len(RATES[3:]):
         raise InputError(
             place,
             found=f'"{text}"',
             expected="three moments of inertia, about the axes forward, to starboard and down",
             remedy='for example "0.2, 3.4, 3.4 kg m^2"',
         )
+    unit = parts[-1].partition(" ")[2]
+    found = tuple(part if " " in part else f"{part} {unit}".strip() for part in parts)
+    for one in found:
+        quantity(one, "kg m^2", place)
     return found
 
 
@@ -430,24 +432,6 @@ def read_goal(text: str, place: str, among: Sequence[str] = ()) -> tuple[str, st
     if not quantity(rest, "1" if rest.endswith("%") else unit, place) > 0:
         raise InputError(place, found=f'"{text}"', expected="more than 0", remedy='for example "X_uabsu 3 %"')
     return name, rest
-
-
-def three_quantities(text: str) -> tuple[str, ...]:
-    """Return three quantities parted by commas, none of an empty text; a unit at the end alone is that of all.
-
-    Raises:
-        InputError: not three.
-    """
-    parts = listed_names(text)
-    if len(parts) not in (0, 3):
-        raise InputError(
-            "--inertia",
-            found=f'"{text}"',
-            expected="three quantities, about the axes x, y and z",
-            remedy='for example "0.2, 3.4, 3.4 kg m^2"',
-        )
-    unit = parts[-1].partition(" ")[2] if parts else ""
-    return tuple(part if " " in part else f"{part} {unit}".strip() for part in parts)
 
 
 def listed_names(text: str) -> list[str]:

@@ -273,10 +273,10 @@ def _judge(campaign: Campaign, record: Record) -> RecordJudgement:
         if name in HELD:
             findings += check_range(name, column, motion.expected[:, index], campaign.noise[name])
     turns = [name for name in measured if name in QUATERNION]
-    mounting = check_mounts(campaign, body) if is_real else []
-    turned = [one.signal.split(", ")[0] for one in mounting]
-    judged = _directions(campaign, record, motion, list(measured), turned)
-    findings += [*judged.findings, *mounting]
+    judged = _directions(campaign, record, motion, list(measured))
+    mounting = _mounting(campaign, body, judged.findings) if is_real else []
+    turned = {one.signal for one in mounting}
+    findings += [one for one in judged.findings if one.check != "axes" or one.signal not in turned] + mounting
     if turns:
         value = "not judged, nor size and delay; errors of all rates add up in it"
         findings.append(RecordFinding(ATTITUDE, "direction", "note", value, "the rates are judged"))
@@ -301,10 +301,14 @@ class _Directions(NamedTuple):
     summed: list[str]
 
 
-def _directions(
-    campaign: Campaign, record: Record, motion: _Motion, names: Sequence[str], turned: Sequence[str] = ()
-) -> _Directions:
-    """Judge direction, size, delay and axes of some channels; the axes not of sensors that are turned, one channel of each named."""
+def _mounting(campaign: Campaign, body: Record, said: Sequence[RecordFinding]) -> list[RecordFinding]:
+    """Return which sensors are turned, but for those whose axes are found wrong already: swapped, mirrored or of the other convention."""
+    wrong = {one.signal for one in said if one.check == "axes" and one.level == "fail"}
+    return [one for one in check_mounts(campaign, body) if one.signal not in wrong]
+
+
+def _directions(campaign: Campaign, record: Record, motion: _Motion, names: Sequence[str]) -> _Directions:
+    """Judge direction, size, delay and axes of some channels."""
     found, usual = _Directions([], [], []), float(np.median(np.diff(record.time)))
     driving = tuple(campaign.model(campaign.full).controls)
     places = {name: index for index, name in enumerate(motion.measured) if name in names and name not in QUATERNION}
@@ -318,7 +322,7 @@ def _directions(
             found.findings.extend(check_motion(name, usual, measured, expected, ways, campaign.has_delay, driving))
         else:
             found.unsaid.append(name)
-    for group in (one for one in SENSORS if not any(name in one for name in turned)):
+    for group in SENSORS:
         said = [name for name in group if name in places and name not in found.unsaid]
         if len(said) > 1:
             shown = np.column_stack([motion.measured[name] for name in said])

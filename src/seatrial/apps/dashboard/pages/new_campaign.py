@@ -13,7 +13,7 @@ from seatrial.apps.dashboard.app_context import AppContext, cautions_html, fill,
 from seatrial.apps.dashboard.new_campaign_rows import Kind, field_of, kinds
 from seatrial.apps.dashboard.page_layout import button, frame, link, section
 from seatrial.apps.dashboard.view_models import PublishedTerms, beside, input_error_of
-from seatrial.campaign.config.new_campaign import OWN, PUBLISHED, SCALARS, NewCampaign, three_quantities
+from seatrial.campaign.config.new_campaign import OWN, PUBLISHED, SCALARS, NewCampaign, read_inertia
 from seatrial.campaign.config.new_campaign_file import SURGE
 from seatrial.campaign.config.templates import TEMPLATES, WRITTEN
 from seatrial.core.coefficients import CoefficientName
@@ -201,8 +201,7 @@ class Form:
         form.error = None
         try:
             if option == "inertia":
-                for part in three_quantities(value):
-                    quantity(part, "kg m^2", option)
+                _ = read_inertia(value, option) if value else ()
             elif value or option in ("mass", "duration"):
                 quantity(value, SCALARS[option], option)
         except InputError as error:
