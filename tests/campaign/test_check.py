@@ -122,6 +122,7 @@ def test_the_sign_and_the_unit_of_a_channel(tmp_path, scale, code, told):
             "tau_X      trim: of about 44.48 N (vehicle.trim.tau_X is 10 N); pounds-force taken for newtons",
         ),
         ('unit = "s"', 'unit = "ms"', 'has a row every 0.0001 s with the unit "ms", where'),
+        ("SCALE", "5.0", "see its trim, which tells the unit better"),
     ],
 )
 def test_a_record_that_contradicts_the_trim_or_any_clock(tmp_path, old, new, told):

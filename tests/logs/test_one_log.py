@@ -62,7 +62,9 @@ def test_a_control_without_a_column_is_refused(log):
 def test_a_hole_is_among_the_cautions_and_told_in_print(tmp_path):
     stamps = np.delete(0.1 * np.arange(200), slice(100, 140))
     path = tmp_path / "run8.csv"
-    path.write_text("t,prop,speed\n" + "".join(f"{t:.1f},{1200 + 100 * (t > 15):g},{1.5 + 0.1 * t:g}\n" for t in stamps))
+    path.write_text(
+        "t,prop,speed\n" + "".join(f"{t:.1f},{1200 + 100 * (t > 15):g},{1.5 + 0.1 * t:g}\n" for t in stamps)
+    )
     record = st.read_log(path, {"n": ("prop", "rpm"), "u": ("speed", "m/s")}, ["n"], time=("t", "s"))
     assert "no sample of n, u from 9.90 s to 14.00 s" in record.cautions[0]
     assert "controls n [rad/s]; measured u [m/s]; 1 caution: read record.cautions" in repr(record)

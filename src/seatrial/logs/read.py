@@ -196,7 +196,8 @@ def _smooth(source: LogSource, table: LogTable) -> Iterator[str]:
         if column.role != "control" or column.between is not None:
             continue
         known = table.columns[name][np.isfinite(table.columns[name])]
-        matters = known.size and np.sqrt(np.mean(np.diff(known) ** 2)) > _SLOW * np.std(known)
+        with np.errstate(over="ignore", invalid="ignore"):  # numbers that are none are refused elsewhere
+            matters = known.size > 1 and np.sqrt(np.mean(np.diff(known) ** 2)) > _SLOW * np.std(known)
         if matters and changes_smoothly(table.time, table.columns[name]):
             yield (
                 f'channel "{name}" of {table.place}: it changes smoothly at nearly every sample, as what is measured does, and is '

@@ -46,6 +46,8 @@ from seatrial.estimation.record_checks import (
 )
 from seatrial.vehicles.model import VehicleModel
 
+SAME_AS_TRIM = "see its trim, which tells the unit better"
+"""Remedy for the size of a motion whose speed contradicts the trim as well: of two guesses of one unit only the better is made."""
 MOST_CAUSES = 3
 """Findings that are repeated where no model explains a record."""
 _NO_CAUSE = ("excitation", "told apart", "limits")
@@ -277,6 +279,9 @@ def _judge(campaign: Campaign, record: Record) -> RecordJudgement:
     mounting = _mounting(campaign, body, judged.findings) if is_real else []
     turned = {one.signal for one in mounting}
     findings += [one for one in judged.findings if one.check != "axes" or one.signal not in turned] + mounting
+    doubted = {one.signal for one in findings if one.check == "trim" and one.level == "caution"}
+    is_same = [one.check == "size" and one.level == "caution" and one.signal in doubted for one in findings]
+    findings = [replace(one, remedy=SAME_AS_TRIM) if same else one for one, same in zip(findings, is_same, strict=True)]
     if turns:
         value = "not judged, nor size and delay; errors of all rates add up in it"
         findings.append(RecordFinding(ATTITUDE, "direction", "note", value, "the rates are judged"))

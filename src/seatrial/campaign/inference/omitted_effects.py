@@ -92,7 +92,7 @@ def _words(posterior: Posterior, found: Omitted) -> tuple[str, str]:
     """Name and size of an effect with what looks alike, and how to add it."""
     words = f"{_name(found.effect)} of about {found.size:.2g} ± {found.sd:.1g} {found.effect.unit}".rstrip()
     if found.alike:
-        words += f" (or {' or '.join(map(_name, found.alike))}: the data cannot separate them)"
+        words += f" (or {' or '.join(_name(one).rstrip(',') for one in found.alike)}: the data cannot separate them)"
     return words, _remedy(posterior, found.effect)
 
 

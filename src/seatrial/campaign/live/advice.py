@@ -95,7 +95,7 @@ class Look:
         found = [f"{self.time:.1f} s, {self.samples} samples{rate}"]
         width = max(len(one.name) for one in self.coefficients)
         for one in self.coefficients:
-            share = f" ({abs(one.sd / one.mean):.1%})" if one.mean else ""
+            share = f" ({abs(one.sd / one.mean):.1%})" if one.sd < abs(one.mean) else ""
             goal = "" if one.goal is None else f", goal ± {one.goal:.2g}{' met' if one.sd <= one.goal else ''}"
             taught = {True: "excited", False: "not excited", None: ""}[one.is_excited]
             found.append(

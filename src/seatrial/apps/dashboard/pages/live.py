@@ -1,6 +1,7 @@
 """What `seatrial live` says while the vehicle runs, for everybody on the boat: one sentence, and each coefficient against its goal."""
 
 import asyncio
+import shlex
 import time
 from collections.abc import Mapping
 from pathlib import Path
@@ -89,4 +90,4 @@ def _none(folder: Path) -> Markup:
         "<section><p>No trial has been followed yet. In a shell, while the vehicle runs:</p><pre>seatrial live {} udp:0.0.0.0:14550</pre>"
         '<p class="note">It reads MAVLink, a log that grows, a pipe or ROS 2 topics, and never commands the vehicle. '
         "This page then shows what it says, once a second, to everybody who looks.</p></section>"
-    ).format(folder)
+    ).format(shlex.quote(str(folder)))
