@@ -62,6 +62,8 @@ CUT = 0.02
 """Share of the samples that may lie at the very end of a gauge's range while the expected force goes on."""
 BEYOND = 0.01
 """Share of how far a control moves by which it may lie beyond a limit without being told."""
+OTHER = 2.0
+"""Times by which the motion of a vehicle may differ from that of the one at the prior means."""
 HARDLY = 1 / 30
 """Share of its limits within which a control stays whose unit is doubted."""
 APART = 0.1
@@ -162,7 +164,7 @@ def check_motion(
     remedy = (
         ""
         if fits
-        else f"{_unit_guess((name, *controls), ratio)}check the units of {whose} in the channel map, and the priors"
+        else f"{_unit_guess((name, *controls), ratio, OTHER)}check the units of {whose} in the channel map, and the priors"
     )
     results.append(RecordFinding(name, "size", "pass" if fits else "caution", value, limits, remedy))
     late = lag * step
@@ -574,14 +576,25 @@ def _correlation(a: np.ndarray, b: np.ndarray) -> float:
     return float(np.corrcoef(a[there], b[there])[0, 1])
 
 
-def _unit_guess(names: Sequence[str], ratio: float) -> str:
-    """Ask of each signal for the unit error whose factor is nearest to a ratio; empty if none is near."""
+def _unit_guess(names: Sequence[str], ratio: float, unlike: float = 1.0) -> str:
+    """Ask of each signal for the unit error whose factor is nearest to a ratio; empty if none is near.
+
+    Args:
+        names: of the signals.
+        ratio: of what is there to what is expected.
+        unlike: times by which the vehicle itself may differ from the one that is expected: of speeds, whose units are hardly farther
+            apart, every error is asked for whose factor is so near.
+    """
     size = max(abs(ratio), 1 / max(abs(ratio), 1e-300))
     near: dict[str, list[str]] = {}
     for name in names:
-        far = {words: abs(np.log(size / factor)) for words, factor in CONFUSED.get(signal_unit(name), {}).items()}
-        words = min(far, key=lambda one: far[one], default="")
-        if words and far[words] < np.log(1.6):
+        factors = CONFUSED.get(signal_unit(name), {})
+        far = {words: abs(np.log(size / factor)) for words, factor in factors.items()}
+        first, *others = sorted(far, key=lambda one: far[one]) or [""]
+        if not first or far[first] >= np.log(1.6):
+            continue
+        also = [words for words in others if factors is _LENGTHS and far[words] < np.log(unlike)]
+        for words in (first, *also):
             near.setdefault(words, []).append(name)
     said = [words + (f", in {' or '.join(some)}" if len(names) > 1 else "") for words, some in near.items()]
     return f"{'; or '.join(said)}? " if said else ""

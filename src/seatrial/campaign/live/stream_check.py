@@ -25,6 +25,8 @@ FIRST = 10.0
 """Seconds before which nothing is."""
 OFTEN = 5.0
 """Seconds between two judgements."""
+LED = 30.0
+"""Seconds before which the direction is not judged: until then the expected motion is led by its start, in whatever unit that came."""
 FOUND, GONE = 2, 4
 """Judgements in a row that find a fault before it is one, and that pass before it is none."""
 SIZE = bucket_length(round(LOOKED / APART) + 1)
@@ -108,6 +110,8 @@ class StreamCheck:
         record = self._record(time - time[0], control, measured)
         findings = motion_findings(self.campaign, record, SIZE)
         for check, levels in GRAVE.items():
+            if check == "direction" and record.time[-1] < LED:
+                continue
             for one in (one for one in findings if one.check == check):
                 key, seen = (one.signal, check), self.looks.get((one.signal, check), 0)
                 if one.level in levels:
