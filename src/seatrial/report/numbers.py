@@ -106,7 +106,7 @@ def probability(value: float, error: float = 0.0) -> str:
 
 def decimals(value: float, count: int) -> str:
     """Write a number with so many decimals and a proper minus."""
-    return _minus(f"{value:.{count}f}") if isfinite(value) else DASH
+    return _minus(f"{value:z.{count}f}") if isfinite(value) else DASH
 
 
 def percent(value: float) -> str:
