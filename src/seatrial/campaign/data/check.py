@@ -99,10 +99,8 @@ def check_records(campaign: Campaign, trials: Trials) -> list[RecordJudgement]:
 
 
 def record_doubts(campaign: Campaign, record: Record) -> list[str]:
-    """Say what is to be known of a record before anything that is fitted to it is believed, without a simulation."""
+    """Say what is to be known of a record before anything that is fitted to it is believed, without a simulation or a fit."""
     found = [one for one in _stated(campaign, record) if one.level != "pass"]
-    if record.provenance.source != SIMULATED:
-        found += check_mounts(campaign, along_body(campaign, record))
     return record_cautions(record) + [
         f"run {record.label}, {one.signal}, {one.check}: {one.value} ({one.threshold}); {one.remedy}" for one in found
     ]
