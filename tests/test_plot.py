@@ -128,6 +128,26 @@ def test_a_design_and_a_selection_are_pictures_tables_and_cells(fitted):
     assert list(found.summary().index) == ["without", "with"]
     for one in (design, found, found.evidences[0], made_draws()):
         assert one._repr_html_().count("<table") == 1
+    assert dir(st.plot) == st.plot.__all__
+    first, head, *rows = repr(found).splitlines()
+    assert first == "Which terms the data support"
+    assert head.split() == list(found.summary().columns)
+    assert [row.split()[0] for row in rows[:2]] == ["without", "with"]
+    assert rows[2:] == [f"- {verdict}" for verdict in found.verdicts]
+    # A column of which nothing is known is left out: the status of a healthy evidence.
+    assert repr(found.evidences[0]).split() == [
+        "Log",
+        "evidence,",
+        "nats",
+        "log_value",
+        "std_error",
+        "method",
+        "evidence",
+        "-1",
+        "0.1",
+        "by",
+        "hand",
+    ]
 
 
 def st_structure(label: str, terms: str):

@@ -42,6 +42,12 @@ if TYPE_CHECKING:
     Place = Axes | Sequence[Axes] | np.ndarray | None
 
 __all__ = ["entropy_surface", "fit", "inclusion", "pairs", "posteriors", "prior_predictive", "residuals", "traces"]
+
+
+def __dir__() -> list[str]:
+    return __all__
+
+
 DOTS_PER_INCH = 100
 """Of pictures on a screen; a figure is as many points wide as in the report."""
 LEGEND: dict[str, Any] = {
