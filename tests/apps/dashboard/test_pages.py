@@ -1,6 +1,8 @@
 """What pages say of results: where to go on, what colours mean, what a column is."""
 
 import os
+import re
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -16,6 +18,7 @@ from seatrial.apps.dashboard.pages.one_axis import OneAxis, delay_words, lined_u
 from seatrial.apps.dashboard.pages.record_chart import RecordChart, ends_errors
 from seatrial.apps.dashboard.pages.results import estimated_html, next_html, of_mode
 from seatrial.apps.dashboard.view_models import EstimatedStructure, EstimatedValue, beside
+from seatrial.campaign.store.estimates import ModelErrorFinding
 from seatrial.campaign.store.stored_result import Store
 from seatrial.campaign.store.structures import StoredMode
 from seatrial.core.display_units import shown_as_written
@@ -65,7 +68,9 @@ def test_an_error_beside_its_field_names_no_line_of_the_file():
 
 
 def test_estimates_stand_by_structure_before_a_model_is_chosen():
-    force = "most of the ± with model error is from a force X_u; other structures have X_u"
+    force = ModelErrorFinding(("X_uabsu",), "a force X_u", "other structures have X_u")
+    delay = ModelErrorFinding(("X_uabsu", "sigma_u"), "a delay of the actuators", "give `delay` a prior")
+    both = replace(force, names=("X_u", "X_uabsu"))
     found = (
         EstimatedStructure("M-0", ("X_u",), (EstimatedValue("X_u", "X_{u}", "kg/s", -1.25, 0.23, None, ""),)),
         EstimatedStructure(
@@ -75,10 +80,11 @@ def test_estimates_stand_by_structure_before_a_model_is_chosen():
             (force,),
             ("R-hat of X_uabsu is 1.2",),
         ),
-        EstimatedStructure("M-2", ("X_uabsu",), (), (force, force)),
+        EstimatedStructure("M-2", ("X_uabsu",), (), (force, delay)),
+        EstimatedStructure("M-3", ("X_u", "X_uabsu"), (), (both,)),
     )
     html = estimated_html(found)
-    first, second, _ = html.split("<caption>")[1:]
+    first, second, *_ = html.split("<caption>")[1:]
     assert first.startswith("Parameters of M-0: X_u<")
     assert "−1.25 ± 0.23" in first
     assert "with model error" not in first
@@ -86,7 +92,16 @@ def test_estimates_stand_by_structure_before_a_model_is_chosen():
     assert "± 0.478 <small>a force X_u</small>" in second
     assert '<th scope="col">mean ± sd, within the model' in second
     assert '<td data-head="with model error">± 0.478' in second  # on a narrow screen, where the head is above each cell
-    assert html.count("ost of the ± with model error") == html.count("<li>M-1, M-2: Most") == 1
+    said = re.sub("<[^>]*>", "", html).split("Where the model error comes from")[1]
+    assert (
+        "Xu|u| in M-1 and M-2; Xu and Xu|u| in M-3: most of the ± with model error is from a force Xu; other structures have Xu."
+        in said
+    )
+    assert (
+        "Xu|u| and sigma_u in M-2: most of the ± with model error is from a delay of the actuators; give `delay` a prior."
+        in said
+    )
+    assert html.count("most of the ± with model error") == 2
     assert html.index("Do not use these numbers yet") < html.index("<caption>")
 
 
