@@ -57,6 +57,7 @@ def test_numbers_are_short():
     ]
     assert [plain(x) for x in (-8.8, 0.0, 2e-4, 20.0)] == ["−8.8", "0", "2 × 10⁻⁴", "20"]
     assert percent(-0.126) == "−13 %"
+    assert [percent(x) for x in (0.0031, 0.099, -1.26, 0.0, float("nan"))] == ["0.31 %", "9.9 %", "−126 %", "0 %", "–"]
 
 
 def test_probabilities_never_claim_certainty_that_was_rounded():

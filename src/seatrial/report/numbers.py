@@ -6,6 +6,8 @@ from typing import NamedTuple
 
 from markupsafe import Markup, escape
 
+from seatrial.estimation import remedies
+
 MINUS = "\u2212"
 DASH = "\u2013"
 NARROW_SPACE = "\u202f"
@@ -110,8 +112,8 @@ def decimals(value: float, count: int) -> str:
 
 
 def percent(value: float) -> str:
-    """Write a share as a percentage, a proper minus included."""
-    return _minus(f"{100 * value:.0f} %") if isfinite(value) else DASH
+    """Write a share as a percentage as the terminal does, with a proper minus: `63 %`, `0.31 %`."""
+    return _minus(remedies.percent(value)) if isfinite(value) else DASH
 
 
 def unit_html(unit: str) -> Markup:

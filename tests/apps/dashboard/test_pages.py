@@ -5,6 +5,7 @@ import re
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,11 +17,11 @@ from seatrial.apps.dashboard.pages.compare import nothing_beside
 from seatrial.apps.dashboard.pages.design import legend_html
 from seatrial.apps.dashboard.pages.one_axis import OneAxis, delay_words, lined_up_words
 from seatrial.apps.dashboard.pages.record_chart import RecordChart, ends_errors
-from seatrial.apps.dashboard.pages.results import estimated_html, next_html, of_mode
+from seatrial.apps.dashboard.pages.results import coefficients, estimated_html, next_html, of_mode
 from seatrial.apps.dashboard.view_models import EstimatedStructure, EstimatedValue, beside
 from seatrial.campaign.store.estimates import ModelErrorFinding
 from seatrial.campaign.store.stored_result import Store
-from seatrial.campaign.store.structures import StoredMode
+from seatrial.campaign.store.structures import StoredCoefficient, StoredMode
 from seatrial.core.display_units import shown_as_written
 from seatrial.core.errors import InputError
 from seatrial.logs.clock_shift import ClockShift
@@ -103,6 +104,18 @@ def test_estimates_stand_by_structure_before_a_model_is_chosen():
     )
     assert html.count("most of the ± with model error") == 2
     assert html.index("Do not use these numbers yet") < html.index("<caption>")
+
+
+def test_what_is_left_of_a_prior_has_two_digits_however_little_that_is():
+    numbers = dict.fromkeys(list(StoredCoefficient.__dataclass_fields__)[3:], 0.0)
+    numbers |= {"mean": -3.0, "model_error_sd": None}
+    rows = [
+        StoredCoefficient(f"X_{i}", "kg/m", "X_{u}", **{**numbers, "sd": sd, "prior_sd": 10.0})
+        for i, sd in enumerate((0.031, 0.99, 6.3))
+    ]
+    summary: Any = SimpleNamespace(coefficients=rows, chosen="M-0", terms=("X_u",))
+    html = coefficients(summary, shown_as_written({}))
+    assert re.findall(r'data-head="sd / prior sd">([^<]*)<', html) == ["0.31 %", "9.9 %", "63 %"]
 
 
 def test_a_stored_mode_is_shown_with_its_model_error_in_the_unit_of_its_prior():
