@@ -134,7 +134,7 @@ def make_outcome(folder: Path, alarms: tuple[str, ...] = (), gain: float = 1.0) 
         (),
         make_contenders(campaign, selection),
         summary,
-        make_cross_validation(),
+        cross_validation=make_cross_validation(),
     )
 
 

@@ -275,7 +275,7 @@ async def _currency(context: AppContext, campaign: str, folder: Path) -> None:
             words = '<p class="note" role="status">A command is running. These are the earlier results; the page updates itself.</p>'
             markup(words)
         elif old:
-            words = "These results are older than the last change of the campaign file or its logs: {} {} stale. "
+            words = "These results do not belong to the campaign file and its logs as they are now: {} {} stale. "
             if "import" in old:
                 words += "If nothing was changed, its logs lie where this dashboard may not read: start it with --also FOLDER. "
             markup(
