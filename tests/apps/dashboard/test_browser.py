@@ -90,6 +90,12 @@ def test_from_a_limit_to_an_export(tmp_path, page):
         page.get_by_role("link", name="Compare").click()
         page.get_by_text("difference, joint sd").wait_for()
         assert page.locator("table td").first.inner_text() == "0.0"
+        page.set_viewport_size({"width": 390, "height": 844})
+        assert page.locator("table.stacks").count() == 3
+        assert page.evaluate(
+            "[document.documentElement, ...document.querySelectorAll('.scroll')].every((one) => one.scrollWidth <= one.clientWidth)"
+        )
+        page.set_viewport_size({"width": 1000, "height": 900})
         page.get_by_role("link", name="Report and export").click()
         with page.expect_popup() as popup:
             page.get_by_role("link", name="Open report.html").click()

@@ -152,12 +152,18 @@ _USABLE = "What failed, but not for the coefficients of the chosen model"
 def names_and_labels(summary: Summary) -> tuple[dict[str, str], dict[str, str]]:
     """Names of the structures by their terms, as the report has them, and the label of each parameter."""
     said = " ".join((*summary.verdicts, *(term for one in summary.structures for term in one.terms)))
-    labels = {}
-    for term in set(_TERM.findall(said)):
-        with suppress(InputError):
-            labels[term] = CoefficientName.parse(term).label
+    labels = _labels_in(said)
     labels |= {row.name: row.label for row in summary.coefficients}
     return structure_names([Structure(one.label, one.terms) for one in summary.structures]), labels
+
+
+def _labels_in(text: str) -> dict[str, str]:
+    """Return the label of each coefficient that a text names."""
+    labels = {}
+    for term in set(_TERM.findall(text)):
+        with suppress(InputError):
+            labels[term] = CoefficientName.parse(term).label
+    return labels
 
 
 def coefficients(summary: Summary, shown: Shown) -> Markup:
@@ -212,18 +218,13 @@ def _causes(found: Sequence[EstimatedStructure]) -> list[Markup]:
     for one in found:
         for finding in one.findings:
             causes.setdefault((finding.cause, finding.remedy), {}).setdefault(finding.names, []).append(one.label)
-    return [
-        sentence_about(
-            ModelErrorFinding((), *cause).sentence_of(
-                "; ".join(
-                    f"{listed(names)} in {listed(list(dict.fromkeys(inside)))}" for names, inside in whose.items()
-                )
-            ),
-            {},
-            labels,
+    sentences = [
+        ModelErrorFinding((), *cause).sentence_of(
+            "; ".join(f"{listed(names)} in {listed(list(dict.fromkeys(inside)))}" for names, inside in whose.items())
         )
         for cause, whose in causes.items()
     ]
+    return [sentence_about(text, {}, _labels_in(text) | labels) for text in sentences]
 
 
 def _of_structure(one: EstimatedStructure) -> Markup:
