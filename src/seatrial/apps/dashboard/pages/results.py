@@ -152,18 +152,12 @@ _USABLE = "What failed, but not for the coefficients of the chosen model"
 def names_and_labels(summary: Summary) -> tuple[dict[str, str], dict[str, str]]:
     """Names of the structures by their terms, as the report has them, and the label of each parameter."""
     said = " ".join((*summary.verdicts, *(term for one in summary.structures for term in one.terms)))
-    labels = _labels_in(said)
-    labels |= {row.name: row.label for row in summary.coefficients}
-    return structure_names([Structure(one.label, one.terms) for one in summary.structures]), labels
-
-
-def _labels_in(text: str) -> dict[str, str]:
-    """Return the label of each coefficient that a text names."""
     labels = {}
-    for term in set(_TERM.findall(text)):
+    for term in set(_TERM.findall(said)):
         with suppress(InputError):
             labels[term] = CoefficientName.parse(term).label
-    return labels
+    labels |= {row.name: row.label for row in summary.coefficients}
+    return structure_names([Structure(one.label, one.terms) for one in summary.structures]), labels
 
 
 def coefficients(summary: Summary, shown: Shown) -> Markup:
@@ -224,7 +218,7 @@ def _causes(found: Sequence[EstimatedStructure]) -> list[Markup]:
         )
         for cause, whose in causes.items()
     ]
-    return [sentence_about(text, {}, _labels_in(text) | labels) for text in sentences]
+    return [sentence_about(text, {}, labels) for text in sentences]
 
 
 def _of_structure(one: EstimatedStructure) -> Markup:
