@@ -116,6 +116,11 @@ def percent(value: float) -> str:
     return _minus(remedies.percent(value)) if isfinite(value) else DASH
 
 
+def with_percent_signs_kept(html: str) -> str:
+    """Return HTML in which a number and its percent sign stay on one line."""
+    return re.sub(r"(?<=\d) %", f"{NARROW_SPACE}%", html)
+
+
 def unit_html(unit: str) -> Markup:
     """Return a unit as safe HTML: `kg m/rad^2` gives `kg m/rad<sup>2</sup>`, a pure number `–`."""
     raised = re.sub(r"\^(-?\d+)", r"<sup>\1</sup>", str(escape(unit)))
