@@ -1,6 +1,7 @@
 """The whole loop on a small campaign: what it leaves on disk and what it recomputes."""
 
 import json
+import os
 import subprocess
 
 import jax
@@ -12,6 +13,7 @@ from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.design.sweep import design_first
 from seatrial.campaign.store.stored_result import Store, stamp_of
 from seatrial.campaign.workflow.loop import run_loop
+from seatrial.campaign.workflow.status import standing
 from seatrial.core.errors import InputError
 from seatrial.core.files import watching_files
 from seatrial.core.reporter import SilentReporter
@@ -69,6 +71,32 @@ def test_a_second_run_computes_nothing(finished):
     before = {path: path.stat().st_mtime_ns for path in (folder / "results").rglob("*.*")}
     run_loop(load_campaign(folder), SilentReporter())
     assert before == {path: path.stat().st_mtime_ns for path in (folder / "results").rglob("*.*")}
+
+
+def test_a_copy_is_as_current_as_its_original_whenever_its_files_were_written(finished, tmp_path):
+    """A copy gets its files in any order; a page belongs to the summary that it was drawn from, and a summary to all it was made from."""
+    folder, outcome = finished
+    write_report(outcome)
+    copy = tmp_path / "copy"
+    subprocess.run(["cp", "-r", str(folder), str(copy)], check=True)
+
+    def states():
+        return {step.name: step.state for step in standing(copy)}
+
+    assert set(states().values()) == {"current"}
+    for path in copy.rglob("*.*"):
+        os.utime(path, (2e9, 2e9) if path.suffix == ".json" else (1e9, 1e9))
+    assert set(states().values()) == {"current"}
+    text = (copy / "campaign.toml").read_text()
+    (copy / "campaign.toml").write_text(text + "# a comment\n")
+    assert states()["report"] == "current"
+    for old, new in (('name = "small"', 'name = "another"'), ("points = 3 }", "points = 2 }")):
+        (copy / "campaign.toml").write_text(text.replace(old, new))
+        assert states()["report"] == "stale", new
+    assert states()["next"] == "stale"
+    (copy / "campaign.toml").write_text(text)
+    (copy / "report.html").write_text("<html>of an earlier version</html>")
+    assert states()["report"] == "stale"
 
 
 def test_what_is_said_rests_on_every_file_that_was_opened(finished):

@@ -134,7 +134,7 @@ def make_outcome(folder: Path, alarms: tuple[str, ...] = (), gain: float = 1.0) 
         (),
         make_contenders(campaign, selection),
         summary,
-        make_cross_validation(),
+        cross_validation=make_cross_validation(),
     )
 
 
@@ -320,9 +320,7 @@ def _estimate(structure: Structure, random: np.random.Generator) -> Estimate:
         attrs={
             "model_error": "± with model error: made up",
             "model_error_causes": json.dumps(dict.fromkeys(names[::3], "a force X_u3")),
-            "model_error_remedies": json.dumps(
-                [f"{names[0]}: most of the ± with model error is from a force X_u3; add it"]
-            ),
+            "model_error_findings": json.dumps([{"names": names[:1], "cause": "a force X_u3", "remedy": "add it"}]),
             "left_out": "[]",
             "acceptance": 0.23,
             "laplace_log_evidence": 1.0,

@@ -227,7 +227,8 @@ def test_a_caution_about_the_noise_is_told_once(outcome):
     fits = [
         replace(fit, about=COLOURED, reason=reason.partition(": ")[2], outside=(), ahead="") for fit in outcome.fits
     ]
-    outcome.chosen.data.attrs["model_error_remedies"] = json.dumps([f"X_u: most of it is from blocks; {CORRELATED}"])
+    finding = {"names": ["X_u"], "cause": "blocks", "remedy": CORRELATED}
+    outcome.chosen.data.attrs["model_error_findings"] = json.dumps([finding])
     html = render(replace(outcome, summary=summary, fits=tuple(fits)))
     assert html.count("set estimation.residuals") == 1
     assert "blocks; the residuals are correlated" not in html

@@ -58,8 +58,8 @@ def is_coefficient(name: str) -> bool:
 
 
 def percent(share: float) -> str:
-    """Return a share in percent, two digits."""
-    return f"{100 * share:.0f} %" if share >= 0.1 else f"{100 * share:.2g} %"
+    """Return a share in percent, two digits: `63 %`, `0.31 %`."""
+    return f"{100 * share:.0f} %" if abs(share) >= 0.1 else f"{100 * share:.2g} %"
 
 
 def count_below(count: float, enough: float) -> str:

@@ -1,6 +1,5 @@
 """A page from its template: everything that is not markup made here is escaped, and the same content gives the same bytes."""
 
-import re
 from base64 import b64encode
 from hashlib import sha256
 from typing import Any
@@ -10,9 +9,7 @@ from markupsafe import Markup
 
 from seatrial import __version__
 from seatrial.report.figures.style import PALETTE
-
-_PERCENT = re.compile(r"(?<=\d) %")
-"""A number and its percent sign stay on one line."""
+from seatrial.report.numbers import with_percent_signs_kept
 
 
 def render_html(template: str, script: str = "", **content: Any) -> str:
@@ -35,4 +32,4 @@ def render_html(template: str, script: str = "", **content: Any) -> str:
     allowed = f"script-src 'sha256-{b64encode(sha256(code.encode()).digest()).decode()}'; " if code else ""
     about = {"palette": PALETTE, "version": __version__, "script": Markup(code), "allowed": Markup(allowed)}
     html = environment.get_template(template).render(**about, **content)
-    return _PERCENT.sub("\u202f%", html)
+    return with_percent_signs_kept(html)

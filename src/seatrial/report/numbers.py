@@ -6,6 +6,8 @@ from typing import NamedTuple
 
 from markupsafe import Markup, escape
 
+from seatrial.estimation import remedies
+
 MINUS = "\u2212"
 DASH = "\u2013"
 NARROW_SPACE = "\u202f"
@@ -110,8 +112,13 @@ def decimals(value: float, count: int) -> str:
 
 
 def percent(value: float) -> str:
-    """Write a share as a percentage, a proper minus included."""
-    return _minus(f"{100 * value:.0f} %") if isfinite(value) else DASH
+    """Write a share as a percentage as the terminal does, with a proper minus: `63 %`, `0.31 %`."""
+    return _minus(remedies.percent(value)) if isfinite(value) else DASH
+
+
+def with_percent_signs_kept(html: str) -> str:
+    """Return HTML in which a number and its percent sign stay on one line."""
+    return re.sub(r"(?<=\d) %", f"{NARROW_SPACE}%", html)
 
 
 def unit_html(unit: str) -> Markup:

@@ -59,4 +59,4 @@ def render(outcome: Outcome) -> str:
     with own_settings():
         sections = {name: section(outcome) for name, section in SECTIONS.items()}
     contents = {name: title for name, title in CONTENTS.items() if sections[name]}
-    return render_html("page.html", "folds.js", contents=contents, **sections)
+    return render_html("page.html", "folds.js", contents=contents, seal=outcome.seal, **sections)

@@ -64,7 +64,7 @@ def test_axe_finds_no_violation(folder, page, theme):
         for width in (1440, 390):
             page.set_viewport_size({"width": width, "height": 900})
             report = (folder / "boat" / "report.html").as_uri()  # as it is served it may run no script, axe included
-            for place in [*(f"{address}{one}" for one in places()), report]:
+            for place in [*(f"{address}{one}" for one in [*places(), "nowhere"]), report]:
                 page.goto(place)
                 page.locator("h1").wait_for()
                 page.wait_for_function("!document.querySelector('.waiting')")

@@ -87,6 +87,30 @@ def test_a_log_is_looked_into_and_mapped_before_there_is_an_import(tmp_path):
     assert "# [import]" in mapped
 
 
+def test_small_pictures_are_over_the_rows_until_a_clock_is_known_and_then_over_the_time(tmp_path):
+    pytest.importorskip("nicegui")
+    from seatrial.apps.dashboard.pages.import_form import axis_words, columns_of
+
+    rows = [f"{1000 * i if i < 100 else 1000 * i + 100_000},{i}" for i in range(200)]
+    (tmp_path / "dive.csv").write_text("Zeit,rpm\n" + "\n".join(rows) + "\n")
+
+    def drawn(clocks):
+        found = look_into(str(tmp_path / "dive.csv"), "dive.csv", ("n",), clocks)
+        path = next(one.picture for one in found.columns if one.name == "rpm")
+        return found, [float(point.partition(",")[0]) for point in path.removeprefix("M").split("L")]
+
+    found, across = drawn({})
+    assert found.heads["rows"].count('column = ""') == 1
+    assert axis_words(found, "rows") == "over rows 1 to 200"
+    assert "over rows 1 to 200</small>" in columns_of(found)
+    assert max(np.diff(across)) < 2  # of 100: a row after the other
+    found, across = drawn({None: "Zeit"})
+    found.heads["rows"] = found.heads["rows"].replace('column = "", unit = "s"', 'column = "Zeit", unit = "ms"')
+    assert axis_words(found, "rows") == "over 299 s of Zeit"
+    assert max(np.diff(across)) == pytest.approx(100 / 3, abs=2)  # the hole of a third of the time
+    assert drawn({None: "no such column"})[0].axes["rows"].clock == ""
+
+
 def test_a_channel_changes_and_all_else_of_the_map_is_kept():
     from seatrial.apps.dashboard.edits import Mapped, channels_of, with_channel
 

@@ -90,6 +90,12 @@ def test_from_a_limit_to_an_export(tmp_path, page):
         page.get_by_role("link", name="Compare").click()
         page.get_by_text("difference, joint sd").wait_for()
         assert page.locator("table td").first.inner_text() == "0.0"
+        page.set_viewport_size({"width": 390, "height": 844})
+        assert page.locator("table.stacks").count() == 3
+        assert page.evaluate(
+            "[document.documentElement, ...document.querySelectorAll('.scroll')].every((one) => one.scrollWidth <= one.clientWidth)"
+        )
+        page.set_viewport_size({"width": 1000, "height": 900})
         page.get_by_role("link", name="Report and export").click()
         with page.expect_popup() as popup:
             page.get_by_role("link", name="Open report.html").click()
@@ -246,6 +252,7 @@ def test_a_column_of_time_is_chosen_and_a_second_run_added(tmp_path, page):
         for channel, column, unit in (("u", "speed", "m/s"), ("n", "rpm", "rpm")):
             choose(f"{channel}: column", f"{column} · rows")
             page.get_by_label(f"{channel}: unit").fill(unit)
+        assert page.locator(".channel .small-picture", has_text="over rows 1 to 300").locator("path").count() == 2
         choose("n: column", "not in a log")
         choose("time of run_a.csv: column", "Zeit")
         page.get_by_role("button", name="Check and save this map").click()
@@ -259,7 +266,9 @@ def test_a_column_of_time_is_chosen_and_a_second_run_added(tmp_path, page):
         assert page.locator(".channel .q-field--error").count() == 1
         assert (folder / "campaign.toml").read_text() == before
         choose("time of run_a.csv: column", "Zeit")
+        page.locator(".channel").get_by_text("over 29900 s of Zeit").first.wait_for()
         choose("time of run_a.csv: unit", "ms")
+        page.locator(".channel").get_by_text("over 29.9 s of Zeit").nth(1).wait_for()
         page.get_by_role("button", name="Check and save this map").click()
         page.get_by_text("Now import the records: they will be shown above").wait_for()
         (file,) = tomllib.loads((folder / "campaign.toml").read_text())["import"]["files"]
@@ -274,8 +283,14 @@ def test_a_column_of_time_is_chosen_and_a_second_run_added(tmp_path, page):
         imports = tomllib.loads((folder / "campaign.toml").read_text())["import"]
         assert (imports["fit"], imports["predict"]) == (["run_a"], ["run_b"])
         assert [one["path"] for one in imports["files"]] == ["logs/{run}.csv"]
-        page.get_by_role("button", name="Import the records").click()
+        offered = page.get_by_role("button", name="Import the records")
+        assert page.evaluate("document.activeElement.innerText") == "Import the records"
+        assert page.locator(".channel").count() == 0  # the form is empty again
+        assert page.get_by_role("combobox", name="A log in the campaign's folder").input_value() == ""
+        offered.press("Enter")
         page.get_by_text(re.compile("record run_b: 300 samples")).first.wait_for()
+        assert offered.count() == 0
+        assert page.evaluate("document.activeElement.id") == "main"
     assert page.said == []
 
 

@@ -1,8 +1,11 @@
 """What pages say of results: where to go on, what colours mean, what a column is."""
 
 import os
+import re
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,10 +17,11 @@ from seatrial.apps.dashboard.pages.compare import nothing_beside
 from seatrial.apps.dashboard.pages.design import legend_html
 from seatrial.apps.dashboard.pages.one_axis import OneAxis, delay_words, lined_up_words
 from seatrial.apps.dashboard.pages.record_chart import RecordChart, ends_errors
-from seatrial.apps.dashboard.pages.results import estimated_html, next_html, of_mode
+from seatrial.apps.dashboard.pages.results import coefficients, estimated_html, next_html, of_mode
 from seatrial.apps.dashboard.view_models import EstimatedStructure, EstimatedValue, beside
+from seatrial.campaign.store.estimates import ModelErrorFinding
 from seatrial.campaign.store.stored_result import Store
-from seatrial.campaign.store.structures import StoredMode
+from seatrial.campaign.store.structures import StoredCoefficient, StoredMode
 from seatrial.core.display_units import shown_as_written
 from seatrial.core.errors import InputError
 from seatrial.logs.clock_shift import ClockShift
@@ -65,7 +69,9 @@ def test_an_error_beside_its_field_names_no_line_of_the_file():
 
 
 def test_estimates_stand_by_structure_before_a_model_is_chosen():
-    force = "most of the ± with model error is from a force X_u; other structures have X_u"
+    force = ModelErrorFinding(("X_uabsu",), "a force X_u", "other structures have X_u")
+    delay = ModelErrorFinding(("X_uabsu", "sigma_u"), "a delay of the actuators", "give `delay` a prior")
+    both = replace(force, names=("X_u", "X_uabsu"))
     found = (
         EstimatedStructure("M-0", ("X_u",), (EstimatedValue("X_u", "X_{u}", "kg/s", -1.25, 0.23, None, ""),)),
         EstimatedStructure(
@@ -75,10 +81,11 @@ def test_estimates_stand_by_structure_before_a_model_is_chosen():
             (force,),
             ("R-hat of X_uabsu is 1.2",),
         ),
-        EstimatedStructure("M-2", ("X_uabsu",), (), (force, force)),
+        EstimatedStructure("M-2", ("X_uabsu",), (), (force, delay)),
+        EstimatedStructure("M-3", ("X_u", "X_uabsu"), (), (both,)),
     )
     html = estimated_html(found)
-    first, second, _ = html.split("<caption>")[1:]
+    first, second, *_ = html.split("<caption>")[1:]
     assert first.startswith("Parameters of M-0: X_u<")
     assert "−1.25 ± 0.23" in first
     assert "with model error" not in first
@@ -86,8 +93,29 @@ def test_estimates_stand_by_structure_before_a_model_is_chosen():
     assert "± 0.478 <small>a force X_u</small>" in second
     assert '<th scope="col">mean ± sd, within the model' in second
     assert '<td data-head="with model error">± 0.478' in second  # on a narrow screen, where the head is above each cell
-    assert html.count("ost of the ± with model error") == html.count("<li>M-1, M-2: Most") == 1
+    said = re.sub("<[^>]*>", "", html).split("Where the model error comes from")[1]
+    assert (
+        "Xu|u| in M-1 and M-2; Xu and Xu|u| in M-3: most of the ± with model error is from a force Xu; other structures have Xu."
+        in said
+    )
+    assert (
+        "Xu|u| and sigma_u in M-2: most of the ± with model error is from a delay of the actuators; give `delay` a prior."
+        in said
+    )
+    assert html.count("most of the ± with model error") == 2
     assert html.index("Do not use these numbers yet") < html.index("<caption>")
+
+
+def test_what_is_left_of_a_prior_has_two_digits_however_little_that_is():
+    numbers = dict.fromkeys(list(StoredCoefficient.__dataclass_fields__)[3:], 0.0)
+    numbers |= {"mean": -3.0, "model_error_sd": None}
+    rows = [
+        StoredCoefficient(f"X_{i}", "kg/m", "X_{u}", **{**numbers, "sd": sd, "prior_sd": 10.0})
+        for i, sd in enumerate((0.031, 0.99, 6.3))
+    ]
+    summary: Any = SimpleNamespace(coefficients=rows, chosen="M-0", terms=("X_u",))
+    html = coefficients(summary, shown_as_written({}))
+    assert re.findall(r'data-head="sd / prior sd">([^<]*)<', html) == ["0.31 %", "9.9 %", "63 %"]
 
 
 def test_a_stored_mode_is_shown_with_its_model_error_in_the_unit_of_its_prior():

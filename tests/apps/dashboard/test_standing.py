@@ -1,5 +1,7 @@
 """What is current, stale or missing, as `seatrial run` would find it, without computing anything."""
 
+import os
+import shutil
 import time
 from types import SimpleNamespace
 
@@ -7,6 +9,7 @@ import pytest
 
 from seatrial.apps.dashboard.view_models import Stage
 from seatrial.campaign.config.load import load_campaign
+from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.data.simulate import record_keys
 from seatrial.campaign.design.sweep import design_key
 from seatrial.campaign.store.stored_result import Store, write_stamped_json
@@ -18,6 +21,16 @@ from seatrial.core.errors import InputError
 from tests.campaign.small import write_small
 
 STEPS = ["design", "simulate", "estimate", "select", "predict", "next", "report"]
+TRUTH = "[truth]\nX_u = -1.21\nX_uabsu = -2.93\nT_nabsn = 6.28e-4"
+LOGGED = """[import]
+fit = ["1"]
+[[import.files]]
+path = "log_{run}.csv"
+time = { column = "t", unit = "s" }
+channels.u = { column = "u", unit = "m/s" }
+channels.n = { column = "n", unit = "rpm" }
+"""
+"""What takes the place of the truth in a campaign whose runs were logged."""
 
 
 def states(folder):
@@ -62,6 +75,7 @@ def test_a_current_step_that_failed_a_check_says_so(tmp_path, monkeypatch):
 
     class Flow:
         def __init__(self, campaign):
+            self.campaign = campaign
             self.state = {"estimates": "current", "selection": "current"}.get
 
         def stored(self, name):
@@ -92,16 +106,7 @@ def test_a_current_step_that_failed_a_check_says_so(tmp_path, monkeypatch):
 def test_a_log_is_hashed_anew_only_when_it_changes(tmp_path, monkeypatch):
     from seatrial.campaign.workflow import steps as module
 
-    truth = "[truth]\nX_u = -1.21\nX_uabsu = -2.93\nT_nabsn = 6.28e-4"
-    files = """[import]
-fit = ["1"]
-[[import.files]]
-path = "log_{run}.csv"
-time = { column = "t", unit = "s" }
-channels.u = { column = "u", unit = "m/s" }
-channels.n = { column = "n", unit = "rpm" }
-"""
-    folder = write_small(tmp_path, (truth, files))
+    folder = write_small(tmp_path, (TRUTH, LOGGED))
     assert states(folder)["import"] == "missing"
     log, hashed = folder / "log_1.csv", []
     log.write_text("t,u,n\n0,1,1\n")
@@ -114,6 +119,21 @@ channels.n = { column = "n", unit = "rpm" }
     log.write_text("t,u,n\n0,1,2\n")
     states(folder)
     assert len(hashed) == 2
+
+
+def test_records_of_a_copied_campaign_are_current_and_follow_what_the_log_says(tmp_path):
+    folder = write_small(tmp_path / "camp", (TRUTH, LOGGED))
+    rows = [f"{0.1 * i:.1f},{1.5 + 0.01 * (i % 7)},{1200 + 100 * (i // 50 % 2)}" for i in range(300)]
+    (folder / "log_1.csv").write_text("\n".join(["t,u,n", *rows]) + "\n")
+    get_trials(load_campaign(folder))
+    assert states(folder)["import"] == "current"
+    copy = tmp_path / "camp2"
+    shutil.copytree(folder, copy, copy_function=shutil.copyfile)
+    os.utime(copy / "log_1.csv", (2e9, 2e9))
+    assert states(copy) == states(folder)
+    (copy / "log_1.csv").write_text("\n".join(["t,u,n", *rows, "30.0,1.5,1200"]) + "\n")
+    os.utime(copy / "log_1.csv", (1e9, 1e9))
+    assert states(copy)["import"] == "stale"
 
 
 def test_a_file_that_is_no_campaign(tmp_path):

@@ -67,6 +67,13 @@ def test_a_button_that_is_pointed_at_can_be_read(theme, least):
     assert contrast(found["blue"], mixed(found["paper"], found["blue"], 0.15 * int(share[1]) / 100)) >= least
 
 
+def test_whatever_has_the_focus_has_the_same_ring():
+    """The library takes the outline from what lies inside a field: the field as a whole has it then."""
+    rings = re.findall(r"^([^{}\n]*:focus-visible[^{}\n]*) \{ outline: 3px solid var\(--orange\)", STYLE, re.MULTILINE)
+    assert any(".q-field:has(:focus-visible)" in one for one in rings)
+    assert any(one.startswith(":focus-visible") for one in rings)
+
+
 def test_nothing_is_asked_of_the_internet():
     for path in FOLDER.rglob("*"):
         if path.suffix in (".py", ".css"):

@@ -177,7 +177,7 @@ def _by_chains(campaign: Any, reporter: Any, answer: Answer) -> Exit:
             factor, unit = campaign.shown(name, str(row["unit"].values))
             numbers = f"{factor * float(row['mean']):>12.5g} ± {factor * float(row['sd']):<10.3g} {unit}"
             answer.say(f"  {name:<16} {numbers}{with_model_error(item.wider(name), item.wider_cause(name), factor)}")
-        for line in (item.wider_words, *item.wider_remedies):
+        for line in (item.wider_words, *(one.sentence for one in item.wider_findings)):
             answer.say(f"  {line}")
         for name, label, mean, sd, si in item.own_values():
             factor, unit = campaign.shown(name, si)

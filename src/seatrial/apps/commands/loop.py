@@ -140,8 +140,8 @@ def _tell_and_report(answer: Answer, outcome: Any, proposal: Any) -> Exit:
         numbers = f"{factor * row['mean']:>12.5g} ± {factor * row['sd']:<10.3g} {unit}"
         more = with_model_error(row["model_error_sd"], row["model_error_cause"], factor)
         answer.say(f"  {row['name']:<16} {numbers}{more}")
-    for line in outcome.chosen.wider_remedies:
-        answer.say(f"  {line}")
+    for finding in outcome.chosen.wider_findings:
+        answer.say(f"  {finding.sentence}")
     for fit in outcome.fits:
         answer.say(f"  {_said_of(fit)}")
     for one in outcome.pooled:

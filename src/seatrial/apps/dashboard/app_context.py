@@ -18,6 +18,7 @@ from seatrial.apps.dashboard.view_models import FormData, Stage, words_of
 from seatrial.apps.dashboard.worker_pool import WorkerPool, stamp
 from seatrial.campaign.store.stored_result import Store
 from seatrial.core.errors import SeatrialError
+from seatrial.report.numbers import with_percent_signs_kept
 
 PATIENCE = 0.35
 """Seconds that a page waits for a part before it is shown without it."""
@@ -169,7 +170,7 @@ def say(error: BaseException | str) -> None:
 
 def markup(text: str) -> ui.html:
     """Show our own markup, whose foreign parts are escaped."""
-    return ui.html(text, sanitize=False).classes("plain")
+    return ui.html(with_percent_signs_kept(text), sanitize=False).classes("plain")
 
 
 def cautions_html(cautions: Sequence[str]) -> Markup:

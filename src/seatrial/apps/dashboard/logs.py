@@ -1,6 +1,6 @@
 """Logs inside a campaign's folder: what they hold, asked in a process of its own, and what an upload may be called."""
 
-from collections.abc import AsyncIterator, Callable, Iterator, Sequence
+from collections.abc import AsyncIterator, Callable, Iterator, Mapping, Sequence
 from decimal import Decimal
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -131,6 +131,20 @@ class Column(NamedTuple):
     picture: str = ""
 
 
+class PictureAxis(NamedTuple):
+    """What the small pictures of a table are drawn over: its rows, or its clock where one is known.
+
+    Attributes:
+        rows: of the table.
+        clock: column of the stamps; empty where the pictures are over the rows.
+        length: from the least stamp to the greatest, in the unit of the clock.
+    """
+
+    rows: int
+    clock: str = ""
+    length: float = 0.0
+
+
 class Guessed(NamedTuple):
     """A channel that a column may be: the unit of its cells times `scale`, why, and what it does between samples, empty for the usual."""
 
@@ -148,6 +162,7 @@ class Looked(NamedTuple):
 
     Attributes:
         heads: of each table, its `[[import.files]]` without channels; the column of time is empty where none is known.
+        axes: of each table, what the small pictures of its columns are drawn over.
     """
 
     kind: str
@@ -156,17 +171,25 @@ class Looked(NamedTuple):
     guesses: tuple[Guessed, ...]
     heads: dict[str, str]
     remarks: tuple[str, ...]
+    axes: dict[str, PictureAxis]
 
 
-def look_into(path: str, relative: str, only: tuple[str, ...]) -> Looked:
+def look_into(
+    path: str, relative: str, only: tuple[str, ...], clocks: Mapping[str | None, str] | None = None
+) -> Looked:
     """Look through a log without letting it do harm.
 
     Args:
         path: of the log.
         relative: the same from the campaign's folder, for the map.
         only: channels of the campaign, which guesses are limited to; all where none are named.
+        clocks: column of time by table, None for that of a log with one table; where none is named, what looks like a clock is taken.
+
+    Raises:
+        PlainError: a log that cannot be read.
+        InputError: one that takes too much memory or time.
     """
-    return isolated(relative, _look, path, relative, only)
+    return isolated(relative, _look, path, relative, only, clocks or {})
 
 
 def line_up(first: tuple[str, str, str], second: tuple[str, str, str]) -> ClockShift:
@@ -196,7 +219,7 @@ def _samples(path: str, head: str, column: str) -> tuple[Decimal, Samples]:
     return read.epoch, Samples(read.time, read.numbers(column))
 
 
-def _look(path: str, relative: str, only: tuple[str, ...]) -> Looked:
+def _look(path: str, relative: str, only: tuple[str, ...], clocks: Mapping[str | None, str]) -> Looked:
     found = inspect_log(Path(path))
     heads = {one.info.name: found.head_toml(one, relative) for one in found.tables if not one.info.trouble}
     guesses = tuple(
@@ -205,30 +228,55 @@ def _look(path: str, relative: str, only: tuple[str, ...]) -> Looked:
     )
     tables = tuple(_table_words(table) for table in found.tables)
     columns = tuple(column for table in found.tables for column in _columns(table))[:MOST_COLUMNS]
-    drawn = _pictures(found, columns)
+    if None in clocks and len(found.tables) == 1:
+        clocks = {found.tables[0].info.name: clocks[None]}
+    axes = {one.info.name: _axis(one, clocks.get(one.info.name)) for one in found.tables}
+    drawn = _pictures(found, columns, axes)
     columns = tuple(one._replace(picture=drawn.get((one.table, one.name), "")) for one in columns)
-    return Looked(found.kind, tables, columns, guesses, heads, tuple(found.remarks))
+    return Looked(found.kind, tables, columns, guesses, heads, tuple(found.remarks), axes)
 
 
-def _pictures(found: LogSummary, columns: Sequence[Column]) -> dict[tuple[str, str], str]:
-    """Paths of small pictures: the least and greatest of each stretch of rows, one stroke after another."""
-    rows = {table.info.name: table.rows for table in found.tables if table.clock}
+def _axis(table: TableSummary, named: str | None) -> PictureAxis:
+    """Return what pictures are drawn over: the named clock, else that of the table; the rows where that is none, or stands still."""
+    clock = (table.clock.name if table.clock else "") if named is None else named
+    stamps = next((one for one in table.columns if one.name == clock and one.count and not one.constant), None)
+    return PictureAxis(table.rows) if stamps is None else PictureAxis(table.rows, clock, stamps.greatest - stamps.least)
+
+
+def _pictures(
+    found: LogSummary, columns: Sequence[Column], axes: Mapping[str, PictureAxis]
+) -> dict[tuple[str, str], str]:
+    """Paths of small pictures: the least and greatest of each stretch of the axis, one stroke after another."""
+    begin = {
+        table.info.name: one.least
+        for table in found.tables
+        for one in table.columns
+        if one.name == axes[table.info.name].clock
+    }
     wanted: dict[str, list[str]] = {}
     for one in columns:
-        if one.table in rows and one.spread:
+        if one.spread:
             wanted.setdefault(one.table, []).append(one.name)
     ends = {(table, name): np.full((POINTS, 2), np.nan) for table, names in wanted.items() for name in names}
+    asked = {
+        table: list(dict.fromkeys([*names, *filter(None, [axes[table].clock])])) for table, names in wanted.items()
+    }
     begun = dict.fromkeys(wanted, 0)
-    for block in stream(found.log, wanted) if wanted else ():
-        count = max((values.size for values in block.columns.values()), default=0)
-        place = (begun[block.table] + np.arange(count)) * POINTS // rows[block.table]
+    for block in stream(found.log, asked) if asked else ():
+        axis, count = axes[block.table], max((values.size for values in block.columns.values()), default=0)
+        if axis.clock:
+            along = (block.columns[axis.clock].astype(float) - begin[block.table]) / axis.length
+        else:
+            along = (begun[block.table] + np.arange(count)) / axis.rows
         begun[block.table] += count
+        timed = np.flatnonzero(np.isfinite(along))
+        place = np.clip((along[timed] * POINTS).astype(int), 0, POINTS - 1)
         starts = np.flatnonzero(np.diff(place, prepend=-1))
         for name, values in block.columns.items():
-            if (block.table, name) in ends and values.dtype.kind in "if":
-                kept, at = ends[block.table, name], np.minimum(place[starts], POINTS - 1)
-                kept[at, 0] = np.fmin(kept[at, 0], np.fmin.reduceat(values.astype(float), starts))
-                kept[at, 1] = np.fmax(kept[at, 1], np.fmax.reduceat(values.astype(float), starts))
+            if (block.table, name) in ends and values.dtype.kind in "if" and timed.size:
+                kept, numbers = ends[block.table, name], values[timed].astype(float)
+                np.fmin.at(kept[:, 0], place[starts], np.fmin.reduceat(numbers, starts))
+                np.fmax.at(kept[:, 1], place[starts], np.fmax.reduceat(numbers, starts))
     return {name: _path(both) for name, both in ends.items()}
 
 

@@ -8,7 +8,7 @@ from urllib.parse import urlencode
 from markupsafe import Markup, escape
 from nicegui import ui
 
-from seatrial.apps.dashboard.app_context import AppContext, markup
+from seatrial.apps.dashboard.app_context import AppContext, markup, say
 from seatrial.apps.dashboard.run_bar import RunBar
 
 VIEWS = {
@@ -56,7 +56,9 @@ def links_html(links: Iterable[tuple[str, str]]) -> Markup:
 
 
 @contextmanager
-def frame(context: AppContext, view: str, campaign: str = "", folder: Path | None = None) -> Iterator[None]:
+def frame(
+    context: AppContext, view: str, campaign: str = "", folder: Path | None = None, title: str = ""
+) -> Iterator[None]:
     """Lay out a page around the block.
 
     Args:
@@ -64,9 +66,10 @@ def frame(context: AppContext, view: str, campaign: str = "", folder: Path | Non
         view: key of `VIEWS`, or empty for the overview.
         campaign: its name below the root.
         folder: of the campaign, to show what is at work on it.
+        title: of the page; that of the view where none is given.
     """
     ui.add_head_html(_THEME)
-    title = VIEWS.get(view, "New campaign" if view == "new" else "Campaigns")
+    title = title or VIEWS.get(view, "New campaign" if view == "new" else "Campaigns")
     ui.page_title(f"{title} · {campaign if campaign not in ('', '.') else context.campaign_paths.root.name} · seatrial")
     markup('<a class="skip" href="#main">Skip to the content</a>')
     with ui.element("header").classes("top"):
@@ -84,6 +87,13 @@ def frame(context: AppContext, view: str, campaign: str = "", folder: Path | Non
     with ui.element("div").props('id=main tabindex="-1"'):  # NiceGUI lays a <main> around the whole page
         markup(Markup("<h1>{}</h1>").format(title))
         yield
+
+
+def missing_page(context: AppContext, error: BaseException | str) -> None:
+    """Build the page of an address behind which there is nothing: what is missing, in words, and the way back to the start page."""
+    with frame(context, "", title="Not found"):
+        say(error)
+        markup(links_html([("/", "Back to the campaigns")]))
 
 
 @contextmanager

@@ -21,6 +21,8 @@ VIRIDIS = ("#440154", "#414487", "#2a788e", "#22a884", "#7ad151", "#fde725")
 """Ends and stops of the map of colours of the design surface, the same in every theme."""
 WHEEL = [{"type": "inside", "filterMode": "none"}]
 _NUMBERS = "const digits = (value) => String(Number(Number(value).toPrecision(4)));"
+_SHORTENED = "(name) => name.length > 20 ? name.slice(0, 9) + '…' + name.slice(-10) : name"
+"""A name in a legend, so that two of them fit beside each other on a telephone."""
 _AT_POINT = f"""(one) => {{ {_NUMBERS} return one.value && one.value.length > 3 ? one.value[3] : one.name; }}"""
 _WHISKER = """(params, api) => {
   const [low, high] = [1, 2].map((end) => api.coord([api.value(end), api.value(0)])), half = 5;
@@ -250,6 +252,7 @@ def sides_chart(sides: Sequence[Side], names: tuple[str, str]) -> ui.echart:
         "legend": {
             "top": 0,
             "textStyle": {"color": colour("ink")},
+            ":formatter": _SHORTENED,
             "data": [{"name": name, "icon": mark} for name, mark in zip(names, marks, strict=True)],
         },
         "tooltip": {**tooltip(_AT_POINT), "trigger": "item"},

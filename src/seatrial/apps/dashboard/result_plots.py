@@ -81,9 +81,12 @@ def _estimated(estimate: Estimate, shown: Shown) -> EstimatedStructure:
         mean, sd = factor * float(row["mean"]), factor * float(row["sd"])
         more = None if wider is None else factor * wider
         values.append(EstimatedValue(name, str(row["label"].item()), unit, mean, sd, more, estimate.wider_cause(name)))
-    remedies = tuple(text.partition(": ")[2] for text in estimate.wider_remedies)
     return EstimatedStructure(
-        estimate.structure.label, estimate.structure.terms, tuple(values), remedies, tuple(estimate.alarms)
+        estimate.structure.label,
+        estimate.structure.terms,
+        tuple(values),
+        estimate.wider_findings,
+        tuple(estimate.alarms),
     )
 
 

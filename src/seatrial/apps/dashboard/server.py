@@ -7,20 +7,23 @@ import threading
 import webbrowser
 from collections.abc import Awaitable, Callable, Sequence
 from contextlib import suppress
+from http import HTTPStatus
 from pathlib import Path
 from urllib.parse import quote
 
 import uvicorn
 from fastapi import FastAPI, Request
 from fastapi.responses import FileResponse, PlainTextResponse, Response
-from nicegui import ui
+from nicegui import Client, ui
+from nicegui import app as pages
+from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect
 
 from seatrial.apps.dashboard.app_context import AppContext, say
 from seatrial.apps.dashboard.campaign_paths import CampaignPaths
 from seatrial.apps.dashboard.jobs import Jobs
 from seatrial.apps.dashboard.logs import receive
-from seatrial.apps.dashboard.page_layout import frame
+from seatrial.apps.dashboard.page_layout import frame, missing_page
 from seatrial.apps.dashboard.pages import (
     campaign_file,
     compare,
@@ -137,6 +140,7 @@ def build(context: AppContext, guard: RequestGuard) -> GuardedApp:
     app = FastAPI(openapi_url=None, docs_url=None, redoc_url=None)
     _add_files(app, context, guard)
     _add_pages(context)
+    _add_missing(app, context)
     ui.add_head_html('<link rel="stylesheet" href="/style.css">', shared=True)
     ui.run_with(
         app,
@@ -174,7 +178,7 @@ def _add_files(app: FastAPI, context: AppContext, guard: RequestGuard) -> None:
         try:
             path, kind = context.campaign_paths.download(campaign, file)
         except (SeatrialError, OSError) as error:
-            return PlainTextResponse(f"{words_of(error)}\n", 404)
+            raise HTTPException(404, words_of(error)) from error
         headers = {"cache-control": "no-cache", "content-security-policy": REPORT_POLICY}
         saved = not shown or kind == "application/octet-stream"
         return FileResponse(path, media_type=kind, headers=headers, filename=path.name if saved else None)
@@ -208,14 +212,26 @@ def _add_pages(context: AppContext) -> None:
         _add_view(context, view, make)
 
 
+def _add_missing(app: FastAPI, context: AppContext) -> None:
+    """Answer for an address behind which there is nothing, be it of a page or of a file."""
+
+    async def missing(request: Request, error: Exception) -> Response:
+        words = error.detail if isinstance(error, HTTPException) and error.detail != HTTPStatus.NOT_FOUND.phrase else ""
+        with Client(ui.page(""), request=request) as client:
+            missing_page(context, words or f"There is no page {request.url.path}.")
+        return client.build_response(request, HTTPStatus.NOT_FOUND)
+
+    for one in (app, pages):
+        one.add_exception_handler(HTTPStatus.NOT_FOUND, missing)
+
+
 def _add_view(context: AppContext, view: str, make: Callable[..., Awaitable[None]]) -> None:
     @ui.page(f"/{view}", response_timeout=BUILD)
     async def _view(campaign: str = "") -> None:
         try:
             folder = await asyncio.to_thread(context.campaign_paths.folder, campaign)
         except SeatrialError as error:
-            with frame(context, ""):
-                say(error)
+            missing_page(context, error)
             return
         with frame(context, view, campaign, folder):
             ui.timer(SETTLED, lambda: context.jobs.get_ready(folder), once=True)

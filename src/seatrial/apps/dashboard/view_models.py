@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from seatrial.campaign.store.estimates import ModelErrorFinding
 from seatrial.core.errors import InputError, SeatrialError, file_error
 
 
@@ -100,14 +101,14 @@ class EstimatedStructure(NamedTuple):
         label: of the structure.
         terms: names of its coefficients.
         values: of every parameter.
-        remedies: how to get rid of a standard deviation with model error that is much larger, each without the names of its parameters.
+        findings: what makes most of a standard deviation with model error that is much larger, and how to get rid of it.
         alarms: why the draws are not to be used.
     """
 
     label: str
     terms: tuple[str, ...]
     values: tuple[EstimatedValue, ...]
-    remedies: tuple[str, ...] = ()
+    findings: tuple[ModelErrorFinding, ...] = ()
     alarms: tuple[str, ...] = ()
 
 

@@ -2,12 +2,12 @@
 
 from collections.abc import Iterable, Mapping
 
-from seatrial.campaign.store.estimates import LeftOut
+from seatrial.campaign.store.estimates import LeftOut, ModelErrorFinding
 from seatrial.estimation.fit_verdict import either
 from seatrial.estimation.omitted_effects import Effect, Omitted, OmittedEffects
 from seatrial.estimation.output_error import OutputError
 from seatrial.estimation.posterior import Posterior
-from seatrial.estimation.remedies import CORRELATED, listed
+from seatrial.estimation.remedies import CORRELATED
 from seatrial.estimation.robust_errors import RobustErrors
 from seatrial.selection.structures import Structure
 
@@ -49,8 +49,8 @@ def _cause(robust: RobustErrors, name: str) -> str:
     return either([_name(one).rstrip(",") for one in effects]) if effects else robust.pieces.differ
 
 
-def remedies_of(posterior: Posterior, robust: RobustErrors, names: Iterable[str]) -> list[str]:
-    """Return a sentence for each cause of a ± with model error: of which parameters, and how to get rid of it; the noise comes first.
+def findings_of(posterior: Posterior, robust: RobustErrors, names: Iterable[str]) -> list[ModelErrorFinding]:
+    """Return each cause of a ± with model error: of which of these parameters, and how to get rid of it; the noise comes first.
 
     As long as residuals are correlated, a missing effect is hardly told from them.
     """
@@ -62,7 +62,7 @@ def remedies_of(posterior: Posterior, robust: RobustErrors, names: Iterable[str]
             remedies = [f"first {noise}; if it stays, {'; or '.join(dict.fromkeys(remedies))}"]
         found.setdefault((words, "; or ".join(dict.fromkeys(remedies))), []).append(name)
     return [
-        f"{listed(several)}: most of the ± with model error is from {words}; {remedy}"
+        ModelErrorFinding(tuple(several), words, remedy)
         for (words, remedy), several in sorted(found.items(), key=lambda item: item[0][1] != noise)
     ]
 

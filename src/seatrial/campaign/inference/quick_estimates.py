@@ -19,7 +19,7 @@ from seatrial.campaign.inference.estimate import estimate_key, prior_curves
 from seatrial.campaign.inference.identifiability import symmetry_of
 from seatrial.campaign.inference.judge_predictions import N_DRAWS, HeldBack, held_back_lines, predict_held_back
 from seatrial.campaign.inference.long_steps import long_steps
-from seatrial.campaign.inference.omitted_effects import causes_of, left_out, remedies_of
+from seatrial.campaign.inference.omitted_effects import causes_of, findings_of, left_out
 from seatrial.campaign.inference.posterior import is_whole, random_key
 from seatrial.campaign.inference.prior_and_record import check_prior_of
 from seatrial.campaign.store.estimates import HasKey, with_model_error
@@ -240,7 +240,7 @@ def _mode(
         log_evidence=float(mode.log_evidence),
         wider=wider,
         wider_causes=causes_of(robust, wider) if robust else {},
-        wider_words=(robust.words, *remedies_of(posterior, robust, wider)) if robust else (),
+        wider_words=(robust.words, *(one.sentence for one in findings_of(posterior, robust, wider))) if robust else (),
         drawn=more,
         symmetry=symmetry_of(campaign, more, lambda: prior_curves(posterior)),
         shown={name: campaign.shown(name, unit) for name, unit, _ in rows},

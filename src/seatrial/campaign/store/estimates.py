@@ -163,9 +163,10 @@ class Estimate:
         return self.data.attrs["model_error"]
 
     @property
-    def wider_remedies(self) -> list[str]:
+    def wider_findings(self) -> tuple["ModelErrorFinding", ...]:
         """Which of them have which cause, and how to get rid of it."""
-        return json.loads(self.data.attrs["model_error_remedies"])
+        found = json.loads(self.data.attrs["model_error_findings"])
+        return tuple(ModelErrorFinding(**{**item, "names": tuple(item["names"])}) for item in found)
 
     def own_values(self) -> list[tuple[str, str, float, float, str]]:
         """Of each value that varies between trials: its name, the trial, its mean, standard deviation and SI unit."""
@@ -177,6 +178,30 @@ class Estimate:
             own, unit = common + spread * deviation, str(self.data.sel(parameter=name)["unit"].values)
             found.append((name, label, float(own.mean()), float(own.std()), unit))
         return found
+
+
+@dataclass(frozen=True)
+class ModelErrorFinding:
+    """What makes most of the ± with model error of some parameters.
+
+    Attributes:
+        names: of the parameters.
+        cause: in words.
+        remedy: how to get rid of it.
+    """
+
+    names: tuple[str, ...]
+    cause: str
+    remedy: str
+
+    @property
+    def sentence(self) -> str:
+        """The whole of it; the parameters come first."""
+        return self.sentence_of(listed(self.names))
+
+    def sentence_of(self, whose: str) -> str:
+        """Return the same about parameters that are named in other words, such as those of several structures."""
+        return f"{whose}: most of the ± with model error is from {self.cause}; {self.remedy}"
 
 
 def with_model_error(wider: float | None, cause: str, factor: float) -> str:

@@ -241,6 +241,14 @@ def stamp_of(path: Path) -> str | None:
         return None
 
 
+def seal_of(path: Path) -> str | None:
+    """Return the hash of a JSON result, of its key and its content together; None where it is missing or damaged."""
+    try:
+        return read_json(path, "seatrial run").get(SEAL)
+    except InputError:
+        return None
+
+
 def is_current(path: Path, key: str) -> bool:
     """Return whether a result was written with this key; a damaged one is set aside, and said, so that it is computed again."""
     try:

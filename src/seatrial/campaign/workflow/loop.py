@@ -18,6 +18,7 @@ from seatrial.campaign.inference.judge_predictions import (
 )
 from seatrial.campaign.selection.evidence import structure_rows
 from seatrial.campaign.store.estimates import Estimate
+from seatrial.campaign.store.stored_result import seal_of
 from seatrial.campaign.workflow.next_trial import Proposal, propose
 from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.campaign.workflow.steps import LOOP, Workflow, stored_summary
@@ -79,8 +80,9 @@ def run_loop(campaign: Campaign, reporter: Reporter = SILENT) -> Outcome:
         "words": "; ".join((*proposal.first, *proposal.advice)),
         "stop": proposal.trial is None,
     }
-    stored_summary(outcome.campaign, outcome.estimates).write(outcome.summary)
-    return outcome
+    kept = stored_summary(Workflow(campaign))
+    kept.write(outcome.summary)
+    return replace(outcome, seal=seal_of(kept.path) or "")
 
 
 def run_sequence(campaign: Campaign, reporter: Reporter = SILENT) -> tuple[Outcome, Proposal]:

@@ -44,6 +44,7 @@ class Outcome:
         screening_cautions: of that, or why it could not be done.
         contenders: the chosen structure beside the runner-up; None where there is one structure, or no trial is designed.
         summary: the machine-readable summary.
+        seal: of the stored summary, which changes with all that the summary was made from; empty where it is not stored.
         cross_validation: how well each fitted run is predicted from the others; None where that was not asked, or is not current.
     """
 
@@ -66,6 +67,7 @@ class Outcome:
     screening_cautions: tuple[str, ...]
     contenders: Contenders | None
     summary: dict[str, Any]
+    seal: str = ""
     cross_validation: CrossValidation | None = None
 
     def __repr__(self) -> str:

@@ -1,13 +1,17 @@
 """What of a campaign is current, stale or missing; nothing is computed, and of large results only the stamp is read."""
 
+import re
 from pathlib import Path
 from typing import NamedTuple
 
-from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.selection.evidence import stored_alarms
-from seatrial.campaign.store.stored_result import State, Store
+from seatrial.campaign.store.stored_result import State, Store, seal_of
 from seatrial.campaign.workflow.steps import LOOP, NotCurrent, Workflow, stored_summary
+from seatrial.core.files import is_there
+
+HEAD = 4096
+"""Characters of a page in which its head says what it was drawn from."""
 
 
 class StepState(NamedTuple):
@@ -42,7 +46,7 @@ def standing(folder: Path) -> tuple[StepState, ...]:
             found.append(StepState(name, state, command, _alarms(flow, step.name) if state == "current" else ()))
     design, *others = found
     found = others if campaign.imports is not None and design.state == "missing" else found
-    return (*found, _page(campaign, flow))
+    return (*found, _page(flow))
 
 
 def _alarms(flow: Workflow, name: str) -> tuple[str, ...]:
@@ -55,16 +59,22 @@ def _alarms(flow: Workflow, name: str) -> tuple[str, ...]:
     return ()
 
 
-def _page(campaign: Campaign, flow: Workflow) -> StepState:
-    """Judge the page: it is as current as the summary it was drawn from, if it is not older."""
-    store = Store(campaign.folder)
-    if not store.report.is_file():
+def _page(flow: Workflow) -> StepState:
+    """Judge the page: it is current if it was drawn from the summary as that is stored now, and that is current."""
+    store = Store(flow.campaign.folder)
+    if not is_there(store.report):
         return StepState("report", "missing", "report")
     try:
-        summary = stored_summary(campaign, flow.seen("estimates"))
+        summary = stored_summary(flow)
     except NotCurrent:
         return StepState("report", "stale", "report")
-    fresh = flow.state("selection") == summary.state() == "current"
-    if not fresh or store.report.stat().st_mtime < store.summary.stat().st_mtime:
+    if summary.state() != "current" or drawn_from(store.report) != seal_of(store.summary):
         return StepState("report", "stale", "report")
     return StepState("report", "current", "report", tuple(summary.read(summary.path).alarms))
+
+
+def drawn_from(page: Path) -> str:
+    """Return the seal of the summary that a page was drawn from, as its head says; empty where it says none."""
+    with page.open(encoding="utf-8", errors="replace") as stream:
+        found = re.search(r'<meta name="seatrial-summary" content="([0-9a-f]+)">', stream.read(HEAD))
+    return found[1] if found else ""

@@ -227,10 +227,17 @@ def _stored_contenders(campaign: Campaign, selection: Any, trials: Any) -> Itera
     yield from (runner_up.stored_contenders(campaign, best, runner, trials) for runner in others)
 
 
-def stored_summary(campaign: Campaign, estimates: Sequence[Any]) -> StoredResult[Summary]:
-    """Return where the summary is kept, and what it depends on; `estimates` have the key of each posterior."""
+def stored_summary(flow: Workflow) -> StoredResult[Summary]:
+    """Return where the summary is kept, and what it depends on: every result of the loop, and what the campaign says of names and goals.
+
+    Raises:
+        NotCurrent: a result on which others depend is not current.
+    """
+    campaign = flow.campaign
+    keys = [one.key for step in LOOP for one in flow.stored(step.name)]
     read = partial(read_summary, made_by=f"seatrial run {campaign.folder}")
-    return StoredResult(Store(campaign.folder).summary, key_of("summary", [one.key for one in estimates]), read)
+    key = key_of("summary", keys, campaign.name, campaign.prior_units, campaign.goal)
+    return StoredResult(Store(campaign.folder).summary, key, read)
 
 
 def _shortlisted(stored: Sequence[StoredResult], campaign: Campaign, trials: Any) -> Campaign:

@@ -54,10 +54,10 @@ def summary_section(outcome: Outcome) -> dict[str, Any]:
         "has_truth": bool(truth_of(outcome)),
         "unit_mass": outcome.campaign.hull.mass is None,
         "wider": sentence_of(outcome, outcome.chosen.wider_words),
-        "wider_remedies": [
-            sentence_of(outcome, text)
-            for text in outcome.chosen.wider_remedies
-            if not (outcome.disowned and text.endswith(CORRELATED))  # a caution says it
+        "wider_findings": [
+            sentence_of(outcome, one.sentence)
+            for one in outcome.chosen.wider_findings
+            if not (outcome.disowned and one.remedy.endswith(CORRELATED))  # a caution says it
         ],
         "has_wider": any(row["wider"] for _, rows in tables for row in rows),
         "models": _models(outcome),

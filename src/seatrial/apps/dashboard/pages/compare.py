@@ -136,9 +136,13 @@ def side_by_side(ours: Summary, theirs: Summary, here: str, there: str) -> Marku
     ]
     return Markup("").join(
         [
-            table(["coefficient", "difference, joint sd", *head], rows[True], "Coefficients of the vehicle"),
-            table(["parameter", *head], rows[False], "Of sensors, runs and water") if rows[False] else Markup(""),
-            table(["of the whole", here, there], [list(row) for row in facts], "In all", left=3),
+            table(
+                ["coefficient", "difference, joint sd", *head], rows[True], "Coefficients of the vehicle", stacks=True
+            ),
+            table(["parameter", *head], rows[False], "Of sensors, runs and water", stacks=True)
+            if rows[False]
+            else Markup(""),
+            table(["of the whole", here, there], [list(row) for row in facts], "In all", left=3, stacks=True),
         ]
     )
 

@@ -2,7 +2,7 @@
 
 import asyncio
 import re
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlencode
@@ -30,6 +30,7 @@ from seatrial.apps.dashboard.pages.one_axis import OneAxis
 from seatrial.apps.dashboard.view_models import FormData, beside
 from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import SeatrialError
+from seatrial.core.units import to_si
 from seatrial.logs.formats.protocol import TIME_UNITS
 from seatrial.logs.guess import unit_by_name
 
@@ -66,6 +67,7 @@ class ImportForm:
         self.seen, self.map, self.logs = "", "", {}
         self.rows: dict[str, Row] = {}
         self.clocks: dict[tuple[str, str | None], ClockRow] = {}
+        self.drawn_over: dict[tuple[str, str], str] = {}
 
     def build(self) -> None:
         """Build the choice of a log."""
@@ -109,7 +111,18 @@ class ImportForm:
 
         path = self.context.campaign_paths.inside(self.folder, name)
         found = await self.context.form_data(self.folder)
-        return await asyncio.to_thread(look_into, str(path), name, found.channels), found
+        clocks = self._clocks_of(name, (*found.fit, *found.predict))
+        return await asyncio.to_thread(look_into, str(path), name, found.channels, clocks), found
+
+    def _clocks_of(self, name: str, runs: Sequence[str]) -> dict[str | None, str]:
+        """Return the column of time that the map names for each table of a log."""
+        try:
+            files = files_of(self.map or channel_map_of(read_file(self.folder)))
+        except SeatrialError:  # said where the map is edited
+            return {}
+        mine = [one for one in files if name in {str(one.get("path")).replace("{run}", run) for run in runs or ("",)}]
+        clocks = {one.get("table"): str(one.get("time", {}).get("column") or "") for one in mine}
+        return {table: column for table, column in clocks.items() if column}
 
     def _show(self, name: str, log: Any, found: FormData) -> None:
         """Show what a log holds, and the form; logs that were previewed before stay in the choices of columns."""
@@ -117,6 +130,7 @@ class ImportForm:
             self.seen = read_file(self.folder)
             self.map = channel_map_of(self.seen)
         self.logs[name] = log
+        self.drawn_over = {place: column for place, column in self.drawn_over.items() if place[0] != name}
         try:
             self.map, gone = with_newer_log(self.map, name, log, (*found.fit, *found.predict))
         except SeatrialError:  # said where the map is edited
@@ -135,7 +149,10 @@ class ImportForm:
         if gone:
             words = "In the map below {} takes the place of {}, because it has all that was mapped from there."
             markup(Markup('<p class="note" role="status">' + words + "</p>").format(name, ", ".join(gone)))
-        markup(columns_of(log))
+        with ui.element("details"):
+            with ui.element("summary"):
+                markup(f"{len(log.columns)} columns")
+            self.columns = name, markup(columns_of(log))
         self._offer_run(name)
         self._rows(found)
         self._ends(name, found)
@@ -154,29 +171,45 @@ class ImportForm:
 
         async def add(role: str) -> None:
             said.clear()
-            with said:
-                try:
-                    text = with_further_run(self.folder, self.seen, run, role)
-                    await self.context.worker_pool.think("check", str(self.folder), text)
-                    write_file(self.folder, text, self.seen)
-                except (SeatrialError, OSError) as error:
+            try:
+                text = with_further_run(self.folder, self.seen, run, role)
+                await self.context.worker_pool.think("check", str(self.folder), text)
+                write_file(self.folder, text, self.seen)
+            except (SeatrialError, OSError) as error:
+                with said:
                     say(error)
-                    return
-                self.seen, self.map = text, channel_map_of(text)
-                self.text.value, self.run.value = self.map, run.label
-                self._settled()
-                self.axis.tell()
-                markup(
-                    Markup('<p class="done" role="status">Saved in campaign.toml: {} is under {}.</p>').format(
-                        run.label, role
-                    )
+                return
+            self._begin_anew()
+            with self.holder:
+                words = (
+                    "Saved in campaign.toml: {} is under {}, with the columns of the map that was there. "
+                    "Next, import the records: the chart at the top of this page will show it."
                 )
-                button("Import the records", self.start, main=True)
+                markup(Markup('<p class="done" role="status">' + words + "</p>").format(run.label, role))
+                self._offer_import()
 
         with self.offer, ui.element("div").classes("line"):
             button("Add it, to fit", lambda: add("fit"))
             button("Add it, held back to predict", lambda: add("predict"))
         said = ui.element("div")
+
+    def _begin_anew(self) -> None:
+        """Empty the form: what was previewed and chosen is saved."""
+        self.seen, self.map, self.logs, self.rows, self.clocks, self.drawn_over = "", "", {}, {}, {}, {}
+        self.form.value = None
+        self.state.set_content("")
+        self.holder.clear()
+
+    def _offer_import(self) -> None:
+        """Offer what comes after saving; it empties the form, and leads to the top of the page, where the records will be."""
+
+        async def go() -> None:
+            self._begin_anew()
+            ui.run_javascript('document.getElementById("main").focus()')
+            await self.start()
+
+        offered = button("Import the records", go, main=True)
+        ui.run_javascript(f"getElement({offered.id}).$el.focus()")
 
     def _settled(self) -> None:
         """Take away what was said of a map that was not saved yet."""
@@ -267,14 +300,48 @@ class ImportForm:
         except SeatrialError as error:
             self.rows[name].complain(beside(error))
 
-    def set_time(self, log: str, name: str, table: str | None, column: str, unit: str) -> None:
-        """Change the column of time of one table of a log, in the map and for channels that are yet to be mapped."""
+    async def set_time(self, log: str, name: str, table: str | None, column: str, unit: str) -> None:
+        """Change the column of time of one table of a log: in the map, for channels that are yet to be mapped, and under the pictures."""
         try:
             self._change(with_time(self.map, log, table, column, unit))
             head = with_time(self.logs[log].heads[name], log, table, column, unit)
             self.logs[log] = self.logs[log]._replace(heads={**self.logs[log].heads, name: head})
-        except SeatrialError as error:
-            self.clocks[log, table].complain(beside(error))
+            if self.drawn_over.get((log, name), self.logs[log].axes[name].clock) != column:
+                self.drawn_over[log, name] = column
+                await self._redraw(log, name, column)
+        except (SeatrialError, OSError) as error:
+            if (log, table) in self.clocks:
+                self.clocks[log, table].complain(beside(error))
+        self._draw()
+
+    def _draw(self) -> None:
+        """Show the small pictures as they are now, in the rows and in the table of columns."""
+        for row in self.rows.values():
+            row.draw()
+        name, shown = self.columns
+        if name in self.logs:
+            shown.set_content(columns_of(self.logs[name]))
+
+    async def _redraw(self, log: str, name: str, column: str) -> None:
+        """Draw the small pictures of one table over another column of time, unless that was changed meanwhile."""
+        from seatrial.apps.dashboard.logs import look_into
+
+        path = self.context.campaign_paths.inside(self.folder, log)
+        found = await asyncio.to_thread(look_into, str(path), log, (), {name: column})
+        there = self.logs.get(log)
+        if there is None or files_of(there.heads[name])[0]["time"]["column"] != column:
+            return
+        drawn = {one.name: one.picture for one in found.columns if one.table == name}
+        columns = tuple(
+            one._replace(picture=drawn.get(one.name, "")) if one.table == name else one for one in there.columns
+        )
+        self.logs[log] = there._replace(columns=columns, axes={**there.axes, name: found.axes[name]})
+
+    def picture(self, log: str, table: str, column: str) -> Markup:
+        """Small picture of a column, over the time or the rows of its table."""
+        looked = self.logs[log]
+        one = next(one for one in looked.columns if (one.table, one.name) == (table, column))
+        return picture_of(one, axis_words(looked, table))
 
     async def _draft(self, said: ui.element) -> tuple[str, str] | None:
         """The campaign file with this map, checked, and the run; None where something is wrong, which is said beside its channel."""
@@ -331,7 +398,7 @@ class ImportForm:
                 self.axis.tell()
                 words = "Saved in campaign.toml. Now import the records: they will be shown above."
                 markup(Markup('<p class="done" role="status">{}</p>').format(words))
-                button("Import the records", self.start, main=True)
+                self._offer_import()
 
     async def _is_whole(self, text: str) -> bool:
         """Return whether every channel that the campaign needs has a column; what is missing is said beside its row."""
@@ -400,9 +467,9 @@ class ClockRow(MapRow):
             self.said = ui.element("div").classes("beside")
         self.parts = {"column": self.column, "unit": self.unit}
 
-    def _changed(self) -> None:
+    async def _changed(self) -> None:
         self.complain("")
-        self.form.set_time(self.log, self.name, self.table, str(self.column.value or ""), str(self.unit.value))
+        await self.form.set_time(self.log, self.name, self.table, str(self.column.value or ""), str(self.unit.value))
 
 
 class Row(MapRow):
@@ -453,7 +520,7 @@ class Row(MapRow):
                 self.between.props(LOOK).on_value_change(self._changed)
             self.said = ui.element("div").classes("beside")
         self.parts = {"column": self.column, "unit": self.unit, "scale": self.factor, "offset": self.offset}
-        self._draw()
+        self.draw()
 
     def _key(self, there: dict[str, Any]) -> str:
         for key in self.choices:
@@ -467,12 +534,13 @@ class Row(MapRow):
         """Whether a column was chosen, and no unit."""
         return str(self.column.value or "") not in (NONE, KEPT) and not (self.unit.value or "").strip()
 
-    def _draw(self) -> None:
-        one = self.choices.get(str(self.column.value))
-        self.picture.set_content(Markup("") if one is None else picture_of(one[1]))
+    def draw(self) -> None:
+        """Draw the small picture of the column that is chosen."""
+        key = str(self.column.value)
+        self.picture.set_content(self.form.picture(*key.split("|", 2)) if key in self.choices else Markup(""))
 
     def _chosen(self) -> None:
-        self._draw()
+        self.draw()
         one = self.choices.get(str(self.column.value))
         by_name = None if one is None else unit_by_name(one[1].name, self.channel)
         if one is not None and one[1].unit:
@@ -509,18 +577,29 @@ class Row(MapRow):
         return "\n".join(["[[import.files]]", *(f"{key} = '''{value}'''" for key, value in named.items())])
 
 
-def picture_of(column: Any) -> Markup:
-    """Small picture of a column over its rows, with its least and greatest."""
+def axis_words(log: Any, table: str) -> str:
+    """Say what the small pictures of a table are drawn over: its rows, or the seconds of its clock."""
+    axis = log.axes[table]
+    if not axis.clock:
+        return f"over rows 1 to {axis.rows}"
+    unit = files_of(log.heads[table])[0]["time"]["unit"]
+    return f"over {to_si(axis.length, unit, 's', 'time'):.6g} s of {axis.clock}"
+
+
+def picture_of(column: Any, over: str) -> Markup:
+    """Small picture of a column: its least and greatest above, and below what it is drawn over."""
     if not column.picture:
         return Markup('<span class="small-picture"><small>{}</small></span>').format(column.spread)
     return Markup(
-        '<span class="small-picture"><svg viewBox="0 0 100 24" preserveAspectRatio="none" role="img" aria-label="{}">'
-        '<path d="{}"/></svg><small>{}</small></span>'
-    ).format(f"{column.name} over the log", column.picture, column.spread)
+        '<span class="small-picture"><small>{}</small><svg viewBox="0 0 100 24" preserveAspectRatio="none" role="img" aria-label="{}">'
+        '<path d="{}"/></svg><small class="axis">{}</small></span>'
+    ).format(column.spread, f"{column.name} {over}", column.picture, over)
 
 
 def columns_of(log: Any) -> Markup:
-    """Table of the columns of a log, each with its picture, folded."""
-    rows = [[one.name, one.table, one.unit, picture_of(one), one.trouble] for one in log.columns]
-    made = table(["column", "table", "unit in the log", "least to greatest", "trouble"], rows, "Columns", left=2)
-    return Markup("<details><summary>{} columns</summary>{}</details>").format(len(rows), made)
+    """Table of the columns of a log, each with its picture."""
+    rows = [
+        [one.name, one.table, one.unit, picture_of(one, axis_words(log, one.table)), one.trouble] for one in log.columns
+    ]
+    head = ["column", "table", "unit in the log", "least to greatest", "trouble"]
+    return table(head, rows, "Columns", left=2, stacks=True)

@@ -19,8 +19,9 @@ from seatrial.core.errors import SeatrialError
 EVERY = 2.0
 """Seconds between looks at what is running."""
 LEGEND = (
-    "✓ current: its results belong to the campaign file and logs as they are now. ↻ stale: something has changed since. ○ missing. "
-    "▲ failed a check: do not use its numbers yet."
+    "✓\N{NO-BREAK SPACE}current: its results belong to the campaign file and logs as they are now. "
+    "↻\N{NO-BREAK SPACE}stale: something has changed since. ○\N{NO-BREAK SPACE}missing. "
+    "▲\N{NO-BREAK SPACE}failed a check: do not use its numbers yet."
 )
 
 

@@ -16,7 +16,7 @@ from seatrial.apps.dashboard.page_layout import link, links_html, section, table
 from seatrial.apps.dashboard.result_charts import Probability, fit_charts, marginal_chart, probability_chart
 from seatrial.apps.dashboard.view_models import EstimatedStructure, EstimatedValue, Marginal
 from seatrial.apps.dashboard.worker_pool import stamp
-from seatrial.campaign.store.estimates import Predictions
+from seatrial.campaign.store.estimates import ModelErrorFinding, Predictions
 from seatrial.campaign.store.stored_result import Store
 from seatrial.campaign.store.structures import (
     StoredCoefficient,
@@ -31,7 +31,7 @@ from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import Shown, shown_as_written
 from seatrial.core.errors import InputError, SeatrialError
 from seatrial.estimation.fit_verdict import explained_share
-from seatrial.estimation.remedies import without_repeats
+from seatrial.estimation.remedies import listed, without_repeats
 from seatrial.report.labels import label_html, name_html, sentence_about
 from seatrial.report.numbers import Digits, percent, probability, short, times_ten, typeset, unit_html, with_sd
 from seatrial.selection.structures import Structure, structure_names
@@ -188,14 +188,7 @@ def estimated_html(found: Sequence[EstimatedStructure]) -> Markup:
     Args:
         found: stored estimates.
     """
-    causes: dict[str, list[str]] = {}
-    for one in found:
-        for text in one.remedies:
-            causes.setdefault(text, []).append(one.label)
-    rows = Markup("").join(
-        Markup("<li>{}: {}</li>").format(", ".join(dict.fromkeys(labels)), sentence_about(text, {}, {}))
-        for text, labels in causes.items()
-    )
+    rows = Markup("").join(Markup("<li>{}</li>").format(sentence) for sentence in _causes(found))
     alarms = Markup("").join(
         Markup('<li class="alarm">{}</li>').format(sentence_about(f"{one.label}: {text}", {}, {}))
         for one in found
@@ -210,6 +203,22 @@ def estimated_html(found: Sequence[EstimatedStructure]) -> Markup:
             else "",
         ]
     )
+
+
+def _causes(found: Sequence[EstimatedStructure]) -> list[Markup]:
+    """Return a sentence for each cause of a ± with model error, with the parameters and the structures in which it is the cause."""
+    labels = {row.name: row.label for one in found for row in one.values if row.label}
+    causes: dict[tuple[str, str], dict[tuple[str, ...], list[str]]] = {}
+    for one in found:
+        for finding in one.findings:
+            causes.setdefault((finding.cause, finding.remedy), {}).setdefault(finding.names, []).append(one.label)
+    sentences = [
+        ModelErrorFinding((), *cause).sentence_of(
+            "; ".join(f"{listed(names)} in {listed(list(dict.fromkeys(inside)))}" for names, inside in whose.items())
+        )
+        for cause, whose in causes.items()
+    ]
+    return [sentence_about(text, {}, labels) for text in sentences]
 
 
 def _of_structure(one: EstimatedStructure) -> Markup:
@@ -261,7 +270,7 @@ async def _currency(context: AppContext, campaign: str, folder: Path) -> None:
             words = '<p class="note" role="status">A command is running. These are the earlier results; the page updates itself.</p>'
             markup(words)
         elif old:
-            words = "These results are older than the last change of the campaign file or its logs: {} {} stale. "
+            words = "These results do not belong to the campaign file and its logs as they are now: {} {} stale. "
             if "import" in old:
                 words += "If nothing was changed, its logs lie where this dashboard may not read: start it with --also FOLDER. "
             markup(
