@@ -321,7 +321,7 @@ def _estimate(structure: Structure, random: np.random.Generator) -> Estimate:
             "model_error": "± with model error: made up",
             "model_error_causes": json.dumps(dict.fromkeys(names[::3], "a force X_u3")),
             "model_error_remedies": json.dumps(
-                [f"{names[0]}: most of the ± with model error is from a force X_u3; add it"]
+                [{"names": [names[0]], "cause": "a force X_u3", "advice": "add it", "is_noise": False}]
             ),
             "left_out": "[]",
             "acceptance": 0.23,

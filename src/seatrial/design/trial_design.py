@@ -71,17 +71,22 @@ class TrialDesign:
 
     def _repr_html_(self) -> str:
         refused = [f"{kind}: no design, {why}" for kind, why in self.refused.items()]
-        return result_html(str(self).partition("; standard deviations")[0], self.summary(), refused)
+        return result_html(self.words, self.summary(), refused)
 
-    def __str__(self) -> str:
+    @property
+    def words(self) -> str:
         """Name the best trial, in SI, and what it promises."""
         best = self.sweeps[0]
         row, column = best.best
-        known = ", ".join(f"{name} from {sd:.3g} to {self.sd_after[name]:.3g}" for name, sd in self.sd_before.items())
         return (
             f"{best.family.words} in {best.family.control}, amplitude {best.amplitude[row]:.4g}, {best.family.shape.period_is} "
-            f"{best.period[column]:.3g} s: {self.gain:.2f} nat; standard deviations {known}"
+            f"{best.period[column]:.3g} s: {self.gain:.2f} nat"
         )
+
+    def __str__(self) -> str:
+        """Say the same, and what would be known of each coefficient."""
+        known = ", ".join(f"{name} from {sd:.3g} to {self.sd_after[name]:.3g}" for name, sd in self.sd_before.items())
+        return f"{self.words}; standard deviations {known}"
 
 
 def design_trial(

@@ -53,7 +53,7 @@ CHECKPOINT_EVERY = 5
 def estimate_key(campaign: Campaign, structure: Structure, trials: HasKey) -> str:
     """Key of one structure's posterior."""
     return key_of(
-        "posterior, with causes of model error",
+        "posterior, with causes and advice of model error",
         *(trials.key, structure.terms, campaign.vehicle),
         *(campaign.priors, campaign.sensors, campaign.estimation, campaign.seed),
     )
@@ -232,7 +232,7 @@ def _dataset(
         attrs={
             "model_error": robust.words,
             "model_error_causes": json.dumps(causes_of(robust, wide)),
-            "model_error_remedies": json.dumps(remedies_of(posterior, robust, wide)),
+            "model_error_remedies": json.dumps([asdict(one) for one in remedies_of(posterior, robust, wide)]),
             "left_out": json.dumps([asdict(one) for one in missing]),
             "acceptance": draws.acceptance,
             "laplace_log_evidence": mode.log_evidence,

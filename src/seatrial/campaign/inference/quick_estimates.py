@@ -240,7 +240,7 @@ def _mode(
         log_evidence=float(mode.log_evidence),
         wider=wider,
         wider_causes=causes_of(robust, wider) if robust else {},
-        wider_words=(robust.words, *remedies_of(posterior, robust, wider)) if robust else (),
+        wider_words=(robust.words, *(one.sentence for one in remedies_of(posterior, robust, wider))) if robust else (),
         drawn=more,
         symmetry=symmetry_of(campaign, more, lambda: prior_curves(posterior)),
         shown={name: campaign.shown(name, unit) for name, unit, _ in rows},

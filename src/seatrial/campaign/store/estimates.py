@@ -17,10 +17,10 @@ from seatrial.core.display_units import Shown
 from seatrial.core.errors import InputError
 from seatrial.core.notebook import result_html
 from seatrial.estimation.calibration import DRAWS, Calibration
-from seatrial.estimation.fit_verdict import COLOURED, FitLevel, FitVerdict
+from seatrial.estimation.fit_verdict import FitLevel, FitVerdict
 from seatrial.estimation.pooled_coverage import Pooled
 from seatrial.estimation.prediction_scores import Score
-from seatrial.estimation.remedies import is_coefficient, listed, measured, percent
+from seatrial.estimation.remedies import is_coefficient, listed, measured, percent, with_advice
 from seatrial.selection.structures import Structure
 
 if TYPE_CHECKING:
@@ -156,9 +156,14 @@ class Estimate:
         return self.data.attrs["model_error"]
 
     @property
-    def wider_remedies(self) -> list[str]:
+    def wider_causes(self) -> tuple["WiderCause", ...]:
         """Which of them have which cause, and how to get rid of it."""
-        return json.loads(self.data.attrs["model_error_remedies"])
+        return tuple(WiderCause(**item) for item in json.loads(self.data.attrs["model_error_remedies"]))
+
+    @property
+    def wider_remedies(self) -> list[str]:
+        """The same in words."""
+        return [one.sentence for one in self.wider_causes]
 
     def own_values(self) -> list[tuple[str, str, float, float, str]]:
         """Of each value that varies between trials: its name, the trial, its mean, standard deviation and SI unit."""
@@ -319,6 +324,28 @@ def _share(move: float) -> str:
 
 
 @dataclass(frozen=True)
+class WiderCause:
+    """What makes most of the ± with model error of some parameters, and how to get rid of it.
+
+    Attributes:
+        names: of the parameters.
+        cause: in words.
+        advice: what to do.
+        is_noise: whether that is another model of the noise, which correlated residuals ask for too.
+    """
+
+    names: Sequence[str]
+    cause: str
+    advice: str
+    is_noise: bool
+
+    @property
+    def sentence(self) -> str:
+        """All of it."""
+        return f"{listed(self.names)}: most of the ± with model error is from {self.cause}; {self.advice}"
+
+
+@dataclass(frozen=True)
 class LeftOut:
     """An effect that the data ask for and the model lacks, and that moves a coefficient by more than its standard deviation.
 
@@ -353,7 +380,8 @@ class Fit(Score):
         channel: measured channel.
         level: pass, unjudged, caution or fail.
         about: what the verdict is about in a few words; empty for a pass.
-        reason: one sentence: what was found, what it means and what to do.
+        reason: what was found and what it means.
+        advice: what to do; empty for a pass.
         outside: where a held-back record leaves the range of states and inputs that was fitted, in words.
         ahead: how far ahead a held-back record is predicted that is not predicted as a whole, and why, in words; else empty.
     """
@@ -364,26 +392,30 @@ class Fit(Score):
     level: FitLevel
     about: str
     reason: str
+    advice: str = ""
     outside: tuple[str, ...] = ()
     ahead: str = ""
 
     @property
-    def words(self) -> str:
-        """Reason, where the record leaves the fitted range, and how far ahead it is predicted."""
-        beyond = [words for words in self.outside if words not in self.reason]
-        return "; ".join(
-            [self.reason, *beyond, *([self.ahead] if self.ahead and self.ahead not in self.reason else [])]
-        )
+    def found(self) -> str:
+        """Reason, and where the record leaves the fitted range."""
+        beyond = f"it goes beyond what was fitted: {', '.join(self.outside)}"
+        return with_advice(self.reason, beyond * bool(self.outside))
 
     @property
     def finding(self) -> str:
-        """The same for a table of many: of correlated residuals without what to do, which the cautions of the campaign say once."""
-        return self.reason.partition("; ")[0] if self.about == COLOURED else self.words
+        """The same, and how far ahead it is predicted; the cautions say what to do, once for all."""
+        return with_advice(self.found, self.ahead)
+
+    @property
+    def words(self) -> str:
+        """The same, and what to do."""
+        return with_advice(self.finding, self.advice)
 
     @property
     def verdict(self) -> FitVerdict:
-        """Level, subject and reason."""
-        return FitVerdict(self.level, self.about, self.reason)
+        """Level, subject, reason and advice."""
+        return FitVerdict(self.level, self.about, self.reason, self.advice)
 
 
 MANY_REFUSED = 0.05

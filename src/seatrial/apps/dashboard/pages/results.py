@@ -31,7 +31,6 @@ from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import Shown, shown_as_written
 from seatrial.core.errors import InputError, SeatrialError
 from seatrial.estimation.fit_verdict import explained_share
-from seatrial.estimation.remedies import without_repeats
 from seatrial.report.labels import label_html, name_html, sentence_about
 from seatrial.report.numbers import Digits, percent, probability, short, times_ten, typeset, unit_html, with_sd
 from seatrial.selection.structures import Structure, structure_names
@@ -93,7 +92,7 @@ async def _results(context: AppContext, campaign: str, folder: Path) -> None:
     with section("Models and terms"):
         _models(store, summary)
     with section("The next trial"):
-        words = sentence_about(without_repeats(summary.next_trial.words, summary.cautions), names, labels)
+        words = sentence_about(summary.next_trial.words, names, labels)
         markup(next_html(words, summary.next_trial.stop or summary.next_trial.best is None, campaign, store))
 
 
