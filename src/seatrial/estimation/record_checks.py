@@ -16,6 +16,7 @@ from jaxtyping import Float
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import shown_unit
 from seatrial.core.signals import ANGLE, ANGLES, ANGULAR_RATE, FORCE, MOMENT, POSITIONS, RATES, SPEED, signal_unit
+from seatrial.estimation.remedies import listed
 from seatrial.manoeuvres.manoeuvre import Limits
 
 RecordLevel = Literal["pass", "note", "caution", "fail"]
@@ -124,6 +125,7 @@ def check_motion(
     drawn: Float[np.ndarray, "d n"],
     has_delay: bool = False,
     controls: Sequence[str] = (),
+    by_trim: bool = False,
 ) -> list[RecordFinding]:
     """Direction, size and delay of a measured channel beside the expected one, NaN where not measured.
 
@@ -135,6 +137,7 @@ def check_motion(
         drawn: of vehicles drawn from the priors, SI, not finite where they run away, shape (d, n): a slower one may explain a delay.
         has_delay: whether the delay has a prior.
         controls: that make the motion, whose units may be wrong as well.
+        by_trim: whether the measured channel contradicts its trim too: of two guesses of one unit only the better is made.
     """
     most = round(LONGEST / step)
     lag, correlation = best_lag(measured, expected, most)
@@ -157,15 +160,9 @@ def check_motion(
     ratio = float(np.std(measured[there]) / max(np.std(expected[there]), 1e-300))
     limits = f"between 1/{SIZE:g} and {SIZE:g}"
     fits = 1 / SIZE <= ratio <= SIZE
-    value, whose = (
-        f"{ratio:.3g} times the motion expected",
-        " and ".join((", ".join((name, *controls[:-1])), *controls[-1:])),
-    )
-    remedy = (
-        ""
-        if fits
-        else f"{_unit_guess((name, *controls), ratio, OTHER)}check the units of {whose} in the channel map, and the priors"
-    )
+    value, told = f"{ratio:.3g} times the motion expected", (name, *controls)
+    remedy = f"{_unit_guess(told, ratio, OTHER)}check the units of {listed(told)} in the channel map, and the priors"
+    remedy = "" if fits else "see its trim, which tells the unit better" if by_trim else remedy
     results.append(RecordFinding(name, "size", "pass" if fits else "caution", value, limits, remedy))
     late = lag * step
     if abs(late) >= LATE:
