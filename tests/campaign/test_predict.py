@@ -14,7 +14,7 @@ from seatrial.campaign.inference.judge_predictions import (
     held_back_lines,
     trial_verdicts,
 )
-from seatrial.campaign.store.estimates import Fit, decode_fit
+from seatrial.campaign.store.predictions import Fit, decode_fit
 from seatrial.estimation.fit_verdict import judge_fit
 from seatrial.estimation.pooled_coverage import pooled_verdict, run_residuals
 from seatrial.estimation.prediction_scores import Score

@@ -12,7 +12,8 @@ import numpy as np
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.posterior import build_likelihood, build_parameters, first_sd, random_key, shared_model
-from seatrial.campaign.store.estimates import Drawn, Estimate, Fit, HasKey, OfStructure, read_predictions
+from seatrial.campaign.store.estimates import Drawn, Estimate, HasKey, OfStructure
+from seatrial.campaign.store.predictions import Fit, read_predictions
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.dataset import Dataset
 from seatrial.core.dataset_file import open_dataset

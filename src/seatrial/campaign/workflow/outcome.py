@@ -10,7 +10,8 @@ from seatrial.campaign.inference.baselines import comparison_alarms
 from seatrial.campaign.inference.judge_predictions import disowned, held_back_alarms
 from seatrial.campaign.store.baselines import FittedBaselines
 from seatrial.campaign.store.cross_validation import CrossValidation
-from seatrial.campaign.store.estimates import Estimate, Fit, Known
+from seatrial.campaign.store.estimates import Estimate, Known
+from seatrial.campaign.store.predictions import Fit
 from seatrial.campaign.store.structures import Contenders, Screened
 from seatrial.core.dataset import Dataset
 from seatrial.estimation.baseline_comparison import Comparison

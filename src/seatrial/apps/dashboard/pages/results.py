@@ -16,7 +16,7 @@ from seatrial.apps.dashboard.page_layout import link, links_html, section, table
 from seatrial.apps.dashboard.result_charts import Probability, fit_charts, marginal_chart, probability_chart
 from seatrial.apps.dashboard.view_models import EstimatedStructure, EstimatedValue, Marginal
 from seatrial.apps.dashboard.worker_pool import stamp
-from seatrial.campaign.store.estimates import Predictions
+from seatrial.campaign.store.predictions import Predictions
 from seatrial.campaign.store.stored_result import Store
 from seatrial.campaign.store.structures import (
     StoredCoefficient,
