@@ -23,25 +23,26 @@ from seatrial.core.record import SIMULATED, Record
 from seatrial.core.signals import HELD, QUATERNION, RATES
 from seatrial.design.prior_belief import draw_values
 from seatrial.design.trial_plan import TrialPlan
+from seatrial.estimation.excitation_checks import check_excitation, check_signs
 from seatrial.estimation.first_guess import first_guess
-from seatrial.estimation.priors import Prior
-from seatrial.estimation.record_checks import (
+from seatrial.estimation.motion_checks import (
     SUMMED,
-    UNLIKE,
-    RecordFinding,
-    check_angle,
-    check_excitation,
-    check_limits,
     check_motion,
     check_range,
-    check_samples,
-    check_signs,
     check_sum,
-    check_trim,
     check_turn,
     not_judged,
     not_judged_sum,
     says_direction,
+)
+from seatrial.estimation.priors import Prior
+from seatrial.estimation.record_checks import (
+    UNLIKE,
+    RecordFinding,
+    check_angle,
+    check_limits,
+    check_samples,
+    check_trim,
     speed_over_trim,
 )
 from seatrial.vehicles.model import VehicleModel
