@@ -31,7 +31,7 @@ def main() -> None:
     }
     posterior = st.make_posterior(full, first, priors, start=START)
     draws = st.sample(posterior, settings=st.ChainSettings(chains=16, warmup=400, draws=800))
-    print(draws.summary().to_string(float_format="{:.4g}".format), *draws.complaints(), sep="\n")
+    print(draws)
     explained = st.predict(posterior, draws, second, start=START).score("u").explained
     print(f"of the second trial's variance {explained:.0%} was predicted")
 
@@ -39,7 +39,7 @@ def main() -> None:
     without = {name: prior for name, prior in priors.items() if name != "X_u"}
     rival = st.make_posterior(simple, first, without, start=START)
     size = st.EvidenceSettings(repeats=2, smc=st.SMCSettings(particles=256))
-    print(*st.compare({"with X_u": posterior, "without": rival}, size).verdicts, sep="\n")
+    print(st.compare({"with X_u": posterior, "without": rival}, size))
 
     amplitudes, periods = np.linspace(100, 300, 5) * RPM, [5.0, 10.0, 15.0, 20.0]
     design = st.design_trial(full, draws, family, amplitudes, periods, NOISE, start=START, rates=RATES)

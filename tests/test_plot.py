@@ -99,6 +99,12 @@ def test_posteriors_pairs_and_traces_are_of_the_parameters_asked_for():
         st.plot.pairs(draws, ["X_w"])
 
 
+@pytest.mark.parametrize("name", st.plot.__all__)
+def test_what_is_no_result_is_refused(name):
+    with pytest.raises(st.InputError, match=r"result[\s\S]*an int: 3[\s\S]*expected: an? "):
+        getattr(st.plot, name)(3)
+
+
 def test_axes_of_ones_own_are_drawn_into_and_returned():
     from matplotlib.figure import Figure
 
@@ -128,6 +134,15 @@ def test_a_design_and_a_selection_are_pictures_tables_and_cells(fitted):
     assert list(found.summary().index) == ["without", "with"]
     for one in (design, found, found.evidences[0], made_draws()):
         assert one._repr_html_().count("<table") == 1
+    assert dir(st.plot) == st.plot.__all__
+    first, head, *rows = repr(found).splitlines()
+    assert first == "Which terms the data support"
+    assert head.split() == list(found.summary().columns)
+    assert [row.split()[0] for row in rows[:2]] == ["without", "with"]
+    assert rows[2:] == [f"- {verdict}" for verdict in found.verdicts]
+    # A column of which nothing is known is left out: the status of a healthy evidence.
+    assert repr(found.evidences[0]).split()[3:6] == ["log_value", "std_error", "method"]
+    assert "status" not in repr(found.evidences[0])
 
 
 def st_structure(label: str, terms: str):

@@ -1,8 +1,8 @@
 """Pictures of results in one call each: a result in, Matplotlib axes out, in the look of the report.
 
-Every function takes a result first and draws into `ax` where that is given: one Axes, or as many as the function returns. Without it a
-figure of the right size is made, whose axes come back; `axes.figure` is the figure. Axes have names and SI units, but for propellers
-(rpm) and angles (deg).
+Every function takes a result first: of one step or, but for the priors, the outcome of `run_loop`. It draws into `ax` where that is given:
+one Axes, or as many as the function returns. Without it a figure of the right size is made, whose axes come back; `axes.figure` is the
+figure. Axes have names and SI units, but for propellers (rpm) and angles (deg).
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -42,6 +42,12 @@ if TYPE_CHECKING:
     Place = Axes | Sequence[Axes] | np.ndarray | None
 
 __all__ = ["entropy_surface", "fit", "inclusion", "pairs", "posteriors", "prior_predictive", "residuals", "traces"]
+
+
+def __dir__() -> list[str]:
+    return __all__
+
+
 DOTS_PER_INCH = 100
 """Of pictures on a screen; a figure is as many points wide as in the report."""
 LEGEND: dict[str, Any] = {
@@ -109,7 +115,7 @@ def residuals(result: Prediction | Outcome, *, record: str | None = None, ax: "P
 
 
 def posteriors(
-    result: Draws | Estimate,
+    result: Draws | Estimate | Outcome,
     names: Sequence[str] | None = None,
     *,
     priors: Mapping[str, Prior] | None = None,
@@ -120,7 +126,7 @@ def posteriors(
     """Draw the posterior of each parameter: draws, 95 % interval and mean.
 
     Args:
-        result: draws of `sample`, or an estimate of a campaign, which brings its priors and modes.
+        result: draws of `sample`; an estimate of a campaign, which brings its priors and modes; or an outcome, for its chosen structure.
         names: parameters; all if not given.
         priors: by name, drawn dashed where they are given.
         mode: of `find_mode`, whose normal approximation is drawn over the draws.
@@ -133,6 +139,7 @@ def posteriors(
     Raises:
         InputError: no such parameter, or another number of axes.
     """
+    result = _drawn(result)
     table = _table(result, names)
     axes = _grid(ax, len(table), columns=3, height=128.0)
     for one, panel in zip(table, axes, strict=True):
@@ -153,7 +160,7 @@ def posteriors(
 
 
 def pairs(
-    result: Draws | Estimate,
+    result: Draws | Estimate | Outcome,
     names: Sequence[str] | None = None,
     *,
     truth: Mapping[str, float] | None = None,
@@ -162,7 +169,7 @@ def pairs(
     """Draw every pair of parameters with the regions that hold 50 % and 95 % of the draws, and each parameter on the diagonal.
 
     Args:
-        result: draws of `sample`, or an estimate of a campaign.
+        result: draws of `sample`, an estimate of a campaign, or an outcome, for its chosen structure.
         names: parameters, at most eight; the first eight if not given.
         truth: true values by name, SI.
         ax: k rows of k Axes for k parameters, of which the upper triangle stays empty; made if not given.
@@ -173,7 +180,7 @@ def pairs(
     Raises:
         InputError: no such parameter, too many of them, or another number of axes.
     """
-    table = _table(result, names)[: MOST_PAIRS if names is None else None]
+    table = _table(_drawn(result), names)[: MOST_PAIRS if names is None else None]
     if len(table) > MOST_PAIRS:
         raise InputError(
             "names",
@@ -197,11 +204,11 @@ def pairs(
     return axes
 
 
-def traces(result: Draws | Estimate, names: Sequence[str] | None = None, *, ax: "Place" = None) -> np.ndarray:
+def traces(result: Draws | Estimate | Outcome, names: Sequence[str] | None = None, *, ax: "Place" = None) -> np.ndarray:
     """Draw the chains of each parameter, draw after draw: chains that have mixed cannot be told apart.
 
     Args:
-        result: draws of `sample`, or an estimate of a campaign.
+        result: draws of `sample`, an estimate of a campaign, or an outcome, for its chosen structure.
         names: parameters; all if not given.
         ax: one Axes for each parameter; a column is made if not given.
 
@@ -211,6 +218,7 @@ def traces(result: Draws | Estimate, names: Sequence[str] | None = None, *, ax: 
     Raises:
         InputError: no such parameter, another number of axes, or a population, which has no chains.
     """
+    result = _drawn(result)
     if isinstance(result, Draws) and result.is_population:
         raise InputError(
             "result", found="a population of particles", expected="chains", remedy="plot `posteriors`, or sample chains"
@@ -224,20 +232,25 @@ def traces(result: Draws | Estimate, names: Sequence[str] | None = None, *, ax: 
     return _array(axes)
 
 
-def entropy_surface(result: TrialDesign | Designs | Sweep, *, family: str | None = None, ax: "Place" = None) -> "Axes":
+def entropy_surface(
+    result: TrialDesign | Designs | Sweep | Outcome, *, family: str | None = None, ax: "Place" = None
+) -> "Axes":
     """Draw how much every design of one family would tell, over period and amplitude; the best is the star.
 
     Args:
-        result: of `design_trial`, or of `design_first`.
+        result: of `design_trial`, of `design_first`, or an outcome, for its next trial.
         family: kind of one of its families, such as `doublet`; that of the best design if not given.
         ax: where; made if not given.
 
     Raises:
-        InputError: no design of that family.
+        InputError: no design of that family, or none at all.
     """
-    sweeps = (result,) if isinstance(result, Sweep) else result.sweeps
+    asked = result.next if isinstance(result, Outcome) else result
+    remedy = "call `design_trial`, or give the campaign a [design]"
+    swept = check_kind(asked, (TrialDesign, Designs, Sweep), "result", remedy)
+    sweeps = (swept,) if isinstance(swept, Sweep) else swept.sweeps
     known = {sweep.family.kind: sweep for sweep in reversed(sweeps)}
-    best = result.best if isinstance(result, Designs) else sweeps[0]
+    best = swept.best if isinstance(swept, Designs) else sweeps[0]
     sweep = best if family is None else known[check_choice(family, tuple(known), "family")]
     thin = min(sweep.gain.shape) < 2
     (axes,) = _column(ax, [170.0 if thin else 190.0], right=8 if thin else 78)
@@ -247,16 +260,18 @@ def entropy_surface(result: TrialDesign | Designs | Sweep, *, family: str | None
     return axes
 
 
-def inclusion(result: Selection, *, ax: "Place" = None) -> "Axes":
+def inclusion(result: Selection | Outcome, *, ax: "Place" = None) -> "Axes":
     """Draw the probability that each term in question is needed, with its Monte Carlo standard error.
 
     Args:
-        result: of `compare`, or of `select_structure`.
+        result: of `compare`, of `select_structure`, or an outcome.
         ax: where; made if not given.
 
     Raises:
         InputError: no term is in question.
     """
+    result = result.selection if isinstance(result, Outcome) else result
+    check_kind(result, Selection, "result", "compare models with `compare`, or run a campaign")
     terms = sorted(result.inclusion, key=lambda term: -result.inclusion[term])
     if not terms:
         raise InputError(
@@ -285,6 +300,7 @@ def prior_predictive(result: PriorPredictive, *, ax: "Place" = None) -> np.ndarr
     Raises:
         InputError: another number of axes.
     """
+    check_kind(result, PriorPredictive, "result", "make it with `predict_from_prior`")
     (moved, controls), spreads = prior_panels(result), prior_spreads(result)
     shown = result.time, moved, controls
     if ax is None:
@@ -303,9 +319,13 @@ class _Drawn(NamedTuple):
     draws: np.ndarray
 
 
+def _drawn(result: Draws | Estimate | Outcome) -> Draws | Estimate:
+    """Return what has draws; of an outcome the estimate of the chosen structure."""
+    chosen = result.chosen if isinstance(result, Outcome) else result
+    return check_kind(chosen, (Draws, Estimate), "result", "draw with `sample`, or estimate a campaign")
+
+
 def _table(result: Draws | Estimate, names: Sequence[str] | None) -> list[_Drawn]:
-    if not isinstance(result, Draws):
-        check_kind(result, Estimate, "result", "draw with `sample`, or estimate a campaign")
     wanted = result.names if names is None else check_names(names, "names")
     chosen = [check_choice(one, result.names, "names") for one in wanted]
     if isinstance(result, Draws):

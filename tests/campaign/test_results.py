@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from seatrial import plot
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.store.results import Results
 from seatrial.campaign.store.stored_result import Store, stamp_of, write_stamped_json
@@ -40,6 +41,21 @@ def test_reading_imports_no_jax(finished):
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"
+
+
+def test_an_outcome_prints_its_answer_and_each_picture_takes_it(finished):
+    _, outcome = finished
+    said = repr(outcome)
+    assert all(f"\n{name} " in said for name in outcome.chosen.names)
+    assert all(verdict in said for verdict in outcome.selection.verdicts)
+    assert said.endswith(f"Next: {outcome.summary['next_trial']['words']}")
+    assert outcome._repr_html_().count("<table") == 2
+    names = list(outcome.chosen.names)
+    for draw, axes in ((plot.fit, 2), (plot.residuals, 2), (plot.posteriors, len(names)), (plot.traces, len(names))):
+        assert draw(outcome).shape == (axes,)
+    assert plot.pairs(outcome, names[:2]).shape == (2, 2)
+    assert plot.entropy_surface(outcome).get_ylabel() == "amplitude [rpm]"
+    assert plot.inclusion(outcome).get_xlabel() == "probability that it is needed"
 
 
 def test_what_is_read_is_what_was_found(finished):

@@ -13,7 +13,14 @@ from seatrial.estimation.motion_checks import (
     check_turn,
     says_direction,
 )
-from seatrial.estimation.record_checks import _scatter, _standing_out, check_angle, check_limits, check_samples
+from seatrial.estimation.record_checks import (
+    _scatter,
+    _standing_out,
+    check_angle,
+    check_limits,
+    check_samples,
+    check_trim,
+)
 from seatrial.manoeuvres.manoeuvre import Limits
 
 STEP = 0.1
@@ -419,3 +426,30 @@ def test_a_sum_of_errors_is_judged_where_vehicles_of_the_priors_are_alike_and_no
     (size,) = check_sum("z", STEP, 100.0 * EXPECTED, EXPECTED, ALIKE, 0.01)
     assert (size.check, size.level) == ("size", "caution")
     assert check_sum("z", STEP, EXPECTED, EXPECTED, np.full((3, EXPECTED.size), np.inf), 0.01) is None
+
+
+TRIM = {"u": 1.5, "n": 100.0}
+
+
+def doublet(settles, start=1.5, low=80.0):
+    """Control to both sides of its trim, and the speed of a vehicle of square drag that settles in so many seconds, by Euler's rule."""
+    n, u = np.where(np.sin(2 * np.pi * TIME / 16.0) < 0, low, 120.0), [start]
+    for w in n[:-1]:
+        u.append(u[-1] + STEP * ((1.5 * w / 100.0) ** 2 - u[-1] * abs(u[-1])) / (3.0 * settles))
+    return n, np.array(u) + NOISE
+
+
+@pytest.mark.parametrize("settles", [0.5, 3.0, 10.0])
+@pytest.mark.parametrize(("factor", "told"), [(1.0, None), (1.94384, "knots"), (3.28084, "feet")])
+def test_a_speed_is_held_against_its_trim_between_the_values_of_a_doublet(settles, factor, told):
+    n, u = doublet(settles)
+    found = check_trim(TRIM, {"n": n}, {"u": factor * u})
+    assert [one.signal for one in found] == ["u"] * bool(told)
+    assert all(told in one.remedy for one in found)
+
+
+def test_no_speed_is_held_against_its_trim_on_the_way_there_or_on_one_side_of_it():
+    n, u = doublet(200.0, start=0.0)
+    assert check_trim(TRIM, {"n": n}, {"u": u}) == []
+    n, u = doublet(3.0, low=115.0)
+    assert check_trim(TRIM, {"n": n}, {"u": 3.0 * u}) == []

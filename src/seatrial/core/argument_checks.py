@@ -17,19 +17,21 @@ _SHOWN = 80
 
 
 def shown(value: Any) -> str:
-    """Return a value as an error shows it: as it would be written, cut short."""
-    return repr(value)[:_SHOWN]
+    """Return a value as an error shows it: as it would be written, cut short; of a table its heading."""
+    return repr(value).partition("\n")[0][:_SHOWN]
 
 
-def check_kind(value: Any, kind: type[Thing], place: str, remedy: str) -> Thing:
-    """Return a value of a kind.
+def check_kind(value: Any, kind: type[Thing] | tuple[type[Thing], ...], place: str, remedy: str) -> Thing:
+    """Return a value of a kind, or of one of several.
 
     Raises:
         InputError: a value of another kind.
     """
     if not isinstance(value, kind):
-        found = f"the {value.__name__} itself" if isinstance(value, type) else f"{_named(type(value))}: {shown(value)}"
-        raise InputError(place, found=found, expected=_named(kind), remedy=remedy)
+        found = "None" if value is None else f"{_named(type(value))}: {shown(value)}"
+        found = f"the {value.__name__} itself" if isinstance(value, type) else found
+        expected = " or ".join(map(_named, kind if isinstance(kind, tuple) else (kind,)))
+        raise InputError(place, found=found, expected=expected, remedy=remedy)
     return value
 
 

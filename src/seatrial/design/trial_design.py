@@ -10,7 +10,7 @@ from seatrial.core.argument_checks import check_array, check_each_of, check_kind
 from seatrial.core.engine import check_precision
 from seatrial.core.errors import InputError
 from seatrial.core.gaussian import Gaussian
-from seatrial.core.notebook import result_html
+from seatrial.core.result_table import table_html, table_text
 from seatrial.design.prior_belief import coefficient_space, normal_belief, normal_of
 from seatrial.design.sweep import Sweep, sweep_family
 from seatrial.estimation.posterior import check_priors
@@ -69,13 +69,8 @@ class TrialDesign:
             index=list(self.sd_before),
         )
 
-    def _repr_html_(self) -> str:
-        refused = [f"{kind}: no design, {why}" for kind, why in self.refused.items()]
-        return result_html(self.words, self.summary(), refused)
-
     @property
-    def words(self) -> str:
-        """Name the best trial, in SI, and what it promises."""
+    def _heading(self) -> str:
         best = self.sweeps[0]
         row, column = best.best
         return (
@@ -83,10 +78,12 @@ class TrialDesign:
             f"{best.period[column]:.3g} s: {self.gain:.2f} nat"
         )
 
-    def __str__(self) -> str:
-        """Say the same, and what would be known of each coefficient."""
-        known = ", ".join(f"{name} from {sd:.3g} to {self.sd_after[name]:.3g}" for name, sd in self.sd_before.items())
-        return f"{self.words}; standard deviations {known}"
+    @property
+    def _remarks(self) -> list[str]:
+        return [f"{kind}: no design, {why}" for kind, why in self.refused.items()]
+
+    __repr__ = table_text
+    _repr_html_ = table_html
 
 
 def design_trial(

@@ -18,8 +18,8 @@ from jaxtyping import Array, Float, Int
 
 from seatrial.core.argument_checks import check_count
 from seatrial.core.errors import NumericalError
-from seatrial.core.notebook import result_html
 from seatrial.core.programs import program
+from seatrial.core.result_table import table_html, table_text
 from seatrial.estimation.delayed_control import DELAY
 from seatrial.estimation.filter_error import FilterError
 from seatrial.estimation.information import expand_likelihood
@@ -124,9 +124,16 @@ class Mode(NamedTuple):
 
         return DataFrame({"unit": self.units, "mode": self.values, "sd": self.sd}, index=list(self.names))
 
-    def _repr_html_(self) -> str:
-        flat = ["a direction has no curvature: its variance is the prior's"] if self.flat else []
-        return result_html(f"Posterior mode, log evidence about {self.log_evidence:.2f}", self.summary(), flat)
+    @property
+    def _heading(self) -> str:
+        return f"Posterior mode, log evidence about {self.log_evidence:.2f}"
+
+    @property
+    def _remarks(self) -> list[str]:
+        return ["a direction has no curvature: its variance is the prior's"] if self.flat else []
+
+    __repr__ = table_text
+    _repr_html_ = table_html
 
 
 def find_mode(

@@ -12,9 +12,9 @@ from jaxtyping import Float
 
 from seatrial.core.argument_checks import check_count, check_kind
 from seatrial.core.errors import InputError
-from seatrial.core.notebook import result_html
 from seatrial.core.programs import program
 from seatrial.core.record import Record
+from seatrial.core.result_table import table_html, table_text
 from seatrial.core.signals import signal_unit
 from seatrial.estimation.filter_error import FilterError
 from seatrial.estimation.output_error import OutputError
@@ -76,8 +76,16 @@ class Prediction:
         units = [signal_unit(name) for name in self.channels]
         return DataFrame({"unit": units, **columns}, index=list(self.channels))
 
-    def _repr_html_(self) -> str:
-        return result_html(f'Prediction of record "{self.record.label}"', self.summary())
+    @property
+    def _heading(self) -> str:
+        return f'Prediction of record "{self.record.label}"'
+
+    @property
+    def _remarks(self) -> tuple[str, ...]:
+        return ()
+
+    __repr__ = table_text
+    _repr_html_ = table_html
 
     def score(self, channel: str) -> Score:
         """Return how well a measured channel was predicted.

@@ -40,8 +40,11 @@ CONFUSED = {
     str(MOMENT): _FORCES,
 }
 """Factors of unit errors by the SI unit of what is measured or commanded."""
-UNLIKE, AT = 1.5, 0.1
-"""Ratio to the stated trim, or its inverse, from which a record contradicts it, and share by which a control may be off its trim there."""
+UNLIKE, AT, NEAR = 1.5, 0.1, 0.5
+"""Ratio to the stated trim, or its inverse, from which a record contradicts it; share by which a control may be off its trim there, and
+within which a straight line through samples on both sides of trim tells the speed at trim."""
+SETTLED = 0.05
+"""Share by which a speed may change between the halves of such samples before the vehicle is still on its way."""
 SELDOM = 0.01
 """Share of the samples in which a control must come near its trim."""
 BEYOND = 0.01
@@ -179,11 +182,11 @@ def check_trim(
         share = controls[name] / trim[name]
         if np.mean((share > 1 / UNLIKE) & (share < UNLIKE)) < SELDOM and np.any(share):
             size = np.median(np.abs(share[share != 0]))
-            results.append(_unlike_trim(name, trim[name], float(size if share.max() > 0 else -size), "of about"))
+            results.append(unlike_trim(name, trim[name], float(size if share.max() > 0 else -size), "of about"))
     for name in (one for one in measured if one in RATES[:3] and trim.get(one)):
         ratio = speed_over_trim(name, trim, controls, measured[name])
         if ratio is not None and not 1 / UNLIKE <= ratio <= UNLIKE:
-            results.append(_unlike_trim(name, trim[name], ratio, "with the controls at trim about"))
+            results.append(unlike_trim(name, trim[name], ratio, "with the controls at trim about"))
     return results
 
 
@@ -193,7 +196,9 @@ def speed_over_trim(
     controls: Mapping[str, Float[np.ndarray, " n"]],
     measured: Float[np.ndarray, " n"],
 ) -> float | None:
-    """Return the median of a velocity over its trim where all controls are at trim; None where too few samples are.
+    """Return a velocity over its trim when all controls are at trim; None where too few samples tell it.
+
+    Nothing is said of a vehicle that is still on its way to trim, as from rest.
 
     Args:
         name: of the velocity, whose trim is not 0.
@@ -201,20 +206,59 @@ def speed_over_trim(
         controls: likewise.
         measured: velocity, SI, NaN where not measured.
     """
-    is_there = np.isfinite(measured)
-    for one in (one for one in controls if trim.get(one)):
-        is_there = is_there & (np.abs(controls[one] / trim[one] - 1) < AT)
-    share = measured[is_there] / trim[name]
-    return float(np.median(share)) if share.size >= AROUND else None
+    share = shares_at_trim(name, trim, controls, measured)
+    if share is None:
+        return None
+    first, second = (abs(float(np.median(half)) - 1) for half in np.array_split(share, 2))
+    is_unlike = not 1 / UNLIKE <= (ratio := float(np.median(share))) <= UNLIKE
+    return None if is_unlike and second < (1 - SETTLED) * first else ratio
 
 
-def _unlike_trim(name: str, trim: float, ratio: float, when: str) -> RecordFinding:
+def shares_at_trim(
+    name: str,
+    trim: Mapping[str, float],
+    controls: Mapping[str, Float[np.ndarray, " n"]],
+    velocity: Float[np.ndarray, " n"],
+) -> Float[np.ndarray, " k"] | None:
+    """Return a velocity over its trim as it would be with all controls at trim, of the samples near there; None where too few are.
+
+    A trial often changes a control to both sides of its trim and is never at it: the velocity is taken as a straight line in the controls.
+
+    Args:
+        name: as `speed_over_trim`.
+        trim: likewise.
+        controls: likewise.
+        velocity: SI, NaN where not known.
+    """
+    driving = [one for one in controls if trim.get(one)]
+    off = np.array([controls[one] / trim[one] - 1 for one in driving]).reshape(len(driving), velocity.size)
+    is_there = np.isfinite(velocity) & (np.abs(off) < NEAR).all(axis=0)
+    if is_there.sum() < AROUND:
+        return None
+    off, share = off[:, is_there], velocity[is_there] / trim[name]
+    if not ((off.min(axis=1) < AT) & (off.max(axis=1) > -AT)).all():
+        return None
+    line = np.linalg.lstsq(np.vstack([np.ones(share.size), off]).T, share, rcond=None)[0]
+    return share - line[1:] @ off
+
+
+def unlike_trim(name: str, trim: float, ratio: float, when: str) -> RecordFinding:
+    """Return a caution for a signal that is not at its trim where it should be.
+
+    Args:
+        name: of the signal.
+        trim: its value, SI.
+        ratio: of what it is to that.
+        when: words before the value: where it was seen.
+    """
     factor, unit = shown_unit(name)
     value, limit = f"{when} {ratio * trim * factor:.4g} {unit}", f"vehicle.trim.{name} is {trim * factor:.4g} {unit}"
     if 1 / UNLIKE <= -ratio <= UNLIKE:
         remedy = f"the sign of {name} is reversed: set scale = -1 in the channel map, or correct the trim"
     else:
-        remedy = unit_guess((name,), ratio) + "check column, unit and sign in the channel map, or correct the trim"
+        remedy = (
+            unit_guess((name,), ratio, UNLIKE) + "check column, unit and sign in the channel map, or correct the trim"
+        )
     return RecordFinding(name, "trim", "caution", value, limit, remedy)
 
 

@@ -14,7 +14,7 @@ from jaxtyping import Array, Float, Int
 
 from seatrial.core.argument_checks import check_choice, check_count, check_names
 from seatrial.core.errors import InputError, NumericalError
-from seatrial.core.notebook import result_html
+from seatrial.core.result_table import table_html, table_text
 from seatrial.sampling.diagnostics import complaints, diagnose, mixing
 
 if TYPE_CHECKING:
@@ -194,10 +194,18 @@ class Draws:
         columns = {"unit": self.units, "mean": flat.mean(0), "sd": flat.std(0), "5%": low, "95%": high}
         return DataFrame(columns | named, index=list(self.names))
 
-    def _repr_html_(self) -> str:
+    @property
+    def _heading(self) -> str:
         chains, kept, _ = self.z.shape
         size = f"{kept} particles" if self.is_population else f"{chains} chains of {kept}"
-        return result_html(f"Draws of {len(self)} parameters, {size}", self.summary(), self.complaints())
+        return f"Draws of {len(self)} parameters, {size}"
+
+    @property
+    def _remarks(self) -> list[str]:
+        return self.complaints()
+
+    __repr__ = table_text
+    _repr_html_ = table_html
 
     def _place(self, name: str) -> int:
         return self.names.index(check_choice(name, self.names, "draws"))

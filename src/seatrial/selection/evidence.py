@@ -9,8 +9,8 @@ from scipy.special import ndtri, stdtrit
 
 from seatrial.core.argument_checks import check_count, check_kind
 from seatrial.core.errors import NumericalError
-from seatrial.core.notebook import result_html
 from seatrial.core.reporter import Progress, no_progress
+from seatrial.core.result_table import table_html, table_text
 from seatrial.sampling.target import Target
 from seatrial.sampling.tempered_smc import SMCResult, SMCSettings, sample_tempered_smc
 
@@ -48,8 +48,16 @@ class Evidence:
         row = {"log_value": self.log_value, "std_error": self.std_error, "method": self.method, "status": self.status}
         return DataFrame([row], index=["evidence"])
 
-    def _repr_html_(self) -> str:
-        return result_html("Evidence", self.summary(), [self.status] if self.status else [])
+    @property
+    def _heading(self) -> str:
+        return "Log evidence, nats"
+
+    @property
+    def _remarks(self) -> list[str]:
+        return [self.status] if self.status else []
+
+    __repr__ = table_text
+    _repr_html_ = table_html
 
 
 @dataclass(frozen=True)

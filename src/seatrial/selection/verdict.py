@@ -11,8 +11,8 @@ from jaxtyping import Float
 
 from seatrial.core.argument_checks import check_kind, check_mapping
 from seatrial.core.errors import InputError
-from seatrial.core.notebook import result_html
 from seatrial.core.reporter import Progress, no_progress
+from seatrial.core.result_table import table_html, table_text
 from seatrial.estimation.posterior import Posterior, as_key, check_posterior
 from seatrial.selection.combined_evidence import agreed_evidence
 from seatrial.selection.evidence import Evidence, EvidenceSettings
@@ -111,8 +111,16 @@ class Selection:
         table = DataFrame(columns, index=[structure.label for structure in self.structures])
         return table.sort_values("probability", ascending=False, kind="stable")
 
-    def _repr_html_(self) -> str:
-        return result_html("Which terms the data support", self.summary(), (*self.verdicts, *self.alarms))
+    @property
+    def _heading(self) -> str:
+        return "Which terms the data support"
+
+    @property
+    def _remarks(self) -> list[str]:
+        return [*self.verdicts, *self.alarms]
+
+    __repr__ = table_text
+    _repr_html_ = table_html
 
 
 @dataclass(frozen=True)

@@ -128,9 +128,12 @@ def _end(session: Any, as_json: bool, with_import: bool) -> Exit:
     from seatrial.campaign.live.session_files import import_lines, with_session
 
     campaign, kept = session.campaign, session.kept
+    first = ""
     if session.belief is not None:
         last = session.look()
         typer.echo(json.dumps(last.as_json()) if as_json else "\n".join(last.lines()))
+        if last.kind == "check":
+            first = "first correct the map or the campaign, as the last advice says; "
     counted = ", ".join(f"{kind}: {count}" for kind, count in session.notes.counts.items() if count > 1)
     typer.echo(
         f"kept: {kept.path} ({session.samples} samples)" + (f"; left out or corrected: {counted}" if counted else ""),
@@ -140,11 +143,12 @@ def _end(session: Any, as_json: bool, with_import: bool) -> Exit:
         seen = read_file(campaign.folder)
         write_file(campaign.folder, with_session(campaign, kept.run), seen)
         typer.echo(
-            f"run {kept.run} is in {campaign.path}; the whole analysis: seatrial run {campaign.folder}", err=as_json
+            f"run {kept.run} is in {campaign.path}; {first}the whole analysis: seatrial run {campaign.folder}",
+            err=as_json,
         )
     elif session.samples:
         typer.echo(
-            f"for the whole analysis put these lines into {campaign.path} (--import does it), then: seatrial run {campaign.folder}",
+            f"{first}for the whole analysis put these lines into {campaign.path} (--import does it), then: seatrial run {campaign.folder}",
             err=as_json,
         )
         typer.echo(import_lines(campaign, kept.run), err=as_json)
@@ -194,7 +198,7 @@ class _Lines:
         if self.as_json:
             typer.echo(json.dumps(look.as_json()))
             return
-        known = "; ".join(f"{one.name} {one.mean:.4g} ± {one.sd:.2g}" for one in look.coefficients)
+        known = "; ".join(f"{one.name} {one.mean:.4g} ± {one.sd:.2g} {one.unit}" for one in look.coefficients)
         typer.echo(f"{look.time:.0f} s: {known} => {look.advice}")
 
     def close(self) -> None:

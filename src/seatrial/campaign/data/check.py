@@ -36,15 +36,7 @@ from seatrial.estimation.motion_checks import (
     says_direction,
 )
 from seatrial.estimation.priors import Prior
-from seatrial.estimation.record_checks import (
-    UNLIKE,
-    RecordFinding,
-    check_angle,
-    check_limits,
-    check_samples,
-    check_trim,
-    speed_over_trim,
-)
+from seatrial.estimation.record_checks import RecordFinding, check_angle, check_limits, check_samples, check_trim
 from seatrial.vehicles.model import VehicleModel
 
 MOST_CAUSES = 3
@@ -161,10 +153,9 @@ def step_cautions(campaign: Campaign, trials: Trials) -> list[str]:
 
 
 def motion_findings(campaign: Campaign, record: Record, size: int) -> list[RecordFinding]:
-    """Judge the part of a trial that has come: what moves against the commands or by another size, and what contradicts the trim.
+    """Judge the part of a trial that has come: what moves against the commands, along other axes or by another size.
 
-    Unlike a whole record it may not have come to its trim yet: velocities are compared with it where the controls are at trim and the
-    vehicle at the prior means is near it. A channel that hardly moves, or would hardly, is not judged.
+    A channel that hardly moves, or would hardly, is not judged.
 
     Args:
         campaign: the campaign.
@@ -182,21 +173,7 @@ def motion_findings(campaign: Campaign, record: Record, size: int) -> list[Recor
         and min(float(np.nanstd(column)), float(motion.expected[:, index].std())) > MOVES * campaign.noise[name]
         for index, (name, column) in enumerate(motion.measured.items())
     }
-    findings = _directions(campaign, record, motion, [name for name, is_so in moves.items() if is_so]).findings
-    trim, near = campaign.hull.trim, {}
-    for index, name in enumerate(motion.measured):
-        if name in RATES[:3] and trim.get(name):
-            share = motion.expected[:, index] / trim[name]
-            near[name] = np.where((share > 1 / UNLIKE) & (share < UNLIKE), motion.measured[name], np.nan)
-    driven = {name: record.channel(name) for name in model.controls}
-    unlike = [one for one in check_trim(trim, driven, near) if one.signal not in driven]
-    alike = [
-        RecordFinding(name, "trim", "pass", f"{ratio:.3g} times its trim", "where the controls are at trim")
-        for name, column in near.items()
-        if name not in {one.signal for one in unlike}
-        and (ratio := speed_over_trim(name, trim, driven, column)) is not None
-    ]
-    return [*findings, *unlike, *alike]
+    return _directions(campaign, record, motion, [name for name, is_so in moves.items() if is_so]).findings
 
 
 @dataclass(frozen=True, eq=False)

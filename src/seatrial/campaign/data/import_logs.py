@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from decimal import Decimal
 from pathlib import Path
 
@@ -49,7 +49,7 @@ class Trials:
 
     fit: tuple[Record, ...]
     predict: tuple[Record, ...]
-    key: str
+    key: str = field(repr=False)
 
 
 def get_trials(campaign: Campaign, reporter: Reporter = SILENT) -> Trials:

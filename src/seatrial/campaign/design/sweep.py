@@ -216,6 +216,10 @@ class Designs:
         """Sweep of the family that holds the best design; its duration is that design's, where it is ended early."""
         return self.sweeps[0].as_run()
 
+    def __repr__(self) -> str:
+        """Print the lines."""
+        return "\n".join(self.lines())
+
     def lines(self) -> list[str]:
         """The best of each family, and the families that have none."""
         found = [f"{_words(sweep)}: {sweep.gain[sweep.best]:.2f} nat{self._worth(sweep)}" for sweep in self.sweeps]

@@ -1,8 +1,8 @@
 """One sentence for who runs the vehicle: go on, stop, switch, check the stream, or the model is wrong; it never commands anything.
 
-The goal is never called met while the stream is in doubt, the innovations disown the model, or a coefficient is pushed against the edge
-of its prior. A true value may lie on a physical edge, such as X_u = 0: then the mean of the filter, which knows no edges, is beyond it by
-about a standard deviation. A wrong unit or sign takes it many beyond.
+The goal is never called met while the stream is in doubt, the innovations disown the model, the coefficients contradict the trim, or one
+is pushed against the edge of its prior. A true value may lie on a physical edge, such as X_u = 0: then the mean of the filter, which knows
+no edges, is beyond it by about a standard deviation. A wrong unit or sign takes it many beyond.
 """
 
 from collections.abc import Mapping, Sequence
@@ -17,8 +17,10 @@ from seatrial.campaign.config.settings import Goal
 from seatrial.campaign.live.innovations import InnovationMemory, discounted
 from seatrial.campaign.live.next_segment import Choice, Library
 from seatrial.campaign.live.recursion import Recursion, within_bounds
+from seatrial.core.display_units import Shown
 from seatrial.core.gaussian import Gaussian
 from seatrial.core.signals import RATES
+from seatrial.estimation.record_checks import UNLIKE, unlike_trim
 
 WINDOW = 20.0
 """Seconds over which is looked at what the input teaches, and how large innovations are."""
@@ -28,6 +30,8 @@ PUSHED = 3.0
 """Standard deviations by which the mean of the filter is beyond the edge of a prior from where on its coefficient is pushed against it."""
 STAYS = 10.0
 """Seconds after which that is forgotten."""
+SURE = 0.95
+"""Share of the vehicles drawn from what is believed whose speed at trim must be another than stated."""
 AT_EDGE = 0.5
 """Standard deviations from the edge of its prior within which a coefficient is named, where one is pushed."""
 ENOUGH = 50
@@ -48,11 +52,11 @@ Kind = Literal["go on", "stop", "switch", "wrong", "check"]
 
 @dataclass(frozen=True)
 class Coefficient:
-    """What is known of one coefficient, SI.
+    """What is known of one coefficient.
 
     Attributes:
         name: of it.
-        unit: SI.
+        unit: in which its prior is written.
         mean: of the belief.
         sd: honest, see `seatrial.campaign.live.innovations`.
         goal: standard deviation that is wanted; None for none.
@@ -130,6 +134,7 @@ class Adviser:
         channels: measured, in the order of the innovations.
         goal: of the campaign, None for none.
         hold: seconds for which a goal has to be met before it is called so.
+        shown: units of the coefficients.
         library: of segments; None where there is none.
     """
 
@@ -137,6 +142,7 @@ class Adviser:
     channels: tuple[str, ...]
     goal: Goal | None
     hold: float
+    shown: Shown
     library: Library | None = None
     known: list[tuple[float, np.ndarray]] = field(default_factory=list)
     met_since: float | None = None
@@ -169,28 +175,36 @@ class Adviser:
         raw = 1.0 / np.diag(np.asarray(belief.cov))
         rate = self._rate(time, raw)
         wanted = self._wanted(mean)
-        if memory.count.sum() >= ENOUGH and (edges := self._edges(time, np.asarray(belief.mean), cut, honest)):
-            doubts = (*doubts, edges)
+        if memory.count.sum() >= ENOUGH:
+            raw_mean = np.asarray(belief.mean)
+            doubts = (*doubts, *self._unlike_trim(raw_mean, honest), *self._edges(time, raw_mean, cut, honest))
         kind, advice = self._advise(time, memory, rms, sd, wanted, self._left(raw, rate, wanted, discount), doubts)
         if kind in ("go on", "switch") and self.library is not None and np.isfinite(wanted).any():
             self._ask(time, mean, honest, discount, wanted)
         excited = None if rate is None else rate * HALVES >= 3.0 * raw
         model = self.recursion.model
-        rows = tuple(
-            Coefficient(
-                term.text,
-                model.unit_of(term),
-                float(mean[i]),
-                float(sd[i]),
-                float(wanted[i]) if np.isfinite(wanted[i]) else None,
-                None if excited is None else bool(excited[i]),
-            )
-            for i, term in enumerate(model.coefficients)
-        )
+        rows = []
+        for i, term in enumerate(model.coefficients):
+            factor, unit = self.shown(term.text, model.unit_of(term))
+            goal = float(wanted[i]) * factor if np.isfinite(wanted[i]) else None
+            taught = None if excited is None else bool(excited[i])
+            rows.append(Coefficient(term.text, unit, float(mean[i]) * factor, float(sd[i]) * factor, goal, taught))
         seen = dict(zip(self.channels, rms.tolist(), strict=True))
-        return Look(time, samples, rows, seen, discount, kind, advice)
+        return Look(time, samples, tuple(rows), seen, discount, kind, advice)
 
-    def _edges(self, time: float, mean: np.ndarray, cut: np.ndarray, cov: np.ndarray) -> str:
+    def _unlike_trim(self, mean: np.ndarray, cov: np.ndarray) -> list[str]:
+        """Say which speed the coefficients give at trim, if it is surely not the one that is stated; in units of the recursion."""
+        found, trim = [], self.recursion.trim
+        for name in (one for one in RATES[:3] if one in self.channels and trim.get(one)):
+            share = self.recursion.shares_of_trim(name, mean, cov)
+            if np.mean(share > UNLIKE) >= SURE or np.mean(share < 1 / UNLIKE) >= SURE:
+                one = unlike_trim(
+                    name, trim[name], float(np.nanmedian(share)), "by the coefficients with the controls at trim"
+                )
+                found.append(f"check {name}: {one.remedy} ({one.value}; {one.threshold})")
+        return found
+
+    def _edges(self, time: float, mean: np.ndarray, cut: np.ndarray, cov: np.ndarray) -> list[str]:
         """Say which coefficients are at the edges of their priors, if one is pushed against its own; in units of the recursion.
 
         Args:
@@ -204,7 +218,7 @@ class Adviser:
         self.pushed |= {int(i): time for i in np.flatnonzero(beyond)}
         self.pushed = {i: then for i, then in self.pushed.items() if 0 <= time - then < STAYS}
         if not self.pushed:
-            return ""
+            return []
         is_near = np.min(np.abs(cut[:, None] - bounds), axis=1) < AT_EDGE * sd
         terms = [term for i, term in enumerate(self.recursion.model.coefficients) if is_near[i] or i in self.pushed]
         names = _listed([term.text for term in terms])
@@ -212,7 +226,9 @@ class Adviser:
         signals = {name for term in terms for name in (*term.signals, ALONG.get(term.axis, ""))}
         shown = [name for name in self.channels if name in signals] or list(self.channels)
         checked = [*shown, *(name for name in self.recursion.model.controls if name in signals)]
-        return f"{names} {where}: check the unit and sign of {_listed(checked)}; if they are right, widen what the priors allow"
+        return [
+            f"{names} {where}: check the unit and sign of {_listed(checked)}; if they are right, widen what the priors allow"
+        ]
 
     def _wanted(self, mean: np.ndarray) -> Float[np.ndarray, " k"]:
         """Return the standard deviation that is wanted of each coefficient, SI; infinite where nothing is asked."""

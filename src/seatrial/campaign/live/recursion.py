@@ -31,6 +31,10 @@ from seatrial.vehicles.model import VehicleModel
 FIRST_SPREAD = 10.0
 """Standard deviation of a state that its first measurement gives, over the sensor's noise: the measurement itself is still to come."""
 
+SHARES = np.geomspace(1 / 8, 8, 193)
+"""Of its trim, at which the acceleration of a velocity is looked at: where it changes its sign the motion is steady."""
+DRAWS = 32
+"""Vehicles drawn from what is believed."""
 CERTAIN = 5.0
 """Standard deviations from its mean beyond which a bound does not matter."""
 
@@ -114,6 +118,24 @@ class Recursion:
     def coefficients(self, belief: Gaussian) -> Gaussian:
         """Return the belief about the coefficients, in units of `scales`."""
         return jax.device_get(belief).marginal(self.space.n_dynamic)
+
+    def shares_of_trim(
+        self, name: str, mean: Float[np.ndarray, " k"], cov: Float[np.ndarray, "k k"]
+    ) -> Float[np.ndarray, " d"]:
+        """Return a velocity over its trim in steady motion with the controls at trim, of vehicles drawn from the belief; NaN for none.
+
+        Args:
+            name: of the velocity, whose trim is not 0.
+            mean: of the coefficients, in units of `scales`.
+            cov: of them.
+        """
+        drawn = np.random.default_rng(0).multivariate_normal(mean, cov, DRAWS, check_valid="ignore") * self.scales
+        state = np.array(level_start(self.model, self.trim))
+        control = np.array([self.trim.get(one, 0.0) for one in self.model.controls])
+        ahead = np.asarray(_accelerations(self.model, name)(drawn, state, control)) * np.sign(self.trim[name])
+        settles = (ahead[:, :-1] > 0) & (ahead[:, 1:] <= 0)
+        nearest = np.argmin(np.where(settles, np.abs(np.log(SHARES[:-1])), np.inf), axis=1)
+        return np.where(settles.any(axis=1), np.sqrt(SHARES[nearest] * SHARES[nearest + 1]), np.nan)
 
 
 def within_bounds(
@@ -200,6 +222,22 @@ def _stepper(method: Filter) -> Any:
         return method.form.end(after), told
 
     return step
+
+
+@lru_cache(maxsize=8)
+def _accelerations(model: VehicleModel, name: str) -> Any:
+    """Return what gives the acceleration of one velocity at every share of its trim, shape (d, s), all else being at trim."""
+    names, index = [term.text for term in model.coefficients], model.states.index(name)
+
+    @program
+    def accelerations(drawn: Array, state: Array, control: Array) -> Array:
+        def at(values: Array, share: Array) -> Array:
+            moved = state.at[index].multiply(share)
+            return model.derivative(dict(zip(names, values, strict=True)), tuple(moved), tuple(control))[index]
+
+        return jax.vmap(jax.vmap(at, (None, 0)), (0, None))(drawn, jnp.asarray(SHARES))
+
+    return accelerations
 
 
 def _arrays(tree: Any) -> Any:

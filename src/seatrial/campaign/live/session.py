@@ -17,6 +17,7 @@ from seatrial.campaign.live.session_files import Kept
 from seatrial.campaign.live.sources import Piece
 from seatrial.campaign.live.stream_check import StreamCheck
 from seatrial.core.gaussian import Gaussian
+from seatrial.core.signals import RATES
 
 OFTEN = 1.0
 """Seconds of the stream between two looks."""
@@ -60,7 +61,7 @@ class Session:
         known = {name: size for name, size in sizes.items() if np.isfinite(size) and size > 0}
         self.values = ValueGate({} if library is None else library.sizes, known, self.notes.say)
         self.memory = InnovationMemory(len(self.measured))
-        self.adviser = Adviser(self.recursion, self.measured, campaign.goal, settings.hold, library)
+        self.adviser = Adviser(self.recursion, self.measured, campaign.goal, settings.hold, campaign.shown, library)
         lined = lined_controls(campaign)
         self.check = StreamCheck(campaign, lined, self.notes.say)
         self.lined = np.array([name in lined for name in self.controls])
@@ -85,6 +86,8 @@ class Session:
         trim = np.array([r.trim.get(name, 0.0) for name in self.controls])
         for seconds in (0.0, 0.01):
             belief = r.step(belief, trim, seconds, trim, nothing)[0]
+        for name in (one for one in RATES[:3] if one in self.measured and r.trim.get(one)):
+            r.shares_of_trim(name, r.prior.mean, r.prior.cov)
         self.check.warm()
 
     def take(self, piece: Piece) -> list[Look]:

@@ -1,6 +1,6 @@
 """The stream judged as `seatrial check` judges a record: over its last minute, every few seconds.
 
-What is found twice in a row is a fault, until the same check passes four times in a row: advice that changes with each look helps nobody.
+What is found twice in a row is a fault, until the same check has passed for a minute: advice that changes with each look helps nobody.
 Of a channel the first fault is told alone: a wrong unit may look like a wrong sign as well.
 """
 
@@ -27,13 +27,13 @@ OFTEN = 5.0
 """Seconds between two judgements."""
 LED = 30.0
 """Seconds before which the direction is not judged: until then the expected motion is led by its start, in whatever unit that came."""
-FOUND, GONE = 2, 4
-"""Judgements in a row that find a fault before it is one, and that pass before it is none."""
+FOUND, GONE = 2, round(LOOKED / OFTEN)
+"""Judgements in a row that find a fault before it is one, and that pass before it is none: until all that is judged is new."""
 SIZE = bucket_length(round(LOOKED / APART) + 1)
 """Rows to which every part of a stream is filled up."""
 CONTROLS = 600
 """Latest samples of a control that show whether it changes smoothly."""
-GRAVE = {"trim": ("caution",), "direction": ("fail",), "axes": ("fail",), "size": ("caution",)}
+GRAVE = {"direction": ("fail",), "axes": ("fail",), "size": ("caution",)}
 """Levels of each check with which no goal is met; of a channel the first check that fails is told."""
 
 

@@ -15,7 +15,7 @@ from seatrial.core.dataset import Dataset
 from seatrial.core.dataset_file import open_dataset
 from seatrial.core.display_units import Shown
 from seatrial.core.errors import InputError
-from seatrial.core.notebook import result_html
+from seatrial.core.result_table import table_html, table_text
 from seatrial.estimation.remedies import is_coefficient, listed, measured, percent
 from seatrial.selection.structures import Structure
 
@@ -132,9 +132,16 @@ class Estimate:
         columns |= {"model_error_cause": [self.wider_cause(name) for name in self.names]}
         return DataFrame(columns, index=list(self.names))
 
-    def _repr_html_(self) -> str:
-        heading = f"Structure {self.structure.label}: {', '.join(self.structure.terms)}"
-        return result_html(heading, self.summary(), (*self.alarms, *self.cautions))
+    @property
+    def _heading(self) -> str:
+        return f"Posterior of the structure {', '.join(self.structure.terms)}, SI"
+
+    @property
+    def _remarks(self) -> list[str]:
+        return [*self.alarms, *self.cautions]
+
+    __repr__ = table_text
+    _repr_html_ = table_html
 
     def wider(self, name: str) -> float | None:
         """Standard deviation of a parameter that survives an error of the model, SI; None where it is not larger by more than a half."""

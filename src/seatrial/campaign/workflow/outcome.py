@@ -1,6 +1,7 @@
 """Everything that the loop found, as the report draws it."""
 
 from dataclasses import dataclass
+from html import escape
 from typing import Any
 
 from seatrial.campaign.config.campaign import Campaign
@@ -66,6 +67,19 @@ class Outcome:
     contenders: Contenders | None
     summary: dict[str, Any]
     cross_validation: CrossValidation | None = None
+
+    def __repr__(self) -> str:
+        """Print the coefficients of the chosen structure, which terms the data support, and the next trial."""
+        return "\n\n".join([repr(self.chosen), repr(self.selection), *self._next])
+
+    def _repr_html_(self) -> str:
+        tables = (one._repr_html_() for one in (self.chosen, self.selection))
+        return "".join([*tables, *(f"<p>{escape(words)}</p>" for words in self._next)])
+
+    @property
+    def _next(self) -> list[str]:
+        proposed = self.summary.get("next_trial")
+        return [f"Next: {proposed['words']}"] if proposed else []
 
     @property
     def own_alarms(self) -> list[str]:

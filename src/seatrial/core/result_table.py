@@ -1,0 +1,44 @@
+"""Results as consoles and notebooks show them: a heading, a table, and what a reader has to know.
+
+A result takes both as its own methods: `__repr__ = table_text` and `_repr_html_ = table_html`.
+"""
+
+from collections.abc import Sequence
+from html import escape
+from typing import TYPE_CHECKING, Protocol
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+
+class Tabular(Protocol):
+    """A result that is shown as a table."""
+
+    @property
+    def _heading(self) -> str:
+        """What it is, in one line."""
+        ...
+
+    @property
+    def _remarks(self) -> Sequence[str]:
+        """What a reader has to know, one sentence each."""
+        ...
+
+    def summary(self) -> "DataFrame":
+        """Return its numbers."""
+        ...
+
+
+def table_text(self: Tabular) -> str:
+    """Return a result as text, numbers with four digits; columns of which nothing is known are left out."""
+    table = self.summary()
+    known = [name for name, column in table.items() if not (column.isna() | (column == "")).all()]
+    shown = table[known].to_string(float_format="{:.4g}".format, na_rep="–")
+    return "\n".join([self._heading, shown, *(f"- {remark}" for remark in self._remarks)])
+
+
+def table_html(self: Tabular) -> str:
+    """Return a result as HTML, numbers with four digits."""
+    shown = self.summary().to_html(float_format="{:.4g}".format, border=0, na_rep="–")
+    below = "".join(f"<li>{escape(remark)}</li>" for remark in self._remarks)
+    return f"<p><b>{escape(self._heading)}</b></p>{shown}" + (f"<ul>{below}</ul>" if below else "")
