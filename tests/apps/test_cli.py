@@ -110,7 +110,8 @@ def test_what_cannot_be_done_is_refused_with_a_remedy(monkeypatch, capsys, tmp_p
     assert "Traceback" not in err
     for word in ("error:", "remedy", *words):
         assert word in err
-    assert not [path for path in results(tmp_path) if "posterior" in path or "tmp" in path]
+    # The other structure, which is estimated beside the refused one, may be finished by then.
+    assert not [path for path in results(tmp_path) if path.endswith("posterior/M-0.nc") or "tmp" in path]
 
 
 def test_a_missing_log_is_named(monkeypatch, capsys, tmp_path):

@@ -10,7 +10,7 @@ from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.inference import calibration as module
 from seatrial.campaign.inference.calibration import calibrate
-from seatrial.campaign.store.estimates import Calibrated
+from seatrial.campaign.store.calibration import Calibrated
 from seatrial.campaign.store.stored_result import Store
 from seatrial.core.errors import InputError
 from seatrial.estimation.calibration import DRAWS, Calibration

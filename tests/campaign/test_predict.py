@@ -1,22 +1,23 @@
 """What is said of trials: one verdict for each, one sentence for those with the same trouble, the graver first."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 
 from seatrial.campaign.inference.judge_predictions import (
     MOST_NAMED,
     HeldBack,
+    disowned,
     fit_complaints,
     held_back_alarms,
     held_back_lines,
     trial_verdicts,
 )
-from seatrial.campaign.store.estimates import Fit, decode_fit
+from seatrial.campaign.store.predictions import Fit, decode_fit
 from seatrial.estimation.fit_verdict import judge_fit
 from seatrial.estimation.pooled_coverage import pooled_verdict, run_residuals
 from seatrial.estimation.prediction_scores import Score
-from seatrial.estimation.remedies import TOLD, without_repeats
 
 NUMBERS = {
     "nrmse": 0.5,
@@ -68,7 +69,7 @@ def test_complaints_are_few_and_the_gravest_is_first():
     assert alarm.startswith("held-back run 4: 20% of u lies inside the 90 % band")
     (said,) = fit_complaints(fits)
     assert said.startswith("run 2: residuals of u are correlated (+0.60 over 0.1 s)")
-    assert said.endswith("; likewise 3")
+    assert "by a factor of about 2.0; likewise 3; set estimation.residuals" in said
     assert fit_complaints(fits[:1]) == []
 
 
@@ -79,13 +80,25 @@ def test_correlated_residuals_of_all_channels_are_one_caution():
     (said,) = fit_complaints(fits)
     assert said.startswith("run a: residuals of u are correlated (+0.60 over 0.1 s)")
     assert "[prior.tau_u]" in said
-    assert said.endswith("; likewise b; likewise r of a, b; likewise udot of a, b")
-    assert fits[0].finding == fits[0].reason.partition("; ")[0] != fits[0].reason
-    assert "estimation.residuals" not in fits[0].finding
-    assert without_repeats(f"first correct what failed: run a: {fits[0].reason}", [said]).endswith(f"failed: {TOLD}")
-    narrow = [fit("a", channel=channel, coverage=0.7, variance=2.5) for channel in ("u", "r")]
-    assert len(fit_complaints(narrow)) == 2
-    assert narrow[0].finding == narrow[0].words
+    assert "; likewise b; likewise r of a, b; likewise udot of a, b; set estimation.residuals" in said
+    assert disowned(fits) == said
+    assert disowned(fits[:0]) == ""
+
+
+def test_what_to_do_is_told_once_for_all_channels_and_runs():
+    narrow = [fit(run, channel=channel, coverage=0.7, variance=2.5) for channel in ("u", "r") for run in ("a", "b")]
+    (said,) = fit_complaints(narrow)
+    assert said.endswith("is too small; likewise b; likewise r of a, b; look for outliers or a missing term")
+    assert narrow[0].finding == narrow[0].reason
+    assert narrow[0].words == f"{narrow[0].reason}; {narrow[0].advice}"
+
+
+def test_where_a_run_leaves_the_fitted_range_is_told_once():
+    outside = ("u up to 2 m/s where the fit saw 1",)
+    poor = replace(fit("a", held_back=True, explained=0.3), outside=outside)
+    (first, left) = fit_complaints([poor, replace(fit("b", held_back=True), outside=outside)])
+    assert "; it goes beyond what was fitted: u up to 2 m/s where the fit saw 1; add a term" in first
+    assert left == "held-back run b goes beyond what was fitted: u up to 2 m/s where the fit saw 1"
 
 
 def pooled(scale):
@@ -122,7 +135,7 @@ def test_lines_say_worse_than_the_mean_where_a_percentage_would_be_negative():
 def test_many_trials_with_one_trouble_are_counted_and_not_listed():
     said = fit_complaints([fit(str(i), held_back=True, explained=0.3) for i in range(20)])
     assert len(said) == 1
-    assert said[0].endswith(", ".join(map(str, range(1, MOST_NAMED + 1))) + ", others")
+    assert "; likewise " + ", ".join(map(str, range(1, MOST_NAMED + 1))) + ", others; add " in said[0]
 
 
 def test_a_fit_is_plain_numbers_and_words():

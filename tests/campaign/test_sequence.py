@@ -150,18 +150,23 @@ def test_proposals_weigh_goal_doubt_and_gain(tmp_path):
 def test_no_goal_is_met_by_standard_deviations_that_do_not_hold(tmp_path):
     """Correlated residuals of a fitted run disown them; one with model error counts in place of that within the model."""
     outcome = with_goal(make_outcome(tmp_path), Goal(shares={"X_u": 9.0}))
-    slow = tuple(replace(fit, about="correlated residuals", correlation=0.6, reason="so slow") for fit in outcome.fits)
+    slow = tuple(
+        replace(fit, about="correlated residuals", level="caution", reason="so slow", advice="do")
+        for fit in outcome.fits
+    )
     found = propose(replace(outcome, fits=slow))
     assert found.trial is None
-    assert "only if the stated ± hold" in found.lines[-2]
-    assert found.lines[-1].endswith("so slow")
+    assert "only if the stated ± hold" in found.lines[-1]
+    assert ": run 1: so slow; likewise " in found.lines[-1]
     assert "Its stated ± do not hold, and which terms are needed may change" in answer(replace(outcome, fits=slow))
     assert "the model or its noise did not pass" in summary_section(replace(outcome, fits=slow))["passed"]
     assert summary_section(outcome)["passed"] == "No health check failed"
     assert summarise(replace(outcome, fits=slow))["verdicts"][-1] == OTHER_NOISE
     assert OTHER_NOISE not in summarise(outcome)["verdicts"]
     unmet = propose(with_goal(replace(outcome, fits=slow), Goal(shares={"X_u": 1e-3})))
-    assert unmet.first == ("first correct what failed: run 1: so slow",) or unmet.first[0].endswith("so slow")
+    assert unmet.first[0].startswith("first correct what failed: run 1: so slow; likewise ")
+    assert unmet.beside([unmet.quoted]).first == ("first correct what failed: see the caution about it",)
+    assert unmet.beside(["another"]) is unmet
     (row,) = (one for one in outcome.summary["coefficients"] if one["name"] == "X_u")
     row["model_error_sd"] = 20 * abs(row["mean"])
     assert any(line.startswith("X_u is known to 2000 %, 900 % wanted") for line in propose(outcome).lines)

@@ -62,7 +62,7 @@ def test_right_bands_pass_and_narrow_ones_fail_with_the_factor_that_mends_them()
     wrong = pooled_verdict(white_runs(1.8), "u")
     assert (wrong.level, wrong.about) == ("fail", "bands do not hold")
     assert wrong.widen_lower < 1.8 < wrong.widen_upper
-    assert "widen the bands 1.8 times (1.7 to 1.9)" in wrong.reason
+    assert "widen the bands 1.8 times (1.7 to 1.9)" in wrong.advice
     wide = pooled_verdict(white_runs(0.5), "u")
     assert (wide.level, wide.about) == ("caution", "bands too wide")
 

@@ -3,22 +3,23 @@
 import numpy as np
 import pytest
 
-from seatrial.estimation.record_checks import (
+from seatrial.estimation.excitation_checks import check_excitation, check_signs
+from seatrial.estimation.motion_checks import (
     _correlation,
     _delay,
-    _scatter,
-    _standing_out,
     best_lag,
-    check_angle,
-    check_excitation,
-    check_limits,
     check_motion,
-    check_samples,
-    check_signs,
     check_sum,
-    check_trim,
     check_turn,
     says_direction,
+)
+from seatrial.estimation.record_checks import (
+    _scatter,
+    _standing_out,
+    check_angle,
+    check_limits,
+    check_samples,
+    check_trim,
 )
 from seatrial.manoeuvres.manoeuvre import Limits
 

@@ -66,17 +66,16 @@ def test_a_vehicle_that_runs_away_is_told_from_one_that_does_not():
     assert away["u"].growth == pytest.approx(np.exp(0.4 * (89.9 - 8.9)), rel=0.05)
     assert away["u"].leaves
     assert not steady["u"].leaves
-    said = away["u"].words("u", ['set estimation.likelihood = "filter-error"'])
+    said = away["u"].words("u")
     assert said.startswith("the vehicle leaves its course by itself, a small error grows ")
     assert "over 9 s" in said
-    assert said.endswith('; set estimation.likelihood = "filter-error"')
 
 
 def test_a_wrong_model_is_no_better_over_short_horizons():
     found = short_horizons(SIMULATOR, {"X_u": -40.0}, driven(0.8, 4.0))
     assert found is not None
     assert not found["u"].is_good
-    assert "errors that add up do not explain it" in found["u"].words("u", [])
+    assert "errors that add up do not explain it" in found["u"].words("u")
 
 
 def test_a_state_that_is_not_measured_leaves_nothing_to_restart_from():

@@ -14,7 +14,8 @@ from seatrial.campaign.design.sweep import Designs
 from seatrial.campaign.selection.runner_up import NEXT, change_words, contending
 from seatrial.campaign.store.baselines import FittedBaselines
 from seatrial.campaign.store.cross_validation import OWN, Candidate, ChannelScores, CrossValidation
-from seatrial.campaign.store.estimates import Direction, Estimate, Fit, Known, KnownParameter
+from seatrial.campaign.store.estimates import Direction, Estimate, Known, KnownParameter
+from seatrial.campaign.store.predictions import Fit
 from seatrial.campaign.store.structures import Contenders, Screened
 from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.core.coefficients import CoefficientName

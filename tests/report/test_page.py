@@ -10,8 +10,8 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
+from seatrial.campaign.inference.judge_predictions import fit_complaints
 from seatrial.estimation.fit_verdict import COLOURED
-from seatrial.estimation.remedies import CORRELATED
 from seatrial.report.drawing import digits_of, moments_of
 from seatrial.report.page import CONTENTS, render, write_report
 from seatrial.report.sections.fits import fits_section
@@ -222,16 +222,15 @@ def test_what_need_not_be_seen_at_first_is_folded(outcome, html, tmp_path):
 
 
 def test_a_caution_about_the_noise_is_told_once(outcome):
-    reason = "run 1: residuals of u are correlated, so the stated standard deviations are too small; set estimation.residuals"
-    summary = outcome.summary | {"cautions": [f"{reason}; likewise {FITTED[1]}"]}
-    fits = [
-        replace(fit, about=COLOURED, reason=reason.partition(": ")[2], outside=(), ahead="") for fit in outcome.fits
-    ]
-    finding = {"names": ["X_u"], "cause": "blocks", "remedy": CORRELATED}
-    outcome.chosen.data.attrs["model_error_findings"] = json.dumps([finding])
-    html = render(replace(outcome, summary=summary, fits=tuple(fits)))
+    told = {"level": "caution", "about": COLOURED, "reason": "residuals of u are correlated"}
+    told |= {"advice": "set estimation.residuals", "outside": (), "ahead": ""}
+    fits = tuple(replace(fit, **told) for fit in outcome.fits if not fit.held_back)
+    summary = outcome.summary | {"cautions": fit_complaints(fits)}
+    noise = {"names": ["X_u"], "cause": "blocks", "remedy": "set estimation.residuals", "is_noise": True}
+    outcome.chosen.data.attrs["model_error_findings"] = json.dumps([noise])
+    html = render(replace(outcome, summary=summary, fits=fits))
     assert html.count("set estimation.residuals") == 1
-    assert "blocks; the residuals are correlated" not in html
+    assert "most of the ± with model error is from blocks; set estimation.residuals" in render(outcome)
 
 
 def test_what_is_folded_is_counted(tmp_path):

@@ -70,13 +70,17 @@ class Known(TypedDict):
 
 
 class Fit(TypedDict):
-    """How one channel of one record is predicted from its inputs alone, SI; shares are of the measured variance or of the samples."""
+    """How one channel of one record is predicted from its inputs alone, SI; shares are of the measured variance or of the samples.
+
+    `reason` ends with `advice`, which is empty where there is nothing to do.
+    """
 
     record: str
     held_back: bool
     channel: str
     level: str
     reason: str
+    advice: str
     samples: int
     effective: Number
     explained: Number

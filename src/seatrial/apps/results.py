@@ -275,10 +275,10 @@ def next_trial(designs: Any, proposal: Any) -> dict[str, Any]:
     """Return the trial to run next, or none, and why."""
     trial = proposal.trial
     if trial is None:
-        return {"trial": None, "advice": (*proposal.first, *proposal.advice)}
+        return {"trial": None, "advice": proposal.words}
     sweep = next(one for one in designs.sweeps if one.family.kind == trial.kind)
     at = np.abs(sweep.amplitude - trial.amplitude).argmin(), np.abs(sweep.period - trial.period).argmin()
-    return {"trial": design(sweep, (int(at[0]), int(at[1]))), "advice": (*proposal.first, *proposal.advice)}
+    return {"trial": design(sweep, (int(at[0]), int(at[1]))), "advice": proposal.words}
 
 
 def run(outcome: Any, proposal: Any, averaged: Sequence[Mapping[str, Any]]) -> dict[str, Any]:

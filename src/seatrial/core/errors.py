@@ -78,8 +78,8 @@ def file_error(error: OSError) -> InputError:
     )
 
 
-def nearest(name: object, allowed: Iterable[str]) -> str:
-    """Return the remedy text for a misspelt name: the nearest allowed one, or the whole list."""
+def nearest(name: object, allowed: Iterable[str], otherwise: str = "") -> str:
+    """Return the remedy text for a misspelt name: the nearest allowed one, or what is to be done otherwise, by default the whole list."""
     names = list(allowed)
     close = difflib.get_close_matches(str(name), names, n=1, cutoff=0.5)
-    return f'did you mean "{close[0]}"?' if close else "use one of: " + ", ".join(names)
+    return f'did you mean "{close[0]}"?' if close else otherwise or "use one of: " + ", ".join(names)

@@ -1,4 +1,4 @@
-"""Pass, unjudged, caution or fail: what the scores of a predicted trial mean, with the reason in one sentence.
+"""Pass, unjudged, caution or fail: what the scores of a predicted trial mean, why, and what to do.
 
 A departure counts when it matters (the limits below) and when it is more than chance, three standard errors, for the number of
 independent samples that the trial is worth.
@@ -48,18 +48,27 @@ KS_CHANCE = 1.63
 """1 % point of the Kolmogorov-Smirnov distance times the root of the number of samples."""
 
 
-COLOURED, BIASED = "correlated residuals", "biased through the autopilot"
-"""What verdicts are about that say that stated standard deviations do not hold."""
+COLOURED, MIXED_COLOUR, BIASED = DISOWNING = (
+    "correlated residuals",
+    "slow and white residuals",
+    "biased through the autopilot",
+)
+"""What verdicts are about that say that stated standard deviations are too small."""
 LACKS = ("a term", "a delay", "a model of the error")
 """What a model may lack that misses motion."""
 
 
+_FARTHER = "fit a run that goes as far, or else "
+"""What to do first where a run leaves the fitted range."""
+
+
 class FitVerdict(NamedTuple):
-    """A level, what it is about in a few words, and the reason: what was found, what it means and what to do."""
+    """A level, what it is about in a few words, the reason, which is what was found and means, and what to do, empty for a pass."""
 
     level: FitLevel
     about: str
     reason: str
+    advice: str = ""
 
 
 def judge_fit(
@@ -67,7 +76,7 @@ def judge_fit(
     channel: str,
     held_back: bool,
     noise: "Noise",
-    outside: Sequence[str] = (),
+    outside: bool = False,
     lacks: Sequence[str] = LACKS,
     feedback: bool = False,
 ) -> FitVerdict:
@@ -78,7 +87,7 @@ def judge_fit(
         channel: its name.
         held_back: whether its run was not fitted.
         noise: as what its noise is modelled.
-        outside: where the run leaves the range that was fitted, in words.
+        outside: whether the run leaves the range that was fitted.
         lacks: what the model may lack and does not have yet.
         feedback: whether what the sensors showed made the controls, through an autopilot.
     """
@@ -87,14 +96,15 @@ def judge_fit(
         return FitVerdict(
             "unjudged",
             "not measured",
-            f"nothing was measured of {channel}: the {use} cannot be judged; check the channel map",
+            f"nothing was measured of {channel}: the {use} cannot be judged",
+            "check the channel map",
         )
     if score.missing == DIVERGES:
         return FitVerdict(
             "fail",
             "diverges",
-            f"the simulated {channel} grows without bound: the model cannot move as this trial did; {_left(outside)}"
-            "check units and signs, or narrow the priors to damping that dissipates",
+            f"the simulated {channel} grows without bound: the model cannot move as this trial did",
+            f"{_FARTHER * outside}check units and signs, or narrow the priors to damping that dissipates",
         )
     if score.effective < FEWEST and score.variance < ONE_SAMPLE:
         return _few(score, channel, held_back, noise, feedback, lacks)
@@ -150,14 +160,15 @@ def _few(
     )
     return FitVerdict(
         "unjudged",
-        "too little to judge",
+        motion.about if motion else "too little to judge",
         f"{channel} of this run is worth {worth}, too few to judge whether its band holds ({FEWEST:.0f} are needed; "
         f"{score.coverage:.0%} lies inside the 90 % band); "
         + (motion.reason if motion else explained_words(score.explained, channel)),
+        motion.advice if motion else "",
     )
 
 
-def _sizes(score: Score, channel: str, held_back: bool, outside: Sequence[str]) -> FitVerdict | None:
+def _sizes(score: Score, channel: str, held_back: bool, outside: bool) -> FitVerdict | None:
     """Return the errors much larger or smaller than stated; samples in the band are binomial, the sum of squares chi-square."""
     n = max(score.effective, 1.0)
     short = betainc(n * (1 - score.coverage), n * score.coverage + 1, 0.1) < RARE
@@ -166,26 +177,26 @@ def _sizes(score: Score, channel: str, held_back: bool, outside: Sequence[str]) 
     result = f"{score.coverage:.0%} of {channel} lies inside the 90 % band and errors are {np.sqrt(score.variance):.1f} times those stated"
     if (short and score.coverage < BROKEN) or (large and score.variance > BURST):
         do = (
-            f"{_left(outside)}look at this trial for a sensor fault, a wrong unit or another condition (current, load, trim), then "
+            f"{_FARTHER * outside}look at this trial for a sensor fault, a wrong unit or another condition (current, load, trim), then "
             "add a term or fit it too"
             if held_back
             else "look at its residuals for outliers, a wrong unit or a missing term"
         )
         return FitVerdict(
-            "fail", "errors beyond what is stated", f"{result}: do not rely on its stated uncertainty; {do}"
+            "fail", "errors beyond what is stated", f"{result}: do not rely on its stated uncertainty", do
         )
     if (short and score.coverage < NARROW) or (large and score.variance > SPREAD):
         do = (
-            f"{_left(outside)}fit more trials like it, or add a term"
+            f"{_FARTHER * outside}fit more trials like it, or add a term"
             if held_back
             else "look for outliers or a missing term"
         )
-        return FitVerdict("caution", "band too narrow", f"{result}: the stated uncertainty is too small; {do}")
+        return FitVerdict("caution", "band too narrow", f"{result}: the stated uncertainty is too small", do)
     if small and not score.missing and score.variance < TAME and score.coverage > WIDE:
         return FitVerdict(
             "caution",
             "band too wide",
-            f"{result}: this trial was quieter than the stated noise; the band promises less than the model can do, "
+            f"{result}: this trial was quieter than the stated noise, so the band promises less than the model can do",
             "check whether the trials have the same sensors",
         )
     return None
@@ -197,7 +208,8 @@ def _motion(score: Score, channel: str, held_back: bool, lacks: Sequence[str]) -
         return FitVerdict(
             "unjudged",
             "never changes",
-            f"the measured {channel} never changes: how much of its motion is explained has no meaning; test on a trial that moves",
+            f"the measured {channel} never changes: how much of its motion is explained has no meaning",
+            "test on a trial that moves",
         )
     if score.explained >= POOR:
         return None
@@ -206,14 +218,14 @@ def _motion(score: Score, channel: str, held_back: bool, lacks: Sequence[str]) -
         return FitVerdict(
             "caution",
             "coefficients uncertain",
-            f"{result}, which is what the uncertainty of the coefficients allows: they are not known well enough to predict it; "
+            f"{result}, which is what the uncertainty of the coefficients allows: they are not known well enough to predict it",
             "run the next trial that is proposed",
         )
     if score.noise_share > POOR:
         return FitVerdict(
             "unjudged",
             "noise hides the motion",
-            f"{result}: the residuals of the fit, {left}, are as large as the motion of this run, so this run tests little; "
+            f"{result}: the residuals of the fit, {left}, are as large as the motion of this run, so this run tests little",
             "use one that moves more, or add a term if the sensor is better than that",
         )
     if held_back:
@@ -221,12 +233,14 @@ def _motion(score: Score, channel: str, held_back: bool, lacks: Sequence[str]) -
             "caution",
             "predicted poorly",
             f"{result}: the model misses most of the motion; its band is wide because of the residuals of the fit, "
-            f"{left}, not because the coefficients are uncertain; add {either(lacks)}",
+            f"{left}, not because the coefficients are uncertain",
+            f"add {either(lacks)}",
         )
     return FitVerdict(
         "caution",
         "fitted poorly",
-        f"{result}: the model misses most of the motion; add a term, a delay or an estimated initial state",
+        f"{result}: the model misses most of the motion",
+        "add a term, a delay or an estimated initial state",
     )
 
 
@@ -235,15 +249,6 @@ def _noise_words(score: Score, channel: str) -> str:
     factor, unit = shown_unit(channel)
     slow = f" with a correlation time of {score.correlation_time:.2g} s" if score.correlation_time else ""
     return f"{score.noise_sd * factor:.2g} {unit}{slow}"
-
-
-def _left(outside: Sequence[str]) -> str:
-    """Name where a run leaves the fitted range, ready to go before a remedy."""
-    return (
-        f"it goes beyond what was fitted ({'; '.join(outside)}): fit a run that goes as far, or else "
-        if outside
-        else ""
-    )
 
 
 def _colour(score: Score, channel: str, noise: "Noise", feedback: bool) -> FitVerdict | None:
@@ -261,20 +266,22 @@ def _colour(score: Score, channel: str, noise: "Noise", feedback: bool) -> FitVe
             "caution",
             "correlated beyond the model",
             f"{result} after the fitted correlation is taken out: they have more than one time scale, and stated standard "
-            f"deviations are rough; {remedy}",
+            "deviations are rough",
+            remedy,
         )
     if score.correlation < 0:
         return FitVerdict(
             "caution",
-            COLOURED,
+            "opposite residuals",
             f"{result}, so they are not white noise: neighbours have opposite errors, and the stated standard deviations are "
-            "too large; check whether the sensor or the import filtered or differenced the channel",
+            "too large",
+            "check whether the sensor or the import filtered or differenced the channel",
         )
     if feedback:
         return FitVerdict(
             "caution",
             BIASED,
-            f"{result}: the autopilot puts these errors into the controls, which biases the coefficients, and more data do not help; "
+            f"{result}: the autopilot puts these errors into the controls, which biases the coefficients, and more data do not help",
             'set estimation.likelihood = "filter-error"',
         )
     # An autoregression, r_k = phi^k, has no partial autocorrelation of order two; white noise beside a slow error, r_k = a phi^k, has.
@@ -284,9 +291,9 @@ def _colour(score: Score, channel: str, noise: "Noise", feedback: bool) -> FitVe
     factor = np.sqrt(1 + 2 * min(score.correlation, phi) / (1 - phi))
     return FitVerdict(
         "caution",
-        COLOURED,
-        f"{result}, so they are not white noise: the stated standard deviations are too small, by a factor of about "
-        f"{factor:.1f}; {slow_remedy('drifting' if mixed else 'coloured', channel)}",
+        MIXED_COLOUR if mixed else COLOURED,
+        f"{result}, so they are not white noise: the stated standard deviations are too small, by a factor of about {factor:.1f}",
+        slow_remedy("drifting" if mixed else "coloured", channel),
     )
 
 
@@ -315,7 +322,7 @@ def _shape(score: Score, channel: str) -> FitVerdict | None:
     return FitVerdict(
         "caution",
         "errors not normal",
-        f"errors of {channel} are not spread as stated (off by {score.pit_distance:.2f}{side}): probabilities are rough; "
+        f"errors of {channel} are not spread as stated (off by {score.pit_distance:.2f}{side}): probabilities are rough",
         "look for a bias of the sensor or outliers",
     )
 

@@ -38,7 +38,7 @@ from seatrial.estimation.fit_verdict import (
     explained_words,
 )
 from seatrial.estimation.prediction_scores import LaggedProducts, coverage, lagged_products
-from seatrial.estimation.remedies import count_below
+from seatrial.estimation.remedies import count_below, with_advice
 
 ENOUGH = 20.0
 """Effective samples from which on all runs together may pass: of ten, slow errors twice those stated leave 85 % inside by chance too often
@@ -92,7 +92,8 @@ class Pooled:
         widen_upper: upper end.
         level: pass, unjudged, caution or fail.
         about: what the verdict is about in a few words; empty for a pass.
-        reason: one sentence: what was found, what it means and what to do.
+        reason: what was found and what it means.
+        advice: what to do; empty for a pass.
     """
 
     channel: str
@@ -113,11 +114,12 @@ class Pooled:
     level: FitLevel
     about: str
     reason: str
+    advice: str = ""
 
     @property
-    def verdict(self) -> FitVerdict:
-        """Level, subject and reason."""
-        return FitVerdict(self.level, self.about, self.reason)
+    def words(self) -> str:
+        """Reason, and what to do."""
+        return with_advice(self.reason, self.advice)
 
 
 def run_residuals(
@@ -314,29 +316,36 @@ def _judge(pooled: Pooled, excused: bool, mend: str) -> FitVerdict:
     large = _probability_of_so_large(pooled.variance, n) < RARE
     short = (pooled.upper < BAND and pooled.coverage < NARROWER) or (pooled.least < BROKEN and pooled.p_value < RARE)
     if short or large or pooled.variance >= ONE_SAMPLE:
-        return FitVerdict("fail", "bands do not hold", f"{inside}: {_remedy(pooled, mend)}")
+        return FitVerdict(
+            "fail",
+            "bands do not hold",
+            f"{inside}: the stated bands do not hold (p = {pooled.p_value:.1g})",
+            f"widen the bands {_factor(pooled)}, and do not rely on the standard deviations of the coefficients either; {mend}",
+        )
     if n < ENOUGH:
         return FitVerdict(
             "unjudged",
             "too little to judge",
-            f"{inside}: too few to say whether the bands hold ({ENOUGH:.0f} are needed); hold back more or longer runs",
+            f"{inside}: too few to say whether the bands hold ({ENOUGH:.0f} are needed)",
+            "hold back more or longer runs",
         )
     if pooled.explained < 0:
         said = f"{inside}, but {explained_words(pooled.explained, pooled.channel)}"
         if not excused:
-            return FitVerdict("fail", "motion not predicted", f"{said}: the model does not predict this motion; {mend}")
+            return FitVerdict("fail", "motion not predicted", f"{said}: the model does not predict this motion", mend)
         return FitVerdict(
             "caution",
             "little motion predicted",
-            f"{said}: the bands are as wide as all motion of these runs, which therefore do not show that the model predicts; "
+            f"{said}: the bands are as wide as all motion of these runs, which therefore do not show that the model predicts",
             "hold back runs that move more",
         )
     if pooled.coverage < NARROWER:
         return FitVerdict(
             "unjudged",
             "too little to judge",
-            f"{inside}: too few inside for a pass, but with so few independent samples this may be chance; hold back more or "
-            f"longer runs. Bands {_factor(pooled)} as wide would have held 90 %; {mend}",
+            f"{inside}: too few inside for a pass, but with so few independent samples this may be chance; bands "
+            f"{_factor(pooled)} as wide would have held 90 %",
+            f"hold back more or longer runs; if it stays, {mend}",
         )
     if pooled.lower > BAND and pooled.coverage > WIDE and pooled.variance < TAME:
         return FitVerdict(
@@ -356,13 +365,6 @@ def _inside(pooled: Pooled) -> str:
     )
 
 
-def _remedy(pooled: Pooled, mend: str) -> str:
-    return (
-        f"the stated bands do not hold (p = {pooled.p_value:.1g}); widen the bands {_factor(pooled)}, and do not rely on the standard "
-        f"deviations of the coefficients either; {mend}"
-    )
-
-
 def _factor(pooled: Pooled) -> str:
     return f"{pooled.widen:.1f} times ({pooled.widen_lower:.1f} to {pooled.widen_upper:.1f})"
 
@@ -378,8 +380,6 @@ def _without_numbers(channel: str, runs: int, samples: int) -> Pooled:
     none = unjudged(channel, runs, f"nothing was measured of {channel} in held-back runs: it cannot be judged")
     if not samples:
         return none
-    reason = (
-        f"the simulated {channel} grows without bound on held-back runs: the model cannot move as they did; check units and signs, "
-        "or narrow the priors to damping that dissipates"
-    )
-    return replace(none, samples=samples, level="fail", about="diverges", reason=reason)
+    reason = f"the simulated {channel} grows without bound on held-back runs: the model cannot move as they did"
+    advice = "check units and signs, or narrow the priors to damping that dissipates"
+    return replace(none, samples=samples, level="fail", about="diverges", reason=reason, advice=advice)

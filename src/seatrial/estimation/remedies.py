@@ -6,13 +6,6 @@ from math import floor, log10
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError
 
-CORRELATED = "the residuals are correlated"
-"""Why another model of the noise is advised."""
-LIKEWISE = "; likewise "
-"""What comes between a caution and the names of others with the same trouble."""
-TOLD = "see the caution about it"
-"""What stands for a caution that is told on the same page."""
-
 
 def what_separates(names: Sequence[str]) -> str:
     """Say what to do so that these parameters are known each."""
@@ -72,16 +65,9 @@ def listed(names: Sequence[str]) -> str:
     return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
 
 
-def without_repeats(text: str, cautions: Sequence[str]) -> str:
-    """Return a text in which each caution that is told beside it is only pointed at.
-
-    Args:
-        text: that may quote cautions.
-        cautions: told on the same page, of which each may name others with the same trouble.
-    """
-    for caution in cautions:
-        text = text.replace(caution.partition(LIKEWISE)[0], TOLD)
-    return text
+def with_advice(words: str, advice: str) -> str:
+    """Return in one sentence what was found and what to do; the former alone where there is no advice."""
+    return f"{words}; {advice}" if advice else words
 
 
 def measured(value: float, sd: float, unit: str) -> str:

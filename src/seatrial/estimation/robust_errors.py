@@ -60,16 +60,18 @@ class Pieces:
         ratio: root of V over the standard deviation of the normal approximation, shape (k,).
         count: how many pieces; 0 where there are too few.
         basis: what they are, in words, or why there are none.
+        are_runs: whether they are whole runs, not blocks of time.
     """
 
     ratio: Float[np.ndarray, " k"]
     count: int
     basis: str
+    are_runs: bool = False
 
     @property
     def differ(self) -> str:
         """What differs by more than the noise says where the ratio is large."""
-        return "runs that differ" if self.basis.endswith("runs") else "blocks of time that differ"
+        return "runs that differ" if self.are_runs else "blocks of time that differ"
 
     @property
     def freedom(self) -> int:
@@ -232,7 +234,7 @@ def _compared(
     curvatures = np.where(noise[:, None] | noise, 0.0, -hessians)
     wide = np.diag(jackknife(precision, scores, curvatures, prior, -there.bend))[shared]
     narrow = np.diag(_solve(precision, np.eye(posterior.dim)))[shared]
-    return Pieces(np.sqrt(wide / narrow), len(scores), basis)
+    return Pieces(np.sqrt(wide / narrow), len(scores), basis, own_is_drawn)
 
 
 def _of_noise(posterior: Posterior) -> Bool[np.ndarray, " d"]:

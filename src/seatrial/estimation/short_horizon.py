@@ -4,7 +4,7 @@ Beside each share explained stands that of holding the value measured at the res
 Whether the vehicle leaves its course by itself is asked of the model: how a small error of the start grows along the record.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import jax
@@ -59,8 +59,8 @@ class ShortHorizon:
         """Whether nearly all of the motion is explained over the horizon, and more than by holding the measured value."""
         return self.explained >= GOOD and self.explained > self.held
 
-    def words(self, channel: str, remedies: Sequence[str]) -> str:
-        """Say how far ahead the channel is predicted, and why no further; `remedies` are what the campaign has not done yet."""
+    def words(self, channel: str) -> str:
+        """Say how far ahead the channel is predicted, and why no further."""
         ahead = (
             f"over {self.horizon:.2g} s {_share(self.explained)} of the variance of {channel} is explained, one sample ahead "
             f"{_share(self.one_step)} (by holding the measured value {_share(self.held)} and {_share(self.one_step_held)})"
@@ -69,8 +69,7 @@ class ShortHorizon:
             return f"short horizons are predicted little better, so errors that add up do not explain it: {ahead}"
         grown = f", a small error grows {self.growth:.2g} times along it" if np.isfinite(self.growth) else ""
         why = f"the vehicle leaves its course by itself{grown}" if self.leaves else "errors add up along the run"
-        advice = f"; {' or '.join(remedies)}" if remedies else ""
-        return f"{why}: {ahead}{advice}"
+        return f"{why}: {ahead}"
 
 
 def short_horizons(

@@ -388,10 +388,9 @@ def _no_column(name: str, info: TableInfo, where: str) -> InputError:
     if elements := info.elements(name):
         return _no_element(name, elements, where)
     names: Sequence[str] = [column.name for column in info.columns]
-    text = nearest(name, names)
     return NoColumn(
         f'{where}, column "{name}"',
         found="no column of that name",
         expected=f"one of the {len(names)} numbers in the table",
-        remedy=text if len(names) <= 20 or text.startswith("did you") else "`seatrial inspect` lists them",
+        remedy=nearest(name, names, "" if len(names) <= 20 else "`seatrial inspect` lists them"),
     )

@@ -14,8 +14,8 @@ from seatrial.campaign.inference.profile import Profiled
 from seatrial.campaign.prior.predictive import PriorPredictive
 from seatrial.campaign.prior.summary import prior_summary
 from seatrial.campaign.rehearsal.result import Rehearsal
+from seatrial.campaign.store.calibration import Calibrated
 from seatrial.campaign.store.designs import RelayTrial
-from seatrial.campaign.store.estimates import Calibrated
 from seatrial.campaign.store.structures import Contenders, Screened
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import shown_unit

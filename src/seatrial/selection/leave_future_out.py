@@ -209,8 +209,8 @@ def _predict(stretch: _Stretch, later: Posterior, edge: float) -> tuple[float, _
     value = float(logsumexp(joint))
     if not np.isfinite(value):
         raise NumericalError(
-            f"leave-future-out: no draw of the posterior gives what was measured after {edge:g} s a finite density; "
-            "the model diverges there, or the first stretch is too short to determine the parameters"
+            f"no draw of the posterior gives what was measured after {edge:g} s a finite density; "
+            "the model diverges there, or the first stretch is too short to determine the parameters",
         )
     log_weight = stretch.log_weight + density
     smoothed, k_hat = array_stats.psislw(-np.maximum(log_weight, log_weight.max() - 700.0))

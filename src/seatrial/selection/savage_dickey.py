@@ -100,7 +100,7 @@ def savage_dickey(
     z, z0 = draws[:, :, index], float(prior.unconstrain(at))
     ess, sd = _ess(z), float(z.std())
     if not sd > 0:
-        raise NumericalError(f"Savage-Dickey ratio: the draws of {name} do not vary; the chains never moved")
+        raise NumericalError(f"the draws of {name} do not vary; the chains never moved")
     away = (z0 - float(z.mean())) / sd
     width = 2.34 * sd * ess**-0.2
     near = float(np.mean(np.abs(z - z0) < width)) * ess
@@ -114,7 +114,7 @@ def savage_dickey(
             if gap > max(MISFIT * joint, SMALL):
                 status = f"the draws of {name} are not of this shape: a kernel differs by {gap:.2f} nats, use it"
     elif kernel is None:
-        raise NumericalError(f"Savage-Dickey ratio: {status}")
+        raise NumericalError(status)
     else:
         log_density, error = kernel
     diagnostics = {"near": near, "ess": ess, "distance": away, "log_density": log_density}

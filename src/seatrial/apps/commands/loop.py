@@ -130,6 +130,7 @@ def _tell_and_report(answer: Answer, outcome: Any, proposal: Any) -> Exit:
     from seatrial.apps import results
     from seatrial.campaign.inference.baselines import comparison_lines
     from seatrial.campaign.inference.coefficient_csv import averaged_rows, write_averaged, write_coefficients
+    from seatrial.campaign.inference.judge_predictions import fit_complaints
     from seatrial.campaign.store.estimates import with_model_error
     from seatrial.report.page import write_report
 
@@ -140,17 +141,17 @@ def _tell_and_report(answer: Answer, outcome: Any, proposal: Any) -> Exit:
         numbers = f"{factor * row['mean']:>12.5g} ± {factor * row['sd']:<10.3g} {unit}"
         more = with_model_error(row["model_error_sd"], row["model_error_cause"], factor)
         answer.say(f"  {row['name']:<16} {numbers}{more}")
-    for finding in outcome.chosen.wider_findings:
+    for finding in outcome.wider_findings:
         answer.say(f"  {finding.sentence}")
     for fit in outcome.fits:
         answer.say(f"  {_said_of(fit)}")
     for one in outcome.pooled:
-        answer.say(f"  held-back runs together: {one.level}; {one.reason}")
+        answer.say(f"  held-back runs together: {one.level}; {one.words}")
     for line in comparison_lines(outcome.baselines, outcome.compared):
         answer.say(f"  {line}")
     for verdict in summary["verdicts"]:
         answer.say(verdict)
-    for line in proposal.lines:
+    for line in proposal.beside(summary["cautions"]).lines:
         answer.say(f"next: {line}")
     folder = outcome.campaign.folder
     averages = averaged_rows(outcome.estimates, outcome.selection)
@@ -158,14 +159,12 @@ def _tell_and_report(answer: Answer, outcome: Any, proposal: Any) -> Exit:
     answer.wrote("report", write_report(outcome))
     answer.wrote("coefficients", write_coefficients(folder, outcome.estimates, shown))
     answer.wrote("averaged", write_averaged(folder, averages, shown))
-    told = [*(one.reason for one in (*outcome.fits, *outcome.pooled)), *(one.sentence for one in outcome.compared)]
-    told += ["; ".join(fit.outside) for fit in outcome.fits if fit.outside]
-    return answer.finish(
-        summary["alarms"], [text for text in summary["cautions"] if not any(reason in text for reason in told)]
-    )
+    told = fit_complaints([fit for fit in outcome.fits if not fit.advice], outcome.pooled)
+    told += [one.sentence for one in outcome.compared]
+    return answer.finish(summary["alarms"], [text for text in summary["cautions"] if text not in told])
 
 
 def _said_of(fit: Any) -> str:
     """One channel of one trial: how it was predicted, the verdict, and what keeps it from passing."""
     use = "held-back run" if fit.held_back else "run"
-    return f"{use} {fit.record}: {fit.level}, {fit.words}"
+    return f"{use} {fit.record}: {fit.level}, {fit.finding}"

@@ -12,7 +12,7 @@ from seatrial.apps.dashboard import result_plots
 from seatrial.apps.dashboard.downsample import Envelope, Load, rows_of
 from seatrial.apps.dashboard.record_views import Index, index_of, view_of
 from seatrial.apps.dashboard.view_models import FitAbout
-from seatrial.campaign.store.estimates import Predictions, read_predictions
+from seatrial.campaign.store.predictions import Predictions, read_predictions
 from seatrial.core.dataset_file import stored
 from seatrial.core.display_units import shown_unit
 from seatrial.core.gaussian import Z90

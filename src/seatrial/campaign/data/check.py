@@ -1,6 +1,6 @@
 """Judges a campaign's records before anything is fitted to them: direction, size, delay, outliers, holes and excitation."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -23,29 +23,22 @@ from seatrial.core.record import SIMULATED, Record
 from seatrial.core.signals import HELD, QUATERNION, RATES
 from seatrial.design.prior_belief import draw_values
 from seatrial.design.trial_plan import TrialPlan
+from seatrial.estimation.excitation_checks import check_excitation, check_signs
 from seatrial.estimation.first_guess import first_guess
-from seatrial.estimation.priors import Prior
-from seatrial.estimation.record_checks import (
+from seatrial.estimation.motion_checks import (
     SUMMED,
-    RecordFinding,
-    check_angle,
-    check_excitation,
-    check_limits,
     check_motion,
     check_range,
-    check_samples,
-    check_signs,
     check_sum,
-    check_trim,
     check_turn,
     not_judged,
     not_judged_sum,
     says_direction,
 )
+from seatrial.estimation.priors import Prior
+from seatrial.estimation.record_checks import RecordFinding, check_angle, check_limits, check_samples, check_trim
 from seatrial.vehicles.model import VehicleModel
 
-SAME_AS_TRIM = "see its trim, which tells the unit better"
-"""Remedy for the size of a motion whose speed contradicts the trim as well: of two guesses of one unit only the better is made."""
 MOST_CAUSES = 3
 """Findings that are repeated where no model explains a record."""
 _NO_CAUSE = ("excitation", "told apart", "limits")
@@ -256,13 +249,11 @@ def _judge(campaign: Campaign, record: Record) -> RecordJudgement:
         if name in HELD:
             findings += check_range(name, column, motion.expected[:, index], campaign.noise[name])
     turns = [name for name in measured if name in QUATERNION]
-    judged = _directions(campaign, record, motion, list(measured))
+    doubted = {one.signal for one in findings if one.check == "trim"}
+    judged = _directions(campaign, record, motion, list(measured), doubted)
     mounting = _mounting(campaign, body, judged.findings) if is_real else []
     turned = {one.signal for one in mounting}
     findings += [one for one in judged.findings if one.check != "axes" or one.signal not in turned] + mounting
-    doubted = {one.signal for one in findings if one.check == "trim" and one.level == "caution"}
-    is_same = [one.check == "size" and one.level == "caution" and one.signal in doubted for one in findings]
-    findings = [replace(one, remedy=SAME_AS_TRIM) if same else one for one, same in zip(findings, is_same, strict=True)]
     if turns:
         value = "not judged, nor size and delay; errors of all rates add up in it"
         findings.append(RecordFinding(ATTITUDE, "direction", "note", value, "the rates are judged"))
@@ -293,8 +284,10 @@ def _mounting(campaign: Campaign, body: Record, said: Sequence[RecordFinding]) -
     return [one for one in check_mounts(campaign, body) if one.signal not in wrong]
 
 
-def _directions(campaign: Campaign, record: Record, motion: _Motion, names: Sequence[str]) -> _Directions:
-    """Judge direction, size, delay and axes of some channels."""
+def _directions(
+    campaign: Campaign, record: Record, motion: _Motion, names: Sequence[str], doubted: Collection[str] = ()
+) -> _Directions:
+    """Judge direction, size, delay and axes of some channels; of those that are `doubted` by the trim, that tells the unit better."""
     found, usual = _Directions([], [], []), float(np.median(np.diff(record.time)))
     driving = tuple(campaign.model(campaign.full).controls)
     places = {name: index for index, name in enumerate(motion.measured) if name in names and name not in QUATERNION}
@@ -305,7 +298,9 @@ def _directions(campaign: Campaign, record: Record, motion: _Motion, names: Sequ
             found.findings.extend(judged or [])
             found.summed.extend([name] if judged is None else [])
         elif says_direction(expected, ways, campaign.noise[name]):
-            found.findings.extend(check_motion(name, usual, measured, expected, ways, campaign.has_delay, driving))
+            found.findings.extend(
+                check_motion(name, usual, measured, expected, ways, campaign.has_delay, driving, name in doubted)
+            )
         else:
             found.unsaid.append(name)
     for group in SENSORS:

@@ -286,7 +286,7 @@ def designed_trials(
             expected="one of " + ", ".join(found)
             if found
             else f"a designed trial under {Store(campaign.folder).results}",
-            remedy=nearest(name, found) if nearest(name, found).startswith("did") else remedy,
+            remedy=nearest(name, found, remedy),
         )
     if label is not None and len(names) > 1:
         raise InputError(

@@ -16,7 +16,8 @@ from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.estimate import estimate_key
 from seatrial.campaign.inference.posterior import random_key
-from seatrial.campaign.store.estimates import Calibrated, HasKey, read_calibration
+from seatrial.campaign.store.calibration import Calibrated, read_calibration
+from seatrial.campaign.store.estimates import HasKey
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of, load_checkpoint, save_checkpoint
 from seatrial.core.batching import map_lanes
 from seatrial.core.dataset import Dataset

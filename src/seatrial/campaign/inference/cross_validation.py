@@ -200,7 +200,7 @@ def _channels(left: LeaveOneRunOut) -> tuple[ChannelScores, ...]:
             mean_score(left, name, "coverage_50"),
             mean_score(left, name, "coverage"),
             bands.level,
-            bands.reason,
+            bands.words,
         )
         for name, bands in left.bands.items()
     )

@@ -16,15 +16,7 @@ from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.vehicle import WholeVehicle
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.design.sweep import design_key
-from seatrial.campaign.store.estimates import (
-    Direction,
-    Drawn,
-    Estimate,
-    Known,
-    KnownParameter,
-    OfStructure,
-    read_known,
-)
+from seatrial.campaign.store.estimates import Direction, Drawn, Estimate, Known, KnownParameter, OfStructure, read_known
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.coefficients import CoefficientName
 from seatrial.design.sweep import Sweep

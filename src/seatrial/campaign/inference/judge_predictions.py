@@ -12,14 +12,15 @@ import numpy as np
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.posterior import build_likelihood, build_parameters, first_sd, random_key, shared_model
-from seatrial.campaign.store.estimates import Drawn, Estimate, Fit, HasKey, OfStructure, read_predictions
+from seatrial.campaign.store.estimates import Drawn, Estimate, HasKey, OfStructure
+from seatrial.campaign.store.predictions import Fit, read_predictions
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.dataset import Dataset
 from seatrial.core.dataset_file import open_dataset
 from seatrial.core.record import Record
 from seatrial.core.signals import ACTUAL
 from seatrial.estimation.filter_error import FilterError
-from seatrial.estimation.fit_verdict import COLOURED, LEVELS, POOR, FitVerdict, explained_short, judge_fit, worst
+from seatrial.estimation.fit_verdict import DISOWNING, LEVELS, POOR, FitVerdict, explained_short, judge_fit, worst
 from seatrial.estimation.fitted_range import outside_fitted
 from seatrial.estimation.output_error import OutputError, initial_name
 from seatrial.estimation.pooled_coverage import (
@@ -33,7 +34,7 @@ from seatrial.estimation.pooled_coverage import (
 from seatrial.estimation.prediction import ANY, key_of_values, noise_sd, outputs_of_draws, slow_noise
 from seatrial.estimation.prediction_scores import DIVERGES, Score, score_channel
 from seatrial.estimation.priors import Normal
-from seatrial.estimation.remedies import LIKEWISE, listed
+from seatrial.estimation.remedies import listed, with_advice
 from seatrial.estimation.sensor_errors import Noise
 from seatrial.estimation.short_horizon import ShortHorizon, short_horizons
 from seatrial.estimation.trial_data import TrialData
@@ -150,25 +151,40 @@ def held_back_lines(held_back: HeldBack) -> list[str]:
             if not fit.samples or fit.missing == DIVERGES
             else f"{share}{fit.coverage:.0%} inside the 90 % band"
         )
-        notes = [*fit.outside, *([fit.ahead] if fit.ahead else [])]
-        said.append("; ".join([f"held-back run {fit.record}: {fit.channel:<8} {fit.level}; {scores}", *notes]))
-    return said + [f"held-back runs together: {one.level}; {one.reason}" for one in held_back.pooled]
+        ahead = fit.reason if fit.about == LEAVES else fit.ahead
+        head = f"held-back run {fit.record}: {fit.channel:<8} {fit.level}; {scores}"
+        said.append("; ".join(filter(None, (head, *fit.outside, ahead, fit.advice if ahead else ""))))
+    return said + [f"held-back runs together: {one.level}; {one.words}" for one in held_back.pooled]
 
 
 def held_back_alarms(fits: Sequence[Fit], pooled: Sequence[Pooled]) -> list[str]:
     """What forbids to rely on the model, for runs that it was not fitted to: all of them together first, then each that fails alone."""
-    together = [f"held-back runs: {one.reason}" for one in pooled if one.level == "fail"]
-    return together + _sentences([fit for fit in fits if _is_alarm(fit)])
+    together = [f"held-back runs: {one.words}" for one in pooled if one.level == "fail"]
+    return together + [_sentence(group) for group in _alike(fits) if _is_alarm(group[0])]
 
 
 def fit_complaints(fits: Sequence[Fit], pooled: Sequence[Pooled] = ()) -> list[str]:
     """What else keeps trials from passing, in words, what is graver first; one sentence for trials with the same trouble."""
-    together = [f"held-back runs: {one.reason}" for one in pooled if one.level in ("caution", "unjudged")]
-    beyond = {fit.record: fit.outside for fit in fits if fit.outside}
+    together = [f"held-back runs: {one.words}" for one in pooled if one.level in ("caution", "unjudged")]
+    groups = _alike(fits)
+    told = {first.record for first, *_ in groups}
+    beyond = {fit.record: fit.outside for fit in fits if fit.outside and fit.record not in told}
     left = [
-        f"held-back run {record} goes beyond what was fitted: {'; '.join(words)}" for record, words in beyond.items()
+        f"held-back run {record} goes beyond what was fitted: {', '.join(words)}" for record, words in beyond.items()
     ]
-    return together + _sentences([fit for fit in fits if not _is_alarm(fit)]) + left
+    return together + [_sentence(group) for group in groups if not _is_alarm(group[0])] + left
+
+
+def fitted_failures(fits: Sequence[Fit]) -> list[str]:
+    """Say which fitted runs the model does not explain."""
+    return [_sentence(group) for group in _alike(fits) if group[0].level == "fail" and not group[0].held_back]
+
+
+def disowned(fits: Sequence[Fit]) -> str:
+    """Say why the stated standard deviations do not hold, as fitted runs show: residuals are not the noise that is modelled; else empty."""
+    return next(
+        (_sentence(group) for group in _alike(fits) if group[0].about in DISOWNING and not group[0].held_back), ""
+    )
 
 
 def held_back_cautions(campaign: Campaign, trials: Trials) -> list[str]:
@@ -191,28 +207,25 @@ def _is_alarm(fit: Fit) -> bool:
     return fit.held_back and fit.level == "fail"
 
 
-def _sentences(fits: Sequence[Fit]) -> list[str]:
-    groups: dict[tuple[str, str, bool, str], list[Fit]] = {}
+def _alike(fits: Sequence[Fit]) -> list[list[Fit]]:
+    """Return fits that do not pass, what is graver first, those with the same trouble together."""
+    groups: dict[tuple[str, str, bool], list[Fit]] = {}
     for fit in sorted(fits, key=lambda fit: -LEVELS.index(fit.level)):
         if fit.level != "pass":
-            groups.setdefault((fit.level, fit.about, fit.held_back, _trouble(fit)), []).append(fit)
-    said = []
-    for (_, _, held_back, _), (first, *others) in groups.items():
-        labels: dict[str, list[str]] = {}
-        for fit in others:
-            labels.setdefault(fit.channel, []).append(fit.record)
-        same = labels.pop(first.channel, [])
-        likewise = [_some(same)] * bool(same) + [f"{channel} of {_some(of)}" for channel, of in labels.items()]
-        words = "".join(f"{LIKEWISE}{one}" for one in likewise)
-        said.append(f"{'held-back ' if held_back else ''}run {first.record}: {first.reason}{words}")
-    return said
+            groups.setdefault((fit.level, fit.about, fit.held_back), []).append(fit)
+    return list(groups.values())
 
 
-def _trouble(fit: Fit) -> str:
-    """Return what a sentence is about: a channel, but of correlated residuals what to do, for one noise is stated for all channels."""
-    if fit.about != COLOURED:
-        return fit.channel
-    return fit.reason.partition("; ")[2].replace(f"_{fit.channel}]", "]")
+def _sentence(group: Sequence[Fit]) -> str:
+    """Tell a trouble: what was found of the first, the names of the others, and what to do for all."""
+    first, *others = group
+    records: dict[str, list[str]] = {first.channel: []}
+    for fit in others:
+        records.setdefault(fit.channel, []).append(fit.record)
+    same = records.pop(first.channel)
+    likewise = [_some(same)] * bool(same) + [f"{channel} of {_some(of)}" for channel, of in records.items()]
+    found = "; likewise ".join([f"{'held-back ' * first.held_back}run {first.record}: {first.found}", *likewise])
+    return with_advice(found, first.advice)
 
 
 def _some(labels: list[str]) -> str:
@@ -293,14 +306,14 @@ def _fits(
     found = []
     for channel, score in scores.items():
         near = ahead.get(channel) if channel in lost else None
-        words = _unseen(piece, record) if channel in lost else ""
-        if near is not None:
-            words = near.words(channel, _remedies(campaign, near.horizon))
+        words = near.words(channel) if near is not None else _unseen(piece, record) if channel in lost else ""
+        remedies = _remedies(campaign, near.horizon) if near is not None and near.is_good else []
         if near is not None and near.leaves:
-            verdict = FitVerdict("caution", LEAVES, words)
+            verdict, words = FitVerdict("caution", LEAVES, words, " or ".join(remedies)), ""
         else:
             lacks, feedback = _lacks(campaign, channel), bool(campaign.autopilot.loops)
-            verdict = judge_fit(score, channel, held_back, _noise(campaign, channel), outside, lacks, feedback)
+            verdict = judge_fit(score, channel, held_back, _noise(campaign, channel), bool(outside), lacks, feedback)
+            verdict = verdict._replace(advice="; or ".join(filter(None, (verdict.advice, *remedies))))
         of = {"record": record.label, "held_back": held_back, "channel": channel, "outside": outside, "ahead": words}
         found.append(Fit(**vars(score), **of, **verdict._asdict()))
     return found

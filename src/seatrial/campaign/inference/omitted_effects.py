@@ -7,7 +7,6 @@ from seatrial.estimation.fit_verdict import either
 from seatrial.estimation.omitted_effects import Effect, Omitted, OmittedEffects
 from seatrial.estimation.output_error import OutputError
 from seatrial.estimation.posterior import Posterior
-from seatrial.estimation.remedies import CORRELATED
 from seatrial.estimation.robust_errors import RobustErrors
 from seatrial.selection.structures import Structure
 
@@ -16,8 +15,6 @@ MATTERS, SURE = 1.0, 3.0
 Raftery, Journal of the American Statistical Association 90, 1995)."""
 WHITE_ENOUGH = 0.5
 """Share of the samples that residuals are worth above which the noise is not blamed first."""
-OTHERS = "other structures have"
-"""How a remedy begins that asks for nothing new."""
 
 
 def left_out(posterior: Posterior, structure: Structure, omitted: OmittedEffects) -> tuple[LeftOut, ...]:
@@ -58,13 +55,11 @@ def findings_of(posterior: Posterior, robust: RobustErrors, names: Iterable[str]
     for name in names:
         words, effects = _cause(robust, name), robust.cause(name)
         remedies = [_remedy(posterior, one) for one in effects] or [noise or _of_pieces(robust)]
-        if effects and noise and not any(one.startswith(OTHERS) for one in remedies):
+        if effects and noise and not any(_is_elsewhere(posterior, one) for one in effects):
             remedies = [f"first {noise}; if it stays, {'; or '.join(dict.fromkeys(remedies))}"]
         found.setdefault((words, "; or ".join(dict.fromkeys(remedies))), []).append(name)
-    return [
-        ModelErrorFinding(tuple(several), words, remedy)
-        for (words, remedy), several in sorted(found.items(), key=lambda item: item[0][1] != noise)
-    ]
+    findings = [ModelErrorFinding(tuple(names), *of, is_noise=of[1] == noise) for of, names in found.items()]
+    return sorted(findings, key=lambda one: not one.is_noise)
 
 
 def _better_noise(posterior: Posterior, robust: RobustErrors) -> str:
@@ -75,7 +70,7 @@ def _better_noise(posterior: Posterior, robust: RobustErrors) -> str:
     if robust.omitted.worth > WHITE_ENOUGH:
         return ""
     if kinds & {"white", "heavy"}:
-        return f'set estimation.residuals = "coloured", or "drifting" if there is white noise too, with priors: {CORRELATED}'
+        return 'set estimation.residuals = "coloured", or "drifting" if there is white noise too, with priors: the residuals are correlated'
     if "coloured" in kinds:
         return 'set estimation.residuals = "drifting", with priors: there is white noise on slow residuals'
     return ""
@@ -83,7 +78,7 @@ def _better_noise(posterior: Posterior, robust: RobustErrors) -> str:
 
 def _of_pieces(robust: RobustErrors) -> str:
     """Return what helps where runs, or blocks of time, differ by more than the noise says."""
-    if robust.pieces.differ.startswith("runs"):
+    if robust.pieces.are_runs:
         return "look for what changed between the runs, or let a coefficient vary by estimation.varying"
     return "look for what changed during the run, or fit more runs"
 
@@ -96,12 +91,17 @@ def _words(posterior: Posterior, found: Omitted) -> tuple[str, str]:
     return words, _remedy(posterior, found.effect)
 
 
+def _is_elsewhere(posterior: Posterior, effect: Effect) -> bool:
+    """Whether other structures have this force, so that nothing new is asked for."""
+    return effect.kind == "force" and effect.of in {one.text for one in posterior.likelihood.model.coefficients}
+
+
 def _remedy(posterior: Posterior, effect: Effect) -> str:
     of = effect.of
     match effect.kind:
         case "force":
-            others = of in {one.text for one in posterior.likelihood.model.coefficients}
-            return f"{OTHERS} {of}" if others else f"add {of} to structure.optional, with a prior"
+            elsewhere = _is_elsewhere(posterior, effect)
+            return f"other structures have {of}" if elsewhere else f"add {of} to structure.optional, with a prior"
         case "command lag":
             return f"state it in [vehicle.actuators.{of}], or give `delay` a prior, [prior.delay]"
         case "delay":

@@ -192,8 +192,9 @@ def _predict(
         found = leave_future_out(watched, edges, random_key(campaign.seed, f"future {structure.terms}"))
         dataset = _dataset([found.criterion], "")
     except (InputError, NumericalError) as error:
-        reason = error.found if isinstance(error, InputError) else str(error).removeprefix(f"{FUTURE}: ")
-        dataset = _dataset([], f"no leave-future-out of {structure.label}: {reason}")
+        dataset = _dataset(
+            [], f"no leave-future-out of {structure.label}: {error.found if isinstance(error, InputError) else error}"
+        )
     progress(blocks, blocks)
     return dataset
 
@@ -393,7 +394,7 @@ def _pair(
     except InputError as error:
         return Pair(term, *labels, np.nan, np.nan, evidence, error.sentence(with_remedy=False))
     except NumericalError as error:
-        return Pair(term, *labels, np.nan, np.nan, evidence, str(error).removeprefix("Savage-Dickey ratio: "))
+        return Pair(term, *labels, np.nan, np.nan, evidence, str(error))
     return Pair(term, *labels, ratio.log_value, ratio.std_error, evidence, ratio.status)
 
 

@@ -184,7 +184,6 @@ class CrossValidation:
                 f'error model "{self.recommended.error_model}" ({self.recommended.words}) predicts runs left out better than the '
                 f"campaign's own by {apart.delta:.1f} ± {apart.std_error:.1f} nats; put into campaign.toml:"
             )
-            said += [f"    {line}" for line in self.recommended.lines]
         elif len(self.found) > len(self.own):
             said.append("no other model of the error predicts runs left out clearly better than the campaign's own")
         return said
@@ -194,7 +193,8 @@ class CrossValidation:
         note = (
             "differences to the best: log predictive density of the runs left out, nats, ± the standard error over runs"
         )
-        return [*self.headline(), note, *self._table(), *self._added()]
+        added = [] if self.recommended is None else [f"    {line}" for line in self.recommended.lines]
+        return [*self.headline(), *added, note, *self._table(), *self._added()]
 
     @property
     def alarms(self) -> list[str]:

@@ -1,4 +1,4 @@
-"""Stored results about parameters: posteriors, what is known of each parameter, what a model lacks, predictions, calibrations."""
+"""Stored results about parameters: posteriors, what is known of each parameter, what a model lacks, profiles."""
 
 import json
 from collections.abc import Sequence
@@ -7,29 +7,24 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from seatrial.campaign.store.stored_result import decoding, read_json
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.dataset import Dataset
-from seatrial.core.dataset_file import open_dataset, stored, text_of
+from seatrial.core.dataset_file import open_dataset
 from seatrial.core.display_units import Shown
 from seatrial.core.errors import InputError
 from seatrial.core.result_table import table_html, table_text
-from seatrial.estimation.calibration import DRAWS, Calibration
-from seatrial.estimation.fit_verdict import COLOURED, FitLevel, FitVerdict
-from seatrial.estimation.pooled_coverage import Pooled
-from seatrial.estimation.prediction_scores import Score
 from seatrial.estimation.remedies import is_coefficient, listed, measured, percent
 from seatrial.selection.structures import Structure
 
 if TYPE_CHECKING:
     from pandas import DataFrame
 
+
 VAIN = 10.0
 """Standard deviation over the value from which a percentage says nothing."""
-
-
 BY_ITSELF = "each parameter is known separately"
 UNSURE = 0.5
 """Share of a coefficient that its ± with model error may be for it to be called known: `VAGUE` of `estimation/identifiability.py`."""
@@ -188,11 +183,13 @@ class ModelErrorFinding:
         names: of the parameters.
         cause: in words.
         remedy: how to get rid of it.
+        is_noise: whether that is another model of the noise, which correlated residuals ask for too.
     """
 
     names: tuple[str, ...]
     cause: str
     remedy: str
+    is_noise: bool = False
 
     @property
     def sentence(self) -> str:
@@ -375,158 +372,6 @@ class LeftOut:
         )
 
 
-@dataclass(frozen=True, kw_only=True)
-class Fit(Score):
-    """How one channel of one record is predicted in free simulation, from its inputs alone, and what that means.
-
-    Attributes:
-        record: label.
-        held_back: whether the record was not used in the fit.
-        channel: measured channel.
-        level: pass, unjudged, caution or fail.
-        about: what the verdict is about in a few words; empty for a pass.
-        reason: one sentence: what was found, what it means and what to do.
-        outside: where a held-back record leaves the range of states and inputs that was fitted, in words.
-        ahead: how far ahead a held-back record is predicted that is not predicted as a whole, and why, in words; else empty.
-    """
-
-    record: str
-    held_back: bool
-    channel: str
-    level: FitLevel
-    about: str
-    reason: str
-    outside: tuple[str, ...] = ()
-    ahead: str = ""
-
-    @property
-    def words(self) -> str:
-        """Reason, where the record leaves the fitted range, and how far ahead it is predicted."""
-        beyond = [words for words in self.outside if words not in self.reason]
-        return "; ".join(
-            [self.reason, *beyond, *([self.ahead] if self.ahead and self.ahead not in self.reason else [])]
-        )
-
-    @property
-    def finding(self) -> str:
-        """The same for a table of many: of correlated residuals without what to do, which the cautions of the campaign say once."""
-        return self.reason.partition("; ")[0] if self.about == COLOURED else self.words
-
-    @property
-    def verdict(self) -> FitVerdict:
-        """Level, subject and reason."""
-        return FitVerdict(self.level, self.about, self.reason)
-
-
-MANY_REFUSED = 0.05
-"""Share of the prior beyond which a reader is told."""
-
-
-REPLICATE_MAX_R_HAT, REPLICATE_MIN_ESS, REPLICATE_MIN_MOVED = 1.3, DRAWS, 0.05
-"""What a replicate's draws have at most and at least where they mixed well. Ranks are among 99 draws; of 32 short chains 99 effective
-draws are 1.5 in each half, the means of which then differ so much that R-hat is 1.3, where nothing is wrong with them."""
-
-
-WORST = (
-    ("R-hat up to {:.2f}", np.max),
-    ("{:.0f} effective draws at least", np.min),
-    ("{:.2%} of transitions diverged at most", np.max),
-    ("{:.0%} of the moves made at least", np.min),
-)
-"""How the worst of each diagnostic is told."""
-
-
-MANY_POOR = 0.02
-"""Share of the replicates that did not mix well from which on they may be why ranks are uneven."""
-
-
-@dataclass(frozen=True, eq=False)
-class Calibrated:
-    """Result of a calibration, and what it was made of.
-
-    Attributes:
-        calibration: ranks.
-        method: how posteriors were drawn.
-        structure: label of the structure.
-        refused: share of the prior's draws that could not be simulated, and were drawn again.
-        health: of each replicate, r of them: R-hat, effective sample size, share of divergent transitions, share of moves made, NaN
-            where the method has no such number, shape (r, 4).
-    """
-
-    calibration: Calibration
-    method: str
-    structure: str
-    refused: float
-    health: Float[np.ndarray, "r 4"]
-
-    def poor(self) -> Bool[np.ndarray, " r"]:
-        """Replicates whose draws did not mix well, by the method's own diagnostics."""
-        r_hat, ess, diverged, moved = self.health.T
-        return (
-            (r_hat > REPLICATE_MAX_R_HAT)
-            | (ess < REPLICATE_MIN_ESS)
-            | (diverged > 0.0)
-            | (moved < REPLICATE_MIN_MOVED)
-            | np.isnan(self.health).all(1)
-        )
-
-    def lines(self) -> list[str]:
-        """What was found, in words."""
-        outside, k = self.calibration.outside(), len(self.calibration.names)
-        band = f"the band that holds {'it' if k == 1 else f'all {k} quantities'} with 99 % probability"
-        verdict = (
-            f"calibrated: the ranks lie inside {band}"
-            if not outside
-            else f"not calibrated: the ranks of {', '.join(outside)} leave {band}"
-        )
-        said = [*self.calibration.lines(), self.mixing_words()]
-        if self.refused > MANY_REFUSED:
-            said.append(
-                f"{self.refused:.0%} of the prior could not be simulated and was drawn again; `seatrial prior` shows why"
-            )
-        return [*said, f"{verdict} (structure {self.structure}, {self.method})"]
-
-    def mixing_words(self) -> str:
-        """Whether the draws themselves may be why ranks are uneven, by the method's own diagnostics."""
-        poor, r = self.poor(), len(self.health)
-        worst = [
-            text.format(extreme(column[~np.isnan(column)]))
-            for (text, extreme), column in zip(WORST, self.health.T, strict=True)
-            if not np.isnan(column).all()
-        ]
-        numbers = ", ".join(worst)
-        if not poor.any():
-            end = ": so the sampling is not the cause of the uneven ranks" if self.calibration.outside() else ""
-            return f"the draws mixed well in all {r} replicates ({numbers}){end}"
-        said = f"the draws mixed poorly in {poor.sum()} of {r} replicates ({numbers})"
-        if poor.mean() < MANY_POOR:
-            return f"{said}: too few to cause uneven ranks"
-        return (
-            f"{said}: this may be the cause of uneven ranks, not the posterior; try another method, or narrower priors"
-        )
-
-
-@dataclass(frozen=True)
-class Predictions:
-    """Which records are predicted, and how well; the curves are in the same file.
-
-    Attributes:
-        records: labels, in the order of the curves.
-        held_back: those that were not fitted.
-        channels: measured channels.
-        fits: each channel of each record.
-        pooled: each channel of all held-back records together; empty without such records.
-        structure: label of the structure that predicts.
-    """
-
-    records: tuple[str, ...]
-    held_back: tuple[str, ...]
-    channels: tuple[str, ...]
-    fits: tuple[Fit, ...]
-    pooled: tuple[Pooled, ...]
-    structure: str
-
-
 @dataclass(frozen=True, eq=False)
 class StoredProfile:
     """Profile likelihood of one parameter; the attributes are those of `seatrial.estimation.profile.Profile`."""
@@ -575,41 +420,11 @@ def decode_known(content: dict[str, Any]) -> Known:
     )
 
 
-def read_predictions(path: Path) -> Predictions:
-    """Read how well each record is predicted; the curves are left on the disk."""
-    with stored(path) as file:
-        records, held_back, fits, pooled, structure = (
-            text_of(file.attrs[name]) for name in ("records", "held_back", "fits", "pooled", "structure")
-        )
-        channels = tuple(text_of(name) for name in np.asarray(file["channel"]).tolist())
-    return Predictions(
-        tuple(json.loads(records)),
-        tuple(json.loads(held_back)),
-        channels,
-        tuple(decode_fit(item) for item in json.loads(fits)),
-        tuple(Pooled(**item) for item in json.loads(pooled)),
-        structure,
-    )
-
-
-def decode_fit(item: dict[str, Any]) -> Fit:
-    """Return how one channel is predicted from its JSON."""
-    return Fit(**{**item, "pit": tuple(item["pit"]), "outside": tuple(item["outside"])})
-
-
 def read_profiles(path: Path, made_by: str) -> dict[str, StoredProfile]:
     """Read profile likelihoods by parameter; an open end is null in the file, since JSON has no infinity."""
     content = read_json(path, made_by)
     with decoding(path, made_by):
         return {item["name"]: _decode_profile(item) for item in content["profiles"]}
-
-
-def read_calibration(path: Path) -> Calibrated:
-    """Read the ranks of a calibration."""
-    data = open_dataset(path)
-    refused = 1.0 - data.sizes["replicate"] / float(data["tries"].sum())
-    ranks = Calibration(tuple(map(str, data["quantity"].values)), data["rank"].values)
-    return Calibrated(ranks, data.attrs["method"], data.attrs["structure"], refused, data["health"].values)
 
 
 def _decode_profile(item: dict[str, Any]) -> StoredProfile:

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from seatrial.campaign.rehearsal.result import Rehearsal, read_rehearsal
 from seatrial.campaign.store.baselines import FittedBaselines, read_baselines
+from seatrial.campaign.store.calibration import Calibrated, read_calibration
 from seatrial.campaign.store.cross_validation import CrossValidation, read_cross_validation
 from seatrial.campaign.store.designs import (
     FreeTrial,
@@ -26,18 +27,8 @@ from seatrial.campaign.store.designs import (
     read_searched,
     read_sweeps,
 )
-from seatrial.campaign.store.estimates import (
-    Calibrated,
-    Estimate,
-    Known,
-    Predictions,
-    StoredProfile,
-    read_calibration,
-    read_estimate,
-    read_known,
-    read_predictions,
-    read_profiles,
-)
+from seatrial.campaign.store.estimates import Estimate, Known, StoredProfile, read_estimate, read_known, read_profiles
+from seatrial.campaign.store.predictions import Predictions, read_predictions
 from seatrial.campaign.store.stored_result import Store
 from seatrial.campaign.store.structures import (
     Contenders,

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial.campaign.store.baselines import decode_comparison
-from seatrial.campaign.store.estimates import Fit, Known, decode_fit, decode_known
+from seatrial.campaign.store.estimates import Known, decode_known
+from seatrial.campaign.store.predictions import Fit, decode_fit
 from seatrial.campaign.store.stored_result import decoding, read_json
 from seatrial.core.dataset import Dataset
 from seatrial.core.dataset_file import open_dataset

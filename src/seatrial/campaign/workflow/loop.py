@@ -77,7 +77,7 @@ def run_loop(campaign: Campaign, reporter: Reporter = SILENT) -> Outcome:
     outcome = replace(outcome, summary=summarise(outcome))
     proposal = propose(outcome)
     outcome.summary["next_trial"] |= {
-        "words": "; ".join((*proposal.first, *proposal.advice)),
+        "words": "; ".join(proposal.beside(outcome.summary["cautions"]).words),
         "stop": proposal.trial is None,
     }
     kept = stored_summary(Workflow(campaign))

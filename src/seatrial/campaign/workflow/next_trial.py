@@ -4,7 +4,7 @@ Of two structures with expected log Bayes factor m after the trial, the log odds
 with log odds l now is true; they are settled beyond 19 to 1. It holds where a trial is linear in what the structures differ by.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,7 +15,7 @@ from seatrial.campaign.data.simulate import Chosen, chosen_of
 from seatrial.campaign.design.found_noise import noise_words
 from seatrial.campaign.design.schedule import design_words
 from seatrial.campaign.design.sweep import Designs
-from seatrial.campaign.inference.judge_predictions import held_back_alarms
+from seatrial.campaign.inference.judge_predictions import fitted_failures, held_back_alarms
 from seatrial.campaign.inference.quick_estimates import FirstAnswer
 from seatrial.campaign.store.structures import BETTER_EVIDENCE, IF_RELIABLE, Contenders
 from seatrial.campaign.workflow.outcome import Outcome
@@ -26,6 +26,8 @@ Known = dict[str, tuple[float, float]]
 """Mean and standard deviation of each coefficient, SI."""
 WITHIN = " within the model; model error stays until its cause is corrected"
 """What is said of expected standard deviations where wider ones with model error are known."""
+TOLD = "see the caution about it"
+"""What stands for a caution that is told on the same page."""
 ENOUGH = 0.2
 """Entropy reduction, nats, below which another trial of the family is not worth running."""
 
@@ -38,31 +40,49 @@ class Proposal:
         trial: what to run; None to stop.
         standing: where the campaign stands.
         advice: what to run and what it promises, or why to stop.
-        first: what to correct before; empty where no health check failed.
+        expected: standard deviations after the trial, and the noise that they assume, in words.
+        why: what has to be corrected first; empty where no health check failed.
+        quoted: that check, in the words of its caution or alarm.
     """
 
     trial: Chosen | None
     standing: tuple[str, ...]
     advice: tuple[str, ...]
-    first: tuple[str, ...] = ()
+    expected: tuple[str, ...] = ()
+    why: str = ""
+    quoted: str = ""
+
+    @property
+    def first(self) -> tuple[str, ...]:
+        """What to correct first, if anything."""
+        return (f"{self.why}: {self.quoted}",) if self.why else ()
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """What to do, without where the campaign stands."""
+        return (*self.first, *self.advice, *self.expected)
 
     @property
     def lines(self) -> tuple[str, ...]:
         """All of it in words."""
-        return (*self.standing, *self.first, *self.advice)
+        return (*self.standing, *self.words)
+
+    def beside(self, cautions: Collection[str]) -> "Proposal":
+        """Return it for a page that prints these cautions too: one that it quotes is only pointed at."""
+        return replace(self, quoted=TOLD) if self.quoted in cautions else self
 
 
 def propose(outcome: Outcome) -> Proposal:
     """Weigh the goal, the doubt about the structure and what the best designs promise, after what failed."""
-    standing, wrong = _standing(outcome), _wrong(outcome)
-    if wrong:
-        return Proposal(None, standing, wrong)
+    if (wrong := _wrong(outcome)) is not None:
+        return wrong
+    standing = _standing(outcome)
     found, failed = _weighed(outcome, standing), _failed(outcome)
-    if not failed or found.first:
+    if not failed or found.why or outcome.next is None:
         return found
     if found.trial is None:
         found = Proposal(None, standing, ("no trial yet: a health check failed; run again once it is corrected",))
-    return replace(found, first=(f"first correct what failed: {failed}",))
+    return replace(found, why="first correct what failed", quoted=failed)
 
 
 def _failed(outcome: Outcome) -> str:
@@ -80,8 +100,8 @@ def _weighed(outcome: Outcome, standing: tuple[str, ...]) -> Proposal:
     counting = goal is not None and goal.only_trials
     if goal is not None and not unmet and not doubt:
         if not counting and outcome.disowned:
-            first = "no trial yet: the goal is met only if the stated ± hold, and the residuals say that they do not"
-            return Proposal(None, standing, (outcome.disowned,), (first,))
+            why = "no trial yet: the goal is met only if the stated ± hold, and the residuals say that they do not"
+            return Proposal(None, standing, (), why=why, quoted=outcome.disowned)
         if not counting:
             return Proposal(None, standing, ("stop: the goal is met",))
         if len(outcome.trials.fit) >= goal.trials:
@@ -89,7 +109,7 @@ def _weighed(outcome: Outcome, standing: tuple[str, ...]) -> Proposal:
             return Proposal(None, standing, (f"stop: {trials} run, which is all that [goal] asks for",))
     if outcome.next is None:
         return Proposal(
-            None, standing, (), ("no trial is proposed: add [design] to the campaign to choose one from its designs",)
+            None, standing, ("no trial is proposed: add [design] to the campaign to choose one from its designs",)
         )
     found = outcome.contenders
     if doubt and found is not None and (odds := settling(found, outcome.selection.probability)) > 1 - DECIDED:
@@ -208,25 +228,19 @@ def _beside_wanted(share: float, wanted: float) -> str:
     return f"{100 * share:.4g} %, {100 * wanted:.4g} %"
 
 
-def _wrong(outcome: Outcome) -> tuple[str, ...]:
-    """What forbids to believe the model, in words."""
-    found = [
-        f"the model does not explain run {fit.record}: {fit.reason}"
-        for fit in outcome.fits
-        if not fit.held_back and fit.level == "fail"
-    ]
-    found += [effect.sentence for effect in outcome.chosen.left_out]
-    found += [
-        f"the model fails where it was not fitted: {text}" for text in held_back_alarms(outcome.fits, outcome.pooled)
-    ]
+def _wrong(outcome: Outcome) -> Proposal | None:
+    """What forbids to believe the model; None where nothing does."""
+    found = [("the model does not explain what it was fitted to", text) for text in fitted_failures(outcome.fits)]
+    found += [("an effect is missing", effect.sentence) for effect in outcome.chosen.left_out]
+    unseen = held_back_alarms(outcome.fits, outcome.pooled)
+    found += [("the model fails where it was not fitted", text) for text in unseen]
     if not found:
-        return ()
+        return None
+    why, quoted = found[0]
     failed = [fit for fit in outcome.fits if fit.held_back and fit.level == "fail"]
     further = " or, where runs leave what was fitted, fit such runs" if any(fit.outside for fit in failed) else ""
-    return (
-        f"stop: {found[0]}",
-        f"more trials would narrow the error bars without removing the error: correct the model{further} before the next one",
-    )
+    advice = f"more trials would narrow the error bars without removing the error: correct the model{further} before the next one"
+    return Proposal(None, _standing(outcome), (advice,), why=f"stop: {why}", quoted=quoted)
 
 
 def _run(
@@ -247,5 +261,5 @@ def _run(
         for name, sd in after.items()
         if name in known
     )
-    advice = (f"run a {words}", f"{promise}; expected: {shrink}{within}", *((noise,) if noise else ()))
-    return Proposal(chosen, standing, advice)
+    expected = (f"expected: {shrink}{within}", *((noise,) if noise else ()))
+    return Proposal(chosen, standing, (f"run a {words}", promise), expected)

@@ -8,14 +8,14 @@ from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.design.sweep import Designs
 from seatrial.campaign.inference.baselines import comparison_alarms
-from seatrial.campaign.inference.judge_predictions import held_back_alarms
+from seatrial.campaign.inference.judge_predictions import disowned, held_back_alarms
 from seatrial.campaign.store.baselines import FittedBaselines
 from seatrial.campaign.store.cross_validation import CrossValidation
-from seatrial.campaign.store.estimates import Estimate, Fit, Known
+from seatrial.campaign.store.estimates import Estimate, Known, ModelErrorFinding
+from seatrial.campaign.store.predictions import Fit
 from seatrial.campaign.store.structures import Contenders, Screened
 from seatrial.core.dataset import Dataset
 from seatrial.estimation.baseline_comparison import Comparison
-from seatrial.estimation.fit_verdict import BIASED, COLOURED
 from seatrial.estimation.pooled_coverage import Pooled
 from seatrial.selection.verdict import DECIDED, Selection
 
@@ -87,15 +87,22 @@ class Outcome:
     def own_alarms(self) -> list[str]:
         """Why the numbers of the chosen structure are not to be used."""
         found = [f"{self.chosen.structure.label}: {text}" for text in self.chosen.alarms]
-        return [*found, *comparison_alarms(self.compared), *held_back_alarms(self.fits, self.pooled)]
+        return [*found, *self.held_back_alarms]
+
+    @property
+    def held_back_alarms(self) -> list[str]:
+        """Those of them that held-back runs raise: simpler predictors are better, or the model fails there."""
+        return [*comparison_alarms(self.compared), *held_back_alarms(self.fits, self.pooled)]
 
     @property
     def disowned(self) -> str:
-        """Why the stated standard deviations do not hold, as a fitted run shows: its residuals are not the noise that is modelled."""
-        found = [
-            one for one in self.fits if not one.held_back and one.about in (COLOURED, BIASED) and one.correlation > 0
-        ]
-        return f"run {found[0].record}: {found[0].reason}" if found else ""
+        """Why the stated standard deviations do not hold, in the words of the caution; empty where they do."""
+        return disowned(self.fits)
+
+    @property
+    def wider_findings(self) -> list[ModelErrorFinding]:
+        """What makes most of the ± with model error, but for the noise where a caution asks for another model of it already."""
+        return [one for one in self.chosen.wider_findings if not (one.is_noise and self.disowned)]
 
     @property
     def other_alarms(self) -> list[str]:

@@ -139,7 +139,7 @@ def pick(tables: Sequence[TableInfo], name: str | None, where: str) -> TableInfo
             f"{where}, table",
             found=f'"{name}"',
             expected="one of " + _some(names),
-            remedy=nearest(str(name), names[:20]) if len(names) <= 20 else _close(str(name), names),
+            remedy=nearest(name, names, "" if len(names) <= 20 else "`seatrial inspect` lists them"),
         )
     if found.trouble:
         raise InputError(
@@ -207,8 +207,3 @@ def _head(path: Path) -> bytes:
 
 def _some(names: Sequence[str]) -> str:
     return ", ".join(names[:20]) + (f" and {len(names) - 20} more" if len(names) > 20 else "")
-
-
-def _close(name: str, names: Sequence[str]) -> str:
-    text = nearest(name, names)
-    return text if text.startswith("did you mean") else "`seatrial inspect` lists them"

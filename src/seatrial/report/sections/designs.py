@@ -59,11 +59,7 @@ def next_section(outcome: Outcome) -> dict[str, Any]:
         "families": _families(outcome.next),
         "stop": proposal.trial is None,
         "decides": proposal.trial not in (None, chosen_of(outcome.next.best, outcome.next.best.best)),
-        "said": [
-            sentence_of(outcome, line)
-            for line in (*proposal.standing[1:], *proposal.advice[1:])
-            if "; expected: " not in line
-        ],
+        "said": [sentence_of(outcome, line) for line in (*proposal.standing[1:], *proposal.expected[1:])],
         "best": best_words(outcome.next),
         "model": model_said(outcome, outcome.chosen.structure.label),
         "rows": _sd_rows(outcome, names, list(trial["sd_before"].values()), list(trial["sd_after"].values())),

@@ -6,7 +6,7 @@ import numpy as np
 
 from seatrial.campaign.inference.baselines import NOTHING_HELD_BACK, refused_words
 from seatrial.campaign.inference.judge_predictions import trial_verdicts
-from seatrial.campaign.store.estimates import Fit
+from seatrial.campaign.store.predictions import Fit
 from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.core.display_units import shown_unit
 from seatrial.core.record import Record

@@ -102,7 +102,7 @@ def _left_out(outcome: Outcome) -> dict[str, Any]:
     if found is None:
         return {}
     alarms = found.alarms
-    said = [("alarm" if line in alarms else "finding", line) for line in found.headline() if not line.startswith(" ")]
+    said = [("alarm" if line in alarms else "finding", line) for line in found.headline()]
     said += [("caution", text) for text in found.complaints()]
     return {
         "findings": [{"kind": kind, "text": sentence_of(outcome, text)} for kind, text in said],

@@ -7,13 +7,12 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from seatrial.campaign.inference.baselines import comparison_alarms
 from seatrial.campaign.inference.judge_predictions import held_back_alarms
 from seatrial.campaign.store.structures import IF_RELIABLE
 from seatrial.campaign.workflow.next_trial import propose
 from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.estimation.fit_verdict import explained_share
-from seatrial.estimation.remedies import CORRELATED, listed, without_repeats
+from seatrial.estimation.remedies import listed
 from seatrial.report.drawing import (
     digits_of,
     factors_of,
@@ -37,7 +36,7 @@ _NUMBER = re.compile(r"(?<![-\w])\d+(\.\d+)?")
 
 def summary_section(outcome: Outcome) -> dict[str, Any]:
     """Return what `summary.html` prints."""
-    proposal, tables = propose(outcome), _tables(outcome)
+    proposal, tables = propose(outcome).beside(outcome.summary["cautions"]), _tables(outcome)
     return {
         "name": outcome.campaign.name,
         "answer": answer(outcome),
@@ -54,17 +53,10 @@ def summary_section(outcome: Outcome) -> dict[str, Any]:
         "has_truth": bool(truth_of(outcome)),
         "unit_mass": outcome.campaign.hull.mass is None,
         "wider": sentence_of(outcome, outcome.chosen.wider_words),
-        "wider_findings": [
-            sentence_of(outcome, one.sentence)
-            for one in outcome.chosen.wider_findings
-            if not (outcome.disowned and one.remedy.endswith(CORRELATED))  # a caution says it
-        ],
+        "wider_findings": [sentence_of(outcome, one.sentence) for one in outcome.wider_findings],
         "has_wider": any(row["wider"] for _, rows in tables for row in rows),
         "models": _models(outcome),
-        "advice": [
-            sentence_of(outcome, without_repeats(line.split("; expected: ")[0], outcome.summary["cautions"]))
-            for line in (*proposal.first, *proposal.advice[:2])
-        ],
+        "advice": [sentence_of(outcome, line) for line in (*proposal.first, *proposal.advice)],
         "unless": "" if outcome.selection.is_reliable or outcome.selection.is_settled else IF_RELIABLE,
     }
 
@@ -72,16 +64,17 @@ def summary_section(outcome: Outcome) -> dict[str, Any]:
 def answer(outcome: Outcome) -> Markup:
     """Say what was found and how well it predicts, first what simpler model does as well; or that nothing may be used yet."""
     own, elsewhere = outcome.own_alarms, outcome.other_alarms
-    beaten, unseen = comparison_alarms(outcome.compared), held_back_alarms(outcome.fits, outcome.pooled)
-    if beaten or unseen:
-        others = len(own) + len(elsewhere) - len(beaten) - len(unseen)
+    failed = outcome.held_back_alarms
+    if failed:
+        unseen = held_back_alarms(outcome.fits, outcome.pooled)
+        others = len(own) + len(elsewhere) - len(failed)
         more = Markup(" {} failed too.").format(_checks(others)) if others else Markup("")
         what = (
             "The model fails on runs that it was not fitted to."
             if unseen
             else "Do not use this model: another predicts better."
         )
-        return Markup("{} {}{}").format(what, sentence_of(outcome, (unseen or beaten)[0]), more)
+        return Markup("{} {}{}").format(what, sentence_of(outcome, (unseen or failed)[0]), more)
     if own:
         return Markup("Do not use these numbers yet: {} failed.").format(_checks(len(own) + len(elsewhere)))
     said = [_unbeaten(outcome) + _basis(outcome), _found(outcome), _predicts(outcome)]
@@ -98,13 +91,7 @@ def find(outcome: Outcome, kind: str) -> list[dict[str, Any]]:
     """Return the sentences of a kind, what is said of the chosen structure first, and once for many parameters."""
     texts = list(outcome.summary[{"alarm": "alarms", "finding": "verdicts", "caution": "cautions"}[kind]])
     if kind == "alarm":
-        texts.sort(
-            key=lambda text: (
-                text not in outcome.own_alarms,
-                not text.startswith(("held-back", "run ")),
-                not text.startswith("the evidence"),
-            )
-        )
+        texts.sort(key=lambda text: (text not in outcome.held_back_alarms, text not in outcome.own_alarms))
     return [{"kind": kind, "text": text} for text in _sentences(outcome, texts)]
 
 

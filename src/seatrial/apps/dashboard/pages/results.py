@@ -16,7 +16,8 @@ from seatrial.apps.dashboard.page_layout import link, links_html, section, table
 from seatrial.apps.dashboard.result_charts import Probability, fit_charts, marginal_chart, probability_chart
 from seatrial.apps.dashboard.view_models import EstimatedStructure, EstimatedValue, Marginal
 from seatrial.apps.dashboard.worker_pool import stamp
-from seatrial.campaign.store.estimates import ModelErrorFinding, Predictions
+from seatrial.campaign.store.estimates import ModelErrorFinding
+from seatrial.campaign.store.predictions import Predictions
 from seatrial.campaign.store.stored_result import Store
 from seatrial.campaign.store.structures import (
     StoredCoefficient,
@@ -31,7 +32,7 @@ from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import Shown, shown_as_written
 from seatrial.core.errors import InputError, SeatrialError
 from seatrial.estimation.fit_verdict import explained_share
-from seatrial.estimation.remedies import listed, without_repeats
+from seatrial.estimation.remedies import listed
 from seatrial.report.labels import label_html, name_html, sentence_about
 from seatrial.report.numbers import Digits, percent, probability, short, times_ten, typeset, unit_html, with_sd
 from seatrial.selection.structures import Structure, structure_names
@@ -93,7 +94,7 @@ async def _results(context: AppContext, campaign: str, folder: Path) -> None:
     with section("Models and terms"):
         _models(store, summary)
     with section("The next trial"):
-        words = sentence_about(without_repeats(summary.next_trial.words, summary.cautions), names, labels)
+        words = sentence_about(summary.next_trial.words, names, labels)
         markup(next_html(words, summary.next_trial.stop or summary.next_trial.best is None, campaign, store))
 
 
