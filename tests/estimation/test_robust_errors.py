@@ -77,6 +77,10 @@ def test_of_runs_by_hand():
     at = [found.names.index(name) for name in PRIOR]
     np.testing.assert_allclose(found.pieces.ratio[at], expected, rtol=1e-3)
     assert (found.pieces.count, found.pieces.freedom, found.pieces.basis) == (5, 4, "5 runs")
+    # No error of the model takes a value farther than its prior reaches from there, be the value where the prior hardly is.
+    value = find_mode(joint, 0).by_name["X_0"]
+    reach = np.sqrt(np.mean((stats.norm(*PRIOR["X_0"]).rvs(100_000, random_state=0) - value) ** 2))
+    assert found.farthest[found.names.index("X_0")] == pytest.approx(reach, rel=0.01)
     assert found.pieces.widening == pytest.approx(stats.t.ppf(0.95, 4) / 1.644854, rel=1e-5)
 
 

@@ -94,7 +94,8 @@ class RobustErrors:
         omitted: what the model lacks.
         spread: of `omitted`, of these parameters, shape (k,).
         causes: likewise.
-        prior_sd: standard deviations of their priors, SI, beyond which no error of the model goes, shape (k,).
+        farthest: root mean square distances of their priors from their values at the mode, SI, shape (k,): as far off as a value is by the
+            prior alone, and as an error of the model can take it.
     """
 
     names: tuple[str, ...]
@@ -102,7 +103,7 @@ class RobustErrors:
     omitted: OmittedEffects
     spread: Float[np.ndarray, " k"]
     causes: tuple[tuple[Effect, ...], ...]
-    prior_sd: Float[np.ndarray, " k"]
+    farthest: Float[np.ndarray, " k"]
 
     @property
     def ratio(self) -> Float[np.ndarray, " k"]:
@@ -138,12 +139,12 @@ class RobustErrors:
         """
         if name not in self.names or self.ratio[(at := self.names.index(name))] <= TELLING:
             return None
-        told = min(sd * float(np.sqrt(self._of_pieces(at) ** 2 + self.spread[at] ** 2 - 1.0)), float(self.prior_sd[at]))
+        told = min(sd * float(np.sqrt(self._of_pieces(at) ** 2 + self.spread[at] ** 2 - 1.0)), float(self.farthest[at]))
         return told if told > TELLING * sd else None
 
     def is_prior(self, name: str, wider: float) -> bool:
-        """Whether a standard deviation of `wider` is that of the prior, which is as much as to say that nothing narrows it."""
-        return wider >= 0.999 * float(self.prior_sd[self.names.index(name)])
+        """Whether a standard deviation of `wider` is that of the prior about the value, which is to say that nothing narrows it."""
+        return wider >= 0.999 * float(self.farthest[self.names.index(name)])
 
     def cause(self, name: str) -> tuple[Effect, ...]:
         """Return the effects, any of which makes most of the second standard deviation of a parameter; none where pieces of the data do."""
@@ -165,9 +166,11 @@ def robust_errors(posterior: Posterior, mode: Mode) -> RobustErrors:
     omitted = omitted_effects(posterior, mode)
     names = tuple(posterior.names[i] for i in shared)
     causes = tuple(omitted.causes[i] for i in shared)
-    prior_sd = np.array([float(posterior.parameters[i].prior.sd) for i in shared])
+    values = dict(zip(mode.names, mode.values, strict=True))
+    priors = {one.name: one.prior for one in posterior.parameters}
+    farthest = np.array([np.hypot(priors[one].sd, values[one] - priors[one].mean) for one in names])
     pieces = _pieces(posterior, mode, shared)
-    return RobustErrors(names, pieces, omitted, omitted.spread[shared], causes, prior_sd)
+    return RobustErrors(names, pieces, omitted, omitted.spread[shared], causes, farthest)
 
 
 def jackknife(

@@ -37,7 +37,7 @@ def left_out(posterior: Posterior, structure: Structure, omitted: OmittedEffects
 
 def causes_of(robust: RobustErrors, wider: Mapping[str, float]) -> dict[str, str]:
     """Return in words what makes most of the ± with model error of each of these parameters, and whether it is only that of the prior."""
-    only = "; as wide as its prior: nothing narrows it"
+    only = "; as far as its prior reaches: nothing narrows it"
     return {name: _cause(robust, name) + only * robust.is_prior(name, sd) for name, sd in wider.items()}
 
 
