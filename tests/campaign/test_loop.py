@@ -136,19 +136,37 @@ def test_an_edited_key_recomputes_what_depends_on_it(finished, tmp_path):
     assert changed == {"selection.json"}
 
 
-def test_a_log_is_fitted_and_reported_without_a_design(tmp_path, finished):
-    """What designs a trial is refused with the key to add; a campaign without logs needs it."""
-    record = xr.load_dataset(Store(finished[0]).record("trial"), engine="h5netcdf")
-    text = SMALL[: SMALL.index("[design]")] + SMALL[SMALL.index("[estimation]") :]
+def write_log_campaign(folder, record, design):
+    """Write a campaign on the log of a record, with or without a [design]; return its text."""
+    text = SMALL[: SMALL.index("[truth]" if design else "[design]")] + SMALL[SMALL.index("[estimation]") :]
     for old, new in NO_X_U[:2]:
         text = text.replace(old, new)
     rows = [
         f"{t},{n},{u}" for t, n, u in zip(record["time"].values, record["n"].values, record["u"].values, strict=True)
     ]
-    (tmp_path / "log.csv").write_text("\n".join(["t,n,u", *rows]) + "\n")
+    (folder / "log.csv").write_text("\n".join(["t,n,u", *rows]) + "\n")
     channels = 'channels = { n = { column = "n", unit = "rad/s" }, u = { column = "u", unit = "m/s" } }'
     text += f'[import]\nfit = ["1"]\n[[import.files]]\npath = "log.csv"\ntime = {{ column = "t", unit = "s" }}\n{channels}\n'
-    (tmp_path / "campaign.toml").write_text(text)
+    (folder / "campaign.toml").write_text(text)
+    return text
+
+
+def test_a_log_for_which_nothing_was_designed_is_fitted_and_the_next_trial_designed(tmp_path, finished):
+    write_log_campaign(tmp_path, xr.load_dataset(Store(finished[0]).record("trial"), engine="h5netcdf"), design=True)
+    campaign = load_campaign(tmp_path)
+    outcome = run_loop(campaign, SilentReporter())
+    assert outcome.first is outcome.promised is None
+    assert outcome.summary["next_trial"]["best"]["gain_nat"] > 0
+    write_report(outcome)
+    assert {step.name: step.state for step in standing(tmp_path)}["report"] == "current"
+    design_first(campaign)
+    assert {step.name: step.state for step in standing(tmp_path)}["report"] == "stale"
+
+
+def test_a_log_is_fitted_and_reported_without_a_design(tmp_path, finished):
+    """What designs a trial is refused with the key to add; a campaign without logs needs it."""
+    record = xr.load_dataset(Store(finished[0]).record("trial"), engine="h5netcdf")
+    text = write_log_campaign(tmp_path, record, design=False)
     campaign = load_campaign(tmp_path)
     outcome = run_loop(campaign, SilentReporter())
     assert outcome.summary["next_trial"]["best"] is None

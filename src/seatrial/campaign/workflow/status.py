@@ -7,7 +7,7 @@ from typing import NamedTuple
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.selection.evidence import stored_alarms
 from seatrial.campaign.store.stored_result import State, Store, seal_of
-from seatrial.campaign.workflow.steps import LOOP, NotCurrent, Workflow, stored_summary
+from seatrial.campaign.workflow.steps import LOOP, Workflow, stored_summary
 from seatrial.core.files import is_there
 
 HEAD = 4096
@@ -64,10 +64,7 @@ def _page(flow: Workflow) -> StepState:
     store = Store(flow.campaign.folder)
     if not is_there(store.report):
         return StepState("report", "missing", "report")
-    try:
-        summary = stored_summary(flow)
-    except NotCurrent:
-        return StepState("report", "stale", "report")
+    summary = stored_summary(flow)
     if summary.state() != "current" or drawn_from(store.report) != seal_of(store.summary):
         return StepState("report", "stale", "report")
     return StepState("report", "current", "report", tuple(summary.read(summary.path).alarms))

@@ -230,11 +230,14 @@ def _stored_contenders(campaign: Campaign, selection: Any, trials: Any) -> Itera
 def stored_summary(flow: Workflow) -> StoredResult[Summary]:
     """Return where the summary is kept, and what it depends on: every result of the loop, and what the campaign says of names and goals.
 
-    Raises:
-        NotCurrent: a result on which others depend is not current.
+    Results whose keys cannot be known count as none: as long as no design was made for imported trials, what it promised is one.
     """
-    campaign = flow.campaign
-    keys = [one.key for step in LOOP for one in flow.stored(step.name)]
+    campaign, keys = flow.campaign, []
+    for step in LOOP:
+        try:
+            keys.append([one.key for one in flow.stored(step.name)])
+        except NotCurrent:
+            keys.append(None)
     read = partial(read_summary, made_by=f"seatrial run {campaign.folder}")
     key = key_of("summary", keys, campaign.name, campaign.prior_units, campaign.goal)
     return StoredResult(Store(campaign.folder).summary, key, read)
