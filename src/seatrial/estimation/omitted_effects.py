@@ -11,8 +11,9 @@ over the noise, whitened where the noise is coloured or drifts, posterior covari
 
 (Schwarz, Annals of Statistics 6, 1978): n samples that are worth w n independent ones, and m effects that are looked for, one of which is
 as probable as none. While the odds of the best are above one it is taken in, all are fitted anew by Gauss and Newton's method, and the
-others are looked at again. Which effects are there is not known: over all these fits s, each a normal density that counts by its odds, a
-parameter lies within x of its value at the mode with the probability
+others are looked at again. Noise with a memory takes up a part of a missing effect and then hides it: effects are also looked for as if the
+noise had none, and its shape is found anew in each fit. Which effects are there is not known: over all these fits s, each a normal density
+that counts by its odds, a parameter lies within x of its value at the mode with the probability
 
     sum_s p_s [Phi((x - shift_s) / sd_s) - Phi((-x - shift_s) / sd_s)]
 
@@ -36,7 +37,7 @@ from seatrial.core.signals import ACTUAL, QUATERNION, RATES, signal_unit
 from seatrial.estimation.delayed_control import delay_control
 from seatrial.estimation.mode import Mode, expand_prior
 from seatrial.estimation.output_error import OutputError
-from seatrial.estimation.posterior import Posterior
+from seatrial.estimation.posterior import Posterior, values_of
 from seatrial.estimation.prediction_scores import effective_samples, whiteness
 from seatrial.estimation.remedies import is_coefficient
 from seatrial.estimation.sensor_errors import Sensor, correlation_name, drift_name, drift_time_name, noise_name
@@ -56,6 +57,9 @@ CONTENDERS, ALIKE = 3, 0.5
 """Effects that are fitted to see which is best, those with the highest odds to first order, and their share of the highest log odds."""
 CLOSE = 3.0
 """Difference of log odds up to which two effects do equally well."""
+ROUNDS, GRIDS, POINTS = 2, (3.0, 0.6), 11
+"""How often the shape of a noise with a memory is found anew for a fit; half widths of the grids on which it is, in units of z, and points
+along each side."""
 SETTLED = 1e-2
 """Gain of a step, nats, below which a fit has ended."""
 SINGULAR = 1e-10
@@ -180,11 +184,19 @@ class Score(NamedTuple):
 
 
 class _Problem(NamedTuple):
-    """What is searched: a posterior, the effects that are looked for, and its parameters at the mode by name, SI, for the noise."""
+    """What is searched: a posterior, and the effects that are looked for."""
 
     posterior: Posterior
     effects: tuple[Effect, ...]
-    values: Mapping[str, float]
+
+    @property
+    def shapes(self) -> list[tuple[int, Sensor, list[int]]]:
+        """Each sensor of noise with a memory: its channel's place, itself, and the places in z of what its noise has beside its size."""
+        names, found = self.posterior.names, []
+        for i, sensor in enumerate(self.posterior.likelihood.simulator.sensors):
+            if sensor.noise in ("coloured", "drifting"):
+                found.append((i, sensor, [names.index(one) for one in sensor.noise_parameters[1:]]))
+        return found
 
 
 class _Fit(NamedTuple):
@@ -226,17 +238,18 @@ def omitted_effects(posterior: Posterior, mode: Mode) -> OmittedEffects:
     effects = tuple(_candidates(posterior)) if isinstance(posterior.likelihood, OutputError) else ()
     if not effects:
         return OmittedEffects((), 0, np.ones(posterior.dim), ((),) * posterior.dim)
-    problem, none = _Problem(posterior, effects, mode.by_name), np.zeros(len(effects))
+    problem, none = _Problem(posterior, effects), np.zeros(len(effects))
     sd = np.sqrt(np.diag(mode.cov))
     fit = _Fit(mode.z, none, (), mode.cov, 0.0, _linear(problem, mode.z, none))
     tried, within, found = [(0.0, sd**2, np.zeros(posterior.dim))], [()], []
     while True:
         scores = score_effects(fit.at, fit.cov, fit.taken)
         scores = {i: one for i, one in scores.items() if one.size > 0 or not effects[i].is_positive}
-        ranked = sorted(scores, key=lambda i: -scores[i].log_odds)[:CONTENDERS]
-        if len(fit.taken) == MOST or not ranked or scores[ranked[0]].log_odds < 0:
+        near = _contenders(scores)
+        if problem.shapes:  # noise with a memory takes up a part of an effect, and then hides it
+            near = list(dict.fromkeys([*near, *_contenders(_scores_as_white(problem, fit))]))
+        if len(fit.taken) == MOST or not near:
             break
-        near = [i for i in ranked if scores[i].log_odds >= ALIKE * scores[ranked[0]].log_odds]
         fits = [_fitted(problem, fit, i) for i in near]
         tried += [(one.log_odds, one.variance[: posterior.dim], one.z - mode.z) for one in fits]
         within += [one.taken for one in fits]
@@ -267,6 +280,24 @@ def omitted_effects(posterior: Posterior, mode: Mode) -> OmittedEffects:
     )
     sought = int(_absent(posterior, effects).sum())
     return OmittedEffects(tuple(omitted), sought, np.maximum(spread, 1.0), causes, fit.at.worth)
+
+
+def _contenders(scores: Mapping[int, Score]) -> list[int]:
+    """Return the places of the effects that are worth a fit: with the highest odds, above one, to first order."""
+    ranked = sorted(scores, key=lambda i: -scores[i].log_odds)[:CONTENDERS]
+    return [i for i in ranked if scores[i].log_odds >= max(0.0, ALIKE * scores[ranked[0]].log_odds)]
+
+
+def _scores_as_white(problem: _Problem, fit: _Fit) -> dict[int, Score]:
+    """Return what each effect would do to first order if the noise had no memory."""
+    at, d, k = _linear(problem, fit.z, fit.sizes, as_white=True), fit.z.size, len(fit.taken)
+    moves = np.flatnonzero(np.diag(at.products)[:d])
+    fitted, among = np.r_[moves, d + np.array(fit.taken, int)], np.r_[moves, d + np.arange(k)]
+    cov = np.zeros((d + k, d + k))
+    prior = _priors(problem.posterior, fit.z, moves)[2]
+    cov[np.ix_(among, among)] = _inverse(at.products[np.ix_(fitted, fitted)], prior)
+    scores = score_effects(at, cov, fit.taken)
+    return {i: one for i, one in scores.items() if one.size > 0 or not problem.effects[i].is_positive}
 
 
 def half_width(
@@ -320,16 +351,38 @@ def score_effects(at: Linear, cov: Float[np.ndarray, "dk dk"], taken: tuple[int,
 
 
 def _fitted(problem: _Problem, before: _Fit, added: int) -> _Fit:
-    """Return the fit with one more effect, by Gauss and Newton's steps from the fit without it; what only noise depends on stays."""
-    posterior, effects = problem.posterior, problem.effects
-    taken, d = (*before.taken, added), posterior.dim
+    """Return the fit with one more effect, by Gauss and Newton's steps from the fit without it, and with the noise that is then left."""
+    posterior, taken, d = problem.posterior, (*before.taken, added), problem.posterior.dim
     here = list(taken)
-    lowest = np.where([effects[i].is_positive for i in taken], 0.0, -np.inf)
-    z, sizes, at = before.z, before.sizes, before.at
-    moves = np.flatnonzero(np.diag(at.products)[:d])
+    moves = np.flatnonzero(np.diag(before.at.products)[:d])
+    z, sizes, at = _climbed(problem, before.z, before.sizes, before.at, moves, here)
+    for _ in range(ROUNDS * bool(problem.shapes)):
+        z = _with_noise_left(problem, z, sizes)
+        z, sizes, at = _climbed(problem, z, sizes, _linear(problem, z, sizes), moves, here)
+    cov, among = np.diag(np.r_[np.diag(before.cov)[:d], np.zeros(len(here))]), np.r_[moves, d + np.arange(len(here))]
     fitted = np.r_[moves, d + np.array(here)]
+    cov[np.ix_(among, among)] = _inverse(at.products[np.ix_(fitted, fitted)], _priors(posterior, z, moves)[2])
+    log_odds = before.log_odds + (before.at.log_noise - at.log_noise) * at.worth - at.price
+    return _Fit(z, sizes, taken, cov, log_odds, at)
+
+
+def _climbed(
+    problem: _Problem, z: np.ndarray, sizes: np.ndarray, at: Linear, moves: np.ndarray, here: list[int]
+) -> tuple[np.ndarray, np.ndarray, Linear]:
+    """Return parameters and sizes of effects where the density is highest, and what is linear there; the noise stays as it is shaped.
+
+    Args:
+        problem: what is searched.
+        z: parameters to begin from.
+        sizes: of the effects to begin from.
+        at: what is linear there.
+        moves: places of the parameters that change what is shown.
+        here: places of the effects that are fitted.
+    """
+    fitted = np.r_[moves, z.size + np.array(here)]
+    lowest = np.where([problem.effects[i].is_positive for i in here], 0.0, -np.inf)
     for _ in range(STEPS):
-        prior = _priors(posterior, z, moves)
+        prior = _priors(problem.posterior, z, moves)
         height = prior[0].sum() - at.log_noise
         uphill = at.pull[fitted] + np.r_[prior[1], np.zeros(len(here))]
         step = _inverse(at.products[np.ix_(fitted, fitted)], prior[2]) @ uphill
@@ -338,7 +391,7 @@ def _fitted(problem: _Problem, before: _Fit, added: int) -> _Fit:
             tried[moves] += share * step[: moves.size]
             new[here] = np.maximum(sizes[here] + share * step[moves.size :], lowest)
             near = _linear(problem, tried, new)
-            gain = _priors(posterior, tried, moves)[0].sum() - near.log_noise - height
+            gain = _priors(problem.posterior, tried, moves)[0].sum() - near.log_noise - height
             if gain > 0:
                 break
         else:
@@ -346,11 +399,32 @@ def _fitted(problem: _Problem, before: _Fit, added: int) -> _Fit:
         z, sizes, at = tried, new, near
         if gain < SETTLED:
             break
-    cov, among = np.diag(np.r_[np.diag(before.cov)[:d], np.zeros(len(here))]), np.r_[moves, d + np.arange(len(here))]
-    curvature = at.products[np.ix_(fitted, fitted)]
-    cov[np.ix_(among, among)] = _inverse(curvature, _priors(posterior, z, moves)[2])
-    log_odds = before.log_odds + (before.at.log_noise - at.log_noise) * at.worth - at.price
-    return _Fit(z, sizes, taken, cov, log_odds, at)
+    return z, sizes, at
+
+
+def _with_noise_left(problem: _Problem, z: np.ndarray, sizes: np.ndarray) -> np.ndarray:
+    """Return the parameters, those that shape the noise as the residuals show it: by a grid, and a finer one about the best of it."""
+    posterior, data = problem.posterior, problem.posterior.data
+    shown, _ = _shown(posterior, problem.effects, z, sizes, np.eye(SIDE_BY_SIDE, z.size + sizes.size))
+    for i, sensor, places in problem.shapes:
+        channel = data.channels[i]
+        residual = np.asarray(channel.measured) - np.asarray(shown[i])
+        present = np.asarray(channel.present) > 0
+        gaps = np.take_along_axis(np.asarray(channel.gaps), np.asarray(channel.kind), 1)
+        for width in GRIDS:
+            ways = np.stack(np.meshgrid(*[np.linspace(-width, width, POINTS)] * len(places)), -1).reshape(
+                -1, len(places)
+            )
+            tried = np.repeat(z[None], len(ways), 0)
+            tried[:, places] += ways
+            named = dict(zip(posterior.names, np.asarray(values_of(posterior, tried)).T, strict=True))
+            log_sd, squares, count = np.zeros(len(ways)), np.zeros(len(ways)), int(present.sum())
+            for own, here, gap in zip(residual, present, gaps, strict=True):
+                new, more = whiten(sensor, named, gap[here], np.repeat(own[here, None], len(ways), 1))
+                log_sd, squares = log_sd + more, squares + (new**2).sum(0)
+            prior = sum(np.asarray(posterior.parameters[k].prior.log_density(tried[:, k])) for k in places)
+            z = tried[np.argmax(prior - log_sd - 0.5 * count * np.log(squares))]
+    return z
 
 
 def _priors(posterior: Posterior, z: np.ndarray, at: np.ndarray) -> np.ndarray:
@@ -365,9 +439,21 @@ def _inverse(curvature: np.ndarray, prior: np.ndarray) -> np.ndarray:
     return np.linalg.pinv(curvature / np.outer(size, size), rcond=SINGULAR, hermitian=True) / np.outer(size, size)
 
 
-def _linear(problem: _Problem, z: np.ndarray, sizes: np.ndarray) -> Linear:
-    """Return what is linear about one point, over the noise that the residuals themselves show there; no sample where it diverges."""
-    posterior, effects, values = problem
+def _linear(problem: _Problem, z: np.ndarray, sizes: np.ndarray, as_white: bool = False) -> Linear:
+    """Return what is linear about one point, over the noise that the residuals themselves show there; no sample where it diverges.
+
+    Args:
+        problem: what is searched.
+        z: parameters, those of the noise included.
+        sizes: of the effects.
+        as_white: whether the noise is taken for white.
+    """
+    posterior, effects = problem
+    values = (
+        {}
+        if as_white
+        else dict(zip(posterior.names, np.asarray(values_of(posterior, z[None]))[0].tolist(), strict=True))
+    )
     data, d, sought = posterior.data, z.size, np.r_[np.ones(z.size), _absent(posterior, effects)]
     present = [np.asarray(channel.present) > 0 for channel in data.channels]
     edges = np.cumsum([0, *(here.sum() for here in present)])
@@ -390,7 +476,9 @@ def _linear(problem: _Problem, z: np.ndarray, sizes: np.ndarray) -> Linear:
         for trial, here in enumerate(present[i]):
             piece = slice(begin, begin := begin + here.sum())
             gaps = np.asarray(channel.gaps)[trial][np.asarray(channel.kind)[trial, here]]
-            own[piece] = whiten(sensor, values, gaps, own[piece])
+            if not as_white:
+                own[piece], log_sd = whiten(sensor, values, gaps, own[piece])
+                log_noise += float(log_sd[0])
             shares.append(_worth(time[trial, here], own[piece, 0]))
         noise = np.sqrt(np.mean(own[:, 0] ** 2)) if len(own) else 0.0
         noise = noise if noise > 0 else 1.0
@@ -401,32 +489,37 @@ def _linear(problem: _Problem, z: np.ndarray, sizes: np.ndarray) -> Linear:
 
 
 def whiten(
-    sensor: Sensor, values: Mapping[str, float], gaps: Float[np.ndarray, " n"], columns: Float[np.ndarray, "n c"]
-) -> Float[np.ndarray, "n c"]:
+    sensor: Sensor, values: Mapping[str, Any], gaps: Float[np.ndarray, " n"], columns: Float[np.ndarray, "n c"]
+) -> tuple[Float[np.ndarray, "n c"], Float[np.ndarray, " c"]]:
     """Return what is new in each sample of columns that have the noise of a sensor, over its standard deviation but for a common factor.
+
+    And the sum of the logs of these standard deviations.
 
     Args:
         sensor: whose noise it is.
-        values: its parameters by name, SI.
+        values: its parameters by name, SI: of all columns, or of each, shape (c,).
         gaps: time from the measurement before, s.
         columns: residuals, or what they change with.
     """
     channel = sensor.channel
     if sensor.noise == "coloured":
-        memory = np.exp(-gaps / values[correlation_name(channel)])[:, None]
+        memory = np.exp(-gaps[:, None] / values[correlation_name(channel)])
         before = np.concatenate([np.zeros((1, columns.shape[1])), columns[:-1]])
-        return (columns - memory * before) / np.sqrt(1.0 - memory**2)
+        sd = np.sqrt(1.0 - memory**2)
+        return (columns - memory * before) / sd, np.log(sd).sum(0)
     if sensor.noise != "drifting":
-        return columns
+        return columns, np.zeros(1)
     sd, drift = values[noise_name(channel)], values[drift_name(channel)]
-    new, mean, variance = np.empty_like(columns), np.zeros(columns.shape[1]), 0.0
-    for k, memory in enumerate(np.exp(-gaps / values[drift_time_name(channel)])):
+    new, mean, variance, log_sd = np.empty_like(columns), np.zeros(columns.shape[1]), 0.0, 0.0
+    for k, memory in enumerate(np.exp(-gaps[:, None] / values[drift_time_name(channel)])):
         expected = memory * mean
         before = memory**2 * variance + drift**2 * (1.0 - memory**2)
-        innovation, gain = columns[k] - expected, before / (before + sd**2)
-        new[k] = innovation / np.sqrt(before + sd**2)
+        total = before + sd**2
+        innovation, gain = columns[k] - expected, before / total
+        new[k] = innovation / np.sqrt(total)
         mean, variance = expected + gain * innovation, before * (1.0 - gain)
-    return new
+        log_sd = log_sd + 0.5 * np.log(total)
+    return new, np.atleast_1d(log_sd)
 
 
 def _absent(posterior: Posterior, effects: tuple[Effect, ...]) -> np.ndarray:
