@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from seatrial.core.record import Channel, make_record
 from seatrial.estimation.mode import find_mode
 from seatrial.estimation.omitted_effects import Linear, half_width, omitted_effects, score_effects, whiten
 from seatrial.estimation.posterior import posterior_of_density
-from seatrial.estimation.priors import LogUniform, Normal
+from seatrial.estimation.priors import LogUniform, Normal, Uniform
 from seatrial.estimation.record_posterior import make_posterior
 from seatrial.estimation.sensor_errors import Sensor
 from seatrial.vehicles.axis_equation import axes_vehicle, axis_equation
@@ -57,6 +58,21 @@ def test_squared_scores_are_chi_square_where_nothing_is_missing():
     found = [scored(RNG.normal(size=N))[0][0] for _ in range(2000)]
     share = np.mean([one.size**2 * one.information > 3.8415 for one in found])
     assert abs(share - 0.05) < 4 * np.sqrt(0.05 * 0.95 / 2000)
+
+
+@pytest.mark.parametrize("prior", [Normal(0.2, 0.5), Uniform(-1.0, 1.0)])
+def test_log_odds_of_a_term_of_other_structures_are_the_bayes_factor_of_its_prior(prior):
+    """By dense quadrature over the size, the other values being linear and free; also of a term that the others nearly imitate."""
+    for signature in (EFFECT, J @ [0.5, -1.0, 0.2] + 0.05 * EFFECT):
+        measured = J @ [1.0, 2.0, 3.0] + 0.1 * signature + RNG.normal(size=N)
+        values, cov = np.linalg.lstsq(J, measured, rcond=None)[0], np.linalg.inv(J.T @ J)
+        found = score_effects(linear(measured - J @ values, signature), cov, (), {0: prior})[0]
+        sizes = np.linspace(-4.0, 4.0, 20_001)
+        left = np.eye(N) - J @ cov @ J.T
+        rise = sizes * (signature @ left @ measured) - 0.5 * sizes**2 * (signature @ left @ signature)
+        density = stats.norm(0.2, 0.5) if isinstance(prior, Normal) else stats.uniform(-1.0, 2.0)
+        exact = np.log(np.trapezoid(np.exp(rise) * density.pdf(sizes), sizes))
+        assert found.log_odds == pytest.approx(exact, abs=1e-6 if isinstance(prior, Normal) else 0.4)
 
 
 def test_what_the_parameters_imitate_is_not_tested():

@@ -10,10 +10,12 @@ over the noise, whitened where the noise is coloured or drifts, posterior covari
     1/2 size^2 information w - 1/2 log(n w) - log m
 
 (Schwarz, Annals of Statistics 6, 1978): n samples that are worth w n independent ones, and m effects that are looked for, one of which is
-as probable as none. While the odds of the best are above one it is taken in, all are fitted anew by Gauss and Newton's method, and the
-others are looked at again. Noise with a memory takes up a part of a missing effect and then hides it: effects are also looked for as if the
-noise had none, and its shape is found anew in each fit. Which effects are there is not known: over all these fits s, each a normal density
-that counts by its odds, a parameter lies within x of its value at the mode with the probability
+as probable as none. A force that other structures have is as probable as not and has a prior of its own, normal here: log c - log s takes
+the place of the last two terms, c its standard deviation before the data and s after them, less what the size costs under it. While the
+odds of the best are above one it is taken in, all are fitted anew by Gauss and Newton's method, and the others are looked at again. Noise
+with a memory takes up a part of a missing effect and then hides it: effects are also looked for as if the noise had none, and its shape is
+found anew in each fit. Which effects are there is not known: over all these fits s, each a normal density that counts by its odds, a
+parameter lies within x of its value at the mode with the probability
 
     sum_s p_s [Phi((x - shift_s) / sd_s) - Phi((-x - shift_s) / sd_s)]
 
@@ -39,6 +41,7 @@ from seatrial.estimation.mode import Mode, expand_prior
 from seatrial.estimation.output_error import OutputError
 from seatrial.estimation.posterior import Posterior, values_of
 from seatrial.estimation.prediction_scores import effective_samples, whiteness
+from seatrial.estimation.priors import Prior, Uniform
 from seatrial.estimation.remedies import is_coefficient
 from seatrial.estimation.sensor_errors import Sensor, correlation_name, drift_name, drift_time_name, noise_name
 from seatrial.vehicles.model import VehicleModel, outside_force
@@ -62,6 +65,7 @@ ROUNDS, GRIDS, POINTS = 2, (3.0, 0.6), 11
 along each side."""
 SETTLED = 1e-2
 """Gain of a step, nats, below which a fit has ended."""
+TINY = float(np.finfo(float).tiny)
 SINGULAR = 1e-10
 """Share of the largest eigenvalue of a scaled curvature below which a direction is not told."""
 BAND, BISECTIONS = 0.95, 50
@@ -158,11 +162,23 @@ class Linear(NamedTuple):
     worth: float
     log_noise: float
 
-    @property
-    def price(self) -> float:
-        """What one more effect has to gain, nats."""
-        sought = np.count_nonzero(np.diag(self.products)[self.dim :])
-        return 0.5 * float(np.log(max(self.count * self.worth, 2.0))) + float(np.log(max(sought, 1)))
+    def price(self, size: float, variance: float, option: Prior | None = None) -> float:
+        """Return what one more effect has to gain, nats.
+
+        Args:
+            size: of the effect.
+            variance: of its size after the data.
+            option: its prior where other structures have it; None for one that no structure has.
+        """
+        if option is None:
+            sought = np.count_nonzero(np.diag(self.products)[self.dim :])
+            return 0.5 * float(np.log(max(self.count * self.worth, 2.0))) + float(np.log(max(sought, 1)))
+        middle, precision = _about(option, size)
+        if isinstance(
+            option, Uniform
+        ):  # its density is that of a normal one a third of a nat below the peak, everywhere
+            return 0.5 * float(np.log(6 / np.pi / min(variance * precision, 1.0)))
+        return 0.5 * ((size - middle) ** 2 * precision - float(np.log(min(variance * precision, 1.0))))
 
 
 class Score(NamedTuple):
@@ -188,6 +204,13 @@ class _Problem(NamedTuple):
 
     posterior: Posterior
     effects: tuple[Effect, ...]
+
+    @property
+    def options(self) -> dict[int, Prior]:
+        """Priors of the effects that are terms of other structures, by place."""
+        known = {one.name: one.prior for one in self.posterior.parameters}
+        forces = {i: one.of for i, one in enumerate(self.effects) if one.kind == "force"}
+        return {i: known[of] for i, of in forces.items() if of in known and of not in self.posterior.present_names}
 
     @property
     def shapes(self) -> list[tuple[int, Sensor, list[int]]]:
@@ -240,10 +263,11 @@ def omitted_effects(posterior: Posterior, mode: Mode) -> OmittedEffects:
         return OmittedEffects((), 0, np.ones(posterior.dim), ((),) * posterior.dim)
     problem, none = _Problem(posterior, effects), np.zeros(len(effects))
     sd = np.sqrt(np.diag(mode.cov))
-    fit = _Fit(mode.z, none, (), mode.cov, 0.0, _linear(problem, mode.z, none))
+    at = _linear(problem, mode.z, none)
+    fit = _Fit(mode.z, none, (), _covariance(problem, mode.z, none, (), at, np.diag(mode.cov)), 0.0, at)
     tried, within, found = [(0.0, sd**2, np.zeros(posterior.dim))], [()], []
     while True:
-        scores = score_effects(fit.at, fit.cov, fit.taken)
+        scores = score_effects(fit.at, fit.cov, fit.taken, problem.options)
         scores = {i: one for i, one in scores.items() if one.size > 0 or not effects[i].is_positive}
         near = _contenders(scores)
         if problem.shapes:  # noise with a memory takes up a part of an effect, and then hides it
@@ -290,13 +314,9 @@ def _contenders(scores: Mapping[int, Score]) -> list[int]:
 
 def _scores_as_white(problem: _Problem, fit: _Fit) -> dict[int, Score]:
     """Return what each effect would do to first order if the noise had no memory."""
-    at, d, k = _linear(problem, fit.z, fit.sizes, as_white=True), fit.z.size, len(fit.taken)
-    moves = np.flatnonzero(np.diag(at.products)[:d])
-    fitted, among = np.r_[moves, d + np.array(fit.taken, int)], np.r_[moves, d + np.arange(k)]
-    cov = np.zeros((d + k, d + k))
-    prior = _priors(problem.posterior, fit.z, moves)[2]
-    cov[np.ix_(among, among)] = _inverse(at.products[np.ix_(fitted, fitted)], prior)
-    scores = score_effects(at, cov, fit.taken)
+    at = _linear(problem, fit.z, fit.sizes, as_white=True)
+    cov = _covariance(problem, fit.z, fit.sizes, fit.taken, at, np.diag(fit.cov)[: fit.z.size])
+    scores = score_effects(at, cov, fit.taken, problem.options)
     return {i: one for i, one in scores.items() if one.size > 0 or not problem.effects[i].is_positive}
 
 
@@ -325,13 +345,19 @@ def inside(
     return ndtr((half - shift) / sd) - ndtr((-half - shift) / sd)
 
 
-def score_effects(at: Linear, cov: Float[np.ndarray, "dk dk"], taken: tuple[int, ...] = ()) -> dict[int, Score]:
-    """Return what each effect would do by itself; those that the parameters can imitate entirely are left out.
+def score_effects(
+    at: Linear,
+    cov: Float[np.ndarray, "dk dk"],
+    taken: tuple[int, ...] = (),
+    options: Mapping[int, Prior] = {},
+) -> dict[int, Score]:
+    """Return what each effect would do by itself; of those that no structure has, what the parameters can imitate entirely is left out.
 
     Args:
         at: what is linear about a fit.
         cov: posterior covariance of z, and then of the effects that are in the fit.
         taken: places of these.
+        options: priors of effects that are terms of other structures, by place.
     """
     d = at.dim
     fitted = [*range(d), *(d + i for i in taken)]
@@ -341,29 +367,60 @@ def score_effects(at: Linear, cov: Float[np.ndarray, "dk dk"], taken: tuple[int,
     pull = at.pull[d:] - absorbed.T @ at.pull[fitted]
     scores = {}
     for i in range(own.size):
-        if i in taken or not information[i] > HIDDEN * own[i] > 0:
+        told, option = float(information[i]), options.get(i)
+        if i in taken or not own[i] > 0 or (option is None and not told > HIDDEN * own[i]):
             continue
-        size = float(pull[i] / information[i])
-        variance = absorbed[:d, i] ** 2 / (information[i] * at.worth)
-        log_odds = 0.5 * size * float(pull[i]) * at.worth - at.price
-        scores[i] = Score(size, float(information[i]), log_odds, -absorbed[:d, i] * size, variance)
+        middle, before = (0.0, 0.0) if option is None else _about(option, float(pull[i]) / max(told, TINY))
+        precision = max(told, 0.0) * at.worth + before
+        size = (float(pull[i]) * at.worth + middle * before) / precision
+        gain = at.worth * (size * float(pull[i]) - 0.5 * size**2 * told)
+        log_odds = gain - at.price(size, 1.0 / precision, option)
+        scores[i] = Score(size, told, log_odds, -absorbed[:d, i] * size, absorbed[:d, i] ** 2 / precision)
     return scores
 
 
 def _fitted(problem: _Problem, before: _Fit, added: int) -> _Fit:
     """Return the fit with one more effect, by Gauss and Newton's steps from the fit without it, and with the noise that is then left."""
-    posterior, taken, d = problem.posterior, (*before.taken, added), problem.posterior.dim
+    taken, d = (*before.taken, added), problem.posterior.dim
     here = list(taken)
     moves = np.flatnonzero(np.diag(before.at.products)[:d])
     z, sizes, at = _climbed(problem, before.z, before.sizes, before.at, moves, here)
     for _ in range(ROUNDS * bool(problem.shapes)):
         z = _with_noise_left(problem, z, sizes)
         z, sizes, at = _climbed(problem, z, sizes, _linear(problem, z, sizes), moves, here)
-    cov, among = np.diag(np.r_[np.diag(before.cov)[:d], np.zeros(len(here))]), np.r_[moves, d + np.arange(len(here))]
-    fitted = np.r_[moves, d + np.array(here)]
-    cov[np.ix_(among, among)] = _inverse(at.products[np.ix_(fitted, fitted)], _priors(posterior, z, moves)[2])
-    log_odds = before.log_odds + (before.at.log_noise - at.log_noise) * at.worth - at.price
+    cov = _covariance(problem, z, sizes, taken, at, np.diag(before.cov)[:d])
+    price = at.price(sizes[added], cov[-1, -1] / at.worth, problem.options.get(added))
+    log_odds = before.log_odds + (before.at.log_noise - at.log_noise) * at.worth - price
     return _Fit(z, sizes, taken, cov, log_odds, at)
+
+
+def _covariance(
+    problem: _Problem,
+    z: np.ndarray,
+    sizes: np.ndarray,
+    taken: tuple[int, ...],
+    at: Linear,
+    still: Float[np.ndarray, " d"],
+) -> Float[np.ndarray, "dk dk"]:
+    """Return the covariance of all parameters and then of the effects that are taken in, as if all samples were independent.
+
+    It is made of the very sums that say what an effect adds: of one that the parameters nearly imitate, the difference is all there is.
+
+    Args:
+        problem: what is searched.
+        z: parameters.
+        sizes: of the effects.
+        taken: places of those that are in.
+        at: what is linear about these.
+        still: variances of the parameters that change nothing that is shown.
+    """
+    d, k, here = z.size, len(taken), list(taken)
+    moves = np.flatnonzero(np.diag(at.products)[:d])
+    fitted, among = np.r_[moves, d + np.array(here, int)], np.r_[moves, d + np.arange(k)]
+    cov = np.diag(np.r_[still, np.zeros(k)])
+    prior = _all_priors(problem, z, sizes, moves, here)
+    cov[np.ix_(among, among)] = _inverse(at.products[np.ix_(fitted, fitted)], prior[2])
+    return cov
 
 
 def _climbed(
@@ -382,16 +439,16 @@ def _climbed(
     fitted = np.r_[moves, z.size + np.array(here)]
     lowest = np.where([problem.effects[i].is_positive for i in here], 0.0, -np.inf)
     for _ in range(STEPS):
-        prior = _priors(problem.posterior, z, moves)
+        prior = _all_priors(problem, z, sizes, moves, here)
         height = prior[0].sum() - at.log_noise
-        uphill = at.pull[fitted] + np.r_[prior[1], np.zeros(len(here))]
+        uphill = at.pull[fitted] + prior[1]
         step = _inverse(at.products[np.ix_(fitted, fitted)], prior[2]) @ uphill
         for share in 0.5 ** np.arange(HALVINGS):
             tried, new = z.copy(), sizes.copy()
             tried[moves] += share * step[: moves.size]
             new[here] = np.maximum(sizes[here] + share * step[moves.size :], lowest)
             near = _linear(problem, tried, new)
-            gain = _priors(problem.posterior, tried, moves)[0].sum() - near.log_noise - height
+            gain = _all_priors(problem, tried, new, moves, here)[0].sum() - near.log_noise - height
             if gain > 0:
                 break
         else:
@@ -430,6 +487,23 @@ def _with_noise_left(problem: _Problem, z: np.ndarray, sizes: np.ndarray) -> np.
 def _priors(posterior: Posterior, z: np.ndarray, at: np.ndarray) -> np.ndarray:
     """Return the log prior densities of some parameters with two derivatives, shape (3, k)."""
     return np.asarray(expand_prior(posterior, z)[0])[:, at]
+
+
+def _all_priors(problem: _Problem, z: np.ndarray, sizes: np.ndarray, moves: np.ndarray, here: list[int]) -> np.ndarray:
+    """Return the same of parameters and then of effects, 0 for those that no structure has."""
+    options, of_effects = problem.options, np.zeros((3, len(here)))
+    for k, i in enumerate(here):
+        if i in options:
+            middle, precision = _about(options[i], sizes[i])
+            away = sizes[i] - middle
+            of_effects[:, k] = -0.5 * away**2 * precision, -away * precision, -precision
+    return np.concatenate([_priors(problem.posterior, z, moves), of_effects], axis=1)
+
+
+def _about(prior: Prior, size: float) -> tuple[float, float]:
+    """Return where a prior draws a size to, and its curvature: a uniform one to the nearest size inside."""
+    inside = np.clip(size, *prior.bounds) if isinstance(prior, Uniform) else prior.mean
+    return float(inside), float(prior.sd) ** -2.0
 
 
 def _inverse(curvature: np.ndarray, prior: np.ndarray) -> np.ndarray:

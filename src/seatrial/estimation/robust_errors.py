@@ -118,7 +118,7 @@ class RobustErrors:
             few = f" (widened for so few: Student's t, {pieces.freedom} degrees of freedom)"
             tests.append(f"without any of {pieces.basis}{few if is_wider else ''}")
         if self.omitted.sought:
-            tests.append(f"with any of {self.omitted.sought} effects that the model may lack")
+            tests.append(f"with those that the data ask for of {self.omitted.sought} effects that the model may lack")
         if not tests:
             return f"± with model error: not judged; {pieces.basis}"
         why = "" if pieces.count else f"; nothing was left out: {pieces.basis}"
