@@ -40,14 +40,14 @@ def test_the_mode_and_its_spread(tmp_path):
 
 
 def test_beside_a_second_standard_deviation_stands_what_makes_it_and_below_how_to_get_rid_of_it(small):
-    """The second structure lacks X_u, which the record cannot tell from a constant force or an offset of the propeller."""
+    """The second structure lacks X_u, which the first one has."""
     _, lacking = posterior_modes(*small)
     drag = next(line for line in lacking.lines() if line.startswith("  X_uabsu"))
     assert "with model error (mostly " in drag
     assert "a force X_u" in drag
     remedy = lacking.wider_words[1]
     assert remedy.startswith("X_uabsu: most of the ± with model error is from ")
-    assert "or other structures have X_u" in remedy
+    assert remedy.endswith("a force X_u; other structures have X_u: quote the averaged coefficients")
 
 
 DISTURBED = (

@@ -1,12 +1,13 @@
 """What a fitted structure leaves out, in words: the effect, which coefficient hides it or is uncertain by it, and how to add it."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 from seatrial.campaign.store.estimates import LeftOut, ModelErrorFinding
 from seatrial.estimation.fit_verdict import either
 from seatrial.estimation.omitted_effects import Effect, Omitted, OmittedEffects
 from seatrial.estimation.output_error import OutputError
 from seatrial.estimation.posterior import Posterior
+from seatrial.estimation.remedies import listed
 from seatrial.estimation.robust_errors import RobustErrors
 from seatrial.selection.structures import Structure
 
@@ -54,10 +55,10 @@ def findings_of(posterior: Posterior, robust: RobustErrors, names: Iterable[str]
     noise, found = _better_noise(posterior, robust), {}
     for name in names:
         words, effects = _cause(robust, name), robust.cause(name)
-        remedies = [_remedy(posterior, one) for one in effects] or [noise or _of_pieces(robust)]
+        remedy = _remedy(posterior, effects) or noise or _of_pieces(robust)
         if effects and noise and not any(_is_elsewhere(posterior, one) for one in effects):
-            remedies = [f"first {noise}; if it stays, {'; or '.join(dict.fromkeys(remedies))}"]
-        found.setdefault((words, "; or ".join(dict.fromkeys(remedies))), []).append(name)
+            remedy = f"first {noise}; if it stays, {remedy}"
+        found.setdefault((words, remedy), []).append(name)
     findings = [ModelErrorFinding(tuple(names), *of, is_noise=of[1] == noise) for of, names in found.items()]
     return sorted(findings, key=lambda one: not one.is_noise)
 
@@ -88,7 +89,7 @@ def _words(posterior: Posterior, found: Omitted) -> tuple[str, str]:
     words = f"{_name(found.effect)} of about {found.size:.2g} ± {found.sd:.1g} {found.effect.unit}".rstrip()
     if found.alike:
         words += f" (or {' or '.join(_name(one).rstrip(',') for one in found.alike)}: the data cannot separate them)"
-    return words, _remedy(posterior, found.effect)
+    return words, _remedy(posterior, [found.effect])
 
 
 def _is_elsewhere(posterior: Posterior, effect: Effect) -> bool:
@@ -96,25 +97,32 @@ def _is_elsewhere(posterior: Posterior, effect: Effect) -> bool:
     return effect.kind == "force" and effect.of in {one.text for one in posterior.likelihood.model.coefficients}
 
 
-def _remedy(posterior: Posterior, effect: Effect) -> str:
-    of = effect.of
+def _remedy(posterior: Posterior, effects: Sequence[Effect]) -> str:
+    """Return what can be done about some effects, each thing once."""
+    elsewhere = [one.of for one in effects if _is_elsewhere(posterior, one)]
+    ways = [f"other structures have {listed(elsewhere)}: quote the averaged coefficients"] if elsewhere else []
+    ways += [way for one in effects if not _is_elsewhere(posterior, one) for way in _ways(one)]
+    return "; or ".join(dict.fromkeys(ways))
+
+
+def _ways(effect: Effect) -> tuple[str, ...]:
+    of, delay = effect.of, "give `delay` a prior, [prior.delay]"
     match effect.kind:
         case "force":
-            elsewhere = _is_elsewhere(posterior, effect)
-            return f"other structures have {of}" if elsewhere else f"add {of} to structure.optional, with a prior"
+            return (f"add {of} to structure.optional, with a prior",)
         case "command lag":
-            return f"state it in [vehicle.actuators.{of}], or give `delay` a prior, [prior.delay]"
+            return f"state it in [vehicle.actuators.{of}]", delay
         case "delay":
-            return "give `delay` a prior, [prior.delay]"
+            return (delay,)
         case "command lead":
             line = f'if {of} was measured and this is half its sampling time, write between = "line" for its channel in [import]'
-            return f"{line}; else correct `shift` of its file"
+            return (f"{line}; else correct `shift` of its file",)
         case "command offset":
-            return f"check the zero of {of}; `offset` of its channel in [import] corrects it"
+            return (f"check the zero of {of}; `offset` of its channel in [import] corrects it",)
         case "sensor offset":
-            return f'set sensors.{of}.bias = "own" or estimation.current = "own", with a prior'
+            return (f'set sensors.{of}.bias = "own" or estimation.current = "own", with a prior',)
         case "start":
-            return 'set estimation.initial = "estimated"'
+            return ('set estimation.initial = "estimated"',)
 
 
 def _name(effect: Effect) -> str:
