@@ -151,3 +151,17 @@ def test_what_a_regression_leaves_out_is_said(tmp_path):
     )
     full, _ = regressions(campaign, get_trials(campaign))
     assert "a regression of accelerations ignores delay, which biases its values" in full.caution
+
+
+def test_the_masses_that_scale_all_coefficients_are_named_where_no_force_is_known(tmp_path):
+    campaign = load_campaign(write_small(tmp_path / "small"))
+    assert campaign.stated_masses.startswith(
+        "taken as exact, and in no ±: a mass of 30.48 kg and X_udot = -0.93 kg, with which"
+    )
+    known = ('catalogue = "remus100_surge"', 'mass = "30 kg"\nfixed = { X_udot = -1.0, T_nabsn = 6e-4 }')
+    no_thrust = 'always = ["X_uabsu", "T_nabsn"]', 'always = ["X_uabsu"]'
+    prior = ('[prior.T_nabsn]\ndistribution = "uniform"\nlower = 2.0e-4\nupper = 12.0e-4\n', "")
+    trim = ("[structure]", "[structure]"), ("T_nabsn = 6.28e-4\n", "")
+    text = write_small(tmp_path / "forced", known, no_thrust, prior, *trim) / "campaign.toml"
+    text.write_text(text.read_text().replace("fixed = {", 'trim = { u = "1.5 m/s", n = "1194 rpm" }\nfixed = {'))
+    assert load_campaign(tmp_path / "forced").stated_masses == ""

@@ -37,7 +37,7 @@ def simulate(
     ] = False,
     quiet: Quiet = False,
 ) -> None:
-    """Simulate the best design, then any trial that is added.
+    """Simulate the best design and, with the options below, further trials.
 
     A trial that is added stays: later commands estimate from its record too.
     """

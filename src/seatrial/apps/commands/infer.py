@@ -189,6 +189,8 @@ def _by_chains(campaign: Any, reporter: Any, answer: Answer) -> Exit:
         answer.say("\n".join(known.lines(campaign.shown)))
         said += known.verdict
         structures.append(results.estimated(item, held_back[-1], known))
+    if campaign.stated_masses:
+        answer.say(campaign.stated_masses)
     answer.give(by=By.CHAINS, structures=structures)
     answer.wrote("coefficients", write_coefficients(campaign.folder, estimates, campaign.shown))
     alarms = [f"{item.structure.label}: {text}" for item in estimates for text in item.alarms]
@@ -230,6 +232,8 @@ def _first_answers(campaign: Any, reporter: Any, answer: Answer, by: By, window:
     for one in found:
         answer.say("\n".join(one.lines()))
     answer.give(by=by, first_answers=[results.first_answer(one) for one in found if not one.alarm])
+    if campaign.stated_masses:
+        answer.say(campaign.stated_masses)
     answer.say(MODE if by is By.MODE else REGRESSION)
     alarms = [one.alarm for one in found if one.alarm]
     if by is By.MODE and len(alarms) < len(found):

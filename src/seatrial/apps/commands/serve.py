@@ -22,7 +22,7 @@ def serve(
     also: Annotated[
         list[Path] | None,
         typer.Option(
-            metavar="DIR", help="Another folder that campaigns may read, such as that of the records; repeatable."
+            metavar="DIR", help="Another folder that campaigns may read, such as the one with the logs; repeatable."
         ),
     ] = None,
     cold: Annotated[

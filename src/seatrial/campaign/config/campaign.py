@@ -28,6 +28,7 @@ from seatrial.campaign.config.settings import (
 from seatrial.campaign.config.toml import key_lines, key_place
 from seatrial.campaign.config.vehicle import CampaignVehicle, level_start
 from seatrial.campaign.store.stored_result import FILE_NAME
+from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import Shown, shown_as_written, shown_unit
 from seatrial.core.errors import InputError, located
 from seatrial.core.signals import ACTUAL, HELD, PROPULSION, QUATERNION
@@ -319,6 +320,21 @@ class Campaign:
         """Trim values of states and controls that are stated, SI; that of a designed control where the design states another."""
         stated = self.trial_design
         return self.hull.trim if stated is None else {**self.hull.trim, stated.family.control: stated.family.trim}
+
+    @property
+    def stated_masses(self) -> str:
+        """Say which masses are taken as exact, by which an unknown force and all that resists it scale; empty where none is."""
+        mass, fixed = self.hull.mass, self.hull.fixed
+        pushed, known = (
+            any({*PROPULSION} & {*CoefficientName.parse(name).signals} for name in names)
+            for names in (self.full.terms, fixed)
+        )
+        if mass is None or known or not pushed:
+            return ""
+        added = [f"{name} = {value:.4g} kg" for name, value in fixed.items() if name == "X_udot"]
+        said = " and ".join([f"a mass of {mass:.4g} kg", *added])
+        guessed = "; if X_udot is a guess, move it to structure.always with a prior" if added else ""
+        return f"taken as exact, and in no ±: {said}, with which all coefficients of X and T scale{guessed}"
 
     def state_trim(self, model: VehicleModel) -> tuple[float, ...]:
         """Trim value of every state of a model, SI; level and 0 where nothing is said."""

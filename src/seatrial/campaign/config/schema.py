@@ -280,8 +280,8 @@ class DesignTable(Table):
 
     `schedule` is a CSV of your own, with columns `time_s` and one for each control that moves, with its unit, such as `n_rpm`. It is
     compared with the families, and is the first trial that is run. Controls named under `together` move at the same
-    time. The amplitude of each belongs to the largest amplitude of `control`: `{ n = "100 rpm" }`. A control with slower motion may
-    have a longer period: `{ n = { amplitude = "100 rpm", period = 2.0 } }`.
+    time. The amplitude of each, `{ n = "100 rpm" }`, is used with the largest amplitude of `control`; smaller designs shrink it in
+    proportion. A control with slower motion may have a longer period: `{ n = { amplitude = "100 rpm", period = 2.0 } }`.
 
     Without this table a campaign with `[import]` is fitted and reported, and no next trial is proposed.
     """

@@ -51,6 +51,7 @@ def summary_section(outcome: Outcome) -> dict[str, Any]:
         "several": len(outcome.estimates) > 1,
         "value_head": "Chosen model" if len(outcome.estimates) > 1 else "Value ± sd",
         "has_truth": bool(truth_of(outcome)),
+        "stated_masses": sentence_of(outcome, text) if (text := outcome.campaign.stated_masses) else "",
         "unit_mass": outcome.campaign.hull.mass is None,
         "wider": sentence_of(outcome, outcome.chosen.wider_words),
         "wider_findings": [sentence_of(outcome, one.sentence) for one in outcome.wider_findings],
