@@ -1,6 +1,7 @@
 """What nobody can mean is refused by every public function, by the name of the argument, and never in silence or with a traceback."""
 
 import re
+from dataclasses import replace
 
 import jax
 import numpy as np
@@ -223,6 +224,43 @@ DESIGN = {
 )
 def test_design_trial(changes, message):
     refused(message, st.design_trial, **{**DESIGN, **changes})
+
+
+def measured_otherwise(record, changed):
+    u = record.channel("u").copy()
+    changed(u)
+    return replace(record, measurement=u[:, None])
+
+
+def thinned(u):
+    u[1::2] = np.nan
+
+
+def shifted(u):
+    u[3:5] += 1e-3
+
+
+@pytest.mark.parametrize(
+    ("records", "message"),
+    [
+        (
+            lambda one: measured_otherwise(one, thinned),
+            r'b"\]\n.*posteriors\["a"\]: \d+ measurements of u of record "trial"',
+        ),
+        (lambda one: measured_otherwise(one, shifted), r"2 of \d+ measurements of u"),
+        (lambda one: replace(one, time=1.01 * one.time), "other times of u"),
+        (lambda one: [one, replace(one, label="again")], "2 records against 1"),
+    ],
+)
+def test_posteriors_of_different_data_are_not_compared(record, posterior, records, message):
+    other = st.make_posterior(MODEL, records(record), PRIORS, start={"u": 1.5})
+    refused(message, st.compare, {"a": posterior, "b": other})
+
+
+def test_posteriors_of_different_channels_are_not_compared(posterior):
+    both = st.simulate(MODEL, TRUTH | {"sigma_udot": 0.1}, SCHEDULE, ["u", "udot"], start={"u": 1.5}, key=1)
+    other = st.make_posterior(MODEL, both, PRIORS | {"sigma_udot": st.Uniform(0.01, 1.0)}, start={"u": 1.5})
+    refused("measured u, udot against u", st.compare, {"a": posterior, "b": other})
 
 
 CHANNELS = (st.Channel("n", "rad/s", "control"), st.Channel("u", "m/s", "measurement"))
