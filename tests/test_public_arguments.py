@@ -226,6 +226,30 @@ def test_design_trial(changes, message):
     refused(message, st.design_trial, **{**DESIGN, **changes})
 
 
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda p: st.sample(p, progress=3), r"progress\n.*3\n"),
+        (lambda p: st.compare({"a": p, "b": p}, progress=3), "progress"),
+        (lambda p: st.predict_from_prior(None), r"campaign\n.*None"),
+        (lambda p: a_few_draws().thinned([10000]), r"places\[0\]\n.*10000\n.*from 0 to 9"),
+        (lambda p: a_few_draws().thinned([0.5]), r"places\[0\]"),
+        (lambda p: a_few_draws().thinned(3), r"places\n"),
+    ],
+)
+def test_before_anything_is_computed(posterior, call, message):
+    refused(message, call, posterior)
+
+
+def a_few_draws():
+    z = np.zeros((2, 10, 1))
+    return st.Draws(z, z[..., 0], 0.5, 0, ("a",), ("1",), z)
+
+
+def test_every_other_draw():
+    assert a_few_draws().thinned(range(0, 10, 2)).z.shape == (2, 5, 1)
+
+
 def measured_otherwise(record, changed):
     u = record.channel("u").copy()
     changed(u)

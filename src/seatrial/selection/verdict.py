@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from seatrial.core.argument_checks import check_kind, check_mapping
 from seatrial.core.errors import InputError
-from seatrial.core.reporter import Progress, no_progress
+from seatrial.core.reporter import Progress, check_progress, no_progress
 from seatrial.core.result_table import table_html, table_text
 from seatrial.estimation.posterior import Posterior, as_key, check_posterior
 from seatrial.estimation.trial_data import TrialData
@@ -231,6 +231,7 @@ def compare(
             expected="two at least",
             remedy="use `evidence` for one alone",
         )
+    check_progress(progress)
     _check_same_data(posteriors)
     structures = [Structure(label, posterior.names) for label, posterior in posteriors.items()]
     shared = set.intersection(*(set(structure.terms) for structure in structures))

@@ -21,6 +21,7 @@ from seatrial.campaign.data.simulate import FIRST, record_keys
 from seatrial.campaign.design.sweep import design_first, is_designed
 from seatrial.campaign.inference.posterior import build_posterior, initial_state, random_key
 from seatrial.campaign.store.stored_result import Store
+from seatrial.core.argument_checks import check_kind
 from seatrial.core.batching import bucket_length, filled
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import shown_unit
@@ -379,9 +380,17 @@ class PriorPredictive:
 def predict_from_prior(campaign: Campaign, reporter: Reporter = SILENT) -> PriorPredictive:
     """Draw from the full structure's prior and simulate over the trial that `prior_trial` finds.
 
+    Args:
+        campaign: of `load_campaign`.
+        reporter: told how far it has come.
+
+    Returns:
+        motions over the time of that trial, SI, and what the priors allow that physics does not.
+
     Raises:
-        InputError: logs that cannot be read, no design inside the limits, or trials through an autopilot.
+        InputError: no campaign, logs that cannot be read, no design inside the limits, or trials through an autopilot.
     """
+    check_kind(campaign, Campaign, "campaign", "read it with `load_campaign`")
     campaign.check_no_autopilot("the prior predictive check")
     model = campaign.model(campaign.full)
     trial = prior_trial(campaign, reporter)
