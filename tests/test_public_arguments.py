@@ -143,6 +143,11 @@ def test_make_posterior(record, changes, message):
         (lambda: st.posterior_of_density({}, lambda values: 0.0), "log_density"),
         (lambda: st.posterior_of_density(lambda values: 0.0, None), "priors"),
         (lambda: st.posterior_of_density(lambda v: v["a"], {"a": st.Normal(0.0, 1.0)}, ["1"]), "units"),
+        (
+            lambda: st.posterior_of_density(lambda v: v["a"], {"a": st.Normal(0.0, 1.0)}, {"b": "kg"}),
+            'units\n.*"b", which',
+        ),
+        (lambda: st.posterior_of_density(lambda v: v["a"], {"a": st.Normal(0.0, 1.0)}, {"a": 3}), r'units\["a"\]'),
     ],
 )
 def test_settings_and_parts(make, message):
@@ -210,6 +215,9 @@ DESIGN = {
         ({"families": "doublet"}, "families"),
         ({"amplitude": 20.0}, "amplitude"),
         ({"amplitude": [np.nan]}, r"amplitude\[0\]"),
+        ({"amplitude": [20.0, 0.0]}, r"amplitude\[1\]\n.*with which nothing moves"),
+        ({"rates": {"u": 1000.0}}, r'rates\["u"\]\n.*1000 samples a second\n.*to 10, one at every time'),
+        ({"rates": {"u": 0.01}}, r'rates\["u"\]\n.*0.01 samples a second'),
         ({"period": []}, "period"),
         ({"noise": {}}, "noise"),
         ({"noise": 0.02}, "noise"),
@@ -226,9 +234,25 @@ def test_design_trial(changes, message):
     refused(message, st.design_trial, **{**DESIGN, **changes})
 
 
+@pytest.mark.parametrize("name", ["sigma_u", "tau_u", "lag_u", "drift_u", "drift_time_u", "dof_u", "delay"])
+@pytest.mark.parametrize("prior", [st.Normal(0.0, 0.1), st.Uniform(-1.0, 1.0)])
+def test_what_has_no_sign_has_a_prior_above_zero(record, name, prior):
+    kind = {"tau": "coloured", "dof": "heavy", "drift": "drifting"}.get(name.partition("_")[0], "white")
+    sensor, size = st.Sensor("u", kind, lag=name == "lag_u"), st.LogUniform(0.01, 1.0)
+    priors = {**PRIORS, **{one: size for one in sensor.parameters if one != "sigma_u"}}
+    message = rf'priors\["{name}"\]\n.*(Normal|Uniform)\(.*which allows values below 0\n.*\n.*half_normal'
+    refused(message, st.make_posterior, MODEL, record, priors | {name: prior}, [sensor], start={"u": 1.5})
+
+
+def test_a_trace_below_zero_and_a_bias_of_either_sign_are_allowed(record):
+    priors = PRIORS | {"sigma_u": st.Normal(0.02, 0.002), "bias_u": st.Normal(0.0, 0.1)}
+    st.make_posterior(MODEL, record, priors, [st.Sensor("u", bias=True)], start={"u": 1.5})
+
+
 @pytest.mark.parametrize(
     ("call", "message"),
     [
+        (lambda p: st.find_mode(p, key="a"), r"key\n.*'a'\n.*a seed, or a key of jax\.random\.key"),
         (lambda p: st.sample(p, progress=3), r"progress\n.*3\n"),
         (lambda p: st.compare({"a": p, "b": p}, progress=3), "progress"),
         (lambda p: st.predict_from_prior(None), r"campaign\n.*None"),

@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from seatrial.core.argument_checks import check_kind, check_mapping, shown
+from seatrial.core.argument_checks import check_kind, check_known, check_mapping, check_text, shown
 from seatrial.core.engine import check_precision
 from seatrial.core.errors import InputError
 from seatrial.core.programs import program
@@ -211,7 +211,7 @@ def posterior_of_density(
         a posterior whose parameters have the names of the priors.
 
     Raises:
-        InputError: no prior, or a function that cannot be compiled or returns no scalar.
+        InputError: no prior, a unit of no parameter, or a function that cannot be compiled or returns no scalar.
     """
     check_precision()
     if not callable(log_density):
@@ -225,6 +225,9 @@ def posterior_of_density(
         )
     _check_density(log_density, tuple(priors))
     known = check_mapping({} if units is None else units, "units", 'write for example {"X_u": "kg/s"}')
+    check_known(known, tuple(priors), "units")
+    for name, unit in known.items():
+        check_text(unit, f'units["{name}"]', 'write for example "kg/s"')
     parameters = tuple(Parameter(name, known.get(name, "1"), name, prior) for name, prior in priors.items())
     return Posterior(parameters, _OfValues(log_density), ())
 
@@ -271,7 +274,14 @@ def as_key(key: jax.Array | int) -> jax.Array:
     """
     if isinstance(key, Integral) and not isinstance(key, bool):
         return jax.random.key(int(key))
-    return check_kind(key, jax.Array, "key", "give a whole number as a seed, or a key of jax.random")
+    if not isinstance(key, jax.Array):
+        raise InputError(
+            "key",
+            found=shown(key),
+            expected="a seed, or a key of jax.random.key",
+            remedy="give a whole number, for example 0",
+        )
+    return key
 
 
 def _check_density(log_density: Callable[[dict[str, Any]], Any], names: tuple[str, ...]) -> None:
