@@ -403,6 +403,22 @@ def test_files_and_folders(tmp_path, call, message):
     refused(message, call, tmp_path)
 
 
+def test_what_is_no_table_prints_itself_in_words(posterior, record):
+    assert repr(posterior) == (
+        'Posterior of X_uabsu [kg/m], T_nabsn [kg m/rad^2], sigma_u [m/s]; record "trial", measured u'
+    )
+    assert (
+        repr(MODEL)
+        == 'Vehicle "REMUS 100 (surge)"; states u [m/s]; controls n [rad/s]; free X_uabsu [kg/m], T_nabsn [kg m/rad^2]'
+    )
+    assert repr(SCHEDULE) == "Schedule: 120 samples over 11.9 s; n from 1000 to 1400 rpm"
+    own = st.posterior_of_density(lambda values: values["a"], {"a": st.Normal(0.0, 1.0)})
+    assert repr(own) == "Posterior of a [1]; a log density of one's own"
+    for one in (posterior, MODEL, SCHEDULE, record):
+        assert one._repr_html_().startswith("<pre>")
+    assert "&quot;trial&quot;" in record._repr_html_()
+
+
 @pytest.mark.parametrize(
     "call",
     [

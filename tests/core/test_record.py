@@ -3,6 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from seatrial.campaign.data.import_logs import Trials
 from seatrial.core.errors import InputError
 from seatrial.core.record import Channel, make_record
 from tests.cases import CHANNELS, PROVENANCE
@@ -162,3 +163,12 @@ def test_unknown_channel():
     with pytest.raises(InputError, match='no channel "v"') as caught:
         record_of().channel("v")
     assert "n, u, udot" in caught.value.expected
+
+
+def test_records_of_a_campaign_are_printed_a_line_each():
+    trials = Trials((record_of(), record_of()), (record_of(),), "")
+    lines = repr(trials).splitlines()
+    assert [line.partition(": ")[0] for line in lines] == ["fitted", "fitted", "only predicted"]
+    assert lines[0].endswith(repr(record_of()))
+    assert trials._repr_html_().count("\n") == 2
+    assert repr(Trials((), (), "")) == "no records"

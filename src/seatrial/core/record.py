@@ -9,6 +9,7 @@ from jaxtyping import Float
 
 from seatrial.core.argument_checks import check_array, check_each_of, check_kind, check_mapping, check_text, shown
 from seatrial.core.errors import InputError, nearest
+from seatrial.core.result_table import text_html
 from seatrial.core.signals import FORCE, MOMENT, POSITIONS, QUATERNION, SIGNALS, TRACKS, is_signal, signal_unit
 from seatrial.core.units import to_si
 
@@ -80,6 +81,8 @@ class Record:
         if count := len(self.cautions):
             said.append(f"{count} caution{'s' if count > 1 else ''}: read record.cautions")
         return "; ".join(said)
+
+    _repr_html_ = text_html
 
     @property
     def cautions(self) -> tuple[str, ...]:

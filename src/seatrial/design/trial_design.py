@@ -16,7 +16,7 @@ from seatrial.design.sweep import Sweep, sweep_family
 from seatrial.estimation.posterior import check_priors
 from seatrial.estimation.priors import Prior
 from seatrial.estimation.simulated_record import checked_rates
-from seatrial.manoeuvres.family import Family
+from seatrial.manoeuvres.family import Family, design_words
 from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.manoeuvres.schedule import Schedule
 from seatrial.sampling.run import Draws
@@ -74,10 +74,8 @@ class TrialDesign:
     def _heading(self) -> str:
         best = self.sweeps[0]
         row, column = best.best
-        return (
-            f"{best.family.words} in {best.family.control}, amplitude {best.amplitude[row]:.4g}, {best.family.shape.period_is} "
-            f"{best.period[column]:.3g} s: {self.gain:.2f} nat"
-        )
+        words = design_words(best.family, float(best.amplitude[row]), float(best.period[column]))
+        return f"{words}: {self.gain:.2f} nat"
 
     @property
     def _remarks(self) -> list[str]:

@@ -20,6 +20,7 @@ from seatrial.core.engine import check_precision
 from seatrial.core.errors import InputError
 from seatrial.core.programs import program
 from seatrial.core.pytrees import compiled_tree
+from seatrial.core.result_table import text_html
 from seatrial.estimation.priors import Prior
 from seatrial.sampling.run import Draws
 from seatrial.sampling.target import AT_ONCE
@@ -71,6 +72,18 @@ class Posterior:
     data: Any
     guess: Float[np.ndarray, " d"] | None = None
     present: Float[np.ndarray, " d"] | None = None
+
+    def __repr__(self) -> str:
+        """Print the parameters, and of which measurements it is."""
+        named = ", ".join(f"{one.name} [{one.unit}]" for one in self.present_parameters)
+        labels = getattr(self.likelihood, "labels", ())
+        of = ", ".join(f'"{label}"' for label in labels)
+        records = (
+            f"record{'s' * (len(labels) > 1)} {of}, measured {', '.join(self.likelihood.channels)}" if labels else ""
+        )
+        return f"Posterior of {named}; " + (records or "a log density of one's own")
+
+    _repr_html_ = text_html
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -24,11 +24,12 @@ from seatrial.campaign.store.stored_result import Store
 from seatrial.core.argument_checks import check_kind
 from seatrial.core.batching import bucket_length, filled
 from seatrial.core.coefficients import CoefficientName
-from seatrial.core.display_units import shown_unit
+from seatrial.core.display_units import shown_as_written, shown_unit
 from seatrial.core.files import is_there
 from seatrial.core.programs import program
 from seatrial.core.record import Record
 from seatrial.core.reporter import SILENT, Reporter
+from seatrial.core.result_table import text_html
 from seatrial.core.signals import HELD, QUATERNION, RATES
 from seatrial.estimation.delayed_control import delay_control
 from seatrial.estimation.output_error import initial_name, own_name
@@ -370,6 +371,15 @@ class PriorPredictive:
     diverged: np.ndarray
     believed: tuple[Believed, ...]
     unphysical: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        """Print what the priors mean as motion, and what to correct."""
+        from seatrial.campaign.prior.summary import prior_alarms, prior_cautions, prior_lines
+
+        said = prior_lines(self, shown_as_written({}))
+        return "\n".join([*said, *(f"- {one}" for one in (*prior_alarms(self), *prior_cautions(self)))])
+
+    _repr_html_ = text_html
 
     @property
     def lost(self) -> np.ndarray:
