@@ -99,6 +99,28 @@ def test_posteriors_pairs_and_traces_are_of_the_parameters_asked_for():
         st.plot.pairs(draws, ["X_w"])
 
 
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"names": []}, r"names\n.*none\n.*one parameter at least"),
+        ({"priors": 3}, "priors"),
+        ({"priors": {"X_uabsu": 3}}, r'priors\["X_uabsu"\]'),
+        ({"truth": "a"}, "truth"),
+        ({"truth": 3}, "truth"),
+        ({"truth": [1]}, "truth"),
+        ({"truth": {"X_uabsu": "a"}}, r'truth\["X_uabsu"\]'),
+        ({"truth": {"foo": 3.0}}, 'truth\n.*"foo", which is no parameter'),
+        ({"mode": 3}, r"mode\n.*an int: 3"),
+    ],
+)
+def test_what_cannot_be_drawn_is_refused(given, message):
+    draws = made_draws()
+    assert len(st.plot.posteriors(draws, truth={"X_uabsu": -2.9, "X_udot": -0.9})) == 3
+    for draw in (st.plot.posteriors, st.plot.pairs)[: 1 if {"priors", "mode"} & set(given) else 2]:
+        with pytest.raises(st.InputError, match=message):
+            draw(draws, **given)
+
+
 @pytest.mark.parametrize("name", st.plot.__all__)
 def test_what_is_no_result_is_refused(name):
     with pytest.raises(st.InputError, match=r"result[\s\S]*an int: 3[\s\S]*expected: an? "):
@@ -174,5 +196,7 @@ def test_a_tree_for_arviz_has_groups_coordinates_and_units(fitted):
     spread = replicated.values.reshape(-1, there.sum()) - predicted.mean[there, 0]
     # The variance of 800 motions that move as a whole is known to sqrt(2 / 800), 5 %.
     assert np.mean(spread**2) == pytest.approx(np.mean(predicted.sd[there, 0] ** 2), rel=0.15)
+    with pytest.raises(st.InputError, match=r"n\n.*-1"):
+        st.to_arviz(made_draws(), n=-1)
     with pytest.raises(st.InputError, match="records alone"):
         st.to_arviz(draws, None, record)

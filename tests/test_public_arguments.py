@@ -1,6 +1,7 @@
 """What nobody can mean is refused by every public function, by the name of the argument, and never in silence or with a traceback."""
 
 import re
+from dataclasses import replace
 
 import jax
 import numpy as np
@@ -142,6 +143,11 @@ def test_make_posterior(record, changes, message):
         (lambda: st.posterior_of_density({}, lambda values: 0.0), "log_density"),
         (lambda: st.posterior_of_density(lambda values: 0.0, None), "priors"),
         (lambda: st.posterior_of_density(lambda v: v["a"], {"a": st.Normal(0.0, 1.0)}, ["1"]), "units"),
+        (
+            lambda: st.posterior_of_density(lambda v: v["a"], {"a": st.Normal(0.0, 1.0)}, {"b": "kg"}),
+            'units\n.*"b", which',
+        ),
+        (lambda: st.posterior_of_density(lambda v: v["a"], {"a": st.Normal(0.0, 1.0)}, {"a": 3}), r'units\["a"\]'),
     ],
 )
 def test_settings_and_parts(make, message):
@@ -209,6 +215,9 @@ DESIGN = {
         ({"families": "doublet"}, "families"),
         ({"amplitude": 20.0}, "amplitude"),
         ({"amplitude": [np.nan]}, r"amplitude\[0\]"),
+        ({"amplitude": [20.0, 0.0]}, r"amplitude\[1\]\n.*with which nothing moves"),
+        ({"rates": {"u": 1000.0}}, r'rates\["u"\]\n.*1000 samples a second\n.*to 10, one at every time'),
+        ({"rates": {"u": 0.01}}, r'rates\["u"\]\n.*0.01 samples a second'),
         ({"period": []}, "period"),
         ({"noise": {}}, "noise"),
         ({"noise": 0.02}, "noise"),
@@ -223,6 +232,83 @@ DESIGN = {
 )
 def test_design_trial(changes, message):
     refused(message, st.design_trial, **{**DESIGN, **changes})
+
+
+@pytest.mark.parametrize("name", ["sigma_u", "tau_u", "lag_u", "drift_u", "drift_time_u", "dof_u", "delay"])
+@pytest.mark.parametrize("prior", [st.Normal(0.0, 0.1), st.Uniform(-1.0, 1.0)])
+def test_what_has_no_sign_has_a_prior_above_zero(record, name, prior):
+    kind = {"tau": "coloured", "dof": "heavy", "drift": "drifting"}.get(name.partition("_")[0], "white")
+    sensor, size = st.Sensor("u", kind, lag=name == "lag_u"), st.LogUniform(0.01, 1.0)
+    priors = {**PRIORS, **{one: size for one in sensor.parameters if one != "sigma_u"}}
+    message = rf'priors\["{name}"\]\n.*(Normal|Uniform)\(.*which allows values below 0\n.*\n.*half_normal'
+    refused(message, st.make_posterior, MODEL, record, priors | {name: prior}, [sensor], start={"u": 1.5})
+
+
+def test_a_trace_below_zero_and_a_bias_of_either_sign_are_allowed(record):
+    priors = PRIORS | {"sigma_u": st.Normal(0.02, 0.002), "bias_u": st.Normal(0.0, 0.1)}
+    st.make_posterior(MODEL, record, priors, [st.Sensor("u", bias=True)], start={"u": 1.5})
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda p: st.find_mode(p, key="a"), r"key\n.*'a'\n.*a seed, or a key of jax\.random\.key"),
+        (lambda p: st.sample(p, progress=3), r"progress\n.*3\n"),
+        (lambda p: st.compare({"a": p, "b": p}, progress=3), "progress"),
+        (lambda p: st.predict_from_prior(None), r"campaign\n.*None"),
+        (lambda p: a_few_draws().thinned([10000]), r"places\[0\]\n.*10000\n.*from 0 to 9"),
+        (lambda p: a_few_draws().thinned([0.5]), r"places\[0\]"),
+        (lambda p: a_few_draws().thinned(3), r"places\n"),
+    ],
+)
+def test_before_anything_is_computed(posterior, call, message):
+    refused(message, call, posterior)
+
+
+def a_few_draws():
+    z = np.zeros((2, 10, 1))
+    return st.Draws(z, z[..., 0], 0.5, 0, ("a",), ("1",), z)
+
+
+def test_every_other_draw():
+    assert a_few_draws().thinned(range(0, 10, 2)).z.shape == (2, 5, 1)
+
+
+def measured_otherwise(record, changed):
+    u = record.channel("u").copy()
+    changed(u)
+    return replace(record, measurement=u[:, None])
+
+
+def thinned(u):
+    u[1::2] = np.nan
+
+
+def shifted(u):
+    u[3:5] += 1e-3
+
+
+@pytest.mark.parametrize(
+    ("records", "message"),
+    [
+        (
+            lambda one: measured_otherwise(one, thinned),
+            r'b"\]\n.*posteriors\["a"\]: \d+ measurements of u of record "trial"',
+        ),
+        (lambda one: measured_otherwise(one, shifted), r"2 of \d+ measurements of u"),
+        (lambda one: replace(one, time=1.01 * one.time), "other times of u"),
+        (lambda one: [one, replace(one, label="again")], "2 records against 1"),
+    ],
+)
+def test_posteriors_of_different_data_are_not_compared(record, posterior, records, message):
+    other = st.make_posterior(MODEL, records(record), PRIORS, start={"u": 1.5})
+    refused(message, st.compare, {"a": posterior, "b": other})
+
+
+def test_posteriors_of_different_channels_are_not_compared(posterior):
+    both = st.simulate(MODEL, TRUTH | {"sigma_udot": 0.1}, SCHEDULE, ["u", "udot"], start={"u": 1.5}, key=1)
+    other = st.make_posterior(MODEL, both, PRIORS | {"sigma_udot": st.Uniform(0.01, 1.0)}, start={"u": 1.5})
+    refused("measured u, udot against u", st.compare, {"a": posterior, "b": other})
 
 
 CHANNELS = (st.Channel("n", "rad/s", "control"), st.Channel("u", "m/s", "measurement"))
@@ -315,6 +401,22 @@ def test_read_log(tmp_path, changes, message):
 )
 def test_files_and_folders(tmp_path, call, message):
     refused(message, call, tmp_path)
+
+
+def test_what_is_no_table_prints_itself_in_words(posterior, record):
+    assert repr(posterior) == (
+        'Posterior of X_uabsu [kg/m], T_nabsn [kg m/rad^2], sigma_u [m/s]; record "trial", measured u'
+    )
+    assert (
+        repr(MODEL)
+        == 'Vehicle "REMUS 100 (surge)"; states u [m/s]; controls n [rad/s]; free X_uabsu [kg/m], T_nabsn [kg m/rad^2]'
+    )
+    assert repr(SCHEDULE) == "Schedule: 120 samples over 11.9 s; n from 1000 to 1400 rpm"
+    own = st.posterior_of_density(lambda values: values["a"], {"a": st.Normal(0.0, 1.0)})
+    assert repr(own) == "Posterior of a [1]; a log density of one's own"
+    for one in (posterior, MODEL, SCHEDULE, record):
+        assert one._repr_html_().startswith("<pre>")
+    assert "&quot;trial&quot;" in record._repr_html_()
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import jax
 import numpy as np
 
 from seatrial.campaign.store.estimates import Estimate
-from seatrial.core.argument_checks import check_each_of, check_kind
+from seatrial.core.argument_checks import check_count, check_each_of, check_kind
 from seatrial.core.errors import InputError
 from seatrial.core.record import Record
 from seatrial.core.signals import signal_unit
@@ -52,6 +52,7 @@ def to_arviz(
     from xarray import Dataset, DataTree
 
     names, units, values, log_density, told = _parts(result)
+    check_count(n, "n", remedy="take a hundred draws or more")
     at = {"chain": np.arange(values.shape[0]), "draw": np.arange(values.shape[1])}
     drawn = {name: _variable(values[..., i], at, units[i]) for i, name in enumerate(names)}
     groups = {
@@ -95,7 +96,7 @@ def _of_record(
 ) -> "dict[str, dict[str, DataArray]]":
     """Return the variables of one record by group: each channel at the times at which it was measured, and the controls."""
     chains, kept = draws.log_density.shape
-    every = max(1, kept * chains // max(n, 1))
+    every = max(1, kept * chains // n)
     places = np.arange(0, kept, every)
     few = draws.thinned(places)
     shown = replicate_record(posterior, few, record, start=start, n=few.log_density.size, key=key)

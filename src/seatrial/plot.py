@@ -14,12 +14,14 @@ from seatrial.campaign.design.sweep import Designs
 from seatrial.campaign.prior.predictive import PriorPredictive
 from seatrial.campaign.store.estimates import Estimate
 from seatrial.campaign.workflow.outcome import Outcome
-from seatrial.core.argument_checks import check_choice, check_kind, check_names
+from seatrial.core.argument_checks import check_choice, check_kind, check_names, check_numbers
+from seatrial.core.coefficients import is_coefficient
 from seatrial.core.display_units import shown_unit
-from seatrial.core.errors import InputError
+from seatrial.core.errors import InputError, nearest
 from seatrial.design.sweep import Sweep
 from seatrial.design.trial_design import TrialDesign
 from seatrial.estimation.mode import Mode
+from seatrial.estimation.posterior import check_priors
 from seatrial.estimation.prediction import Prediction
 from seatrial.estimation.priors import Prior, prior_curve
 from seatrial.report.drawing import prior_panels, prior_spreads, record_curves, signal_axis
@@ -130,17 +132,21 @@ def posteriors(
         names: parameters; all if not given.
         priors: by name, drawn dashed where they are given.
         mode: of `find_mode`, whose normal approximation is drawn over the draws.
-        truth: true values by name, SI.
+        truth: true values by name, SI; of coefficients that were not estimated too.
         ax: one Axes for each parameter; a row of three after another is made if not given.
 
     Returns:
         the axes, shape (parameters,).
 
     Raises:
-        InputError: no such parameter, or another number of axes.
+        InputError: no such parameter, something that is no prior, mode or true value, or another number of axes.
     """
     result = _drawn(result)
-    table = _table(result, names)
+    table, truth = _table(result, names), _true_values(truth, result)
+    if priors is not None:
+        check_priors(priors)
+    if mode is not None:
+        check_kind(mode, Mode, "mode", "give what `find_mode` returned, or leave it out")
     axes = _grid(ax, len(table), columns=3, height=128.0)
     for one, panel in zip(table, axes, strict=True):
         drawn = one.draws.ravel()
@@ -152,7 +158,7 @@ def posteriors(
             prior=_shape(one.name, priors, result),
             interval=_interval(drawn),
             normal=_normal(one.name, mode, result),
-            truth=None if truth is None else truth.get(one.name),
+            truth=truth.get(one.name),
         )
     if ax is None:
         axes[0].figure.legend(*_keys(axes[0]), loc="outside upper left", ncols=3 if len(table) < 2 else 6, **LEGEND)
@@ -171,15 +177,16 @@ def pairs(
     Args:
         result: draws of `sample`, an estimate of a campaign, or an outcome, for its chosen structure.
         names: parameters, at most eight; the first eight if not given.
-        truth: true values by name, SI.
+        truth: true values by name, SI; of coefficients that were not estimated too.
         ax: k rows of k Axes for k parameters, of which the upper triangle stays empty; made if not given.
 
     Returns:
         the axes, shape (k, k).
 
     Raises:
-        InputError: no such parameter, too many of them, or another number of axes.
+        InputError: no such parameter, too many of them, something that is no true value, or another number of axes.
     """
+    truth = _true_values(truth, _drawn(result))
     table = _table(_drawn(result), names)[: MOST_PAIRS if names is None else None]
     if len(table) > MOST_PAIRS:
         raise InputError(
@@ -328,12 +335,30 @@ def _drawn(result: Draws | Estimate | Outcome) -> Draws | Estimate:
 def _table(result: Draws | Estimate, names: Sequence[str] | None) -> list[_Drawn]:
     wanted = result.names if names is None else check_names(names, "names")
     chosen = [check_choice(one, result.names, "names") for one in wanted]
+    if not chosen:
+        raise InputError(
+            "names", found="none", expected="one parameter at least", remedy="leave it out, and all are drawn"
+        )
     if isinstance(result, Draws):
         units = dict(zip(result.names, result.units, strict=True))
         return [_Drawn(name, name_mathtext(name), units[name], result[name]) for name in chosen]
     data = result.data
     units = dict(zip(result.names, map(str, data["unit"].values), strict=True))
     return [_Drawn(name, name_mathtext(name), units[name], data["draws"].sel(parameter=name).values) for name in chosen]
+
+
+def _true_values(truth: Mapping[str, float] | None, result: Draws | Estimate) -> dict[str, float]:
+    """Return true values by name, of the result's parameters and of coefficients that it does not have; none where none are given."""
+    known = check_numbers(truth, "truth", remedy='write for example {"X_uabsu": -3.0}')
+    for name in known:
+        if name not in result.names and not is_coefficient(name):
+            raise InputError(
+                "truth",
+                found=f'"{name}", which is no parameter',
+                expected="among " + ", ".join(result.names),
+                remedy=nearest(name, result.names),
+            )
+    return known
 
 
 def _shape(name: str, priors: Mapping[str, Prior] | None, result: Draws | Estimate) -> PriorShape | None:
@@ -366,14 +391,13 @@ def _normal(name: str, mode: Mode | None, result: Draws | Estimate) -> tuple[flo
     return float(mode.values[at]), float(mode.sd[at])
 
 
-def _diagonal(panel: "Axes", one: _Drawn, truth: Mapping[str, float] | None) -> None:
-    drawn = one.draws.ravel()
-    known = None if truth is None else truth.get(one.name)
+def _diagonal(panel: "Axes", one: _Drawn, truth: Mapping[str, float]) -> None:
+    drawn, known = one.draws.ravel(), truth.get(one.name)
     draw_marginal(panel, drawn, one.symbol, one.unit, prior=None, interval=_interval(drawn), truth=known)
 
 
-def _one_pair(panel: "Axes", x: _Drawn, y: _Drawn, truth: Mapping[str, float] | None) -> None:
-    known = None if truth is None or not {x.name, y.name} <= set(truth) else (truth[x.name], truth[y.name])
+def _one_pair(panel: "Axes", x: _Drawn, y: _Drawn, truth: Mapping[str, float]) -> None:
+    known = None if not {x.name, y.name} <= set(truth) else (truth[x.name], truth[y.name])
     draw_pair(panel, x.draws.ravel(), y.draws.ravel(), (x.symbol, y.symbol), (x.unit, y.unit), known)
 
 

@@ -22,7 +22,7 @@ MISTAKES = {
     "a schedule without --trial": (["remus100_prestero", "--to", "gz", "--schedule", "next"], ["--schedule"]),
     "a trial of a published one": (["remus100_prestero", "--trial"], ["--trial", "no folder", "has no trials"]),
     "a structure with --trial": (["c", "--trial", "--structure", "M-1"], ["--structure", "--trial"]),
-    "an engine of another target": (["remus100_prestero", "--to", "csv", "--engine", "dart"], ["--engine", "gz"]),
+    "an engine of another target": (["remus100_prestero", "--to", "csv", "--engine", "dart"], ["csv, engine", "gz"]),
     "a density without unit": (["remus100_prestero", "--to", "gz", "--density", "1025"], ["--density", "kg/m^3"]),
     "part of a vehicle": (["remus100_surge", "--to", "gz"], ["nothing about v w p q r", "--rest remus100_hall_anstee"]),
     "no campaign": (["c", "--to", "gz"], ["c"]),

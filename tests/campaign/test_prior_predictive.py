@@ -118,6 +118,8 @@ def test_without_a_record_the_largest_doublet_is_simulated(tmp_path):
     assert found.channels[0].measured is None
     assert found.lost.mean() < 0.01
     assert found.unphysical == ()
+    assert "draws over" in repr(found)
+    assert "steady speed at n = 1194 rpm: " in found._repr_html_()
     assert (np.diff(found.channels[0].bands, axis=0) >= 0).all()
     by_name = {item.name: item for item in found.believed}
     x_u, x_uu = by_name["X_u"].quantiles[1], by_name["X_uabsu"].quantiles[1]

@@ -6,10 +6,10 @@ import pytest
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.config.templates import template_text
 from seatrial.campaign.data.import_logs import get_trials
-from seatrial.campaign.design.schedule import design_words
 from seatrial.campaign.design.sweep import design_first
 from seatrial.campaign.store.stored_result import Store
 from seatrial.core.errors import InputError
+from seatrial.manoeuvres.family import design_words
 from seatrial.manoeuvres.schedule import read_rows
 
 RPM, DEG = np.pi / 30, np.pi / 180

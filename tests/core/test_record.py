@@ -3,6 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from seatrial.campaign.data.import_logs import Trials
 from seatrial.core.errors import InputError
 from seatrial.core.record import Channel, make_record
 from tests.cases import CHANNELS, PROVENANCE
@@ -111,7 +112,63 @@ def test_unusable_channel_map(channels):
         record_of(channels=channels)
 
 
+@pytest.mark.parametrize(
+    ("channel", "message"),
+    [
+        (
+            Channel("n", "rpm", "control"),
+            r'"n", unit\n.*"rpm"\n.*"rad/s".*\n.*multiply the column by 0\.1047198, and write "rad/s"',
+        ),
+        (Channel("u", "cm/s", "measurement"), r"multiply the column by 0\.01, "),
+        (Channel("u", "furlong", "measurement"), r'unknown unit "furlong"'),
+        (Channel("u", "rad", "measurement"), r'a unit like "m/s"'),
+        (Channel("tau_X", "kN", "control"), r'multiply the column by 1000, and write "N"'),
+        (Channel("u", "", "measurement"), r'unit\n.*\n.*\n.*write "m/s"'),
+        (Channel("u", None, "measurement"), r"unit\n.*None"),
+        (Channel("u", "m/s", "ctrl"), r"role 'ctrl'"),
+        (Channel("", "m/s", "measurement"), r"the name ''"),
+        (Channel(3, "m/s", "measurement"), "the name 3"),
+        (Channel("uu", "m/s", "measurement"), r'the name \'uu\'\n.*\n.*did you mean "u"'),
+    ],
+)
+def test_a_channel_is_a_signal_in_its_unit_of_si(channel, message):
+    column = {str(channel.name): np.sin(TIME)}
+    with pytest.raises(InputError, match=message) as caught:
+        make_record(TIME, column, (channel,), PROVENANCE, "run 7")
+    assert caught.value.where.startswith("trial.csv, record 'run 7', channel")
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"),
+    [("tau_X", "N"), ("tau_X", "kg m/s^2"), ("tau_N", "N m"), ("psi_set", "rad"), ("q_w", "1"), ("n_act", "rad/s")],
+)
+def test_a_unit_of_si_may_be_written_in_any_way(name, unit):
+    column = {name: np.sin(TIME)}
+    assert make_record(TIME, column, (Channel(name, unit, "control"),), PROVENANCE).controls == (name,)
+
+
+def test_a_record_has_a_channel():
+    with pytest.raises(InputError, match=r"channels\n.*none\n.*one channel at least"):
+        make_record(TIME, {}, (), PROVENANCE)
+
+
+def test_infinite_and_complex_values_are_refused():
+    with pytest.raises(InputError, match=r'"u", sample 3\n.*inf at t = 0\.2 s\n.*NaN where nothing was measured'):
+        record_of(**at(2, -np.inf))
+    with pytest.raises(InputError, match='channel "u"'):
+        record_of(u=np.sin(TIME) + 1j)
+
+
 def test_unknown_channel():
     with pytest.raises(InputError, match='no channel "v"') as caught:
         record_of().channel("v")
     assert "n, u, udot" in caught.value.expected
+
+
+def test_records_of_a_campaign_are_printed_a_line_each():
+    trials = Trials((record_of(), record_of()), (record_of(),), "")
+    lines = repr(trials).splitlines()
+    assert [line.partition(": ")[0] for line in lines] == ["fitted", "fitted", "only predicted"]
+    assert lines[0].endswith(repr(record_of()))
+    assert trials._repr_html_().count("\n") == 2
+    assert repr(Trials((), (), "")) == "no records"

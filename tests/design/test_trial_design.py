@@ -43,6 +43,12 @@ def test_against_the_sweep_itself(found):
     assert found.sd_before == pytest.approx({"X_uabsu": 0.5, "T_nabsn": 5e-5})
 
 
+def test_the_best_is_named_as_a_campaign_names_it(found):
+    heading = "repeated doublet of ±250 rpm about 1200 rpm in n, period 8 s: "
+    assert repr(found).startswith(heading)
+    assert heading in found._repr_html_()
+
+
 def test_the_schedule_is_that_of_the_best(found):
     best = found.sweeps[0]
     row, column = best.best

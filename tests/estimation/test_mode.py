@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import seatrial as st
-from seatrial.core.errors import NumericalError
+from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.record import Channel, Provenance, make_record
 from seatrial.estimation import mode as module
 from seatrial.estimation.mode import find_mode, follow
@@ -170,7 +170,7 @@ def test_what_is_expected_of_the_others_if_some_are_known():
     assert list(found.values()) == pytest.approx(expected, abs=1e-7)
 
 
-@pytest.mark.parametrize(("near", "found"), [({"a": 7.0}, 7.0), ({"a": -11.0}, TWO_SD), ({"b": 7.0}, 0.0), (None, 0.0)])
+@pytest.mark.parametrize(("near", "found"), [({"a": 7.0}, 7.0), ({"a": -11.0}, TWO_SD), ({}, 0.0), (None, 0.0)])
 def test_a_peak_that_is_told_of(near, found):
     """No draw meets a peak a millionth as wide as its box; what lies outside the box is moved to two standard deviations of z."""
 
@@ -181,6 +181,23 @@ def test_a_peak_that_is_told_of(near, found):
     mode = find_mode(posterior({"a": Uniform(-10.0, 10.0)}, peaks), KEY, near=near)
     # Beside a bound the density of z is steeper than a peak of this width: the mode lies within a width of it.
     assert mode.values == pytest.approx([found], abs=1.1e-5 if found == TWO_SD else 1e-6)
+
+
+def test_what_is_not_told_is_taken_from_the_middle_of_the_prior():
+    def peak(values, data):
+        return 20.0 - 0.5 * ((values["a"] - 7.0) / 1e-5) ** 2 - 0.5 * values["b"] ** 2
+
+    mode = find_mode(posterior({"a": Uniform(-10.0, 10.0), "b": Normal(0.0, 1.0)}, peak), KEY, near={"a": 7.0})
+    assert mode.values == pytest.approx([7.0, 0.0], abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("near", "message"),
+    [({"q": 1.0}, r'near\n.*"q", which nothing uses'), ({"a": "far"}, r'near\["a"\]'), (3, "near\n.*3")],
+)
+def test_what_is_told_in_vain_is_refused(near, message):
+    with pytest.raises(InputError, match=message):
+        find_mode(posterior({"a": Uniform(-10.0, 10.0)}, lambda v, data: -(v["a"] ** 2)), KEY, near=near)
 
 
 def test_a_step_to_where_the_density_is_zero_is_refused():

@@ -48,6 +48,8 @@ def test_numbers_by_hand():
     assert sum(found.pit) == pytest.approx(1.0)
     assert found.samples == 1200
     assert found.missing == ""
+    assert repr(found).startswith(f"Score: 1200 samples, worth {found.effective:.0f} independent ones; ")
+    assert found._repr_html_().startswith("<pre>Score: ")
 
 
 def test_right_errors_pass():
@@ -170,6 +172,7 @@ def test_a_measurement_that_never_changes():
 def test_a_channel_without_measurements():
     found = score_channel(TIME, np.full(TIME.size, np.nan), MOTION, np.zeros(TIME.size), NOISE)
     assert found.samples == 0
+    assert repr(found).startswith("Score: 0 samples; ")
     assert verdict(found, held_back=True) == FitVerdict(
         "unjudged",
         "not measured",

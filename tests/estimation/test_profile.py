@@ -55,6 +55,8 @@ def test_nested_search():
     likelihood = jax.jit(lambda a, b: target.likelihood({"X_u": a, "X_uabsu": b}, target.data))
     (low, high) = target.parameters[0].prior.bounds
     (found,) = profiles(target, "X_uabsu")
+    assert repr(found).startswith("X_uabsu: 95 % interval ")
+    assert found._repr_html_() == f"<pre>{found.line}</pre>"
 
     def profile(at):
         return -minimize_scalar(

@@ -7,7 +7,7 @@ from scipy import stats
 from seatrial.estimation.mode import find_mode
 from seatrial.estimation.omitted_effects import Effect, OmittedEffects
 from seatrial.estimation.posterior import posterior_of_density
-from seatrial.estimation.priors import Normal, Uniform
+from seatrial.estimation.priors import Normal, Uniform, truncated_normal
 from seatrial.estimation.record_posterior import make_posterior
 from seatrial.estimation.robust_errors import Pieces, RobustErrors, jackknife, robust_errors
 from seatrial.vehicles.surge import surge_vehicle
@@ -140,7 +140,9 @@ def test_a_block_with_nearly_all_of_the_residuals_moves_no_value_out_of_sight():
     rev = np.repeat(rng.uniform(4, 14, 100), 8)
     shown = speed(rev, 1.2, *TRUTH.values()) + 0.3 * NOISE * rng.normal(size=len(rev))
     record = make_trial(STEP * np.arange(len(rev)), rev, "one", u=shown)
-    priors = {"sigma_u": Normal(NOISE, 20 * NOISE)} | {name: Normal(*numbers) for name, numbers in PRIOR.items()}
+    priors = {"sigma_u": truncated_normal(NOISE, 20 * NOISE, lower=0.0)} | {
+        name: Normal(*numbers) for name, numbers in PRIOR.items()
+    }
     joint = make_posterior(surge_vehicle(FIXED_DRAG, tuple(PRIOR)), record, priors, ["u"], start={"u": 1.0})
     ratio = robust_errors(joint, find_mode(joint, 0)).pieces.ratio
     assert ratio.min() > 2

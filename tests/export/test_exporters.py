@@ -116,6 +116,12 @@ def test_unknown_targets_and_options_are_refused():
         make_exporter("gx")
     with pytest.raises(InputError, match="a target that has this option: gz"):
         make_exporter("json", engine="dart")
+    with pytest.raises(InputError, match=r"foo\n.*\n.*expected: density, engine") as error:
+        make_exporter("gz", foo=1)
+    assert "--" not in str(error.value)
+    for density in (-3, "heavy", float("nan")):
+        with pytest.raises(InputError, match=r"stonefish, density\n.*\n.*above 0"):
+            make_exporter("stonefish", density=density)
     with pytest.raises(InputError, match="no named coefficient"):
         of_published("remus100_fossen", load_vehicle("remus100_fossen"))
 

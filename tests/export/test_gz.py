@@ -231,7 +231,7 @@ def test_an_explicit_added_mass_that_runs_away_is_refused():
     with pytest.raises(InputError, match=r"N_rdot = -4\.88.*1\.56 times") as error:
         Gz(engine="other").check(published())
     assert "--engine dart" in error.value.remedy
-    with pytest.raises(InputError, match="--engine"):
+    with pytest.raises(InputError, match="export to gz, engine"):
         Gz(engine="bullet").check(published())
 
 

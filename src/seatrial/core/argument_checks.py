@@ -249,10 +249,10 @@ def check_array(
         is_finite: whether NaN and infinities are refused.
 
     Raises:
-        InputError: something else, another length, or a number that is not finite.
+        InputError: something else, complex numbers among it, another length, or a number that is not finite.
     """
     try:
-        array = np.empty(()) if np.asarray(values).dtype.kind in "US" else np.asarray(values, float)
+        array = np.empty(()) if np.asarray(values).dtype.kind in "USc" else np.asarray(values, float)
     except (TypeError, ValueError):
         array = np.empty(())
     if array.ndim != 1 or array.size < least or (size is not None and array.size != size):

@@ -194,3 +194,12 @@ def _key(factors: tuple[Factor, ...]) -> tuple:
         power = powers.setdefault((factor.signal, factor.change, factor.derivative), [0, 0])
         power[factor.modulus] += factor.power
     return tuple(sorted((base, plain + modulus // 2 * 2, modulus % 2) for base, (plain, modulus) in powers.items()))
+
+
+def is_coefficient(name: str) -> bool:
+    """Whether a name can be read as that of a coefficient."""
+    try:
+        CoefficientName.parse(name)
+    except InputError:
+        return False
+    return True

@@ -7,9 +7,11 @@ from typing import Any, Literal, get_args
 import numpy as np
 from jaxtyping import Float
 
-from seatrial.core.argument_checks import check_array, check_each_of, check_kind, check_mapping, check_text
-from seatrial.core.errors import InputError
-from seatrial.core.signals import FORCE, MOMENT, QUATERNION
+from seatrial.core.argument_checks import check_array, check_each_of, check_kind, check_mapping, check_text, shown
+from seatrial.core.errors import InputError, nearest
+from seatrial.core.result_table import text_html
+from seatrial.core.signals import FORCE, MOMENT, POSITIONS, QUATERNION, SIGNALS, TRACKS, is_signal, signal_unit
+from seatrial.core.units import to_si
 
 Role = Literal["control", "measurement"]
 _SI = {str(FORCE): "N", str(MOMENT): "N m"}
@@ -23,7 +25,7 @@ class Channel:
 
     Attributes:
         name: of the signal: `u`, `udot`, `n`, …
-        unit: SI.
+        unit: that of the signal in SI: m/s, rad/s for `n`, `r` and their like, rad, N, …
         role: `control` if it drives the vehicle, `measurement` if it observes it.
     """
 
@@ -79,6 +81,8 @@ class Record:
         if count := len(self.cautions):
             said.append(f"{count} caution{'s' if count > 1 else ''}: read record.cautions")
         return "; ".join(said)
+
+    _repr_html_ = text_html
 
     @property
     def cautions(self) -> tuple[str, ...]:
@@ -143,7 +147,8 @@ def make_record(
         the record, in SI as the columns are: of n samples, the controls and the measurements each in a table of a column a channel.
 
     Raises:
-        InputError: fewer than three samples, time not strictly increasing, a gap in a control, a channel without data.
+        InputError: fewer than three samples, time not strictly increasing, no channel, a name that is no signal, a unit that is not the
+            signal's own in SI, a gap in a control, a channel without data, or an infinite value.
     """
     check_kind(provenance, Provenance, "provenance", 'write for example Provenance("own numbers", "")')
     check_text(label, "label", "give a short name")
@@ -208,9 +213,17 @@ def check_time(time: np.ndarray, where: str, first_row: int = 1) -> None:
 
 
 def _check_map(channels: tuple[Channel, ...], columns: Mapping[str, np.ndarray], where: str) -> None:
+    if not channels:
+        raise InputError(
+            f"{where}, channels",
+            found="none",
+            expected="one channel at least",
+            remedy='write (Channel("u", "m/s", "measurement"),)',
+        )
     names = [channel.name for channel in channels]
     for channel in channels:
         here = f'{where}, channel "{channel.name}"'
+        _check_signal(channel, here)
         if channel.name not in columns:
             raise InputError(
                 here, found="no such column", expected="one of " + ", ".join(columns), remedy="correct the channel map"
@@ -225,6 +238,24 @@ def _check_map(channels: tuple[Channel, ...], columns: Mapping[str, np.ndarray],
             )
 
 
+def _check_signal(channel: Channel, where: str) -> None:
+    """Refuse a name that is no signal, and a unit in which its numbers would not be those of SI."""
+    name, known = channel.name, (*SIGNALS, *POSITIONS, *TRACKS)
+    if not isinstance(name, str) or not is_signal(name):
+        found = f"the name {shown(name)}"
+        raise InputError(where, found=found, expected="the name of a signal", remedy=nearest(name, known))
+    unit = _SI.get(signal_unit(name), signal_unit(name))
+    place = f"{where}, unit"
+    factor = to_si(1.0, check_text(channel.unit, place, f'write "{unit}"'), unit, place)
+    if factor != 1.0:
+        raise InputError(
+            place,
+            found=f'"{channel.unit}"',
+            expected=f'"{unit}", its unit in SI',
+            remedy=f'multiply the column by {factor:.7g}, and write "{unit}"',
+        )
+
+
 def _check_column(values: np.ndarray, channel: Channel, time: np.ndarray, where: str) -> None:
     where = f'{where}, channel "{channel.name}"'
     if values.shape != time.shape:
@@ -233,6 +264,14 @@ def _check_column(values: np.ndarray, channel: Channel, time: np.ndarray, where:
             found=f"shape {values.shape}",
             expected=f"shape {time.shape}, one value per time stamp",
             remedy="align the channel with the time axis",
+        )
+    if np.isinf(values).any():
+        row = int(np.argmax(np.isinf(values)))
+        raise InputError(
+            f"{where}, sample {row + 1}",
+            found=f"{values[row]} at t = {time[row]:g} s",
+            expected="a finite number, or NaN where nothing was measured",
+            remedy="correct the value, or put NaN in its place",
         )
     finite = np.isfinite(values)
     if not finite.any():

@@ -2,9 +2,11 @@
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import Protocol, TypeVar
+from typing import Any, Protocol, TypeVar
 
+from seatrial.core.argument_checks import shown
 from seatrial.core.engine import cores
+from seatrial.core.errors import InputError
 
 Result = TypeVar("Result")
 Progress = Callable[[int, int], None]
@@ -53,6 +55,21 @@ def remaining(seconds: float, begun_at: int, done: int, total: int) -> float | N
 
 def no_progress(done: int, total: int) -> None:
     """Tell nobody."""
+
+
+def check_progress(progress: Any) -> None:
+    """Check, before anything is computed, that progress can be told.
+
+    Raises:
+        InputError: something that cannot be called.
+    """
+    if not callable(progress):
+        raise InputError(
+            "progress",
+            found=shown(progress),
+            expected="a function of the work done and the work in all",
+            remedy="leave it out, or write for example lambda done, total: print(done, total)",
+        )
 
 
 SILENT = SilentReporter()

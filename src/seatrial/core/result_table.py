@@ -1,6 +1,7 @@
 """Results as consoles and notebooks show them: a heading, a table, and what a reader has to know.
 
-A result takes both as its own methods: `__repr__ = table_text` and `_repr_html_ = table_html`.
+A result takes both as its own methods: `__repr__ = table_text` and `_repr_html_ = table_html`. One that is no table has a text of its own,
+and `_repr_html_ = text_html`.
 """
 
 from collections.abc import Sequence
@@ -42,3 +43,8 @@ def table_html(self: Tabular) -> str:
     shown = self.summary().to_html(float_format="{:.4g}".format, border=0, na_rep="–")
     below = "".join(f"<li>{escape(remark)}</li>" for remark in self._remarks)
     return f"<p><b>{escape(self._heading)}</b></p>{shown}" + (f"<ul>{below}</ul>" if below else "")
+
+
+def text_html(self: object) -> str:
+    """Return the text of a result as HTML, line by line as it stands."""
+    return f"<pre>{escape(repr(self))}</pre>"

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping
 from itertools import combinations
 
-from seatrial.core.coefficients import CoefficientName
+from seatrial.core.coefficients import CoefficientName, is_coefficient
 from seatrial.core.errors import InputError
 
 
@@ -15,11 +15,13 @@ def check_trim(term: CoefficientName, trim: Mapping[str, float], place: str) -> 
     """
     for signal in term.trim_signals:
         if signal not in trim:
+            rudder = f"{term.axis}_{term.text.partition('_')[2].replace('dr', 'delta_r')}"
             raise InputError(
                 f"{place}, term {term}",
                 found=f'no trim value of "{signal}"',
                 expected=f"trim.{signal}",
-                remedy="give the trim point, since the term is a change from it",
+                remedy="give the trim point, since the term is a change from it"
+                + f"; for the rudder write {rudder}" * (signal == "r" and is_coefficient(rudder)),
             )
 
 

@@ -15,7 +15,8 @@ from seatrial.design.prior_belief import coefficient_space, normal_belief, norma
 from seatrial.design.sweep import Sweep, sweep_family
 from seatrial.estimation.posterior import check_priors
 from seatrial.estimation.priors import Prior
-from seatrial.manoeuvres.family import Family
+from seatrial.estimation.simulated_record import checked_rates
+from seatrial.manoeuvres.family import Family, design_words
 from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.manoeuvres.schedule import Schedule
 from seatrial.sampling.run import Draws
@@ -73,10 +74,8 @@ class TrialDesign:
     def _heading(self) -> str:
         best = self.sweeps[0]
         row, column = best.best
-        return (
-            f"{best.family.words} in {best.family.control}, amplitude {best.amplitude[row]:.4g}, {best.family.shape.period_is} "
-            f"{best.period[column]:.3g} s: {self.gain:.2f} nat"
-        )
+        words = design_words(best.family, float(best.amplitude[row]), float(best.period[column]))
+        return f"{words}: {self.gain:.2f} nat"
 
     @property
     def _remarks(self) -> list[str]:
@@ -117,7 +116,8 @@ def design_trial(
         every design that was looked at with its entropy reduction, nats, and the best of them.
 
     Raises:
-        InputError: no design inside the limits, or something unknown of a coefficient or a control.
+        InputError: no design inside the limits, something unknown of a coefficient or a control, an amplitude of 0, or a rate that no
+            schedule of the families can have.
         NumericalError: the expected motion diverges for a design inside the limits.
     """
     check_precision()
@@ -127,10 +127,18 @@ def design_trial(
     shapes = [families] if isinstance(families, Family) else families
     chosen = check_each_of(shapes, Family, "families", "give one Family, or a list of them")
     grid = check_array(amplitude, "amplitude"), check_array(period, "period")
+    if still := [i for i, size in enumerate(grid[0]) if size == 0]:
+        raise InputError(
+            f"amplitude[{still[0]}]",
+            found="0, with which nothing moves",
+            expected="a change from trim that is not 0",
+            remedy="leave it out",
+        )
     noise = check_numbers(noise, "noise", known=model.channel_units(), above=0.0)
     start = check_numbers(start, "start", known=model.states)
     held = check_numbers(held, "held", known=model.controls)
-    rates = check_numbers(rates, "rates", known=noise, above=0.0)
+    for family in chosen:
+        checked_rates(rates, noise, family.time())
     check_kind(limits, Limits, "limits", "write for example Limits(upper=150.0)")
     if not (noise and chosen):
         raise InputError(
@@ -146,7 +154,7 @@ def design_trial(
     sweeps, refused = [], {}
     for family in chosen:
         trim = _trim(model, family, held)
-        mask = _measured(family, noise, rates)
+        mask = _measured(family, noise, rates or {})
         try:
             sweeps.append(sweep_family(space, family, *grid, limits, measured=mask, trim=trim))
         except InputError as error:

@@ -16,7 +16,7 @@ import numpy as np
 import scipy
 from jaxtyping import Array, Float, Int
 
-from seatrial.core.argument_checks import check_count
+from seatrial.core.argument_checks import check_count, check_numbers
 from seatrial.core.errors import NumericalError
 from seatrial.core.programs import program
 from seatrial.core.result_table import table_html, table_text
@@ -155,13 +155,14 @@ def find_mode(
         starts: prior draws that are evaluated; None for 512, or 64 of a filter-error likelihood, whose density costs ten times more.
         tries: of these, how many of the best are followed to their maximum. One from which the density only rises on the
             straight way to a maximum already found is not: it has nothing else to show.
-        near: values by name, SI, near which there may be a mode; they take the place of one of the draws.
+        near: values by name, SI, near which there may be a mode; they take the place of one of the draws. What lies outside its prior
+            is moved inside, and what is not told is taken from the middle of its prior.
 
     Returns:
         the mode, and the normal approximation about it.
 
     Raises:
-        InputError: no posterior, or sizes that are none.
+        InputError: no posterior, sizes that are none, or in `near` a name of no parameter or something else than a number.
         NumericalError: no prior draw has a finite likelihood, or no maximum was found.
     """
     check_posterior(posterior)
@@ -172,7 +173,7 @@ def find_mode(
     candidates = np.array(posterior.sample_prior(as_key(key), starts))
     candidates[-1] = 0.0  # the middle of the prior
     if near is not None:
-        inside = _inside(posterior, near)
+        inside = _inside(posterior, check_numbers(near, "near", known=posterior.names))
         candidates[: len(inside)] = inside
     z, log_density = _highest(posterior, candidates, tries)
     if not np.isfinite(log_density):
@@ -335,11 +336,13 @@ def _with_profile(posterior: Posterior, mode: Mode, at: int) -> Mode:
 
 
 def _inside(posterior: Posterior, values: Mapping[str, float]) -> np.ndarray:
-    """Return where parameters have such values, moved inside their bounds, shape (1, d); none where one is not told."""
+    """Return where parameters have such values, moved inside their bounds, shape (1, d), in the middle of the prior where one is not told;
+    none where one has no place."""
     told = np.array([values.get(name, np.nan) for name in posterior.names])
     low, high = np.array([parameter.prior.bounds for parameter in posterior.parameters], float).T
     z = np.asarray(posterior.unconstrain(np.clip(told, np.nextafter(low, np.inf), np.nextafter(high, -np.inf))))[None]
     z = np.where(np.isfinite(high - low), z.clip(-INSIDE, INSIDE), z)
+    z = np.where(np.isnan(told), 0.0, z)
     return z[np.isfinite(z).all(1)]
 
 

@@ -15,11 +15,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from seatrial.core.argument_checks import check_kind, check_mapping, shown
+from seatrial.core.argument_checks import check_kind, check_known, check_mapping, check_text, shown
 from seatrial.core.engine import check_precision
 from seatrial.core.errors import InputError
 from seatrial.core.programs import program
 from seatrial.core.pytrees import compiled_tree
+from seatrial.core.result_table import text_html
 from seatrial.estimation.priors import Prior
 from seatrial.sampling.run import Draws
 from seatrial.sampling.target import AT_ONCE
@@ -71,6 +72,18 @@ class Posterior:
     data: Any
     guess: Float[np.ndarray, " d"] | None = None
     present: Float[np.ndarray, " d"] | None = None
+
+    def __repr__(self) -> str:
+        """Print the parameters, and of which measurements it is."""
+        named = ", ".join(f"{one.name} [{one.unit}]" for one in self.present_parameters)
+        labels = getattr(self.likelihood, "labels", ())
+        of = ", ".join(f'"{label}"' for label in labels)
+        records = (
+            f"record{'s' * (len(labels) > 1)} {of}, measured {', '.join(self.likelihood.channels)}" if labels else ""
+        )
+        return f"Posterior of {named}; " + (records or "a log density of one's own")
+
+    _repr_html_ = text_html
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -211,7 +224,7 @@ def posterior_of_density(
         a posterior whose parameters have the names of the priors.
 
     Raises:
-        InputError: no prior, or a function that cannot be compiled or returns no scalar.
+        InputError: no prior, a unit of no parameter, or a function that cannot be compiled or returns no scalar.
     """
     check_precision()
     if not callable(log_density):
@@ -225,6 +238,9 @@ def posterior_of_density(
         )
     _check_density(log_density, tuple(priors))
     known = check_mapping({} if units is None else units, "units", 'write for example {"X_u": "kg/s"}')
+    check_known(known, tuple(priors), "units")
+    for name, unit in known.items():
+        check_text(unit, f'units["{name}"]', 'write for example "kg/s"')
     parameters = tuple(Parameter(name, known.get(name, "1"), name, prior) for name, prior in priors.items())
     return Posterior(parameters, _OfValues(log_density), ())
 
@@ -271,7 +287,14 @@ def as_key(key: jax.Array | int) -> jax.Array:
     """
     if isinstance(key, Integral) and not isinstance(key, bool):
         return jax.random.key(int(key))
-    return check_kind(key, jax.Array, "key", "give a whole number as a seed, or a key of jax.random")
+    if not isinstance(key, jax.Array):
+        raise InputError(
+            "key",
+            found=shown(key),
+            expected="a seed, or a key of jax.random.key",
+            remedy="give a whole number, for example 0",
+        )
+    return key
 
 
 def _check_density(log_density: Callable[[dict[str, Any]], Any], names: tuple[str, ...]) -> None:

@@ -21,6 +21,8 @@ import scipy
 from jaxtyping import Float, Int
 from scipy.special import chdtrc, ndtr, ndtri
 
+from seatrial.core.result_table import text_html
+
 BINS = 10
 """Bins of the histogram of the probability integral transform."""
 LONGEST_GAP = 1000
@@ -121,6 +123,17 @@ class Score:
     correlation_time: float
     coefficient_share: float
     missing: str = ""
+
+    def __repr__(self) -> str:
+        """Print how much is explained, and how far the stated bands hold."""
+        if self.missing:
+            return f"Score: {self.samples} samples; {self.missing}"
+        return (
+            f"Score: {self.samples} samples, worth {self.effective:.0f} independent ones; {self.explained:.1%} of the variance explained; "
+            f"rmse {self.rmse:.3g}; {self.coverage:.0%} inside the 90 % band"
+        )
+
+    _repr_html_ = text_html
 
 
 def explained_share(measured: Float[np.ndarray, " n"], predicted: Float[np.ndarray, " n"]) -> float:

@@ -16,6 +16,7 @@ from jaxtyping import Float
 
 from seatrial.core.argument_checks import check_kind, check_known, check_names
 from seatrial.core.errors import NumericalError
+from seatrial.core.result_table import text_html
 from seatrial.estimation.information import slopes_of_present
 from seatrial.estimation.mode import Mode
 from seatrial.estimation.posterior import Posterior, check_posterior
@@ -152,6 +153,12 @@ class Profile:
     lower: float
     upper: float
     bounds: tuple[float, float]
+
+    def __repr__(self) -> str:
+        """Print the interval."""
+        return self.line
+
+    _repr_html_ = text_html
 
     @property
     def kind(self) -> str:

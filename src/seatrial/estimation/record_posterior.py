@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from seatrial.core.argument_checks import check_each_of, check_kind, check_names, check_numbers, check_sequence
+from seatrial.core.argument_checks import check_each_of, check_kind, check_names, check_numbers, check_sequence, shown
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.engine import check_precision
 from seatrial.core.errors import InputError, nearest
@@ -49,6 +49,8 @@ from seatrial.numerics.rotations import quaternion_of_angles
 from seatrial.vehicles.model import VehicleModel
 
 _A_RECORD = "give one, or a list of them, of `read_log`, `make_record` or `simulate`"
+SURE = 4.0
+"""Standard deviations of a prior above 0, from which its values below 0, one in thirty thousand, do not matter."""
 UNSEEN_SD = 1.0
 """Standard deviation of a state at the start where no sensor shows it, in its own unit."""
 
@@ -82,7 +84,7 @@ def make_posterior(
 
     Raises:
         InputError: an unknown without a prior, a prior that nothing uses, a channel or control that a record lacks, or a velocity of
-            which nothing says where it starts.
+            which nothing says where it starts; a prior that allows values below 0 of a noise, a time or another size.
     """
     check_precision()
     check_model(model)
@@ -96,6 +98,7 @@ def make_posterior(
     labels, stated = [record.label for record in records], {name.partition("[")[0] for name in priors}
     unknown = _unknowns(model, chosen, stated)
     each = (*own, *(one.name for one in unknown if one.is_initial))
+    _check_signs(priors, unknown)
     _check_priors(priors, unknown, own, [own_name(name, label) for label in labels for name in each])
     sizes = {name: priors[name].mean if name in priors else np.nan for name in stated}
     sizes |= {noise_name(state): sd for state, sd in (start_sd or {}).items()}
@@ -235,17 +238,19 @@ def likelihood_of(
 
 
 class _Unknown(NamedTuple):
-    """Something that may have a prior: its name, SI unit, label (LaTeX), and whether it is an initial state, one for each trial."""
+    """Something that may have a prior: its name, SI unit, label (LaTeX), whether it is an initial state, one for each trial, and whether it
+    may be below 0."""
 
     name: str
     unit: str
     label: str
     is_initial: bool = False
+    signed: bool = False
 
 
 def _unknowns(model: VehicleModel, sensors: Sequence[Sensor], stated: Collection[str]) -> list[_Unknown]:
     """Return everything that needs a prior: coefficients, sensors, and what the names of priors ask for, in the order of the report."""
-    terms = [_Unknown(term.text, model.unit_of(term), term.label) for term in model.coefficients]
+    terms = [_Unknown(term.text, model.unit_of(term), term.label, signed=True) for term in model.coefficients]
     found = list(terms)
     found += [
         _Unknown(spread_name(term.name), term.unit, rf"s_{{{term.label}}}")
@@ -255,7 +260,7 @@ def _unknowns(model: VehicleModel, sensors: Sequence[Sensor], stated: Collection
     if DELAY in stated:
         found.append(_Unknown(DELAY, "s", r"t_{\mathrm{delay}}"))
     if CURRENT in stated:
-        found.append(_Unknown(CURRENT, "m/s", r"u_{\mathrm{current}}"))
+        found.append(_Unknown(CURRENT, "m/s", r"u_{\mathrm{current}}", signed=True))
     found += [_of_sensor(sensor, name) for sensor in sensors for name in sensor.parameters]
     disturbed = disturbed_axes(stated, model)
     for axis in disturbed:
@@ -269,7 +274,7 @@ def _unknowns(model: VehicleModel, sensors: Sequence[Sensor], stated: Collection
         return found
     if any(f"{state}_0" in stated for state in model.states):
         found += [
-            _Unknown(f"{state}_0", signal_unit(state), f"{signal_label(state)}_0", True) for state in model.states
+            _Unknown(f"{state}_0", signal_unit(state), f"{signal_label(state)}_0", True, True) for state in model.states
         ]
     return found
 
@@ -297,7 +302,7 @@ def _of_sensor(sensor: Sensor, name: str) -> _Unknown:
         bias_name(channel): (unit, rf"b_{{{label}}}"),
         lag_name(channel): ("s", rf"t_{{\mathrm{{lag}},{label}}}"),
     }
-    return _Unknown(name, *known[name])
+    return _Unknown(name, *known[name], signed=name == bias_name(channel))
 
 
 def _parameters(
@@ -364,6 +369,19 @@ def _check_priors(
                     expected="among " + ", ".join(allowed),
                     remedy=_where_from(name, allowed),
                 )
+
+
+def _check_signs(priors: Mapping[str, Prior], unknown: Sequence[_Unknown]) -> None:
+    """Refuse priors that give values below 0 more than a trace of probability, of what has no sign."""
+    unsigned = {one.name for one in unknown if not one.signed}
+    for name, prior in priors.items():
+        if name.partition("[")[0] in unsigned and prior.bounds[0] < 0 and prior.mean < SURE * prior.sd:
+            raise InputError(
+                f'priors["{name}"]',
+                found=f"{shown(prior)}, which allows values below 0",
+                expected="a prior of values above 0: noises and times have no sign",
+                remedy="for example LogUniform(lower, upper) or half_normal(scale, lower=0.0)",
+            )
 
 
 def _where_from(name: str, allowed: Sequence[str]) -> str:

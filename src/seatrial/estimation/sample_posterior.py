@@ -10,7 +10,7 @@ import numpy as np
 
 from seatrial.core.argument_checks import check_choice, check_count
 from seatrial.core.errors import InputError
-from seatrial.core.reporter import Progress, no_progress
+from seatrial.core.reporter import Progress, check_progress, no_progress
 from seatrial.estimation.mode import Mode, find_mode
 from seatrial.estimation.noncentred import in_posterior, uncouple
 from seatrial.estimation.posterior import Posterior, as_key, check_posterior, named_draws
@@ -83,7 +83,7 @@ def sample(
         draws of every parameter by its name, in its SI unit, shape (chains, draws) each; a population counts as one chain.
 
     Raises:
-        InputError: no such method, or settings of another.
+        InputError: no such method, settings of another, or a progress that cannot be called.
         NumericalError: nothing of the prior can be simulated, or the mode is not found.
     """
     check_posterior(posterior)
@@ -104,6 +104,7 @@ def sample(
             expected=kind.__name__,
             remedy="leave them out, or choose a method that has them",
         )
+    check_progress(progress)
     return _BY_KIND[kind](posterior, method, settings, as_key(key), progress)
 
 

@@ -1,6 +1,6 @@
 """A record as a vehicle's sensors would give it: motion under a schedule, noise of each sensor's kind, gaps between its samples."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from math import inf
 
@@ -72,7 +72,7 @@ def simulate(
     time = schedule.time
     chosen = stated_sensors(model, sensors)
     values = _checked_values(model, chosen, values)
-    blank = _blank(time, controls, chosen, _checked_rates(rates, chosen, time), label)
+    blank = _blank(time, controls, chosen, checked_rates(rates, [one.channel for one in chosen], time), label)
     starts = [start_of(model, replace(blank, measurement=np.full_like(blank.measurement, np.nan)), start)]
     likelihood, data = likelihood_of(model, [blank], chosen, values, starts)
     made = replicate(likelihood, values, data, as_key(key))
@@ -125,11 +125,13 @@ def _blank(
     )
 
 
-def _checked_rates(
-    rates: Mapping[str, float] | None, sensors: Sequence[Sensor], time: np.ndarray
-) -> Mapping[str, float]:
-    """Return the rates, each of a sensor, and between one sample a trial and one at every time of the schedule."""
-    given = check_numbers(rates, "rates", known=[sensor.channel for sensor in sensors], above=0.0)
+def checked_rates(rates: Mapping[str, float] | None, channels: Collection[str], time: np.ndarray) -> dict[str, float]:
+    """Return the samples a second of some channels, each between two in the whole trial and one at every time of the schedule.
+
+    Raises:
+        InputError: a channel that is not measured, or a rate that the schedule cannot have.
+    """
+    given = check_numbers(rates, "rates", known=channels, above=0.0)
     fastest, slowest = 1.0 / float(time[1] - time[0]), 1.0 / float(time[-1] - time[0])
     for name, rate in given.items():
         if not slowest <= rate <= fastest * (1 + 1e-6):

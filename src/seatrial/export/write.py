@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from seatrial import __version__
+from seatrial.core.argument_checks import check_number
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.files import write_text
@@ -121,13 +122,19 @@ def make_exporter(name: str, **options: Any) -> Exporter:
     fields = set(EXPORTERS[name].__dataclass_fields__) - {"name", "target"}  # pyright: ignore[reportFunctionMemberAccess]
     for key in given:
         if key not in fields:
+            able = [other for other, one in EXPORTERS.items() if key in one.__dataclass_fields__]  # pyright: ignore[reportFunctionMemberAccess]
             raise InputError(
-                f"--{key}",
-                found=f"--to {name}",
-                expected="a target that has this option: "
-                + ", ".join(other for other, one in EXPORTERS.items() if key in one.__dataclass_fields__),  # pyright: ignore[reportFunctionMemberAccess]
-                remedy=f"leave --{key} out",
+                f"export to {name}, {key}",
+                found=f"an option that {name} does not have",
+                expected="a target that has this option: " + ", ".join(able)
+                if able
+                else ", ".join(sorted(fields)) or "no option",
+                remedy="leave it out",
             )
+    if "density" in given:
+        check_number(
+            given["density"], f"export to {name}, density", above=0.0, remedy="give it in kg/m^3, for example 1025.0"
+        )
     return EXPORTERS[name](**given)
 
 

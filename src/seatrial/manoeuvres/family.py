@@ -9,6 +9,7 @@ from jaxtyping import Array, Bool, Float
 
 from seatrial.core.argument_checks import as_number, check_choice, check_count, check_number, check_text, shown
 from seatrial.core.array_module import array_module
+from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError
 from seatrial.manoeuvres.manoeuvre import Manoeuvre
 from seatrial.manoeuvres.schedule import MOST_SAMPLES, Schedule, schedule_of
@@ -239,3 +240,17 @@ def _check_times(family: Family) -> None:
             expected=f"an end within the duration, {family.duration:g} s",
             remedy="lengthen the duration or shorten `active`: the quiet tail after the input is informative too",
         )
+
+
+def design_words(family: Family, amplitude: float, period: float) -> str:
+    """Name one member of a family: `repeated doublet of ±200 rpm about 1194 rpm in n, period 10 s`."""
+    factor, unit = shown_unit(family.control)
+    others = []
+    for one in family.beside:
+        own, its = shown_unit(one.control)
+        slower = f", {one.period:g} times as slowly" if one.period != 1 else ""
+        others.append(f" and {family.shape.sides}{one.ratio * amplitude * own:.4g} {its} in {one.control}{slower}")
+    return (
+        f"{family.words} of {family.shape.sides}{amplitude * factor:.4g} {unit} about {family.trim * factor:.4g} {unit} "
+        f"in {family.control}{''.join(others)}, {family.shape.period_is} {period:.3g} s"
+    )

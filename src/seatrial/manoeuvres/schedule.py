@@ -17,6 +17,7 @@ from seatrial.core.argument_checks import check_array, check_mapping
 from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.files import depend_on
+from seatrial.core.result_table import text_html
 from seatrial.core.signals import signal_unit
 from seatrial.core.units import to_si
 from seatrial.manoeuvres.manoeuvre import Limits, Manoeuvre
@@ -62,6 +63,16 @@ class Schedule:
         found = {name: check_array(x, f"schedule, control {name}", size=time.size) for name, x in given.items()}
         object.__setattr__(self, "time", time)
         object.__setattr__(self, "controls", found)
+
+    def __repr__(self) -> str:
+        """Print its length, and between which values each control lies."""
+        said = [f"Schedule: {self.time.size} samples over {self.time[-1]:.6g} s"]
+        for name, values in self.controls.items():
+            factor, unit = shown_unit(name)
+            said.append(f"{name} from {values.min() * factor:.4g} to {values.max() * factor:.4g} {unit}")
+        return "; ".join(said)
+
+    _repr_html_ = text_html
 
     def columns(self, trim: Sequence[tuple[str, float]]) -> dict[str, Float[np.ndarray, " n"]]:
         """Return every control of a vehicle, SI, in its order; those that the schedule leaves alone are held at trim."""

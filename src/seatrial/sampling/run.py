@@ -6,13 +6,14 @@ and resumed, gives the same bits.
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from numbers import Integral
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import jax
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from seatrial.core.argument_checks import check_choice, check_count, check_names
+from seatrial.core.argument_checks import check_choice, check_count, check_names, check_sequence, shown
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.result_table import table_html, table_text
 from seatrial.sampling.diagnostics import complaints, diagnose, mixing
@@ -159,8 +160,25 @@ class Draws:
         places = [self._place(name) for name in (self.names if names is None else check_names(names, "names"))]
         return self.values.reshape(-1, len(self.names))[:, places]
 
-    def thinned(self, places: Int[np.ndarray, " k"]) -> "Draws":
-        """Return some draws of every chain, by their places."""
+    def thinned(self, places: Sequence[int] | Int[np.ndarray, " k"]) -> "Draws":
+        """Return some draws of every chain.
+
+        Args:
+            places: of the draws in their chain, from 0, shape (k,).
+
+        Raises:
+            InputError: no whole numbers, or a place that the chains do not have.
+        """
+        kept = self.log_density.shape[1]
+        for i, place in enumerate(check_sequence(places, "places", "write for example range(0, 1000, 10)")):
+            if not isinstance(place, Integral) or isinstance(place, bool) or not 0 <= int(place) < kept:
+                raise InputError(
+                    f"places[{i}]",
+                    found=shown(place),
+                    expected=f"a whole number from 0 to {kept - 1}: each chain has {kept} draws",
+                    remedy="write for example range(0, 1000, 10)",
+                )
+        places = np.asarray(places, int)
         return replace(
             self, z=self.z[:, places], log_density=self.log_density[:, places], values=self.values[:, places]
         )

@@ -11,9 +11,10 @@ from jaxtyping import Float
 
 from seatrial.core.argument_checks import check_kind, check_mapping
 from seatrial.core.errors import InputError
-from seatrial.core.reporter import Progress, no_progress
+from seatrial.core.reporter import Progress, check_progress, no_progress
 from seatrial.core.result_table import table_html, table_text
 from seatrial.estimation.posterior import Posterior, as_key, check_posterior
+from seatrial.estimation.trial_data import TrialData
 from seatrial.selection.combined_evidence import agreed_evidence
 from seatrial.selection.evidence import Evidence, EvidenceSettings
 from seatrial.selection.structures import Structure
@@ -217,7 +218,7 @@ def compare(
         the probability of each, that of each term in question, and both in words.
 
     Raises:
-        InputError: fewer than two, something that is no posterior, or settings of something else.
+        InputError: fewer than two, something that is no posterior, posteriors of different measurements, or settings of something else.
         NumericalError: an evidence that cannot be computed.
     """
     for label, posterior in check_mapping(posteriors, "posteriors", "write {label: posterior}").items():
@@ -230,6 +231,8 @@ def compare(
             expected="two at least",
             remedy="use `evidence` for one alone",
         )
+    check_progress(progress)
+    _check_same_data(posteriors)
     structures = [Structure(label, posterior.names) for label, posterior in posteriors.items()]
     shared = set.intersection(*(set(structure.terms) for structure in structures))
     optional = [name for name in dict.fromkeys(chain(*(one.terms for one in structures))) if name not in shared]
@@ -238,6 +241,49 @@ def compare(
         evidences.append(agreed_evidence(posterior, own, settings))
         progress(len(evidences), len(posteriors))
     return select(structures, evidences, optional)
+
+
+def _check_same_data(posteriors: Mapping[str, Posterior]) -> None:
+    """Refuse posteriors of other measurements than those of the first: evidences of different data say nothing of the models."""
+    of_records = [pair for pair in posteriors.items() if isinstance(pair[1].data, TrialData)]
+    for label, other in of_records[1:]:
+        first, one = of_records[0]
+        if differs := _difference(one, other):
+            raise InputError(
+                f'posteriors["{label}"]',
+                found=f'other data than in posteriors["{first}"]: {differs}',
+                expected="the same measurements at the same times, so that the evidences can be compared",
+                remedy="give `make_posterior` the same records, in the same order, and the same sensors for each model",
+            )
+
+
+def _difference(one: Posterior, other: Posterior) -> str:
+    """Return in words what differs first in the measurements of two posteriors; empty where nothing does."""
+    channels = one.likelihood.channels
+    if set(channels) != set(other.likelihood.channels):
+        return f"measured {', '.join(other.likelihood.channels)} against {', '.join(channels)}"
+    count, counted = len(one.likelihood.labels), len(other.likelihood.labels)
+    if count != counted:
+        return f"{counted} records against {count}"
+    for trial, label in enumerate(one.likelihood.labels):
+        for channel in channels:
+            (t, x), (s, y) = _measured(one, trial, channel), _measured(other, trial, channel)
+            of = f'{channel} of record "{label}"'
+            if t.size != s.size:
+                return f"{s.size} measurements of {of} against {t.size}"
+            if not np.allclose(t, s, rtol=0.0, atol=1e-6):
+                return f"other times of {of}"
+            if not np.array_equal(x, y):
+                return f"{np.count_nonzero(x != y)} of {x.size} measurements of {of}"
+    return ""
+
+
+def _measured(posterior: Posterior, trial: int, channel: str) -> tuple[np.ndarray, np.ndarray]:
+    """Return when a channel was measured in a trial, s from its first sample, and what."""
+    shown = posterior.data.channels[posterior.likelihood.channels.index(channel)]
+    there = np.asarray(shown.present[trial]) > 0
+    step = np.asarray(posterior.data.step[trial])
+    return (np.cumsum(step) - step)[there], np.asarray(shown.measured[trial])[there]
 
 
 def averaged(

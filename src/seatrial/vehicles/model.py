@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from seatrial.core.coefficients import CoefficientName
+from seatrial.core.result_table import text_html
 from seatrial.core.signals import signal_unit
 
 Params = Mapping[str, Any]
@@ -68,6 +69,18 @@ class VehicleModel:
     pushed: tuple[str, ...] = ()
     unknowns: tuple[Unknown, ...] = ()
     late: tuple[Follow, ...] = field(default=(), compare=False, repr=False)
+
+    def __repr__(self) -> str:
+        """Print what moves, what drives it, and what is open."""
+        parts = [
+            ("states", [f"{name} [{signal_unit(name)}]" for name in self.states]),
+            ("controls", [f"{name} [{signal_unit(name)}]" for name in self.controls]),
+            ("free", [f"{one} [{self.unit_of(one)}]" for one in self.coefficients]),
+            ("also sought", [f"{one.name} [{one.unit}]" for one in self.unknowns]),
+        ]
+        return "; ".join([f'Vehicle "{self.name}"', *(f"{word} {', '.join(named)}" for word, named in parts if named)])
+
+    _repr_html_ = text_html
 
     def unit_of(self, coefficient: CoefficientName) -> str:
         """Return the SI unit of a coefficient in this model."""

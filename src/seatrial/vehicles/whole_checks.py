@@ -144,7 +144,7 @@ def _check_part(
         f"{place}, term {name}",
         found=f"{name}, which has no part in the motion: {why}",
         expected=f"terms of {', '.join(present)}" if present else "terms of thrust: the vehicle is held",
-        remedy="leave it out; acting_terms(terms, moves) keeps those that act",
+        remedy="leave it out; vehicle.terms(moves) gives those that act",
     )
 
 

@@ -46,7 +46,7 @@ from seatrial.campaign.data.simulate import chosen_of
 from seatrial.campaign.data.unmapped import unmapped
 from seatrial.campaign.design.evaluate import plan_as_run, plan_of
 from seatrial.campaign.design.prior_state_space import prior_draws
-from seatrial.campaign.design.schedule import design_words, write_schedule
+from seatrial.campaign.design.schedule import write_schedule
 from seatrial.campaign.design.sweep import read_designs
 from seatrial.campaign.inference.judge_predictions import predict_held_back
 from seatrial.campaign.prior.cautions import file_cautions
@@ -72,6 +72,7 @@ from seatrial.export.trials.trial import read_trial
 from seatrial.export.trials.write import FORMATS, check_format
 from seatrial.export.vehicle import ExportedVehicle
 from seatrial.export.write import EXPORTERS, carried_by, make_exporter, untethered
+from seatrial.manoeuvres.family import design_words
 from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.manoeuvres.schedule import schedule_of
 from seatrial.vehicles.catalogue import load_surge, load_vehicle, surge_names, vehicle_names

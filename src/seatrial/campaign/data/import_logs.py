@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from decimal import Decimal
 from pathlib import Path
 
@@ -24,6 +24,7 @@ from seatrial.core.errors import InputError, located
 from seatrial.core.record import Record, Role
 from seatrial.core.record_file import read_record, record_dataset
 from seatrial.core.reporter import SILENT, Reporter
+from seatrial.core.result_table import text_html
 from seatrial.core.signals import QUATERNION
 from seatrial.logs.align import align
 from seatrial.logs.body_frame import to_body
@@ -49,7 +50,14 @@ class Trials:
 
     fit: tuple[Record, ...]
     predict: tuple[Record, ...]
-    key: str = field(repr=False)
+    key: str
+
+    def __repr__(self) -> str:
+        """Print a line for each record."""
+        parts = ("fitted", self.fit), ("only predicted", self.predict)
+        return "\n".join(f"{words}: {record}" for words, records in parts for record in records) or "no records"
+
+    _repr_html_ = text_html
 
 
 def get_trials(campaign: Campaign, reporter: Reporter = SILENT) -> Trials:

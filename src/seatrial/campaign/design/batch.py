@@ -8,13 +8,14 @@ import numpy as np
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.design.evaluate import check_whole_trials, plan_of, utility_unit
 from seatrial.campaign.design.prior_state_space import prior_draws
-from seatrial.campaign.design.schedule import design_words, write_schedule
+from seatrial.campaign.design.schedule import write_schedule
 from seatrial.campaign.design.sweep import design_first, design_key
 from seatrial.campaign.design.utility import criterion_of, utility_draws
 from seatrial.campaign.store.stored_result import Store
 from seatrial.core.reporter import SILENT, Reporter
 from seatrial.design.batch import Batch, plan_batch
 from seatrial.design.robust import information_table
+from seatrial.manoeuvres.family import design_words
 
 BLOCK = 64
 """Designs whose information is computed between two reports of progress."""

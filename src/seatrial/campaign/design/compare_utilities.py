@@ -10,7 +10,6 @@ import numpy as np
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.design.evaluate import check_whole_trials, plan_of
-from seatrial.campaign.design.schedule import design_words
 from seatrial.campaign.design.sweep import design_first, design_key
 from seatrial.campaign.design.utility import UTILITY_DRAWS
 from seatrial.campaign.inference.posterior import random_key
@@ -24,6 +23,7 @@ from seatrial.design.fisher_utilities import find_criterion
 from seatrial.design.prior_belief import draw_values, prior_cov
 from seatrial.design.robust import local_utility, utility_table
 from seatrial.estimation.filter_error import process_name
+from seatrial.manoeuvres.family import design_words
 
 FISHER = ("fisher-d", "fisher-a", "fisher-e", "fisher-me")
 SETTINGS = GainSettings(inner=256)

@@ -10,7 +10,6 @@ from jaxtyping import Array, Float
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.settings import DesignSettings
-from seatrial.campaign.design.schedule import design_words
 from seatrial.campaign.design.utility import UTILITY_DRAWS, criterion_of, utility_draws
 from seatrial.core.errors import InputError
 from seatrial.core.programs import program
@@ -23,6 +22,7 @@ from seatrial.design.safety import judge_safety
 from seatrial.design.stopping import best_stops
 from seatrial.design.sweep import Sweep, in_blocks
 from seatrial.design.trial_plan import TrialPlan, plan_trial
+from seatrial.manoeuvres.family import design_words
 from seatrial.vehicles.model import VehicleModel
 
 

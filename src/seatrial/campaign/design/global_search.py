@@ -10,7 +10,7 @@ from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.settings import DesignSettings
 from seatrial.campaign.design.evaluate import check_whole_trials, plan_of, utility_unit
 from seatrial.campaign.design.prior_state_space import HALF, prior_draws
-from seatrial.campaign.design.schedule import design_words, write_schedule
+from seatrial.campaign.design.schedule import write_schedule
 from seatrial.campaign.design.sweep import design_first, design_key
 from seatrial.campaign.design.utility import criterion_of, utility_draws
 from seatrial.campaign.store.designs import Searched, read_searched
@@ -22,7 +22,7 @@ from seatrial.design.robust import utility_table
 from seatrial.design.safety import judge_safety
 from seatrial.design.sweep import all_controls, inside_limits
 from seatrial.design.trial_plan import TrialPlan
-from seatrial.manoeuvres.family import Family
+from seatrial.manoeuvres.family import Family, design_words
 
 POPULATION = 16
 """Designs that are evaluated at once."""

@@ -17,7 +17,7 @@ from seatrial.campaign.config.settings import Goal
 from seatrial.campaign.design.evaluate import check_whole_trials, plan_of
 from seatrial.campaign.design.found_noise import with_found_noise
 from seatrial.campaign.design.prior_state_space import HALF, prior_draws
-from seatrial.campaign.design.schedule import design_words, write_schedule
+from seatrial.campaign.design.schedule import write_schedule
 from seatrial.campaign.design.sweep import coefficient_draws
 from seatrial.campaign.design.utility import UTILITY_DRAWS
 from seatrial.campaign.store.estimates import Drawn
@@ -34,7 +34,7 @@ from seatrial.design.safety import judge_safety
 from seatrial.design.stages import Stage, find_stages
 from seatrial.design.sweep import all_controls, inside_limits
 from seatrial.design.trial_plan import TrialPlan
-from seatrial.manoeuvres.family import Family
+from seatrial.manoeuvres.family import Family, design_words
 
 MOST = 30
 """Trials that are thought of beyond what the day allows."""

@@ -9,25 +9,10 @@ from seatrial.campaign.store.stored_result import Store
 from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError
 from seatrial.core.files import is_there, write_json, write_text
-from seatrial.manoeuvres.family import Family
 from seatrial.manoeuvres.manoeuvre import Manoeuvre
 from seatrial.manoeuvres.schedule import Schedule, schedule_of, table_text
 
 # Designs in words, in the units of the boundary.
-
-
-def design_words(family: Family, amplitude: float, period: float) -> str:
-    """Name one member of a family: `repeated doublet of ±200 rpm about 1194 rpm in n, period 10 s`."""
-    factor, unit = shown_unit(family.control)
-    others = []
-    for one in family.beside:
-        own, its = shown_unit(one.control)
-        slower = f", {one.period:g} times as slowly" if one.period != 1 else ""
-        others.append(f" and {family.shape.sides}{one.ratio * amplitude * own:.4g} {its} in {one.control}{slower}")
-    return (
-        f"{family.words} of {family.shape.sides}{amplitude * factor:.4g} {unit} about {family.trim * factor:.4g} {unit} "
-        f"in {family.control}{''.join(others)}, {family.shape.period_is} {period:.3g} s"
-    )
 
 
 def write_schedule(

@@ -17,7 +17,7 @@ from seatrial.campaign.design.check_autopilot import check_autopilot
 from seatrial.campaign.design.evaluate import plan_as_run, plan_of, safety_lines, utility_unit, weigh
 from seatrial.campaign.design.found_noise import with_found_noise
 from seatrial.campaign.design.prior_state_space import HALF, belief_space, believed, prior_draws
-from seatrial.campaign.design.schedule import design_words, write_schedule
+from seatrial.campaign.design.schedule import write_schedule
 from seatrial.campaign.design.utility import design_filter, prediction_lines
 from seatrial.campaign.store.designs import edge_words, read_sweeps
 from seatrial.campaign.store.estimates import Drawn, Estimate, OfStructure
@@ -28,11 +28,12 @@ from seatrial.core.dataset import Dataset
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.gaussian import Gaussian
 from seatrial.core.reporter import SILENT, Progress, Reporter
+from seatrial.core.result_table import text_html
 from seatrial.core.signals import signal_unit
 from seatrial.design.limit_conflicts import remedy_of_any
 from seatrial.design.sweep import LANES, Sweep, sweep_family
 from seatrial.design.trial_plan import TrialPlan
-from seatrial.manoeuvres.family import Family
+from seatrial.manoeuvres.family import Family, design_words
 from seatrial.selection.structures import Structure
 
 # Sweeps done in rows of the grid, each row's designs predicted and weighed wherever there is a worker, and put
@@ -219,6 +220,8 @@ class Designs:
     def __repr__(self) -> str:
         """Print the lines."""
         return "\n".join(self.lines())
+
+    _repr_html_ = text_html
 
     def lines(self) -> list[str]:
         """The best of each family, and the families that have none."""

@@ -12,7 +12,7 @@ from seatrial.campaign.config.settings import OwnSchedule
 from seatrial.campaign.design.evaluate import plan_as_run, plan_of, utility_unit
 from seatrial.campaign.design.found_noise import with_found_noise
 from seatrial.campaign.design.prior_state_space import HALF, prior_draws
-from seatrial.campaign.design.schedule import design_words, write_own
+from seatrial.campaign.design.schedule import write_own
 from seatrial.campaign.design.sweep import Designs, coefficient_draws, design_first, design_key
 from seatrial.campaign.design.utility import criterion_of, utility_draws
 from seatrial.campaign.store.designs import OwnTrial, read_own_trial
@@ -22,6 +22,7 @@ from seatrial.core.reporter import SILENT, Reporter
 from seatrial.design.robust import utility_table
 from seatrial.design.safety import judge_safety
 from seatrial.design.trial_plan import TrialPlan, plan_trial
+from seatrial.manoeuvres.family import design_words
 from seatrial.vehicles.model import VehicleModel
 
 

@@ -11,7 +11,6 @@ from jaxtyping import Array, Float
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.design.evaluate import plan_of
 from seatrial.campaign.design.prior_state_space import prior_draws
-from seatrial.campaign.design.schedule import design_words
 from seatrial.campaign.design.sweep import design_first
 from seatrial.campaign.design.utility import UTILITY_DRAWS
 from seatrial.core.programs import program
@@ -19,6 +18,7 @@ from seatrial.core.reporter import SILENT, Reporter
 from seatrial.design.robust import information_table
 from seatrial.design.sweep import in_blocks
 from seatrial.design.trial_plan import TrialPlan
+from seatrial.manoeuvres.family import design_words
 from seatrial.vehicles.model import VehicleModel
 
 MOST_RUNS = 50

@@ -21,13 +21,15 @@ from seatrial.campaign.data.simulate import FIRST, record_keys
 from seatrial.campaign.design.sweep import design_first, is_designed
 from seatrial.campaign.inference.posterior import build_posterior, initial_state, random_key
 from seatrial.campaign.store.stored_result import Store
+from seatrial.core.argument_checks import check_kind
 from seatrial.core.batching import bucket_length, filled
 from seatrial.core.coefficients import CoefficientName
-from seatrial.core.display_units import shown_unit
+from seatrial.core.display_units import shown_as_written, shown_unit
 from seatrial.core.files import is_there
 from seatrial.core.programs import program
 from seatrial.core.record import Record
 from seatrial.core.reporter import SILENT, Reporter
+from seatrial.core.result_table import text_html
 from seatrial.core.signals import HELD, QUATERNION, RATES
 from seatrial.estimation.delayed_control import delay_control
 from seatrial.estimation.output_error import initial_name, own_name
@@ -370,6 +372,15 @@ class PriorPredictive:
     believed: tuple[Believed, ...]
     unphysical: tuple[str, ...]
 
+    def __repr__(self) -> str:
+        """Print what the priors mean as motion, and what to correct."""
+        from seatrial.campaign.prior.summary import prior_alarms, prior_cautions, prior_lines
+
+        said = prior_lines(self, shown_as_written({}))
+        return "\n".join([*said, *(f"- {one}" for one in (*prior_alarms(self), *prior_cautions(self)))])
+
+    _repr_html_ = text_html
+
     @property
     def lost(self) -> np.ndarray:
         """Draws that run away: they diverge, or have no steady speed, shape (draws,)."""
@@ -379,9 +390,17 @@ class PriorPredictive:
 def predict_from_prior(campaign: Campaign, reporter: Reporter = SILENT) -> PriorPredictive:
     """Draw from the full structure's prior and simulate over the trial that `prior_trial` finds.
 
+    Args:
+        campaign: of `load_campaign`.
+        reporter: told how far it has come.
+
+    Returns:
+        motions over the time of that trial, SI, and what the priors allow that physics does not.
+
     Raises:
-        InputError: logs that cannot be read, no design inside the limits, or trials through an autopilot.
+        InputError: no campaign, logs that cannot be read, no design inside the limits, or trials through an autopilot.
     """
+    check_kind(campaign, Campaign, "campaign", "read it with `load_campaign`")
     campaign.check_no_autopilot("the prior predictive check")
     model = campaign.model(campaign.full)
     trial = prior_trial(campaign, reporter)

@@ -13,7 +13,6 @@ from jaxtyping import Array, Float
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.design.evaluate import applied_controls
-from seatrial.campaign.design.schedule import design_words
 from seatrial.campaign.design.sweep import design_key, design_next
 from seatrial.campaign.inference.estimate import estimate_all
 from seatrial.campaign.inference.posterior import build_likelihood, shared_model
@@ -32,6 +31,7 @@ from seatrial.estimation.prediction import noise_sd, slow_noise
 from seatrial.estimation.sensor_errors import Sensor
 from seatrial.estimation.simulation import Simulator
 from seatrial.estimation.trial_data import TrialData
+from seatrial.manoeuvres.family import design_words
 from seatrial.selection.structures import Structure
 from seatrial.selection.verdict import Selection
 

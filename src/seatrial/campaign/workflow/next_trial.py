@@ -13,13 +13,13 @@ import scipy
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.simulate import Chosen, chosen_of
 from seatrial.campaign.design.found_noise import noise_words
-from seatrial.campaign.design.schedule import design_words
 from seatrial.campaign.design.sweep import Designs
 from seatrial.campaign.inference.judge_predictions import fitted_failures, held_back_alarms
 from seatrial.campaign.inference.quick_estimates import FirstAnswer
 from seatrial.campaign.store.structures import BETTER_EVIDENCE, IF_RELIABLE, Contenders
 from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.estimation.remedies import percent
+from seatrial.manoeuvres.family import design_words
 from seatrial.selection.verdict import DECIDED
 
 Known = dict[str, tuple[float, float]]

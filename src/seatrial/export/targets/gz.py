@@ -100,7 +100,10 @@ class Gz:
         """See `Exporter`."""
         if self.engine not in ENGINES:
             raise InputError(
-                "--engine", found=f'"{self.engine}"', expected=" or ".join(ENGINES), remedy="dart is Gazebo's default"
+                "export to gz, engine",
+                found=f'"{self.engine}"',
+                expected=" or ".join(ENGINES),
+                remedy="dart is Gazebo's default",
             )
         require_whole(vehicle, self.name)
         check_stable(vehicle, self.name)

@@ -8,12 +8,12 @@ from markupsafe import Markup
 
 from seatrial.campaign.data.simulate import chosen_of
 from seatrial.campaign.data.true_vehicle import FIRST
-from seatrial.campaign.design.schedule import design_words
 from seatrial.campaign.design.sweep import Designs
 from seatrial.campaign.workflow.next_trial import propose
 from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.core.display_units import shown_unit
 from seatrial.core.record import Record
+from seatrial.manoeuvres.family import design_words
 from seatrial.manoeuvres.schedule import schedule_of
 from seatrial.report.drawing import (
     Drawing,
