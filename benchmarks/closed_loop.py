@@ -23,7 +23,6 @@ from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.load import check_text
 from seatrial.campaign.design.evaluate import plan_of
 from seatrial.campaign.design.prior_state_space import prior_draws
-from seatrial.campaign.design.schedule import design_words
 from seatrial.campaign.inference.posterior import random_key
 from seatrial.campaign.rehearsal.run import known_after, rehearse
 from seatrial.campaign.rehearsal.vehicles import draw_vehicle, run_trial
@@ -33,6 +32,7 @@ from seatrial.design.robust import information_table
 from seatrial.design.safety import judge_safety
 from seatrial.design.sweep import all_controls
 from seatrial.design.trial_plan import TrialPlan
+from seatrial.manoeuvres.family import design_words
 from seatrial.vehicles.linearise import linearise
 
 LEVEL, BAND = 0.90, 0.99
