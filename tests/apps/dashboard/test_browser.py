@@ -277,7 +277,7 @@ def test_a_column_of_time_is_chosen_and_a_second_run_added(tmp_path, page):
         choose("A log in the campaign's folder", "logs/run_b.csv")
         page.get_by_role("button", name="Preview log").click()
         page.get_by_text(
-            "Saving adds run run_b, to fit, with the map below. Run run_a keeps the map that it has."
+            "Saving adds run run_b, to fit, with this map. Run run_a keeps the map that it has."
         ).wait_for()
         assert page.get_by_label("Name of the run").input_value() == "run_b"
         page.get_by_role("button", name="Add it, held back to predict").click()
@@ -321,7 +321,7 @@ def test_a_second_log_with_other_columns_is_a_run_with_a_map_of_its_own(tmp_path
         choose("A log in the campaign's folder", "logs/log_2.csv")
         page.get_by_role("button", name="Preview log").click()
         page.get_by_text(
-            "Saving adds run log_2, to fit, with the map below. Run log_1 keeps the map that it has."
+            "Saving adds run log_2, to fit, with this map. Run log_1 keeps the map that it has."
         ).wait_for()
         assert page.get_by_text("with the columns of the map in campaign.toml").count() == 0
         assert page.get_by_label("Name of the run").input_value() == "log_2"
@@ -373,7 +373,7 @@ def test_a_run_of_a_shared_map_that_lacks_its_columns_is_offered_one_of_its_own(
         page.get_by_role("combobox", name="A log in the campaign's folder").click()
         page.get_by_role("option", name="log_2.csv").click()
         page.get_by_role("button", name="Preview log").click()
-        page.get_by_text("Saving gives run 2 the map below in the place of its map of log_2.csv.").wait_for()
+        page.get_by_text("Saving gives run 2 this map in the place of that of log_2.csv.").wait_for()
         page.get_by_role("button", name="Check and save this map").click()
         page.get_by_text("Saved in campaign.toml. To fit: 1, 2. Now import").wait_for()
         files = tomllib.loads(path.read_text())["import"]["files"]

@@ -412,9 +412,9 @@ class ImportForm:
         before = ", ".join(dict.fromkeys(self._path(one, run) for one in files_of(map_of_run(saved, run)[0])))
         if self.purpose in (OWN_FIT, OWN_PREDICT):
             if run in runs:
-                return f"Saving gives run {run} the map below in the place of its map of {before}."
+                return f"Saving gives run {run} this map in the place of that of {before}."
             where = "to fit" if self.purpose == OWN_FIT else "held back to predict"
-            return f"Saving adds run {run}, {where}, with the map below. Run {', '.join(others)} keeps the map that it has."
+            return f"Saving adds run {run}, {where}, with this map. Run {', '.join(others)} keeps the map that it has."
         if run in runs:
             named = {self._path(one, run) for one in files_of(self.map)}
             lost = [one for one in before.split(", ") if one not in named]
