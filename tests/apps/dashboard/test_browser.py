@@ -529,7 +529,7 @@ def test_a_folder_that_cannot_be_written_is_said_in_words(tmp_path, page):
 def test_the_whole_file_is_edited_and_a_mistake_marked(tmp_path, page):
     folder = write_small(tmp_path / "served")
     path = folder / "campaign.toml"
-    before, shows = path.read_text(), "(text) => document.querySelector('#main textarea').value === text"
+    before, shows = path.read_text(), "(text) => document.querySelector('#main textarea')?.value === text"
     with served(tmp_path / "served") as (address, _):
         page.goto(f"{address}file?campaign=.")
         field, save = page.get_by_label("campaign.toml, as TOML"), page.get_by_role("button", name="Check and save")
@@ -555,8 +555,19 @@ def test_the_whole_file_is_edited_and_a_mistake_marked(tmp_path, page):
         page.get_by_label("campaign.toml, as TOML").fill(before.replace("upper = 1.2", "upper = 1.1"))
         path.write_text(before + "\n# by another hand\n")
         page.get_by_role("button", name="Check and save").click()
-        assert "a file that somebody changed" in page.get_by_role("alert").inner_text()
+        assert "somebody changed the file since you began" in page.get_by_role("alert").inner_text()
         assert path.read_text().endswith("# by another hand\n")
+        page.get_by_role("button", name="Show the difference").click()
+        page.get_by_text('"Check and save" now writes your text').wait_for()
+        shown = page.locator("#main pre").inner_text()
+        assert "−# by another hand" in shown
+        assert re.search(r"^\+.*upper = 1\.1", shown, re.MULTILINE)
+        typed = page.get_by_label("campaign.toml, as TOML")
+        assert "upper = 1.1" in typed.input_value()
+        typed.fill(typed.input_value() + "\n# by another hand\n")
+        page.get_by_role("button", name="Check and save").click()
+        page.get_by_text("Saved. Results made before").wait_for()
+        assert path.read_text() == before.replace("upper = 1.2", "upper = 1.1") + "\n# by another hand\n"
 
         # A file that is no campaign any more can still be mended here.
         path.write_text(before.replace("[campaign]", "[campaign"))
