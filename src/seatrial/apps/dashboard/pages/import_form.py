@@ -676,11 +676,12 @@ class Row(MapRow):
             self.sign.props(LOOK).on_value_change(self._changed)
             offset = 0.0 if there is None else float(there.get("offset", 0.0))
             self.offset = ui.number("offset, in the unit", value=offset, on_change=self._changed).props(LOOK)
+            self.offset.classes("offset")
             between = "held" if there is None else str(there.get("between") or "held")
             self.between = None
             if is_control:
                 self.between = ui.select(BETWEEN, value=between, label=f"{channel}: between samples")
-                self.between.props(LOOK).on_value_change(self._changed)
+                self.between.props(LOOK).classes("between").on_value_change(self._changed)
             self.said = ui.element("div").classes("beside")
         self.parts = {"column": self.column, "unit": self.unit, "scale": self.factor, "offset": self.offset}
         self.draw()
