@@ -560,7 +560,7 @@ def test_the_whole_file_is_edited_and_a_mistake_marked(tmp_path, page):
         page.get_by_role("button", name="Show the difference").click()
         page.get_by_text('"Check and save" now writes your text').wait_for()
         shown = page.locator("#main pre").inner_text()
-        assert "−# by another hand" in shown
+        assert "-# by another hand" in shown
         assert re.search(r"^\+.*upper = 1\.1", shown, re.MULTILINE)
         typed = page.get_by_label("campaign.toml, as TOML")
         assert "upper = 1.1" in typed.input_value()
