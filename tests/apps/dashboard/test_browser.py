@@ -381,6 +381,21 @@ def test_a_run_of_a_shared_map_that_lacks_its_columns_is_offered_one_of_its_own(
             ("log_{run}.csv", ["1"], "speed"),
             ("log_2.csv", ["2"], "dvl_speed"),
         ]
+        page.get_by_role("button", name="Import the records").wait_for()
+        page.get_by_role("combobox", name="A log in the campaign's folder").click()
+        page.get_by_role("option", name="log_1.csv").click()
+        page.get_by_role("button", name="Preview log").click()
+        column = page.get_by_role("combobox", name="u: column", exact=True)
+        column.wait_for()
+        assert column.input_value() == "speed · rows"
+        column.click()
+        page.get_by_role("option", name="rpm · rows", exact=True).click()
+        page.get_by_label("u: unit").fill("cm/s")
+        page.get_by_role("button", name="Check and save this map").click()
+        page.get_by_text("Saved in campaign.toml. To fit: 1, 2. Now import").wait_for()
+        files = tomllib.loads(path.read_text())["import"]["files"]  # by the same path, with {run}
+        found = {one["path"]: (one["runs"], one["channels"]["u"]["column"]) for one in files}
+        assert found == {"log_2.csv": (["2"], "dvl_speed"), "log_{run}.csv": (["1"], "rpm")}
     assert page.said == []
 
 
