@@ -211,10 +211,49 @@ def test_an_import_is_checked_before_any_log_is_opened(tmp_path, name):
     )
 
 
+ONE_LOG = ("zigzag_{run}.csv", "zigzag_1.csv")
+TRIMMED = """[import.trim.1]
+end = "40 s"
+[import.trim.2]
+start = "{}"
+[[import.files]]
+path = """
+
+
+def test_two_runs_that_read_the_same_log_over_the_same_time_are_refused(tmp_path):
+    folder = write_yaw(tmp_path)
+    text = (folder / "campaign.toml").read_text().replace(*ONE_LOG)
+    error = refused(folder, text)
+    assert error.where.endswith("key import.files[0].path")
+    assert error.found == 'runs "1" and "2", which both read zigzag_1.csv over the same time: one trial counted twice'
+    assert 'runs = ["1"] and runs = ["2"]' in error.remedy
+    held_back = text.replace('fit = ["1", "2"]', 'fit = ["1"]\npredict = ["2"]')
+    assert refused(folder, held_back).found == error.found
+    overlap = text.replace("[[import.files]]\npath = ", TRIMMED.format("39 s"))
+    assert refused(folder, overlap).found == error.found
+    table = text[text.index("[[import.files]]") :]
+    twice = f'{text}runs = ["1"]\n{table}runs = ["2"]\n'.replace("zigzag_1.csv", "./zigzag_1.csv", 1)
+    assert "one trial counted twice" in refused(folder, twice).found
+
+
+def test_two_runs_of_one_log_are_allowed_where_each_has_its_part_its_table_or_its_cut(tmp_path):
+    folder = write_yaw(tmp_path)
+    text = (folder / "campaign.toml").read_text().replace(*ONE_LOG)
+    table = text[text.index("[[import.files]]") :]
+    for changed in (
+        text.replace("[[import.files]]\npath = ", TRIMMED.format("40 s")),
+        f'{text}table = "a"\nruns = ["1"]\n{table}table = "b"\nruns = ["2"]\n',
+        text.replace("[[import.files]]", '[[import.keep]]\npath = "on_{run}.csv"\nwhen = "on == 1"\n[[import.files]]'),
+        text.replace("[import]", '[import]\nschedule = "plan_{run}.csv"'),
+    ):
+        (folder / "campaign.toml").write_text(changed)
+        assert load_campaign(folder).imports.runs == ("1", "2")
+
+
 @pytest.mark.parametrize("path", ["a" * 300, "~nobody-of-this-name/a.csv", "a\\u0000b", "$NOT_SET/a.csv"])
 def test_a_path_that_no_file_can_have(tmp_path, path):
     folder = write_yaw(tmp_path)
-    text = (folder / "campaign.toml").read_text().replace("zigzag_{run}.csv", path)
+    text = (folder / "campaign.toml").read_text().replace("zigzag_{run}.csv", path).replace('["1", "2"]', '["1"]')
     (folder / "campaign.toml").write_text(text)
     campaign = load_campaign(folder)
     with pytest.raises(InputError, match=r"campaign\.toml:\d+, key import\.files\[0\]\.path"):

@@ -218,6 +218,11 @@ NAMES = {
     "vel_n": ("v_north", "m/s", 1.0),
     "orientation.w": ("q_w", "1", 1.0),
     "engine_rpm": ("n", "rpm", 1.0),
+    "rpm_cmd": ("n", "rpm", 1.0),
+    "cmd_rpm": ("n", "rpm", 1.0),
+    "rpm_command": ("n", "rpm", 1.0),
+    "motor_rpm_commanded": ("n", "rpm", 1.0),
+    "command_motor_speed_rps": ("n", "rev/s", 1.0),
     "log_speed": ("u", "m/s", 1.0),
     "dvl_vx": ("u", "m/s", 1.0),
     "dvl_vz_mps": ("w", "m/s", 1.0),
@@ -359,6 +364,29 @@ def test_several_logs_are_listed_in_turn_and_mapped_together(monkeypatch, capsys
     code, out, err = run(monkeypatch, capsys, first, tmp_path / "nowhere.csv")
     assert (code, out) == (2, "")
     assert "nowhere.csv" in err
+
+
+def test_two_runs_with_other_columns_are_mapped_each_for_itself(monkeypatch, capsys, tmp_path):
+    rows = "".join(f"{k / 10},{k % 7},{900 + k}\n" for k in range(20))
+    logs = [
+        written(tmp_path, f"{head}\n{rows}", f"{name}.csv")
+        for name, head in (
+            ("run_a", "time_s,speed,rpm"),
+            ("run_b", "t_s,dvl_speed_kn,rpm_cmd"),
+            ("run_c", "t_s,dvl_speed_kn,rpm_cmd"),
+        )
+    ]
+    code, out, _ = run(monkeypatch, capsys, *logs[:2], "--map")
+    files = tomllib.loads(out)["import"]["files"]
+    assert code == 0
+    assert [file["runs"] for file in files] == [["run_a"], ["run_b"]]
+    assert [file["channels"]["u"]["column"] for file in files] == ["speed", "dvl_speed_kn"]
+    assert [file["channels"]["n"]["column"] for file in files] == ["rpm", "rpm_cmd"]
+    assert 'Name the runs under [import]: fit = ["run_a", "run_b"].' in out
+    assert "{run}" not in out
+    _, out, _ = run(monkeypatch, capsys, *logs, "--map")
+    assert len(tomllib.loads(out)["import"]["files"]) == 2
+    assert "run_c.csv: the logs above have all its channels" in out
 
 
 def test_a_map_without_a_clock_asks_for_it(tmp_path):

@@ -72,6 +72,6 @@ def write_file(folder: Path, text: str, seen: str) -> None:
             str(folder / CAMPAIGN),
             found="a file that somebody changed since it was read",
             expected="the file as it was read",
-            remedy="read it again (in a browser, reload the page), then edit",
+            remedy="read it again, then edit; in a browser, copy what you typed before you reload the page",
         )
     write_text(folder / CAMPAIGN, text)

@@ -73,6 +73,8 @@ _OF = "(?:dvl|speed|vel|velocity|body|measured|meas|nu)_?"
 _ALONG = "(?:velocity[._]?|vel_?|v_?)"
 """What a velocity along x, y or z is called before that letter."""
 _AXES_UNKNOWN = re.compile(rf"(?:{_OF})?{_ALONG}[xyz]")
+_COMMAND = "(?:cmd|command|commanded)"
+_PROPELLER = "(?:prop|propeller|shaft|motor|thruster)(?:_?(?:rpm|speed|rate))?"
 _NAMES = (
     ("v_north", 2, "v_?n(?:orth)?|vel(?:ocity)?[._]?n(?:orth)?|north_?(?:vel|velocity|speed)"),
     ("v_east", 2, "v_?e(?:ast)?|vel(?:ocity)?[._]?e(?:ast)?|east_?(?:vel|velocity|speed)"),
@@ -92,7 +94,7 @@ _NAMES = (
     ("psi", 2, "psi|yaw|heading|hdg|yaw_?angle"),
     ("z", 2, "depth|depth_?m"),
     ("z", 1, "z|position\\.z"),
-    ("n", 2, "n|rpm|(?:prop|propeller|shaft|motor|thruster)(?:_?(?:rpm|speed|rate))?"),
+    ("n", 2, f"n|(?:{_COMMAND}_)?(?:rpm|{_PROPELLER})(?:_{_COMMAND})?"),
     ("n", 1, "(?:main_?)?engine_?(?:rpm|speed)|(?:main_?)?engine"),
     ("delta_r", 2, "delta_?r|rudder|rudder_?angle|desired_rudder"),
     ("delta_r", 1, "delta"),

@@ -79,12 +79,14 @@ class LogSummary:
         """
         return self._map_of(best(self.guesses, only), named, names_unused=not only)
 
-    def _map_of(self, chosen: Sequence[Guess], named: str = "", *, names_unused: bool = True) -> str:
+    def _map_of(
+        self, chosen: Sequence[Guess], named: str = "", *, names_unused: bool = True, run: str | None = None
+    ) -> str:
         lines = ["# Guesses by names and types: check column, unit and sign of each line before you believe a result."]
         for table in self.tables:
             mine = [guess for guess in chosen if guess.table == table.info.name]
             if (mine or not chosen) and (table.clock is not None or len(self.tables) == 1):
-                lines += ["", *self._block(table, table.clock, mine, named)]
+                lines += ["", *self._block(table, table.clock, mine, named, run)]
                 lines += _unused_lines(table, {guess.column for guess in mine}) if names_unused else []
         if not chosen:
             lines.append(
@@ -105,7 +107,7 @@ class LogSummary:
         return "\n".join(line for line in lines if not line.startswith(("channels.", "#"))) + "\n"
 
     def _block(
-        self, table: TableSummary, clock: ClockSummary | None, mine: Sequence[Guess], named: str
+        self, table: TableSummary, clock: ClockSummary | None, mine: Sequence[Guess], named: str, run: str | None = None
     ) -> Iterator[str]:
         layout = self.log.layout
         yield "[[import.files]]"
@@ -118,6 +120,8 @@ class LogSummary:
         yield f"path = {_quoted(named or path.as_posix())}{beside}"
         if len(catalogue(self.log)) > 1:
             yield f"table = {_quoted(table.info.name)}"
+        if run is not None:
+            yield f"runs = [{_quoted(run)}]"
         name, unit = ("", "s") if clock is None else (clock.name, clock.unit)
         yield f"time = {{ column = {_quoted(name)}, unit = {_quoted(unit)} }}"
         if clock is None:
@@ -211,25 +215,57 @@ def _with_lines(log: LogFile, tables: Sequence[TableSummary], found: Sequence[Gu
 
 
 def maps_together(found: Sequence[LogSummary], only: Sequence[str] = ()) -> list[str]:
-    """Return the guessed map of each of several logs of one run, a channel being mapped from the first log that has it.
+    """Return the guessed map of each of several logs, a channel of a run being mapped from the first log that has it.
+
+    A log without a channel that the logs before it lack is another run: by the same map where its columns are those of one of them, else
+    by a map of its own, and `runs` says then whose each map is.
 
     Args:
         found: the logs.
         only: channels to map; all that were guessed by default.
     """
-    maps: list[str] = []
-    mapped: set[str] = set()
-    for one in found:
-        guessed = best(one.guesses, only)
-        chosen = tuple(guess for guess in guessed if guess.channel not in mapped)
-        mapped |= {guess.channel for guess in chosen}
-        maps.append(
-            one._map_of(chosen, names_unused=not only)
-            if chosen or not guessed
-            else f"# {one.log.path.name}: the logs above have all its channels. If it is another run, not another file of theirs, write "
+    guessed = [best(one.guesses, only) for one in found]
+    runs: list[dict[int, tuple[Guess, ...]]] = [{}]
+    """Of each run, the channels of its logs by their places."""
+    alike: set[int] = set()
+    for at, mine in enumerate(guessed):
+        mapped = {guess.channel for chosen in runs[-1].values() for guess in chosen}
+        chosen = tuple(guess for guess in mine if guess.channel not in mapped)
+        if chosen or not mine:
+            runs[-1][at] = chosen
+        elif any(_columns(mine) == _columns(before) for before in guessed[:at]):
+            alike.add(at)
+        else:
+            runs.append({at: mine})
+    labels = _labels([found[next(iter(one))].log.path for one in runs])
+    maps = {
+        at: found[at]._map_of(chosen, names_unused=not only, run=label if len(runs) > 1 else None)
+        for label, one in zip(labels, runs, strict=True)
+        for at, chosen in one.items()
+    }
+    for label, one in zip(labels[1:], runs[1:], strict=True):
+        at = next(iter(one))
+        named = ", ".join(_quoted(label) for label in labels)
+        maps[at] = (
+            f"# {found[at].log.path.name}: another run, {label}, with columns of its own. Name the runs under [import]: fit = [{named}].\n"
+            f"# If it is another file of the run above, leave this map and `runs` out.\n{maps[at]}"
+        )
+    for at in alike:
+        maps[at] = (
+            f"# {found[at].log.path.name}: the logs above have all its channels. If it is another run, not another file of theirs, write "
             'one\n# path with {run} for both, such as "log_{run}.csv", and name both runs under fit of [import].\n'
         )
-    return maps
+    return [maps[at] for at in range(len(found))]
+
+
+def _columns(guessed: Sequence[Guess]) -> set[tuple[str, str, str]]:
+    return {(guess.channel, guess.table, guess.column) for guess in guessed}
+
+
+def _labels(paths: Sequence[Path]) -> list[str]:
+    """Return a name for the run of each log: that of its file, or a number where two files are called alike."""
+    stems = [re.sub(r"[^A-Za-z0-9_-]", "_", path.stem) or "run" for path in paths]
+    return stems if len(set(stems)) == len(stems) else [str(at) for at in range(1, len(paths) + 1)]
 
 
 def _unused_lines(table: TableSummary, used: Collection[str]) -> Iterator[str]:

@@ -301,6 +301,38 @@ def test_a_second_log_with_the_same_columns_becomes_another_run(tmp_path):
     assert further_run(other, "logs/run_b.csv") is None
 
 
+def test_a_run_gets_a_map_of_its_own_and_the_others_keep_theirs(tmp_path):
+    from seatrial.apps.dashboard.edits import map_of_run, runs_reading, with_own_map
+
+    text = (
+        '[import]\nfit = ["1"]  # the first\n\n[[import.files]]\npath = "log_1.csv"  # of the logger\n'
+        'channels.u = { column = "speed", unit = "kn" }\n'
+    )
+    own = '[[import.files]]\npath = "log_2.csv"\nchannels.u = { column = "v", unit = "m/s" }  # ours\n'
+    both = with_own_map(tmp_path, text, "log_2", "fit", own)
+    found = tomllib.loads(both)["import"]
+    assert found["fit"] == ["1", "log_2"]
+    assert [(one["path"], one["runs"]) for one in found["files"]] == [("log_1.csv", ["1"]), ("log_2.csv", ["log_2"])]
+    assert {"the first", "of the logger", "ours"} <= set(comments(both))
+    assert runs_reading(both, "log_2.csv") == ("log_2",)
+    mine, others = map_of_run("\n".join(both.splitlines()[2:]), "log_2")
+    assert ("log_2.csv" in mine, "log_1.csv" in mine, "log_1.csv" in others) == (True, False, True)
+    third = with_own_map(tmp_path, both, "log_3", "predict", own.replace("log_2", "log_3"))
+    found = tomllib.loads(third)["import"]
+    assert (found["fit"], found["predict"]) == (["1", "log_2"], ["log_3"])
+    assert [one["runs"] for one in found["files"]] == [["1"], ["log_2"], ["log_3"]]
+    shared = text.replace('["1"]', '["1", "2", "3"]').replace("log_1.csv", "log_{run}.csv")
+    assert runs_reading(shared, "log_2.csv") == ("2",)
+    found = tomllib.loads(with_own_map(tmp_path, shared, "2", "predict", own))["import"]
+    assert (found["fit"], "predict" in found) == (["1", "2", "3"], False)
+    assert [(one["path"], one["runs"]) for one in found["files"]] == [
+        ("log_{run}.csv", ["1", "3"]),
+        ("log_2.csv", ["2"]),
+    ]
+    again = tomllib.loads(with_own_map(tmp_path, both, "log_2", "fit", own.replace("m/s", "cm/s")))["import"]["files"]
+    assert [one["channels"]["u"]["unit"] for one in again] == ["kn", "cm/s"]  # one of log_2, the newer
+
+
 def test_a_log_takes_the_place_of_one_of_which_it_has_every_column_or_channel(tmp_path):
     from seatrial.apps.dashboard.edits import channels_of, files_of, with_newer_log
 

@@ -276,7 +276,9 @@ def test_a_column_of_time_is_chosen_and_a_second_run_added(tmp_path, page):
 
         choose("A log in the campaign's folder", "logs/run_b.csv")
         page.get_by_role("button", name="Preview log").click()
-        page.get_by_text("logs/run_b.csv takes the place of logs/run_a.csv").wait_for()
+        page.get_by_text(
+            "Saving adds run run_b, to fit, with this map. Run run_a keeps the map that it has."
+        ).wait_for()
         assert page.get_by_label("Name of the run").input_value() == "run_b"
         page.get_by_role("button", name="Add it, held back to predict").click()
         page.get_by_text("Saved in campaign.toml: run_b is under predict").wait_for()
@@ -291,6 +293,109 @@ def test_a_column_of_time_is_chosen_and_a_second_run_added(tmp_path, page):
         page.get_by_text(re.compile("record run_b: 300 samples")).first.wait_for()
         assert offered.count() == 0
         assert page.evaluate("document.activeElement.id") == "main"
+    assert page.said == []
+
+
+def test_a_second_log_with_other_columns_is_a_run_with_a_map_of_its_own(tmp_path, page):
+    folder = write_small(tmp_path / "served")
+    (folder / "logs").mkdir()
+    for run, head, moved in (("log_1", "t,speed,rpm", 0.0), ("log_2", "stamp_s,dvl_kn,drive", 0.1)):
+        rows = [f"{0.1 * i:.1f},{1.5 + moved + 0.2 * (i // 50 % 2)},{1200 + 200 * (i // 50 % 2)}" for i in range(300)]
+        (folder / "logs" / f"{run}.csv").write_text("\n".join([head, *rows]) + "\n")
+
+    def choose(field, option):
+        page.get_by_role("combobox", name=field, exact=True).click()
+        page.get_by_role("option", name=option, exact=True).click()
+        page.get_by_role("listbox").wait_for(state="detached")
+
+    def imports():
+        return tomllib.loads((folder / "campaign.toml").read_text())["import"]
+
+    with served(folder) as (address, _):
+        page.goto(f"{address}import?campaign=.")
+        choose("A log in the campaign's folder", "logs/log_1.csv")
+        page.get_by_role("button", name="Preview log").click()
+        page.get_by_role("button", name="Check and save this map").click()
+        page.get_by_text("Saved in campaign.toml. To fit: log_1. Now import").wait_for()
+
+        choose("A log in the campaign's folder", "logs/log_2.csv")
+        page.get_by_role("button", name="Preview log").click()
+        page.get_by_text(
+            "Saving adds run log_2, to fit, with this map. Run log_1 keeps the map that it has."
+        ).wait_for()
+        assert page.get_by_text("with the columns of the map in campaign.toml").count() == 0
+        assert page.get_by_label("Name of the run").input_value() == "log_2"
+        choose("This log is", "the only run, in the place of log_1")
+        page.get_by_text("Saving removes run log_1 from the campaign file, with the map of logs/log_1.csv.").wait_for()
+        choose("This log is", "another run, to fit, with a map of its own")
+        page.get_by_text("Saving adds run log_2").wait_for()
+        for channel, column, unit in (("u", "dvl_kn", "m/s"), ("n", "drive", "rpm")):
+            choose(f"{channel}: column", f"{column} · rows")
+            page.get_by_label(f"{channel}: unit").fill(unit)
+        page.get_by_role("button", name="Check and save this map").click()
+        page.get_by_text("Saved in campaign.toml. To fit: log_1, log_2. Now import").wait_for()
+        found = imports()
+        assert found["fit"] == ["log_1", "log_2"]
+        assert [(one["path"], one["runs"]) for one in found["files"]] == [
+            ("logs/log_1.csv", ["log_1"]),
+            ("logs/log_2.csv", ["log_2"]),
+        ]
+        page.get_by_role("button", name="Import the records").press("Enter")
+        page.get_by_text(re.compile("record log_2: 300 samples")).first.wait_for()
+
+        choose("A log in the campaign's folder", "logs/log_1.csv")  # its own map is shown and changed, and no other
+        page.get_by_role("button", name="Preview log").click()
+        page.get_by_label("u: unit").wait_for()
+        assert page.get_by_label("Name of the run").input_value() == "log_1"
+        page.get_by_label("u: unit").fill("kn")
+        page.get_by_role("button", name="Check and save this map").click()
+        page.get_by_text("Saved in campaign.toml. To fit: log_1, log_2. Now import").wait_for()
+        found = {one["path"]: one["channels"]["u"]["unit"] for one in imports()["files"]}
+        assert found == {"logs/log_1.csv": "kn", "logs/log_2.csv": "m/s"}
+    assert page.said == []
+
+
+def test_a_run_of_a_shared_map_that_lacks_its_columns_is_offered_one_of_its_own(tmp_path, page):
+    folder = write_small(tmp_path / "served")
+    for run, head in ((1, "t,speed,rpm"), (2, "t,dvl_speed,motor_rpm")):
+        rows = [f"{0.1 * i:.1f},{1.5 + 0.2 * (i // 50 % 2)},{1200 + 200 * (i // 50 % 2)}" for i in range(300)]
+        (folder / f"log_{run}.csv").write_text("\n".join([head, *rows]) + "\n")
+    path = folder / "campaign.toml"
+    text = path.read_text()
+    before, after = text.index("[truth]"), text.find("\n[", text.index("[truth]") + 1)
+    shared = (
+        '\n[import]\nfit = ["1", "2"]\n[[import.files]]\npath = "log_{run}.csv"\ntime = { column = "t", unit = "s" }\n'
+        'channels.n = { column = "rpm", unit = "rpm" }\nchannels.u = { column = "speed", unit = "m/s" }\n'
+    )
+    path.write_text(text[:before] + (text[after + 1 :] if after > 0 else "") + shared)
+    with served(folder) as (address, _):
+        page.goto(f"{address}import?campaign=.")
+        page.get_by_role("combobox", name="A log in the campaign's folder").click()
+        page.get_by_role("option", name="log_2.csv").click()
+        page.get_by_role("button", name="Preview log").click()
+        page.get_by_text("Saving gives run 2 this map in the place of that of log_2.csv.").wait_for()
+        page.get_by_role("button", name="Check and save this map").click()
+        page.get_by_text("Saved in campaign.toml. To fit: 1, 2. Now import").wait_for()
+        files = tomllib.loads(path.read_text())["import"]["files"]
+        assert [(one["path"], one["runs"], one["channels"]["u"]["column"]) for one in files] == [
+            ("log_{run}.csv", ["1"], "speed"),
+            ("log_2.csv", ["2"], "dvl_speed"),
+        ]
+        page.get_by_role("button", name="Import the records").wait_for()
+        page.get_by_role("combobox", name="A log in the campaign's folder").click()
+        page.get_by_role("option", name="log_1.csv").click()
+        page.get_by_role("button", name="Preview log").click()
+        column = page.get_by_role("combobox", name="u: column", exact=True)
+        column.wait_for()
+        assert column.input_value() == "speed · rows"
+        column.click()
+        page.get_by_role("option", name="rpm · rows", exact=True).click()
+        page.get_by_label("u: unit").fill("cm/s")
+        page.get_by_role("button", name="Check and save this map").click()
+        page.get_by_text("Saved in campaign.toml. To fit: 1, 2. Now import").wait_for()
+        files = tomllib.loads(path.read_text())["import"]["files"]  # by the same path, with {run}
+        found = {one["path"]: (one["runs"], one["channels"]["u"]["column"]) for one in files}
+        assert found == {"log_2.csv": (["2"], "dvl_speed"), "log_{run}.csv": (["1"], "rpm")}
     assert page.said == []
 
 
@@ -439,7 +544,7 @@ def test_a_folder_that_cannot_be_written_is_said_in_words(tmp_path, page):
 def test_the_whole_file_is_edited_and_a_mistake_marked(tmp_path, page):
     folder = write_small(tmp_path / "served")
     path = folder / "campaign.toml"
-    before, shows = path.read_text(), "(text) => document.querySelector('#main textarea').value === text"
+    before, shows = path.read_text(), "(text) => document.querySelector('#main textarea')?.value === text"
     with served(tmp_path / "served") as (address, _):
         page.goto(f"{address}file?campaign=.")
         field, save = page.get_by_label("campaign.toml, as TOML"), page.get_by_role("button", name="Check and save")
@@ -465,8 +570,19 @@ def test_the_whole_file_is_edited_and_a_mistake_marked(tmp_path, page):
         page.get_by_label("campaign.toml, as TOML").fill(before.replace("upper = 1.2", "upper = 1.1"))
         path.write_text(before + "\n# by another hand\n")
         page.get_by_role("button", name="Check and save").click()
-        assert "a file that somebody changed" in page.get_by_role("alert").inner_text()
+        assert "somebody changed the file since you began" in page.get_by_role("alert").inner_text()
         assert path.read_text().endswith("# by another hand\n")
+        page.get_by_role("button", name="Show the difference").click()
+        page.get_by_text('"Check and save" now writes your text').wait_for()
+        shown = page.locator("#main pre").inner_text()
+        assert "-# by another hand" in shown
+        assert re.search(r"^\+.*upper = 1\.1", shown, re.MULTILINE)
+        typed = page.get_by_label("campaign.toml, as TOML")
+        assert "upper = 1.1" in typed.input_value()
+        typed.fill(typed.input_value() + "\n# by another hand\n")
+        page.get_by_role("button", name="Check and save").click()
+        page.get_by_text("Saved. Results made before").wait_for()
+        assert path.read_text() == before.replace("upper = 1.2", "upper = 1.1") + "\n# by another hand\n"
 
         # A file that is no campaign any more can still be mended here.
         path.write_text(before.replace("[campaign]", "[campaign"))

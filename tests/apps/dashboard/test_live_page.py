@@ -105,6 +105,12 @@ def test_a_vehicle_over_mavlink_is_followed_on_a_phone_in_sunlight(tmp_path):
             page.goto(address)
             page.goto(address.partition("?")[0] + "live?campaign=boat")
             page.get_by_text("No trial has been followed yet").wait_for()
+            for command in (
+                f"live {folder} logs/today.csv",
+                f"your_logger | seatrial live {folder} -",
+                f"{folder} ros2",
+            ):
+                page.get_by_text(command).wait_for()
             page.locator("select.theme").select_option("sun")
             deadline = time.monotonic() + 90
             while "listening" not in (tmp_path / "live.log").read_text():

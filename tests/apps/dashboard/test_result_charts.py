@@ -10,7 +10,7 @@ import xarray as xr
 pytest.importorskip("nicegui", reason="the dashboard needs NiceGUI: pip install 'seatrial[dashboard]'")
 
 from seatrial.apps.dashboard import model_queries, prediction_views, result_charts, result_plots
-from seatrial.apps.dashboard.charts import Curve, Panel, TimeChart
+from seatrial.apps.dashboard.charts import Curve, Panel, TimeChart, legend_lines
 from seatrial.apps.dashboard.downsample import Envelope
 from seatrial.apps.dashboard.pages.compare import is_of_vehicle, joint_difference, shared_sides
 from seatrial.apps.dashboard.pages.results import by_origin
@@ -142,6 +142,24 @@ def test_probabilities_of_the_screening_stand_apart_from_those_of_simulated_stru
     simulated, screened = by_origin(selection, summary).values()
     assert simulated == ["X_0", "T_un"]
     assert screened == ["X_u", "X_u3"]
+
+
+def test_a_legend_has_as_many_lines_as_its_width_needs():
+    labels = ["90 % band", "measured", "predicted", "90 % of residuals", "residual"]
+    assert [legend_lines(labels, width) for width in (800, 340, 200, 100)] == [1, 2, 4, 5]
+    curves = tuple(Curve(label, label, "blue") for label in labels)
+    panels = (Panel("u", "m/s", curves[:3], 200), Panel("residual", "sd", curves[3:], 110))
+    drawn = {one.name: Envelope(*3 * [np.linspace(0.0, 1.0, 3)]) for one in curves}
+    options = TimeChart(panels, None, (0.0, 1.0), "u")._options(drawn)
+    assert "type" not in options["legend"]  # it never pages
+    wide, *layouts = (one["option"] for one in options["media"])
+    assert wide["legend"]["left"] == "30%"
+    for one in layouts:
+        first, second = one["grid"]
+        assert first["top"] + first["height"] < second["top"]
+        assert second["top"] + second["height"] == pytest.approx(wide["grid"][1]["top"] + wide["grid"][1]["height"])
+    narrow = next(one["option"] for one in options["media"][1:] if one["query"]["maxWidth"] == 380)
+    assert narrow["grid"][0]["top"] >= wide["grid"][0]["top"] + 40
 
 
 def test_curves_of_a_legend_differ_by_more_than_colour():

@@ -41,7 +41,7 @@ def inspect(
 ) -> None:
     """List the columns of a log, and guess its channel map.
 
-    Of several logs, a channel is mapped from the first that has it.
+    Of several logs, a channel is mapped from the first that has it. A log that adds no channel is taken for another run.
     """
 
     def work(reporter: Any) -> Exit:

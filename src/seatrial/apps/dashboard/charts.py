@@ -73,6 +73,23 @@ _BAND = """(params, api) => {
 }"""
 
 
+WIDTHS = (1100, 900, 740, 620, 520, 440, 380, 330, 280)
+"""Widths of a chart, pixels, at which its layout may change; each is laid out for the next narrower one."""
+_ICON, _ITEM_GAP, _LETTER, _LINE, _NARROW_LEFT = 26, 10, 6.8, 20, 8
+"""Pixels of a legend: an icon, the gap between two items, a letter, a line, and what is free at the left of its own lines."""
+
+
+def legend_lines(labels: Sequence[str], width: float) -> int:
+    """Return how many lines a legend needs in a width, pixels."""
+    lines, left = 1, width
+    for label in labels:
+        wide = _ICON + 5 + _LETTER * len(label)
+        if wide > left and left < width:
+            lines, left = lines + 1, width
+        left -= wide + _ITEM_GAP
+    return lines
+
+
 class Curve(NamedTuple):
     """One curve of a panel.
 
@@ -273,6 +290,30 @@ class TimeChart:
     def _curves(self) -> list[tuple[int, Curve]]:
         return [(at, curve) for at, panel in enumerate(self.panels) for curve in panel.curves]
 
+    def _labels(self) -> list[str]:
+        return list(dict.fromkeys(curve.label for _, curve in self._curves()))
+
+    def _layouts(self) -> list[dict[str, Any]]:
+        """Layouts of the legend and the panels by the width of the chart: the narrower, the more lines the legend has."""
+        found: list[dict[str, Any]] = [{"option": self._layout(WIDTHS[0])}]
+        narrower = (*WIDTHS[1:], WIDTHS[-1])
+        return found + [
+            {"query": {"maxWidth": most}, "option": self._layout(least)}
+            for most, least in zip(WIDTHS, narrower, strict=True)
+        ]
+
+    def _layout(self, width: float) -> dict[str, Any]:
+        """Lay out a chart of a width, pixels: the legend beside the name of the first axis if it fits there, else in lines above it."""
+        labels = self._labels()
+        is_beside = legend_lines(labels, 0.7 * width - _RIGHT) <= 1
+        lines = 0 if is_beside else legend_lines(labels, width - _RIGHT - _NARROW_LEFT)
+        cut = lines * _LINE / len(self.panels)
+        grids, top = [], _TOP + lines * _LINE
+        for panel in self.panels:
+            grids.append({"top": top, "height": panel.height - cut})
+            top += panel.height - cut + _GAP
+        return {"legend": {"left": "30%" if is_beside else _NARROW_LEFT}, "grid": grids}
+
     def _legend_item(self, label: str) -> dict[str, Any]:
         """Return a label with the shape of its curves: a line with its dashes before a band, which has a pale patch."""
         mine = [curve for _, curve in self._curves() if curve.label == label]
@@ -325,7 +366,7 @@ class TimeChart:
         ]
         for at, time in enumerate(times):
             time["axisLabel"] |= {"show": at == every[-1], "showMinLabel": False, "showMaxLabel": False}
-        labels = list(dict.fromkeys(curve.label for _, curve in self._curves()))
+        labels = self._labels()
         zoom = {"xAxisIndex": every, "filterMode": "none", "throttle": 30}
         return {
             "grid": grids,
@@ -334,14 +375,15 @@ class TimeChart:
             "series": self._shaded(self._series(curves)),
             "tooltip": tooltip(_HOVER),
             "axisPointer": {"link": [{"xAxisIndex": "all"}]},
+            "media": self._layouts() if len(labels) > 1 else [],
             "legend": {
                 "show": len(labels) > 1,
-                "type": "scroll",
                 "top": 0,
                 "right": _RIGHT,
                 "left": "30%",
+                "itemGap": _ITEM_GAP,
                 "data": [self._legend_item(label) for label in labels],
-                "itemWidth": 26,
+                "itemWidth": _ICON,
                 "itemHeight": 9,
                 "textStyle": {"color": colour("ink")},
                 "inactiveColor": colour("hatch"),

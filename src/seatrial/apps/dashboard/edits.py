@@ -136,6 +136,96 @@ def with_further_run(folder: Path, text: str, run: FurtherRun, role: str) -> str
     return set_key(text, "import", role, [*earlier.get(role, ()), run.label], where)
 
 
+def runs_of(text: str) -> tuple[str, ...]:
+    """Runs that a campaign file names, those that are fitted first.
+
+    Raises:
+        InputError: a file that is not TOML.
+    """
+    found = toml_content(CAMPAIGN, text).get("import", {})
+    return (*found.get("fit", ()), *found.get("predict", ())) if isinstance(found, dict) else ()
+
+
+def runs_reading(text: str, log: str) -> tuple[str, ...]:
+    """Runs of a campaign file that read a log.
+
+    Args:
+        text: of the file.
+        log: path from the campaign's folder.
+
+    Raises:
+        InputError: a file that is not TOML.
+    """
+    files = files_of(channel_map_of(text))
+    return tuple(
+        run
+        for run in runs_of(text)
+        if any(_is_of(one, run) and str(one.get("path")).replace("{run}", run) == log for one in files)
+    )
+
+
+def map_of_run(channel_map: str, run: str) -> tuple[str, str]:
+    """Return the part of a channel map that one run reads, and the part that only others read.
+
+    Raises:
+        InputError: a map that is not TOML.
+    """
+    parts: dict[bool, list[str]] = {True: [], False: []}
+    for one in _texts_of(channel_map):
+        parts[_is_of(_file_of(one), run)].append(one.strip() + "\n")
+    return "\n".join(parts[True]), "\n".join(parts[False])
+
+
+def map_of_log(channel_map: str, log: str) -> str:
+    """Return the part of a channel map that names a log.
+
+    Raises:
+        InputError: a map that is not TOML.
+    """
+    return "\n".join(one.strip() + "\n" for one in _texts_of(channel_map) if _file_of(one).get("path") == log)
+
+
+def with_own_map(folder: Path, text: str, run: str, role: str, channel_map: str) -> str:
+    """Text of a campaign file in which one run has a map of its own; all other runs keep theirs.
+
+    Each log gets `runs`, which says whose it is. A log that only this run read goes.
+
+    Args:
+        folder: of the campaign.
+        text: of the file, which names a run or more.
+        run: label of the record.
+        role: `fit` or `predict`, for a run that the campaign does not name.
+        channel_map: `[[import.files]]` tables of the run.
+
+    Raises:
+        InputError: a map that `with_map` refuses, or an `[import]` that cannot be edited.
+    """
+    _check_map(folder, run, channel_map)
+    runs, kept = runs_of(text), []
+    for one in _texts_of(channel_map_of(text)):
+        of = [label for label in _file_of(one).get("runs") or runs if label != run]
+        if of:
+            kept.append(_with_runs(one, of))
+    own = [_with_runs(one, [run]) for one in _texts_of(channel_map)]
+    text = with_map(folder, text, runs[0], "\n".join(one.strip() + "\n" for one in (*kept, *own)))
+    if run in runs:
+        return text
+    where = str(folder / CAMPAIGN)
+    return set_key(text, "import", role, [*toml_content(where, text)["import"].get(role, ()), run], where)
+
+
+def _is_of(file: Mapping[str, Any], run: str) -> bool:
+    """Return whether a run reads the log of one `[[import.files]]`."""
+    return not file.get("runs") or run in file["runs"]
+
+
+def _with_runs(file: str, runs: list[str]) -> str:
+    """One `[[import.files]]` that some runs read alone."""
+    if "runs" in _file_of(file):
+        return _edited(file, lambda one: one.update(runs=runs))
+    return _with_line_below_path(file, f"runs = {_inline(runs)}")
+
+
 class Mapped(NamedTuple):
     """A channel as the form has it: its table's `[[import.files]]` without channels, its column, what is done to its cells,
     and what a control does between its samples: "line" or "held"; empty for what the map says of it.
@@ -206,7 +296,7 @@ def with_newer_log(channel_map: str, name: str, log: Any, runs: Sequence[str]) -
     guessed = {one.channel for one in log.guesses}
     for path, files in mapped.items():
         channels = [channel for file in files for channel in file.get("channels", {})]
-        if not gone and all(_has_columns(log, file) for file in files):
+        if not gone and all(has_columns(log, file) for file in files):
             channel_map = "\n".join(
                 _edited(text, lambda file: file.update(path=name)) if _file_of(text).get("path") == path else text
                 for text in _texts_of(channel_map)
@@ -220,7 +310,7 @@ def with_newer_log(channel_map: str, name: str, log: Any, runs: Sequence[str]) -
     return channel_map, tuple(gone)
 
 
-def _has_columns(log: Any, file: Mapping[str, Any]) -> bool:
+def has_columns(log: Any, file: Mapping[str, Any]) -> bool:
     """Return whether a log has every column that one `[[import.files]]` names, laid out as that says."""
     name = file.get("table") or (next(iter(log.heads)) if len(log.heads) == 1 else None)
     if name not in log.heads:
@@ -248,9 +338,7 @@ def with_shift(channel_map: str, path: str, table: str | None, shift: float) -> 
         raise InputError("the channel map", found=f"no file {path!r}", expected="one of the map", remedy="map it first")
     written_shift = f"{shift:.9f}".rstrip("0").rstrip(".") + " s"
     if shift and "shift" not in _file_of(files[at]):
-        lines = files[at].splitlines(keepends=True)
-        place = next(i for i, line in enumerate(lines) if re.match(r"\s*path\s*=", line))
-        files[at] = "".join([*lines[: place + 1], f'shift = "{written_shift}"\n', *lines[place + 1 :]])
+        files[at] = _with_line_below_path(files[at], f'shift = "{written_shift}"')
     else:
         files[at] = _edited(files[at], lambda one: one.update(shift=written_shift) if shift else one.pop("shift", None))
     return "\n".join(file.strip() + "\n" for file in files)
@@ -268,11 +356,7 @@ def with_time(channel_map: str, path: str, table: str | None, column: str, unit:
         return channel_map
 
     if "time" not in _file_of(files[at]):
-        lines = files[at].splitlines(keepends=True)
-        place = next(i for i, line in enumerate(lines) if re.match(r"\s*path\s*=", line))
-        files[at] = "".join(
-            [*lines[: place + 1], f"time = {_inline({'column': column, 'unit': unit})}\n", *lines[place + 1 :]]
-        )
+        files[at] = _with_line_below_path(files[at], f"time = {_inline({'column': column, 'unit': unit})}")
     else:
         files[at] = _edited(files[at], lambda one: one["time"].update(column=column, unit=unit))
     return "\n".join(file.strip() + "\n" for file in files)
@@ -351,6 +435,13 @@ def _edited(file: str, change: Callable[[Any], Any]) -> str:
         expected='lines such as channels.u = { column = "speed", unit = "m/s" }',
         remedy="edit it as TOML",
     )
+
+
+def _with_line_below_path(file: str, line: str) -> str:
+    """One `[[import.files]]` with a line below its path."""
+    lines = file.splitlines(keepends=True)
+    place = next((i for i, one in enumerate(lines) if re.match(r"\s*path\s*=", one)), 0)
+    return "".join([*lines[: place + 1], f"{line}\n", *lines[place + 1 :]])
 
 
 def _with_line(file: str, name: str, said: Mapping[str, Any]) -> str:

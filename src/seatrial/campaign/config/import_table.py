@@ -1,6 +1,9 @@
 """Reads `[import]`: runs, and how their logs become records; everything is checked that can be without opening a log."""
 
 from collections.abc import Mapping, Sequence
+from itertools import combinations
+from math import inf
+from posixpath import normpath
 
 from seatrial.campaign.config.file_keys import FileKeys
 from seatrial.campaign.config.schema import ColumnTable, FileTable, ImportTable, KeepTable
@@ -77,7 +80,46 @@ def read_imports(table: ImportTable, keys: FileKeys, known: Sequence[str], laws:
                 expected="one [[import.files]] or more for each run",
                 remedy=f'add "{run}" to `runs` of its logs, or leave `runs` out of logs that every run has',
             )
+    if files:
+        _check_counted_once(found, keys)
     return found
+
+
+def _check_counted_once(imports: Imports, keys: FileKeys) -> None:
+    """Check that no two runs are the same part of the same logs, which would count one trial twice.
+
+    Raises:
+        InputError: two runs with the same columns of the same files, over times that overlap.
+    """
+    read = {run: _what_is_read(imports, run) for run in imports.runs}
+    for one, other in combinations(imports.runs, 2):
+        (start, end), (other_start, other_end) = (
+            (imports.ends[run].get("start", 0.0), imports.ends[run].get("end", inf)) for run in (one, other)
+        )
+        if read[one] == read[other] and start < other_end and other_start < end:
+            paths = dict.fromkeys(file.path for file in imports.of(one).values())
+            raise InputError(
+                keys.where(f"import.files[{next(iter(imports.of(other)))}].path"),
+                found=f'runs "{one}" and "{other}", which both read {", ".join(paths)} over the same time: one trial counted twice',
+                expected="a log, or a part of a log, for each run",
+                remedy="write {run} in the path where the names of the logs differ by it; or an [[import.files]] for each log, with "
+                f'runs = ["{one}"] and runs = ["{other}"]; or give each run its own part, by start and end under [import.trim.{other}]',
+            )
+
+
+def _what_is_read(imports: Imports, run: str) -> frozenset[object]:
+    """Return what makes the record of a run beside its start and end: its columns, and the files that cut it."""
+    cut_by = [imports.schedule or "", *(rule.path for rule in imports.keep)]
+    return frozenset(
+        [
+            *(("cut", normpath(path.replace("{run}", run))) for path in cut_by if path),
+            *(
+                (normpath(file.path.replace("{run}", run)), file.table, name, column.column)
+                for file in imports.of(run).values()
+                for name, column in file.channels.items()
+            ),
+        ]
+    )
 
 
 def _keep(one: KeepTable, keys: FileKeys, key: str) -> KeepRule:

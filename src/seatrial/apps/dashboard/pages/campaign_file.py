@@ -2,6 +2,7 @@
 
 import asyncio
 import re
+from difflib import unified_diff
 from functools import partial
 from pathlib import Path
 
@@ -60,11 +61,46 @@ class FileForm:
         self.said.clear()
         self.text.value = self.seen
 
+    def _say_changed(self) -> None:
+        """Say that the file changed since it was read; what was typed stays in the field."""
+        with self.said:
+            with ui.element("div").classes("error").props('role="alert"'):
+                markup(
+                    "<p>Nothing was written: somebody changed the file since you began. Your text stays in the field. "
+                    "See what differs before you save.</p>"
+                )
+            button("Show the difference", self._show_difference, main=True)
+
+    async def _show_difference(self) -> None:
+        """Show what saving would change of the file as it is now; from then on the typed text may take its place."""
+        self.said.clear()
+        with self.said:
+            try:
+                there = await asyncio.to_thread(read_file, self.folder)
+            except (SeatrialError, OSError) as error:
+                say(error)
+                return
+            now, typed = there.splitlines(), str(self.text.value).splitlines()
+            lines = "\n".join(unified_diff(now, typed, "the file as it is now", "your text", lineterm=""))
+            self.seen = there
+            if not lines:
+                markup('<p class="note" role="status">The file now says the same as your text.</p>')
+                return
+            words = (
+                '<p class="note" role="status">"Check and save" now writes your text: lines with - go, lines with + come. '
+                'To keep a line that somebody else wrote, put it into your text first.</p><pre tabindex="0">{}</pre>'
+            )
+            markup(Markup(words).format(lines))
+
     async def _save(self) -> None:
         self.said.clear()
         text = str(self.text.value)
         try:
             cautions = await self.context.worker_pool.think("check", str(self.folder), text)
+            there = await asyncio.to_thread(read_file, self.folder)
+            if text != self.seen and there != self.seen:
+                self._say_changed()
+                return
             if text != self.seen:
                 write_file(self.folder, text, self.seen)
         except (SeatrialError, OSError) as error:

@@ -10,7 +10,7 @@ from urllib.parse import urlencode
 from markupsafe import Markup
 from nicegui import ui
 
-from seatrial.apps.campaign_text import read_file, write_file
+from seatrial.apps.campaign_text import CAMPAIGN, read_file, write_file
 from seatrial.apps.dashboard.app_context import AppContext, fill, markup, say
 from seatrial.apps.dashboard.campaign_paths import logs_of
 from seatrial.apps.dashboard.edits import (
@@ -19,15 +19,23 @@ from seatrial.apps.dashboard.edits import (
     channels_of,
     files_of,
     further_run,
+    has_columns,
+    map_of_log,
+    map_of_run,
+    runs_of,
+    runs_reading,
     with_channel,
     with_further_run,
     with_map,
     with_newer_log,
+    with_own_map,
     with_time,
 )
 from seatrial.apps.dashboard.page_layout import button, table
 from seatrial.apps.dashboard.pages.one_axis import OneAxis
 from seatrial.apps.dashboard.view_models import FormData, beside
+from seatrial.apps.toml_edit import written
+from seatrial.campaign.config.toml import toml_content
 from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import SeatrialError
 from seatrial.core.units import to_si
@@ -38,6 +46,8 @@ NONE, KEPT = "", "as in campaign.toml"
 """Choices of a row: no column, and what stands in the campaign file."""
 BETWEEN = {"held": "held", "line": "along a line"}
 """What a control does between its samples: a command is held, what was measured changes along a line."""
+CHANGE, OWN_FIT, OWN_PREDICT, FILE, INSTEAD = "change", "fit", "predict", "file", "instead"
+"""What a log is: one that the map reads, a run with a map of its own, a further file of a run, or a run in the place of all."""
 LOOK = "outlined options-dense hide-bottom-space"
 _SEND = """async (e) => {
   const file = e.target.files[0];
@@ -64,7 +74,9 @@ class ImportForm:
     def __init__(self, context: AppContext, campaign: str, folder: Path, start: Callable[[], Awaitable[None]]):
         self.start = start
         self.context, self.campaign, self.folder = context, campaign, folder
-        self.seen, self.map, self.logs = "", "", {}
+        self.seen, self.map, self.others, self.logs = "", "", "", {}
+        self.drawn: list[dict[str, Any]] | None = None
+        self.purpose, self.purposes, self.label, self.reader = CHANGE, {}, "", ""
         self.rows: dict[str, Row] = {}
         self.clocks: dict[tuple[str, str | None], ClockRow] = {}
         self.drawn_over: dict[tuple[str, str], str] = {}
@@ -124,7 +136,7 @@ class ImportForm:
         clocks = {one.get("table"): str(one.get("time", {}).get("column") or "") for one in mine}
         return {table: column for table, column in clocks.items() if column}
 
-    def _show(self, name: str, log: Any, found: FormData) -> None:
+    def _show(self, name: str, log: Any, found: FormData, purpose: str | None = None) -> None:
         """Show what a log holds, and the form; logs that were previewed before stay in the choices of columns."""
         if not self.logs:
             self.seen = read_file(self.folder)
@@ -132,7 +144,7 @@ class ImportForm:
         self.logs[name] = log
         self.drawn_over = {place: column for place, column in self.drawn_over.items() if place[0] != name}
         try:
-            self.map, gone = with_newer_log(self.map, name, log, (*found.fit, *found.predict))
+            gone = self._begin_map(name, log, purpose)
         except SeatrialError:  # said where the map is edited
             gone = ()
         there = channels_of(self.map)
@@ -141,7 +153,7 @@ class ImportForm:
                 self.map = with_channel(
                     self.map,
                     one.channel,
-                    Mapped(one.channel, log.heads[one.table], one.column, one.unit, one.scale, 0.0, one.between),
+                    Mapped(one.channel, self.head(name, one.table), one.column, one.unit, one.scale, 0.0, one.between),
                 )
         markup(Markup("<p><strong>{}</strong>: {}</p>").format(name, log.kind))
         lines = Markup("").join(Markup("<li>{}</li>").format(line) for line in (*log.tables, *log.remarks))
@@ -153,18 +165,106 @@ class ImportForm:
             with ui.element("summary"):
                 markup(f"{len(log.columns)} columns")
             self.columns = name, markup(columns_of(log))
-        self._offer_run(name)
+        self._offer_run(name, log)
+        self._offer_purposes(name, log, found)
         self._rows(found)
-        self._ends(name, found)
+        self._ends(found)
+        self.drawn = self._files()
 
-    def _offer_run(self, name: str) -> None:
-        """Offer to add the log as a further run where the map that is there reads it too."""
+    def _files(self) -> list[dict[str, Any]]:
+        """The map of the form as it can be compared; empty where it is not TOML."""
+        try:
+            return files_of(self.map)
+        except SeatrialError:  # said where the map is edited
+            return []
+
+    def _begin_map(self, name: str, log: Any, purpose: str | None) -> tuple[str, ...]:
+        """Begin the map of a log by what the log is to the campaign, and return the logs whose place it takes in that map."""
+        saved = channel_map_of(self.seen)
+        runs, readers = runs_of(self.seen), runs_reading(self.seen, name)
+        if self._is_example(saved, runs):
+            self.label = self._run_of(name)
+            self.map, gone = with_newer_log(self.map, name, log, runs)
+            return gone
+        is_begun = self.drawn is not None and self._files() != self.drawn
+        if readers and purpose is None and is_begun and self.purpose in (CHANGE, FILE):
+            return ()
+        if readers:
+            whose = readers[0]
+            mine, others = map_of_run(saved, whose)
+            has_all = all(has_columns(log, one) for one in files_of(mine) if self._path(one, whose) == name)
+            sharers = [one for one in runs if map_of_run(saved, one)[0] == mine]
+            self.purposes = {CHANGE: f"run {whose}, by the map of run {', '.join(sharers)}"}
+            if len(sharers) > 1:
+                self.purposes[OWN_FIT] = f"run {whose}, with a map of its own"
+            usual = CHANGE if has_all or len(sharers) == 1 else OWN_FIT
+        else:
+            mine, others = map_of_run(saved, runs[0])
+            mapped, guessed = channels_of(mine), {one.channel for one in log.guesses}
+            self.purposes = {
+                OWN_FIT: "another run, to fit, with a map of its own",
+                OWN_PREDICT: "another run, held back to predict, with a map of its own",
+                FILE: f"a further file of run {runs[0] if others.strip() else ', '.join(runs)}",
+                INSTEAD: f"the only run, in the place of {', '.join(runs)}",
+            }
+            usual = FILE if guessed and guessed.isdisjoint(mapped) else OWN_FIT
+            if purpose is None and is_begun:  # a further log of the map that is being written
+                self.purpose = FILE if self.purpose == CHANGE else self.purpose
+                return ()
+        self.purpose, self.others, self.reader = purpose or usual, others, readers[0] if readers else ""
+        self.label = self._run_of(name)
+        if self.purpose in (CHANGE, FILE):
+            self.map = mine
+            return ()
+        self.logs = {name: log}
+        self.map = map_of_log(
+            with_newer_log(mine.replace("{run}", readers[0]) if readers else mine, name, log, runs)[0], name
+        )
+        if not all(has_columns(log, one) for one in files_of(self.map)):
+            self.map = ""
+        return ()
+
+    def named(self, log: str) -> str:
+        """Return the path by which the map names a log, which may have `{run}`; that of the log where it does not name it."""
+        paths = [str(one.get("path")) for one in self._files()]
+        return next((one for one in paths if one.replace("{run}", self.reader or "{run}") == log), log)
+
+    def head(self, log: str, table: str) -> str:
+        """Return the `[[import.files]]` of a table of a log without channels, by the path by which the map names the log."""
+        path = f"path = {written(self.named(log))}"
+        return re.sub(r"^path = .*$", lambda _: path, self.logs[log].heads[table], count=1, flags=re.MULTILINE)
+
+    @staticmethod
+    def _path(file: Mapping[str, Any], run: str) -> str:
+        return str(file.get("path")).replace("{run}", run)
+
+    def _is_example(self, channel_map: str, runs: Sequence[str]) -> bool:
+        """Whether a map names no log that may exist, as that of a template, or that of no run."""
+        return not any(self._is_there(str(one.get("path")), run) for one in files_of(channel_map) for run in runs)
+
+    def _offer_purposes(self, name: str, log: Any, found: FormData) -> None:
+        """Offer what the log may be to the campaign; another choice begins the map anew."""
+        if len(self.purposes) < 2:
+            return
+
+        def choose() -> None:
+            purpose = str(chosen.value)
+            self.holder.clear()
+            with self.holder:
+                self._show(name, log, found, purpose)
+
+        chosen = ui.select(self.purposes, value=self.purpose, label="This log is").props(LOOK).classes("wide")
+        chosen.on_value_change(choose)
+
+    def _offer_run(self, name: str, log: Any) -> None:
+        """Offer to add the log as a further run where it has all columns of the map that is there."""
         self.offer = ui.element("div")
         try:
             run = further_run(self.seen, name)
+            has_all = all(has_columns(log, one) for one in files_of(channel_map_of(self.seen)))
         except SeatrialError:  # said where the map is edited
             return
-        if run is None:
+        if run is None or not has_all:
             return
         with self.offer:
             markup(Markup("<h3>Another run, {}, with the columns of the map in campaign.toml</h3>").format(run.label))
@@ -195,7 +295,9 @@ class ImportForm:
 
     def _begin_anew(self) -> None:
         """Empty the form: what was previewed and chosen is saved."""
-        self.seen, self.map, self.logs, self.rows, self.clocks, self.drawn_over = "", "", {}, {}, {}, {}
+        self.seen, self.map, self.others, self.drawn, self.logs = "", "", "", None, {}
+        self.purpose, self.purposes, self.label, self.reader = CHANGE, {}, "", ""
+        self.rows, self.clocks, self.drawn_over = {}, {}, {}
         self.form.value = None
         self.state.set_content("")
         self.holder.clear()
@@ -214,7 +316,7 @@ class ImportForm:
     def _settled(self) -> None:
         """Take away what was said of a map that was not saved yet."""
         self.offer.clear()
-        self.replaced.clear()
+        self.replaced.set_content("")
 
     def _rows(self, found: FormData) -> None:
         mapped = channels_of(self.map)
@@ -250,7 +352,7 @@ class ImportForm:
         for log, looked in self.logs.items():
             for name, head in looked.heads.items():
                 (said,) = files_of(head)
-                if not said["time"]["column"] or (log, said.get("table")) in mapped:
+                if not said["time"]["column"] or (self.named(log), said.get("table")) in mapped:
                     shown[log, said.get("table")] = name
         if list(shown) == list(self.clocks):
             return
@@ -260,18 +362,12 @@ class ImportForm:
                 markup("<h3>Which column is the time</h3>")
             self.clocks = {(log, table): ClockRow(self, log, name, table) for (log, table), name in shown.items()}
 
-    def _ends(self, name: str, found: FormData) -> None:
-        run = re.sub(r"[^A-Za-z0-9_-]", "_", Path(name).stem)[:40] or "run"
-        saved = {one.get("path") for one in files_of(channel_map_of(self.seen))}
-        runs = (*found.fit, *found.predict)
-        is_example = not any(self._is_there(str(path), run) for path in saved for run in runs)
-        is_kept = not is_example and not saved.isdisjoint(one.get("path") for one in files_of(self.map))
+    def _ends(self, found: FormData) -> None:
         with ui.element("div").classes("line"):
-            self.run = ui.input("Name of the run", value=found.fit[0] if found.fit and is_kept else run).props(LOOK)
-        with ui.element("div") as self.replaced:
-            if found.fit and not is_kept and not is_example:
-                words = "Saving this map makes {} the run to fit in the place of {}."
-                markup(Markup('<p class="note">' + words + "</p>").format(run, ", ".join(found.fit)))
+            self.run = ui.input("Name of the run", value=self.label).props(LOOK)
+        self.replaced = markup("").props('role="status"')
+        self.run.on_value_change(self._renamed)
+        self._say_replaced()
         with ui.element("details"):
             with ui.element("summary"):
                 markup("The same as TOML: comments and further keys, such as sums of columns, are kept")
@@ -284,12 +380,58 @@ class ImportForm:
         button("Check and save this map", self._save, main=True)
         self.said = ui.element("div")
 
+    def _run_of(self, name: str) -> str:
+        """Return the run that a log is, as the campaign names it or as the names of the logs tell it."""
+        stem = re.sub(r"[^A-Za-z0-9_-]", "_", Path(name).stem)[:40] or "run"
+        try:
+            runs, readers = runs_of(self.seen), runs_reading(self.seen, name)
+            if self.purpose == FILE:
+                return runs[0]
+            further = further_run(self.seen, name)
+        except SeatrialError:  # said where the map is edited
+            return stem
+        return readers[0] if readers else stem if further is None else further.label
+
+    def _renamed(self) -> None:
+        self.label = str(self.run.value)
+        self._say_replaced()
+
+    def _say_replaced(self) -> None:
+        """Say what saving does to the runs and logs that the campaign file names."""
+        try:
+            words = self._replaced(self.label)
+        except SeatrialError:  # said where the map is edited
+            words = ""
+        self.replaced.set_content(Markup('<p class="note">{}</p>').format(words) if words else Markup(""))
+
+    def _replaced(self, run: str) -> str:
+        saved, runs = channel_map_of(self.seen), runs_of(self.seen)
+        if self._is_example(saved, runs):
+            return ""
+        others = [one for one in runs if one != run]
+        before = ", ".join(dict.fromkeys(self._path(one, run) for one in files_of(map_of_run(saved, run)[0])))
+        if self.purpose in (OWN_FIT, OWN_PREDICT):
+            if run in runs:
+                return f"Saving gives run {run} this map in the place of that of {before}."
+            where = "to fit" if self.purpose == OWN_FIT else "held back to predict"
+            return f"Saving adds run {run}, {where}, with this map. Run {', '.join(others)} keeps the map that it has."
+        if run in runs:
+            named = {self._path(one, run) for one in files_of(self.map)}
+            lost = [one for one in before.split(", ") if one not in named]
+            return f"Saving takes {', '.join(lost)} out of the map of run {run}." if lost else ""
+        logs = dict.fromkeys(self._path(one, label) for label in runs for one in files_of(map_of_run(saved, label)[0]))
+        return (
+            f"Saving removes run {', '.join(runs)} from the campaign file, with the map of {', '.join(logs)}. "
+            f"Run {run} is then the only run, to fit."
+        )
+
     def _is_there(self, path: str, run: str) -> bool:
         """Whether a log that the map names may exist; one that is named by a variable is not looked for."""
         return any(mark in path for mark in "$~") or (self.folder / path.replace("{run}", run)).exists()
 
     def _change(self, channel_map: str) -> None:
         self.map = self.text.value = channel_map
+        self._say_replaced()
         self._show_clocks()
         self.axis.refresh()
 
@@ -303,7 +445,7 @@ class ImportForm:
     async def set_time(self, log: str, name: str, table: str | None, column: str, unit: str) -> None:
         """Change the column of time of one table of a log: in the map, for channels that are yet to be mapped, and under the pictures."""
         try:
-            self._change(with_time(self.map, log, table, column, unit))
+            self._change(with_time(self.map, self.named(log), table, column, unit))
             head = with_time(self.logs[log].heads[name], log, table, column, unit)
             self.logs[log] = self.logs[log]._replace(heads={**self.logs[log].heads, name: head})
             if self.drawn_over.get((log, name), self.logs[log].axes[name].clock) != column:
@@ -352,9 +494,10 @@ class ImportForm:
         for row in without_unit:
             row.complain(f'Write the unit of {row.channel}, such as "{shown_unit(row.channel)[1]}".', "unit")
         identities: list[Any] = []
+        text = ""
         try:
             files = files_of(self.map)
-            identities = [(str(one.get("path")), one.get("table")) for one in files]
+            identities = [(self._path(one, self.reader or "{run}"), one.get("table")) for one in files]
             for one, identity in zip(files, identities, strict=True):
                 if not one.get("time", {}).get("column", "-") and identity in self.clocks:
                     self.clocks[identity].complain("Choose the column of the time stamps, and its unit.", "column")
@@ -365,11 +508,13 @@ class ImportForm:
                         f"Nothing was written. See above which units are missing: {', '.join(row.channel for row in without_unit)}."
                     )
                 return None
-            text = with_map(self.folder, self.seen, str(self.run.value), self.map)
+            text = self._with_map(self.label)
             await self.context.worker_pool.think("check", str(self.folder), text)
         except (SeatrialError, OSError) as error:
             file = re.search(r"files\[(\d+)\]\.time(?:\.(\w+))?", str(error))
-            clock = None if file is None else self.clocks.get(identities[int(file[1])])
+            before = len(files_of(channel_map_of(text))) - len(identities)  # those of other runs
+            at_clock = -1 if file is None else int(file[1]) - before
+            clock = self.clocks.get(identities[at_clock]) if 0 <= at_clock < len(identities) else None
             at = re.search(r"channels\.([A-Za-z0-9_]+)(?:\.(\w+))?", str(error))
             if file is not None and clock is not None:
                 clock.complain(beside(error), file[2])
@@ -379,7 +524,14 @@ class ImportForm:
                 with said:
                     say(error)
             return None
-        return text, str(self.run.value)
+        return text, self.label
+
+    def _with_map(self, run: str) -> str:
+        """The campaign file with the map of the form, by what the log is to the campaign."""
+        if self.purpose in (OWN_FIT, OWN_PREDICT):
+            return with_own_map(self.folder, self.seen, run, self.purpose, self.map)
+        has_others = self.purpose != INSTEAD and run in runs_of(self.seen)
+        return with_map(self.folder, self.seen, run, f"{self.others}\n{self.map}" if has_others else self.map)
 
     async def _save(self) -> None:
         made = await self._draft(self.said)
@@ -392,13 +544,23 @@ class ImportForm:
                 write_file(self.folder, made[0], self.seen)
             except (SeatrialError, OSError) as error:
                 say(error)
-            else:
-                self.seen = made[0]
-                self._settled()
-                self.axis.tell()
-                words = "Saved in campaign.toml. Now import the records: they will be shown above."
-                markup(Markup('<p class="done" role="status">{}</p>').format(words))
-                self._offer_import()
+                return
+        imports = toml_content(CAMPAIGN, made[0])["import"]
+        held_back = f"; held back to predict: {', '.join(imports['predict'])}" if imports.get("predict") else ""
+        words = (
+            f"Saved in campaign.toml. To fit: {', '.join(imports['fit'])}{held_back}. "
+            "Now import the records: they will be shown above."
+        )
+        if self.purpose in (OWN_FIT, OWN_PREDICT):  # the form holds the map of one run, and the file that of several
+            self._begin_anew()
+            place = self.holder
+        else:
+            self.seen, place, self.drawn = made[0], self.said, self._files()
+            self._settled()
+            self.axis.tell()
+        with place:
+            markup(Markup('<p class="done" role="status">{}</p>').format(words))
+            self._offer_import()
 
     async def _is_whole(self, text: str) -> bool:
         """Return whether every channel that the campaign needs has a column; what is missing is said beside its row."""
@@ -450,7 +612,8 @@ class ClockRow(MapRow):
 
     def __init__(self, form: ImportForm, log: str, name: str, table: str | None):
         self.form, self.log, self.name, self.table = form, log, name, table
-        there = next((one for one in files_of(form.map) if (one.get("path"), one.get("table")) == (log, table)), None)
+        identity = form.named(log), table
+        there = next((one for one in files_of(form.map) if (one.get("path"), one.get("table")) == identity), None)
         (head,) = files_of(form.logs[log].heads[name])
         time = (head if there is None else there).get("time", {})
         columns = [one.name for one in form.logs[log].columns if one.table == name]
@@ -513,11 +676,12 @@ class Row(MapRow):
             self.sign.props(LOOK).on_value_change(self._changed)
             offset = 0.0 if there is None else float(there.get("offset", 0.0))
             self.offset = ui.number("offset, in the unit", value=offset, on_change=self._changed).props(LOOK)
+            self.offset.classes("offset")
             between = "held" if there is None else str(there.get("between") or "held")
             self.between = None
             if is_control:
                 self.between = ui.select(BETWEEN, value=between, label=f"{channel}: between samples")
-                self.between.props(LOOK).on_value_change(self._changed)
+                self.between.props(LOOK).classes("between").on_value_change(self._changed)
             self.said = ui.element("div").classes("beside")
         self.parts = {"column": self.column, "unit": self.unit, "scale": self.factor, "offset": self.offset}
         self.draw()
@@ -525,7 +689,10 @@ class Row(MapRow):
     def _key(self, there: dict[str, Any]) -> str:
         for key in self.choices:
             log, name, column = key.split("|", 2)
-            if (there.get("path"), there.get("column")) == (log, column) and there.get("table") in (None, name):
+            if (there.get("path"), there.get("column")) == (self.form.named(log), column) and there.get("table") in (
+                None,
+                name,
+            ):
                 return key
         return KEPT
 
@@ -566,7 +733,7 @@ class Row(MapRow):
             head, column = self._kept_head(), ""
         else:
             log, name, column = key.split("|", 2)
-            head = self.form.logs[log].heads[name]
+            head = self.form.head(log, name)
         self.form.set_channel(
             self.channel, Mapped(self.channel, head, column, str(self.unit.value), scale, float(offset), between)
         )

@@ -22,6 +22,15 @@ SIGNS = {"go on": "▶", "stop": "■", "switch": "⇄", "wrong": "▲", "check"
 """Sign before each kind of advice, so that colour alone says nothing."""
 
 
+WAYS = {
+    "A text file that grows, as a logger writes it": "seatrial live {} logs/today.csv",
+    "The output of another program, through a pipe": "your_logger | seatrial live {} -",
+    "MAVLink that arrives by UDP": "seatrial live {} udp:0.0.0.0:14550",
+    "The ROS 2 topics that [import] names": "seatrial live {} ros2",
+}
+"""Commands that follow a trial, by what they read."""
+
+
 async def build(context: AppContext, campaign: str, folder: Path) -> None:
     """Build the page."""
     del context, campaign
@@ -86,8 +95,12 @@ def _coefficient(one: Mapping[str, Any]) -> Markup:
 
 
 def _none(folder: Path) -> Markup:
+    place = shlex.quote(str(folder))
+    ways = Markup("").join(
+        Markup("<p>{}:</p><pre>{}</pre>").format(what, command.format(place)) for what, command in WAYS.items()
+    )
     return Markup(
-        "<section><p>No trial has been followed yet. In a shell, while the vehicle runs:</p><pre>seatrial live {} udp:0.0.0.0:14550</pre>"
-        '<p class="note">It reads MAVLink, a log that grows, a pipe or ROS 2 topics, and never commands the vehicle. '
-        "This page then shows what it says, once a second, to everybody who looks.</p></section>"
-    ).format(shlex.quote(str(folder)))
+        "<section><p>No trial has been followed yet. In a shell, while the vehicle runs, start one of these:</p>{}"
+        '<p class="note">It never commands the vehicle. This page then shows what it says, once a second, to everybody who looks.</p>'
+        "</section>"
+    ).format(ways)
