@@ -148,12 +148,13 @@ SLOW = {
 """Priors that a model of the noise adds."""
 
 
-def posterior_of(lag=0.0, cubic=0.0, seed=1, noise="white", drift=0.0):
-    """One record by a loop of its own, midpoint steps, fitted without lag and cubic drag; its sensor may drift within 3 s."""
+def posterior_of(lag=0.0, cubic=0.0, seed=1, noise="white", drift=0.0, late=0, terms=tuple(TRUTH)):
+    """One record by a loop of its own, midpoint steps, fitted without lag and cubic drag; its sensor may drift within 3 s, and its clock be
+    late by some samples."""
     rng = np.random.default_rng(seed)
     n = np.repeat(125 + rng.uniform(-60, 60, SAMPLES // 30), 30)
     u, turning, shown, h = 1.5, n[0], [], STEP / 5
-    for command in n:
+    for command in np.r_[np.full(late, n[0]), n][:SAMPLES]:
         shown.append(u)
         turning = turning if lag else command
         for _ in range(5):
@@ -170,8 +171,9 @@ def posterior_of(lag=0.0, cubic=0.0, seed=1, noise="white", drift=0.0):
         noisy[k] += slow
     record = make_trial(STEP * np.arange(SAMPLES), n / (2 * np.pi), "one", u=noisy)
     priors = {"X_u": Normal(-1.2, 1.5), "X_uabsu": Normal(-3.0, 3.0), "T_nabsn": Normal(6e-4, 3e-4)}
+    priors = {name: priors[name] for name in terms}
     priors |= {"sigma_u": LogUniform(0.002, 0.5), "u_0": Normal(1.5, 0.3)} | SLOW[noise]
-    return make_posterior(surge_vehicle(FIXED_HULL, tuple(TRUTH)), record, priors, [Sensor("u", noise)])
+    return make_posterior(surge_vehicle(FIXED_HULL, terms), record, priors, [Sensor("u", noise)])
 
 
 def two_axes_of(coupling, drag=0.0, seed=2):
@@ -277,6 +279,18 @@ def test_a_lag_is_found_with_its_size_and_what_it_does():
     assert max(wrong.values()) > 8
     assert abs(lag.shift[at]) == pytest.approx(max(wrong.values()), rel=0.1)
     assert 1.645 * found.spread[at] > 0.9 * max(wrong.values())
+
+
+@pytest.mark.parametrize("seed", [1, 3])
+def test_a_lag_whose_place_a_delay_has_taken_is_not_named(seed):
+    """A clock that is late by 0.8 s, and drag that is linear too: a lag does best alone, and nothing once the delay is found."""
+    posterior = posterior_of(late=8, seed=seed, terms=("X_uabsu", "T_nabsn"))
+    found = omitted_effects(posterior, find_mode(posterior, 0)).found
+    delay, *others = found
+    assert delay.effect.kind == "delay"
+    assert abs(delay.size - 0.8) < 4 * delay.sd + 0.02
+    assert delay.sd < 0.05
+    assert "command lag" not in [one.effect.kind for one in others]
 
 
 @pytest.mark.parametrize(("noise", "cubic", "seed"), [("white", 1.5, 1), ("drifting", 1.0, 1), ("coloured", 0.7, 2)])

@@ -241,6 +241,11 @@ class _Fit(NamedTuple):
     log_odds: float
     at: Linear
 
+    def price(self, place: int, problem: _Problem) -> float:
+        """Return what an effect that is taken in has to gain, nats."""
+        k = self.z.size + self.taken.index(place)
+        return self.at.price(self.sizes[place], self.cov[k, k] / self.at.worth, problem.options.get(place))
+
     @property
     def variance(self) -> np.ndarray:
         """Of z and the sizes, of as many samples as the residuals are worth, shape (d + k,); of the model itself, as it states it."""
@@ -274,7 +279,7 @@ def omitted_effects(posterior: Posterior, mode: Mode) -> OmittedEffects:
             near = list(dict.fromkeys([*near, *_contenders(_scores_as_white(problem, fit))]))
         if len(fit.taken) == MOST or not near:
             break
-        fits = [_fitted(problem, fit, i) for i in near]
+        fits = [_fitted(problem, fit, (*fit.taken, i)) for i in near]
         tried += [(one.log_odds, one.variance[: posterior.dim], one.z - mode.z) for one in fits]
         within += [one.taken for one in fits]
         best = max(fits, key=lambda one: one.log_odds)
@@ -284,7 +289,7 @@ def omitted_effects(posterior: Posterior, mode: Mode) -> OmittedEffects:
         rivals = [one.taken[-1] for one in fits if one is not best and one.log_odds > best.log_odds - CLOSE]
         alike = tuple(effects[i] for i in rivals)
         found.append((best.taken[-1], best.log_odds - fit.log_odds, (best.z - fit.z) / sd, alike))
-        fit = best
+        fit = _without_spent(problem, best)
     own = fit.variance[: posterior.dim]
     tried += [(fit.log_odds + one.log_odds, own + one.variance, fit.z + one.shift - mode.z) for one in scores.values()]
     within += [(*fit.taken, i) for i in scores]
@@ -293,10 +298,11 @@ def omitted_effects(posterior: Posterior, mode: Mode) -> OmittedEffects:
     spread = half_width(weight, shift, width) / ndtri(BAND)
     beyond = weight[:, None] * (1.0 - inside(ndtri(BAND), shift, width))
     blamed = np.array([beyond[[i in taken for taken in within]].sum(0) for i in range(len(effects))])
-    errors = np.sqrt(fit.variance[posterior.dim :])
+    errors = dict(zip(fit.taken, np.sqrt(fit.variance[posterior.dim :]), strict=True))
     omitted = [
-        Omitted(effects[i], float(fit.sizes[i]), float(error), float(odds), shift, alike)
-        for (i, odds, shift, alike), error in zip(found, errors, strict=True)
+        Omitted(effects[i], float(fit.sizes[i]), float(errors[i]), float(odds), shift, alike)
+        for i, odds, shift, alike in found
+        if i in errors
     ]
     causes = tuple(
         tuple(effects[i] for i in np.argsort(-one, kind="stable")[:NAMED] if one[i] > BLAMED * one.max())
@@ -379,19 +385,35 @@ def score_effects(
     return scores
 
 
-def _fitted(problem: _Problem, before: _Fit, added: int) -> _Fit:
-    """Return the fit with one more effect, by Gauss and Newton's steps from the fit without it, and with the noise that is then left."""
-    taken, d = (*before.taken, added), problem.posterior.dim
-    here = list(taken)
+def _fitted(problem: _Problem, before: _Fit, taken: tuple[int, ...]) -> _Fit:
+    """Return the fit with one effect more or less, by Gauss and Newton's steps from the fit before, with the noise that is then left."""
+    d, here = problem.posterior.dim, list(taken)
     moves = np.flatnonzero(np.diag(before.at.products)[:d])
-    z, sizes, at = _climbed(problem, before.z, before.sizes, before.at, moves, here)
+    sizes = np.where(np.isin(np.arange(before.sizes.size), taken), before.sizes, 0.0)
+    at = before.at if set(before.taken) <= set(taken) else _linear(problem, before.z, sizes)
+    z, sizes, at = _climbed(problem, before.z, sizes, at, moves, here)
     for _ in range(ROUNDS * bool(problem.shapes)):
         z = _with_noise_left(problem, z, sizes)
         z, sizes, at = _climbed(problem, z, sizes, _linear(problem, z, sizes), moves, here)
     cov = _covariance(problem, z, sizes, taken, at, np.diag(before.cov)[:d])
-    price = at.price(sizes[added], cov[-1, -1] / at.worth, problem.options.get(added))
-    log_odds = before.log_odds + (before.at.log_noise - at.log_noise) * at.worth - price
-    return _Fit(z, sizes, taken, cov, log_odds, at)
+    fit = _Fit(z, sizes, taken, cov, 0.0, at)
+    paid = sum(fit.price(i, problem) for i in taken if i not in before.taken)
+    paid -= sum(before.price(i, problem) for i in before.taken if i not in taken)
+    return fit._replace(log_odds=before.log_odds + (before.at.log_noise - at.log_noise) * at.worth - paid)
+
+
+def _without_spent(problem: _Problem, fit: _Fit) -> _Fit:
+    """Return the fit without a lag, lead or delay that a later effect has taken the place of."""
+    errors = np.sqrt(fit.variance[problem.posterior.dim :])
+    spent = [
+        i
+        for i, error in zip(fit.taken[:-1], errors, strict=False)
+        if problem.effects[i].is_positive and fit.sizes[i] < error
+    ]
+    for i in spent:
+        less = _fitted(problem, fit, tuple(j for j in fit.taken if j != i))
+        fit = less if less.log_odds >= fit.log_odds else fit
+    return fit
 
 
 def _covariance(
