@@ -109,6 +109,9 @@ def _figures(place: Path) -> list[list[str]]:
 
 def run_page(page: Path, pictures: Path) -> tuple[str, list[str]]:
     """Run a page; returns its text with what is shown now, and the lines of cells that show something else."""
+    from matplotlib import pyplot
+
+    pyplot.close("all")  # what was drawn before is not the page's
     cells, namespace, changed = read_cells(page), {"__name__": "__main__"}, []
     text: list[str] = []
     with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
