@@ -333,7 +333,7 @@ class Campaign:
             return ""
         added = [f"{name} = {value:.4g} kg" for name, value in fixed.items() if name == "X_udot"]
         said = " and ".join([f"a mass of {mass:.4g} kg", *added])
-        guessed = "; if X_udot is a guess, move it to structure.always with a prior" if added else ""
+        guessed = "; if X_udot is a guess, move it to structure.always with a prior" if added and self.imports else ""
         return f"taken as exact, and in no ±: {said}, with which all coefficients of X and T scale{guessed}"
 
     def state_trim(self, model: VehicleModel) -> tuple[float, ...]:
