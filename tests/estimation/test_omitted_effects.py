@@ -285,8 +285,11 @@ def test_a_lag_is_found_with_its_size_and_what_it_does():
 def test_a_lag_whose_place_a_delay_has_taken_is_not_named(seed):
     """A clock that is late by 0.8 s, and drag that is linear too: a lag does best alone, and nothing once the delay is found."""
     posterior = posterior_of(late=8, seed=seed, terms=("X_uabsu", "T_nabsn"))
-    found = omitted_effects(posterior, find_mode(posterior, 0)).found
-    delay, *others = found
+    mode = find_mode(posterior, 0)
+    omitted = omitted_effects(posterior, mode)
+    at = posterior.names.index("T_nabsn")
+    assert 1.645 * omitted.spread[at] > 0.9 * abs(mode.by_name["T_nabsn"] - TRUTH["T_nabsn"]) / mode.sd[at] > 5
+    delay, *others = omitted.found
     assert delay.effect.kind == "delay"
     assert abs(delay.size - 0.8) < 4 * delay.sd + 0.02
     assert delay.sd < 0.05

@@ -13,9 +13,9 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from seatrial.core.coefficients import AXES, CoefficientName
+from seatrial.core.coefficients import AXES, CoefficientName, is_coefficient
 from seatrial.core.signals import SIGNALS, signal_unit
-from seatrial.estimation.remedies import is_coefficient, listed, measured, percent
+from seatrial.estimation.remedies import listed, measured, percent
 
 INVISIBLE = 1e-10
 """Eigenvalue of the information, its diagonal scaled to one, over the largest, below which a combination is invisible."""

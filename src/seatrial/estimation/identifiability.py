@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float
 
 from seatrial.core.batching import bucket_length, filled
-from seatrial.core.coefficients import CoefficientName
+from seatrial.core.coefficients import CoefficientName, is_coefficient
 from seatrial.estimation.combinations import (
     Combination,
     Invisible,
@@ -26,7 +26,7 @@ from seatrial.estimation.combinations import (
 from seatrial.estimation.information import coefficient_information, likelihood_information
 from seatrial.estimation.mode import Mode
 from seatrial.estimation.posterior import Parameter, Posterior
-from seatrial.estimation.remedies import is_coefficient, listed, measured, percent, what_separates
+from seatrial.estimation.remedies import listed, measured, percent, what_separates
 from seatrial.manoeuvres.autopilot import Autopilot
 from seatrial.vehicles.model import VehicleModel
 

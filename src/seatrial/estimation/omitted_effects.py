@@ -33,7 +33,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from scipy.special import ndtr, ndtri
 
-from seatrial.core.coefficients import CoefficientName
+from seatrial.core.coefficients import CoefficientName, is_coefficient
 from seatrial.core.programs import program
 from seatrial.core.signals import ACTUAL, QUATERNION, RATES, signal_unit
 from seatrial.estimation.delayed_control import delay_control
@@ -42,7 +42,6 @@ from seatrial.estimation.output_error import OutputError
 from seatrial.estimation.posterior import Posterior, values_of
 from seatrial.estimation.prediction_scores import effective_samples, whiteness
 from seatrial.estimation.priors import Prior, Uniform
-from seatrial.estimation.remedies import is_coefficient
 from seatrial.estimation.sensor_errors import Sensor, correlation_name, drift_name, drift_time_name, noise_name
 from seatrial.vehicles.model import VehicleModel, outside_force
 
@@ -272,11 +271,10 @@ def omitted_effects(posterior: Posterior, mode: Mode) -> OmittedEffects:
     fit = _Fit(mode.z, none, (), _covariance(problem, mode.z, none, (), at, np.diag(mode.cov)), 0.0, at)
     tried, within, found = [(0.0, sd**2, np.zeros(posterior.dim))], [()], []
     while True:
-        scores = score_effects(fit.at, fit.cov, fit.taken, problem.options)
-        scores = {i: one for i, one in scores.items() if one.size > 0 or not effects[i].is_positive}
+        scores = _scores(problem, fit)
         near = _contenders(scores)
         if problem.shapes:  # noise with a memory takes up a part of an effect, and then hides it
-            near = list(dict.fromkeys([*near, *_contenders(_scores_as_white(problem, fit))]))
+            near = list(dict.fromkeys([*near, *_contenders(_scores(problem, fit, as_white=True))]))
         if len(fit.taken) == MOST or not near:
             break
         fits = [_fitted(problem, fit, (*fit.taken, i)) for i in near]
@@ -290,6 +288,9 @@ def omitted_effects(posterior: Posterior, mode: Mode) -> OmittedEffects:
         alike = tuple(effects[i] for i in rivals)
         found.append((best.taken[-1], best.log_odds - fit.log_odds, (best.z - fit.z) / sd, alike))
         fit = _without_spent(problem, best)
+        if fit is not best:
+            tried.append((fit.log_odds, fit.variance[: posterior.dim], fit.z - mode.z))
+            within.append(fit.taken)
     own = fit.variance[: posterior.dim]
     tried += [(fit.log_odds + one.log_odds, own + one.variance, fit.z + one.shift - mode.z) for one in scores.values()]
     within += [(*fit.taken, i) for i in scores]
@@ -318,10 +319,12 @@ def _contenders(scores: Mapping[int, Score]) -> list[int]:
     return [i for i in ranked if scores[i].log_odds >= max(0.0, ALIKE * scores[ranked[0]].log_odds)]
 
 
-def _scores_as_white(problem: _Problem, fit: _Fit) -> dict[int, Score]:
-    """Return what each effect would do to first order if the noise had no memory."""
-    at = _linear(problem, fit.z, fit.sizes, as_white=True)
-    cov = _covariance(problem, fit.z, fit.sizes, fit.taken, at, np.diag(fit.cov)[: fit.z.size])
+def _scores(problem: _Problem, fit: _Fit, as_white: bool = False) -> dict[int, Score]:
+    """Return what each effect would do to first order, or what it would do if the noise had no memory."""
+    at, cov = fit.at, fit.cov
+    if as_white:
+        at = _linear(problem, fit.z, fit.sizes, as_white=True)
+        cov = _covariance(problem, fit.z, fit.sizes, fit.taken, at, np.diag(fit.cov)[: fit.z.size])
     scores = score_effects(at, cov, fit.taken, problem.options)
     return {i: one for i, one in scores.items() if one.size > 0 or not problem.effects[i].is_positive}
 
@@ -545,11 +548,9 @@ def _linear(problem: _Problem, z: np.ndarray, sizes: np.ndarray, as_white: bool 
         as_white: whether the noise is taken for white.
     """
     posterior, effects = problem
-    values = (
-        {}
-        if as_white
-        else dict(zip(posterior.names, np.asarray(values_of(posterior, z[None]))[0].tolist(), strict=True))
-    )
+    values: dict[str, float] = {}
+    if problem.shapes and not as_white:
+        values = dict(zip(posterior.names, np.asarray(values_of(posterior, z[None]))[0].tolist(), strict=True))
     data, d, sought = posterior.data, z.size, np.r_[np.ones(z.size), _absent(posterior, effects)]
     present = [np.asarray(channel.present) > 0 for channel in data.channels]
     edges = np.cumsum([0, *(here.sum() for here in present)])

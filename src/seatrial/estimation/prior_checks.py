@@ -7,6 +7,7 @@ import numpy as np
 import scipy
 from jaxtyping import Bool, Float
 
+from seatrial.core.coefficients import is_coefficient
 from seatrial.core.errors import InputError
 from seatrial.core.random_keys import seeded_key
 from seatrial.estimation.identifiability import identifiability_of_fit
@@ -14,7 +15,6 @@ from seatrial.estimation.information import slopes_of_present
 from seatrial.estimation.mode import Mode
 from seatrial.estimation.posterior import Parameter, Posterior, values_of
 from seatrial.estimation.priors import LogUniform
-from seatrial.estimation.remedies import is_coefficient
 from seatrial.sampling.target import AT_ONCE, evaluate
 
 EDGE = 0.02

@@ -44,7 +44,7 @@ UNLIKE, AT, NEAR = 1.5, 0.1, 0.5
 """Ratio to the stated trim, or its inverse, from which a record contradicts it; share by which a control may be off its trim there, and
 within which a straight line through samples on both sides of trim tells the speed at trim."""
 SETTLED = 0.05
-"""Share by which a speed may change between the halves of such samples before the vehicle is still on its way."""
+"""Share by which the distance from trim shrinks, from the first half of such samples to the second, while the vehicle is on its way."""
 SELDOM = 0.01
 """Share of the samples in which a control must come near its trim."""
 BEYOND = 0.01
@@ -184,13 +184,13 @@ def check_trim(
             size = np.median(np.abs(share[share != 0]))
             results.append(unlike_trim(name, trim[name], float(size if share.max() > 0 else -size), "of about"))
     for name in (one for one in measured if one in RATES[:3] and trim.get(one)):
-        ratio = speed_over_trim(name, trim, controls, measured[name])
+        ratio = _speed_over_trim(name, trim, controls, measured[name])
         if ratio is not None and not 1 / UNLIKE <= ratio <= UNLIKE:
             results.append(unlike_trim(name, trim[name], ratio, "with the controls at trim about"))
     return results
 
 
-def speed_over_trim(
+def _speed_over_trim(
     name: str,
     trim: Mapping[str, float],
     controls: Mapping[str, Float[np.ndarray, " n"]],
@@ -198,6 +198,7 @@ def speed_over_trim(
 ) -> float | None:
     """Return a velocity over its trim when all controls are at trim; None where too few samples tell it.
 
+    A trial often changes a control to both sides of its trim and is never at it: the velocity is taken as a straight line in the controls.
     Nothing is said of a vehicle that is still on its way to trim, as from rest.
 
     Args:
@@ -206,40 +207,17 @@ def speed_over_trim(
         controls: likewise.
         measured: velocity, SI, NaN where not measured.
     """
-    share = shares_at_trim(name, trim, controls, measured)
-    if share is None:
-        return None
-    first, second = (abs(float(np.median(half)) - 1) for half in np.array_split(share, 2))
-    is_unlike = not 1 / UNLIKE <= (ratio := float(np.median(share))) <= UNLIKE
-    return None if is_unlike and second < (1 - SETTLED) * first else ratio
-
-
-def shares_at_trim(
-    name: str,
-    trim: Mapping[str, float],
-    controls: Mapping[str, Float[np.ndarray, " n"]],
-    velocity: Float[np.ndarray, " n"],
-) -> Float[np.ndarray, " k"] | None:
-    """Return a velocity over its trim as it would be with all controls at trim, of the samples near there; None where too few are.
-
-    A trial often changes a control to both sides of its trim and is never at it: the velocity is taken as a straight line in the controls.
-
-    Args:
-        name: as `speed_over_trim`.
-        trim: likewise.
-        controls: likewise.
-        velocity: SI, NaN where not known.
-    """
     driving = [one for one in controls if trim.get(one)]
-    off = np.array([controls[one] / trim[one] - 1 for one in driving]).reshape(len(driving), velocity.size)
-    is_there = np.isfinite(velocity) & (np.abs(off) < NEAR).all(axis=0)
-    if is_there.sum() < AROUND:
-        return None
-    off, share = off[:, is_there], velocity[is_there] / trim[name]
-    if not ((off.min(axis=1) < AT) & (off.max(axis=1) > -AT)).all():
+    off = np.array([controls[one] / trim[one] - 1 for one in driving]).reshape(len(driving), measured.size)
+    is_there = np.isfinite(measured) & (np.abs(off) < NEAR).all(axis=0)
+    off, share = off[:, is_there], measured[is_there] / trim[name]
+    if share.size < AROUND or not ((off.min(axis=1) < AT) & (off.max(axis=1) > -AT)).all():
         return None
     line = np.linalg.lstsq(np.vstack([np.ones(share.size), off]).T, share, rcond=None)[0]
-    return share - line[1:] @ off
+    at_trim = share - line[1:] @ off
+    first, second = (abs(float(np.median(half)) - 1) for half in np.array_split(at_trim, 2))
+    is_unlike = not 1 / UNLIKE <= (ratio := float(np.median(at_trim))) <= UNLIKE
+    return None if is_unlike and second < (1 - SETTLED) * first else ratio
 
 
 def unlike_trim(name: str, trim: float, ratio: float, when: str) -> RecordFinding:

@@ -3,8 +3,7 @@
 from collections.abc import Sequence
 from math import floor, log10
 
-from seatrial.core.coefficients import CoefficientName
-from seatrial.core.errors import InputError
+from seatrial.core.coefficients import CoefficientName, is_coefficient
 
 
 def what_separates(names: Sequence[str]) -> str:
@@ -39,15 +38,6 @@ def what_separates(names: Sequence[str]) -> str:
     if all(name.startswith(("sigma_", "tau_", "dof_")) for name in names):
         return "a longer record"
     return "fix one of them, or measure another channel"
-
-
-def is_coefficient(name: str) -> bool:
-    """Return whether a parameter is a coefficient of the equations of motion, by its name."""
-    try:
-        CoefficientName.parse(name)
-    except InputError:
-        return False
-    return True
 
 
 def percent(share: float) -> str:

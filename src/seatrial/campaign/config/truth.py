@@ -9,12 +9,12 @@ from collections.abc import Mapping
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.vehicle import WholeVehicle
+from seatrial.core.coefficients import is_coefficient
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.signals import ACTUAL
 from seatrial.estimation.delayed_control import DELAY
 from seatrial.estimation.filter_error import process_name
 from seatrial.estimation.mounts import mount_names
-from seatrial.estimation.remedies import is_coefficient
 from seatrial.estimation.sensor_errors import (
     bias_name,
     correlation_name,

@@ -192,10 +192,15 @@ class Adviser:
         seen = dict(zip(self.channels, rms.tolist(), strict=True))
         return Look(time, samples, tuple(rows), seen, discount, kind, advice)
 
+    @property
+    def trimmed(self) -> list[str]:
+        """Measured speeds of which a trim is stated."""
+        return [name for name in RATES[:3] if name in self.channels and self.recursion.trim.get(name)]
+
     def _unlike_trim(self, mean: np.ndarray, cov: np.ndarray) -> list[str]:
         """Say which speed the coefficients give at trim, if it is surely not the one that is stated; in units of the recursion."""
         found, trim = [], self.recursion.trim
-        for name in (one for one in RATES[:3] if one in self.channels and trim.get(one)):
+        for name in self.trimmed:
             share = self.recursion.shares_of_trim(name, mean, cov)
             if np.mean(share > UNLIKE) >= SURE or np.mean(share < 1 / UNLIKE) >= SURE:
                 one = unlike_trim(

@@ -17,7 +17,6 @@ from seatrial.campaign.live.session_files import Kept
 from seatrial.campaign.live.sources import Piece
 from seatrial.campaign.live.stream_check import StreamCheck
 from seatrial.core.gaussian import Gaussian
-from seatrial.core.signals import RATES
 
 OFTEN = 1.0
 """Seconds of the stream between two looks."""
@@ -86,7 +85,7 @@ class Session:
         trim = np.array([r.trim.get(name, 0.0) for name in self.controls])
         for seconds in (0.0, 0.01):
             belief = r.step(belief, trim, seconds, trim, nothing)[0]
-        for name in (one for one in RATES[:3] if one in self.measured and r.trim.get(one)):
+        for name in self.adviser.trimmed:
             r.shares_of_trim(name, r.prior.mean, r.prior.cov)
         self.check.warm()
 

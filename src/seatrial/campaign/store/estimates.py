@@ -10,13 +10,13 @@ import numpy as np
 from jaxtyping import Float
 
 from seatrial.campaign.store.stored_result import decoding, read_json
-from seatrial.core.coefficients import CoefficientName
+from seatrial.core.coefficients import CoefficientName, is_coefficient
 from seatrial.core.dataset import Dataset
 from seatrial.core.dataset_file import open_dataset
 from seatrial.core.display_units import Shown
 from seatrial.core.errors import InputError
 from seatrial.core.result_table import table_html, table_text
-from seatrial.estimation.remedies import is_coefficient, listed, measured, percent
+from seatrial.estimation.remedies import listed, measured, percent
 from seatrial.selection.structures import Structure
 
 if TYPE_CHECKING:
