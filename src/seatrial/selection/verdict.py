@@ -356,7 +356,7 @@ def term_verdict(term: str, inclusion: float, error: float, reached: tuple[float
             f"it cannot be said whether the data support {term}: its probability of {inclusion:.2f} depends on an evidence that is not "
             f"reliable, and may be anything from {reached[0]:.2f} to {reached[1]:.2f}"
         )
-    margin = f" (± {max(error, 0.005):.2f} Monte Carlo)"
+    margin = f" (± {error:.2f} Monte Carlo)" if error >= 0.005 else " (Monte Carlo error below 0.005)"
     if _is_noisy(inclusion, error):
         return (
             f"the evidence is too noisy to say whether the data support {term}: "

@@ -9,7 +9,7 @@ import typer
 from seatrial.apps.answer import Answer, Exit, current_answer
 from seatrial.apps.running import Quiet, watched
 
-_TARGETS = "gz, uuv, stonefish, fossen, holoocean, json or csv"
+_TARGETS = "<gz|uuv|stonefish|fossen|holoocean|json|csv|mavlink|ros2|mcap>"
 _TRIALS = "csv, json, mavlink, ros2 or mcap"
 
 
@@ -17,7 +17,9 @@ def export(
     what: Annotated[
         str, typer.Argument(metavar="DIR|VEHICLE", help="Folder of a finished campaign, or a vehicle of the catalogue.")
     ],
-    to: Annotated[str | None, typer.Option("--to", help=f"{_TARGETS}; with --trial {_TRIALS}.")] = None,
+    to: Annotated[
+        str | None, typer.Option("--to", metavar=_TARGETS, help=f"Simulator or file format; with --trial {_TRIALS}.")
+    ] = None,
     out: Annotated[
         Path | None, typer.Option("--out", metavar="FOLDER", help="Where to write; DIR/export/<target> if not given.")
     ] = None,
@@ -35,7 +37,10 @@ def export(
         str | None, typer.Option(help="With --trial: another schedule of results/, such as design.")
     ] = None,
     engine: Annotated[
-        str | None, typer.Option(help="With --to gz: dart, or other for an engine without added mass of its own.")
+        str | None,
+        typer.Option(
+            metavar="<dart|other>", help="With --to gz: dart, or other for an engine without added mass of its own."
+        ),
     ] = None,
     density: Annotated[
         str | None,
