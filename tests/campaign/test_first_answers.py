@@ -9,6 +9,7 @@ import pytest
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.inference.quick_estimates import _smoothed, posterior_modes, regressions
+from seatrial.campaign.prior.cautions import file_cautions
 from seatrial.core.errors import InputError
 from seatrial.vehicles.simulate import simulate
 from tests.campaign.small import NO_X_U, write_small
@@ -158,6 +159,11 @@ def test_the_masses_that_scale_all_coefficients_are_named_where_no_force_is_know
     assert campaign.stated_masses.startswith(
         "taken as exact, and in no ±: a mass of 30.48 kg and X_udot = -0.93 kg, with which"
     )
+    example = 'catalogue = "remus100_surge"', 'name = "YOUR VEHICLE"\nmass = "30 kg"\nfixed = { X_udot = -1.0 }'
+    held = "[structure]", '[vehicle.trim]\nu = "1.5 m/s"\nn = "1194 rpm"\n[structure]'
+    left = load_campaign(write_small(tmp_path / "example", example, held))
+    assert left.example_vehicle == file_cautions(left)[0]
+    assert left.stated_masses.endswith(f"scale. {left.example_vehicle}")
     known = ('catalogue = "remus100_surge"', 'mass = "30 kg"\nfixed = { X_udot = -1.0, T_nabsn = 6e-4 }')
     no_thrust = 'always = ["X_uabsu", "T_nabsn"]', 'always = ["X_uabsu"]'
     prior = ('[prior.T_nabsn]\ndistribution = "uniform"\nlower = 2.0e-4\nupper = 12.0e-4\n', "")

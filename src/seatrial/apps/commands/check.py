@@ -34,6 +34,8 @@ def check(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
             answer.name_file(f"raw plot of {one.record.label}", picture)
         answer.say(summary_line(judged))
         answer.give(**results.checked(judged))
+        if campaign.example_vehicle:
+            answer.caution(campaign.example_vehicle)
         return Exit.ALARMS if any(one.level == "fail" for one in judged) else Exit.OK
 
     with_campaign(folder, quiet, work, context)

@@ -49,6 +49,9 @@ from seatrial.vehicles.hull import Hull
 from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.surge import SurgeHull
 
+EXAMPLE_VEHICLE = "YOUR VEHICLE"
+"""Name of the vehicle in the template of a log."""
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Campaign:
@@ -334,7 +337,15 @@ class Campaign:
         added = [f"{name} = {value:.4g} kg" for name, value in fixed.items() if name == "X_udot"]
         said = " and ".join([f"a mass of {mass:.4g} kg", *added])
         guessed = "; if X_udot is a guess, move it to structure.always with a prior" if added and self.imports else ""
-        return f"taken as exact, and in no ±: {said}, with which all coefficients of X and T scale{guessed}"
+        more = f". {self.example_vehicle}" if self.example_vehicle else guessed
+        return f"taken as exact, and in no ±: {said}, with which all coefficients of X and T scale{more}"
+
+    @property
+    def example_vehicle(self) -> str:
+        """Say that the vehicle is still the one that a template has for an example; empty where it is not."""
+        if self.hull.name != EXAMPLE_VEHICLE:
+            return ""
+        return f'[vehicle] is the example of the template, "{EXAMPLE_VEHICLE}": write the name and the numbers of your own vehicle'
 
     def state_trim(self, model: VehicleModel) -> tuple[float, ...]:
         """Trim value of every state of a model, SI; level and 0 where nothing is said."""

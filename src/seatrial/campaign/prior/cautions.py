@@ -15,7 +15,12 @@ BESIDE = 0.2
 
 def file_cautions(campaign: Campaign) -> list[str]:
     """Return a sentence for each thing that is worth correcting in the file, though it can be used."""
-    return [*terms_that_may_be_one(map(CoefficientName.parse, campaign.full.terms)), *_start_that_is_not_held(campaign)]
+    example = [campaign.example_vehicle] if campaign.example_vehicle else []
+    return [
+        *example,
+        *terms_that_may_be_one(map(CoefficientName.parse, campaign.full.terms)),
+        *_start_that_is_not_held(campaign),
+    ]
 
 
 def _start_that_is_not_held(campaign: Campaign) -> list[str]:
