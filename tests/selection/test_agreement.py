@@ -23,6 +23,7 @@ from seatrial.selection.combined_evidence import (
     judge,
 )
 from seatrial.selection.evidence import Evidence, EvidenceSettings
+from seatrial.selection.importance import FREE
 from tests.estimation_cases import linear_gaussian
 from tests.selection.targets import far_peaks, one_peak, peaks, spike_on_slab, wide_regression
 from tests.selection.test_evidence import parabola, runs
@@ -361,5 +362,5 @@ def test_a_mode_is_new_where_it_is_far_off_or_higher_than_rounding_explains(away
         Mode(np.array([x, 0.0]), 4 * np.eye(2), np.eye(2) / 4, height, 0.0, np.zeros(2), np.ones(2), False)
         for x, height in ((0.0, -3.0), (5.0, -7.0))
     )
-    (found,) = agreement._is_new([first, second], np.array([[away / 2, 0.0]]), np.array([-3.0 + above]))
+    (found,) = agreement._is_new([first, second], FREE, np.array([[away / 2, 0.0]]), np.array([-3.0 + above]))
     assert found == new

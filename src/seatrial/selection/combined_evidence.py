@@ -35,7 +35,7 @@ from seatrial.estimation.posterior import Posterior, as_key, check_posterior
 from seatrial.sampling.target import Target, evaluate
 from seatrial.sampling.tempered_smc import SMCResult, SMCSettings, Start, prior_particles, sample_tempered_smc
 from seatrial.selection.evidence import Evidence, EvidenceSettings, combine_runs
-from seatrial.selection.importance import ImportanceSettings, distance, importance_evidence, laplace_proposal
+from seatrial.selection.importance import ImportanceSettings, distance, edges_of, importance_evidence, laplace_proposal
 from seatrial.selection.nested import nested_evidence
 
 # Search for modes beside the highest one known, among particles of tempered SMC that are cooled on to p L^10.
@@ -108,11 +108,11 @@ def further_modes(
         known: its highest mode found so far.
         sets: particles, the coldest first.
     """
-    modes = [known]
+    modes, edges = [known], edges_of(posterior)
     for particles in filter(len, sets):
         height, looked_into = evaluate(posterior, particles), np.zeros(len(particles), bool)
         for _ in range(CLIMBS):
-            new = ~looked_into & np.isfinite(height) & _is_new(modes, particles, height)
+            new = ~looked_into & np.isfinite(height) & _is_new(modes, edges, particles, height)
             start = particles[np.argmax(np.where(new, height, -np.inf))]
             if not new.mean() > MANY and not _is_higher_mode(modes, height[new]).any():
                 break
@@ -123,16 +123,19 @@ def further_modes(
                 result = climb(posterior, start)
             except NumericalError:
                 continue
-            if _is_new(modes, result.z[None], np.array([result.log_density]))[0]:
+            if _is_new(modes, edges, result.z[None], np.array([result.log_density]))[0]:
                 modes.append(result)
     return tuple(modes[1:])
 
 
 def _is_new(
-    modes: Sequence[Mode], z: Float[np.ndarray, "n d"], height: Float[np.ndarray, " n"]
+    modes: Sequence[Mode],
+    edges: Float[np.ndarray, "d 2"],
+    z: Float[np.ndarray, "n d"],
+    height: Float[np.ndarray, " n"],
 ) -> Bool[np.ndarray, " n"]:
     """Return whether points lie far from all modes, or higher than them."""
-    away = np.min([distance(laplace_proposal(mode), z) for mode in modes], 0)
+    away = np.min([distance(laplace_proposal(mode, edges), z) for mode in modes], 0)
     return (away > chdtri(z.shape[1], FAR)) | _is_higher_mode(modes, height)
 
 
