@@ -104,8 +104,9 @@ def _by_loop(campaign: Any, reporter: Any) -> _Found:
     from seatrial.campaign.workflow.next_trial import propose
 
     outcome = run_loop(campaign, reporter)
-    own = own_after(outcome.campaign, outcome.chosen, outcome.next)
-    return _Found(propose(outcome), outcome.next, own, outcome.summary["alarms"], outcome.summary["cautions"])
+    own = own_after(outcome.campaign, outcome.chosen, outcome.next) if outcome.next else None
+    alarms = [*outcome.summary["alarms"], *([outcome.undesigned] if outcome.undesigned else [])]
+    return _Found(propose(outcome), outcome.next, own, alarms, outcome.summary["cautions"])
 
 
 def _by_mode(campaign: Any, reporter: Any) -> _Found:
