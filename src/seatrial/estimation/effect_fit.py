@@ -4,7 +4,7 @@ Gauss and Newton's method climbs the posterior density along the parameters and 
 residuals; the shape of a noise with a memory is found again by a grid.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -18,6 +18,7 @@ from seatrial.estimation.posterior import Posterior, values_of
 from seatrial.estimation.prediction_scores import effective_samples, whiteness
 from seatrial.estimation.priors import Prior, Uniform
 from seatrial.estimation.sensor_errors import Sensor, correlation_name, drift_name, drift_time_name, noise_name
+from seatrial.estimation.trial_data import ChannelData, TrialData
 
 LIKELY = 0.01
 """P-value of a test of whiteness from which residuals are taken for white."""
@@ -34,16 +35,6 @@ SIDE_BY_SIDE = 8
 """Slopes that are computed at once: each needs a control of its own over the whole record."""
 
 
-class Measured(NamedTuple):
-    """What one sensor measured in all trials, and where; of each trial, when, s, and the times since the measurement before."""
-
-    sensor: Sensor
-    values: Float[np.ndarray, "trials n"]
-    present: Bool[np.ndarray, "trials n"]
-    times: list[Float[np.ndarray, " n_i"]]
-    gaps: list[Float[np.ndarray, " n_i"]]
-
-
 @dataclass(frozen=True)
 class EffectProblem:
     """A posterior of d parameters, its mode, and m effects that its model may lack."""
@@ -51,19 +42,6 @@ class EffectProblem:
     posterior: Posterior
     mode: Mode
     effects: tuple[Effect, ...]
-
-    @cached_property
-    def measured(self) -> tuple[Measured, ...]:
-        """The data, channel by channel."""
-        data, found = self.posterior.data, []
-        for sensor, channel in zip(self.posterior.likelihood.simulator.sensors, data.channels, strict=True):
-            values, present, gaps, kind = map(
-                np.asarray, (channel.measured, channel.present > 0, channel.gaps, channel.kind)
-            )
-            times = [own[here] for own, here in zip(data.time, present, strict=True)]
-            gaps = [own[which[here]] for own, which, here in zip(gaps, kind, present, strict=True)]
-            found.append(Measured(sensor, values, present, times, gaps))
-        return tuple(found)
 
     @cached_property
     def absent(self) -> Bool[np.ndarray, " m"]:
@@ -204,28 +182,29 @@ def linearise(
         sizes: of the effects.
         as_white: whether the noise is taken for white.
     """
-    posterior, width = problem.posterior, z.size + sizes.size
+    posterior, data, width = problem.posterior, problem.posterior.data, z.size + sizes.size
     values: dict[str, float] = {}
     if problem.shapes and not as_white:
         values = dict(zip(posterior.names, np.asarray(values_of(posterior, z[None]))[0].tolist(), strict=True))
     filled = -(-width // SIDE_BY_SIDE) * SIDE_BY_SIDE  # as many in each call: one program
     ways = np.eye(filled, width)
-    rows = [np.empty((channel.present.sum(), 1 + filled)) for channel in problem.measured]
+    present = [np.asarray(channel.present) > 0 for channel in data.channels]
+    rows = [np.empty((here.sum(), 1 + filled)) for here in present]
     for first in range(0, filled, SIDE_BY_SIDE):
         last = first + SIDE_BY_SIDE
         shown, slopes = show_with_effects(posterior, problem.effects, z, sizes, ways[first:last])
         if not all(np.isfinite(one).all() for one in (*shown, *slopes)):
             return Linearisation(z, sizes, np.zeros((width, width)), np.zeros(width), 0, 1.0, np.inf)
-        for own, channel, x, slope in zip(rows, problem.measured, shown, slopes, strict=True):
-            own[:, 0] = (channel.values - np.asarray(x))[channel.present]
-            own[:, 1 + first : 1 + last] = np.asarray(slope)[:, channel.present].T
+        for own, channel, here, x, slope in zip(rows, data.channels, present, shown, slopes, strict=True):
+            own[:, 0] = (np.asarray(channel.measured) - np.asarray(x))[here]
+            own[:, 1 + first : 1 + last] = np.asarray(slope)[:, here].T
     products, log_noise, shares = np.zeros((1 + width, 1 + width)), 0.0, [1.0]
-    for own, channel in zip((one[:, : 1 + width] for one in rows), problem.measured, strict=True):
-        begin = 0
-        for times, gaps in zip(channel.times, channel.gaps, strict=True):
+    for row, sensor, channel in zip(rows, posterior.likelihood.simulator.sensors, data.channels, strict=True):
+        own, begin = row[:, : 1 + width], 0
+        for _, times, gaps in _measurements(data, channel):
             piece = slice(begin, begin := begin + gaps.size)
             if not as_white:
-                own[piece], log_sd = whiten(channel.sensor, values, gaps, own[piece])
+                own[piece], log_sd = whiten(sensor, values, gaps, own[piece])
                 log_noise += float(log_sd[0])
             shares.append(_worth(times, own[piece, 0]))
         noise = np.sqrt(np.mean(own[:, 0] ** 2)) if len(own) else 0.0
@@ -299,21 +278,20 @@ def _shape_noise(problem: EffectProblem, at: Linearisation) -> Float[np.ndarray,
     posterior, z = problem.posterior, at.z
     shown, _ = show_with_effects(posterior, problem.effects, z, at.sizes, np.eye(SIDE_BY_SIDE, len(at.pull)))
     for i, places in problem.shapes.items():
-        channel = problem.measured[i]
-        residual = channel.values - np.asarray(shown[i])
-        columns = [own[here, None] for own, here in zip(residual, channel.present, strict=True)]
+        sensor, channel = posterior.likelihood.simulator.sensors[i], posterior.data.channels[i]
+        residual = np.asarray(channel.measured) - np.asarray(shown[i])
         for width in GRIDS:
             axes = [np.linspace(-width, width, POINTS)] * len(places)
             ways = np.stack(np.meshgrid(*axes), -1).reshape(-1, len(places))
             tried = np.repeat(z[None], len(ways), 0)
             tried[:, places] += ways
             named = dict(zip(posterior.names, np.asarray(values_of(posterior, tried)).T, strict=True))
-            log_sd, squares = np.zeros(len(ways)), np.zeros(len(ways))
-            for column, gaps in zip(columns, channel.gaps, strict=True):
-                new, more = whiten(channel.sensor, named, gaps, np.repeat(column, len(ways), 1))
-                log_sd, squares = log_sd + more, squares + (new**2).sum(0)
+            log_sd, squares, count = np.zeros(len(ways)), np.zeros(len(ways)), 0
+            for own, (here, _, gaps) in zip(residual, _measurements(posterior.data, channel), strict=True):
+                new, more = whiten(sensor, named, gaps, np.repeat(own[here, None], len(ways), 1))
+                log_sd, squares, count = log_sd + more, squares + (new**2).sum(0), count + gaps.size
             prior = sum(np.asarray(posterior.parameters[k].prior.log_density(tried[:, k])) for k in places)
-            z = tried[np.argmax(prior - log_sd - 0.5 * int(channel.present.sum()) * np.log(squares))]
+            z = tried[np.argmax(prior - log_sd - 0.5 * count * np.log(squares))]
     return z
 
 
@@ -337,6 +315,14 @@ def _expand(
     size = np.sqrt(np.maximum(np.diag(curvature), np.finfo(float).tiny))
     cov = np.linalg.pinv(curvature / np.outer(size, size), rcond=SINGULAR, hermitian=True) / np.outer(size, size)
     return prior[0].sum() - at.log_noise, at.pull[fitted] + prior[1], cov
+
+
+def _measurements(data: TrialData, channel: ChannelData) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Yield of each trial where a channel was measured, when, s, and the time since the measurement before, s."""
+    arrays = map(np.asarray, (channel.present, channel.gaps, channel.kind))
+    for present, gaps, kind, time in zip(*arrays, data.time, strict=True):
+        here = present > 0
+        yield here, time[here], gaps[kind[here]]
 
 
 def _worth(time: Float[np.ndarray, " n"], residual: Float[np.ndarray, " n"]) -> float:
