@@ -6,8 +6,6 @@ Where a result has an attribute by the name of a key, `picked` takes it; what is
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-import numpy as np
-
 from seatrial.apps import result_shapes as shapes
 from seatrial.core.signals import signal_unit
 
@@ -166,7 +164,7 @@ def prior(found: Any) -> dict[str, Any]:
         "over": found.over,
         "steady_speed": None if found.settled is None else _quantiles(found.settled.speed),
         "time_constant": None if found.settled is None else _quantiles(found.settled.time_constant),
-        "diverging": float(np.mean(found.diverged)),
+        "diverging": float(found.diverged.mean()),
         "channels": [
             picked(
                 one,
@@ -249,7 +247,7 @@ def next_trial(designs: Any, proposal: Any) -> dict[str, Any]:
     if trial is None:
         return {"trial": None, "advice": proposal.words}
     sweep = next(one for one in designs.sweeps if one.family.kind == trial.kind)
-    at = np.abs(sweep.amplitude - trial.amplitude).argmin(), np.abs(sweep.period - trial.period).argmin()
+    at = abs(sweep.amplitude - trial.amplitude).argmin(), abs(sweep.period - trial.period).argmin()
     return {"trial": design(sweep, (int(at[0]), int(at[1]))), "advice": proposal.words}
 
 
@@ -318,6 +316,8 @@ def scores(result: Any) -> dict[str, Any]:
     return {"set": result.set.name, "scores": rows, "not_beaten": result.beaten()}
 
 
-def _quantiles(values: np.ndarray) -> list[float | None]:
+def _quantiles(values: Any) -> list[float | None]:
+    import numpy as np
+
     there = values[np.isfinite(values)]
     return [float(value) for value in np.quantile(there, QUANTILES)] if there.size else [None] * len(QUANTILES)
