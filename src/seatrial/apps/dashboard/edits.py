@@ -99,7 +99,7 @@ def further_run(text: str, log: str) -> FurtherRun | None:
         text: of the file.
         log: path from the campaign's folder.
     """
-    runs, files = runs_of(text), files_of(channel_map_of(text))
+    runs, files = list(runs_of(text)), files_of(channel_map_of(text))
     if not runs or len({one.get("path") for one in files}) != 1:
         return None
     folder, slash, name = str(files[0]["path"]).rpartition("/")
