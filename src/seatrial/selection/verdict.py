@@ -282,8 +282,7 @@ def _measured(posterior: Posterior, trial: int, channel: str) -> tuple[np.ndarra
     """Return when a channel was measured in a trial, s from its first sample, and what."""
     shown = posterior.data.channels[posterior.likelihood.channels.index(channel)]
     there = np.asarray(shown.present[trial]) > 0
-    step = np.asarray(posterior.data.step[trial])
-    return (np.cumsum(step) - step)[there], np.asarray(shown.measured[trial])[there]
+    return posterior.data.time[trial][there], np.asarray(shown.measured[trial])[there]
 
 
 def averaged(

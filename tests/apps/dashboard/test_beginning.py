@@ -7,6 +7,7 @@ import pytest
 
 from seatrial.apps.dashboard import model_queries as thinking
 from seatrial.apps.dashboard.logs import look_into
+from seatrial.apps.dashboard.map_draft import MapDraft
 from seatrial.apps.dashboard.new_campaign_rows import kinds
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.config.new_campaign import OWN, PUBLISHED
@@ -78,7 +79,7 @@ def test_a_log_is_looked_into_and_mapped_before_there_is_an_import(tmp_path):
     assert all(one.picture.startswith("M") for one in found.columns[1:])
     channel_map = ""
     for one in found.guesses:
-        mapped = Mapped(one.channel, found.heads[one.table], one.column, one.unit, one.scale, 0.0)
+        mapped = Mapped(found.heads[one.table], one.column, one.unit, one.scale, 0.0)
         channel_map = with_channel(channel_map, one.channel, mapped)
     mapped = with_map(tmp_path, text, "dive", channel_map)
     thinking.check(str(tmp_path), mapped)
@@ -89,7 +90,7 @@ def test_a_log_is_looked_into_and_mapped_before_there_is_an_import(tmp_path):
 
 def test_small_pictures_are_over_the_rows_until_a_clock_is_known_and_then_over_the_time(tmp_path):
     pytest.importorskip("nicegui")
-    from seatrial.apps.dashboard.pages.import_form import axis_words, columns_of
+    from seatrial.apps.dashboard.pages.map_rows import axis_words, columns_of
 
     rows = [f"{1000 * i if i < 100 else 1000 * i + 100_000},{i}" for i in range(200)]
     (tmp_path / "dive.csv").write_text("Zeit,rpm\n" + "\n".join(rows) + "\n")
@@ -122,13 +123,13 @@ channels.n = { column = "rpm", unit = "rpm", own = 3 }
 channels.tau_X = { sum = "0.1 'left one' - 0.1 right", unit = "N", offset = 2 }
 """
     head = '[[import.files]]\npath = "b.csv"\ntime = { column = "t", unit = "s" }\n'
-    after = with_channel(before, "n", Mapped("n", '[[import.files]]\npath = "a.csv"', "rps", "Hz", -2.0, 1.5))
-    lined = with_channel(after, "n", Mapped("n", '[[import.files]]\npath = "a.csv"', "rps", "Hz", -2.0, 1.5, "line"))
+    after = with_channel(before, "n", Mapped('[[import.files]]\npath = "a.csv"', "rps", "Hz", -2.0, 1.5))
+    lined = with_channel(after, "n", Mapped('[[import.files]]\npath = "a.csv"', "rps", "Hz", -2.0, 1.5, "line"))
     assert channels_of(lined)["n"]["between"] == "line"
-    held = Mapped("n", '[[import.files]]\npath = "a.csv"', "rps", "Hz", -2.0, 1.5, "held")
+    held = Mapped('[[import.files]]\npath = "a.csv"', "rps", "Hz", -2.0, 1.5, "held")
     assert channels_of(with_channel(lined, "n", held))["n"]["between"] == "held"
     assert "between" not in channels_of(with_channel(after, "n", held))["n"]
-    after = with_channel(after, "u", Mapped("u", head, "speed", "m/s", 1.0, 0.0))
+    after = with_channel(after, "u", Mapped(head, "speed", "m/s", 1.0, 0.0))
     files = tomllib.loads(after)["import"]["files"]
     assert files[0] == {
         "path": "a.csv",
@@ -143,11 +144,11 @@ channels.tau_X = { sum = "0.1 'left one' - 0.1 right", unit = "N", offset = 2 }
         "time": {"column": "t", "unit": "s"},
         "channels": {"u": {"column": "speed", "unit": "m/s"}},
     }
-    moved = with_channel(after, "u", Mapped("u", '[[import.files]]\npath = "a.csv"', "v", "kn", 1.0, 0.0))
+    moved = with_channel(after, "u", Mapped('[[import.files]]\npath = "a.csv"', "v", "kn", 1.0, 0.0))
     assert channels_of(moved)["u"] == {"column": "v", "unit": "kn", "path": "a.csv", "table": None}
     assert len(tomllib.loads(moved)["import"]["files"]) == 1
     assert "u" not in channels_of(with_channel(moved, "u", None))
-    kept = with_channel(before, "tau_X", Mapped("tau_X", '[[import.files]]\npath = "a.csv"', "", "kN", 1.0, 0.0))
+    kept = with_channel(before, "tau_X", Mapped('[[import.files]]\npath = "a.csv"', "", "kN", 1.0, 0.0))
     assert channels_of(kept)["tau_X"]["sum"] == "0.1 'left one' - 0.1 right"
 
 
@@ -208,9 +209,9 @@ def test_comments_and_unknown_keys_survive_every_edit_of_the_form(tmp_path):
     assert with_map(tmp_path, COMMENTED.replace("[truth]\nX_u = -3.0", "[known]\nX_u = 3"), "a", there) == (
         COMMENTED.replace("[truth]\nX_u = -3.0", "[known]\nX_u = 3")
     )
-    edited = with_channel(there, "n", Mapped("n", '[[import.files]]\npath = "a.csv"', "rps", "Hz", -1.0, 0.0))
-    edited = with_channel(edited, "r", Mapped("r", '[[import.files]]\npath = "b.csv"', "yaw", "rad/s", 1.0, 0.0))
-    edited = with_channel(edited, "psi", Mapped("psi", '[[import.files]]\npath = "b.csv"', "head", "deg", 1.0, 0.0))
+    edited = with_channel(there, "n", Mapped('[[import.files]]\npath = "a.csv"', "rps", "Hz", -1.0, 0.0))
+    edited = with_channel(edited, "r", Mapped('[[import.files]]\npath = "b.csv"', "yaw", "rad/s", 1.0, 0.0))
+    edited = with_channel(edited, "psi", Mapped('[[import.files]]\npath = "b.csv"', "head", "deg", 1.0, 0.0))
     edited = with_shift(edited, "b.csv", None, 12.5)
     assert comments(edited) == comments(there)
     text = with_map(tmp_path, COMMENTED, "a", edited)
@@ -263,7 +264,7 @@ def test_a_log_whose_time_has_a_strange_name_is_mapped_once_its_column_is_chosen
     assert tomllib.loads(head)["import"]["files"] == [{"path": "dive.csv", "time": {"column": "", "unit": "s"}}]
     with pytest.raises(InputError, match="no column of a log"):
         with_map(tmp_path, text, "dive", "\n")
-    one = with_channel("", "u", Mapped("u", head, "Fahrt", "kn", 1.0, 0.0)) + "# by the diver\n"
+    one = with_channel("", "u", Mapped(head, "Fahrt", "kn", 1.0, 0.0)) + "# by the diver\n"
     timed = with_time(one, "dive.csv", None, "Zeit", "ms")
     (file,) = tomllib.loads(timed)["import"]["files"]
     assert file == {
@@ -365,6 +366,40 @@ def test_a_log_takes_the_place_of_one_of_which_it_has_every_column_or_channel(tm
     after, gone = with_newer_log(two, "again.csv", looked["again.csv"], ())
     assert gone == ("run_a.csv", "motor.csv")
     assert [(one["path"], [*one["channels"]]) for one in files_of(after)] == [("again.csv", ["u"])]
+
+
+def test_a_log_is_what_its_columns_and_the_campaign_say(tmp_path):
+    text = (
+        '[import]\nfit = ["a", "b"]\n\n[[import.files]]\npath = "run_{run}.csv"\ntime = { column = "t", unit = "s" }\n'
+        'channels.u = { column = "speed", unit = "m/s" }\n'
+    )
+    (tmp_path / "campaign.toml").write_text(text)
+    heads = {"run_a.csv": "t,speed", "run_b.csv": "t,dvl_speed", "dive.csv": "t,speed,rpm", "motor.csv": "t,rpm"}
+    for name, head in heads.items():
+        rows = [",".join([f"{0.1 * k:.1f}", *[str(900 + k)] * head.count(",")]) for k in range(30)]
+        (tmp_path / name).write_text("\n".join([head, *rows]) + "\n")
+
+    def drafted(name, purpose=None):
+        draft = MapDraft(tmp_path)
+        draft.add(name, look_into(str(tmp_path / name), name, ("u", "n")), purpose)
+        return draft
+
+    found = {name: (draft.purpose, draft.label) for name in heads for draft in [drafted(name)]}
+    assert found == {
+        "run_a.csv": ("change", "a"),
+        "run_b.csv": ("fit", "b"),  # it lacks a column of the shared map
+        "dive.csv": ("fit", "dive"),
+        "motor.csv": ("file", "a"),  # it has other channels than the map
+    }
+    assert drafted("run_a.csv").named("run_a.csv") == "run_{run}.csv"
+    assert drafted("run_b.csv").replaced() == "Saving gives run b this map in the place of that of run_b.csv."
+    assert drafted("motor.csv").replaced() == ""
+    only = drafted("dive.csv", "instead")
+    assert only.replaced().startswith(
+        "Saving removes run a, b from the campaign file, with the map of run_a.csv, run_b.csv."
+    )
+    imports = tomllib.loads(only.text())["import"]
+    assert (imports["fit"], [one["path"] for one in imports["files"]]) == (["dive"], ["dive.csv"])
 
 
 def test_two_logs_are_lined_up_and_drawn_by_a_map_that_is_not_saved(tmp_path):

@@ -12,6 +12,8 @@ import pytest
 from markupsafe import Markup
 
 from seatrial.apps.dashboard.jobs import Jobs, log_of
+from seatrial.apps.dashboard.logs import Column, Guessed, Looked
+from seatrial.apps.dashboard.map_draft import MapDraft
 from seatrial.apps.dashboard.page_layout import VIEWS
 from seatrial.apps.dashboard.pages.compare import nothing_beside
 from seatrial.apps.dashboard.pages.design import legend_html
@@ -145,11 +147,13 @@ channels.r = { column = "gyro_z", unit = "rad/s" }
 path = "b.csv"
 channels.u = { column = "dvl_vx", unit = "m/s" }
 """
-    nothing = SimpleNamespace()
-    axis = OneAxis(nothing, tmp_path, lambda: channel_map, nothing, nothing, nothing)  # pyright: ignore[reportArgumentType]
-    axis.columns = {"1": ("a.csv", SimpleNamespace(name=first)), "2": ("b.csv", SimpleNamespace(name=second))}
-    axis.guesses = {"2": "r"} if second == "rate" else {}
-    assert (axis._differ("1", "2") == "") == same
+    columns = [Column(table, name, "", "0 to 1", "") for table, name in (("a", first), ("b", second))]
+    guesses = (Guessed("r", "b", "rate", "rad/s", 1.0, ""),)
+    heads: dict[str, str] = {"a": "", "b": ""}
+    logs = {f"{one.table}.csv": Looked("CSV", (), (one,), guesses, heads, (), {}) for one in columns}
+    draft = MapDraft(tmp_path, channel_map=channel_map, logs=logs)
+    axis = OneAxis(SimpleNamespace(), draft, SimpleNamespace(), SimpleNamespace())  # pyright: ignore[reportArgumentType]
+    assert (axis._differ(*draft.columns) == "") == same
 
 
 def test_campaigns_that_were_not_run_are_named_with_a_link(tmp_path):

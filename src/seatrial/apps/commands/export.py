@@ -6,6 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
+from seatrial.apps import results
 from seatrial.apps.answer import Answer, Exit, current_answer
 from seatrial.apps.running import Quiet, watched
 
@@ -70,7 +71,6 @@ def export(
 def _vehicle(
     what: str, to: str | None, out: Path | None, structure: str | None, rest: str | None, options: dict[str, Any]
 ) -> Exit:
-    from seatrial.apps import results
     from seatrial.core.errors import InputError
     from seatrial.export.to_target import export_to
     from seatrial.export.write import EXPORTERS, make_exporter

@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
+from seatrial.apps import results
 from seatrial.apps.answer import Exit, current_answer
 from seatrial.apps.running import Quiet, watched
 
@@ -45,7 +46,6 @@ def inspect(
     """
 
     def work(reporter: Any) -> Exit:
-        from seatrial.apps import results
         from seatrial.logs.formats.protocol import TextLayout
         from seatrial.logs.inspect import inspect_log, maps_together
 

@@ -3,8 +3,9 @@
 from collections.abc import Iterable, Mapping, Sequence
 
 from seatrial.campaign.store.estimates import LeftOut, ModelErrorFinding
+from seatrial.estimation.candidate_effects import Effect
 from seatrial.estimation.fit_verdict import either
-from seatrial.estimation.omitted_effects import Effect, Omitted, OmittedEffects
+from seatrial.estimation.omitted_effects import Omitted, OmittedEffects
 from seatrial.estimation.output_error import OutputError
 from seatrial.estimation.posterior import Posterior
 from seatrial.estimation.remedies import listed

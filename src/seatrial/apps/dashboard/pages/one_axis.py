@@ -2,7 +2,6 @@
 
 import asyncio
 from collections.abc import Awaitable, Callable, Mapping
-from contextlib import suppress
 from math import floor, log10
 from pathlib import Path
 from typing import Any
@@ -13,15 +12,15 @@ from nicegui import ui
 from seatrial.apps.dashboard.app_context import AppContext, fill, markup, say
 from seatrial.apps.dashboard.charts import Curve, Panel, TimeChart
 from seatrial.apps.dashboard.downsample import Envelope
-from seatrial.apps.dashboard.edits import channels_of, files_of, with_shift
-from seatrial.apps.dashboard.page_layout import button
+from seatrial.apps.dashboard.edits import files_of, identity_of, path_of, with_shift
+from seatrial.apps.dashboard.map_draft import MapDraft
+from seatrial.apps.dashboard.page_layout import LOOK, button
 from seatrial.apps.dashboard.view_models import AxisAbout
 from seatrial.apps.dashboard.worker_pool import stamp
 from seatrial.core.errors import SeatrialError
 from seatrial.core.units import quantity
 from seatrial.logs.clock_shift import NEARLY, ClockShift
 
-LOOK = "outlined options-dense hide-bottom-space"
 COLOURS = ("blue", "orange", "purple", "good")
 """Of the logs, in turn."""
 HEIGHT = {"control": 70, "measurement": 110}
@@ -33,44 +32,27 @@ class OneAxis:
 
     Args:
         context: what is served.
-        folder: of the campaign.
-        map_of: returns the map as it stands in the form.
+        draft: of the map.
         change: puts another map into the form.
-        draft: returns the whole campaign file with the map, and the run; None where something is wrong, which it says in an element that
-            it empties first.
-        saved: returns the campaign file as it was last read or written.
+        check: returns the whole campaign file with the map; None where something is wrong, which it says in an element that it empties
+            first.
     """
 
     def __init__(
         self,
         context: AppContext,
-        folder: Path,
-        map_of: Callable[[], str],
+        draft: MapDraft,
         change: Callable[[str], None],
-        draft: Callable[[ui.element], Awaitable[tuple[str, str] | None]],
-        saved: Callable[[], str],
+        check: Callable[[ui.element], Awaitable[str | None]],
     ):
-        self.context, self.folder, self.map_of, self.change, self.draft = context, folder, map_of, change, draft
-        self.saved = saved
+        self.context, self.draft, self.change, self.check = context, draft, change, check
         self.shifts: dict[tuple[str, str | None], ui.number] = {}
         self.is_shown = False
         self.note: ui.html | None = None
         self.drawn, self.spans = "", ""
 
-    def build(
-        self,
-        columns: Mapping[str, tuple[str, Any]],
-        heads: Mapping[tuple[str, str], str],
-        guesses: Mapping[str, str],
-    ) -> None:
-        """Build the form.
-
-        Args:
-            columns: that can be lined up, by key: the log, and the column.
-            heads: `[[import.files]]` without channels, by log and table.
-            guesses: channel that a column seems to hold, by key.
-        """
-        self.columns, self.heads, self.guesses = columns, heads, guesses
+    def build(self) -> None:
+        """Build the form."""
         markup("<h3>One time axis</h3>")
         self.clocks = ui.element("div")
         self.refresh()
@@ -80,10 +62,9 @@ class OneAxis:
 
     def refresh(self) -> None:
         """Build the shifts again when the map names other logs."""
-        try:
-            files = {(str(one.get("path")), one.get("table")): one for one in files_of(self.map_of())}
-        except SeatrialError:  # said where the map is edited
+        if (found := self.draft.files) is None:
             return
+        files = {identity_of(one): one for one in found}
         if list(files) == list(self.shifts):
             return
         self.shifts.clear()
@@ -105,7 +86,7 @@ class OneAxis:
                     form.on("blur", lambda path=path, table=table: self._typed(path, table))
                     form.on("keydown.enter", lambda path=path, table=table: self._typed(path, table))
                     self.shifts[path, table] = form
-            options = {key: f"{one.name} · {log}" for key, (log, one) in self.columns.items()}
+            options = {key: f"{one.name} · {log}" for key, (log, one) in self.draft.columns.items()}
             with ui.element("div").classes("line"):
                 self.kept = ui.select(options, label="Column of the log that stays").props(LOOK)
                 self.moved = ui.select(options, label="Same quantity in the log that moves").props(LOOK)
@@ -122,7 +103,7 @@ class OneAxis:
 
     def _shift(self, path: str, table: str | None, shift: float) -> bool:
         """Put a shift into the map; returns whether that changed it."""
-        before = self.map_of()
+        before = self.draft.channel_map
         try:
             after = with_shift(before, path, table, shift)
         except SeatrialError as error:
@@ -140,8 +121,7 @@ class OneAxis:
             self._say("Choose one column of each of two logs.")
             return
         ends = [self._column(key) for key in asked]
-        moved = next((one for one in self.shifts if one[0] == asked[1].split("|")[0]), None)
-        stays = next((one for one in self.shifts if one[0] == asked[0].split("|")[0]), None)
+        stays, moved = (next((one for one in self.shifts if one[0] == key.split("|")[0]), None) for key in asked)
         if moved is None or stays is None:
             self._say("Both logs have to give a channel: choose its column above.")
             return
@@ -166,30 +146,24 @@ class OneAxis:
 
     def _differ(self, *keys: str) -> str:
         """Say that two columns are not of one quantity; nothing where they are, by map, guess or name."""
-        mapped: dict[tuple[str, str], str] = {}
-        with suppress(SeatrialError):  # said where the map is edited
-            for channel, there in channels_of(self.map_of()).items():
-                mapped[str(there.get("path")), str(there.get("column"))] = channel
-        columns = [(log, one.name) for log, one in (self.columns[key] for key in keys)]
-        held = [
-            mapped.get(column) or self.guesses.get(key) or column[1] for key, column in zip(keys, columns, strict=True)
-        ]
-        (_, first), (_, second) = columns
-        return "" if held[0] == held[1] or first == second else delay_words(first, second)
+        first, second = (self.draft.columns[key][1].name for key in keys)
+        alike = first == second or self.draft.quantity_of(keys[0]) == self.draft.quantity_of(keys[1])
+        return "" if alike else delay_words(first, second)
 
     def _column(self, key: str) -> tuple[str, str, str]:
-        log, table, column = key.split("|", 2)
-        return str(self.context.campaign_paths.inside(self.folder, log)), self.heads[log, table], column
+        log, column = self.draft.columns[key]
+        path = self.context.campaign_paths.inside(self.draft.folder, log)
+        return str(path), self.draft.logs[log].heads[column.table], column.name
 
     async def show(self) -> None:
         """Draw every channel of the map, by log."""
-        made = await self.draft(self.holder)
-        if made is None:
+        text = await self.check(self.holder)
+        if text is None:
             return
         self.is_shown = True
-        text, run = made
-        paths = [self.folder / str(one.get("path", "")).replace("{run}", run) for one in files_of(self.map_of())]
-        asked = str(self.folder), text, run, tuple(map(stamp, paths))
+        folder, run = self.draft.folder, self.draft.label
+        paths = [folder / path_of(one, run) for one in files_of(self.draft.channel_map)]
+        asked = str(folder), text, run, tuple(map(stamp, paths))
         about = self.context.worker_pool.think("axis_about", *asked)
         await fill(self.holder, about, lambda found: self._draw(found, asked), "reading …")
 
@@ -220,7 +194,7 @@ class OneAxis:
     def tell(self) -> None:
         """Say beside the picture whether what it shows is saved."""
         if self.note is not None and not self.note.is_deleted:
-            state = "Saved in campaign.toml" if self.drawn == self.saved() else "Nothing is saved yet"
+            state = "Saved in campaign.toml" if self.drawn == self.draft.saved else "Nothing is saved yet"
             html = Markup('<p class="note" role="status">{}. {}</p>').format(state, self.spans)
             self.note.set_content(html)
 

@@ -13,7 +13,7 @@ from seatrial.apps.dashboard.app_context import AppContext, fill, markup, say
 from seatrial.apps.dashboard.campaign_paths import logs_of
 from seatrial.apps.dashboard.charts import Curve, Panel, TimeChart
 from seatrial.apps.dashboard.downsample import Envelope, envelopes
-from seatrial.apps.dashboard.page_layout import button
+from seatrial.apps.dashboard.page_layout import LOOK, button
 from seatrial.apps.dashboard.view_models import FormData, RecordAbout
 from seatrial.apps.dashboard.worker_pool import stamp
 from seatrial.campaign.data.run_ends import is_beyond
@@ -51,13 +51,12 @@ class RecordChart:
             return
         self.run, self.seen = runs[0], read_file(self.folder)
         structures = sorted(path.stem for path in (Store(self.folder).results / "posterior").glob("*.nc"))
-        look = "outlined options-dense hide-bottom-space"
         with ui.element("div").classes("line"):
             if len(runs) > 1:
-                ui.select(runs, value=self.run, label="Run", on_change=self._other).props(look)
+                ui.select(runs, value=self.run, label="Run", on_change=self._other).props(LOOK)
             if structures:
                 picked = ui.select(structures, multiple=True, value=[], label="Predicted by", on_change=self._picked)
-                picked.props(f"{look} use-chips").classes("wide")
+                picked.props(f"{LOOK} use-chips").classes("wide")
             if self.found.imported:
                 button("Show the whole log", self._whole)
         self.said, self.holder = ui.element("div"), ui.element("div")
