@@ -16,6 +16,7 @@ from seatrial.selection.combined_evidence import (
     EvidenceRun,
     Gathering,
     Keys,
+    NestedRepeat,
     Piece,
     Weighed,
     agreed_evidence,
@@ -195,7 +196,7 @@ def test_nested_sampling_is_asked_once_where_tempered_smc_does_not_confirm(late)
 def test_nested_sampling_is_not_begun_in_many_parameters():
     wide = SimpleNamespace(dim=agreement.NESTED_UP_TO + 1)
     found = do(wide, Piece("nested"), KEYS, SMALL)  # pyright: ignore[reportArgumentType]
-    assert found == Weighed("nested", None, "it is done up to 10 parameters only, and these are 11")
+    assert found == NestedRepeat(0, None, "it is done up to 10 parameters only, and these are 11")
 
 
 def test_what_is_there_is_not_done_again():
@@ -336,7 +337,7 @@ def test_repeats_that_cannot_leave_the_prior_are_told(monkeypatch):
 
     target, exact = one_peak()
     monkeypatch.setattr(agreement, "sample_warm", stopped)
-    monkeypatch.setattr(agreement, "nested_evidence", stopped)
+    monkeypatch.setattr(agreement, "sample_nested", stopped)
     found = agreed_evidence(target, KEYS, SMALL)
     assert abs(found.log_value - exact) < 4 * found.std_error
     assert "tempered SMC failed: stopped at temperature 1e-30" in found.status
