@@ -208,6 +208,8 @@ def test_two_logs_with_clocks_of_their_own_are_lined_up_before_anything_is_saved
             page.get_by_role("combobox", name="n: column" if what == "rpm" else "u: column").wait_for()
         page.get_by_role("button", name="Show before saving").click()
         page.get_by_text("The logs do not overlap").wait_for()
+        page.get_by_role("button", name="Check and save this map").click()
+        page.get_by_text("Nothing was written. The logs do not overlap").wait_for()
         choose(page, "Column of the log that stays", "yaw_rate · logs/motor.csv")
         choose(page, "Same quantity in the log that moves", "yaw_rate · logs/doppler.csv")
         page.get_by_role("button", name="Line up by correlation").click()
@@ -220,6 +222,7 @@ def test_two_logs_with_clocks_of_their_own_are_lined_up_before_anything_is_saved
         shift.fill("-4999.5")
         shift.press("Enter")
         page.get_by_text("doppler.csv: 10.5 s to 60.4 s").wait_for()
+        assert page.get_by_text("Correlation 1.000").count() == 0  # it was said of another shift
         shift.fill("-5000")
         shift.press("Enter")
         page.get_by_text("Nothing is saved yet").wait_for()

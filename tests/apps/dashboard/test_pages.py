@@ -1,7 +1,9 @@
 """What pages say of results: where to go on, what colours mean, what a column is."""
 
+import asyncio
 import os
 import re
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -11,16 +13,24 @@ import numpy as np
 import pytest
 from markupsafe import Markup
 
+from seatrial.apps.dashboard.app_context import fill
 from seatrial.apps.dashboard.jobs import Jobs, log_of
 from seatrial.apps.dashboard.logs import Column, Guessed, Looked
 from seatrial.apps.dashboard.map_draft import MapDraft
 from seatrial.apps.dashboard.page_layout import VIEWS
 from seatrial.apps.dashboard.pages.compare import nothing_beside
 from seatrial.apps.dashboard.pages.design import legend_html
-from seatrial.apps.dashboard.pages.one_axis import OneAxis, delay_words, lined_up_words
+from seatrial.apps.dashboard.pages.one_axis import (
+    OneAxis,
+    delay_words,
+    lined_up_words,
+    panels_of,
+    shift_error,
+    span_words,
+)
 from seatrial.apps.dashboard.pages.record_chart import RecordChart, ends_errors
 from seatrial.apps.dashboard.pages.results import coefficients, estimated_html, next_html, of_mode
-from seatrial.apps.dashboard.view_models import EstimatedStructure, EstimatedValue, beside
+from seatrial.apps.dashboard.view_models import AxisAbout, EstimatedStructure, EstimatedValue, beside
 from seatrial.campaign.store.estimates import ModelErrorFinding
 from seatrial.campaign.store.stored_result import Store
 from seatrial.campaign.store.structures import StoredCoefficient, StoredMode
@@ -192,6 +202,50 @@ def test_a_shift_says_how_sharp_its_peak_is():
     )
     assert "Between 1.594 and 1.612 s" in lined_up_words(found._replace(lower=1.594, upper=1.612), "b")
     assert "not the same quantity" in delay_words("thrust", "dvl_vx")
+
+
+@pytest.mark.parametrize(("shift", "is_wrong"), [(None, True), (1e300, True), (-1795772417.702, False), (0.0, False)])
+def test_a_shift_is_a_number_of_seconds_that_clocks_may_differ_by(shift, is_wrong):
+    assert (shift_error(shift) is not None) == is_wrong
+
+
+def test_what_is_compared_stands_in_one_panel_above_the_channels():
+    names, logs = ("yaw · a.csv", "gyro · b.csv", "u", "n"), ("a.csv", "b.csv", "b.csv", "a.csv")
+    roles = ("compared", "compared", "measurement", "control")
+    about = AxisAbout(names, ("", "", "m/s", "rpm"), roles, logs, ((0.0, 9.0), (2.0, 8.00000001)) * 2, (0.0, 8.0))
+    above, *below = panels_of(about)
+    assert [(one.name, one.colour) for one in above.curves] == [("yaw · a.csv", "blue"), ("gyro · b.csv", "orange")]
+    assert [(one.label, one.curves[0].kind, one.curves[0].colour) for one in below] == [
+        ("u", "line", "orange"),
+        ("n", "steps", "blue"),
+    ]
+    words = span_words(about)
+    assert "b.csv: 0 s to 9 s" in words
+    assert "The record: 0 s to 8 s, where every control is known and something is measured." in words
+
+
+def test_of_two_answers_for_one_part_of_a_page_the_last_is_shown():
+    built = []
+
+    class Part(nullcontext):
+        is_deleted = False
+
+        def clear(self):
+            built.clear()
+
+    async def later(seconds, what):
+        await asyncio.sleep(seconds)
+        return what
+
+    async def both():
+        part = Part()
+        await asyncio.gather(
+            fill(part, later(0.02, "first"), built.append, patience=9.0),
+            fill(part, later(0.01, "second"), built.append, patience=9.0),
+        )
+
+    asyncio.run(both())
+    assert built == ["second"]
 
 
 def test_every_view_stands_in_its_documentation():

@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterable, Mapping, MutableMapping, Sequenc
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from seatrial.apps.campaign_text import CAMPAIGN
 from seatrial.apps.toml_edit import comment_out, sections_of, set_key, written
 from seatrial.campaign.config.named_files import place_of
@@ -328,7 +330,7 @@ def with_shift(channel_map: str, path: str, table: str | None, shift: float) -> 
     at = _find(files, (path, table))
     if at is None:
         raise InputError("the channel map", found=f"no file {path!r}", expected="one of the map", remedy="map it first")
-    written_shift = f"{shift:.9f}".rstrip("0").rstrip(".") + " s"
+    written_shift = f"{np.format_float_positional(shift, trim='-')} s"
     if shift and "shift" not in _file_of(files[at]):
         files[at] = _with_line_below_path(files[at], f'shift = "{written_shift}"')
     else:
@@ -471,6 +473,17 @@ def _fill(column: MutableMapping[str, Any], mapped: Mapped) -> None:
             column.pop(key, None)
     if mapped.between == "line" or (mapped.between and "between" in column):
         column["between"] = mapped.between
+    _end_as_begun(column)
+
+
+def _end_as_begun(column: MutableMapping[str, Any]) -> None:
+    """Put the space after the brace of an inline table before its last brace too, where a key was added behind it."""
+    from tomlkit.items import InlineTable, Whitespace
+
+    if isinstance(column, InlineTable):
+        body = column.value.body
+        if isinstance(body[0][1], Whitespace) and not isinstance(body[-1][1], Whitespace):
+            body.append((None, Whitespace(" ")))
 
 
 def _inline(value: Any) -> str:

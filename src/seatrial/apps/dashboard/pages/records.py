@@ -1,6 +1,5 @@
 """Records: what a log holds, which columns are which channels, where a record begins and ends, and whether it may be believed."""
 
-import re
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +15,7 @@ from seatrial.apps.dashboard.pages.new_campaign import EXAMPLES
 from seatrial.apps.dashboard.pages.record_chart import RecordChart
 from seatrial.apps.dashboard.pages.work import Live, begin, made_part
 from seatrial.apps.dashboard.worker_pool import stamp
+from seatrial.campaign.config.templates import has_placeholders
 from seatrial.campaign.store.stored_result import Store
 from seatrial.core.errors import SeatrialError
 
@@ -66,7 +66,7 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
 def is_of_template(folder: Path) -> bool:
     """Whether the campaign file still has the places in capitals of a template."""
     try:
-        return bool(re.search(r"^[^#\n]*\"(YOUR VEHICLE|TIME COLUMN)", read_file(folder), re.MULTILINE))
+        return has_placeholders(read_file(folder))
     except SeatrialError:  # said by the forms
         return False
 
