@@ -64,6 +64,18 @@ def test_what_is_published_of_each_vehicle_can_be_sought():
     assert found["remus100_surge"] == ("X_u", "X_uabsu", "T_nabsn")
 
 
+def test_every_control_may_have_a_rate_in_the_form_of_limits(tmp_path):
+    text, _ = thinking.begun(str(tmp_path), "my boat", "", said_in_form(PUBLISHED))
+    (tmp_path / "campaign.toml").write_text(text)
+    limits = tomllib.loads(text)["limits"]
+    asked = thinking.form_data(str(tmp_path))
+    rows = {one.name: one for one in (*asked.limits, *asked.spare)}
+    assert rows["delta_r"].rate == limits["delta_r"]["rate"]
+    assert {name for name, one in rows.items() if one.has_rate} == {*asked.controls}
+    assert [one.name for one in asked.limits] == [asked.control, *(one for one in limits if one != asked.control)]
+    assert not {one.name for one in asked.spare} & {*limits}
+
+
 def test_a_log_is_looked_into_and_mapped_before_there_is_an_import(tmp_path):
     from seatrial.apps.dashboard.edits import Mapped, with_channel, with_map
 

@@ -13,6 +13,7 @@ import numpy as np
 from seatrial.apps.campaign_text import CAMPAIGN
 from seatrial.apps.dashboard import result_plots as drawings
 from seatrial.apps.dashboard.downsample import Envelope, Load
+from seatrial.apps.dashboard.edits import BOUNDS
 from seatrial.apps.dashboard.logs import LogColumn, samples_of
 from seatrial.apps.dashboard.model_edits import Range, with_priors, with_terms
 from seatrial.apps.dashboard.new_campaign_rows import TERMS
@@ -143,12 +144,13 @@ def form_data(folder: str) -> FormData:
     campaign = load_campaign(folder)
     model, imports = campaign.model(campaign.full), campaign.imports
     control = model.controls[0] if campaign.trial_design is None else campaign.family.control
+    commands = (*model.controls, *campaign.autopilot.trim)
     stated = toml_content(campaign.path, campaign.text).get("limits", {})
-    known, limits = [control, *motion_signals(model)], []
-    for name in [control, *(one for one in stated if one != control)]:
-        unit = shown_unit(name)[1]
-        written = [str(stated.get(name, {}).get(part, "")) for part in ("lower", "upper", "rate")]
-        limits.append(Limit(name, unit, *written, has_rate=name == control))
+    limits = [
+        Limit(name, shown_unit(name)[1], *(str(stated.get(name, {}).get(key, "")) for key in BOUNDS), name in commands)
+        for name in dict.fromkeys((control, *stated, *commands, *motion_signals(model)))
+    ]
+    is_shown = {control, *stated}
     shown = true_coefficients(campaign, model)
     return FormData(
         campaign.name,
@@ -157,8 +159,8 @@ def form_data(folder: str) -> FormData:
         control,
         (*model.controls, *campaign.channels),
         tuple(model.controls),
-        tuple(limits),
-        tuple(one for one in dict.fromkeys(known) if one not in stated and one != control),
+        tuple(one for one in limits if one.name in is_shown),
+        tuple(one for one in limits if one.name not in is_shown),
         tuple(shown.items()) if campaign.is_simulated else (),
         () if imports is None else imports.fit,
         () if imports is None else imports.predict,

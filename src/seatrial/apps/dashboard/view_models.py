@@ -207,7 +207,7 @@ class FormData(NamedTuple):
     controls: tuple[str, ...]
     """Those of them that drive the vehicle."""
     limits: tuple[Limit, ...]
-    spare: tuple[str, ...]
+    spare: tuple[Limit, ...]
     """Signals that may be limited and are not."""
     truth: tuple[tuple[str, float], ...]
     fit: tuple[str, ...]
