@@ -183,9 +183,14 @@ def test_a_log_is_sent_mapped_cut_and_checked_by_keyboard(tmp_path, page):
         page.mouse.up()
         page.wait_for_function("parseFloat(document.querySelector('input[aria-label=\"Begin [s]\"]').value) > 2")
         assert float(end.input_value()) < 29.9
-        page.get_by_role("button", name="Check and save", exact=True).click()
-        page.get_by_text("Re-import to cut the record").wait_for()
+        page.get_by_text("0 to 29.9 s of 29.9 s").wait_for()
+        page.get_by_role("button", name="Check, save and re-import").click()
+        page.get_by_text("0 to 29.9 s of 29.9 s").wait_for(state="detached")
+        page.get_by_text(re.compile(r"samples; [\d.]+ to [\d.]+ s of 29.9 s")).wait_for()
+        assert float(begin.input_value()) > 2
         assert "start = " in (folder / "campaign.toml").read_text()
+        assert page.get_by_role("button", name="Simulate again").count() == 0
+        page.get_by_role("button", name="Re-import", exact=True).wait_for()
     assert page.said == []
 
 

@@ -57,7 +57,7 @@ def test_grey_is_explained_where_a_design_breaks_a_limit():
 
 @pytest.mark.parametrize(("imported", "label"), [(True, "logged"), (False, "commanded")])
 def test_a_control_of_a_log_is_not_called_commanded(tmp_path, imported, label):
-    chart = RecordChart(SimpleNamespace(), tmp_path, SimpleNamespace(imported=imported), [])  # pyright: ignore[reportArgumentType]
+    chart = RecordChart(SimpleNamespace(), tmp_path, SimpleNamespace(imported=imported), [], SimpleNamespace())  # pyright: ignore[reportArgumentType]
     assert chart._panel("n", "rpm", "control").curves[0].label == label
     assert chart._panel("u", "m/s", "measurement").curves[0].label == "measured"
 
@@ -179,13 +179,13 @@ def test_campaigns_that_were_not_run_are_named_with_a_link(tmp_path):
     ("start", "end", "wrong"),
     [
         (0.0, 359.9, (None, None)),
-        (0.0, 900.0, (None, "at most 359.9 s: the files of this run overlap for 359.9 s")),
+        (0.0, 900.0, (None, "at most 359.9 s: the whole record is 359.9 s long")),
         (5.0, 4.0, ("has to be before the end", None)),
         (-1.0, 20.0, ("a number of seconds, 0 or more", None)),
         (
             None,
             None,
-            ("a number of seconds, 0 or more", "a number of seconds; the files of this run overlap for 359.9 s"),
+            ("a number of seconds, 0 or more", "a number of seconds; the whole record is 359.9 s long"),
         ),
     ],
 )
