@@ -149,7 +149,7 @@ def test_a_limit_far_beyond_the_trim_is_doubted(tmp_path):
     upper = tomllib.loads(before)["limits"]["n"]["upper"]
     path.write_text(before.replace(f'"{upper}"', '"1.2e30 rpm"'))
     (said,) = file_cautions(load_campaign(folder))
-    assert said.startswith("limits.n.upper is 1.2e+30 rpm, 1e+27 times the trim: it limits nothing")
+    assert said.startswith("the upper limit of n is 1.2e+30 rpm, 1e+27 times the trim: it limits nothing")
 
 
 @pytest.mark.parametrize(

@@ -230,6 +230,9 @@ def test_two_logs_with_clocks_of_their_own_are_lined_up_before_anything_is_saved
         assert page.get_by_text("Correlation 1.000").count() == 0  # it was said of another shift
         shift.fill("-5000")
         shift.press("Enter")
+        for wait in range(20, 200, 20):  # a chart may be taken away before the browser has made it
+            page.get_by_role("button", name="Show before saving").click()
+            page.wait_for_timeout(wait)
         page.get_by_text("Nothing is saved yet").wait_for()
         page.get_by_role("button", name="Check and save this map").click()
         page.get_by_text("Now import the records: they will be shown above").wait_for()

@@ -15,7 +15,7 @@ from markupsafe import Markup
 
 from seatrial.apps.dashboard.app_context import fill
 from seatrial.apps.dashboard.jobs import Jobs, log_of
-from seatrial.apps.dashboard.logs import Column, Guessed, Looked
+from seatrial.apps.dashboard.logs import Column, Looked
 from seatrial.apps.dashboard.map_draft import MapDraft
 from seatrial.apps.dashboard.page_layout import VIEWS
 from seatrial.apps.dashboard.pages.compare import nothing_beside
@@ -158,9 +158,9 @@ path = "b.csv"
 channels.u = { column = "dvl_vx", unit = "m/s" }
 """
     columns = [Column(table, name, "", "0 to 1", "") for table, name in (("a", first), ("b", second))]
-    guesses = (Guessed("r", "b", "rate", "rad/s", 1.0, ""),)
+    quantities = {("b", "rate"): "r"}
     heads: dict[str, str] = {"a": "", "b": ""}
-    logs = {f"{one.table}.csv": Looked("CSV", (), (one,), guesses, heads, (), {}) for one in columns}
+    logs = {f"{one.table}.csv": Looked("CSV", (), (one,), (), heads, (), {}, quantities) for one in columns}
     draft = MapDraft(tmp_path, channel_map=channel_map, logs=logs)
     axis = OneAxis(SimpleNamespace(), draft, SimpleNamespace(), SimpleNamespace())  # pyright: ignore[reportArgumentType]
     assert (axis._differ(*draft.columns) == "") == same

@@ -131,8 +131,7 @@ async def fill(
 ) -> None:
     """Put a part into a page: at once where its answer is there, else when it comes; what went wrong is said in its place.
 
-    Of several answers for one holder only the one that was asked for last is shown: a chart that is taken away while the browser still
-    makes it would be an error there.
+    Of several answers for one holder only the one that was asked for last is shown, whichever comes first.
     """
     task = asyncio.ensure_future(answer)
     turn = _LAST[holder] = object()

@@ -162,6 +162,7 @@ class Looked(NamedTuple):
     Attributes:
         heads: of each table, its `[[import.files]]` without channels; the column of time is empty where none is known.
         axes: of each table, what the small pictures of its columns are drawn over.
+        quantities: channel that a column seems to be, by table and column, whether the campaign has it or not.
     """
 
     kind: str
@@ -171,6 +172,7 @@ class Looked(NamedTuple):
     heads: dict[str, str]
     remarks: tuple[str, ...]
     axes: dict[str, PictureAxis]
+    quantities: dict[tuple[str, str], str]
 
 
 def look_into(
@@ -257,7 +259,8 @@ def _look(path: str, relative: str, only: tuple[str, ...], clocks: Mapping[str |
     axes = {one.info.name: _axis(one, clocks.get(one.info.name)) for one in found.tables}
     drawn = _pictures(found, columns, axes)
     columns = tuple(one._replace(picture=drawn.get((one.table, one.name), "")) for one in columns)
-    return Looked(found.kind, tables, columns, guesses, heads, tuple(found.remarks), axes)
+    quantities = {(one.table, one.column): one.channel for one in best(found.guesses)}
+    return Looked(found.kind, tables, columns, guesses, heads, tuple(found.remarks), axes, quantities)
 
 
 def _axis(table: TableSummary, named: str | None) -> PictureAxis:

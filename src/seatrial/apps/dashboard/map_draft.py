@@ -201,8 +201,8 @@ class MapDraft:
         """Return the channel of a column, by the map or by a guess; its name where there is none."""
         log, column = self.columns[key]
         mapped = {(str(one["path"]), one.get("column")): name for name, one in self.channels.items()}
-        guesses = {(one.table, one.column): one.channel for one in self.logs[log].guesses}
-        return mapped.get((log, column.name)) or guesses.get((column.table, column.name)) or column.name
+        guessed = self.logs[log].quantities.get((column.table, column.name))
+        return mapped.get((self.named(log), column.name)) or guessed or column.name
 
     def further(self, name: str) -> edits.FurtherRun | None:
         """Return the run that a log is by the saved map as it stands; None where that asks for other columns, or names do not tell it."""

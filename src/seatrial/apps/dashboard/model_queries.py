@@ -147,7 +147,12 @@ def form_data(folder: str) -> FormData:
     commands = (*model.controls, *campaign.autopilot.trim)
     stated = toml_content(campaign.path, campaign.text).get("limits", {})
     limits = [
-        Limit(name, shown_unit(name)[1], *(str(stated.get(name, {}).get(key, "")) for key in BOUNDS), name in commands)
+        Limit(
+            name,
+            shown_unit(name)[1],
+            *(str(stated.get(name, {}).get(key, "")) for key in BOUNDS),
+            has_rate=name in commands,
+        )
         for name in dict.fromkeys((control, *stated, *commands, *motion_signals(model)))
     ]
     is_shown = {control, *stated}

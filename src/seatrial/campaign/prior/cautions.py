@@ -34,8 +34,8 @@ def _limits_out_of_reach(campaign: Campaign) -> list[str]:
             usual, beside = (trim, "the trim") if trim else (abs(other or 0.0), "the other limit")
             if bound is not None and usual > 0 and abs(bound) > FAR * usual:
                 found.append(
-                    f"limits.{name}.{key} is {bound * factor:.3g} {unit}, {abs(bound) / usual:.1g} times {beside}: it limits nothing. "
-                    "Correct the number or its unit"
+                    f"the {key} limit of {name} is {bound * factor:.3g} {unit}, {abs(bound) / usual:.1g} times {beside}: it limits "
+                    "nothing. Correct the number or its unit"
                 )
     return found
 

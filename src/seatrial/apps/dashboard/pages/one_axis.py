@@ -54,7 +54,7 @@ class OneAxis:
         self.context, self.draft, self.change, self.check = context, draft, change, check
         self.shifts: dict[tuple[str, str | None], ui.number] = {}
         self.clocks: dict[tuple[str, str | None], tuple[Any, Any]] = {}
-        self.is_shown, self.asked = False, 0
+        self.is_shown = False
         self.note: ui.html | None = None
         self.drawn, self.spans = "", ""
 
@@ -170,11 +170,9 @@ class OneAxis:
         return list(found.items())
 
     async def show(self) -> None:
-        """Draw every channel of the map, by log; of several times that it is asked for at once, only the last is drawn."""
-        self.asked += 1
-        turn = self.asked
+        """Draw every channel of the map, by log."""
         text = await self.check(self.holder)
-        if text is None or turn != self.asked:
+        if text is None:
             return
         self.is_shown = True
         asked = self._question(text)
