@@ -104,7 +104,7 @@ def further_run(text: str, log: str) -> FurtherRun | None:
         return None
     folder, slash, name = str(files[0]["path"]).rpartition("/")
     if "{run}" not in name:
-        if len(runs) != 1 or name.count(runs[0]) != 1:
+        if len(runs) > 1 or name.count(runs[0]) != 1:
             return None
         name = name.replace(runs[0], "{run}")
     path = folder + slash + name
