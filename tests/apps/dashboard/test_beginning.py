@@ -64,6 +64,18 @@ def test_what_is_published_of_each_vehicle_can_be_sought():
     assert found["remus100_surge"] == ("X_u", "X_uabsu", "T_nabsn")
 
 
+def test_every_control_may_have_a_rate_in_the_form_of_limits(tmp_path):
+    text, _ = thinking.begun(str(tmp_path), "my boat", "", said_in_form(PUBLISHED))
+    (tmp_path / "campaign.toml").write_text(text)
+    limits = tomllib.loads(text)["limits"]
+    asked = thinking.form_data(str(tmp_path))
+    rows = {one.name: one for one in (*asked.limits, *asked.spare)}
+    assert rows["delta_r"].rate == limits["delta_r"]["rate"]
+    assert {name for name, one in rows.items() if one.has_rate} == {*asked.controls}
+    assert [one.name for one in asked.limits] == [asked.control, *(one for one in limits if one != asked.control)]
+    assert not {one.name for one in asked.spare} & {*limits}
+
+
 def test_a_log_is_looked_into_and_mapped_before_there_is_an_import(tmp_path):
     from seatrial.apps.dashboard.edits import Mapped, with_channel, with_map
 
@@ -101,13 +113,17 @@ def test_small_pictures_are_over_the_rows_until_a_clock_is_known_and_then_over_t
         return found, [float(point.partition(",")[0]) for point in path.removeprefix("M").split("L")]
 
     found, across = drawn({})
+    draft = MapDraft(tmp_path, logs={"dive.csv": found})
     assert found.heads["rows"].count('column = ""') == 1
-    assert axis_words(found, "rows") == "over rows 1 to 200"
-    assert "over rows 1 to 200</small>" in columns_of(found)
+    assert axis_words(draft, "dive.csv", "rows") == "over rows 1 to 200"
+    assert "over rows 1 to 200</small>" in columns_of(draft, "dive.csv")
     assert max(np.diff(across)) < 2  # of 100: a row after the other
-    found, across = drawn({None: "Zeit"})
-    found.heads["rows"] = found.heads["rows"].replace('column = "", unit = "s"', 'column = "Zeit", unit = "ms"')
-    assert axis_words(found, "rows") == "over 299 s of Zeit"
+    draft.logs["dive.csv"], across = drawn({None: "Zeit"})
+    draft.channel_map = (
+        '[[import.files]]\npath = "dive.csv"\ntime = { column = "Zeit", unit = "ms" }\n'
+        'channels.n = { column = "rpm", unit = "rpm" }\n'
+    )
+    assert axis_words(draft, "dive.csv", "rows") == "over 299 s of Zeit"  # as the map says, not as the log was guessed
     assert max(np.diff(across)) == pytest.approx(100 / 3, abs=2)  # the hole of a third of the time
     assert drawn({None: "no such column"})[0].axes["rows"].clock == ""
 
@@ -124,6 +140,11 @@ channels.tau_X = { sum = "0.1 'left one' - 0.1 right", unit = "N", offset = 2 }
 """
     head = '[[import.files]]\npath = "b.csv"\ntime = { column = "t", unit = "s" }\n'
     after = with_channel(before, "n", Mapped('[[import.files]]\npath = "a.csv"', "rps", "Hz", -2.0, 1.5))
+    spaced = '[[import.files]]\npath = "a.csv"\nchannels.n = { column = "rpm", unit = "rpm" }  # guess\n'
+    measured = Mapped('[[import.files]]\npath = "a.csv"', "rpm", "rpm", 1.0, 0.0, "line")
+    longer = with_channel(spaced, "n", measured)
+    assert longer == spaced.replace(" }", ', between = "line" }')
+    assert with_channel(longer, "n", measured._replace(scale=-1.0)) == longer.replace(" }", ", scale = -1.0 }")
     lined = with_channel(after, "n", Mapped('[[import.files]]\npath = "a.csv"', "rps", "Hz", -2.0, 1.5, "line"))
     assert channels_of(lined)["n"]["between"] == "line"
     held = Mapped('[[import.files]]\npath = "a.csv"', "rps", "Hz", -2.0, 1.5, "held")
@@ -391,7 +412,12 @@ def test_a_log_is_what_its_columns_and_the_campaign_say(tmp_path):
         "dive.csv": ("fit", "dive"),
         "motor.csv": ("file", "a"),  # it has other channels than the map
     }
-    assert drafted("run_a.csv").named("run_a.csv") == "run_{run}.csv"
+    there = drafted("run_a.csv")
+    assert there.named("run_a.csv") == "run_{run}.csv"
+    assert there.is_saved(there.channel_map)
+    assert not there.is_saved(there.channel_map.replace("m/s", "kn"))
+    there.label = "another run"
+    assert not there.is_saved(there.channel_map)
     assert drafted("run_b.csv").replaced() == "Saving gives run b this map in the place of that of run_b.csv."
     assert drafted("motor.csv").replaced() == ""
     only = drafted("dive.csv", "instead")
@@ -402,9 +428,21 @@ def test_a_log_is_what_its_columns_and_the_campaign_say(tmp_path):
     assert (imports["fit"], [one["path"] for one in imports["files"]]) == (["dive"], ["dive.csv"])
 
 
+def test_the_placeholders_of_a_template_are_no_map(tmp_path):
+    text, _ = thinking.begun(str(tmp_path), "my boat", "log", ())
+    (tmp_path / "campaign.toml").write_text(text)
+    rows = "".join(f"{100 * i};{0.1 * i:.1f}\n" for i in range(30))
+    (tmp_path / "nav day 2.csv").write_text("time_s;prop_rpm\n" + rows)  # no column seems to be the speed
+    draft = MapDraft(tmp_path)
+    draft.add("nav day 2.csv", look_into(str(tmp_path / "nav day 2.csv"), "nav day 2.csv", ("n", "u")))
+    assert draft.channels.keys() == {"n"}
+    assert "COLUMN" not in draft.channel_map
+    assert draft.label == "nav_day_2"
+
+
 def test_two_logs_are_lined_up_and_drawn_by_a_map_that_is_not_saved(tmp_path):
-    from seatrial.apps.dashboard.edits import with_map, with_shift
-    from seatrial.apps.dashboard.logs import line_up
+    from seatrial.apps.dashboard.edits import files_of, with_map, with_shift
+    from seatrial.apps.dashboard.logs import column_of, line_up
 
     folder = write_small(tmp_path / "boat")
     before = (folder / "campaign.toml").read_text()
@@ -417,7 +455,10 @@ def test_two_logs_are_lined_up_and_drawn_by_a_map_that_is_not_saved(tmp_path):
         rows = "".join(f"{t + late:.1f},{v:.5f},{r:.5f}\n" for t, v, r in zip(time, values, turn, strict=True))
         (folder / f"{name}.csv").write_text(f"time_s,{column},yaw\n{rows}")
     looked = {name: look_into(str(folder / f"{name}.csv"), f"{name}.csv", ()) for name in ("motor", "doppler")}
-    ends = [(str(folder / f"{name}.csv"), next(iter(one.heads.values())), "yaw") for name, one in looked.items()]
+    ends = [
+        column_of(str(folder / f"{name}.csv"), "yaw", files_of(one.heads["rows"])[0], 0.0)
+        for name, one in looked.items()
+    ]
     found = line_up(*ends)
     assert found.shift == pytest.approx(-900.0, abs=1e-3)
     assert found.correlation == pytest.approx(1.0, abs=1e-3)
@@ -431,10 +472,14 @@ def test_two_logs_are_lined_up_and_drawn_by_a_map_that_is_not_saved(tmp_path):
     about = thinking.axis_about(str(folder), apart, "dive", ())
     assert dict(zip(about.names, about.logs, strict=True)) == {"u": "doppler.csv", "n": "motor.csv"}
     np.testing.assert_allclose(about.spans, [(900.0, 959.9), (0.0, 59.9)], atol=1e-9)
-    np.testing.assert_allclose(
-        thinking.axis_about(str(folder), together, "dive", ()).spans, [(0.0, 59.9)] * 2, atol=1e-3
-    )
-    seen = thinking.axis_view(str(folder), together, "dive", (), 10.0, 20.0, 720)
+    assert not about.overlaps
+    asked = str(folder), together, "dive", (), (ends[0], ends[1]._replace(shift=found.shift))
+    about = thinking.axis_about(*asked)
+    assert about.names == ("yaw · motor.csv", "yaw · doppler.csv", "u", "n")
+    np.testing.assert_allclose(about.spans, [(0.0, 59.9)] * 4, atol=1e-3)
+    np.testing.assert_allclose(about.interval, (0.0, 59.9), atol=1e-3)
+    seen = thinking.axis_view(*asked, 10.0, 20.0, 720)
+    np.testing.assert_allclose(seen["yaw · motor.csv"].least[3:90], seen["yaw · doppler.csv"].least[3:90], atol=1e-4)
     there = np.isin(np.round(time, 1), np.round(seen["u"].time, 1))
     np.testing.assert_allclose(seen["u"].least, 1.5 + 0.1 * turn[there], atol=1e-4)
     np.testing.assert_allclose(seen["n"].greatest, 1200 + 50 * turn[there], atol=1e-2)

@@ -1,13 +1,14 @@
 """Edits of a campaign file by the page: limits, and the map of a log that lies inside the folder."""
 
-import json
 import re
 from collections.abc import Callable, Iterable, Mapping, MutableMapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from seatrial.apps.campaign_text import CAMPAIGN
-from seatrial.apps.toml_edit import comment_out, sections_of, set_key, written
+from seatrial.apps.toml_edit import comment_out, dotted, sections_of, set_key, written
 from seatrial.campaign.config.named_files import place_of
 from seatrial.campaign.config.toml import toml_content
 from seatrial.core.errors import InputError
@@ -17,7 +18,6 @@ BOUNDS = ("lower", "upper", "rate")
 MAP = "import.files"
 OF_RUNS = ("predict", "trim")
 """What `[import]` says of other runs alone."""
-_BARE = re.compile(r"[A-Za-z0-9_-]+")
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,40}")
 
 
@@ -328,7 +328,7 @@ def with_shift(channel_map: str, path: str, table: str | None, shift: float) -> 
     at = _find(files, (path, table))
     if at is None:
         raise InputError("the channel map", found=f"no file {path!r}", expected="one of the map", remedy="map it first")
-    written_shift = f"{shift:.9f}".rstrip("0").rstrip(".") + " s"
+    written_shift = f"{np.format_float_positional(shift, trim='-')} s"
     if shift and "shift" not in _file_of(files[at]):
         files[at] = _with_line_below_path(files[at], f'shift = "{written_shift}"')
     else:
@@ -448,14 +448,14 @@ def _with_line_below_path(file: str, line: str) -> str:
 
 def _with_line(file: str, name: str, said: Mapping[str, Any]) -> str:
     """One `[[import.files]]` with a line for a channel, which says what was said of it elsewhere."""
-    line = f"{_key(name)} = {_inline(said)}\n"
+    line = f"{dotted(name)} = {_inline(said)}\n"
     last = sections_of(file)[-1].name
     if last == MAP:
         return f"{file.rstrip()}\nchannels.{line}"
     if last == f"{MAP}.channels":
         return f"{file.rstrip()}\n{line}"
-    return f"{file.rstrip()}\n\n[{MAP}.channels.{_key(name)}]\n" + "".join(
-        f"{_key(key)} = {_inline(value)}\n" for key, value in said.items()
+    return f"{file.rstrip()}\n\n[{MAP}.channels.{dotted(name)}]\n" + "".join(
+        f"{dotted(key)} = {_inline(value)}\n" for key, value in said.items()
     )
 
 
@@ -471,16 +471,23 @@ def _fill(column: MutableMapping[str, Any], mapped: Mapped) -> None:
             column.pop(key, None)
     if mapped.between == "line" or (mapped.between and "between" in column):
         column["between"] = mapped.between
+    _end_as_begun(column)
+
+
+def _end_as_begun(column: MutableMapping[str, Any]) -> None:
+    """Put the space after the brace of an inline table before its last brace too, where a key was added behind it."""
+    from tomlkit.items import InlineTable, Whitespace
+
+    if isinstance(column, InlineTable):
+        body = column.value.body
+        if isinstance(body[0][1], Whitespace) and not isinstance(body[-1][1], Whitespace):
+            body.append((None, Whitespace(" ")))
 
 
 def _inline(value: Any) -> str:
     if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{_key(key)} = {_inline(one)}" for key, one in value.items()) + " }"
+        return "{ " + ", ".join(f"{dotted(key)} = {_inline(one)}" for key, one in value.items()) + " }"
     return "[" + ", ".join(map(_inline, value)) + "]" if isinstance(value, list) else written(value)
-
-
-def _key(name: str) -> str:
-    return name if _BARE.fullmatch(name) else json.dumps(name, ensure_ascii=False)
 
 
 def _check_map(folder: Path, run: str, channel_map: str) -> None:

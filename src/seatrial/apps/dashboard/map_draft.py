@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from seatrial.apps.campaign_text import read_file
 from seatrial.apps.dashboard import edits
 from seatrial.apps.toml_edit import written
+from seatrial.campaign.config.templates import has_placeholders
 from seatrial.core.errors import SeatrialError
 
 if TYPE_CHECKING:
@@ -119,6 +120,8 @@ class MapDraft:
         readers = edits.runs_reading(self.saved, name)
         if self._is_example(saved, runs):
             self.label = self._run_of(name)
+            if has_placeholders(self.channel_map):
+                self.channel_map = ""
             self.channel_map, gone = edits.with_newer_log(self.channel_map, name, log, runs)
             return gone
         is_further = purpose is None and self.begun_with is not None and (self.files or []) != self.begun_with
@@ -181,6 +184,13 @@ class MapDraft:
         path = f"path = {written(self.named(log))}"
         return re.sub(r"^path = .*$", lambda _: path, self.logs[log].heads[table], count=1, flags=re.MULTILINE)
 
+    def file_of(self, log: str, table: str) -> dict[str, Any]:
+        """Return what the map says of a table of a log, as its `[[import.files]]`; where it says nothing, what the log itself tells."""
+        (own,) = edits.files_of(self.logs[log].heads[table])
+        identity = self.named(log), own.get("table")
+        said = next((one for one in self.files or () if edits.identity_of(one) == identity), {})
+        return {**own, **said, "time": {**own["time"], **said.get("time", {})}}
+
     def head_of(self, channel: str) -> str:
         """Return the `[[import.files]]` that a channel of the map stands in, without channels: as the campaign file names it."""
         there = self.channels[channel]
@@ -191,8 +201,8 @@ class MapDraft:
         """Return the channel of a column, by the map or by a guess; its name where there is none."""
         log, column = self.columns[key]
         mapped = {(str(one["path"]), one.get("column")): name for name, one in self.channels.items()}
-        guesses = {(one.table, one.column): one.channel for one in self.logs[log].guesses}
-        return mapped.get((log, column.name)) or guesses.get((column.table, column.name)) or column.name
+        guessed = self.logs[log].quantities.get((column.table, column.name))
+        return mapped.get((self.named(log), column.name)) or guessed or column.name
 
     def further(self, name: str) -> edits.FurtherRun | None:
         """Return the run that a log is by the saved map as it stands; None where that asks for other columns, or names do not tell it."""
@@ -223,6 +233,11 @@ class MapDraft:
             f"Saving removes run {', '.join(runs)} from the campaign file, with the map of {', '.join(logs)}. "
             f"Run {run} is then the only run, to fit."
         )
+
+    def is_saved(self, channel_map: str) -> bool:
+        """Whether the campaign file gives the run this map."""
+        saved = edits.map_of_run(edits.channel_map_of(self.saved), self.label)[0]
+        return self.label in edits.runs_of(self.saved) and edits.files_of(saved) == edits.files_of(channel_map)
 
     def text(self) -> str:
         """Return the campaign file with the map, by what the log is; errors as `with_map` and `with_own_map`."""

@@ -11,7 +11,7 @@ from nicegui import ui
 
 from seatrial.apps.campaign_text import CAMPAIGN, read_file, write_file, written_units
 from seatrial.apps.dashboard.app_context import AppContext, cautions_html, fill, keep_current, keep_form, markup, say
-from seatrial.apps.dashboard.edits import with_limit
+from seatrial.apps.dashboard.edits import BOUNDS, with_limit
 from seatrial.apps.dashboard.page_layout import LOOK, button, section, table
 from seatrial.apps.dashboard.pages.work import Live, begin, made_part
 from seatrial.apps.dashboard.result_charts import mark_chosen, schedule_chart, surface_chart
@@ -20,7 +20,7 @@ from seatrial.apps.dashboard.worker_pool import stamp
 from seatrial.campaign.store.designs import edge_words
 from seatrial.campaign.store.stored_result import Store
 from seatrial.core.coefficients import CoefficientName
-from seatrial.core.display_units import Shown, shown_as_written, shown_unit
+from seatrial.core.display_units import Shown, shown_as_written
 from seatrial.core.errors import SeatrialError
 from seatrial.report.numbers import percent, short, unit_html
 
@@ -288,13 +288,14 @@ class Limits:
         self.rows = ui.element("div")
         with ui.element("div").classes("line"):
             if found.spare:
-                self.more = ui.select(list(found.spare), label="Limit another signal").props(f"{LOOK} clearable")
+                self.spare = {one.name: one for one in found.spare}
+                self.more = ui.select(list(self.spare), label="Limit another signal").props(f"{LOOK} clearable")
                 button("Add", self._add)
             button("Check and save", self._save, main=True)
 
     def _row(self, limit: Limit) -> None:
         with ui.element("div").classes("line"):
-            for bound in ("lower", "upper", *(["rate"] if limit.has_rate else [])):
+            for bound in BOUNDS if limit.has_rate else BOUNDS[:2]:
                 unit = f"{limit.unit}/s" if bound == "rate" else limit.unit
                 value = getattr(limit, bound)
                 form = ui.input(f"{limit.name}: {bound}", value=value, placeholder=f"none; such as 1 {unit}").props(
@@ -306,7 +307,7 @@ class Limits:
         name = self.more.value
         if name and all(one != name for one, *_ in self.fields):
             with self.rows:
-                self._row(Limit(str(name), shown_unit(str(name))[1], "", "", "", False))
+                self._row(self.spare[name])
 
     @property
     def is_edited(self) -> bool:

@@ -54,7 +54,6 @@ class ImportForm:
         self.draft = MapDraft(self.folder)
         self.rows: dict[str, ChannelRow] = {}
         self.clocks: dict[tuple[str, str | None], ClockRow] = {}
-        self.drawn_over: dict[tuple[str, str], str] = {}
 
     def build(self) -> None:
         """Build the choice of a log."""
@@ -103,7 +102,6 @@ class ImportForm:
 
     def _show(self, name: str, log: Any, found: FormData, purpose: str | None = None) -> None:
         """Show what a log holds, and the form."""
-        self.drawn_over = {place: column for place, column in self.drawn_over.items() if place[0] != name}
         gone = self.draft.add(name, log, purpose)
         markup(Markup("<p><strong>{}</strong>: {}</p>").format(name, log.kind))
         lines = Markup("").join(Markup("<li>{}</li>").format(line) for line in (*log.tables, *log.remarks))
@@ -114,7 +112,7 @@ class ImportForm:
         with ui.element("details"):
             with ui.element("summary"):
                 markup(f"{len(log.columns)} columns")
-            self.columns = name, markup(columns_of(log))
+            self.columns = name, markup(columns_of(self.draft, name))
         self._offer_run(name)
         self._offer_purposes(name, log, found)
         self._rows(found)
@@ -202,13 +200,12 @@ class ImportForm:
         """Show the column of time of each table that the map names, and of each that has none by its name."""
         if (files := self.draft.files) is None:
             return
-        mapped, shown = {edits.identity_of(one): one for one in reversed(files)}, {}
+        mapped, shown = {edits.identity_of(one) for one in files}, {}
         for log, looked in self.draft.logs.items():
-            for name, head in looked.heads.items():
-                (said,) = edits.files_of(head)
-                there = mapped.get((self.draft.named(log), said.get("table")))
-                if there is not None or not said["time"]["column"]:
-                    shown[log, said.get("table")] = name, said if there is None else there
+            for name in looked.heads:
+                said = self.draft.file_of(log, name)
+                if edits.identity_of(said) in mapped or not said["time"]["column"]:
+                    shown[log, said.get("table")] = name, said
         if list(shown) == list(self.clocks):
             return
         self.clock_rows.clear()
@@ -251,6 +248,8 @@ class ImportForm:
         self.replaced.set_content(Markup('<p class="note">{}</p>').format(words) if words else Markup(""))
 
     def _change(self, channel_map: str) -> None:
+        if channel_map != self.draft.channel_map:
+            self.said.clear()
         self.draft.channel_map = self.text.value = channel_map
         self._say_replaced()
         self._show_clocks()
@@ -265,14 +264,13 @@ class ImportForm:
 
     async def _set_time(self, log: str, name: str, table: str | None, column: str, unit: str) -> None:
         """Change the column of time of one table of a log: in the map, for channels that are yet to be mapped, and under the pictures."""
-        draft = self.draft
+        draft, before = self.draft, self.draft.file_of(log, name)["time"]["column"]
         try:
-            self._change(edits.with_time(draft.channel_map, draft.named(log), table, column, unit))
             heads = draft.logs[log].heads
             head = edits.with_time(heads[name], log, table, column, unit)
             draft.logs[log] = draft.logs[log]._replace(heads={**heads, name: head})
-            if self.drawn_over.get((log, name), draft.logs[log].axes[name].clock) != column:
-                self.drawn_over[log, name] = column
+            self._change(edits.with_time(draft.channel_map, draft.named(log), table, column, unit))
+            if column != before:
                 await self._redraw(log, name, column)
         except (SeatrialError, OSError) as error:
             if (log, table) in self.clocks:
@@ -281,7 +279,7 @@ class ImportForm:
             row.draw()
         previewed, shown = self.columns
         if previewed in self.draft.logs:
-            shown.set_content(columns_of(self.draft.logs[previewed]))
+            shown.set_content(columns_of(self.draft, previewed))
 
     async def _redraw(self, log: str, name: str, column: str) -> None:
         """Draw the small pictures of one table over another column of time, unless that was changed meanwhile."""
@@ -290,7 +288,7 @@ class ImportForm:
         path = self.context.campaign_paths.inside(self.folder, log)
         found = await asyncio.to_thread(look_into, str(path), log, (), {name: column})
         there = self.draft.logs.get(log)
-        if there is None or edits.files_of(there.heads[name])[0]["time"]["column"] != column:
+        if there is None or self.draft.file_of(log, name)["time"]["column"] != column:
             return
         drawn = {one.name: one.picture for one in found.columns if one.table == name}
         columns = tuple(
@@ -341,7 +339,7 @@ class ImportForm:
 
     async def _save(self) -> None:
         text, draft = await self._checked(self.said), self.draft
-        if text is None or not await self._is_whole(text):
+        if text is None or not await self._is_whole(text) or not await self._is_one_run(text):
             return
         try:
             write_file(self.folder, text, draft.saved)
@@ -364,6 +362,19 @@ class ImportForm:
         self.replaced.set_content("")
         self.axis.tell()
         self._offer_import(self.said, words)
+
+    async def _is_one_run(self, text: str) -> bool:
+        """Return whether the logs of the map have a common time; if not, that is said."""
+        try:
+            words = await self.axis.apart(text)
+        except (SeatrialError, OSError) as error:
+            with self.said:
+                say(error)
+            return False
+        if words:
+            with self.said:
+                say(f"Nothing was written. {words}")
+        return not words
 
     async def _is_whole(self, text: str) -> bool:
         """Return whether every channel that the campaign needs has a column; what is missing is said beside its row."""

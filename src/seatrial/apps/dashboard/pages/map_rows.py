@@ -8,7 +8,7 @@ from markupsafe import Markup
 from nicegui import ui
 
 from seatrial.apps.dashboard.app_context import markup, say
-from seatrial.apps.dashboard.edits import Mapped, files_of
+from seatrial.apps.dashboard.edits import Mapped
 from seatrial.apps.dashboard.map_draft import MapDraft
 from seatrial.apps.dashboard.page_layout import LOOK, table
 from seatrial.core.units import to_si
@@ -16,7 +16,7 @@ from seatrial.logs.formats.protocol import TIME_UNITS
 from seatrial.logs.guess import unit_by_name
 
 if TYPE_CHECKING:
-    from seatrial.apps.dashboard.logs import Column, Looked
+    from seatrial.apps.dashboard.logs import Column
 
 NONE, KEPT = "", "as in campaign.toml"
 """Choices of a row: no column, and what stands in the campaign file."""
@@ -149,7 +149,7 @@ class ChannelRow(MapRow):
     def draw(self) -> None:
         """Draw the small picture of the column that is chosen."""
         log, column = self.draft.columns.get(str(self.column.value), ("", None))
-        self.picture.set_content(picture_of(self.draft.logs[log], column) if column else Markup(""))
+        self.picture.set_content(picture_of(self.draft, log, column) if column else Markup(""))
 
     def _chosen(self) -> None:
         self.draw()
@@ -182,28 +182,29 @@ class ChannelRow(MapRow):
         self.change(self.channel, Mapped(head, column, str(self.unit.value), scale, float(offset), between))
 
 
-def axis_words(log: "Looked", table: str) -> str:
+def axis_words(draft: MapDraft, log: str, table: str) -> str:
     """Say what the small pictures of a table are drawn over: its rows, or the seconds of its clock."""
-    axis = log.axes[table]
+    axis = draft.logs[log].axes[table]
     if not axis.clock:
         return f"over rows 1 to {axis.rows}"
-    unit = files_of(log.heads[table])[0]["time"]["unit"]
+    unit = draft.file_of(log, table)["time"]["unit"]
     return f"over {to_si(axis.length, unit, 's', 'time'):.6g} s of {axis.clock}"
 
 
-def picture_of(log: "Looked", column: "Column") -> Markup:
+def picture_of(draft: MapDraft, log: str, column: "Column") -> Markup:
     """Small picture of a column: its least and greatest above, and below what it is drawn over."""
     if not column.picture:
         return Markup('<span class="small-picture"><small>{}</small></span>').format(column.spread)
-    over = axis_words(log, column.table)
+    over = axis_words(draft, log, column.table)
     return Markup(
         '<span class="small-picture"><small>{}</small><svg viewBox="0 0 100 24" preserveAspectRatio="none" role="img" aria-label="{}">'
         '<path d="{}"/></svg><small class="axis">{}</small></span>'
     ).format(column.spread, f"{column.name} {over}", column.picture, over)
 
 
-def columns_of(log: "Looked") -> Markup:
+def columns_of(draft: MapDraft, log: str) -> Markup:
     """Table of the columns of a log, each with its picture."""
-    rows = [[one.name, one.table, one.unit, picture_of(log, one), one.trouble] for one in log.columns]
+    columns = draft.logs[log].columns
+    rows = [[one.name, one.table, one.unit, picture_of(draft, log, one), one.trouble] for one in columns]
     head = ["column", "table", "unit in the log", "least to greatest", "trouble"]
     return table(head, rows, "Columns", left=2, stacks=True)

@@ -1,6 +1,6 @@
 """One record as a chart: measured, predicted by the structures that are picked, and the range that is kept of it."""
 
-from collections.abc import Mapping
+from collections.abc import Awaitable, Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -35,10 +35,18 @@ class RecordChart:
         folder: of the campaign.
         found: the campaign.
         stored: labels of the records that there are.
+        start: imports the records again.
     """
 
-    def __init__(self, context: AppContext, folder: Path, found: FormData, stored: list[str]):
-        self.context, self.folder, self.found, self.stored = context, folder, found, stored
+    def __init__(
+        self,
+        context: AppContext,
+        folder: Path,
+        found: FormData,
+        stored: list[str],
+        start: Callable[[], Awaitable[None]],
+    ):
+        self.context, self.folder, self.found, self.stored, self.start_import = context, folder, found, stored, start
         self.run, self.seen, self.is_whole = "", "", False
         self.predicted: dict[str, Mapping[str, np.ndarray]] = {}
 
@@ -162,9 +170,13 @@ class RecordChart:
             props = "outlined hide-bottom-space"
             self.start = ui.number("Begin [s]", value=float(f"{about.start:.6g}"), **look).props(props)
             self.end = ui.number("End [s]", value=float(f"{about.end:.6g}"), **look).props(props)
-            button("Check and save", self._save, main=True)
+            button("Check, save and re-import", self._save, main=True)
         self.saved = ui.element("div")
-        markup('<p class="note">Seconds from where the files of this run overlap. "Select a range" sets both.</p>')
+        words = (
+            "Seconds from the beginning of the whole record: there every control is known and something is measured. "
+            '"Select a range" sets both.'
+        )
+        markup(Markup('<p class="note">{}</p>').format(words))
 
     def _typed(self) -> None:
         start, end = self.start.value, self.end.value
@@ -186,18 +198,19 @@ class RecordChart:
                 say(error)
             else:
                 self.seen = text
-                markup('<p class="done" role="status">Saved in campaign.toml. Re-import to cut the record.</p>')
+                markup('<p class="done" role="status">Saved in campaign.toml. The record is imported again.</p>')
+                await self.start_import()
 
 
 def ends_errors(start: float | None, end: float | None, available: float) -> tuple[str | None, str | None]:
     """Return what is wrong with the begin and the end of a run, each None where nothing is.
 
     Args:
-        start: s from where the files of the run overlap; None where none is typed.
+        start: s from the beginning of the whole record; None where none is typed.
         end: likewise.
-        available: how long they overlap, s.
+        available: length of the whole record, s.
     """
-    length = f"the files of this run overlap for {available:.6g} s"
+    length = f"the whole record is {available:.6g} s long"
     wrong_start = wrong_end = None
     if start is None or start < 0:
         wrong_start = "a number of seconds, 0 or more"
