@@ -61,8 +61,10 @@ def check_some_allowed(safety: Safety) -> None:
         results.append(f"the motion of {lost.sum()} designs diverges too often, which breaks every limit")
     told, ways = _misses(safety, kept)
     found = "; ".join([*results, *told])
-    confidence = f"confidence {safety.confidence:g}"
-    expected = f"at least one design that keeps all limits with probability {safety.probability:g} ({confidence})"
+    expected = (
+        f"at least one design that keeps all limits with probability {safety.probability:g} "
+        f"(confidence {safety.confidence:g})"
+    )
     if lost.all():
         remedy = "narrow the priors or choose gentler designs: no limit can be kept while the motion diverges"
         raise InputError("safety limits", found=found, expected=expected, remedy=remedy)
