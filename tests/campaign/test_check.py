@@ -109,6 +109,30 @@ def test_the_sign_and_the_unit_of_a_channel(tmp_path, scale, code, told):
 
 
 @pytest.mark.parametrize(
+    ("shift", "told"),
+    [
+        (0.0, "timing (within 0."),
+        (3.0, "`shift` of speed.csv under [[import.files]] is too small by about 3"),
+    ],
+)
+def test_files_whose_clocks_differ(tmp_path, shift, told):
+    """The speed is in a file of its own, whose stamps are too small by `shift`."""
+    one = CAMPAIGN.replace("u = {", '''
+[[import.files]]
+path = "speed.csv"
+time = { column = "t", unit = "s" }
+channels.u = {''')
+    write(tmp_path / "a", "1.0", one)
+    lines = (tmp_path / "a" / "one.csv").read_text().splitlines()
+    rows = [line.split(",") for line in lines[1:]]
+    text = "".join(f"{float(t) - shift:.1f},{u}\n" for t, _, u in rows)
+    (tmp_path / "a" / "speed.csv").write_text("t,speed\n" + text)
+    result = CliRunner().invoke(app, ["check", str(tmp_path / "a"), "--quiet"])
+    assert result.exit_code == 0, result.output
+    assert told in result.output
+
+
+@pytest.mark.parametrize(
     ("old", "new", "told"),
     [
         (

@@ -14,7 +14,7 @@ from seatrial.core.units import to_si
 from seatrial.logs.formats.protocol import LogFile, TextLayout
 from seatrial.logs.formats.registry import catalogue, format_of, pick, stream
 from seatrial.logs.guess import Guess, best, guesses, remarks
-from seatrial.logs.smooth_control import changes_smoothly
+from seatrial.logs.measured_control import looks_measured
 from seatrial.logs.summary import ClockSummary, ColumnSummary, Gathered, TableSummary
 
 _BURSTS = 0.5
@@ -185,14 +185,14 @@ def inspect_log(
 
 
 def _with_lines(log: LogFile, tables: Sequence[TableSummary], found: Sequence[Guess]) -> tuple[Guess, ...]:
-    """Return guesses in which controls that change smoothly are lines between their samples; a second pass reads these columns alone."""
+    """Return guesses in which controls that look measured are lines between their samples; a second pass reads these columns alone."""
     controls: dict[str, set[str]] = {}
     for guess in (one for one in found if one.role == "control"):
         controls.setdefault(guess.table, set()).add(guess.column)
     clocks = {table.info.name: table.clock for table in tables if table.clock and table.info.name in controls}
     wanted = {name: [clock.name, *sorted(controls[name] - {clock.name})] for name, clock in clocks.items()}
     blocks = list(stream(log, wanted)) if wanted else []
-    smooth = set()
+    measured = set()
     for name, clock in clocks.items():
         columns = {
             column: np.concatenate([block.columns[column] for block in blocks if block.table == name])
@@ -201,14 +201,14 @@ def _with_lines(log: LogFile, tables: Sequence[TableSummary], found: Sequence[Gu
         stamps = columns.pop(clock.name)
         time = (stamps - stamps[0]).astype(float) * to_si(1.0, clock.unit, "s", "clock")
         goes_on = np.diff(time, prepend=-np.inf) > 0
-        smooth |= {
+        measured |= {
             (name, column)
             for column, values in columns.items()
-            if changes_smoothly(time[goes_on], values[goes_on].astype(float))
+            if looks_measured(time[goes_on], values[goes_on].astype(float))
         }
     return tuple(
-        replace(one, between="line", reason=f"{one.reason}; it changes smoothly, as a measured control does")
-        if one.role == "control" and (one.table, one.column) in smooth
+        replace(one, between="line", reason=f"{one.reason}; it changes at nearly every sample, as a measured control does")
+        if one.role == "control" and (one.table, one.column) in measured
         else one
         for one in found
     )
