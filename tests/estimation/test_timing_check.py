@@ -46,7 +46,11 @@ def test_residuals_are_those_of_a_least_squares_fit_at_each_shift():
     first = round(3.0 / STEP)  # of 120 s a fortieth
 
     def fit(lag, cover):
-        rows = [k for k in range(e.size) if first <= min(k, k - cover, k - lag) and max(k - cover, k - lag) < e.size and grid.weight[k]]
+        rows = [
+            k
+            for k in range(e.size)
+            if first <= min(k, k - cover, k - lag) and max(k - cover, k - lag) < e.size and grid.weight[k]
+        ]
         root = np.sqrt(grid.weight[rows])
         columns = np.array([_columns(e, grid.step, tau)[:, k - lag] for k in rows])
         found, (left,), *_ = np.linalg.lstsq(columns * root[:, None], grid.y[rows] * root, rcond=None)
@@ -112,8 +116,20 @@ def test_noise_stillness_and_few_samples_tell_nothing():
     ("command", "late", "level", "words", "remedy"),
     [
         (LEVELS, 0.0, "pass", "in time with its commands, or off by at most", ""),
-        (LEVELS, -7.2, "caution", "about 7.2 s early, ±", "`shift` of dvl.csv under [[import.files]] is too small by about 7.2 s"),
-        (LEVELS, 7.2, "caution", "about 7.2 s late, ±", "`shift` of dvl.csv under [[import.files]] is too large by about 7.2 s"),
+        (
+            LEVELS,
+            -7.2,
+            "caution",
+            "about 7.2 s early, ±",
+            "`shift` of dvl.csv under [[import.files]] is too small by about 7.2 s",
+        ),
+        (
+            LEVELS,
+            7.2,
+            "caution",
+            "about 7.2 s late, ±",
+            "`shift` of dvl.csv under [[import.files]] is too large by about 7.2 s",
+        ),
         (PERIODIC, 0.0, "note", "not judged: the motion fits with every shift from", "compare the clock of dvl.csv"),
         (PERIODIC, -7.0, "caution", "; or about 13 s late; or about 27 s early", "`shift` of dvl.csv"),
         (None, 0.0, "note", "not judged: no shift up to 60 s", "compare the clock of dvl.csv"),

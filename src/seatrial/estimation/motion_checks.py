@@ -79,7 +79,9 @@ def check_motion(
             "or check the axes (east-north-up or north-east-down)"
         )
         if timing is not None and timing.likely and not timing.is_in_time:
-            remedy += f"; or the clocks of the files differ: the motion repeats, and {_late(shift)} would explain it as well"
+            remedy += (
+                f"; or the clocks of the files differ: the motion repeats, and {_late(shift)} would explain it as well"
+            )
         value = f"correlation {correlation:+.2f} with the motion expected"
         return [RecordFinding(name, "direction", "fail", value, against, remedy)]
     if correlation < RELATED:
@@ -275,7 +277,9 @@ def _timing_findings(name: str, timing: Timing | None, has_delay: bool, file: st
         value += "".join(f"; or about {_late(one.best)}" for one in others)
         level = "note" if 0 < late <= LONGEST and has_delay else "caution"
         remedy = _timing_remedy(late, has_delay, file)
-        remedy = f"the motion repeats and fits with each of these shifts; if it is the first, {remedy}" if others else remedy
+        remedy = (
+            f"the motion repeats and fits with each of these shifts; if it is the first, {remedy}" if others else remedy
+        )
         return [RecordFinding(name, "timing", level, value, limit, remedy)]
     if not file:
         return []

@@ -89,9 +89,7 @@ def find_timing(
     moved = _within(grid, grid.weight * grid.y**2) - _within(grid, grid.weight * grid.y) ** 2 / count
     with np.errstate(divide="ignore", invalid="ignore"):
         gain, opposite = (
-            np.where(
-                left.min(0) <= (1 - EXPLAINED) * moved, np.log(unshifted.min(0)) - np.log(left.min(0)), -np.inf
-            )
+            np.where(left.min(0) <= (1 - EXPLAINED) * moved, np.log(unshifted.min(0)) - np.log(left.min(0)), -np.inf)
             for left in (shifted, turned)
         )
     if not np.isfinite(gain).any():
@@ -133,9 +131,7 @@ def _gridded(time: np.ndarray, measured: np.ndarray, expected: np.ndarray, most:
     place = np.minimum(np.rint((time[there] - time[0]) / step).astype(int), size - 1)
     y = measured[there] - measured[there].mean() if there.any() else measured[there]
     window = np.ones(max(round(min(MEAN, step * size / PIECES) / step), 1))
-    count, total = (
-        np.convolve(np.bincount(place, weights, size), window, "same") for weights in (np.ones(y.size), y)
-    )
+    count, total = (np.convolve(np.bincount(place, weights, size), window, "same") for weights in (np.ones(y.size), y))
     count = np.where((count > 0.5) & (np.arange(size) >= _start(step, size)), count, 0.0)
     even = time[0] + step * np.arange(size)
     e = np.array([np.interp(even, time, one) for one in expected]).reshape(len(expected), size)
@@ -144,7 +140,9 @@ def _gridded(time: np.ndarray, measured: np.ndarray, expected: np.ndarray, most:
     moves = spread > 1e-9 * np.abs(e).max(axis=1, initial=0.0)
     moving = (e[moves] - e[moves].mean(axis=1, keepdims=True)) / spread[moves, None]
     reach = min(round(most / step), int(SHARE * size))
-    return _Grid(step, np.where(count > 0, total / np.maximum(count, 1.0), 0.0), count, moving, np.arange(-reach, reach + 1))
+    return _Grid(
+        step, np.where(count > 0, total / np.maximum(count, 1.0), 0.0), count, moving, np.arange(-reach, reach + 1)
+    )
 
 
 def _columns(e: np.ndarray, step: float, tau: float) -> np.ndarray:
@@ -194,7 +192,9 @@ def _left(grid: _Grid, e: np.ndarray, tau: float) -> tuple[np.ndarray, np.ndarra
 def _within(grid: _Grid, values: np.ndarray) -> np.ndarray:
     """Sum over the samples that have an expected motion beside them, at each shift."""
     total = np.concatenate([[0.0], np.cumsum(values)])
-    return total[values.size + np.minimum(grid.lag, 0)] - total[_start(grid.step, values.size) + np.maximum(grid.lag, 0)]
+    return (
+        total[values.size + np.minimum(grid.lag, 0)] - total[_start(grid.step, values.size) + np.maximum(grid.lag, 0)]
+    )
 
 
 class _Fit(NamedTuple):
@@ -259,5 +259,7 @@ class _Noise(NamedTuple):
 def _stretches(step: float, lag: np.ndarray, gain: np.ndarray) -> tuple[Shifts, ...]:
     """Return shifts in stretches, one where they are less than `APART` from the next, the smallest first."""
     parts = np.split(np.arange(lag.size), np.flatnonzero(np.diff(lag) * step > APART) + 1)
-    found = [Shifts(*(float(step * lag[at]) for at in (part[np.argmax(gain[part])], part[0], part[-1]))) for part in parts]
+    found = [
+        Shifts(*(float(step * lag[at]) for at in (part[np.argmax(gain[part])], part[0], part[-1]))) for part in parts
+    ]
     return tuple(sorted(found, key=lambda one: abs(one.best)))

@@ -43,7 +43,9 @@ def _moves_everywhere(change: Float[np.ndarray, " m"]) -> bool:
     return count > 1 and float(np.mean(stretches.mean(axis=1) > MOST)) >= EVERYWHERE
 
 
-def _changes_smoothly(step: Float[np.ndarray, " m"], x: Float[np.ndarray, " n"], inside: Bool[np.ndarray, " k"]) -> bool:
+def _changes_smoothly(
+    step: Float[np.ndarray, " m"], x: Float[np.ndarray, " n"], inside: Bool[np.ndarray, " k"]
+) -> bool:
     change = np.diff(x)[:-1][inside]
     if inside.sum() < FEWEST or np.mean(change != 0) < NEARLY_ALL:
         return False

@@ -13,7 +13,7 @@ from seatrial.campaign.config.sensor_table import ATTITUDE
 from seatrial.campaign.config.vehicle import first_measured, level_start
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.data.mount_check import SENSORS, along_body, check_mounts
-from seatrial.campaign.data.record_cautions import empty_cells, record_cautions
+from seatrial.campaign.data.record_cautions import empty_cells, record_cautions, unused_channels
 from seatrial.campaign.data.thruster_check import check_thrusters
 from seatrial.campaign.inference.posterior import initial_state, random_key
 from seatrial.core.batching import bucket_length, filled
@@ -232,7 +232,7 @@ def _judge(campaign: Campaign, record: Record) -> RecordJudgement:
         for name, column in measured.items()
         for finding in check_samples(name, column, campaign.noise[name], ATTITUDE if name in QUATERNION else name)
     ]
-    findings += [*empty_cells(record), *check_thrusters(campaign, body)]
+    findings += [*empty_cells(record), *unused_channels(record, campaign.channels), *check_thrusters(campaign, body)]
     driven = {name: record.channel(name) for name in alone.model.controls}
     findings += check_signs(plan.names, {**driven, **measured}, campaign.noise)
     findings += _stated(campaign, record)
