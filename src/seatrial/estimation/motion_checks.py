@@ -65,7 +65,7 @@ def check_motion(
         file: of the channel, where the controls are in another, whose clock may differ; empty where they are in the same.
     """
     step = float(np.median(np.diff(time)))
-    lag, correlation = best_lag(measured, expected, round(LONGEST / step))
+    correlation = best_lag(measured, expected, round(LONGEST / step))[1]
     vehicles = np.vstack([expected[None], drawn[np.isfinite(drawn).all(1)]])
     timing = find_timing(time, measured, vehicles, WIDE if file else LONGEST)
     timings = _timing_findings(name, timing, has_delay, file)
