@@ -136,7 +136,7 @@ def test_a_start_from_rest_is_noted_by_check_alone(tmp_path):
     ("shift", "told"),
     [
         (0.0, "timing (within 0."),
-        (3.0, "`shift` of speed.csv under [[import.files]] is too small by about 3"),
+        (3.0, "`shift` of speed.csv under [[import.files]] is too small by about "),
     ],
 )
 def test_files_whose_clocks_differ(tmp_path, shift, told):

@@ -268,7 +268,8 @@ def not_judged(names: Sequence[str]) -> RecordFinding:
 def _timing_findings(name: str, timing: Timing | None, has_delay: bool, file: str) -> list[RecordFinding]:
     """Say by how much a channel is early or late; of files with clocks of their own also that it is not, or that it cannot be judged."""
     limit = f"reported from {LATE:g} s on, if it explains more than any vehicle of the priors does in time"
-    if timing is not None and timing.likely and not timing.is_in_time:
+    is_sharp = timing is not None and all(one.greatest - one.least <= VAGUE for one in timing.likely)
+    if timing is not None and timing.likely and not timing.is_in_time and is_sharp:
         best, *others = timing.likely
         late = best.best
         if abs(late) < LATE:
@@ -283,7 +284,7 @@ def _timing_findings(name: str, timing: Timing | None, has_delay: bool, file: st
         return [RecordFinding(name, "timing", level, value, limit, remedy)]
     if not file:
         return []
-    if timing is not None and len(timing.likely) == 1 and timing.within <= VAGUE:
+    if timing is not None and timing.is_in_time and len(timing.likely) == 1 and timing.within <= VAGUE:
         value = f"in time with its commands, or off by at most {timing.within:.2g} s"
         return [RecordFinding(name, f"timing (within {max(timing.within, LATE):.1g} s)", "pass", value, limit)]
     if timing is None or not timing.likely:

@@ -28,9 +28,9 @@ LAGS = 6
 """Time constants tau that are tried, from two cells to an eighth of the record."""
 EXPLAINED = 0.5
 """Share of the motion that the best fit has to explain."""
-SURE, BETTER = 24.0, 0.15
+SURE, BETTER = 40.0, 0.25
 """Twice the log likelihood ratio, and logarithm of the ratio of squared residuals, from which one shift is better than another: the first
-is a chance of 1e-4 among a hundred shifts (chi-square, one degree of freedom), the second allows for what the vehicles lack."""
+is far beyond chance among a hundred shifts, as few transients are no large sample; the second allows for what the vehicles lack."""
 HALO = 0.5
 """By how much that logarithm may be off where the samples of two shifts are not the same."""
 APART = 4.0
@@ -55,7 +55,7 @@ class Timing(NamedTuple):
 
     Attributes:
         likely: those that nothing explains better, the smallest first; several where the motion repeats, none where its sign is reversed.
-        is_in_time: whether no shift is among them.
+        is_in_time: whether no shift is among them, or between them.
         is_reversed: whether the reversed channel, without a shift, is explained as well as any.
     """
 
@@ -102,7 +102,8 @@ def find_timing(
         return Timing((), False, True)
     doubtful = np.flatnonzero([not noise.tells(gain[best] - one - HALO) for one in gain])
     likely = [at for at in doubtful if at == best or not _is_worse(grid, fits[at], fits[best], noise)]
-    return Timing(_stretches(grid.step, grid.lag[likely], gain[likely]), 0 in grid.lag[likely], not noise.tells(-lead))
+    stretches = _stretches(grid.step, grid.lag[likely], gain[likely])
+    return Timing(stretches, any(one.least <= 0 <= one.greatest for one in stretches), not noise.tells(-lead))
 
 
 @dataclass(frozen=True, eq=False)
