@@ -195,7 +195,8 @@ def _interval(tracks: Sequence[_Track]) -> tuple[float, float]:
             ", ".join(dict.fromkeys(track.source for track in tracks)),
             found=f"no common time ({text}, counted from the earliest stamp)",
             expected="files that overlap on one clock",
-            remedy="choose files of the same run, and time columns of the same clock and unit",
+            remedy="choose files of the same run, and time columns of the same unit; if their clocks differ, add shift under "
+            "[[import.files]] of one, which `seatrial inspect` of these files seeks",
         )
     return first, last
 
@@ -340,7 +341,8 @@ def _place(
             f'{track.source}, channel "{track.channel.name}"',
             found=f"samples from {time[0]:.6g} s to {time[-1]:.6g} s, none of them within the record",
             expected=f"samples between 0 s and {instants[-1]:.6g} s, where the controls are known",
-            remedy="choose files of the same run, or move start and end",
+            remedy="choose files of the same run, or move start and end; if their clocks differ, add shift under [[import.files]] of one, "
+            "which `seatrial inspect` of these files seeks",
         )
     midway = near & (shift > reach - 4 * slack) & (reach > 4 * slack)
     has_own = np.zeros(instants.size, bool)
