@@ -26,6 +26,8 @@ START = 4.0
 """Seconds at the start that are left out, or a fortieth of the record where that is shorter."""
 LAGS = 6
 """Time constants tau that are tried, from two cells to an eighth of the record."""
+NEAREST = 12
+"""Vehicles with which all of these are tried: those that come nearest with one of them."""
 EXPLAINED = 0.5
 """Share of the motion that the best fit has to explain."""
 SURE, BETTER = 40.0, 0.25
@@ -83,7 +85,11 @@ def find_timing(
     grid = _gridded(time, measured, expected, most)
     if np.count_nonzero(grid.weight) < FEWEST or not grid.moving.size:
         return None
-    ways = [(e, tau) for e in grid.moving for tau in np.geomspace(2 * grid.step, grid.step * grid.y.size / 8, LAGS)]
+    taus = np.geomspace(2 * grid.step, grid.step * grid.y.size / 8, LAGS)
+    nearest = np.argsort(
+        [min(left[0].min(), left[2].min()) for left in (_left(grid, e, taus[LAGS // 2]) for e in grid.moving)]
+    )
+    ways = [(e, tau) for e in grid.moving[nearest[:NEAREST]] for tau in taus]
     shifted, unshifted, turned = (np.stack(some) for some in zip(*(_left(grid, *way) for way in ways), strict=True))
     count = np.maximum(_within(grid, grid.weight), 1e-300)
     moved = _within(grid, grid.weight * grid.y**2) - _within(grid, grid.weight * grid.y) ** 2 / count
@@ -95,7 +101,8 @@ def find_timing(
     if not np.isfinite(gain).any():
         return Timing((), False, True) if np.isfinite(opposite).any() else None
     best = int(np.argmax(gain))
-    fits = [_Fit(*ways[way], int(lag)) for way, lag in zip(shifted.argmin(0), grid.lag, strict=True)]
+    tried = (ways[way] for way in shifted.argmin(0))
+    fits = [_Fit(e, tau, int(lag)) for (e, tau), lag in zip(tried, grid.lag, strict=True)]
     noise = _Noise.of(_residuals(grid, fits[best], fits[best].lag))
     lead = opposite[best] - gain[best]
     if noise.tells(lead):
@@ -171,18 +178,29 @@ def _left(grid: _Grid, e: np.ndarray, tau: float) -> tuple[np.ndarray, np.ndarra
         over = np.fft.irfft(spectra[by_y] * np.conj(np.fft.rfft(column, size)), size)[grid.lag]
         return over, _within(grid, weight * column)
 
-    normal, right = np.empty((2, grid.lag.size, 3, 3)), np.empty((2, grid.lag.size, 3))
-    for i, one in enumerate(columns):
-        right[..., i] = sums(one, by_y=True)
-        for k, other in enumerate(columns[: i + 1]):
-            normal[..., i, k] = normal[..., k, i] = sums(one * other, by_y=False)
+    one, motion, lagged = columns
+    count, of_y = (np.stack(sums(one, by_y=by_y)) for by_y in (False, True))
+    count = np.maximum(count, 1e-300)
+    of = {name: np.stack(sums(column, by_y=False)) for name, column in (("e", motion), ("h", lagged))}
+
+    def about_means(column: np.ndarray, mean: np.ndarray, other: np.ndarray, *, by_y: bool = False) -> np.ndarray:
+        return np.stack(sums(column, by_y=by_y)) - mean * other / count
+
+    ee, eh, hh = (
+        about_means(a * b, of[i], of[k]) + ridge * _RIDGE * np.maximum(count, 1.0)
+        for a, b, i, k, ridge in (
+            (motion, motion, "e", "e", 1),
+            (motion, lagged, "e", "h", 0),
+            (lagged, lagged, "h", "h", 1),
+        )
+    )
+    ey, hy = (about_means(a, of[i], of_y, by_y=True) for a, i in ((motion, "e"), (lagged, "h")))
     square = _within(grid, grid.weight * grid.y**2)
-    count = np.maximum(normal[1, :, 0, 0], 1e-300)
-    flat = square - _within(grid, grid.weight * grid.y) ** 2 / count
-    normal += _RIDGE * np.maximum(count, 1.0)[:, None, None] * np.eye(3)
-    found = np.linalg.solve(normal, right[..., None])[..., 0]
-    left = np.maximum(square - np.sum(right * found, axis=-1), 1e-12 * square)
-    is_with = found[..., 1] + found[..., 2] > 0
+    flat = square - _within(grid, grid.weight * grid.y) ** 2 / count[1]
+    area = np.maximum(ee * hh - eh**2, 1e-300)
+    a, b = (hh * ey - eh * hy) / area, (ee * hy - eh * ey) / area
+    left = np.maximum(square - of_y**2 / count - a * ey - b * hy, 1e-12 * square)
+    is_with = a + b > 0
     return (
         np.where(is_with[0], left[0], flat),
         np.where(is_with[1], left[1], flat),

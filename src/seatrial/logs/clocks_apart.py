@@ -78,10 +78,11 @@ def clocks_apart(
     best = ClocksApart(name, later)
     for one in (guess for guess in guessed[0] if guess.channel in others):
         try:
-            epochs, curves = zip(
-                _samples(first, tables[0], one), _samples(second, tables[1], others[one.channel]), strict=True
+            (epoch, kept), (other_epoch, other) = (
+                _samples(first, tables[0], one),
+                _samples(second, tables[1], others[one.channel]),
             )
-            found = shift_between(*curves).later(float(epochs[0] - epochs[1]))
+            found = shift_between(kept, other).later(float(epoch - other_epoch))
         except InputError:  # a curve that never moves tells nothing; the sentence says what to do then
             continue
         if abs(found.correlation) >= max(LEAST, abs(best.found.correlation) if best.found else 0.0):
