@@ -214,9 +214,9 @@ def test_the_log_likelihood_in_a_tree_is_that_of_each_measurement(fitted):
         for label, size, key in (("first", 200, 1), ("second", -150, 2))
     ]
     posterior = st.make_posterior(model, records, {**PRIORS, "sigma_udot": st.LogUniform(0.001, 0.1)}, start=start)
-    mode = st.find_mode(posterior)
-    shape = (4, 100, mode.values.size)
-    values = mode.values + 0.01 * mode.sd * np.random.default_rng(3).normal(size=shape)
+    centre = np.array([truth[name] for name in posterior.names])
+    shape = (4, 100, centre.size)
+    values = centre * (1 + 1e-4 * np.random.default_rng(3).normal(size=shape))
     draws = st.Draws(np.zeros(shape), np.zeros(shape[:2]), 0.6, 0, posterior.names, ("1",) * shape[2], values)
     tree = st.to_arviz(draws, posterior, records[::-1], start=start, n=200, log_likelihood=True)
     group = tree["log_likelihood"]

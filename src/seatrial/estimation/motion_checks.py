@@ -267,7 +267,7 @@ def not_judged(names: Sequence[str]) -> RecordFinding:
 
 def _timing_findings(name: str, timing: Timing | None, has_delay: bool, file: str) -> list[RecordFinding]:
     """Say by how much a channel is early or late; of files with clocks of their own also that it is not, or that it cannot be judged."""
-    limit = f"reported from {LATE:g} s on, if it explains more than any vehicle of the priors does in time"
+    limit = "no vehicle of the priors explains it without a shift"
     is_sharp = timing is not None and all(one.greatest - one.least <= VAGUE for one in timing.likely)
     if timing is not None and timing.likely and not timing.is_in_time and is_sharp:
         best, *others = timing.likely
