@@ -202,7 +202,7 @@ def two_axes_of(coupling, drag=0.0, seed=2):
     return make_posterior(axes_vehicle("two axes", equations), record, priors, ["u", "q"])
 
 
-@pytest.mark.parametrize("coupling", [0.0, 0.3])
+@pytest.mark.parametrize("coupling", [pytest.param(0.0, marks=pytest.mark.proof), 0.3])
 def test_a_command_that_acts_on_another_axis_too_is_found(coupling):
     posterior = two_axes_of(coupling)
     found = omitted_effects(posterior, find_mode(posterior, 0)).found
@@ -297,7 +297,10 @@ def test_a_lag_whose_place_a_delay_has_taken_is_not_named(seed):
     assert "command lag" not in [one.effect.kind for one in others]
 
 
-@pytest.mark.parametrize(("noise", "cubic", "seed"), [("white", 1.5, 1), ("drifting", 1.0, 1), ("coloured", 0.7, 2)])
+@pytest.mark.parametrize(
+    ("noise", "cubic", "seed"),
+    [("white", 1.5, 1), ("drifting", 1.0, 1), pytest.param("coloured", 0.7, 2, marks=pytest.mark.proof)],
+)
 def test_a_cubic_drag_is_found(noise, cubic, seed):
     """A noise with a memory takes up what is missing: nothing is found, or a constant force, as long as it stays as it was fitted."""
     posterior = posterior_of(cubic=cubic, seed=seed, noise=noise)
