@@ -135,7 +135,7 @@ def test_a_start_from_rest_is_noted_by_check_alone(tmp_path):
 @pytest.mark.parametrize(
     ("shift", "told"),
     [
-        (0.0, "timing (within 0."),
+        (0.0, "timing (within "),
         (3.0, "`shift` of speed.csv under [[import.files]] is too small by about "),
     ],
 )

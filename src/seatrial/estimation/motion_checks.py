@@ -38,6 +38,8 @@ WIDE = 60.0
 """Seconds up to which a shift is sought between files, whose clocks may differ."""
 VAGUE = 5.0
 """Seconds by which the clocks may differ unseen for the timing to be judged."""
+WITHIN = (0.5, 1.0, 2.0, VAGUE)
+"""Seconds to which a timing that passes is told, so that channels share a line."""
 
 
 def check_motion(
@@ -286,7 +288,8 @@ def _timing_findings(name: str, timing: Timing | None, has_delay: bool, file: st
         return []
     if timing is not None and timing.is_in_time and len(timing.likely) == 1 and timing.within <= VAGUE:
         value = f"in time with its commands, or off by at most {timing.within:.2g} s"
-        return [RecordFinding(name, f"timing (within {max(timing.within, LATE):.1g} s)", "pass", value, limit)]
+        within = next(seconds for seconds in WITHIN if timing.within <= seconds)
+        return [RecordFinding(name, f"timing (within {within:g} s)", "pass", value, limit)]
     if timing is None or not timing.likely:
         value = f"not judged: no shift up to {WIDE:g} s, or half the record, explains half of the motion"
     else:
