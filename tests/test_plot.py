@@ -3,6 +3,8 @@
 import matplotlib as mpl
 import numpy as np
 import pytest
+from arviz_stats import loo
+from scipy.stats import norm
 
 import seatrial as st
 
@@ -200,3 +202,37 @@ def test_a_tree_for_arviz_has_groups_coordinates_and_units(fitted):
         st.to_arviz(made_draws(), n=-1)
     with pytest.raises(st.InputError, match="records alone"):
         st.to_arviz(draws, None, record)
+
+
+def test_the_log_likelihood_in_a_tree_is_that_of_each_measurement(fitted):
+    """Two records of two channels, given in another order than fitted: each density by hand about the motion of one draw."""
+    _, _, model, family = fitted
+    truth = {**st.load_vehicle("remus100_surge").coefficients, "sigma_u": 0.02, "sigma_udot": 0.01}
+    start = {"u": 1.5}
+    records = [
+        st.simulate(model, truth, family.schedule(size * RPM, 4.0), ["u", "udot"], start=start, key=key, label=label)
+        for label, size, key in (("first", 200, 1), ("second", -150, 2))
+    ]
+    posterior = st.make_posterior(model, records, {**PRIORS, "sigma_udot": st.LogUniform(0.001, 0.1)}, start=start)
+    centre = np.array([truth[name] for name in posterior.names])
+    shape = (4, 100, centre.size)
+    values = centre * (1 + 1e-4 * np.random.default_rng(3).normal(size=shape))
+    draws = st.Draws(np.zeros(shape), np.zeros(shape[:2]), 0.6, 0, posterior.names, ("1",) * shape[2], values)
+    tree = st.to_arviz(draws, posterior, records[::-1], start=start, n=200, log_likelihood=True)
+    group = tree["log_likelihood"]
+    assert set(group.data_vars) == {f"{channel}[{label}]" for channel in ("u", "udot") for label in ("first", "second")}
+    one = draws.thinned([20])
+    alone = st.Draws(one.z[2:3], one.log_density[2:3], 0.6, 0, one.names, one.units, one.values[2:3])
+    for record in records:
+        predicted = st.predict(posterior, alone, record, start=start)
+        for column, channel in enumerate(predicted.channels):
+            sd = float(alone[f"sigma_{channel}"].item())
+            expected = norm(predicted.mean[:, column], sd).logpdf(record.channel(channel))
+            shown = group[f"{channel}[{record.label}]"].sel(chain=2, draw=20)
+            np.testing.assert_allclose(shown, expected, rtol=1e-9)
+            # Draws as close together as these leave ArviZ's sum near that of any one of them.
+            assert loo(tree, var_name=shown.name).elpd == pytest.approx(expected.sum(), abs=0.5)
+    with pytest.raises(st.InputError, match="was not fitted"):
+        st.to_arviz(draws, posterior, fitted[1], start=start, log_likelihood=True)
+    with pytest.raises(st.InputError, match="no records"):
+        st.to_arviz(draws, posterior, log_likelihood=True)

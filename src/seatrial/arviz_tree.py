@@ -1,6 +1,7 @@
 """A posterior in the form that ArviZ and its plots read: an xarray DataTree with groups, coordinates and units.
 
-Groups are those of the InferenceData schema: `posterior`, `sample_stats`, `observed_data`, `constant_data`, `posterior_predictive`.
+Groups are those of the InferenceData schema: `posterior`, `sample_stats`, `observed_data`, `constant_data`, `posterior_predictive`,
+`log_likelihood`.
 """
 
 from collections.abc import Mapping, Sequence
@@ -14,6 +15,7 @@ from seatrial.core.argument_checks import check_count, check_each_of, check_kind
 from seatrial.core.errors import InputError
 from seatrial.core.record import Record
 from seatrial.core.signals import signal_unit
+from seatrial.estimation.pointwise import pointwise_log_likelihood
 from seatrial.estimation.posterior import Posterior
 from seatrial.estimation.prediction import replicate_record
 from seatrial.sampling.run import Draws
@@ -30,24 +32,27 @@ def to_arviz(
     start: Mapping[str, float] | None = None,
     n: int = 200,
     key: jax.Array | int = 0,
+    log_likelihood: bool = False,
 ) -> "DataTree":
     """Return a tree that ArviZ reads.
 
     `posterior` has a variable for each parameter, `sample_stats` has `lp`, both on `chain` and `draw`. With a posterior and records
     there are `observed_data`, `constant_data` (the controls) and `posterior_predictive`, whose variables are named as `u[trial]`, each
-    on a time of its own, s. Every variable tells its SI unit in `attrs`. Means over all chains, such as the acceptance, are attributes
-    of `sample_stats`.
+    on a time of its own, s, and, if asked for, `log_likelihood`, which ArviZ's `loo` needs. Every variable tells its SI unit in
+    `attrs`. Means over all chains, such as the acceptance, are attributes of `sample_stats`.
 
     Args:
         result: draws of `sample`, or an estimate of a campaign.
         posterior: that was drawn from, of `make_posterior`.
         records: that it predicts, with noise, each from draws spread evenly over the chains.
         start: state at the first sample of each record, as in `predict`.
-        n: draws that predict, about.
+        n: draws that predict, and under which the log density of each measurement is computed, about.
         key: random key, or a seed.
+        log_likelihood: whether to add the log density of each measurement, nats; the records are then those that were fitted, and
+            their residuals white or heavy-tailed.
 
     Raises:
-        InputError: records without the posterior, or as `predict`.
+        InputError: records without the posterior, as `predict`, or measurements whose log density cannot be given.
     """
     from xarray import Dataset, DataTree
 
@@ -59,16 +64,23 @@ def to_arviz(
         "posterior": Dataset(drawn, attrs={"inference_library": "seatrial"}),
         "sample_stats": Dataset({"lp": _variable(log_density, at, "nat")}, attrs=told),
     }
-    given = [records] if isinstance(records, Record) else records
-    for record in check_each_of(given, Record, "records", "give one Record, or a list of them"):
-        if posterior is None or not isinstance(result, Draws):
-            raise InputError(
-                "posterior",
-                found="records alone" if posterior is None else "an estimate of a campaign",
-                expected="draws, the posterior they were drawn from, and records",
-                remedy="write to_arviz(draws, posterior, records), or leave the records out",
-            )
-        for group, variables in _of_record(result, posterior, record, start, n, key).items():
+    listed = [records] if isinstance(records, Record) else records
+    given = check_each_of(listed, Record, "records", "give one Record, or a list of them")
+    if not given and not log_likelihood:
+        return DataTree.from_dict(groups)
+    if posterior is None or not given or not isinstance(result, Draws):
+        raise InputError(
+            "posterior" if given else "log_likelihood",
+            found="no records" if not given else "records alone" if posterior is None else "an estimate of a campaign",
+            expected="draws, the posterior they were drawn from, and records",
+            remedy="write to_arviz(draws, posterior, records), or leave "
+            + ("the records out" if given else "log_likelihood out"),
+        )
+    places = _places(result, n)
+    if log_likelihood:
+        groups["log_likelihood"] = Dataset(_log_likelihood(result, posterior, given, places))
+    for record in given:
+        for group, variables in _of_record(result, posterior, record, start, places, key).items():
             groups[group] = groups.get(group, Dataset()).assign(variables)
     return DataTree.from_dict(groups)
 
@@ -86,19 +98,22 @@ def _parts(result: Draws | Estimate) -> tuple[Sequence[str], Sequence[str], np.n
     return result.names, result.units, result.values, result.log_density, told
 
 
+def _places(draws: Draws, n: int) -> np.ndarray:
+    """Return which draws of every chain make up about n, spread evenly."""
+    chains, kept = draws.log_density.shape
+    return np.arange(0, kept, max(1, kept * chains // n))
+
+
 def _of_record(
     draws: Draws,
     posterior: Posterior,
     record: Record,
     start: Mapping[str, float] | None,
-    n: int,
+    places: np.ndarray,
     key: jax.Array | int,
 ) -> "dict[str, dict[str, DataArray]]":
     """Return the variables of one record by group: each channel at the times at which it was measured, and the controls."""
-    chains, kept = draws.log_density.shape
-    every = max(1, kept * chains // n)
-    places = np.arange(0, kept, every)
-    few = draws.thinned(places)
+    chains, few = draws.log_density.shape[0], draws.thinned(places)
     shown = replicate_record(posterior, few, record, start=start, n=few.log_density.size, key=key)
     shown = shown.reshape(chains, places.size, *shown.shape[1:])
     found: dict[str, dict[str, DataArray]] = {"observed_data": {}, "constant_data": {}, "posterior_predictive": {}}
@@ -115,6 +130,40 @@ def _of_record(
         at = {f"time_{name}": record.time}
         found["constant_data"][name] = _variable(record.channel(control), at, signal_unit(control))
     return found
+
+
+def _log_likelihood(
+    draws: Draws, posterior: Posterior, records: Sequence[Record], places: np.ndarray
+) -> "dict[str, DataArray]":
+    """Return the log density of each measurement of the fitted records, nats, by channel and record."""
+    table = pointwise_log_likelihood(posterior, draws.thinned(places).values)
+    over = {"chain": np.arange(table.shape[0]), "draw": places}
+    given, found, begin = {record.label: record for record in records}, {}, 0
+    for trial, label in enumerate(posterior.likelihood.labels):
+        for channel, shown in zip(posterior.likelihood.channels, posterior.data.channels, strict=True):
+            fitted = np.asarray(shown.measured[trial])[np.asarray(shown.present[trial]) > 0]
+            end = begin + fitted.size
+            if label in given:
+                record, name = given[label], f"{channel}[{label}]"
+                measured = record.channel(channel)
+                there = np.isfinite(measured)
+                if not np.array_equal(measured[there], fitted):
+                    raise _not_fitted(f'another "{name}" than was fitted', posterior)
+                at = {**over, f"time_{name}": record.time[there]}
+                found[name] = _variable(table[..., begin:end], at, "nat")
+            begin = end
+    if other := [label for label in given if label not in posterior.likelihood.labels]:
+        raise _not_fitted(f'"{other[0]}", which was not fitted', posterior)
+    return found
+
+
+def _not_fitted(found: str, posterior: Posterior) -> InputError:
+    return InputError(
+        "records, with log_likelihood",
+        found=found,
+        expected="records that were fitted: " + ", ".join(posterior.likelihood.labels),
+        remedy="give those of `make_posterior`, or leave log_likelihood out",
+    )
 
 
 def _variable(values: np.ndarray, at: Mapping[str, np.ndarray], unit: str) -> "DataArray":

@@ -101,7 +101,6 @@ def test_a_run_with_other_columns_has_a_map_of_its_own(folder):
         (["--run", "2", "--end", "900 s"], ("--end", "run 2 at 19.9 s", "an end inside the run")),
         (["--end", "900 s"], ("--end", "run 1 at 19.9 s, run 2 at 19.9 s")),
         (["--run", "2"], ("--run", "--start or --end with it")),
-        (["--run", "a b", "--start", "1 s"], ("run 'a b'", "by hand")),
     ],
 )
 def test_what_leaves_no_record_changes_nothing(folder, words, told):

@@ -20,7 +20,7 @@ main()
 def test_without_its_extra_it_says_how_to_get_it(tmp_path):
     done = subprocess.run([sys.executable, "-c", WITHOUT, "serve", tmp_path], capture_output=True, text=True)
     assert done.returncode == Exit.BAD_INPUT
-    assert 'pip install "seatrial[dashboard]"' in done.stderr
+    assert 'pip install "seatrial[dashboard]"; in a checkout pip install -e ".[dashboard]"' in done.stderr
     assert "Traceback" not in done.stderr
 
 
@@ -32,14 +32,16 @@ def test_a_weak_token_is_refused(monkeypatch, capsys, tmp_path):
 
 def test_no_folder_and_no_port(monkeypatch, capsys, tmp_path):
     pytest.importorskip("nicegui", reason="the dashboard needs NiceGUI: pip install 'seatrial[dashboard]'")
-    code, _, err = run(monkeypatch, capsys, "serve", tmp_path / "nowhere", "--no-browser")
+    code, _, err = run(monkeypatch, capsys, "serve", tmp_path / "no" / "where", "--no-browser")
     assert code == Exit.BAD_INPUT
     assert "seatrial init" in err
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
         port = taken.getsockname()[1]
-        code, _, err = run(monkeypatch, capsys, "serve", tmp_path, "--no-browser", "--port", port)
+        code, out, err = run(monkeypatch, capsys, "serve", tmp_path / "new", "--no-browser", "--port", port)
     assert code == Exit.BAD_INPUT
+    assert "new was not there: it was made, for new campaigns" in out
+    assert (tmp_path / "new").is_dir()
     assert "--port" in err
     assert "Traceback" not in err

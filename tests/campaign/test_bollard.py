@@ -387,6 +387,7 @@ def test_a_posterior_mode_is_enough_for_the_next_campaign(tmp_path, pull):
     assert load_campaign(after.folder).prior("T_f").mean == 0.8
 
 
+@pytest.mark.proof
 def test_correlations_that_are_not_taken_over_are_told(tmp_path, pull):
     """A fan of one direction: T_f and T_absf are known together, by the mode as by the finished run."""
     one_way = np.column_stack([np.abs(np.asarray(x) - 1500.0) + 1500.0 if x.ndim == 2 else x for x in pull[:2]])
@@ -415,6 +416,7 @@ def test_correlations_that_are_not_taken_over_are_told(tmp_path, pull):
     assert "known_from ../bollard: T_absf and T_f were found with a correlation of -0.80" in said
 
 
+@pytest.mark.proof
 def test_a_bollard_record_sharpens_the_drag_of_the_next_campaign(tmp_path, pull):
     command = np.repeat(pulls(seed=11)[0][:, :1], 2, axis=1)
     asymmetry = ("moves", f"fixed = {{ T_absf = {ASTERN} }}\nmoves")

@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 
 from seatrial.apps.cli import app
 from seatrial.campaign.config.load import load_campaign
-from seatrial.campaign.data.check import check_records, step_cautions
+from seatrial.campaign.data.check import check_records, record_doubts, step_cautions
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.core.errors import NumericalError
 
@@ -106,6 +106,57 @@ def test_the_sign_and_the_unit_of_a_channel(tmp_path, scale, code, told):
         }[scale]
     )
     assert (tmp_path / "a" / "check-one.svg").read_text().endswith("</svg>\n")
+
+
+def test_a_velocity_that_is_mapped_and_has_no_sensor_is_told(tmp_path):
+    text = CAMPAIGN.replace(
+        'mass = "30 kg"', 'mass = "30 kg"\ninertia = ["1 kg m^2", "1 kg m^2", "1 kg m^2"]\nmoves = ["u", "r"]'
+    )
+    more = 'r = { column = "speed", unit = "rad/s" }\n\n[estimation]'
+    write(tmp_path / "a", "1.0", text.replace("\n[estimation]", more))
+    result = CliRunner().invoke(app, ["check", str(tmp_path / "a"), "--quiet"])
+    assert "channel r is mapped but has no [sensors.r]; it is not used" in result.output, result.output
+
+
+def test_a_start_from_rest_is_noted_by_check_alone(tmp_path):
+    """The force of the record is never below rest, and its limits begin at 5 N."""
+    write(tmp_path / "a", "1.0", CAMPAIGN + '\n[limits.tau_X]\nlower = "5 N"\nupper = "12 N"\n')
+    log = tmp_path / "a" / "one.csv"
+    log.write_text(log.read_text().replace(",-10.0,", ",0.0,"))
+    campaign = load_campaign(tmp_path / "a")
+    (record,) = get_trials(campaign).fit
+    (judged,) = check_records(campaign, get_trials(campaign))
+    (found,) = [one for one in judged.findings if one.check == "limits"]
+    assert found.level == "note"
+    assert "outside the limits that designs keep" in found.value
+    assert record_doubts(campaign, record) == []
+
+
+@pytest.mark.parametrize(
+    ("shift", "told"),
+    [
+        (0.0, "timing (within "),
+        (3.0, "`shift` of speed.csv under [[import.files]] is too small by about "),
+    ],
+)
+def test_files_whose_clocks_differ(tmp_path, shift, told):
+    """The speed is in a file of its own, whose stamps are too small by `shift`."""
+    one = CAMPAIGN.replace(
+        "u = {",
+        """
+[[import.files]]
+path = "speed.csv"
+time = { column = "t", unit = "s" }
+channels.u = {""",
+    )
+    write(tmp_path / "a", "1.0", one)
+    lines = (tmp_path / "a" / "one.csv").read_text().splitlines()
+    rows = [line.split(",") for line in lines[1:]]
+    text = "".join(f"{float(t) - shift:.1f},{u}\n" for t, _, u in rows)
+    (tmp_path / "a" / "speed.csv").write_text("t,speed\n" + text)
+    result = CliRunner().invoke(app, ["check", str(tmp_path / "a"), "--quiet"])
+    assert result.exit_code == 0, result.output
+    assert told in result.output
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,8 @@ from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.selection import evidence
 from seatrial.campaign.selection.evidence import agreement_counts, agreement_words, select_structure
-from seatrial.selection.combined_evidence import EvidenceRun, Weighed
+from seatrial.sampling.nested import NestedRun
+from seatrial.selection.combined_evidence import EvidenceRun, NestedRepeat, Piece, Weighed
 from seatrial.selection.evidence import Evidence
 from tests.campaign.small import write_small
 from tests.selection.targets import far_peaks, one_peak, peaks, spike_on_slab
@@ -59,15 +60,23 @@ def test_a_spike_on_a_slab_is_weighed_and_no_verdict_is_claimed(tmp_path, monkey
 class InTurn:
     """Workers that do one piece after another, each told at its half: tempered SMC fails, so that nested sampling decides."""
 
+    def __init__(self, last=None):
+        self.last, self.asked = last, []
+
     def run(self, work, shared, items, done, on_progress):
         del work, shared
         waiting = deque(enumerate(items))
         while waiting:
             index, (_, piece) = waiting.popleft()
+            self.asked.append(piece)
+            if piece == self.last:
+                raise KeyboardInterrupt
             on_progress(index, 1, 2)
             found = Weighed(piece.method, Evidence(0.0, 0.1, piece.method))
             if piece.method == "smc":
                 found = EvidenceRun(piece.repeat, None, np.empty((0, 3)), "lost")
+            if piece.method == "nested":
+                found = NestedRepeat(piece.repeat, NestedRun(0.0, 5.0, 1000, 1.0, 0.0, np.empty((0, 3)), np.empty(0)))
             following = done(index, found)
             if following is not None:
                 waiting.appendleft((index, following))
@@ -86,6 +95,20 @@ def test_progress_is_that_of_the_method_that_runs(tmp_path, monkeypatch):
 
     monkeypatch.setattr(evidence, "workers_of", lambda *_: InTurn())
     select_structure(campaign, trials, Told())
-    assert bars["evidence M-1: nested sampling decides, because no two methods agree"] == [0.0, 0.5, 1.0]
+    nested = bars["evidence M-1: nested sampling decides, because no two methods agree"]
+    assert nested == sorted(nested)
+    assert (nested[:3], nested[-1]) == ([0.0, 0.125, 0.25], 1.0)
+    assert len(list((tmp_path / "results" / "checkpoints").glob("*"))) == 0
     smc = bars["evidence M-1: X_uabsu T_nabsn"]
     assert smc == sorted(smc)
+
+
+def test_nested_sampling_goes_on_where_it_was_stopped(tmp_path, monkeypatch):
+    campaign = load_campaign(write_small(tmp_path))
+    trials, stopped, resumed = get_trials(campaign), InTurn(Piece("nested", 2)), InTurn()
+    monkeypatch.setattr(evidence, "workers_of", lambda *_: stopped)
+    with pytest.raises(KeyboardInterrupt):
+        select_structure(campaign, trials)
+    monkeypatch.setattr(evidence, "workers_of", lambda *_: resumed)
+    select_structure(campaign, trials)
+    assert [one.repeat for one in resumed.asked if one.method == "nested"] == [2, 3, 0, 1, 2, 3]

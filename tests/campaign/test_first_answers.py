@@ -6,9 +6,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from seatrial.campaign.config.load import load_campaign
+from seatrial.campaign.config.load import check_text, load_campaign
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.inference.quick_estimates import _smoothed, posterior_modes, regressions
+from seatrial.campaign.prior.cautions import file_cautions
 from seatrial.core.errors import InputError
 from seatrial.vehicles.simulate import simulate
 from tests.campaign.small import NO_X_U, write_small
@@ -158,6 +159,11 @@ def test_the_masses_that_scale_all_coefficients_are_named_where_no_force_is_know
     assert campaign.stated_masses.startswith(
         "taken as exact, and in no ±: a mass of 30.48 kg and X_udot = -0.93 kg, with which"
     )
+    example = 'catalogue = "remus100_surge"', 'name = "YOUR VEHICLE"\nmass = "30 kg"\nfixed = { X_udot = -1.0 }'
+    held = "[structure]", '[vehicle.trim]\nu = "1.5 m/s"\nn = "1194 rpm"\n[structure]'
+    left = load_campaign(write_small(tmp_path / "example", example, held))
+    assert left.example_vehicle == file_cautions(left)[0]
+    assert left.stated_masses.endswith(f"scale. {left.example_vehicle}")
     known = ('catalogue = "remus100_surge"', 'mass = "30 kg"\nfixed = { X_udot = -1.0, T_nabsn = 6e-4 }')
     no_thrust = 'always = ["X_uabsu", "T_nabsn"]', 'always = ["X_uabsu"]'
     prior = ('[prior.T_nabsn]\ndistribution = "uniform"\nlower = 2.0e-4\nupper = 12.0e-4\n', "")
@@ -165,3 +171,34 @@ def test_the_masses_that_scale_all_coefficients_are_named_where_no_force_is_know
     text = write_small(tmp_path / "forced", known, no_thrust, prior, *trim) / "campaign.toml"
     text.write_text(text.read_text().replace("fixed = {", 'trim = { u = "1.5 m/s", n = "1194 rpm" }\nfixed = {'))
     assert load_campaign(tmp_path / "forced").stated_masses == ""
+
+
+def test_the_inertia_by_which_all_of_yaw_scales_is_named(tmp_path):
+    text = """
+[campaign]
+name = "turns"
+seed = 1
+[vehicle]
+name = "own"
+mass = "62 kg"
+inertia = ["0.4 kg m^2", "6.8 kg m^2", "6.8 kg m^2"]
+moves = ["u", "r"]
+fixed = { X_udot = -2.6, N_rdot = -5.5 }
+trim = { u = "1.6 m/s", n = "1200 rpm", delta_r = "0 deg" }
+[structure]
+always = ["X_uabsu", "T_nabsn", "N_ur", "N_uudelta_r"]
+[sensors.u]
+noise = "0.03 m/s"
+[sensors.r]
+noise = "0.5 deg/s"
+"""
+    names = {"X_uabsu": (-20, -3), "T_nabsn": (5e-4, 3e-3), "N_ur": (-25, 0), "N_uudelta_r": (-15, 0)}
+    for name, (low, high) in names.items():
+        text += f'[prior.{name}]\ndistribution = "uniform"\nlower = {low}\nupper = {high}\n'
+    text += '[design]\ncontrol = "n"\nduration = "60 s"\nactive = "40 s"\nsample_time = "0.1 s"\n'
+    text += 'amplitude = { from = "50 rpm", to = "300 rpm", points = 3 }\nperiod = { from = "2 s", to = "40 s", points = 3 }\n'
+    said = "a moment of inertia of 6.8 kg m^2 and N_rdot = -5.5 kg m^2, with which all coefficients of N scale"
+    assert check_text(tmp_path, text).stated_masses.endswith(f"coefficients of X and T scale; {said}")
+    held = text.replace("fixed = {", "fixed = { N_uudelta_r = -6.5,").replace('"N_ur", "N_uudelta_r"]', '"N_ur"]')
+    held = held.replace('[prior.N_uudelta_r]\ndistribution = "uniform"\nlower = -15\nupper = 0\n', "")
+    assert "moment of inertia" not in check_text(tmp_path, held).stated_masses

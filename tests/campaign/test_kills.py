@@ -51,11 +51,11 @@ def assert_same_datasets(whole: Path, killed: Path, *names: str) -> None:
     assert not list(killed.rglob("*.npz"))
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_killed_in_the_chains_and_in_the_evidence_the_loop_ends_with_the_same_bits(tmp_path):
     whole, killed = write_small(tmp_path / "whole"), write_small(tmp_path / "killed")
     run_loop(load_campaign(whole))
-    for sign in ("posterior-M-0", "evidence-M-0-0"):
+    for sign in ("posterior-M-0", "evidence-M-0-smc-0"):
         kill_in_the_midst("run", killed, sign)
         assert not Store(killed).summary.exists()
     finish("run", killed)

@@ -271,7 +271,7 @@ def test_a_speed_that_wide_priors_explain_in_any_unit_is_held_against_the_trim(c
     assert all("check u: " in advice and "by the coefficients with the controls at trim" in advice for advice in told)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.proof) for seed in (1, 2, 3))])
 def test_a_true_value_on_the_edge_of_its_prior_meets_the_goal(campaign, seed):
     n, u = trial(900, seed=seed)
     priors = {**campaign.priors, "X_uabsu": Uniform(-8.8, TRUTH["X_uabsu"])}
@@ -291,11 +291,11 @@ def test_a_control_that_changes_smoothly_and_is_taken_as_held_is_told_once(tmp_p
         feed(session, smooth, speeds(TRUTH["X_uabsu"], TRUTH["T_nabsn"], smooth))
         told[between] = [note for note in session.notes.take() if 'between = "line"' in note]
     assert len(told["held"]) == 1
-    assert "change smoothly at nearly every sample are taken as held from each to the next: n;" in told["held"][0]
+    assert "change at nearly every sample are taken as held from each to the next: n;" in told["held"][0]
     assert told["line"] == []
     session = Session(campaign, "simulated")
     feed(session, *trial(600))
-    assert not any("smoothly" in note for note in session.notes.take())
+    assert not any("at nearly every sample" in note for note in session.notes.take())
 
 
 def test_information_is_discounted_by_what_innovations_repeat():

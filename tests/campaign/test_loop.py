@@ -163,6 +163,20 @@ def test_a_log_for_which_nothing_was_designed_is_fitted_and_the_next_trial_desig
     assert {step.name: step.state for step in standing(tmp_path)}["report"] == "stale"
 
 
+def test_what_was_found_is_kept_where_no_next_trial_is_allowed(tmp_path, finished):
+    """No trial of 30 s stays within a metre."""
+    record = xr.load_dataset(Store(finished[0]).record("trial"), engine="h5netcdf")
+    text = write_log_campaign(tmp_path, record, design=True)
+    (tmp_path / "campaign.toml").write_text(text + '[limits.distance]\nupper = "1 m"\n')
+    outcome = run_loop(load_campaign(tmp_path), SilentReporter())
+    assert outcome.next is None
+    words = outcome.summary["next_trial"]["words"]
+    assert words.startswith("no trial is proposed: ")
+    assert "distance travelled at most 1 m" in words
+    assert outcome.summary["alarms"] == []
+    assert "distance travelled at most 1 m" in write_report(outcome).read_text()
+
+
 def test_a_log_is_fitted_and_reported_without_a_design(tmp_path, finished):
     """What designs a trial is refused with the key to add; a campaign without logs needs it."""
     record = xr.load_dataset(Store(finished[0]).record("trial"), engine="h5netcdf")

@@ -142,6 +142,16 @@ def test_check_says_which_terms_may_be_one_and_that_a_start_is_not_held(monkeypa
     assert all(f"caution: {text}" in said for text in (one, held))
 
 
+def test_a_limit_far_beyond_the_trim_is_doubted(tmp_path):
+    folder = write_without_data(tmp_path, BY_HAND)
+    path = folder / "campaign.toml"
+    before = path.read_text()
+    upper = tomllib.loads(before)["limits"]["n"]["upper"]
+    path.write_text(before.replace(f'"{upper}"', '"1.2e30 rpm"'))
+    (said,) = file_cautions(load_campaign(folder))
+    assert said.startswith("the upper limit of n is 1.2e+30 rpm, 1e+27 times the trim: it limits nothing")
+
+
 @pytest.mark.parametrize(
     ("trim", "key", "words"),
     [

@@ -51,7 +51,9 @@ def test_what_is_there_is_read_and_what_is_missing_is_added(tmp_path):
     again = profile_all(campaign, trials, ["T_nabsn"], bars)
     assert [title.split(": ")[1] for title in bars.begun] == ["X_uabsu", "T_nabsn"]
     np.testing.assert_array_equal(one.profiles[0].values, both.profiles[0].values)
-    assert again.lines() == both.lines()[1:]
+    heading, _, thrust = both.lines()
+    assert heading == "structure M-0, with every term: X_uabsu T_nabsn"
+    assert again.lines() == [heading, thrust]
     assert again.open == []
     with pytest.raises(InputError, match='did you mean "X_uabsu"'):
         profile_all(campaign, trials, ["X_uabs"], bars)

@@ -57,6 +57,7 @@ def rov(folder, motion, yaw=0.0, depth_scale=1.0, rate_scale=1.0, more=""):
     return load_campaign(folder)
 
 
+@pytest.mark.proof
 def test_depth_is_not_judged_where_the_priors_allow_it(tmp_path, motion):
     """With the buoyancy unknown it may go either way; depth in centimetres goes further than any vehicle of the priors."""
     found = findings(tmp_path, motion)

@@ -84,7 +84,7 @@ def test_least_squares_finds_it_from_the_measured_motion(tmp_path, log):
         assert guess[name] == pytest.approx(value, rel=0.05), name
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_its_drag_is_found_beside_damping_of_every_axis(tmp_path, log):
     found = campaign(tmp_path, log=log)
     posterior = build_posterior(found, found.full, get_trials(found).fit)

@@ -83,6 +83,25 @@ def test_a_step_that_is_far_longer_than_it_was_says_so(clock):
     assert 190 < 100 * (1 - done) / done < 310
 
 
+def test_no_less_remains_than_of_a_piece_that_came_late(clock):
+    """Two pieces are over after 5 s; a third, of which nobody knew, moves from 1 % at 10 s to 5 % at 50 s, so that 950 s remain."""
+    learn("selection", 10.0)
+    learn("next", 10.0)
+    told = Told()
+    run = WholeRun(told, ["selection", "next"])
+    run.begin("selection")
+    bars = [run.progress(f"evidence M-{i}") for i in range(2)]
+    clock[0] = 5.0
+    for bar in bars:
+        bar(1, 1)
+    late = run.progress("nested sampling")
+    for seconds, done in ((10.0, 1), (50.0, 5)):
+        clock[0] = seconds
+        late(done, 100)
+    done = told.shown[TITLE][-1][0] / 1000
+    assert 600 < 50 * (1 - done) / done < 1000
+
+
 def test_a_damaged_file_knows_nothing(clock, tmp_path):
     place = tmp_path / "seatrial" / "seconds.json"
     place.parent.mkdir()

@@ -5,8 +5,9 @@ import pytest
 from scipy import stats
 
 from seatrial.core.record import Channel, make_record
+from seatrial.estimation.effect_fit import Fit, Linearisation, whiten
 from seatrial.estimation.mode import find_mode
-from seatrial.estimation.omitted_effects import Linear, half_width, omitted_effects, score_effects, whiten
+from seatrial.estimation.omitted_effects import half_width, omitted_effects, score_effects
 from seatrial.estimation.posterior import posterior_of_density
 from seatrial.estimation.priors import LogUniform, Normal, Uniform
 from seatrial.estimation.record_posterior import make_posterior
@@ -26,12 +27,12 @@ EFFECT = J @ [0.5, -1.0, 0.2] + RNG.normal(size=N)
 def scored(measured, effect=EFFECT, worth=1.0):
     """Score of one effect about least squares, its covariance and its values."""
     values, cov = np.linalg.lstsq(J, measured, rcond=None)[0], np.linalg.inv(J.T @ J)
-    return score_effects(linear(measured - J @ values, effect, worth), cov), values
+    return score_effects(Fit(linear(measured - J @ values, effect, worth), (), cov)), values
 
 
 def linear(residual, signature, worth=1.0):
     columns = np.column_stack([J, signature])
-    return Linear(3, columns.T @ columns, columns.T @ residual, N, worth, 0.0)
+    return Linearisation(np.zeros(3), np.zeros(1), columns.T @ columns, columns.T @ residual, N, worth, 0.0)
 
 
 def test_size_shift_and_variance_are_those_of_the_wider_fit():
@@ -66,7 +67,7 @@ def test_log_odds_of_a_term_of_other_structures_are_the_bayes_factor_of_its_prio
     for signature in (EFFECT, J @ [0.5, -1.0, 0.2] + 0.05 * EFFECT):
         measured = J @ [1.0, 2.0, 3.0] + 0.1 * signature + RNG.normal(size=N)
         values, cov = np.linalg.lstsq(J, measured, rcond=None)[0], np.linalg.inv(J.T @ J)
-        found = score_effects(linear(measured - J @ values, signature), cov, (), {0: prior})[0]
+        found = score_effects(Fit(linear(measured - J @ values, signature), (), cov), {0: prior})[0]
         sizes = np.linspace(-4.0, 4.0, 20_001)
         left = np.eye(N) - J @ cov @ J.T
         rise = sizes * (signature @ left @ measured) - 0.5 * sizes**2 * (signature @ left @ signature)
@@ -92,7 +93,7 @@ def test_an_effect_is_tested_of_which_the_parameters_leave_a_ten_thousandth(left
     direction = np.linalg.qr(np.column_stack([J, RNG.normal(size=N)]))[0]
     inside, outside = J[:, 0] / np.linalg.norm(J[:, 0]), direction[:, 3]
     signature = np.sqrt(1 - left) * inside + np.sqrt(left) * outside
-    found = score_effects(linear(outside, signature), np.linalg.inv(J.T @ J))
+    found = score_effects(Fit(linear(outside, signature), (), np.linalg.inv(J.T @ J)))
     assert len(found) == tested
     assert all(one.size == pytest.approx(1 / np.sqrt(left), rel=1e-6) for one in found.values())
 
@@ -201,7 +202,7 @@ def two_axes_of(coupling, drag=0.0, seed=2):
     return make_posterior(axes_vehicle("two axes", equations), record, priors, ["u", "q"])
 
 
-@pytest.mark.parametrize("coupling", [0.0, 0.3])
+@pytest.mark.parametrize("coupling", [pytest.param(0.0, marks=pytest.mark.proof), 0.3])
 def test_a_command_that_acts_on_another_axis_too_is_found(coupling):
     posterior = two_axes_of(coupling)
     found = omitted_effects(posterior, find_mode(posterior, 0)).found
@@ -296,7 +297,10 @@ def test_a_lag_whose_place_a_delay_has_taken_is_not_named(seed):
     assert "command lag" not in [one.effect.kind for one in others]
 
 
-@pytest.mark.parametrize(("noise", "cubic", "seed"), [("white", 1.5, 1), ("drifting", 1.0, 1), ("coloured", 0.7, 2)])
+@pytest.mark.parametrize(
+    ("noise", "cubic", "seed"),
+    [("white", 1.5, 1), ("drifting", 1.0, 1), pytest.param("coloured", 0.7, 2, marks=pytest.mark.proof)],
+)
 def test_a_cubic_drag_is_found(noise, cubic, seed):
     """A noise with a memory takes up what is missing: nothing is found, or a constant force, as long as it stays as it was fitted."""
     posterior = posterior_of(cubic=cubic, seed=seed, noise=noise)

@@ -6,7 +6,6 @@ import pytest
 from seatrial.estimation.excitation_checks import check_excitation, check_signs
 from seatrial.estimation.motion_checks import (
     _correlation,
-    _delay,
     best_lag,
     check_motion,
     check_sum,
@@ -36,14 +35,14 @@ def levels(findings):
 
 
 def test_a_record_as_expected_passes():
-    assert levels(check_motion("u", STEP, 1.3 * EXPECTED + NOISE, EXPECTED, ALIKE)) == {
+    assert levels(check_motion("u", TIME, 1.3 * EXPECTED + NOISE, EXPECTED, ALIKE)) == {
         "direction": "pass",
         "size": "pass",
     }
 
 
 def test_a_channel_of_the_wrong_sign():
-    (finding,) = check_motion("r", STEP, -EXPECTED + NOISE, EXPECTED, ALIKE)
+    (finding,) = check_motion("r", TIME, -EXPECTED + NOISE, EXPECTED, ALIKE)
     assert (finding.check, finding.level) == ("direction", "fail")
     assert "scale = -1" in finding.remedy
 
@@ -53,7 +52,7 @@ def test_a_channel_of_the_wrong_sign():
     [(180 / np.pi, "degrees"), (np.pi / 30, "rpm"), (20.0, "check the units")],
 )
 def test_a_channel_in_another_unit(factor, words):
-    found = check_motion("r", STEP, factor * (EXPECTED + NOISE), EXPECTED, ALIKE)
+    found = check_motion("r", TIME, factor * (EXPECTED + NOISE), EXPECTED, ALIKE)
     assert levels(found)["size"] == "caution"
     assert words in next(finding.remedy for finding in found if finding.check == "size")
 
@@ -71,7 +70,7 @@ def test_a_channel_in_another_unit(factor, words):
     ],
 )
 def test_the_unit_of_a_control_explains_a_size_as_well(factor, words):
-    found = check_motion("r", STEP, factor * EXPECTED, EXPECTED, ALIKE, controls=("delta_r", "tau_X"))
+    found = check_motion("r", TIME, factor * EXPECTED, EXPECTED, ALIKE, controls=("delta_r", "tau_X"))
     (size,) = [finding for finding in found if finding.check == "size"]
     assert words in size.remedy
 
@@ -96,13 +95,13 @@ def test_a_control_that_stays_within_a_thirtieth_of_its_limits():
 
 def test_a_delay_that_a_slower_vehicle_of_the_priors_explains_is_not_told():
     slower = np.vstack([EXPECTED, np.roll(EXPECTED, 5)])
-    assert "delay" not in levels(check_motion("u", STEP, np.roll(EXPECTED, 5) + NOISE, EXPECTED, slower))
+    assert "timing" not in levels(check_motion("u", TIME, np.roll(EXPECTED, 5) + NOISE, EXPECTED, slower))
 
 
 @pytest.mark.parametrize(("steps", "level"), [(5, "caution"), (-5, "caution"), (-15, "caution"), (0, None)])
 def test_a_response_that_is_late_or_early(steps, level):
-    found = check_motion("u", STEP, np.roll(EXPECTED, steps) + NOISE, EXPECTED, ALIKE)
-    assert levels(found).get("delay") == level
+    found = check_motion("u", TIME, np.roll(EXPECTED, steps) + NOISE, EXPECTED, ALIKE)
+    assert levels(found).get("timing") == level
     lag, correlation = best_lag(np.roll(EXPECTED, steps), EXPECTED, 20)
     assert lag == steps
     assert correlation > 0.99
@@ -110,12 +109,12 @@ def test_a_response_that_is_late_or_early(steps, level):
 
 def test_a_motion_that_is_not_that_of_the_commands():
     measured = np.random.default_rng(2).normal(size=TIME.size)
-    assert levels(check_motion("u", STEP, measured, EXPECTED, ALIKE)) == {"direction": "caution"}
+    assert levels(check_motion("u", TIME, measured, EXPECTED, ALIKE)) == {"direction": "caution"}
 
 
 def test_gaps_do_not_matter():
     gappy = np.where(np.arange(TIME.size) % 5 == 0, EXPECTED, np.nan)
-    assert levels(check_motion("u", STEP, gappy, EXPECTED, ALIKE)) == {"direction": "pass", "size": "pass"}
+    assert levels(check_motion("u", TIME, gappy, EXPECTED, ALIKE)) == {"direction": "pass", "size": "pass"}
 
 
 def test_spikes_are_told_and_steep_quiet_signals_are_not():
@@ -235,7 +234,7 @@ def test_scatter_of_white_noise_is_its_standard_deviation():
 def test_a_unit_is_named_within_a_factor_of_1_6_of_it(name, factor, words):
     """The nearest confusion of the quantity, or its inverse, up to 1.6 times off; three times the motion expected is none yet."""
     size = next(
-        found for found in check_motion(name, STEP, factor * EXPECTED, EXPECTED, ALIKE) if found.check == "size"
+        found for found in check_motion(name, TIME, factor * EXPECTED, EXPECTED, ALIKE) if found.check == "size"
     )
     assert size.level == ("pass" if words is None else "caution")
     assert (words or "") in size.remedy
@@ -247,7 +246,7 @@ def test_a_unit_is_named_within_a_factor_of_1_6_of_it(name, factor, words):
     ("correlation", "level"), [(-0.45, "fail"), (-0.35, "caution"), (0.45, "caution"), (0.55, "pass")]
 )
 def test_direction_by_the_correlation(correlation, level):
-    """A channel goes the other way below -0.4, and size and delay are told from 0.5 on."""
+    """A channel goes the other way below -0.4, and size and timing are told from 0.5 on."""
     rng = np.random.default_rng(3)
     other = rng.normal(size=TIME.size)
     for _ in range(2):  # at every lag that is tried the other part says nothing
@@ -255,36 +254,24 @@ def test_direction_by_the_correlation(correlation, level):
     mean = EXPECTED - EXPECTED.mean()
     other -= other.mean() + mean * (other @ mean) / (mean @ mean)
     mixed = correlation * mean / mean.std() + np.sqrt(1 - correlation**2) * other / other.std()
-    found = check_motion("u", STEP, mixed, EXPECTED, ALIKE)
+    found = check_motion("u", TIME, mixed, EXPECTED, ALIKE)
     assert found[0].level == level
     assert ("size" in levels(found)) == (level == "pass")
 
 
 @pytest.mark.parametrize(
-    ("late", "shifted", "direct", "said"),
+    ("steps", "has_delay", "level", "remedy"),
     [
-        (0.11, 0.95, 0.85, "about 0.11 s late"),
-        (0.09, 0.95, 0.85, None),
-        (-0.11, 0.95, 0.85, "about 0.11 s early"),
-        (-0.09, 0.95, 0.85, None),
-        (0.5, 0.89, 0.1, None),
-        (0.5, 0.91, 0.1, "about 0.5 s late"),
-        (0.5, 0.95, 0.91, None),
-        (0.5, 0.95, 0.89, "about 0.5 s late"),
+        (5, False, "caution", "give the delay a prior"),
+        (5, True, "note", "the delay is estimated"),
+        (-5, True, "caution", "the response comes before its command"),
     ],
 )
-def test_a_shift_counts_where_it_explains_most_of_the_rest(late, shifted, direct, said):
-    """From 0.1 s on, where 0.9 is reached with it and less than half of what is left without it remains."""
-    found = _delay("u", late, shifted, direct, False)
-    assert [finding.value for finding in found] == ([said] if said else [])
-    assert all(
-        "(reported from 0.1 s on, if a shift in time explains most of the difference)" in finding.line
-        for finding in found
-    )
-    assert all(("[prior.delay]" in finding.remedy) == (late > 0) for finding in found)
-    for finding in _delay("u", late, shifted, direct, True):
-        assert "give the delay a prior" not in finding.remedy
-        assert finding.level == ("note" if late > 0 else "caution")
+def test_what_to_do_about_a_delay(steps, has_delay, level, remedy):
+    found = check_motion("u", TIME, np.roll(EXPECTED, steps) + NOISE, EXPECTED, ALIKE, has_delay)
+    (timing,) = [one for one in found if one.check == "timing"]
+    assert timing.level == level
+    assert remedy in timing.remedy
 
 
 @pytest.mark.parametrize("size", [25, 40, 300])
@@ -366,8 +353,9 @@ def test_how_far_samples_stand_out_by_a_naive_twin():
 
 @pytest.mark.parametrize(("steps", "said"), [(5, "about 0.5 s late"), (-12, "about 1.2 s early")])
 def test_a_shift_is_told_in_seconds(steps, said):
-    found = check_motion("u", STEP, np.roll(EXPECTED, steps) + NOISE, EXPECTED, ALIKE)
-    assert [finding.value for finding in found if finding.check == "delay"] == [said]
+    found = check_motion("u", TIME, np.roll(EXPECTED, steps) + NOISE, EXPECTED, ALIKE)
+    (timing,) = [finding for finding in found if finding.check == "timing"]
+    assert timing.value.startswith(f"{said}, ± 0.")
     assert {finding.signal for finding in found} == {"u"}
 
 
@@ -420,12 +408,12 @@ def test_forward_left_up_is_named(names, signs, is_enu):
 
 def test_a_sum_of_errors_is_judged_where_vehicles_of_the_priors_are_alike_and_none_explains_it():
     drift = np.linspace(-5.0, 5.0, 8)[:, None] * np.linspace(0.0, 1.0, EXPECTED.size)
-    assert check_sum("z", STEP, -EXPECTED + NOISE, EXPECTED, EXPECTED + drift * EXPECTED.std(), 0.01) is None
-    assert levels(check_sum("z", STEP, -EXPECTED + NOISE, EXPECTED, ALIKE, 0.01)) == {"direction": "fail"}
-    assert check_sum("z", STEP, EXPECTED + NOISE, EXPECTED, ALIKE, 0.01) is None
-    (size,) = check_sum("z", STEP, 100.0 * EXPECTED, EXPECTED, ALIKE, 0.01)
+    assert check_sum("z", TIME, -EXPECTED + NOISE, EXPECTED, EXPECTED + drift * EXPECTED.std(), 0.01) is None
+    assert levels(check_sum("z", TIME, -EXPECTED + NOISE, EXPECTED, ALIKE, 0.01)) == {"direction": "fail"}
+    assert check_sum("z", TIME, EXPECTED + NOISE, EXPECTED, ALIKE, 0.01) is None
+    (size,) = check_sum("z", TIME, 100.0 * EXPECTED, EXPECTED, ALIKE, 0.01)
     assert (size.check, size.level) == ("size", "caution")
-    assert check_sum("z", STEP, EXPECTED, EXPECTED, np.full((3, EXPECTED.size), np.inf), 0.01) is None
+    assert check_sum("z", TIME, EXPECTED, EXPECTED, np.full((3, EXPECTED.size), np.inf), 0.01) is None
 
 
 TRIM = {"u": 1.5, "n": 100.0}

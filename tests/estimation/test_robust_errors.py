@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from seatrial.estimation.candidate_effects import Effect
 from seatrial.estimation.mode import find_mode
-from seatrial.estimation.omitted_effects import Effect, OmittedEffects
+from seatrial.estimation.omitted_effects import OmittedEffects
 from seatrial.estimation.posterior import posterior_of_density
 from seatrial.estimation.priors import Normal, Uniform, truncated_normal
 from seatrial.estimation.record_posterior import make_posterior

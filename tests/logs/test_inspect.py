@@ -15,7 +15,7 @@ from seatrial.logs import summary
 from seatrial.logs.formats.protocol import Block, ColumnInfo, LogFile, TableInfo
 from seatrial.logs.formats.registry import read_columns
 from seatrial.logs.guess import best, guesses, unit_by_name
-from seatrial.logs.inspect import inspect_log
+from seatrial.logs.inspect import LogsTogether, inspect_log
 from seatrial.logs.read import read_log
 from seatrial.logs.source import ColumnMap, LogSource
 from seatrial.logs.summary import Gathered
@@ -521,3 +521,34 @@ def test_a_name_tells_the_unit_of_a_channel_that_has_it():
     assert unit_by_name("Lean [cdeg]", "phi") == ("deg", 0.01)
     assert unit_by_name("ground_mps", "r") is None
     assert unit_by_name("ground", "u") is None
+
+
+def test_clocks_that_do_not_meet_are_told_with_the_shift_where_both_logs_hold_a_quantity(tmp_path):
+    """The second log counts from its own start, 1700000004.2 s on the clock of the first."""
+    time = 0.1 * np.arange(900)
+    turn = np.interp(time, 1.5 * np.arange(61), np.random.default_rng(11).normal(size=61))
+    (tmp_path / "a.csv").write_text(
+        "time,rpm,yaw_rate,depth\n"
+        + "".join(
+            f"{1.7e9 + t:.2f},{900 + k % 7},{r:.4f},{2 + k % 3}\n"
+            for k, (t, r) in enumerate(zip(time, turn, strict=True))
+        )
+    )
+    rows = [(t - 4.2, r) for t, r in zip(time, turn, strict=True) if t > 4.15]
+    (tmp_path / "b.csv").write_text(
+        "time_ms,speed,yaw_rate\n" + "".join(f"{1e3 * t:.0f},{t % 3:.2f},{r:.3f}\n" for t, r in rows)
+    )
+    (tmp_path / "c.csv").write_text("time_ms,speed\n" + "".join(f"{1e3 * t:.0f},{t % 3:.2f}\n" for t, _ in rows))
+    a, b, c = (inspect_log(tmp_path / f"{name}.csv") for name in "abc")
+    first, second = (tomllib.loads(text)["import"]["files"][0] for text in LogsTogether((a, b)).maps())
+    assert "shift" not in first
+    assert "z" not in first["channels"]  # which no model has that only surges
+    assert float(second["shift"].removesuffix(" s")) == pytest.approx(1.7e9 + 4.2, abs=0.02)
+    assert "r is in both logs, correlation 1.000" in LogsTogether((a, b)).maps()[1]
+    assert (
+        "the clocks do not meet: its first stamp is 1.7e+09 s before that of a.csv"
+        in LogsTogether((a, b)).lines()[1][-1]
+    )
+    assert "no quantity that both logs hold tells the shift" in LogsTogether((a, c)).lines()[1][-1]
+    assert "shift" not in tomllib.loads(LogsTogether((a, c)).maps()[1])["import"]["files"][0]
+    assert LogsTogether((a, a)).lines()[1] == a.lines()

@@ -16,6 +16,7 @@ from seatrial.selection.combined_evidence import (
     EvidenceRun,
     Gathering,
     Keys,
+    NestedRepeat,
     Piece,
     Weighed,
     agreed_evidence,
@@ -23,6 +24,7 @@ from seatrial.selection.combined_evidence import (
     judge,
 )
 from seatrial.selection.evidence import Evidence, EvidenceSettings
+from seatrial.selection.importance import FREE
 from tests.estimation_cases import linear_gaussian
 from tests.selection.targets import far_peaks, one_peak, peaks, spike_on_slab, wide_regression
 from tests.selection.test_evidence import parabola, runs
@@ -194,7 +196,7 @@ def test_nested_sampling_is_asked_once_where_tempered_smc_does_not_confirm(late)
 def test_nested_sampling_is_not_begun_in_many_parameters():
     wide = SimpleNamespace(dim=agreement.NESTED_UP_TO + 1)
     found = do(wide, Piece("nested"), KEYS, SMALL)  # pyright: ignore[reportArgumentType]
-    assert found == Weighed("nested", None, "it is done up to 10 parameters only, and these are 11")
+    assert found == NestedRepeat(0, None, "it is done up to 10 parameters only, and these are 11")
 
 
 def test_what_is_there_is_not_done_again():
@@ -335,7 +337,7 @@ def test_repeats_that_cannot_leave_the_prior_are_told(monkeypatch):
 
     target, exact = one_peak()
     monkeypatch.setattr(agreement, "sample_warm", stopped)
-    monkeypatch.setattr(agreement, "nested_evidence", stopped)
+    monkeypatch.setattr(agreement, "sample_nested", stopped)
     found = agreed_evidence(target, KEYS, SMALL)
     assert abs(found.log_value - exact) < 4 * found.std_error
     assert "tempered SMC failed: stopped at temperature 1e-30" in found.status
@@ -361,5 +363,5 @@ def test_a_mode_is_new_where_it_is_far_off_or_higher_than_rounding_explains(away
         Mode(np.array([x, 0.0]), 4 * np.eye(2), np.eye(2) / 4, height, 0.0, np.zeros(2), np.ones(2), False)
         for x, height in ((0.0, -3.0), (5.0, -7.0))
     )
-    (found,) = agreement._is_new([first, second], np.array([[away / 2, 0.0]]), np.array([-3.0 + above]))
+    (found,) = agreement._is_new([first, second], FREE, np.array([[away / 2, 0.0]]), np.array([-3.0 + above]))
     assert found == new

@@ -6,7 +6,7 @@ from scipy import stats
 
 from seatrial.core.errors import NumericalError
 from seatrial.estimation.mode import Mode, climb, find_mode
-from seatrial.estimation.priors import Normal
+from seatrial.estimation.priors import Normal, Uniform, half_normal
 from seatrial.sampling.target import evaluate
 from seatrial.selection import importance
 from seatrial.selection.importance import (
@@ -16,11 +16,14 @@ from seatrial.selection.importance import (
     _complaints,
     _draw,
     _log_proposal,
+    bent,
+    edges_of,
     evidence_of,
     importance_evidence,
     importance_sample,
     laplace_proposal,
     refit,
+    straightened,
     weigh,
     weighted_sd,
 )
@@ -110,6 +113,61 @@ def test_mixture_density_is_that_of_its_draws():
     assert log_q == pytest.approx(np.log(expected), abs=1e-10)
     ratio = stats.multivariate_normal(centre, 0.5 * scale).pdf(z) / np.exp(log_q)
     assert ratio.mean() == pytest.approx(1.0, abs=4 * ratio.std() / np.sqrt(ratio.size))
+
+
+def leaning(offset):
+    """A likelihood normal in a and eight others, of correlation -0.95 with the first; its peak lies beyond the bound 0 of a.
+
+    The others are free, so that they are integrated in closed form, and a by quadrature.
+    """
+    others = 8
+    mean = np.concatenate([[0.02 * offset], np.full(others, 0.3)])
+    cov = np.diag(np.full(1 + others, 0.02**2))
+    cov[0, 1] = cov[1, 0] = -0.95 * 0.02**2
+    precision = jnp.asarray(np.linalg.inv(cov))
+    slope, within = cov[1:, 0] / cov[0, 0], cov[1:, 1:] - np.outer(cov[1:, 0], cov[0, 1:]) / cov[0, 0]
+
+    def likelihood(v, at):
+        e = jnp.stack([v["a"], *(v[f"b{i}"] for i in range(others))]) - at
+        return -0.5 * e @ precision @ e
+
+    nodes = np.linspace(-0.4, 0.0, 40_001)
+    given = mean[1:] + (nodes[:, None] - mean[0]) * slope
+    log_others = 0.5 * np.linalg.slogdet(2 * np.pi * within)[1]
+    log_others = log_others + stats.multivariate_normal(np.zeros(others), np.eye(others) + within).logpdf(given)
+    height = np.exp(log_others - 0.5 * ((nodes - mean[0]) / 0.02) ** 2) / 8.0
+    priors = {"a": Uniform(-8.0, 0.0), **{f"b{i}": Normal(0.0, 1.0) for i in range(others)}}
+    return posterior(priors, likelihood, jnp.asarray(mean)), np.log(np.trapezoid(height, nodes))
+
+
+@pytest.mark.parametrize("offset", [-3.0, 0.0, 1.0, 6.0])
+def test_a_posterior_that_leans_on_a_bound_is_weighed_evenly(offset):
+    """As of a term that is not needed: drawn without a cut the index of the tail is up to 0.74."""
+    target, exact = leaning(offset)
+    found = importance_evidence(target, KEY)
+    assert found.status == ""
+    assert found.diagnostics["k_hat"] < 0.3
+    assert found.diagnostics["efficiency"] > 0.4
+    assert abs(found.log_value - exact) < 4 * found.std_error < 0.03
+
+
+def test_the_density_of_a_cut_proposal_is_that_of_its_draws():
+    """Two components cut at bounds, one free: the mean of prior over proposal is 1, and the first is a t cut at its bounds."""
+    target = posterior(
+        {"a": Uniform(0.0, 1.0), "b": half_normal(2.0, lower=0.0), "c": Normal(0.0, 1.0)}, lambda v, data: jnp.zeros(())
+    )
+    edges = edges_of(target)
+    assert np.isfinite(edges).tolist() == [[True, True], [True, False], [False, False]]
+    factor = np.linalg.cholesky(np.array([[1.0, 0.5, -0.3], [0.5, 0.8, 0.2], [-0.3, 0.2, 1.2]]))
+    proposal = ProposalComponent(np.array([0.4, -0.2, 0.1]), factor, edges=edges)
+    z = _draw(proposal, np.random.default_rng(0), 40_000)
+    ratio = np.exp(evaluate(target, z) - _log_proposal(proposal, z))
+    assert ratio.mean() == pytest.approx(1.0, abs=4 * ratio.std() / np.sqrt(ratio.size))
+    line = straightened(z, edges)
+    np.testing.assert_allclose(bent(line, edges), z, atol=1e-9)
+    low, high = stats.t(8, 0.4).cdf(edges[0])
+    drawn = stats.t(8, 0.4).cdf(line[:, 0])
+    assert stats.kstest((drawn - low) / (high - low), "uniform").pvalue > 1e-3
 
 
 def test_refit_recovers_from_a_proposal_beside_the_posterior():
@@ -291,7 +349,7 @@ def test_the_proposal_is_refitted_until_enough_draws_count(monkeypatch, efficien
         return Weights(np.zeros((n, 2)), np.zeros(n), np.zeros(n), k_hat, efficiency * n)
 
     monkeypatch.setattr(importance, "weigh", canned)
-    monkeypatch.setattr(importance, "refit", lambda proposals, weights: proposals)
+    monkeypatch.setattr(importance, "refit", lambda proposals, weights, edges: proposals)
     mode = find_mode(PAIR.posterior, KEY)
     found = importance_sample(PAIR.posterior, KEY, mode, ImportanceSettings(300, 100, 2), [mode] * (modes - 1))
     assert (found.refits, found.modes) == (refits, modes)

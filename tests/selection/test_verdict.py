@@ -65,6 +65,10 @@ def test_words_at_each_threshold(inclusion, words):
     assert term_verdict("X_du3", inclusion, 0.0126).startswith(words)
 
 
+def test_a_small_error_is_given_as_a_bound():
+    assert term_verdict("X_u", 0.999, 0.0049).endswith("probability 1.00 with it (Monte Carlo error below 0.005)")
+
+
 @pytest.mark.parametrize(
     ("inclusion", "error", "noisy"), [(0.7, 0.06, True), (0.5, 0.06, False), (0.7, 0.04, False), (0.9, 0.2, True)]
 )

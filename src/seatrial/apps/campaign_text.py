@@ -1,14 +1,12 @@
 """The text of a campaign file: read, changed key by key, and written unless somebody else changed it meanwhile."""
 
-import re
 from pathlib import Path
 
-from seatrial.apps.toml_edit import set_key
+from seatrial.apps.toml_edit import dotted, set_key
 from seatrial.core.errors import InputError, SeatrialError
 from seatrial.core.files import write_text
 
 CAMPAIGN = "campaign.toml"
-_BARE = re.compile(r"[A-Za-z0-9_-]+")
 
 
 def read_file(folder: Path) -> str:
@@ -44,19 +42,12 @@ def with_trim(folder: Path, text: str, run: str | None, start: str | None, end: 
         end: likewise.
 
     Raises:
-        InputError: a label that is no plain key, or a key that cannot be edited.
+        InputError: a key that cannot be edited.
     """
-    place = str(folder / CAMPAIGN)
-    if run is not None and not _BARE.fullmatch(run):
-        raise InputError(
-            f"{place}, key import.trim",
-            found=f"run {run!r}",
-            expected="a label of letters, digits, _ and -",
-            remedy=f'write [import.trim."{run}"] with start and end by hand',
-        )
+    place, table = str(folder / CAMPAIGN), "import" if run is None else dotted("import", "trim", run)
     for key, value in (("start", start), ("end", end)):
         if value is not None:
-            text = set_key(text, "import" if run is None else f"import.trim.{run}", key, value, place)
+            text = set_key(text, table, key, value, place)
     return text
 
 

@@ -21,7 +21,14 @@ class Problem(TypedDict):
     remedy: str
 
 
-class Parameter(TypedDict):
+class Named(TypedDict):
+    """A quantity by its name, and its SI unit."""
+
+    name: str
+    unit: str
+
+
+class Parameter(Named):
     """Posterior of one parameter, SI: mean, standard deviation, shortest 95 % interval, both within the model, mode, and the health of its
     draws.
 
@@ -29,8 +36,6 @@ class Parameter(TypedDict):
     `model_error_cause` says what makes most of it.
     """
 
-    name: str
-    unit: str
     mean: Number
     sd: Number
     lower_95: Number
@@ -43,24 +48,20 @@ class Parameter(TypedDict):
     ess_tail: Number
 
 
-class Averaged(TypedDict):
+class Averaged(Named):
     """A parameter averaged over all structures by their probabilities, SI; absent counts as zero. `sd` holds within the structures,
     `model_error_sd` also if they are wrong; null where it is not larger by more than a half.
     """
 
-    name: str
-    unit: str
     mean: Number
     sd: Number
     model_error_sd: Number
     inclusion: Number
 
 
-class Known(TypedDict):
+class Known(Named):
     """How well one parameter is known, SI: its standard deviation, over its value, over the prior's, and its closest companion."""
 
-    name: str
-    unit: str
     value: Number
     sd: Number
     relative: Number
@@ -111,11 +112,9 @@ class EstimatedStructure(TypedDict):
     held_back: list[Fit]
 
 
-class FirstValue(TypedDict):
+class FirstValue(Named):
     """One number of a first answer, SI; `by` says how it was found."""
 
-    name: str
-    unit: str
     by: str
     value: Number
     sd: Number
@@ -221,11 +220,9 @@ class CrossValidate(TypedDict):
     candidates: list[LeftOut]
 
 
-class Profile(TypedDict):
+class Profile(Named):
     """Profile likelihood of one parameter, SI: its 95 % interval, null at an end that is open, and the curve."""
 
-    name: str
-    unit: str
     kind: str
     best: Number
     lower: Number
@@ -385,11 +382,9 @@ class Reach(TypedDict):
     high: Number
 
 
-class Believed(TypedDict):
+class Believed(Named):
     """One prior, SI: its 5, 50 and 95 % quantiles, and what it does alone; null for what moves no vehicle."""
 
-    name: str
-    unit: str
     quantiles: list[Number]
     alone: Reach | None
 
@@ -531,11 +526,9 @@ class Run(TypedDict):
     next: Next
 
 
-class Clock(TypedDict):
+class Clock(Named):
     """One clock of a table: length, s, rate, Hz."""
 
-    name: str
-    unit: str
     duration: Number
     rate: Number
 
@@ -584,11 +577,9 @@ class Logs(TypedDict):
     logs: list[Log]
 
 
-class Coefficient(TypedDict):
+class Coefficient(Named):
     """A coefficient of a published vehicle, SI."""
 
-    name: str
-    unit: str
     value: Number
 
 

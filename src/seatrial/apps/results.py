@@ -6,8 +6,6 @@ Where a result has an attribute by the name of a key, `picked` takes it; what is
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-import numpy as np
-
 from seatrial.apps import result_shapes as shapes
 from seatrial.core.signals import signal_unit
 
@@ -42,15 +40,15 @@ def baselines(compared: Iterable[Any]) -> list[dict[str, Any]]:
 
 def estimated(estimate: Any, held_back: Any, known_after: Any) -> dict[str, Any]:
     """Return one structure by chains."""
-    return {
-        "label": estimate.structure.label,
-        "terms": estimate.structure.terms,
-        "parameters": parameters(estimate),
-        "log_evidence_laplace": float(estimate.data.attrs["laplace_log_evidence"]),
-        "known": known(known_after),
-        "symmetry": known_after.symmetry,
-        "held_back": fits(held_back.fits),
-    }
+    return picked(
+        estimate.structure,
+        shapes.EstimatedStructure,
+        parameters=parameters(estimate),
+        log_evidence_laplace=float(estimate.data.attrs["laplace_log_evidence"]),
+        known=known(known_after),
+        symmetry=known_after.symmetry,
+        held_back=fits(held_back.fits),
+    )
 
 
 def first_answer(one: Any) -> dict[str, Any]:
@@ -62,24 +60,24 @@ def first_answer(one: Any) -> dict[str, Any]:
         for way, (value, sd) in zip(by, pairs, strict=False)
     ]
     held_back = [] if one.held_back is None else fits(one.held_back.fits)
-    told = {"label": one.structure.label, "terms": one.structure.terms, "values": values}
-    return {**told, "log_evidence_laplace": one.log_evidence, "held_back": held_back, "symmetry": one.symmetry}
+    told = {"values": values, "log_evidence_laplace": one.log_evidence, "held_back": held_back}
+    return picked(one.structure, shapes.FirstStructure, symmetry=one.symmetry, **told)
 
 
 def selected(selection: Any) -> dict[str, Any]:
     """Return which terms the data support."""
     columns = (selection.structures, selection.evidences, selection.probability, selection.probability_error)
     structures = [
-        {
-            "label": structure.label,
-            "terms": structure.terms,
-            "log_evidence": evidence.log_value,
-            "log_evidence_error": evidence.std_error,
-            "probability": probability,
-            "probability_error": error,
-            "method": evidence.method,
-            "status": evidence.status,
-        }
+        picked(
+            evidence,
+            shapes.Structure,
+            label=structure.label,
+            terms=structure.terms,
+            log_evidence=evidence.log_value,
+            log_evidence_error=evidence.std_error,
+            probability=probability,
+            probability_error=error,
+        )
         for structure, evidence, probability, error in zip(*columns, strict=True)
     ]
     inclusion = [
@@ -97,13 +95,7 @@ def criteria(found: Sequence[Any], pairs: Sequence[Any]) -> dict[str, Any]:
         of = {"DIC": (one.deviance.dic, ""), "BPIC": (one.deviance.bpic, "")}
         of |= {name: (criterion.value, criterion.status) for name, criterion in one.predictive.items()}
         rows += [
-            {
-                "structure": one.structure.label,
-                "criterion": name,
-                "value": value.value,
-                "error": value.error,
-                "status": status,
-            }
+            picked(value, shapes.Criterion, structure=one.structure.label, criterion=name, status=status)
             for name, (value, status) in of.items()
         ]
     return {"criteria": rows, "savage_dickey": [picked(pair, shapes.Ratio) for pair in pairs]}
@@ -127,33 +119,27 @@ def profiles(found: Any) -> dict[str, Any]:
 
 def design(sweep: Any, at: tuple[int, int] | None = None) -> dict[str, Any]:
     """Return a design of one family by its place on the grid; the best if none is given."""
-    from seatrial.core.signals import signal_unit
-
     (row, column), family = at or sweep.best, sweep.family
-    return {
-        "family": family.kind,
-        "control": family.control,
-        "unit": signal_unit(family.control),
-        "trim": family.trim,
-        "amplitude": sweep.amplitude[row],
-        "period": sweep.period[column],
-        "gain_nat": sweep.gain[row, column],
-        "worth": sweep.worth[row, column],
-    }
+    return picked(
+        family,
+        shapes.Design,
+        family=family.kind,
+        unit=signal_unit(family.control),
+        amplitude=sweep.amplitude[row],
+        period=sweep.period[column],
+        gain_nat=sweep.gain[row, column],
+        worth=sweep.worth[row, column],
+    )
 
 
 def designs(found: Any, promised: Any) -> dict[str, Any]:
     """Return the best design of each family, and what the best of all promises."""
-    return {
-        "designs": [design(sweep) for sweep in found.sweeps],
-        "refused": found.refused,
-        "coefficients": known(promised),
-    }
+    return {"designs": list(map(design, found.sweeps)), "refused": found.refused, "coefficients": known(promised)}
 
 
 def batch(found: Any) -> dict[str, Any]:
     """Return trials planned together."""
-    return {"trials": found.words, "utility": found.found.utility, "schedules": found.schedules, "unit": found.unit}
+    return picked(found, shapes.Batch, trials=found.words, utility=found.found.utility)
 
 
 def sensor_rows(found: Any) -> list[dict[str, Any]]:
@@ -178,15 +164,16 @@ def prior(found: Any) -> dict[str, Any]:
         "over": found.over,
         "steady_speed": None if found.settled is None else _quantiles(found.settled.speed),
         "time_constant": None if found.settled is None else _quantiles(found.settled.time_constant),
-        "diverging": float(np.mean(found.diverged)),
+        "diverging": float(found.diverged.mean()),
         "channels": [
-            {
-                "channel": one.channel,
-                "unit": signal_unit(one.channel),
-                "lowest": float(one.bands[0].min()),
-                "highest": float(one.bands[-1].max()),
-                "measured_inside": one.held,
-            }
+            picked(
+                one,
+                shapes.ExpectedChannel,
+                unit=signal_unit(one.channel),
+                lowest=float(one.bands[0].min()),
+                highest=float(one.bands[-1].max()),
+                measured_inside=one.held,
+            )
             for one in found.channels
         ],
         "priors": [
@@ -208,22 +195,14 @@ def rehearsal(found: Any) -> dict[str, Any]:
         }
         for name in found.strategies
     ]
-    told = {"vehicles": found.vehicles, "most": found.most, "coefficients": found.coefficients}
-    return {**told, "strategies": rows}
+    return picked(found, shapes.Rehearsal, strategies=rows)
 
 
 def records(trials: Any) -> dict[str, Any]:
     """Return the records of a campaign."""
     return {
         "records": [
-            {
-                "label": record.label,
-                "held_back": held_back,
-                "samples": record.time.size,
-                "duration": record.time[-1],
-                "controls": record.controls,
-                "measured": record.measured,
-            }
+            picked(record, shapes.RecordRow, held_back=held_back, samples=record.time.size, duration=record.time[-1])
             for held_back, of in ((False, trials.fit), (True, trials.predict))
             for record in of
         ]
@@ -232,31 +211,22 @@ def records(trials: Any) -> dict[str, Any]:
 
 def checked(judged: Iterable[Any]) -> dict[str, Any]:
     """Return what was found about each record."""
-    return {
-        "records": [
-            {
-                "label": one.record.label,
-                "level": one.level,
-                "findings": [picked(finding, shapes.Finding) for finding in one.findings],
-            }
-            for one in judged
-        ]
-    }
+
+    def row(one: Any) -> dict[str, Any]:
+        findings = [picked(finding, shapes.Finding) for finding in one.findings]
+        return picked(one, shapes.Checked, label=one.record.label, findings=findings)
+
+    return {"records": list(map(row, judged))}
 
 
 def tuning(found: Iterable[Any]) -> dict[str, Any]:
     """Return how a filter is tuned along each record."""
-    return {
-        "records": [
-            {
-                "record": one.record.label,
-                "nis": one.report.nis,
-                "nis_band": one.report.nis_band,
-                "changes": [picked(finding, shapes.Change) for finding in one.report.findings],
-            }
-            for one in found
-        ]
-    }
+
+    def row(one: Any) -> dict[str, Any]:
+        changes = [picked(finding, shapes.Change) for finding in one.report.findings]
+        return picked(one.report, shapes.Tuned, record=one.record.label, changes=changes)
+
+    return {"records": list(map(row, found))}
 
 
 def calibration(found: Any) -> dict[str, Any]:
@@ -277,7 +247,7 @@ def next_trial(designs: Any, proposal: Any) -> dict[str, Any]:
     if trial is None:
         return {"trial": None, "advice": proposal.words}
     sweep = next(one for one in designs.sweeps if one.family.kind == trial.kind)
-    at = np.abs(sweep.amplitude - trial.amplitude).argmin(), np.abs(sweep.period - trial.period).argmin()
+    at = abs(sweep.amplitude - trial.amplitude).argmin(), abs(sweep.period - trial.period).argmin()
     return {"trial": design(sweep, (int(at[0]), int(at[1]))), "advice": proposal.words}
 
 
@@ -298,17 +268,14 @@ def run(outcome: Any, proposal: Any, averaged: Sequence[Mapping[str, Any]]) -> d
 
 def log(found: Any, guessed: str) -> dict[str, Any]:
     """Return what a log holds, and its guessed map as TOML."""
-    tables = [
-        {
-            "name": table.info.name,
-            "rows": table.rows,
-            "clocks": [picked(one, shapes.Clock) for one in table.clocks],
-            "columns": [picked(one, shapes.Column) for one in table.columns],
-        }
-        for table in found.tables
-    ]
+
+    def table(one: Any) -> dict[str, Any]:
+        clocks = [picked(clock, shapes.Clock) for clock in one.clocks]
+        columns = [picked(column, shapes.Column) for column in one.columns]
+        return picked(one, shapes.Table, name=one.info.name, clocks=clocks, columns=columns)
+
     guesses = [picked(one, shapes.Guess) for one in found.guesses]
-    return {"kind": found.kind, "tables": tables, "guesses": guesses, "map": guessed}
+    return picked(found, shapes.Log, tables=list(map(table, found.tables)), guesses=guesses, map=guessed)
 
 
 def vehicle(name: str, found: Any) -> dict[str, Any]:
@@ -321,8 +288,8 @@ def vehicle(name: str, found: Any) -> dict[str, Any]:
         {"name": term, "unit": model.unit_of(CoefficientName.parse(term)), "value": value}
         for term, value in values.items()
     ]
-    told = {"name": name, "title": found.hull.name, "mass": found.hull.mass, "moves": found.moves}
-    return {**told, "controls": found.controls, "coefficients": rows, "notes": found.notes}
+    hull = found.hull
+    return picked(found, shapes.VehiclePage, name=name, title=hull.name, mass=hull.mass, coefficients=rows)
 
 
 def exported(statement: Any) -> dict[str, Any]:
@@ -349,6 +316,8 @@ def scores(result: Any) -> dict[str, Any]:
     return {"set": result.set.name, "scores": rows, "not_beaten": result.beaten()}
 
 
-def _quantiles(values: np.ndarray) -> list[float | None]:
+def _quantiles(values: Any) -> list[float | None]:
+    import numpy as np
+
     there = values[np.isfinite(values)]
     return [float(value) for value in np.quantile(there, QUANTILES)] if there.size else [None] * len(QUANTILES)

@@ -6,6 +6,7 @@ tomlkit edits the text; then old and new text are parsed by the standard library
 import copy
 import json
 import re
+import tomllib
 from collections.abc import Iterator, MutableMapping, Sequence
 from contextlib import suppress
 from typing import Any, NamedTuple
@@ -13,13 +14,14 @@ from typing import Any, NamedTuple
 from seatrial.campaign.config.toml import toml_content
 from seatrial.core.errors import InputError
 
-_HEADER = re.compile(r"""\s*\[\[?([\w\s."'-]+)\]\]?\s*(#.*)?$""")
-"""A line that begins a table, and its name."""
+_BARE = re.compile(r"[A-Za-z0-9_-]+")
 Value = str | float | bool | Sequence[str] | None
 
 
 class Section(NamedTuple):
-    """A table as it stands in a file: its name, empty for what is above the first, and its lines with the comments right above it."""
+    """A table as it stands in a file: its name as `dotted` writes it, empty for what is above the first, and its lines with the comments
+    right above it.
+    """
 
     name: str
     text: str
@@ -29,14 +31,33 @@ def sections_of(text: str) -> list[Section]:
     """Divide a TOML file into its tables; their texts joined are the file."""
     found, name, lines = [], "", []
     for line in text.splitlines(keepends=True):
-        if header := _HEADER.match(line):
+        if path := _path_of(line):
             above = len(lines)
             while above and lines[above - 1].lstrip().startswith("#"):
                 above -= 1
             found.append(Section(name, "".join(lines[:above])))
-            name, lines = re.sub(r"[\s\"']", "", header[1]), lines[above:]
+            name, lines = dotted(*path), lines[above:]
         lines.append(line)
     return [*found, Section(name, "".join(lines))]
+
+
+def dotted(*path: str) -> str:
+    """Return the name of a table as TOML writes it, such as `import.trim."day 1"`."""
+    return ".".join(one if _BARE.fullmatch(one) else json.dumps(one, ensure_ascii=False) for one in path)
+
+
+def _path_of(header: str) -> list[str]:
+    """Return the parts of the name of a table that a line begins; none where it begins none."""
+    found: Any = {}
+    if header.lstrip().startswith("["):
+        with suppress(tomllib.TOMLDecodeError):
+            found = tomllib.loads(header)
+    path = []
+    while found:
+        ((name, inside),) = found.items()
+        path.append(name)
+        found = inside[0] if isinstance(inside, list) else inside
+    return path
 
 
 def set_key(text: str, table: str, key: str, value: Value, where: str = "the file") -> str:
@@ -44,7 +65,7 @@ def set_key(text: str, table: str, key: str, value: Value, where: str = "the fil
 
     Args:
         text: of the file.
-        table: its name, such as `limits.n`; made at the end of the file where it is missing.
+        table: its name as `dotted` writes it, such as `limits.n`; made at the end of the file where it is missing.
         key: bare key; a new one stands right below the last of its table, above comments that follow it.
         value: string, number, truth value or strings; None removes the key.
         where: file, for errors.
@@ -55,7 +76,7 @@ def set_key(text: str, table: str, key: str, value: Value, where: str = "the fil
     from tomlkit.exceptions import TOMLKitError
 
     before = toml_content(where, text)
-    wanted, path = copy.deepcopy(before), table.split(".")
+    wanted, path = copy.deepcopy(before), _path_of(f"[{table}]")
     try:
         _put(wanted, path, key, value)
         if _exact(wanted) == _exact(before) or (value is None and not _has(before, path)):
@@ -80,7 +101,7 @@ def _edits(text: str, table: str, key: str, value: Value, before: Any) -> Iterat
     """Yield texts with the key set, the first wanted first; a line within a string may look like a table, so each has to be read again."""
     import tomlkit
 
-    path, line = table.split("."), f"{key} = {written(value)}\n" if value is not None else ""
+    path, line = _path_of(f"[{table}]"), f"{key} = {written(value)}\n" if value is not None else ""
     if not _has(before, path):
         yield f"{_ended(text)}\n[{table}]\n{line}"
         return

@@ -92,6 +92,8 @@ ACTUAL = "_act"
 SET = "_set"
 """Ending of a set-point of an autopilot: `psi_set` is the heading that it is told to hold."""
 RATES = ("u", "v", "w", "p", "q", "r")
+SPEEDS = dict(zip("XYZKMN", RATES, strict=True))
+"""Velocity along or about each axis, by its force or moment."""
 CONTROLS = ("n", "delta_r", "delta_s", "tau_X", "tau_Y", "tau_Z", "tau_K", "tau_M", "tau_N")
 """Signals whose time derivative may be written, as in `X_udot`."""
 

@@ -4,20 +4,43 @@ A miss is told in the limit's own unit: were its bound that much wider, one desi
 probability and confidence asked for.
 """
 
-import re
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 
-from seatrial.core.errors import InputError
+from seatrial.core.errors import InputError, SeatrialError
 from seatrial.design.safety import Safety
 
 PAIRS = 3
 """Conflicting pairs that are told, most telling first."""
 GENTLER = "; or try gentler or shorter designs (design.amplitude, design.duration)"
 """How the remedy ends that widens limits."""
-_WIDTH = re.compile(r"(?<= by )[\d.e+-]+(?= )")
+
+
+class Ways(NamedTuple):
+    """Which limits may give way so that one design is allowed: a sentence with places for widths, and these, in the limits' own units."""
+
+    template: str
+    widths: tuple[float, ...]
+
+    def __str__(self) -> str:
+        """Return the sentence."""
+        return self.template.format(*(f"{width:.3g}" for width in self.widths))
+
+
+class NoDesignAllowed(InputError):
+    """No design keeps all limits; `ways` say which of them would have to give way."""
+
+    def __init__(self, where: str, *, found: str, expected: str, ways: Ways):
+        self.ways = ways
+        super().__init__(where, found=found, expected=expected, remedy=f"{ways}{GENTLER}")
+
+    def __reduce__(self) -> tuple[Callable[[], InputError], tuple[()]]:
+        """Return how it travels between processes."""
+        return partial(type(self), self.where, found=self.found, expected=self.expected, ways=self.ways), ()
 
 
 def check_some_allowed(safety: Safety) -> None:
@@ -36,32 +59,31 @@ def check_some_allowed(safety: Safety) -> None:
     ]
     if safety.diverged.any():
         results.append(f"the motion of {lost.sum()} designs diverges too often, which breaks every limit")
-    told, remedy = _misses(safety, kept)
-    raise InputError(
-        "safety limits",
-        found="; ".join([*results, *told]),
-        expected=f"at least one design that keeps all limits with probability {safety.probability:g} "
-        f"(confidence {safety.confidence:g})",
-        remedy="narrow the priors or choose gentler designs: no limit can be kept while the motion diverges"
-        if lost.all()
-        else f"{remedy}{GENTLER}",
+    told, ways = _misses(safety, kept)
+    found = "; ".join([*results, *told])
+    expected = (
+        f"at least one design that keeps all limits with probability {safety.probability:g} "
+        f"(confidence {safety.confidence:g})"
     )
+    if lost.all():
+        remedy = "narrow the priors or choose gentler designs: no limit can be kept while the motion diverges"
+        raise InputError("safety limits", found=found, expected=expected, remedy=remedy)
+    raise NoDesignAllowed("safety limits", found=found, expected=expected, ways=ways)
 
 
-def remedy_of_any(remedies: Sequence[str]) -> str:
-    """Return one remedy of several of which any will do: of those that differ in widths alone the one that widens least.
-
-    Args:
-        remedies: of `check_some_allowed` for each family, or others.
-    """
-    least: dict[str, str] = {}
-    for whole in remedies:
-        one = whole.removesuffix(GENTLER)
-        kind = _WIDTH.sub("#", one)
-        least[kind] = min(
-            least.get(kind, one), one, key=lambda text: max(map(float, _WIDTH.findall(text)), default=0.0)
-        )
-    return "; or ".join(least.values()) + (GENTLER if any(one.endswith(GENTLER) for one in remedies) else "")
+def remedy_of_any(errors: Iterable[SeatrialError]) -> str:
+    """Return one remedy of several errors of which any will do: of those that differ in widths alone the one that widens least."""
+    least: dict[str, tuple[float, str]] = {}
+    gentler = ""
+    for error in errors:
+        if isinstance(error, NoDesignAllowed):
+            kind, one = error.ways.template, (max(error.ways.widths, default=0.0), str(error.ways))
+            gentler = GENTLER
+        else:
+            kind = error.remedy if isinstance(error, InputError) else "narrow the priors"
+            one = 0.0, kind
+        least[kind] = min(least.get(kind, one), one, key=lambda way: way[0])
+    return "; or ".join(words for _, words in least.values()) + gentler
 
 
 def conflicting_pairs(safety: Safety) -> list[tuple[int, int]]:
@@ -91,13 +113,13 @@ def least_miss(safety: Safety, limit: int, beside: tuple[int, ...] = ()) -> tupl
     return float(-margin.max()), int(margin.argmax())
 
 
-def _misses(safety: Safety, kept: np.ndarray) -> tuple[list[str], str]:
+def _misses(safety: Safety, kept: np.ndarray) -> tuple[list[str], Ways]:
     """Misses and a remedy: of limits that exclude every design; else of pairs; else of each limit beside all others."""
     limits, everyone = safety.limits, range(len(safety.limits))
     hopeless = [i for i in everyone if not kept[:, i].any()]
     if hopeless:
         told = [f"{limits[i].words} {_miss(safety, i, ())}" for i in hopeless]
-        return told, " and ".join(_widen(safety, i, ()) for i in hopeless)
+        return told, _joined(" and ", [_widen(safety, i, ()) for i in hopeless])
     pairs = conflicting_pairs(safety)[:PAIRS]
     if pairs:
         told = [
@@ -106,8 +128,8 @@ def _misses(safety: Safety, kept: np.ndarray) -> tuple[list[str], str]:
             f"{_miss(safety, i, (j,))}"
             for i, j in pairs
         ]
-        ways = [f"{_widen(safety, j, (i,))} or {_widen(safety, i, (j,))}" for i, j in pairs]
-        return told, "; and ".join(ways)
+        ways = [_joined(" or ", [_widen(safety, j, (i,)), _widen(safety, i, (j,))]) for i, j in pairs]
+        return told, _joined("; and ", ways)
     best = int(safety.joint_share.argmax())
     others = {i: tuple(j for j in everyone if j != i) for i in everyone}
     told = [
@@ -115,23 +137,24 @@ def _misses(safety: Safety, kept: np.ndarray) -> tuple[list[str], str]:
         f"of {safety.name(best)}",
         *(f"beside all others {limits[i].words} {_miss(safety, i, others[i])}" for i in everyone),
     ]
-    return told, " or ".join(_widen(safety, i, others[i]) for i in everyone)
+    return told, _joined(" or ", [_widen(safety, i, others[i]) for i in everyone])
+
+
+def _joined(between: str, ways: Sequence[Ways]) -> Ways:
+    return Ways(between.join(one.template for one in ways), tuple(width for one in ways for width in one.widths))
 
 
 def _miss(safety: Safety, limit: int, beside: tuple[int, ...]) -> str:
     width, design = least_miss(safety, limit, beside)
     if not np.isfinite(width):
         return "cannot be kept at any width"
-    return f"is missed by {_shown(safety, limit, width)} by {safety.name(design)}, the gentlest"
+    factor, unit = safety.limits[limit].shown
+    return f"is missed by {width * factor:.3g} {unit} by {safety.name(design)}, the gentlest"
 
 
-def _widen(safety: Safety, limit: int, beside: tuple[int, ...]) -> str:
+def _widen(safety: Safety, limit: int, beside: tuple[int, ...]) -> Ways:
     width, _ = least_miss(safety, limit, beside)
     if not np.isfinite(width):
-        return f"give up {safety.limits[limit].words}"
-    return f"widen {safety.limits[limit].words} by {_shown(safety, limit, width)} or more"
-
-
-def _shown(safety: Safety, limit: int, width: float) -> str:
+        return Ways(f"give up {safety.limits[limit].words}", ())
     factor, unit = safety.limits[limit].shown
-    return f"{width * factor:.3g} {unit}"
+    return Ways(f"widen {safety.limits[limit].words} by {{}} {unit} or more", (width * factor,))

@@ -9,9 +9,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from seatrial.core.coefficients import CoefficientName
+from seatrial.core.signals import SPEEDS
 
-MOVES = dict(zip("XYZKMN", "uvwpqr", strict=True))
-"""Velocity along each axis."""
 ORDER = "XNYZMK"
 """Axes in the order of how easily they are excited, where nothing else decides."""
 ON = {"T": "X", "Q": "K"}
@@ -49,7 +48,7 @@ def find_stages(names: Sequence[str], asked: Sequence[str]) -> tuple[Stage, ...]
         terms[ON.get(term.axis, term.axis)].append(term)
     used = [axis for axis in ORDER if terms[axis]]
     needs = {
-        axis: {other for other in used if any(MOVES[other] in term.signals for term in terms[axis])} for axis in used
+        axis: {other for other in used if any(SPEEDS[other] in term.signals for term in terms[axis])} for axis in used
     }
     for through in used:
         for axis in used:
@@ -79,9 +78,9 @@ def _stage(
     earlier: Sequence[Stage],
 ) -> Stage:
     own = {term.text for axis in axes for term in terms[axis]}
-    moves = tuple(MOVES[axis] for axis in "XYZKMN" if axis in axes)
+    moves = tuple(speed for axis, speed in SPEEDS.items() if axis in axes)
     signals = {signal for axis in axes for term in terms[axis] for signal in term.signals}
-    given = tuple(speed for speed in MOVES.values() if speed in signals and speed not in moves)
+    given = tuple(speed for speed in SPEEDS.values() if speed in signals and speed not in moves)
     needed = {other for axis in axes for other in needs[axis]}
     before = tuple(number for number, stage in enumerate(earlier) if needed & set(stage.axes))
     return Stage("".join(axes), tuple(name for name in names if name in own), moves, given, before)

@@ -35,12 +35,14 @@ class TrialDesign:
         refused: why each other family has none, by its kind.
         sd_before: standard deviation of each coefficient before the trial, SI, by name.
         sd_after: what is predicted of it after the best trial.
+        units: SI unit of each, by name.
     """
 
     sweeps: tuple[Sweep, ...]
     refused: Mapping[str, str]
     sd_before: Mapping[str, float]
     sd_after: Mapping[str, float]
+    units: Mapping[str, str]
 
     @property
     def gain(self) -> float:
@@ -57,12 +59,14 @@ class TrialDesign:
         return best.family.schedule(float(best.amplitude[row]), float(best.period[column]), **held)
 
     def summary(self) -> "DataFrame":
-        """Return a table with a row for each coefficient: its standard deviation before and after the best trial, SI."""
+        """Return a table with a row for each coefficient: its SI unit, its standard deviation before and after the best trial, and the
+        share of it that is left."""
         from pandas import DataFrame
 
         after = [self.sd_after[name] for name in self.sd_before]
         return DataFrame(
             {
+                "unit": [self.units[name] for name in self.sd_before],
                 "sd_before": list(self.sd_before.values()),
                 "sd_after": after,
                 "left": np.divide(after, list(self.sd_before.values())),
@@ -175,6 +179,7 @@ def design_trial(
         refused,
         dict(zip(names, map(float, scales), strict=True)),
         dict(zip(names, map(float, after), strict=True)),
+        {term.text: term.unit for term in model.coefficients},
     )
 
 

@@ -1,7 +1,8 @@
 """Does a record move as its channel map says? Its motion beside that of the vehicle as it is believed to be.
 
 A vehicle simulated from the record's own commands is no prediction yet, but it goes the same way, about as far and about as soon.
-A channel that goes the other way has its sign wrong; one that goes 57.3 times as far is in degrees.
+A channel that goes the other way has its sign wrong; one that goes 57.3 times as far is in degrees; one that begins before its command
+has another clock.
 """
 
 from collections.abc import Sequence
@@ -12,6 +13,7 @@ from jaxtyping import Float
 from seatrial.core.signals import ANGLES, POSITIONS
 from seatrial.estimation.record_checks import SPIKE, RecordFinding, unit_guess
 from seatrial.estimation.remedies import listed
+from seatrial.estimation.timing_check import Timing, find_timing
 
 OPPOSED, RELATED = -0.4, 0.5
 """Correlation with the expected motion below which a channel goes the other way, and from which size and delay can be told."""
@@ -31,47 +33,63 @@ AGREED, LEFT = 0.75, 0.25
 """Share of the vehicles drawn from the priors that must go one way for the priors to say which, of those that do not run away, and
 share that must be left of them."""
 LATE, LONGEST = 0.1, 2.0
-"""Seconds from which a shift in time is told, and up to which one is sought."""
-TOLD = 0.9
-"""Correlation with the shifted motion from which a shift can be told."""
+"""Seconds from which a shift in time is told, and up to which one is sought within a file."""
+WIDE = 60.0
+"""Seconds up to which a shift is sought between files, whose clocks may differ."""
+VAGUE = 5.0
+"""Seconds by which the clocks may differ unseen for the timing to be judged."""
+WITHIN = (0.5, 1.0, 2.0, VAGUE)
+"""Seconds to which a timing that passes is told, so that channels share a line."""
 
 
 def check_motion(
     name: str,
-    step: float,
+    time: Float[np.ndarray, " n"],
     measured: Float[np.ndarray, " n"],
     expected: Float[np.ndarray, " n"],
     drawn: Float[np.ndarray, "d n"],
     has_delay: bool = False,
     controls: Sequence[str] = (),
     by_trim: bool = False,
+    file: str = "",
 ) -> list[RecordFinding]:
-    """Direction, size and delay of a measured channel beside the expected one, NaN where not measured.
+    """Direction, size and timing of a measured channel beside the expected one, NaN where not measured.
 
     Args:
         name: channel.
-        step: of the record, s.
+        time: of the record, s, shape (n,).
         measured: SI, shape (n,).
         expected: of the vehicle at the prior means, SI, shape (n,).
         drawn: of vehicles drawn from the priors, SI, not finite where they run away, shape (d, n): a slower one may explain a delay.
         has_delay: whether the delay has a prior.
         controls: that make the motion, whose units may be wrong as well.
         by_trim: whether the measured channel contradicts its trim too: of two guesses of one unit only the better is made.
+        file: of the channel, where the controls are in another, whose clock may differ; empty where they are in the same.
     """
-    most = round(LONGEST / step)
-    lag, correlation = best_lag(measured, expected, most)
+    step = float(np.median(np.diff(time)))
+    correlation = best_lag(measured, expected, round(LONGEST / step))[1]
+    vehicles = np.vstack([expected[None], drawn[np.isfinite(drawn).all(1)]])
+    timing = find_timing(time, measured, vehicles, WIDE if file else LONGEST)
+    timings = _timing_findings(name, timing, has_delay, file)
+    shift = timing.likely[0].best if timing is not None and timing.likely else 0.0
+    if timing is not None and not timing.is_in_time and not timing.is_reversed and abs(shift) > LONGEST:
+        correlation = _correlation(measured, np.interp(time - shift, time, expected, left=np.nan, right=np.nan))
     against = f"below {OPPOSED:g} it goes the other way"
     if correlation <= OPPOSED:
         remedy = (
             f"the sign of {name} or of its command is reversed: set scale = -1 in the channel map, "
             "or check the axes (east-north-up or north-east-down)"
         )
+        if timing is not None and timing.likely and not timing.is_in_time:
+            remedy += (
+                f"; or the clocks of the files differ: the motion repeats, and {_late(shift)} would explain it as well"
+            )
         value = f"correlation {correlation:+.2f} with the motion expected"
         return [RecordFinding(name, "direction", "fail", value, against, remedy)]
     if correlation < RELATED:
         remedy = "the motion hardly follows the commands: check the channel map, the clocks and the priors"
         usual = f"{RELATED:g} or more is usual"
-        return [RecordFinding(name, "direction", "caution", f"correlation {correlation:+.2f}", usual, remedy)]
+        return [RecordFinding(name, "direction", "caution", f"correlation {correlation:+.2f}", usual, remedy), *timings]
     results = [
         RecordFinding(name, "direction", "pass", f"correlation {correlation:+.2f} with the motion expected", against)
     ]
@@ -83,12 +101,7 @@ def check_motion(
     remedy = f"{unit_guess(told, ratio, OTHER)}check the units of {listed(told)} in the channel map, and the priors"
     remedy = "" if fits else "see its trim, which tells the unit better" if by_trim else remedy
     results.append(RecordFinding(name, "size", "pass" if fits else "caution", value, limits, remedy))
-    late = lag * step
-    if abs(late) >= LATE:
-        others = [best_lag(measured, one, most)[0] * step for one in drawn if np.isfinite(one).all()]
-        if any(one * late < LATE * abs(late) for one in others):
-            return results
-    return [*results, *_delay(name, late, correlation, _correlation(measured, expected), has_delay)]
+    return [*results, *timings]
 
 
 def check_range(
@@ -200,7 +213,7 @@ def says_direction(expected: Float[np.ndarray, " n"], drawn: Float[np.ndarray, "
 
 def check_sum(
     name: str,
-    step: float,
+    time: Float[np.ndarray, " n"],
     measured: Float[np.ndarray, " n"],
     expected: Float[np.ndarray, " n"],
     drawn: Float[np.ndarray, "d n"],
@@ -214,7 +227,7 @@ def check_sum(
 
     Args:
         name: channel.
-        step: of the record, s.
+        time: of the record, s, shape (n,).
         measured: SI, NaN where not measured, shape (n,).
         expected: of the vehicle at the prior means, SI, shape (n,).
         drawn: of d vehicles drawn from the priors, SI, not finite where they run away, shape (d, n).
@@ -230,15 +243,16 @@ def check_sum(
         remedy = unit_guess((name,), ratio) + "check the units in the channel map, and the priors"
         value = f"{ratio:.3g} times the motion of most vehicles of the priors"
         return [RecordFinding(name, "size", "caution", value, f"within {SIZE:g} times that of one of them", remedy)]
-    apart, most = float(np.median(np.std((left - expected)[:, there], axis=1))), round(LONGEST / step)
+    apart = float(np.median(np.std((left - expected)[:, there], axis=1)))
+    most = round(LONGEST / float(np.median(np.diff(time))))
     if apart > ALIKE * size or any(best_lag(measured, one, most)[1] >= RELATED for one in left):
         return None
-    return check_motion(name, step, measured, expected, drawn, has_delay)
+    return check_motion(name, time, measured, expected, drawn, has_delay)
 
 
 def not_judged_sum(names: Sequence[str]) -> RecordFinding:
     """Return the note about channels in which errors add up, and which the priors allow."""
-    value = "not judged, nor size and delay; errors of velocities, and the net weight, add up in it, and the priors allow it"
+    value = "not judged, nor size and timing; errors of velocities, and the net weight, add up in it, and the priors allow it"
     return RecordFinding(
         ", ".join(names), "direction", "note", value, "judged where they do not; the velocities are judged"
     )
@@ -246,29 +260,64 @@ def not_judged_sum(names: Sequence[str]) -> RecordFinding:
 
 def not_judged(names: Sequence[str]) -> RecordFinding:
     """Return the note about channels of which the priors do not say which way they go."""
-    value = "not judged, like size and delay: vehicles drawn from the priors go in both directions or diverge"
+    value = "not judged, like size and timing: vehicles drawn from the priors go in both directions or diverge"
     remedy = "use priors of known sign, such as half-normal"
     return RecordFinding(
         ", ".join(names), "direction", "note", value, f"judged if {AGREED:.0%} go in one direction", remedy
     )
 
 
-def _delay(name: str, late: float, shifted: float, direct: float, has_delay: bool) -> list[RecordFinding]:
-    """Return a shift in time that explains most of what is not explained without it; a slower vehicle looks late too."""
-    limit = f"reported from {LATE:g} s on, if a shift in time explains most of the difference"
-    if abs(late) < LATE or shifted < TOLD or (1.0 - direct) < 2.0 * (1.0 - shifted):
+def _timing_findings(name: str, timing: Timing | None, has_delay: bool, file: str) -> list[RecordFinding]:
+    """Say by how much a channel is early or late; of files with clocks of their own also that it is not, or that it cannot be judged."""
+    limit = "no vehicle of the priors explains it without a shift"
+    is_sharp = timing is not None and all(one.greatest - one.least <= VAGUE for one in timing.likely)
+    if timing is not None and timing.likely and not timing.is_in_time and is_sharp:
+        best, *others = timing.likely
+        late = best.best
+        if abs(late) < LATE:
+            return []
+        value = f"about {_late(late)}, ± {max((best.greatest - best.least) / 2, LATE):.1g} s"
+        value += "".join(f"; or about {_late(one.best)}" for one in others)
+        level = "note" if 0 < late <= LONGEST and has_delay else "caution"
+        remedy = _timing_remedy(late, has_delay, file)
+        remedy = (
+            f"the motion repeats and fits with each of these shifts; if it is the first, {remedy}" if others else remedy
+        )
+        return [RecordFinding(name, "timing", level, value, limit, remedy)]
+    if not file:
         return []
-    if late > 0 and has_delay:
-        remedy = "the delay is estimated: check that its prior, [prior.delay], includes this value"
-        return [RecordFinding(name, "delay", "note", f"about {late:.2g} s late", limit, remedy)]
-    if late > 0:
-        remedy = "give the delay a prior, [prior.delay], unless the vehicle is slower than the priors say"
-        return [RecordFinding(name, "delay", "caution", f"about {late:.2g} s late", limit, remedy)]
-    remedy = (
-        "the response comes before its command: put command and response on one clock, unless the vehicle is quicker than "
-        "the priors say"
-    )
-    return [RecordFinding(name, "delay", "caution", f"about {-late:.2g} s early", limit, remedy)]
+    if timing is not None and timing.is_in_time and len(timing.likely) == 1 and timing.within <= VAGUE:
+        value = f"in time with its commands, or off by at most {timing.within:.2g} s"
+        within = next(seconds for seconds in WITHIN if timing.within <= seconds)
+        return [RecordFinding(name, f"timing (within {within:g} s)", "pass", value, limit)]
+    if timing is None or not timing.likely:
+        value = f"not judged: no shift up to {WIDE:g} s, or half the record, explains half of the motion"
+    else:
+        ends = [f"{_late(one.least)} to {_late(one.greatest)}" for one in timing.likely]
+        value = f"not judged: the motion fits with every shift from {', and from '.join(ends)}"
+    limit = f"judged if shifts of more than {VAGUE:g} s can be excluded"
+    remedy = f"compare the clock of {file} with that of the commands in another way, before you believe a result"
+    return [RecordFinding(name, "timing", "note", value, limit, remedy)]
+
+
+def _timing_remedy(late: float, has_delay: bool, file: str) -> str:
+    """Return what to do about a channel that is late by so many seconds, or early by as many below zero."""
+    if file and not 0 < late <= LONGEST:
+        wrong = "large" if late > 0 else "small"
+        return f"`shift` of {file} under [[import.files]] is too {wrong} by about {abs(late):.2g} s: correct it, and check again"
+    if late < 0:
+        return (
+            "the response comes before its command: put command and response on one clock, unless the vehicle is quicker than "
+            "the priors say"
+        )
+    clock = f", or `shift` of {file} is too large" if file else ""
+    if has_delay:
+        return f"the delay is estimated: check that its prior, [prior.delay], includes this value{clock}"
+    return f"give the delay a prior, [prior.delay], unless the vehicle is slower than the priors say{clock}"
+
+
+def _late(seconds: float) -> str:
+    return f"{abs(seconds):.2g} s {'late' if seconds > 0 else 'early'}"
 
 
 def best_lag(measured: Float[np.ndarray, " n"], expected: Float[np.ndarray, " n"], most: int) -> tuple[int, float]:

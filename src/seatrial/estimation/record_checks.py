@@ -117,7 +117,7 @@ def unit_guess(names: Sequence[str], ratio: float, unlike: float = 1.0) -> str:
 def check_limits(
     name: str, column: Float[np.ndarray, " n"], limits: Limits, factor: float, unit: str
 ) -> list[RecordFinding]:
-    """Return the bound of a control that a record goes beyond, by more than a hundredth of how far it moves.
+    """Return the bound of a control that a record goes beyond, by more than a hundredth of how far it moves; rest is only noted.
 
     Args:
         name: control.
@@ -128,12 +128,22 @@ def check_limits(
     """
     least, greatest = float(column.min()), float(column.max())
     slack, results = BEYOND * (greatest - least) + 1e-9 * max(abs(least), abs(greatest)), []
-    for key, bound, end, is_beyond in (
-        ("lower", limits.lower, least, limits.lower is not None and least < limits.lower - slack),
-        ("upper", limits.upper, greatest, limits.upper is not None and greatest > limits.upper + slack),
+    for key, bound, end, is_beyond, is_rest in (
+        ("lower", limits.lower, least, limits.lower is not None and least < limits.lower - slack, least >= -slack),
+        (
+            "upper",
+            limits.upper,
+            greatest,
+            limits.upper is not None and greatest > limits.upper + slack,
+            greatest <= slack,
+        ),
     ):
         if bound is not None and is_beyond:
             limit = f"limits.{name}.{key} is {bound * factor:.4g} {unit}"
+            if is_rest:
+                value = "the record goes to rest, or begins there, outside the limits that designs keep"
+                results.append(RecordFinding(name, "limits", "note", value, limit))
+                continue
             remedy = "designs stay inside the limit: correct it if the vehicle may go so far, else check the unit in the channel map"
             value = f"the record reaches {end * factor:.4g} {unit}"
             results.append(RecordFinding(name, "limits", "caution", value, limit, remedy))

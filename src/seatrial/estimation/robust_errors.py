@@ -28,9 +28,10 @@ from jaxtyping import Bool, Float
 from scipy.special import ndtri, stdtrit
 
 from seatrial.core.random_keys import seeded_key
+from seatrial.estimation.candidate_effects import Effect
 from seatrial.estimation.filter_error import FilterError
 from seatrial.estimation.mode import FLAT, Mode
-from seatrial.estimation.omitted_effects import Effect, OmittedEffects, omitted_effects
+from seatrial.estimation.omitted_effects import BAND, OmittedEffects, omitted_effects
 from seatrial.estimation.output_error import OutputError
 from seatrial.estimation.posterior import Posterior
 from seatrial.estimation.posterior_by_run import RunExpansion, expand_runs, split_runs
@@ -48,8 +49,6 @@ TELLING = 1.5
 """Ratio of the two standard deviations from which both are shown."""
 BEYOND = "effects that are not tested can move values further"
 """What no second standard deviation can show."""
-BAND = 0.95
-"""Probability below the upper end of a 90 % interval."""
 
 
 @dataclass(frozen=True)
@@ -264,7 +263,7 @@ def _by_blocks(posterior: Posterior, mode: Mode, shared: np.ndarray) -> Pieces:
             f"{counts.sum()} blocks of time that are longer than the memory of the residuals, {LEAST_BLOCKS} are needed",
         )
     scores, hessians = [], []
-    time = np.cumsum(step, 1) - step
+    time = data.time
     runs = split_runs(posterior)
     for r, count in enumerate(counts):
         before = np.zeros(posterior.dim), np.zeros((posterior.dim, posterior.dim))
@@ -288,8 +287,7 @@ def _time_of_one(posterior: Posterior, mode: Mode) -> float:
         output = one.likelihood.output if isinstance(one.likelihood, FilterError) else one.likelihood
         values = {name: np.array([value]) for name, value in zip(one.names, mode.values[at], strict=True)}
         shown = np.asarray(outputs_of_draws(output)(values, one.data, seeded_key(0)))[0]
-        step = np.asarray(one.data.step)[0]
-        time = np.cumsum(step) - step
+        time = one.data.time[0]
         for i, channel in enumerate(one.data.channels):
             here = np.asarray(channel.present)[0] > 0
             residual = np.asarray(channel.measured)[0][here] - shown[here, i]

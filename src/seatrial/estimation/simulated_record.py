@@ -13,7 +13,7 @@ from seatrial.core.engine import check_precision
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.files import sha256_of_json
 from seatrial.core.record import SIMULATED, Channel, Provenance, Record, make_record
-from seatrial.core.signals import ANGLES, QUATERNION, RATES, signal_unit
+from seatrial.core.signals import ANGLES, QUATERNION, SPEEDS, signal_unit
 from seatrial.estimation.delayed_control import DELAY
 from seatrial.estimation.disturbance import disturbance_name, disturbance_time_name, disturbed_axes
 from seatrial.estimation.filter_error import process_name
@@ -191,6 +191,6 @@ def _would_act(model: VehicleModel, name: str) -> bool:
         term = CoefficientName.parse(name)
     except InputError:
         return True
-    own = "u" if term.axis == "T" else dict(zip("XYZKMN", RATES, strict=True)).get(term.axis)
+    own = "u" if term.axis == "T" else SPEEDS.get(term.axis)
     present = {*model.states, *model.controls, *(ANGLES if QUATERNION[0] in model.states else ())}
     return own in present and all(signal in present for signal in term.signals)

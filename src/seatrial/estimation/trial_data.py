@@ -51,6 +51,12 @@ class TrialData(NamedTuple):
     step: Float[Array, " n"]
     initial: Float[Array, " n_states"]
 
+    @property
+    def time(self) -> Float[np.ndarray, " n"]:
+        """Time of each sample, s from the first."""
+        step = np.asarray(self.step)
+        return np.cumsum(step, -1) - step
+
 
 def stack_trials(
     records: Sequence[Record], model: VehicleModel, channels: Sequence[str], initial: Sequence[Sequence[float]]

@@ -14,7 +14,7 @@ from jaxtyping import Float
 
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.files import sha256_of_json
-from seatrial.core.record import Channel, Provenance, Record, make_record
+from seatrial.core.record import Channel, Provenance, Record, Role, make_record
 from seatrial.core.signals import ANGLES
 from seatrial.logs.source import LogTable
 from seatrial.logs.time_stamps import hole_from, unit_doubt
@@ -133,6 +133,20 @@ def align(
     return make_record(instants, columns, tuple(track.channel for track in tracks), provenance, label)
 
 
+def common_interval(spans: Sequence[tuple[float, float, Role]]) -> tuple[float, float]:
+    """Return the first and last instant at which every control is known and something is measured; the first is later where there is none.
+
+    Args:
+        spans: of each channel its first and last instant, s on the common clock, and its role; one channel at least.
+    """
+    controls = [(a, b) for a, b, role in spans if role == "control"]
+    measured = [(a, b) for a, b, role in spans if role == "measurement"]
+    first, last = max((a for a, _ in controls), default=-math.inf), min((b for _, b in controls), default=math.inf)
+    if measured:
+        first, last = max(first, min(a for a, _ in measured)), min(last, max(b for _, b in measured))
+    return first, last
+
+
 def _tracks(tables: Sequence[LogTable], origin: Decimal, wanted: Sequence[str] | None) -> list[_Track]:
     found: dict[str, _Track] = {}
     for table in tables:
@@ -170,12 +184,8 @@ def _tracks(tables: Sequence[LogTable], origin: Decimal, wanted: Sequence[str] |
 
 def _interval(tracks: Sequence[_Track]) -> tuple[float, float]:
     """Return the first and last instant at which every control is known and something is measured, s on the common clock."""
-    spans = [(track.time[0], track.time[-1], track.channel.role) for track in tracks]
-    controls = [(a, b) for a, b, role in spans if role == "control"]
-    measured = [(a, b) for a, b, role in spans if role == "measurement"]
-    first, last = max((a for a, _ in controls), default=-math.inf), min((b for _, b in controls), default=math.inf)
-    if measured:
-        first, last = max(first, min(a for a, _ in measured)), min(last, max(b for _, b in measured))
+    spans = [(float(track.time[0]), float(track.time[-1]), track.channel.role) for track in tracks]
+    first, last = common_interval(spans)
     if not first < last:
         text = "; ".join(
             f"{track.channel.name} of {track.source}: {a:.6g} s to {b:.6g} s"
@@ -185,9 +195,10 @@ def _interval(tracks: Sequence[_Track]) -> tuple[float, float]:
             ", ".join(dict.fromkeys(track.source for track in tracks)),
             found=f"no common time ({text}, counted from the earliest stamp)",
             expected="files that overlap on one clock",
-            remedy="choose files of the same run, and time columns of the same clock and unit",
+            remedy="choose files of the same run, and time columns of the same unit; if their clocks differ, add shift under "
+            "[[import.files]] of one, which `seatrial inspect` of these files seeks",
         )
-    return float(first), float(last)
+    return first, last
 
 
 def _spacing(tracks: Sequence[_Track]) -> float:
@@ -330,7 +341,8 @@ def _place(
             f'{track.source}, channel "{track.channel.name}"',
             found=f"samples from {time[0]:.6g} s to {time[-1]:.6g} s, none of them within the record",
             expected=f"samples between 0 s and {instants[-1]:.6g} s, where the controls are known",
-            remedy="choose files of the same run, or move start and end",
+            remedy="choose files of the same run, or move start and end; if their clocks differ, add shift under [[import.files]] of one, "
+            "which `seatrial inspect` of these files seeks",
         )
     midway = near & (shift > reach - 4 * slack) & (reach > 4 * slack)
     has_own = np.zeros(instants.size, bool)

@@ -50,7 +50,7 @@ class Guess:
         reason: why.
         strength: 3 by the type of message, 2 by a plain name, 1 by a name that may mean something else, 0 of an output that stands still
             after the last that moves: a thruster only of a vehicle that has as many.
-        between: "line" of a control whose samples change smoothly, as those of a measured one do; None for the usual.
+        between: "line" of a control that looks measured; None for the usual.
     """
 
     channel: str

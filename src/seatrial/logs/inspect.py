@@ -10,11 +10,13 @@ from pathlib import Path
 import numpy as np
 
 from seatrial.core.argument_checks import check_kind, check_path, check_text
+from seatrial.core.signals import POSITIONS
 from seatrial.core.units import to_si
+from seatrial.logs.clocks_apart import ClocksApart, clocks_apart
 from seatrial.logs.formats.protocol import LogFile, TextLayout
 from seatrial.logs.formats.registry import catalogue, format_of, pick, stream
 from seatrial.logs.guess import Guess, best, guesses, remarks
-from seatrial.logs.smooth_control import changes_smoothly
+from seatrial.logs.measured_control import looks_measured
 from seatrial.logs.summary import ClockSummary, ColumnSummary, Gathered, TableSummary
 
 _BURSTS = 0.5
@@ -80,13 +82,22 @@ class LogSummary:
         return self._map_of(best(self.guesses, only), named, names_unused=not only)
 
     def _map_of(
-        self, chosen: Sequence[Guess], named: str = "", *, names_unused: bool = True, run: str | None = None
+        self,
+        chosen: Sequence[Guess],
+        named: str = "",
+        *,
+        names_unused: bool = True,
+        run: str | None = None,
+        apart: ClocksApart | None = None,
     ) -> str:
         lines = ["# Guesses by names and types: check column, unit and sign of each line before you believe a result."]
         for table in self.tables:
             mine = [guess for guess in chosen if guess.table == table.info.name]
             if (mine or not chosen) and (table.clock is not None or len(self.tables) == 1):
-                lines += ["", *self._block(table, table.clock, mine, named, run)]
+                lines += [
+                    "",
+                    *self._block(table, table.clock, mine, named, run, apart, POSITIONS if names_unused else ()),
+                ]
                 lines += _unused_lines(table, {guess.column for guess in mine}) if names_unused else []
         if not chosen:
             lines.append(
@@ -107,7 +118,14 @@ class LogSummary:
         return "\n".join(line for line in lines if not line.startswith(("channels.", "#"))) + "\n"
 
     def _block(
-        self, table: TableSummary, clock: ClockSummary | None, mine: Sequence[Guess], named: str, run: str | None = None
+        self,
+        table: TableSummary,
+        clock: ClockSummary | None,
+        mine: Sequence[Guess],
+        named: str,
+        run: str | None = None,
+        apart: ClocksApart | None = None,
+        aside: Collection[str] = (),
     ) -> Iterator[str]:
         layout = self.log.layout
         yield "[[import.files]]"
@@ -130,6 +148,10 @@ class LogSummary:
             yield f'clock = "drop_repeated"  # {clock.repeated} stamps repeat; "even" if rows left evenly and came in bursts'
         elif clock.jitter > _BURSTS / clock.rate:
             yield f'# clock = "even"  # if rows left evenly: they arrived in bursts (sd of the step {clock.jitter:.2g} s)'
+        if apart is not None and apart.found is not None:
+            yield f'shift = "{apart.found.shift:.3f} s"  # guess: {apart.surety}'
+        elif apart is not None:
+            yield f"# shift: {apart.words}"
         if any(guess.axes == "ENU" for guess in mine):
             yield 'axes = "ENU"'
         for key, value, usual in (
@@ -143,7 +165,8 @@ class LogSummary:
             scale = f", scale = {guess.scale!r}" if guess.scale != 1.0 else ""
             between = f", between = {_quoted(guess.between)}" if guess.between else ""
             column = f"{{ column = {_quoted(guess.column)}, unit = {_quoted(guess.unit)}{scale}{between} }}"
-            yield f"channels.{guess.channel} = {column}  # guess: {guess.reason}"
+            line = f"channels.{guess.channel} = {column}  # guess: {guess.reason}"
+            yield f"# {line}; for a model or sensor that has {guess.channel}" if guess.channel in aside else line
 
 
 def inspect_log(
@@ -185,14 +208,14 @@ def inspect_log(
 
 
 def _with_lines(log: LogFile, tables: Sequence[TableSummary], found: Sequence[Guess]) -> tuple[Guess, ...]:
-    """Return guesses in which controls that change smoothly are lines between their samples; a second pass reads these columns alone."""
+    """Return guesses in which controls that look measured are lines between their samples; a second pass reads these columns alone."""
     controls: dict[str, set[str]] = {}
     for guess in (one for one in found if one.role == "control"):
         controls.setdefault(guess.table, set()).add(guess.column)
     clocks = {table.info.name: table.clock for table in tables if table.clock and table.info.name in controls}
     wanted = {name: [clock.name, *sorted(controls[name] - {clock.name})] for name, clock in clocks.items()}
     blocks = list(stream(log, wanted)) if wanted else []
-    smooth = set()
+    measured = set()
     for name, clock in clocks.items():
         columns = {
             column: np.concatenate([block.columns[column] for block in blocks if block.table == name])
@@ -201,61 +224,94 @@ def _with_lines(log: LogFile, tables: Sequence[TableSummary], found: Sequence[Gu
         stamps = columns.pop(clock.name)
         time = (stamps - stamps[0]).astype(float) * to_si(1.0, clock.unit, "s", "clock")
         goes_on = np.diff(time, prepend=-np.inf) > 0
-        smooth |= {
+        measured |= {
             (name, column)
             for column, values in columns.items()
-            if changes_smoothly(time[goes_on], values[goes_on].astype(float))
+            if looks_measured(time[goes_on], values[goes_on].astype(float))
         }
     return tuple(
-        replace(one, between="line", reason=f"{one.reason}; it changes smoothly, as a measured control does")
-        if one.role == "control" and (one.table, one.column) in smooth
+        replace(
+            one, between="line", reason=f"{one.reason}; it changes at nearly every sample, as a measured control does"
+        )
+        if one.role == "control" and (one.table, one.column) in measured
         else one
         for one in found
     )
 
 
-def maps_together(found: Sequence[LogSummary], only: Sequence[str] = ()) -> list[str]:
-    """Return the guessed map of each of several logs, a channel of a run being mapped from the first log that has it.
+@dataclass(frozen=True)
+class LogsTogether:
+    """Several logs, and which of them are one run.
 
-    A log without a channel that the logs before it lack is another run: by the same map where its columns are those of one of them, else
-    by a map of its own, and `runs` says then whose each map is.
-
-    Args:
-        found: the logs.
-        only: channels to map; all that were guessed by default.
+    Attributes:
+        logs: as they were given.
+        only: channels to map; all that were guessed where none is named.
     """
-    guessed = [best(one.guesses, only) for one in found]
-    runs: list[dict[int, tuple[Guess, ...]]] = [{}]
-    """Of each run, the channels of its logs by their places."""
-    alike: set[int] = set()
-    for at, mine in enumerate(guessed):
-        mapped = {guess.channel for chosen in runs[-1].values() for guess in chosen}
-        chosen = tuple(guess for guess in mine if guess.channel not in mapped)
-        if chosen or not mine:
-            runs[-1][at] = chosen
-        elif any(_columns(mine) == _columns(before) for before in guessed[:at]):
-            alike.add(at)
-        else:
-            runs.append({at: mine})
-    labels = _labels([found[next(iter(one))].log.path for one in runs])
-    maps = {
-        at: found[at]._map_of(chosen, names_unused=not only, run=label if len(runs) > 1 else None)
-        for label, one in zip(labels, runs, strict=True)
-        for at, chosen in one.items()
-    }
-    for label, one in zip(labels[1:], runs[1:], strict=True):
-        at = next(iter(one))
-        named = ", ".join(_quoted(label) for label in labels)
-        maps[at] = (
-            f"# {found[at].log.path.name}: another run, {label}, with columns of its own. Name the runs under [import]: fit = [{named}].\n"
-            f"# If it is another file of the run above, leave this map and `runs` out.\n{maps[at]}"
-        )
-    for at in alike:
-        maps[at] = (
-            f"# {found[at].log.path.name}: the logs above have all its channels. If it is another run, not another file of theirs, write "
-            'one\n# path with {run} for both, such as "log_{run}.csv", and name both runs under fit of [import].\n'
-        )
-    return [maps[at] for at in range(len(found))]
+
+    logs: tuple[LogSummary, ...]
+    only: tuple[str, ...] = ()
+
+    def lines(self) -> list[list[str]]:
+        """Say what each holds, and how far its clock is from that of the run's first log where they do not meet."""
+        apart = self._apart()
+        return [[*one.lines(), *(("", apart[at].words) if at in apart else ())] for at, one in enumerate(self.logs)]
+
+    def maps(self) -> list[str]:
+        """Return the guessed map of each, a channel of a run being mapped from the first log that has it.
+
+        A log without a channel that the logs before it lack is another run: by the same map where its columns are those of one of them,
+        else by a map of its own, and `runs` says then whose each map is.
+        """
+        (runs, alike), apart = self._runs(), self._apart()
+        labels = _labels([self.logs[next(iter(one))].log.path for one in runs])
+        maps = {
+            at: self.logs[at]._map_of(
+                chosen, names_unused=not self.only, run=label if len(runs) > 1 else None, apart=apart.get(at)
+            )
+            for label, one in zip(labels, runs, strict=True)
+            for at, chosen in one.items()
+        }
+        for label, one in zip(labels[1:], runs[1:], strict=True):
+            at = next(iter(one))
+            named = ", ".join(_quoted(label) for label in labels)
+            maps[at] = (
+                f"# {self.logs[at].log.path.name}: another run, {label}, with columns of its own. Name the runs under [import]: "
+                f"fit = [{named}].\n# If it is another file of the run above, leave this map and `runs` out.\n{maps[at]}"
+            )
+        for at in alike:
+            maps[at] = (
+                f"# {self.logs[at].log.path.name}: the logs above have all its channels. If it is another run, not another file of theirs, "
+                'write one\n# path with {run} for both, such as "log_{run}.csv", and name both runs under fit of [import].\n'
+            )
+        return [maps[at] for at in range(len(self.logs))]
+
+    def _runs(self) -> tuple[list[dict[int, tuple[Guess, ...]]], set[int]]:
+        """Return the channels of the logs of each run by their places, and the logs that are another run by the map of an earlier one."""
+        guessed = [best(one.guesses, self.only) for one in self.logs]
+        runs: list[dict[int, tuple[Guess, ...]]] = [{}]
+        alike: set[int] = set()
+        for at, mine in enumerate(guessed):
+            mapped = {guess.channel for chosen in runs[-1].values() for guess in chosen}
+            chosen = tuple(guess for guess in mine if guess.channel not in mapped)
+            if chosen or not mine:
+                runs[-1][at] = chosen
+            elif any(_columns(mine) == _columns(before) for before in guessed[:at]):
+                alike.add(at)
+            else:
+                runs.append({at: mine})
+        return runs, alike
+
+    def _apart(self) -> dict[int, ClocksApart]:
+        """Return the logs whose clock does not meet that of the first log of their run."""
+        found = {}
+        for first, *others in self._runs()[0]:
+            for at in others:
+                one, other = self.logs[first], self.logs[at]
+                tables, guessed = (one.tables, other.tables), (best(one.guesses), best(other.guesses))
+                apart = clocks_apart(one.log, other.log, tables, guessed)
+                if apart is not None:
+                    found[at] = apart
+        return found
 
 
 def _columns(guessed: Sequence[Guess]) -> set[tuple[str, str, str]]:

@@ -15,7 +15,7 @@ from seatrial.logs.axes import from_axes
 from seatrial.logs.formats.protocol import LogFormat, NoColumn, RawTable, TableInfo, unit_in_name
 from seatrial.logs.formats.registry import catalogue, format_of, hash_of_log, pick, read_columns
 from seatrial.logs.formats.text_layout import signs_of
-from seatrial.logs.smooth_control import changes_smoothly
+from seatrial.logs.measured_control import looks_measured
 from seatrial.logs.source import (
     ColumnMap,
     CurvedCells,
@@ -94,7 +94,7 @@ def read_log(source: LogSource) -> LogTable:
         cautions,
         curved,
     )
-    return replace(table, cautions=(*cautions, *_smooth(source, table)))
+    return replace(table, cautions=(*cautions, *_measured(source, table)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,17 +190,17 @@ def _mean_to_next(values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
     return means
 
 
-def _smooth(source: LogSource, table: LogTable) -> Iterator[str]:
-    """Say which controls change smoothly, as measured ones do, and are held from sample to sample because nothing else is said."""
+def _measured(source: LogSource, table: LogTable) -> Iterator[str]:
+    """Say which controls look measured, and are held from sample to sample because nothing else is said."""
     for name, column in source.channels.items():
         if column.role != "control" or column.between is not None:
             continue
         known = table.columns[name][np.isfinite(table.columns[name])]
         with np.errstate(over="ignore", invalid="ignore"):  # numbers that are none are refused elsewhere
             matters = known.size > 1 and np.sqrt(np.mean(np.diff(known) ** 2)) > _SLOW * np.std(known)
-        if matters and changes_smoothly(table.time, table.columns[name]):
+        if matters and looks_measured(table.time, table.columns[name]):
             yield (
-                f'channel "{name}" of {table.place}: it changes smoothly at nearly every sample, as what is measured does, and is '
+                f'channel "{name}" of {table.place}: it changes at nearly every sample, as what is measured does, and is '
                 'held from each sample to the next, which makes it half a sample late: add between = "line" to this channel, or between = '
                 '"held" if it is a command'
             )

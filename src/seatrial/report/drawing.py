@@ -132,10 +132,12 @@ def draw(figure: "Figure", name: str, title: str, caption: str = "", heading: st
 
 @lru_cache(maxsize=1)
 def labels_of(outcome: "Outcome") -> dict[str, str]:
-    """Return the LaTeX label of every parameter of every structure, of terms that none has, and of signals whose names are no symbols."""
+    """Return the LaTeX label of every parameter of every structure, of terms that none has or that are known, and of signals whose
+    names are no symbols."""
     signals = {name: signal_label(name) for name in (*SIGNALS, *HELD) if "_" in name}
-    optional = {term: CoefficientName.parse(term).label for term in outcome.campaign.structure.optional}
-    return signals | optional | _of_parameters(outcome, "label")
+    campaign = outcome.campaign
+    terms = {term: CoefficientName.parse(term).label for term in (*campaign.structure.optional, *campaign.hull.fixed)}
+    return signals | terms | _of_parameters(outcome, "label")
 
 
 @lru_cache(maxsize=1)

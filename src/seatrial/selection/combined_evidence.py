@@ -32,11 +32,12 @@ from seatrial.core.random_keys import fold_in, split
 from seatrial.core.reporter import Progress, no_progress
 from seatrial.estimation.mode import Mode, climb, find_mode, rises
 from seatrial.estimation.posterior import Posterior, as_key, check_posterior
+from seatrial.sampling.nested import NestedRun, sample_nested
 from seatrial.sampling.target import Target, evaluate
 from seatrial.sampling.tempered_smc import SMCResult, SMCSettings, Start, prior_particles, sample_tempered_smc
 from seatrial.selection.evidence import Evidence, EvidenceSettings, combine_runs
-from seatrial.selection.importance import ImportanceSettings, distance, importance_evidence, laplace_proposal
-from seatrial.selection.nested import nested_evidence
+from seatrial.selection.importance import ImportanceSettings, distance, edges_of, importance_evidence, laplace_proposal
+from seatrial.selection.nested import combine_nested
 
 # Search for modes beside the highest one known, among particles of tempered SMC that are cooled on to p L^10.
 #
@@ -108,11 +109,11 @@ def further_modes(
         known: its highest mode found so far.
         sets: particles, the coldest first.
     """
-    modes = [known]
+    modes, edges = [known], edges_of(posterior)
     for particles in filter(len, sets):
         height, looked_into = evaluate(posterior, particles), np.zeros(len(particles), bool)
         for _ in range(CLIMBS):
-            new = ~looked_into & np.isfinite(height) & _is_new(modes, particles, height)
+            new = ~looked_into & np.isfinite(height) & _is_new(modes, edges, particles, height)
             start = particles[np.argmax(np.where(new, height, -np.inf))]
             if not new.mean() > MANY and not _is_higher_mode(modes, height[new]).any():
                 break
@@ -123,16 +124,19 @@ def further_modes(
                 result = climb(posterior, start)
             except NumericalError:
                 continue
-            if _is_new(modes, result.z[None], np.array([result.log_density]))[0]:
+            if _is_new(modes, edges, result.z[None], np.array([result.log_density]))[0]:
                 modes.append(result)
     return tuple(modes[1:])
 
 
 def _is_new(
-    modes: Sequence[Mode], z: Float[np.ndarray, "n d"], height: Float[np.ndarray, " n"]
+    modes: Sequence[Mode],
+    edges: Float[np.ndarray, "d 2"],
+    z: Float[np.ndarray, "n d"],
+    height: Float[np.ndarray, " n"],
 ) -> Bool[np.ndarray, " n"]:
     """Return whether points lie far from all modes, or higher than them."""
-    away = np.min([distance(laplace_proposal(mode), z) for mode in modes], 0)
+    away = np.min([distance(laplace_proposal(mode, edges), z) for mode in modes], 0)
     return (away > chdtri(z.shape[1], FAR)) | _is_higher_mode(modes, height)
 
 
@@ -173,7 +177,7 @@ HIGHER = 3.0
 
 
 class Piece(NamedTuple):
-    """A repeat of tempered SMC; or importance sampling, with the first repeat's particles if there are any; or nested sampling."""
+    """A repeat of tempered SMC or of nested sampling; or importance sampling, with the first repeat's particles if there are any."""
 
     method: Method
     repeat: int = 0
@@ -186,6 +190,14 @@ class EvidenceRun(NamedTuple):
     repeat: int
     smc: SMCResult | None
     cold: Float[np.ndarray, "n d"]
+    failure: str = ""
+
+
+class NestedRepeat(NamedTuple):
+    """One repeat of nested sampling, or why there is none."""
+
+    repeat: int
+    run: NestedRun | None
     failure: str = ""
 
 
@@ -252,12 +264,12 @@ def agreed_evidence(
 
 def do(
     posterior: Posterior, piece: Piece, keys: Keys, settings: EvidenceSettings, progress: Progress = no_progress
-) -> EvidenceRun | Weighed:
+) -> EvidenceRun | NestedRepeat | Weighed:
     """Do one piece of an evidence."""
     if piece.method == "importance":
         return _weigh(posterior, piece, keys.importance, settings.draws)
     if piece.method == "nested":
-        return _arbitrate(posterior, fold_in(keys.importance, NESTED_KEY), progress)
+        return _nested(posterior, piece.repeat, fold_in(keys.importance, NESTED_KEY), progress)
     key = fold_in(keys.smc, piece.repeat)
     try:
         smc = sample_warm(posterior, key, settings.smc, progress)
@@ -276,6 +288,7 @@ class Gathering:
     Attributes:
         asked: repeats of tempered SMC asked for; with 0 importance sampling is done alone, for a value that decides nothing.
         runs: repeats that are there, by number; what is known before `begin` is not done again.
+        nested: those of nested sampling.
         weighed: what the other methods found, by method.
         behind: nats behind the best structure, of one that is given up; 0 of any other.
     """
@@ -283,6 +296,7 @@ class Gathering:
     def __init__(self, asked: int):
         self.asked = asked
         self.runs: dict[int, EvidenceRun] = {}
+        self.nested: dict[int, NestedRun] = {}
         self.weighed: dict[Method, Weighed] = {}
         self.behind = 0.0
         self._begun: set[tuple[Method, int]] = set()
@@ -299,12 +313,17 @@ class Gathering:
         following = iter(self._following, None)
         return [*map(self._begin, new), *following]
 
-    def add(self, result: EvidenceRun | Weighed) -> Piece | None:
+    def add(self, result: EvidenceRun | NestedRepeat | Weighed) -> Piece | None:
         """Keep what was found, and return what can be done now, if anything can."""
-        if isinstance(result, Weighed):
-            self.weighed[result.method] = result
-        else:
-            self.runs[result.repeat] = result
+        match result:
+            case Weighed():
+                self.weighed[result.method] = result
+            case EvidenceRun():
+                self.runs[result.repeat] = result
+            case NestedRepeat(run=None):
+                self.weighed["nested"] = Weighed("nested", None, result.failure)
+            case NestedRepeat(run=run):
+                self.nested[result.repeat] = run
         return self._following()
 
     @property
@@ -356,8 +375,11 @@ class Gathering:
             return None
         if not _settled(there) and len(there) < self.most:
             piece = Piece("smc", len(there))
-        elif "importance" in self.weighed and self._is_unconfirmed():
-            piece = Piece("nested")
+        elif "importance" in self.weighed and "nested" not in self.weighed and self._is_unconfirmed():
+            if len(self.nested) == NESTED_RUNS:
+                self.weighed["nested"] = Weighed("nested", combine_nested([*self.nested.values()], NESTED_LIVE))
+                return None
+            piece = Piece("nested", len(self.nested))
         else:
             return None
         return None if (piece.method, piece.repeat) in self._begun else self._begin(piece)
@@ -464,17 +486,16 @@ def _weigh(posterior: Posterior, piece: Piece, key: jax.Array, draws: int) -> We
     return Weighed("importance", evidence, failure, tuple(alarms))
 
 
-def _arbitrate(posterior: Posterior, key: jax.Array, progress: Progress) -> Weighed:
-    """Nested sampling, in no more parameters than it can be waited for."""
+def _nested(posterior: Posterior, repeat: int, key: jax.Array, progress: Progress) -> NestedRepeat:
+    """One repeat of nested sampling, in no more parameters than it can be waited for."""
     if posterior.dim > NESTED_UP_TO:
-        return Weighed(
-            "nested", None, f"it is done up to {NESTED_UP_TO} parameters only, and these are {posterior.dim}"
-        )
-    size = {"repeats": NESTED_RUNS, "live": NESTED_LIVE, "moves": NESTED_MOVES * posterior.dim}
+        why = f"it is done up to {NESTED_UP_TO} parameters only, and these are {posterior.dim}"
+        return NestedRepeat(repeat, None, why)
+    size = {"live": NESTED_LIVE, "moves": NESTED_MOVES * posterior.dim}
     try:
-        return Weighed("nested", nested_evidence(posterior, key, **size, progress=progress))
+        return NestedRepeat(repeat, sample_nested(posterior, fold_in(key, repeat), **size, progress=progress))
     except NumericalError as error:
-        return Weighed("nested", None, str(error))
+        return NestedRepeat(repeat, None, str(error))
 
 
 def _higher(posterior: Posterior, cold: np.ndarray, warm: np.ndarray, known: Sequence[float]) -> list[str]:

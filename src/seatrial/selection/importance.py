@@ -4,6 +4,10 @@ About a mode q = 0.8 t_8(m, C) + 0.2 t_8(m, 4 C), which has heavier tails than a
 each has its share of the draws, and q is the mixture (Owen and Zhou, JASA 95, 2000). It starts from the Laplace approximations and is
 refitted to the weighted draws until enough of them count; the draws of the answer are fresh. Whether the weights have a variance is
 judged by the index of their tail (Vehtari et al., JMLR 25, 2024).
+
+A posterior that leans on the bound of a prior, as of a term that is not needed, is normal neither in z, whose map bends there, nor without
+a bound. Such parameters are drawn first, on the straight line before the map bends, each from a t_8 cut at its bounds given those before
+it, and the others given them: exact draws and their exact density (Geweke, Computing Science and Statistics 23, 1991).
 """
 
 from collections.abc import Sequence
@@ -13,15 +17,16 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from scipy.linalg import solve_triangular
-from scipy.special import gammaln, logsumexp
+from scipy.special import gammaln, log_expit, logsumexp, stdtr, stdtrit
 
 from seatrial.core.errors import NumericalError
 from seatrial.core.random_keys import fold_in, split
 from seatrial.estimation.mode import Mode, find_mode
-from seatrial.estimation.noncentred import coupled, uncouple, uncoupled_mode
+from seatrial.estimation.noncentred import Uncoupled, coupled, uncouple, uncoupled_mode
 from seatrial.estimation.posterior import Posterior
+from seatrial.estimation.priors.box import CORNER
 from seatrial.sampling.diagnostics import MIN_ESS
 from seatrial.sampling.target import Target, evaluate
 from seatrial.selection.evidence import Evidence, EvidenceSettings
@@ -29,6 +34,12 @@ from seatrial.selection.evidence import Evidence, EvidenceSettings
 FREEDOM = 8.0
 WIDE_SHARE, WIDE_SCALE = 0.2, 2.0
 """Share of the widened component, and its standard deviations over those of the other."""
+LEANS = 4.0
+"""Standard deviations from a bound within which a posterior leans on it."""
+BEND = float(np.sqrt(12.0)) / CORNER
+"""Length of z over which the map of a prior bends into a bound."""
+FREE = np.array([[-np.inf, np.inf]])
+"""Edges of components of which none is cut."""
 GOOD = 0.5
 """Efficiency at which the proposal is not refitted any more, unless the tail of the weights is too heavy."""
 MAX_K_HAT = 0.7
@@ -36,11 +47,24 @@ MAX_K_HAT = 0.7
 
 
 class ProposalComponent(NamedTuple):
-    """What is drawn about one mode: centre, shape (d,), triangular factor of the scale matrix, shape (d, d), and share of the draws."""
+    """What is drawn about one mode.
+
+    Attributes:
+        centre: where, in z; on the straight line of z of what leans on a bound; shape (d,).
+        factor: triangular factor of the scale matrix there, shape (d, d).
+        share: of the draws.
+        edges: of what leans, where it is cut, shape (d, 2), infinite of all else.
+    """
 
     centre: Float[np.ndarray, " d"]
     factor: Float[np.ndarray, "d d"]
     share: float = 1.0
+    edges: Float[np.ndarray, "d 2"] = FREE
+
+    @property
+    def leaning(self) -> Int[np.ndarray, " k"]:
+        """Places of what leans on a bound."""
+        return np.flatnonzero(np.isfinite(self.edges).any(1))
 
 
 class Weights(NamedTuple):
@@ -103,14 +127,15 @@ def importance_sample(
     mode_key, pilot_key, key = split(key, 3)
     target, there = uncouple(posterior, find_mode(posterior, mode_key) if mode is None else mode)
     modes = [there, *(uncoupled_mode(target, one) for one in further)]
-    proposals = [laplace_proposal(one)._replace(share=1.0 / len(modes)) for one in modes]
+    edges = edges_of(target)
+    proposals = [laplace_proposal(one, edges)._replace(share=1.0 / len(modes)) for one in modes]
     done = 0
     for done in range(settings.refits + 1):
         weights = weigh(target, proposals, fold_in(pilot_key, done), settings.pilot)
         shared = done > 0 or len(modes) == 1  # what each of several modes holds is known from the first refit on
         if done == settings.refits or (shared and weights.ess / settings.pilot > GOOD and weights.k_hat <= MAX_K_HAT):
             break
-        proposals = refit(proposals, weights)
+        proposals = refit(proposals, weights, edges)
     weights = weigh(target, proposals, key, settings.draws)
     return weights._replace(z=np.asarray(coupled(target, weights.z)), refits=done, modes=len(modes))
 
@@ -142,18 +167,63 @@ def weighted_sd(posterior: Posterior, weights: Weights) -> Float[np.ndarray, " d
     return np.sqrt(share @ (values - share @ values) ** 2)
 
 
-def laplace_proposal(mode: Mode) -> ProposalComponent:
+def edges_of(target: Target) -> Float[np.ndarray, "d 2"]:
+    """Return where the line of each component of z bends into a bound, infinite where it does not."""
+    edges, posterior = np.repeat(FREE, target.dim, 0), target.posterior if isinstance(target, Uncoupled) else target
+    if isinstance(posterior, Posterior):
+        edges[posterior.places] = [one.prior.edges for one in posterior.present_parameters]
+    if isinstance(target, Uncoupled):
+        edges[[*target.common, *target.deviation]] = FREE
+    return edges
+
+
+def laplace_proposal(mode: Mode, edges: Float[np.ndarray, "d 2"] = FREE) -> ProposalComponent:
     """Return the proposal at the mode, nowhere wider than the prior, which has unit variance in z.
 
     A density that leans on the edge of its box has almost no curvature at the mode, and its Laplace covariance no meaning.
+
+    Args:
+        mode: where, and the precision of z there.
+        edges: of each component, of `edges_of`.
     """
     values, vectors = np.linalg.eigh(mode.precision)
-    return ProposalComponent(mode.z, np.linalg.cholesky((vectors / np.maximum(values, 1.0)) @ vectors.T))
+    factor = np.linalg.cholesky((vectors / np.maximum(values, 1.0)) @ vectors.T)
+    slope = np.exp(_log_slopes(mode.z, edges))
+    on_line = ProposalComponent(straightened(mode.z, edges), slope[:, None] * factor)
+    return _cut(ProposalComponent(mode.z, factor), on_line, edges)
 
 
-def distance(proposal: ProposalComponent, z: Float[np.ndarray, "n d"]) -> Float[np.ndarray, " n"]:
-    """Return the squared distance from the centre, in standard deviations."""
-    return np.sum(solve_triangular(proposal.factor, (z - proposal.centre).T, lower=True) ** 2, 0)
+def _cut(free: ProposalComponent, on_line: ProposalComponent, edges: Float[np.ndarray, "d 2"]) -> ProposalComponent:
+    """Return the proposal on the straight lines, cut at the edges that it leans on; the one in z where it leans on none."""
+    sd = np.sqrt(np.sum(on_line.factor**2, 1))
+    leans = np.any(np.abs(edges - on_line.centre[:, None]) < LEANS * sd[:, None], axis=1)
+    return on_line._replace(edges=np.where(leans[:, None], edges, FREE)) if leans.any() else free
+
+
+def straightened(z: Float[np.ndarray, "*batch d"], edges: Float[np.ndarray, "d 2"]) -> Float[np.ndarray, "*batch d"]:
+    """Return z on the straight lines that the maps of the priors bend into the bounds; as it is where there are no edges."""
+    line = np.array(z, float)
+    for place in np.flatnonzero(np.isfinite(edges).any(1)):
+        low, high = edges[place]
+        above, below = (line[..., place] - low) / BEND, (high - line[..., place]) / BEND
+        # From the nearer edge, so that what is close to it keeps its digits; the other may be infinite.
+        with np.errstate(invalid="ignore"):
+            from_low = low + BEND * (np.logaddexp(0.0, above) - np.logaddexp(0.0, -below))
+            from_high = high - BEND * (np.logaddexp(0.0, below) - np.logaddexp(0.0, -above))
+        line[..., place] = np.where(above < below, from_low, from_high)
+    return line
+
+
+def bent(line: Float[np.ndarray, "*batch d"], edges: Float[np.ndarray, "d 2"]) -> Float[np.ndarray, "*batch d"]:
+    """Return z of places on the straight lines, the inverse of `straightened`."""
+    inside = np.clip(line, np.nextafter(edges[:, 0], np.inf), np.nextafter(edges[:, 1], -np.inf))
+    low, high = np.log(-np.expm1((edges[:, 0] - inside) / BEND)), np.log(-np.expm1((inside - edges[:, 1]) / BEND))
+    return inside + BEND * (low - high)
+
+
+def _log_slopes(z: Float[np.ndarray, "*batch d"], edges: Float[np.ndarray, "d 2"]) -> Float[np.ndarray, "*batch d"]:
+    """Return the log of the slope of the straight line over z, by component."""
+    return log_expit((z - edges[:, 0]) / BEND) + log_expit((edges[:, 1] - z) / BEND)
 
 
 def weigh(target: Target, proposals: Sequence[ProposalComponent], key: jax.Array, n: int) -> Weights:
@@ -195,31 +265,40 @@ def log_mixture(proposals: Sequence[ProposalComponent], z: Float[np.ndarray, "n 
     return np.asarray(logsumexp(_log_shares(proposals, z), 0))
 
 
-def refit(proposals: Sequence[ProposalComponent], weights: Weights) -> list[ProposalComponent]:
+def refit(
+    proposals: Sequence[ProposalComponent], weights: Weights, edges: Float[np.ndarray, "d 2"] = FREE
+) -> list[ProposalComponent]:
     """Return the proposals with the moments of the weighted draws, the old scale counting as much as d + 2 effective draws.
 
     Of several, a draw belongs to each as far as each is likely to have made it, and half of the draws are shared by what was found.
+
+    Args:
+        proposals: that made the draws.
+        weights: the draws with their weights.
+        edges: of each component, of `edges_of`.
     """
     result = np.exp(weights.smoothed - _log_sum(weights.smoothed))
     log_shares = _log_shares(proposals, weights.z)
     belongs = result * np.exp(log_shares - logsumexp(log_shares, 0))
-    return [_refitted(one, part, weights.z, len(proposals)) for one, part in zip(proposals, belongs, strict=True)]
+    line, count, found = straightened(weights.z, edges), len(proposals), []
+    for one, part in zip(proposals, belongs, strict=True):
+        total = float(part.sum())
+        if total > 0.0:
+            one = _cut(_refitted(one, part / total, weights.z), _refitted(one, part / total, line), edges)
+        found.append(one._replace(share=0.5 / count + 0.5 * total))
+    return found
 
 
 def _refitted(
-    proposal: ProposalComponent, part: Float[np.ndarray, " n"], z: Float[np.ndarray, "n d"], count: int
+    proposal: ProposalComponent, share: Float[np.ndarray, " n"], place: Float[np.ndarray, "n d"]
 ) -> ProposalComponent:
-    """Return one of some proposals, fitted to its part of the weights, which sum to 1 over all of them."""
-    total = float(part.sum())
-    if total == 0.0:
-        return proposal._replace(share=0.5 / count)
-    share = part / total
-    centre = share @ z
-    spread = z - centre
+    """Return a proposal without edges fitted to weighted places, in z or on the straight lines; the weights sum to 1."""
+    centre = share @ place
+    spread = place - centre
     trust, doubt = 1.0 / float(share @ share), centre.size + 2.0
     old = proposal.factor @ proposal.factor.T
-    factor = np.linalg.cholesky((trust * (spread.T * share) @ spread + doubt * old) / (trust + doubt))
-    return ProposalComponent(centre, factor, 0.5 / count + 0.5 * total)
+    cov = (trust * (spread.T * share) @ spread + doubt * old) / (trust + doubt)
+    return ProposalComponent(centre, np.linalg.cholesky(cov))
 
 
 def _complaints(weights: Weights) -> list[str]:
@@ -235,11 +314,50 @@ def _complaints(weights: Weights) -> list[str]:
     return said
 
 
+def distance(proposal: ProposalComponent, z: Float[np.ndarray, "n d"]) -> Float[np.ndarray, " n"]:
+    """Return the squared distance from the centre, in standard deviations."""
+    return np.sum(_steps(proposal, z) ** 2, 0)
+
+
+def _order(proposal: ProposalComponent) -> tuple[Int[np.ndarray, " d"], Float[np.ndarray, "d d"]]:
+    """Return in which order components are drawn, what leans first, and the triangular factor of the scale matrix in that order."""
+    leaning, everything = proposal.leaning, np.arange(proposal.centre.size)
+    if not leaning.size:
+        return everything, proposal.factor
+    order = np.concatenate([leaning, np.setdiff1d(everything, leaning)])
+    return order, np.linalg.cholesky((proposal.factor @ proposal.factor.T)[np.ix_(order, order)])
+
+
+def _steps(proposal: ProposalComponent, z: Float[np.ndarray, "n d"]) -> Float[np.ndarray, "d n"]:
+    """Return the independent steps of unit scale that lead from the centre to z, in the order in which they are drawn."""
+    order, factor = _order(proposal)
+    return solve_triangular(factor, (straightened(z, proposal.edges) - proposal.centre)[:, order].T, lower=True)
+
+
+def _limits(
+    proposal: ProposalComponent, steps: Float[np.ndarray, "d n"], row: int
+) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+    """Return between which values a step of what leans stays inside the bounds, given the steps before it."""
+    order, factor = _order(proposal)
+    before = proposal.centre[order[row]] + factor[row, :row] @ steps[:row]
+    low, high = ((edge - before) / factor[row, row] for edge in proposal.edges[order[row]])
+    return low, high
+
+
 def _draw(proposal: ProposalComponent, random: np.random.Generator, n: int) -> Float[np.ndarray, "n d"]:
     """Independent draws about one mode."""
+    order, factor = _order(proposal)
+    leaning, d = proposal.leaning.size, proposal.centre.size
+    steps = np.empty((d, n))
+    for row in range(leaning):
+        begin, end = (stdtr(FREEDOM, limit) for limit in _limits(proposal, steps, row))
+        steps[row] = stdtrit(FREEDOM, begin + (end - begin) * random.uniform(size=n))
     stretch = np.sqrt(FREEDOM / random.chisquare(FREEDOM, n))
     stretch *= np.where(random.uniform(size=n) < WIDE_SHARE, WIDE_SCALE, 1.0)
-    return proposal.centre + (stretch[:, None] * random.normal(size=(n, proposal.centre.size))) @ proposal.factor.T
+    steps[leaning:] = (stretch[:, None] * random.normal(size=(n, d - leaning))).T
+    place = np.empty((n, d))
+    place[:, order] = proposal.centre[order] + steps.T @ factor.T
+    return bent(place, proposal.edges)
 
 
 def _log_shares(proposals: Sequence[ProposalComponent], z: Float[np.ndarray, "n d"]) -> Float[np.ndarray, "modes n"]:
@@ -248,14 +366,23 @@ def _log_shares(proposals: Sequence[ProposalComponent], z: Float[np.ndarray, "n 
 
 
 def _log_proposal(proposal: ProposalComponent, z: Float[np.ndarray, "n d"]) -> Float[np.ndarray, " n"]:
-    d = proposal.centre.size
-    square = distance(proposal, z)
+    steps, leaning = _steps(proposal, z), proposal.leaning.size
+    free = proposal.centre.size - leaning
+    square = np.sum(steps[leaning:] ** 2, 0)
+    plain, wide = _log_student(square, free), _log_student(square, free, WIDE_SCALE)
+    found = np.logaddexp(np.log(1.0 - WIDE_SHARE) + plain, np.log(WIDE_SHARE) + wide)
+    found -= np.sum(np.log(np.diag(_order(proposal)[1])))
+    for row in range(leaning):
+        begin, end = (stdtr(FREEDOM, limit) for limit in _limits(proposal, steps, row))
+        found += _log_student(steps[row] ** 2, 1) - np.log(end - begin)
+    return found + _log_slopes(z, proposal.edges).sum(1)
+
+
+def _log_student(square: Float[np.ndarray, " n"], d: int, scale: float = 1.0) -> Float[np.ndarray, " n"]:
+    """Return the log density of t_8 in d dimensions at squared distances from its centre."""
     power = 0.5 * (FREEDOM + d)
-    plain = np.log(1.0 - WIDE_SHARE) - power * np.log1p(square / FREEDOM)
-    wide = np.log(WIDE_SHARE / WIDE_SCALE**d) - power * np.log1p(square / (FREEDOM * WIDE_SCALE**2))
-    constant = gammaln(power) - gammaln(0.5 * FREEDOM)
-    constant -= 0.5 * d * np.log(FREEDOM * np.pi) + np.sum(np.log(np.diag(proposal.factor)))
-    return constant + np.logaddexp(plain, wide)
+    constant = gammaln(power) - gammaln(0.5 * FREEDOM) - 0.5 * d * np.log(FREEDOM * np.pi) - d * np.log(scale)
+    return constant - power * np.log1p(square / (FREEDOM * scale**2))
 
 
 def _log_sum(x: np.ndarray) -> float:

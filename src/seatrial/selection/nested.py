@@ -4,13 +4,15 @@ H is the information, nats, from prior to posterior, and n the number of live po
 points, log X falls by sum 1 / n_i and scatters by sum 1 / n_i^2, whose ratio takes the place of 1 / n.
 """
 
+from collections.abc import Sequence
+
 import jax
 import numpy as np
 
 from seatrial.core.errors import NumericalError
 from seatrial.core.reporter import Progress, no_progress
 from seatrial.estimation.posterior import Posterior
-from seatrial.sampling.nested import batch_of, sample_nested
+from seatrial.sampling.nested import NestedRun, batch_of, sample_nested
 from seatrial.selection.evidence import Evidence
 
 MAX_SPREAD = 4.0
@@ -56,6 +58,11 @@ def nested_evidence(
         for repeat in range(repeats)
     ]
     progress(1, 1)
+    return combine_nested(runs, live)
+
+
+def combine_nested(runs: Sequence[NestedRun], live: int) -> Evidence:
+    """Return the evidence of independent runs, two at least, of so many live points each."""
     logs = np.array([run.log_evidence for run in runs])
     information = float(np.mean([run.information for run in runs]))
     alive = float(np.mean([run.alive for run in runs]))
@@ -83,7 +90,7 @@ def nested_evidence(
     }
     return Evidence(
         float(logs.mean()),
-        max(float(expected), spread) / float(np.sqrt(repeats)),
+        max(float(expected), spread) / float(np.sqrt(len(runs))),
         "nested slice sampling",
         diagnostics,
         "; ".join(complaints),

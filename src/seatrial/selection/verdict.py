@@ -282,8 +282,7 @@ def _measured(posterior: Posterior, trial: int, channel: str) -> tuple[np.ndarra
     """Return when a channel was measured in a trial, s from its first sample, and what."""
     shown = posterior.data.channels[posterior.likelihood.channels.index(channel)]
     there = np.asarray(shown.present[trial]) > 0
-    step = np.asarray(posterior.data.step[trial])
-    return (np.cumsum(step) - step)[there], np.asarray(shown.measured[trial])[there]
+    return posterior.data.time[trial][there], np.asarray(shown.measured[trial])[there]
 
 
 def averaged(
@@ -356,7 +355,7 @@ def term_verdict(term: str, inclusion: float, error: float, reached: tuple[float
             f"it cannot be said whether the data support {term}: its probability of {inclusion:.2f} depends on an evidence that is not "
             f"reliable, and may be anything from {reached[0]:.2f} to {reached[1]:.2f}"
         )
-    margin = f" (± {max(error, 0.005):.2f} Monte Carlo)"
+    margin = f" (± {error:.2f} Monte Carlo)" if error >= 0.005 else " (Monte Carlo error below 0.005)"
     if _is_noisy(inclusion, error):
         return (
             f"the evidence is too noisy to say whether the data support {term}: "

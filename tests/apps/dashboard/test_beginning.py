@@ -7,6 +7,7 @@ import pytest
 
 from seatrial.apps.dashboard import model_queries as thinking
 from seatrial.apps.dashboard.logs import look_into
+from seatrial.apps.dashboard.map_draft import MapDraft
 from seatrial.apps.dashboard.new_campaign_rows import kinds
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.config.new_campaign import OWN, PUBLISHED
@@ -63,6 +64,18 @@ def test_what_is_published_of_each_vehicle_can_be_sought():
     assert found["remus100_surge"] == ("X_u", "X_uabsu", "T_nabsn")
 
 
+def test_every_control_may_have_a_rate_in_the_form_of_limits(tmp_path):
+    text, _ = thinking.begun(str(tmp_path), "my boat", "", said_in_form(PUBLISHED))
+    (tmp_path / "campaign.toml").write_text(text)
+    limits = tomllib.loads(text)["limits"]
+    asked = thinking.form_data(str(tmp_path))
+    rows = {one.name: one for one in (*asked.limits, *asked.spare)}
+    assert rows["delta_r"].rate == limits["delta_r"]["rate"]
+    assert {name for name, one in rows.items() if one.has_rate} == {*asked.controls}
+    assert [one.name for one in asked.limits] == [asked.control, *(one for one in limits if one != asked.control)]
+    assert not {one.name for one in asked.spare} & {*limits}
+
+
 def test_a_log_is_looked_into_and_mapped_before_there_is_an_import(tmp_path):
     from seatrial.apps.dashboard.edits import Mapped, with_channel, with_map
 
@@ -78,7 +91,7 @@ def test_a_log_is_looked_into_and_mapped_before_there_is_an_import(tmp_path):
     assert all(one.picture.startswith("M") for one in found.columns[1:])
     channel_map = ""
     for one in found.guesses:
-        mapped = Mapped(one.channel, found.heads[one.table], one.column, one.unit, one.scale, 0.0)
+        mapped = Mapped(found.heads[one.table], one.column, one.unit, one.scale, 0.0)
         channel_map = with_channel(channel_map, one.channel, mapped)
     mapped = with_map(tmp_path, text, "dive", channel_map)
     thinking.check(str(tmp_path), mapped)
@@ -89,7 +102,7 @@ def test_a_log_is_looked_into_and_mapped_before_there_is_an_import(tmp_path):
 
 def test_small_pictures_are_over_the_rows_until_a_clock_is_known_and_then_over_the_time(tmp_path):
     pytest.importorskip("nicegui")
-    from seatrial.apps.dashboard.pages.import_form import axis_words, columns_of
+    from seatrial.apps.dashboard.pages.map_rows import axis_words, columns_of
 
     rows = [f"{1000 * i if i < 100 else 1000 * i + 100_000},{i}" for i in range(200)]
     (tmp_path / "dive.csv").write_text("Zeit,rpm\n" + "\n".join(rows) + "\n")
@@ -100,13 +113,17 @@ def test_small_pictures_are_over_the_rows_until_a_clock_is_known_and_then_over_t
         return found, [float(point.partition(",")[0]) for point in path.removeprefix("M").split("L")]
 
     found, across = drawn({})
+    draft = MapDraft(tmp_path, logs={"dive.csv": found})
     assert found.heads["rows"].count('column = ""') == 1
-    assert axis_words(found, "rows") == "over rows 1 to 200"
-    assert "over rows 1 to 200</small>" in columns_of(found)
+    assert axis_words(draft, "dive.csv", "rows") == "over rows 1 to 200"
+    assert "over rows 1 to 200</small>" in columns_of(draft, "dive.csv")
     assert max(np.diff(across)) < 2  # of 100: a row after the other
-    found, across = drawn({None: "Zeit"})
-    found.heads["rows"] = found.heads["rows"].replace('column = "", unit = "s"', 'column = "Zeit", unit = "ms"')
-    assert axis_words(found, "rows") == "over 299 s of Zeit"
+    draft.logs["dive.csv"], across = drawn({None: "Zeit"})
+    draft.channel_map = (
+        '[[import.files]]\npath = "dive.csv"\ntime = { column = "Zeit", unit = "ms" }\n'
+        'channels.n = { column = "rpm", unit = "rpm" }\n'
+    )
+    assert axis_words(draft, "dive.csv", "rows") == "over 299 s of Zeit"  # as the map says, not as the log was guessed
     assert max(np.diff(across)) == pytest.approx(100 / 3, abs=2)  # the hole of a third of the time
     assert drawn({None: "no such column"})[0].axes["rows"].clock == ""
 
@@ -122,13 +139,18 @@ channels.n = { column = "rpm", unit = "rpm", own = 3 }
 channels.tau_X = { sum = "0.1 'left one' - 0.1 right", unit = "N", offset = 2 }
 """
     head = '[[import.files]]\npath = "b.csv"\ntime = { column = "t", unit = "s" }\n'
-    after = with_channel(before, "n", Mapped("n", '[[import.files]]\npath = "a.csv"', "rps", "Hz", -2.0, 1.5))
-    lined = with_channel(after, "n", Mapped("n", '[[import.files]]\npath = "a.csv"', "rps", "Hz", -2.0, 1.5, "line"))
+    after = with_channel(before, "n", Mapped('[[import.files]]\npath = "a.csv"', "rps", "Hz", -2.0, 1.5))
+    spaced = '[[import.files]]\npath = "a.csv"\nchannels.n = { column = "rpm", unit = "rpm" }  # guess\n'
+    measured = Mapped('[[import.files]]\npath = "a.csv"', "rpm", "rpm", 1.0, 0.0, "line")
+    longer = with_channel(spaced, "n", measured)
+    assert longer == spaced.replace(" }", ', between = "line" }')
+    assert with_channel(longer, "n", measured._replace(scale=-1.0)) == longer.replace(" }", ", scale = -1.0 }")
+    lined = with_channel(after, "n", Mapped('[[import.files]]\npath = "a.csv"', "rps", "Hz", -2.0, 1.5, "line"))
     assert channels_of(lined)["n"]["between"] == "line"
-    held = Mapped("n", '[[import.files]]\npath = "a.csv"', "rps", "Hz", -2.0, 1.5, "held")
+    held = Mapped('[[import.files]]\npath = "a.csv"', "rps", "Hz", -2.0, 1.5, "held")
     assert channels_of(with_channel(lined, "n", held))["n"]["between"] == "held"
     assert "between" not in channels_of(with_channel(after, "n", held))["n"]
-    after = with_channel(after, "u", Mapped("u", head, "speed", "m/s", 1.0, 0.0))
+    after = with_channel(after, "u", Mapped(head, "speed", "m/s", 1.0, 0.0))
     files = tomllib.loads(after)["import"]["files"]
     assert files[0] == {
         "path": "a.csv",
@@ -143,11 +165,11 @@ channels.tau_X = { sum = "0.1 'left one' - 0.1 right", unit = "N", offset = 2 }
         "time": {"column": "t", "unit": "s"},
         "channels": {"u": {"column": "speed", "unit": "m/s"}},
     }
-    moved = with_channel(after, "u", Mapped("u", '[[import.files]]\npath = "a.csv"', "v", "kn", 1.0, 0.0))
+    moved = with_channel(after, "u", Mapped('[[import.files]]\npath = "a.csv"', "v", "kn", 1.0, 0.0))
     assert channels_of(moved)["u"] == {"column": "v", "unit": "kn", "path": "a.csv", "table": None}
     assert len(tomllib.loads(moved)["import"]["files"]) == 1
     assert "u" not in channels_of(with_channel(moved, "u", None))
-    kept = with_channel(before, "tau_X", Mapped("tau_X", '[[import.files]]\npath = "a.csv"', "", "kN", 1.0, 0.0))
+    kept = with_channel(before, "tau_X", Mapped('[[import.files]]\npath = "a.csv"', "", "kN", 1.0, 0.0))
     assert channels_of(kept)["tau_X"]["sum"] == "0.1 'left one' - 0.1 right"
 
 
@@ -208,9 +230,9 @@ def test_comments_and_unknown_keys_survive_every_edit_of_the_form(tmp_path):
     assert with_map(tmp_path, COMMENTED.replace("[truth]\nX_u = -3.0", "[known]\nX_u = 3"), "a", there) == (
         COMMENTED.replace("[truth]\nX_u = -3.0", "[known]\nX_u = 3")
     )
-    edited = with_channel(there, "n", Mapped("n", '[[import.files]]\npath = "a.csv"', "rps", "Hz", -1.0, 0.0))
-    edited = with_channel(edited, "r", Mapped("r", '[[import.files]]\npath = "b.csv"', "yaw", "rad/s", 1.0, 0.0))
-    edited = with_channel(edited, "psi", Mapped("psi", '[[import.files]]\npath = "b.csv"', "head", "deg", 1.0, 0.0))
+    edited = with_channel(there, "n", Mapped('[[import.files]]\npath = "a.csv"', "rps", "Hz", -1.0, 0.0))
+    edited = with_channel(edited, "r", Mapped('[[import.files]]\npath = "b.csv"', "yaw", "rad/s", 1.0, 0.0))
+    edited = with_channel(edited, "psi", Mapped('[[import.files]]\npath = "b.csv"', "head", "deg", 1.0, 0.0))
     edited = with_shift(edited, "b.csv", None, 12.5)
     assert comments(edited) == comments(there)
     text = with_map(tmp_path, COMMENTED, "a", edited)
@@ -263,7 +285,7 @@ def test_a_log_whose_time_has_a_strange_name_is_mapped_once_its_column_is_chosen
     assert tomllib.loads(head)["import"]["files"] == [{"path": "dive.csv", "time": {"column": "", "unit": "s"}}]
     with pytest.raises(InputError, match="no column of a log"):
         with_map(tmp_path, text, "dive", "\n")
-    one = with_channel("", "u", Mapped("u", head, "Fahrt", "kn", 1.0, 0.0)) + "# by the diver\n"
+    one = with_channel("", "u", Mapped(head, "Fahrt", "kn", 1.0, 0.0)) + "# by the diver\n"
     timed = with_time(one, "dive.csv", None, "Zeit", "ms")
     (file,) = tomllib.loads(timed)["import"]["files"]
     assert file == {
@@ -367,9 +389,60 @@ def test_a_log_takes_the_place_of_one_of_which_it_has_every_column_or_channel(tm
     assert [(one["path"], [*one["channels"]]) for one in files_of(after)] == [("again.csv", ["u"])]
 
 
+def test_a_log_is_what_its_columns_and_the_campaign_say(tmp_path):
+    text = (
+        '[import]\nfit = ["a", "b"]\n\n[[import.files]]\npath = "run_{run}.csv"\ntime = { column = "t", unit = "s" }\n'
+        'channels.u = { column = "speed", unit = "m/s" }\n'
+    )
+    (tmp_path / "campaign.toml").write_text(text)
+    heads = {"run_a.csv": "t,speed", "run_b.csv": "t,dvl_speed", "dive.csv": "t,speed,rpm", "motor.csv": "t,rpm"}
+    for name, head in heads.items():
+        rows = [",".join([f"{0.1 * k:.1f}", *[str(900 + k)] * head.count(",")]) for k in range(30)]
+        (tmp_path / name).write_text("\n".join([head, *rows]) + "\n")
+
+    def drafted(name, purpose=None):
+        draft = MapDraft(tmp_path)
+        draft.add(name, look_into(str(tmp_path / name), name, ("u", "n")), purpose)
+        return draft
+
+    found = {name: (draft.purpose, draft.label) for name in heads for draft in [drafted(name)]}
+    assert found == {
+        "run_a.csv": ("change", "a"),
+        "run_b.csv": ("fit", "b"),  # it lacks a column of the shared map
+        "dive.csv": ("fit", "dive"),
+        "motor.csv": ("file", "a"),  # it has other channels than the map
+    }
+    there = drafted("run_a.csv")
+    assert there.named("run_a.csv") == "run_{run}.csv"
+    assert there.is_saved(there.channel_map)
+    assert not there.is_saved(there.channel_map.replace("m/s", "kn"))
+    there.label = "another run"
+    assert not there.is_saved(there.channel_map)
+    assert drafted("run_b.csv").replaced() == "Saving gives run b this map in the place of that of run_b.csv."
+    assert drafted("motor.csv").replaced() == ""
+    only = drafted("dive.csv", "instead")
+    assert only.replaced().startswith(
+        "Saving removes run a, b from the campaign file, with the map of run_a.csv, run_b.csv."
+    )
+    imports = tomllib.loads(only.text())["import"]
+    assert (imports["fit"], [one["path"] for one in imports["files"]]) == (["dive"], ["dive.csv"])
+
+
+def test_the_placeholders_of_a_template_are_no_map(tmp_path):
+    text, _ = thinking.begun(str(tmp_path), "my boat", "log", ())
+    (tmp_path / "campaign.toml").write_text(text)
+    rows = "".join(f"{100 * i};{0.1 * i:.1f}\n" for i in range(30))
+    (tmp_path / "nav day 2.csv").write_text("time_s;prop_rpm\n" + rows)  # no column seems to be the speed
+    draft = MapDraft(tmp_path)
+    draft.add("nav day 2.csv", look_into(str(tmp_path / "nav day 2.csv"), "nav day 2.csv", ("n", "u")))
+    assert draft.channels.keys() == {"n"}
+    assert "COLUMN" not in draft.channel_map
+    assert draft.label == "nav_day_2"
+
+
 def test_two_logs_are_lined_up_and_drawn_by_a_map_that_is_not_saved(tmp_path):
-    from seatrial.apps.dashboard.edits import with_map, with_shift
-    from seatrial.apps.dashboard.logs import line_up
+    from seatrial.apps.dashboard.edits import files_of, with_map, with_shift
+    from seatrial.apps.dashboard.logs import column_of, line_up
 
     folder = write_small(tmp_path / "boat")
     before = (folder / "campaign.toml").read_text()
@@ -382,7 +455,10 @@ def test_two_logs_are_lined_up_and_drawn_by_a_map_that_is_not_saved(tmp_path):
         rows = "".join(f"{t + late:.1f},{v:.5f},{r:.5f}\n" for t, v, r in zip(time, values, turn, strict=True))
         (folder / f"{name}.csv").write_text(f"time_s,{column},yaw\n{rows}")
     looked = {name: look_into(str(folder / f"{name}.csv"), f"{name}.csv", ()) for name in ("motor", "doppler")}
-    ends = [(str(folder / f"{name}.csv"), next(iter(one.heads.values())), "yaw") for name, one in looked.items()]
+    ends = [
+        column_of(str(folder / f"{name}.csv"), "yaw", files_of(one.heads["rows"])[0], 0.0)
+        for name, one in looked.items()
+    ]
     found = line_up(*ends)
     assert found.shift == pytest.approx(-900.0, abs=1e-3)
     assert found.correlation == pytest.approx(1.0, abs=1e-3)
@@ -396,10 +472,14 @@ def test_two_logs_are_lined_up_and_drawn_by_a_map_that_is_not_saved(tmp_path):
     about = thinking.axis_about(str(folder), apart, "dive", ())
     assert dict(zip(about.names, about.logs, strict=True)) == {"u": "doppler.csv", "n": "motor.csv"}
     np.testing.assert_allclose(about.spans, [(900.0, 959.9), (0.0, 59.9)], atol=1e-9)
-    np.testing.assert_allclose(
-        thinking.axis_about(str(folder), together, "dive", ()).spans, [(0.0, 59.9)] * 2, atol=1e-3
-    )
-    seen = thinking.axis_view(str(folder), together, "dive", (), 10.0, 20.0, 720)
+    assert not about.overlaps
+    asked = str(folder), together, "dive", (), (ends[0], ends[1]._replace(shift=found.shift))
+    about = thinking.axis_about(*asked)
+    assert about.names == ("yaw · motor.csv", "yaw · doppler.csv", "u", "n")
+    np.testing.assert_allclose(about.spans, [(0.0, 59.9)] * 4, atol=1e-3)
+    np.testing.assert_allclose(about.interval, (0.0, 59.9), atol=1e-3)
+    seen = thinking.axis_view(*asked, 10.0, 20.0, 720)
+    np.testing.assert_allclose(seen["yaw · motor.csv"].least[3:90], seen["yaw · doppler.csv"].least[3:90], atol=1e-4)
     there = np.isin(np.round(time, 1), np.round(seen["u"].time, 1))
     np.testing.assert_allclose(seen["u"].least, 1.5 + 0.1 * turn[there], atol=1e-4)
     np.testing.assert_allclose(seen["n"].greatest, 1200 + 50 * turn[there], atol=1e-2)

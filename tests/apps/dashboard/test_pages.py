@@ -1,7 +1,9 @@
 """What pages say of results: where to go on, what colours mean, what a column is."""
 
+import asyncio
 import os
 import re
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -11,14 +13,24 @@ import numpy as np
 import pytest
 from markupsafe import Markup
 
+from seatrial.apps.dashboard.app_context import fill
 from seatrial.apps.dashboard.jobs import Jobs, log_of
+from seatrial.apps.dashboard.logs import Column, Looked
+from seatrial.apps.dashboard.map_draft import MapDraft
 from seatrial.apps.dashboard.page_layout import VIEWS
 from seatrial.apps.dashboard.pages.compare import nothing_beside
 from seatrial.apps.dashboard.pages.design import legend_html
-from seatrial.apps.dashboard.pages.one_axis import OneAxis, delay_words, lined_up_words
+from seatrial.apps.dashboard.pages.one_axis import (
+    OneAxis,
+    delay_words,
+    lined_up_words,
+    panels_of,
+    shift_error,
+    span_words,
+)
 from seatrial.apps.dashboard.pages.record_chart import RecordChart, ends_errors
 from seatrial.apps.dashboard.pages.results import coefficients, estimated_html, next_html, of_mode
-from seatrial.apps.dashboard.view_models import EstimatedStructure, EstimatedValue, beside
+from seatrial.apps.dashboard.view_models import AxisAbout, EstimatedStructure, EstimatedValue, beside
 from seatrial.campaign.store.estimates import ModelErrorFinding
 from seatrial.campaign.store.stored_result import Store
 from seatrial.campaign.store.structures import StoredCoefficient, StoredMode
@@ -45,7 +57,7 @@ def test_grey_is_explained_where_a_design_breaks_a_limit():
 
 @pytest.mark.parametrize(("imported", "label"), [(True, "logged"), (False, "commanded")])
 def test_a_control_of_a_log_is_not_called_commanded(tmp_path, imported, label):
-    chart = RecordChart(SimpleNamespace(), tmp_path, SimpleNamespace(imported=imported), [])  # pyright: ignore[reportArgumentType]
+    chart = RecordChart(SimpleNamespace(), tmp_path, SimpleNamespace(imported=imported), [], SimpleNamespace())  # pyright: ignore[reportArgumentType]
     assert chart._panel("n", "rpm", "control").curves[0].label == label
     assert chart._panel("u", "m/s", "measurement").curves[0].label == "measured"
 
@@ -145,11 +157,13 @@ channels.r = { column = "gyro_z", unit = "rad/s" }
 path = "b.csv"
 channels.u = { column = "dvl_vx", unit = "m/s" }
 """
-    nothing = SimpleNamespace()
-    axis = OneAxis(nothing, tmp_path, lambda: channel_map, nothing, nothing, nothing)  # pyright: ignore[reportArgumentType]
-    axis.columns = {"1": ("a.csv", SimpleNamespace(name=first)), "2": ("b.csv", SimpleNamespace(name=second))}
-    axis.guesses = {"2": "r"} if second == "rate" else {}
-    assert (axis._differ("1", "2") == "") == same
+    columns = [Column(table, name, "", "0 to 1", "") for table, name in (("a", first), ("b", second))]
+    quantities = {("b", "rate"): "r"}
+    heads: dict[str, str] = {"a": "", "b": ""}
+    logs = {f"{one.table}.csv": Looked("CSV", (), (one,), (), heads, (), {}, quantities) for one in columns}
+    draft = MapDraft(tmp_path, channel_map=channel_map, logs=logs)
+    axis = OneAxis(SimpleNamespace(), draft, SimpleNamespace(), SimpleNamespace())  # pyright: ignore[reportArgumentType]
+    assert (axis._differ(*draft.columns) == "") == same
 
 
 def test_campaigns_that_were_not_run_are_named_with_a_link(tmp_path):
@@ -165,13 +179,13 @@ def test_campaigns_that_were_not_run_are_named_with_a_link(tmp_path):
     ("start", "end", "wrong"),
     [
         (0.0, 359.9, (None, None)),
-        (0.0, 900.0, (None, "at most 359.9 s: the files of this run overlap for 359.9 s")),
+        (0.0, 900.0, (None, "at most 359.9 s: the whole record is 359.9 s long")),
         (5.0, 4.0, ("has to be before the end", None)),
         (-1.0, 20.0, ("a number of seconds, 0 or more", None)),
         (
             None,
             None,
-            ("a number of seconds, 0 or more", "a number of seconds; the files of this run overlap for 359.9 s"),
+            ("a number of seconds, 0 or more", "a number of seconds; the whole record is 359.9 s long"),
         ),
     ],
 )
@@ -188,6 +202,50 @@ def test_a_shift_says_how_sharp_its_peak_is():
     )
     assert "Between 1.594 and 1.612 s" in lined_up_words(found._replace(lower=1.594, upper=1.612), "b")
     assert "not the same quantity" in delay_words("thrust", "dvl_vx")
+
+
+@pytest.mark.parametrize(("shift", "is_wrong"), [(None, True), (1e300, True), (-1795772417.702, False), (0.0, False)])
+def test_a_shift_is_a_number_of_seconds_that_clocks_may_differ_by(shift, is_wrong):
+    assert (shift_error(shift) is not None) == is_wrong
+
+
+def test_what_is_compared_stands_in_one_panel_above_the_channels():
+    names, logs = ("yaw · a.csv", "gyro · b.csv", "u", "n"), ("a.csv", "b.csv", "b.csv", "a.csv")
+    roles = ("compared", "compared", "measurement", "control")
+    about = AxisAbout(names, ("", "", "m/s", "rpm"), roles, logs, ((0.0, 9.0), (2.0, 8.00000001)) * 2, (0.0, 8.0))
+    above, *below = panels_of(about)
+    assert [(one.name, one.colour) for one in above.curves] == [("yaw · a.csv", "blue"), ("gyro · b.csv", "orange")]
+    assert [(one.label, one.curves[0].kind, one.curves[0].colour) for one in below] == [
+        ("u", "line", "orange"),
+        ("n", "steps", "blue"),
+    ]
+    words = span_words(about)
+    assert "b.csv: 0 s to 9 s" in words
+    assert "The record: 0 s to 8 s, where every control is known and something is measured." in words
+
+
+def test_of_two_answers_for_one_part_of_a_page_the_last_is_shown():
+    built = []
+
+    class Part(nullcontext):
+        is_deleted = False
+
+        def clear(self):
+            built.clear()
+
+    async def later(seconds, what):
+        await asyncio.sleep(seconds)
+        return what
+
+    async def both():
+        part = Part()
+        await asyncio.gather(
+            fill(part, later(0.02, "first"), built.append, patience=9.0),
+            fill(part, later(0.01, "second"), built.append, patience=9.0),
+        )
+
+    asyncio.run(both())
+    assert built == ["second"]
 
 
 def test_every_view_stands_in_its_documentation():

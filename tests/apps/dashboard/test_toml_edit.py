@@ -1,6 +1,7 @@
 """Edits of a TOML file change one key and nothing else: what a parser reads, and every comment."""
 
 import difflib
+import json
 import tomllib
 
 import pytest
@@ -140,8 +141,16 @@ def test_the_files_that_init_writes_can_be_edited(tmp_path, template):
     assert "end" not in trimmed["import"]
     own = tomllib.loads(with_trim(tmp_path, mapped, "25_05", "1.5 s", "9 s"))
     assert own["import"]["trim"] == {"25_05": {"start": "1.5 s", "end": "9 s"}}
-    with pytest.raises(InputError, match="by hand"):
-        with_trim(tmp_path, mapped, "run 1", "1.5 s", None)
+
+
+@pytest.mark.parametrize("run", ["run 1", "jour 1 été", "1.5", 'a "b" c', "a]b #c", "a'b"])
+def test_a_run_of_any_name_is_cut_and_cut_again(tmp_path, run):
+    text = f"[import]\nfit = [{json.dumps(run)}]\n\n# of the run\n[design]\nduration = '9 s'\n"
+    once = with_trim(tmp_path, text, run, "1.5 s", None)
+    twice = with_trim(tmp_path, once, run, "2 s", "9 s")
+    assert tomllib.loads(twice)["import"]["trim"] == {run: {"start": "2 s", "end": "9 s"}}
+    assert twice.startswith(text)
+    assert twice.count("[import.trim.") == 1
 
 
 def test_a_new_map_keeps_what_is_said_of_every_run(tmp_path):

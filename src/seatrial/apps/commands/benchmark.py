@@ -6,6 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
+from seatrial.apps import results
 from seatrial.apps.answer import Exit, current_answer
 from seatrial.apps.running import Quiet, watched
 
@@ -60,7 +61,6 @@ def _listed() -> Exit:
 
 
 def _run(name: str | None, data: Path | None, out: Path, methods: str | None, reporter: Any) -> Exit:
-    from seatrial.apps import results
     from seatrial.benchmark.methods import choose
     from seatrial.benchmark.run import run_set
     from seatrial.benchmark.set_file import read_set, set_names

@@ -4,6 +4,7 @@ from typing import Annotated
 
 import typer
 
+from seatrial.apps import results
 from seatrial.apps.answer import current_answer
 
 
@@ -12,7 +13,6 @@ def vehicle(
     names: Annotated[bool, typer.Option("--names", help="List the names alone, one a line.")] = False,
 ) -> None:
     """List the published vehicles, or show one of them."""
-    from seatrial.apps import results
     from seatrial.core.errors import InputError
     from seatrial.report.vehicle_page import vehicle_page
     from seatrial.vehicles.catalogue import load_vehicle, vehicle_names

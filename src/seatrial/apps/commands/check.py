@@ -4,6 +4,7 @@ from typing import Annotated, Any
 
 import typer
 
+from seatrial.apps import results
 from seatrial.apps.running import Answer, Exit, Folder, Quiet, with_campaign
 from seatrial.sampling.names import DEFAULT, METHODS
 
@@ -17,7 +18,6 @@ def check(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
         if not campaign.has_records:
             return _say_what_is_missing(campaign, answer)
-        from seatrial.apps import results
         from seatrial.campaign.data.check import check_records, summary_line
         from seatrial.campaign.data.thruster_check import thruster_lines
         from seatrial.campaign.workflow.steps import Workflow
@@ -34,6 +34,8 @@ def check(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
             answer.name_file(f"raw plot of {one.record.label}", picture)
         answer.say(summary_line(judged))
         answer.give(**results.checked(judged))
+        if campaign.example_vehicle:
+            answer.caution(campaign.example_vehicle)
         return Exit.ALARMS if any(one.level == "fail" for one in judged) else Exit.OK
 
     with_campaign(folder, quiet, work, context)
@@ -60,7 +62,6 @@ def tuning(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None
     """
 
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
-        from seatrial.apps import results
         from seatrial.campaign.inference.filter_tuning import WHERE, check_filter
         from seatrial.campaign.workflow.steps import Workflow
 
@@ -92,7 +93,6 @@ def calibrate(
     """
 
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
-        from seatrial.apps import results
         from seatrial.campaign.workflow.steps import Workflow
         from seatrial.report.figure_files import write_calibration_picture
 

@@ -4,6 +4,7 @@ from typing import Any
 
 import typer
 
+from seatrial.apps import results
 from seatrial.apps.running import Answer, Exit, Folder, Quiet, with_campaign
 
 
@@ -11,7 +12,6 @@ def crossvalidate(context: typer.Context, folder: Folder, quiet: Quiet = False) 
     """Predict each fitted run from the others, by each model."""
 
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
-        from seatrial.apps import results
         from seatrial.campaign.workflow.steps import Workflow
 
         found = Workflow(campaign, reporter).get("cross_validation")

@@ -5,6 +5,7 @@ from typing import Annotated, Any
 
 import typer
 
+from seatrial.apps import results
 from seatrial.apps.running import Answer, Exit, Folder, Quiet, with_campaign
 
 
@@ -144,7 +145,6 @@ def _trim(campaign: Any, run: str | None, start: str | None, end: str | None, re
 
 
 def _say_trials(answer: Answer, trials: Any, campaign: Any = None, accelerations: str | None = None) -> Exit:
-    from seatrial.apps import results
     from seatrial.campaign.data.record_cautions import record_cautions
 
     for record in (*trials.fit, *trials.predict):

@@ -6,10 +6,11 @@ from typing import Annotated, Any
 
 import typer
 
+from seatrial.apps import results
 from seatrial.apps.answer import Answer, Exit, current_answer
 from seatrial.apps.running import Quiet, watched
 
-_TARGETS = "gz, uuv, stonefish, fossen, holoocean, json or csv"
+_TARGETS = "<gz|uuv|stonefish|fossen|holoocean|json|csv|mavlink|ros2|mcap>"
 _TRIALS = "csv, json, mavlink, ros2 or mcap"
 
 
@@ -17,7 +18,9 @@ def export(
     what: Annotated[
         str, typer.Argument(metavar="DIR|VEHICLE", help="Folder of a finished campaign, or a vehicle of the catalogue.")
     ],
-    to: Annotated[str | None, typer.Option("--to", help=f"{_TARGETS}; with --trial {_TRIALS}.")] = None,
+    to: Annotated[
+        str | None, typer.Option("--to", metavar=_TARGETS, help=f"Simulator or file format; with --trial {_TRIALS}.")
+    ] = None,
     out: Annotated[
         Path | None, typer.Option("--out", metavar="FOLDER", help="Where to write; DIR/export/<target> if not given.")
     ] = None,
@@ -35,7 +38,10 @@ def export(
         str | None, typer.Option(help="With --trial: another schedule of results/, such as design.")
     ] = None,
     engine: Annotated[
-        str | None, typer.Option(help="With --to gz: dart, or other for an engine without added mass of its own.")
+        str | None,
+        typer.Option(
+            metavar="<dart|other>", help="With --to gz: dart, or other for an engine without added mass of its own."
+        ),
     ] = None,
     density: Annotated[
         str | None,
@@ -65,7 +71,6 @@ def export(
 def _vehicle(
     what: str, to: str | None, out: Path | None, structure: str | None, rest: str | None, options: dict[str, Any]
 ) -> Exit:
-    from seatrial.apps import results
     from seatrial.core.errors import InputError
     from seatrial.export.to_target import export_to
     from seatrial.export.write import EXPORTERS, make_exporter

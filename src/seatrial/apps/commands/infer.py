@@ -5,6 +5,7 @@ from typing import Annotated, Any
 
 import typer
 
+from seatrial.apps import results
 from seatrial.apps.running import Answer, Exit, Folder, Quiet, with_campaign
 
 
@@ -58,7 +59,6 @@ def profile(
     """Show the range of each parameter that the data alone allow."""
 
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
-        from seatrial.apps import results
         from seatrial.campaign.workflow.steps import Workflow
         from seatrial.report.figure_files import write_profile_picture
 
@@ -75,7 +75,6 @@ def select(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None
     """Decide which terms the data support."""
 
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
-        from seatrial.apps import results
         from seatrial.campaign.selection.evidence import agreement_words
         from seatrial.campaign.workflow.steps import Workflow
         from seatrial.report.figure_files import write_select_picture
@@ -129,7 +128,6 @@ def criteria(
     """Compare structures by AIC, BIC, WAIC and others."""
 
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
-        from seatrial.apps import results
         from seatrial.campaign.selection.criteria import (
             criteria_cautions,
             criteria_lines,
@@ -159,7 +157,6 @@ def criteria(
 
 
 def _by_chains(campaign: Any, reporter: Any, answer: Answer) -> Exit:
-    from seatrial.apps import results
     from seatrial.campaign.inference.coefficient_csv import write_coefficients
     from seatrial.campaign.inference.identifiability import known_after
     from seatrial.campaign.inference.judge_predictions import held_back_cautions, held_back_lines, predict_held_back
@@ -214,7 +211,6 @@ def _checked_trials(campaign: Any, flow: Any, answer: Answer) -> Any:
 
 
 def _first_answers(campaign: Any, reporter: Any, answer: Answer, by: By, window: float | None) -> Exit:
-    from seatrial.apps import results
     from seatrial.campaign.inference.judge_predictions import held_back_cautions
     from seatrial.campaign.inference.quick_estimates import (
         MODE,
@@ -254,7 +250,6 @@ def _judge_unseen(
     answer: Answer, baselines: Any, labels: list[str], evidences: list[Any], held_back: list[Any]
 ) -> tuple[list[str], list[str]]:
     """Say how the most probable structure stands beside the baselines; returns what forbids to rely on it on other runs, and doubts."""
-    from seatrial.apps import results
     from seatrial.campaign.inference.baselines import (
         compare_with_baselines,
         comparison_alarms,

@@ -24,7 +24,10 @@ def _line(meaning: str) -> Any:
 # Quantities are written as in the file; each line of a list as `seatrial.campaign.config.new_campaign` reads it.
 Template = Annotated[
     str | None,
-    _one("NAME", "A template: remus100 (simulated), design or steering (no data yet), log or bollard (a CSV log)."),
+    _one(
+        "<remus100|design|steering|log|bollard>",
+        "A template: remus100 is simulated; design and steering have no data yet; log and bollard read a CSV log.",
+    ),
 ]
 Vehicle = Annotated[
     str | None, _one("NAME", "Published vehicle, see `seatrial vehicle`; for your own vehicle give --mass instead.")

@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
+from seatrial.apps import results
 from seatrial.apps.answer import Exit, current_answer
 from seatrial.apps.running import Quiet, watched
 
@@ -41,19 +42,20 @@ def inspect(
 ) -> None:
     """List the columns of a log, and guess its channel map.
 
-    Of several logs, a channel is mapped from the first that has it. A log that adds no channel is taken for another run.
+    Of several logs, a channel is mapped from the first that has it. A log that adds no channel is taken for another run. If the clocks of a
+    run do not meet, the shift is sought where both logs hold one quantity.
     """
 
     def work(reporter: Any) -> Exit:
-        from seatrial.apps import results
         from seatrial.logs.formats.protocol import TextLayout
-        from seatrial.logs.inspect import inspect_log, maps_together
+        from seatrial.logs.inspect import LogsTogether, inspect_log
 
         layout = TextLayout(delimiter, skip_rows, encoding=encoding)
         channels = [name for text in only or () for name in text.split(",")]
         found = [inspect_log(log, table, layout, _late_progress(reporter, f"reading {log.name}")) for log in logs]
-        maps, answer = maps_together(found, channels), current_answer()
-        said = maps if map_ else ["\n".join(one.lines()) for one in found]
+        together, answer = LogsTogether(tuple(found), tuple(channels)), current_answer()
+        maps = together.maps()
+        said = maps if map_ else ["\n".join(lines) for lines in together.lines()]
         answer.say("\n\n".join(text.rstrip("\n") for text in said))
         told = [results.log(one, guessed) for one, guessed in zip(found, maps, strict=True)]
         answer.give(**(told[0] if len(told) == 1 else {"logs": told}))

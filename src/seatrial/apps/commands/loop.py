@@ -5,6 +5,7 @@ from typing import Annotated, Any, NamedTuple
 
 import typer
 
+from seatrial.apps import results
 from seatrial.apps.running import Answer, Exit, Folder, Quiet, with_campaign
 
 
@@ -59,7 +60,6 @@ def next_trial(
     """Say which trial to run next, or why to stop."""
 
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
-        from seatrial.apps import results
         from seatrial.campaign.data.simulate import add_trial, check_simulated
         from seatrial.campaign.design.schedule import write_schedule
         from seatrial.campaign.store.stored_result import Store
@@ -104,8 +104,9 @@ def _by_loop(campaign: Any, reporter: Any) -> _Found:
     from seatrial.campaign.workflow.next_trial import propose
 
     outcome = run_loop(campaign, reporter)
-    own = own_after(outcome.campaign, outcome.chosen, outcome.next)
-    return _Found(propose(outcome), outcome.next, own, outcome.summary["alarms"], outcome.summary["cautions"])
+    own = own_after(outcome.campaign, outcome.chosen, outcome.next) if outcome.next else None
+    alarms = [*outcome.summary["alarms"], *([outcome.undesigned] if outcome.undesigned else [])]
+    return _Found(propose(outcome), outcome.next, own, alarms, outcome.summary["cautions"])
 
 
 def _by_mode(campaign: Any, reporter: Any) -> _Found:
@@ -127,7 +128,6 @@ def _by_mode(campaign: Any, reporter: Any) -> _Found:
 
 
 def _tell_and_report(answer: Answer, outcome: Any, proposal: Any) -> Exit:
-    from seatrial.apps import results
     from seatrial.campaign.inference.baselines import comparison_lines
     from seatrial.campaign.inference.coefficient_csv import averaged_rows, write_averaged, write_coefficients
     from seatrial.campaign.inference.judge_predictions import fit_complaints

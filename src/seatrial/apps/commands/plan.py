@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
+from seatrial.apps import result_shapes, results
 from seatrial.apps.answer import Answer, Exit
 from seatrial.apps.running import Folder, Quiet, with_campaign
 
@@ -15,7 +16,6 @@ def prior(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
     """Show which speeds the priors allow, before any data."""
 
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
-        from seatrial.apps import results
         from seatrial.campaign.prior.cautions import file_cautions
         from seatrial.campaign.prior.summary import prior_alarms, prior_cautions, prior_lines
         from seatrial.campaign.workflow.steps import Workflow
@@ -76,7 +76,6 @@ def design(
     """Find the most informative trial inside the limits."""
 
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
-        from seatrial.apps import results
         from seatrial.campaign.data.simulate import own_lines
         from seatrial.campaign.prior.cautions import file_cautions
         from seatrial.campaign.store.stored_result import Store
@@ -123,7 +122,6 @@ def plan_campaign(context: typer.Context, folder: Folder, quiet: Quiet = False) 
     """
 
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
-        from seatrial.apps import results
         from seatrial.campaign.workflow.steps import Workflow
 
         found = Workflow(campaign, reporter, so_far=_so_far(campaign, reporter)).get("plan")
@@ -189,8 +187,6 @@ def _each(answer: Answer, options: list[Callable[[], list[str]]]) -> None:
 
 
 def _free_form(flow: Any, answer: Answer) -> list[str]:
-    from seatrial.apps import result_shapes, results
-
     found, schedule = flow.get("free_form")
     answer.give(free_form=results.picked(found, result_shapes.FreeForm))
     answer.name_file("free-form schedule", schedule)
@@ -198,7 +194,6 @@ def _free_form(flow: Any, answer: Answer) -> list[str]:
 
 
 def _self_oscillation(flow: Any, answer: Answer) -> list[str]:
-    from seatrial.apps import result_shapes, results
     from seatrial.report.figure_files import write_relay_picture
 
     test, schedule = flow.get("relay")
@@ -208,23 +203,18 @@ def _self_oscillation(flow: Any, answer: Answer) -> list[str]:
 
 
 def _together(flow: Any, answer: Answer) -> list[str]:
-    from seatrial.apps import results
-
     found = flow.get("batch")
     answer.give(batch=results.batch(found))
     return found.lines()
 
 
 def _sensors(flow: Any, answer: Answer) -> list[str]:
-    from seatrial.apps import results
-
     found = flow.get("sensors")
     answer.give(sensors=results.sensor_rows(found))
     return found.lines()
 
 
 def _searched(flow: Any, answer: Answer) -> list[str]:
-    from seatrial.apps import result_shapes, results
     from seatrial.campaign.design.global_search import search_lines
 
     found, family, schedule = flow.get("searched")
@@ -234,8 +224,6 @@ def _searched(flow: Any, answer: Answer) -> list[str]:
 
 
 def _compared(flow: Any, answer: Answer) -> list[str]:
-    from seatrial.apps import result_shapes, results
-
     found = flow.get("measures")
     answer.give(rankings=[results.picked(one, result_shapes.Ranking) for one in found.agreements])
     return found.lines()

@@ -4,6 +4,7 @@ from typing import Annotated, Any
 
 import typer
 
+from seatrial.apps import results
 from seatrial.apps.running import Answer, Exit, Folder, Quiet, with_campaign
 
 
@@ -21,7 +22,6 @@ def rehearse(
     """
 
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
-        from seatrial.apps import results
         from seatrial.campaign.workflow.steps import Workflow
         from seatrial.report.figure_files import write_rehearsal_picture
 

@@ -9,7 +9,10 @@ import typer
 def serve(
     folder: Annotated[
         Path,
-        typer.Argument(metavar="[FOLDER]", help="A campaign, or a folder of campaigns; the current one if not given."),
+        typer.Argument(
+            metavar="[FOLDER]",
+            help="A campaign, or a folder of campaigns, made if missing; the current one if not given.",
+        ),
     ] = Path("."),
     host: Annotated[str, typer.Option(help="Address to listen on; any but loopback needs a token.")] = "127.0.0.1",
     port: Annotated[int, typer.Option(min=0, max=65535, help="Port; 0 for any that is free.")] = 8080,
@@ -41,7 +44,7 @@ def serve(
             "seatrial serve",
             found="no NiceGUI in this environment",
             expected="the extra `dashboard`",
-            remedy='pip install "seatrial[dashboard]"',
+            remedy='pip install "seatrial[dashboard]"; in a checkout pip install -e ".[dashboard]"',
         ) from cause
     from seatrial.apps.dashboard.request_guard import token_for
     from seatrial.apps.dashboard.server import serve as run_server

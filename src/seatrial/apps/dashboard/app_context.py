@@ -7,6 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+from weakref import WeakKeyDictionary
 
 from markupsafe import Markup, escape
 from nicegui import ui
@@ -26,6 +27,8 @@ CHANGES = 1.0
 """Seconds between looks whether something has changed."""
 LONG, AHEAD = 16 << 20, 8
 """Bytes from which a file is read ahead, and records of which that is done, at most."""
+_LAST: WeakKeyDictionary[Any, object] = WeakKeyDictionary()
+"""What tells the last answer that was asked for a part of a page, by the part."""
 GLANCE = 0.2
 """Seconds for which a look at a running command is good for all viewers."""
 
@@ -126,8 +129,12 @@ async def fill(
     waiting: str = "one moment …",
     patience: float = PATIENCE,
 ) -> None:
-    """Put a part into a page: at once where its answer is there, else when it comes; what went wrong is said in its place."""
+    """Put a part into a page: at once where its answer is there, else when it comes; what went wrong is said in its place.
+
+    Of several answers for one holder only the one that was asked for last is shown, whichever comes first.
+    """
     task = asyncio.ensure_future(answer)
+    turn = _LAST[holder] = object()
     done, _ = await asyncio.wait({task}, timeout=patience)
     if not done:
         with holder:
@@ -137,19 +144,20 @@ async def fill(
         try:
             found = await task
         except (SeatrialError, OSError) as error:
-            if holder.is_deleted:
-                return
+            if is_wanted():
+                holder.clear()
+                with holder:
+                    say(error)
+            return
+        if is_wanted():
             holder.clear()
             with holder:
-                say(error)
-            return
-        if holder.is_deleted:  # the viewer has gone on to something else
-            return
-        holder.clear()
-        with holder:
-            made = build(found)
-            if asyncio.iscoroutine(made):
-                await made
+                made = build(found)
+                if asyncio.iscoroutine(made):
+                    await made
+
+    def is_wanted() -> bool:  # the viewer may have gone on to something else
+        return not holder.is_deleted and _LAST.get(holder) is turn
 
     if done:
         await put()

@@ -33,6 +33,8 @@ _MOUSE = """(e) => {
   e.currentTarget.mouse = e.type === "mouseleave" || e.zrX == null ? null : { x: e.zrX, y: e.zrY };
 }"""
 """Keeps where the mouse stands over a chart, as ECharts measures it."""
+_GOES = "({ component }) => { component.proxy.chart ??= { dispose() {} }; }"
+"""Lets a chart be taken away that the browser has not made yet: of itself the component would fail, having nothing to dispose of."""
 _TELL_AGAIN = """(one) => {
   if (one && one.chart && one.$el.mouse) one.chart.dispatchAction({ type: "showTip", ...one.$el.mouse });
 }"""
@@ -142,6 +144,7 @@ def chart(options: dict[str, Any], title: str, height: int) -> ui.echart:
     """
     text = {"color": colour("ink"), "fontFamily": FONT}
     made = ui.echart({"animation": False, "textStyle": text, **options}, renderer="svg")
+    made.on("vnodeBeforeUnmount", js_handler=_GOES)
     return made.props(f'role=img aria-label="{Markup.escape(title)}"').classes("chart").style(f"height: {height}px")
 
 

@@ -1,13 +1,14 @@
 """Edits of a campaign file by the page: limits, and the map of a log that lies inside the folder."""
 
-import json
 import re
-from collections.abc import Callable, Mapping, MutableMapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, MutableMapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from seatrial.apps.campaign_text import CAMPAIGN
-from seatrial.apps.toml_edit import comment_out, sections_of, set_key, written
+from seatrial.apps.toml_edit import comment_out, dotted, sections_of, set_key, written
 from seatrial.campaign.config.named_files import place_of
 from seatrial.campaign.config.toml import toml_content
 from seatrial.core.errors import InputError
@@ -17,7 +18,6 @@ BOUNDS = ("lower", "upper", "rate")
 MAP = "import.files"
 OF_RUNS = ("predict", "trim")
 """What `[import]` says of other runs alone."""
-_BARE = re.compile(r"[A-Za-z0-9_-]+")
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,40}")
 
 
@@ -99,9 +99,7 @@ def further_run(text: str, log: str) -> FurtherRun | None:
         text: of the file.
         log: path from the campaign's folder.
     """
-    earlier = toml_content(CAMPAIGN, text).get("import", {})
-    runs = [*earlier.get("fit", ()), *earlier.get("predict", ())]
-    files = files_of(channel_map_of(text))
+    runs, files = list(runs_of(text)), files_of(channel_map_of(text))
     if not runs or len({one.get("path") for one in files}) != 1:
         return None
     folder, slash, name = str(files[0]["path"]).rpartition("/")
@@ -131,8 +129,7 @@ def with_further_run(folder: Path, text: str, run: FurtherRun, role: str) -> str
     channel_map = "\n".join(
         _edited(one, lambda file: file.update(path=run.path)) for one in _texts_of(channel_map_of(text))
     )
-    first = str(next(iter((*earlier.get("fit", ()), *earlier.get("predict", ())))))
-    text = with_map(folder, text, first, channel_map)
+    text = with_map(folder, text, runs_of(text)[0], channel_map)
     return set_key(text, "import", role, [*earlier.get(role, ()), run.label], where)
 
 
@@ -157,11 +154,7 @@ def runs_reading(text: str, log: str) -> tuple[str, ...]:
         InputError: a file that is not TOML.
     """
     files = files_of(channel_map_of(text))
-    return tuple(
-        run
-        for run in runs_of(text)
-        if any(_is_of(one, run) and str(one.get("path")).replace("{run}", run) == log for one in files)
-    )
+    return tuple(run for run in runs_of(text) if any(_is_of(one, run) and path_of(one, run) == log for one in files))
 
 
 def map_of_run(channel_map: str, run: str) -> tuple[str, str]:
@@ -172,8 +165,8 @@ def map_of_run(channel_map: str, run: str) -> tuple[str, str]:
     """
     parts: dict[bool, list[str]] = {True: [], False: []}
     for one in _texts_of(channel_map):
-        parts[_is_of(_file_of(one), run)].append(one.strip() + "\n")
-    return "\n".join(parts[True]), "\n".join(parts[False])
+        parts[_is_of(_file_of(one), run)].append(one)
+    return _joined(parts[True]), _joined(parts[False])
 
 
 def map_of_log(channel_map: str, log: str) -> str:
@@ -182,7 +175,7 @@ def map_of_log(channel_map: str, log: str) -> str:
     Raises:
         InputError: a map that is not TOML.
     """
-    return "\n".join(one.strip() + "\n" for one in _texts_of(channel_map) if _file_of(one).get("path") == log)
+    return _joined(one for one in _texts_of(channel_map) if _file_of(one).get("path") == log)
 
 
 def with_own_map(folder: Path, text: str, run: str, role: str, channel_map: str) -> str:
@@ -207,7 +200,7 @@ def with_own_map(folder: Path, text: str, run: str, role: str, channel_map: str)
         if of:
             kept.append(_with_runs(one, of))
     own = [_with_runs(one, [run]) for one in _texts_of(channel_map)]
-    text = with_map(folder, text, runs[0], "\n".join(one.strip() + "\n" for one in (*kept, *own)))
+    text = with_map(folder, text, runs[0], _joined((*kept, *own)))
     if run in runs:
         return text
     where = str(folder / CAMPAIGN)
@@ -227,11 +220,10 @@ def _with_runs(file: str, runs: list[str]) -> str:
 
 
 class Mapped(NamedTuple):
-    """A channel as the form has it: its table's `[[import.files]]` without channels, its column, what is done to its cells,
+    """The column of a channel as the form has it: its table's `[[import.files]]` without channels, its name, what is done to its cells,
     and what a control does between its samples: "line" or "held"; empty for what the map says of it.
     """
 
-    channel: str
     head: str
     column: str
     unit: str
@@ -252,7 +244,7 @@ def with_channel(channel_map: str, name: str, mapped: Mapped | None) -> str:
         InputError: a map that is not TOML, or that cannot be edited.
     """
     files = _texts_of(channel_map)
-    target = None if mapped is None else _find(files, _identity(_file_of(mapped.head)))
+    target = None if mapped is None else _find(files, identity_of(_file_of(mapped.head)))
     said: dict[str, Any] = {}
     for at, file in enumerate(files):
         there = _file_of(file).get("channels", {})
@@ -269,7 +261,7 @@ def with_channel(channel_map: str, name: str, mapped: Mapped | None) -> str:
             column = {"column": "", "unit": "", **said}
             _fill(column, mapped)
             files[target] = _with_line(files[target], name, column)
-    return "\n".join(file.strip() + "\n" for file in files if file.strip())
+    return _joined(filter(str.strip, files))
 
 
 def with_newer_log(channel_map: str, name: str, log: Any, runs: Sequence[str]) -> tuple[str, tuple[str, ...]]:
@@ -336,12 +328,12 @@ def with_shift(channel_map: str, path: str, table: str | None, shift: float) -> 
     at = _find(files, (path, table))
     if at is None:
         raise InputError("the channel map", found=f"no file {path!r}", expected="one of the map", remedy="map it first")
-    written_shift = f"{shift:.9f}".rstrip("0").rstrip(".") + " s"
+    written_shift = f"{np.format_float_positional(shift, trim='-')} s"
     if shift and "shift" not in _file_of(files[at]):
         files[at] = _with_line_below_path(files[at], f'shift = "{written_shift}"')
     else:
         files[at] = _edited(files[at], lambda one: one.update(shift=written_shift) if shift else one.pop("shift", None))
-    return "\n".join(file.strip() + "\n" for file in files)
+    return _joined(files)
 
 
 def with_time(channel_map: str, path: str, table: str | None, column: str, unit: str) -> str:
@@ -354,12 +346,11 @@ def with_time(channel_map: str, path: str, table: str | None, column: str, unit:
     at = _find(files, (path, table))
     if at is None:
         return channel_map
-
     if "time" not in _file_of(files[at]):
         files[at] = _with_line_below_path(files[at], f"time = {_inline({'column': column, 'unit': unit})}")
     else:
         files[at] = _edited(files[at], lambda one: one["time"].update(column=column, unit=unit))
-    return "\n".join(file.strip() + "\n" for file in files)
+    return _joined(files)
 
 
 def channel_map_of(text: str) -> str:
@@ -390,6 +381,16 @@ def channels_of(channel_map: str) -> dict[str, dict[str, Any]]:
     }
 
 
+def identity_of(file: Mapping[str, Any]) -> tuple[str, Any]:
+    """Return path and table of one `[[import.files]]`, which tell it from the others of a map."""
+    return str(file.get("path")), file.get("table")
+
+
+def path_of(file: Mapping[str, Any], run: str) -> str:
+    """Return the path of the log of one `[[import.files]]` for a run."""
+    return str(file.get("path")).replace("{run}", run)
+
+
 def _texts_of(channel_map: str) -> list[str]:
     """Each `[[import.files]]` as it is written, with the tables below it."""
     texts: list[str] = []
@@ -401,17 +402,18 @@ def _texts_of(channel_map: str) -> list[str]:
     return [text for text in texts if text.strip()]
 
 
+def _joined(files: Iterable[str]) -> str:
+    """Return a channel map of some `[[import.files]]`, an empty line between them."""
+    return "\n".join(one.strip() + "\n" for one in files)
+
+
 def _file_of(text: str) -> dict[str, Any]:
     found = files_of(text)
     return found[0] if found else {}
 
 
-def _identity(file: Mapping[str, Any]) -> tuple[Any, Any]:
-    return file.get("path"), file.get("table")
-
-
 def _find(files: Sequence[str], identity: tuple[Any, Any]) -> int | None:
-    return next((i for i, file in enumerate(files) if _identity(_file_of(file)) == identity), None)
+    return next((i for i, file in enumerate(files) if identity_of(_file_of(file)) == identity), None)
 
 
 def _edited(file: str, change: Callable[[Any], Any]) -> str:
@@ -446,14 +448,14 @@ def _with_line_below_path(file: str, line: str) -> str:
 
 def _with_line(file: str, name: str, said: Mapping[str, Any]) -> str:
     """One `[[import.files]]` with a line for a channel, which says what was said of it elsewhere."""
-    line = f"{_key(name)} = {_inline(said)}\n"
+    line = f"{dotted(name)} = {_inline(said)}\n"
     last = sections_of(file)[-1].name
     if last == MAP:
         return f"{file.rstrip()}\nchannels.{line}"
     if last == f"{MAP}.channels":
         return f"{file.rstrip()}\n{line}"
-    return f"{file.rstrip()}\n\n[{MAP}.channels.{_key(name)}]\n" + "".join(
-        f"{_key(key)} = {_inline(value)}\n" for key, value in said.items()
+    return f"{file.rstrip()}\n\n[{MAP}.channels.{dotted(name)}]\n" + "".join(
+        f"{dotted(key)} = {_inline(value)}\n" for key, value in said.items()
     )
 
 
@@ -469,16 +471,23 @@ def _fill(column: MutableMapping[str, Any], mapped: Mapped) -> None:
             column.pop(key, None)
     if mapped.between == "line" or (mapped.between and "between" in column):
         column["between"] = mapped.between
+    _end_as_begun(column)
+
+
+def _end_as_begun(column: MutableMapping[str, Any]) -> None:
+    """Put the space after the brace of an inline table before its last brace too, where a key was added behind it."""
+    from tomlkit.items import InlineTable, Whitespace
+
+    if isinstance(column, InlineTable):
+        body = column.value.body
+        if isinstance(body[0][1], Whitespace) and not isinstance(body[-1][1], Whitespace):
+            body.append((None, Whitespace(" ")))
 
 
 def _inline(value: Any) -> str:
     if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{_key(key)} = {_inline(one)}" for key, one in value.items()) + " }"
+        return "{ " + ", ".join(f"{dotted(key)} = {_inline(one)}" for key, one in value.items()) + " }"
     return "[" + ", ".join(map(_inline, value)) + "]" if isinstance(value, list) else written(value)
-
-
-def _key(name: str) -> str:
-    return name if _BARE.fullmatch(name) else json.dumps(name, ensure_ascii=False)
 
 
 def _check_map(folder: Path, run: str, channel_map: str) -> None:

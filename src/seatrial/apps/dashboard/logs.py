@@ -9,7 +9,6 @@ import numpy as np
 
 from seatrial.apps.dashboard.campaign_paths import upload_name
 from seatrial.apps.dashboard.view_models import PlainError, words_of
-from seatrial.campaign.config.toml import toml_content
 from seatrial.core.errors import InputError, SeatrialError
 from seatrial.core.files import atomic_path
 from seatrial.core.processes import apart
@@ -163,6 +162,7 @@ class Looked(NamedTuple):
     Attributes:
         heads: of each table, its `[[import.files]]` without channels; the column of time is empty where none is known.
         axes: of each table, what the small pictures of its columns are drawn over.
+        quantities: channel that a column seems to be, by table and column, whether the campaign has it or not.
     """
 
     kind: str
@@ -172,6 +172,7 @@ class Looked(NamedTuple):
     heads: dict[str, str]
     remarks: tuple[str, ...]
     axes: dict[str, PictureAxis]
+    quantities: dict[tuple[str, str], str]
 
 
 def look_into(
@@ -192,31 +193,56 @@ def look_into(
     return isolated(relative, _look, path, relative, only, clocks or {})
 
 
-def line_up(first: tuple[str, str, str], second: tuple[str, str, str]) -> ClockShift:
+class LogColumn(NamedTuple):
+    """A column of a log, and how it is read.
+
+    Attributes:
+        path: of the log.
+        name: of the column.
+        time: column and unit of the time stamps.
+        layout: values of those keys of `LAYOUT` that are given, with the keys.
+        shift: added to the stamps, s.
+    """
+
+    path: str
+    name: str
+    time: tuple[str, str]
+    layout: tuple[tuple[str, Any], ...] = ()
+    shift: float = 0.0
+
+
+def column_of(path: str, name: str, file: Mapping[str, Any], shift: float) -> LogColumn:
+    """Return a column of a log as its `[[import.files]]` says how to read it, with a shift in s."""
+    time = file["time"]
+    return LogColumn(
+        path, name, (time["column"], time["unit"]), tuple((key, file[key]) for key in LAYOUT if key in file), shift
+    )
+
+
+def line_up(first: LogColumn, second: LogColumn) -> ClockShift:
     """Find the shift of the second log's clock at which two columns correlate best, without letting the logs do harm.
 
-    Args:
-        first: path of the log, its `[[import.files]]` without channels, and the column.
-        second: likewise.
+    The shift that the first has stays, and that of the second is found again.
 
     Raises:
         PlainError: a column that cannot be read or never moves.
     """
-    return isolated(f"{Path(first[0]).name}, {Path(second[0]).name}", _lined_up, first, second)
+    return isolated(f"{Path(first.path).name}, {Path(second.path).name}", _lined_up, first, second)
 
 
-def _lined_up(first: tuple[str, str, str], second: tuple[str, str, str]) -> ClockShift:
-    (epoch, one), (later, two) = _samples(*first), _samples(*second)
+def _lined_up(first: LogColumn, second: LogColumn) -> ClockShift:
+    (epoch, one), (later, two) = samples_of(first), samples_of(second._replace(shift=0.0))
     return shift_between(one, two).later(float(epoch - later))
 
 
-def _samples(path: str, head: str, column: str) -> tuple[Decimal, Samples]:
-    """A column of a log and its times, s from the first stamp; and that stamp."""
-    said = toml_content("the channel map", head)["import"]["files"][0]
-    time, layout = said.get("time", {}), {key: said[key] for key in LAYOUT if key in said}
-    source = LogSource(Path(path), time.get("column"), time.get("unit"), {}, **layout)
-    read = read_stamped(source, [column])
-    return read.epoch, Samples(read.time, read.numbers(column))
+def samples_of(column: LogColumn) -> tuple[Decimal, Samples]:
+    """Read a column of a log: its first stamp, shifted, and its samples, s from there.
+
+    Raises:
+        InputError: a column that cannot be read.
+    """
+    read = read_stamped(LogSource(Path(column.path), *column.time, {}, **dict(column.layout)), [column.name])
+    return read.epoch + Decimal(f"{column.shift:.9f}"), Samples(read.time, read.numbers(column.name))
 
 
 def _look(path: str, relative: str, only: tuple[str, ...], clocks: Mapping[str | None, str]) -> Looked:
@@ -233,7 +259,8 @@ def _look(path: str, relative: str, only: tuple[str, ...], clocks: Mapping[str |
     axes = {one.info.name: _axis(one, clocks.get(one.info.name)) for one in found.tables}
     drawn = _pictures(found, columns, axes)
     columns = tuple(one._replace(picture=drawn.get((one.table, one.name), "")) for one in columns)
-    return Looked(found.kind, tables, columns, guesses, heads, tuple(found.remarks), axes)
+    quantities = {(one.table, one.column): one.channel for one in best(found.guesses)}
+    return Looked(found.kind, tables, columns, guesses, heads, tuple(found.remarks), axes, quantities)
 
 
 def _axis(table: TableSummary, named: str | None) -> PictureAxis:

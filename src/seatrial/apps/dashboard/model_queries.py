@@ -13,10 +13,13 @@ import numpy as np
 from seatrial.apps.campaign_text import CAMPAIGN
 from seatrial.apps.dashboard import result_plots as drawings
 from seatrial.apps.dashboard.downsample import Envelope, Load
+from seatrial.apps.dashboard.edits import BOUNDS
+from seatrial.apps.dashboard.logs import LogColumn, samples_of
 from seatrial.apps.dashboard.model_edits import Range, with_priors, with_terms
 from seatrial.apps.dashboard.new_campaign_rows import TERMS
 from seatrial.apps.dashboard.record_views import Index, about, index_of, origin_of, view_of
 from seatrial.apps.dashboard.view_models import (
+    COMPARED,
     AxisAbout,
     Clicked,
     ExportTarget,
@@ -72,6 +75,7 @@ from seatrial.export.trials.trial import read_trial
 from seatrial.export.trials.write import FORMATS, check_format
 from seatrial.export.vehicle import ExportedVehicle
 from seatrial.export.write import EXPORTERS, carried_by, make_exporter, untethered
+from seatrial.logs.align import common_interval
 from seatrial.manoeuvres.family import design_words
 from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.manoeuvres.schedule import schedule_of
@@ -140,12 +144,18 @@ def form_data(folder: str) -> FormData:
     campaign = load_campaign(folder)
     model, imports = campaign.model(campaign.full), campaign.imports
     control = model.controls[0] if campaign.trial_design is None else campaign.family.control
+    commands = (*model.controls, *campaign.autopilot.trim)
     stated = toml_content(campaign.path, campaign.text).get("limits", {})
-    known, limits = [control, *motion_signals(model)], []
-    for name in [control, *(one for one in stated if one != control)]:
-        unit = shown_unit(name)[1]
-        written = [str(stated.get(name, {}).get(part, "")) for part in ("lower", "upper", "rate")]
-        limits.append(Limit(name, unit, *written, has_rate=name == control))
+    limits = [
+        Limit(
+            name,
+            shown_unit(name)[1],
+            *(str(stated.get(name, {}).get(key, "")) for key in BOUNDS),
+            has_rate=name in commands,
+        )
+        for name in dict.fromkeys((control, *stated, *commands, *motion_signals(model)))
+    ]
+    is_shown = {control, *stated}
     shown = true_coefficients(campaign, model)
     return FormData(
         campaign.name,
@@ -154,8 +164,8 @@ def form_data(folder: str) -> FormData:
         control,
         (*model.controls, *campaign.channels),
         tuple(model.controls),
-        tuple(limits),
-        tuple(one for one in dict.fromkeys(known) if one not in stated and one != control),
+        tuple(one for one in limits if one.name in is_shown),
+        tuple(one for one in limits if one.name not in is_shown),
         tuple(shown.items()) if campaign.is_simulated else (),
         () if imports is None else imports.fit,
         () if imports is None else imports.predict,
@@ -329,27 +339,45 @@ def whole_log_view(folder: str, run: str, files: tuple, start: float, end: float
     return {name: _in_shown(name, curve) for name, curve in curves.items()}
 
 
-def axis_about(folder: str, text: str, run: str, files: tuple) -> AxisAbout:
-    """Say which channels the logs of a run would give, by a campaign file that is not saved yet, and when each was recorded."""
-    tracks = _tracks(folder, text, run, files)
+def axis_about(folder: str, text: str, run: str, files: tuple, compared: tuple[LogColumn, ...] = ()) -> AxisAbout:
+    """Say which channels the logs of a run would give, by a campaign file that is not saved yet, and when each was recorded.
+
+    Args:
+        folder: of the campaign.
+        text: of the file.
+        run: label of the record.
+        files: stamps of the logs.
+        compared: columns that are drawn one over another.
+    """
+    tracks = _tracks(folder, text, run, files, compared)
+    spans = [(float(one.time[0]), float(one.time[-1])) for one in tracks.values()]
+    channels = [(*span, one.role) for span, one in zip(spans, tracks.values(), strict=True) if one.role != COMPARED]
     return AxisAbout(
         tuple(tracks),
-        tuple(shown_unit(name)[1] for name in tracks),
+        tuple("" if one.role == COMPARED else shown_unit(name)[1] for name, one in tracks.items()),
         tuple(one.role for one in tracks.values()),
         tuple(one.log for one in tracks.values()),
-        tuple((float(one.time[0]), float(one.time[-1])) for one in tracks.values()),
+        tuple(spans),
+        common_interval(channels),
     )
 
 
 def axis_view(
-    folder: str, text: str, run: str, files: tuple, start: float, end: float, columns: int
+    folder: str,
+    text: str,
+    run: str,
+    files: tuple,
+    compared: tuple[LogColumn, ...],
+    start: float,
+    end: float,
+    columns: int,
 ) -> dict[str, Envelope]:
     """Curves of `axis_about` between two times, in the units in which they are shown."""
     found = {}
-    for name, one in _tracks(folder, text, run, files).items():
-        load: Load = lambda a, b, one=one, name=name: {"time": one.time[a:b], name: one.values[a:b]}  # noqa: E731
-        found |= view_of(one.index, load, start, end, columns)
-    return {name: _in_shown(name, curve) for name, curve in found.items()}
+    for name, one in _tracks(folder, text, run, files, compared).items():
+        (curve,) = view_of(one.index, one.load, start, end, columns).values()
+        found[name] = curve if one.role == COMPARED else _in_shown(name, curve)
+    return found
 
 
 def candidate(folder: str, label: str, run: str) -> dict[str, np.ndarray]:
@@ -381,31 +409,41 @@ def candidate(folder: str, label: str, run: str) -> dict[str, np.ndarray]:
 
 
 class _Track(NamedTuple):
-    """One channel of a log on the clock that all of them share, without its gaps, and its index."""
+    """One channel or column of a log on the clock that all of them share: its times, s, its rows without gaps, and their index."""
 
     log: str
     role: str
     time: np.ndarray
-    values: np.ndarray
+    load: Load
     index: Index
 
 
 @lru_cache(maxsize=1)
-def _tracks(folder: str, text: str, run: str, files: tuple) -> dict[str, _Track]:
-    """Channels of the logs of a run, measurements first, s from the earliest stamp of all."""
+def _tracks(folder: str, text: str, run: str, files: tuple, compared: tuple[LogColumn, ...]) -> dict[str, _Track]:
+    """What is compared, then the channels of the logs of a run, measurements first; s from the earliest stamp of these logs."""
     del files  # part of the key only
     tables = read_tables(check_text(Path(folder), text), run)
     origin, found = min(table.epoch for table in tables), {}
-    for table in tables:
-        for channel in table.channels:
-            known = np.isfinite(table.columns[channel.name])
-            time = table.time[known] + float(table.epoch - origin)
-            values = table.columns[channel.name][known]
-            if time.size:
-                rows = {"time": time, channel.name: values}
-                index = index_of(time.size, lambda a, b, rows=rows: {key: part[a:b] for key, part in rows.items()})
-                found[channel.name] = _Track(table.source, str(channel.role), time, values, index)
-    return dict(sorted(found.items(), key=lambda one: one[1].role == "control"))
+    for column in compared:
+        epoch, (time, values) = samples_of(column)
+        log = Path(column.path).name
+        if np.isfinite(values).any():
+            scaled = (values - np.nanmean(values)) / (np.nanstd(values) or 1.0)
+            found[f"{column.name} · {log}"] = _track(log, COMPARED, time + float(epoch - origin), scaled)
+    for role in ("measurement", "control"):
+        for table in tables:
+            for channel in table.channels:
+                if channel.role == role:
+                    time = table.time + float(table.epoch - origin)
+                    found[channel.name] = _track(table.source, role, time, table.columns[channel.name])
+    return found
+
+
+def _track(log: str, role: str, time: np.ndarray, values: np.ndarray) -> _Track:
+    known = np.isfinite(values)
+    rows = {"time": time[known], "value": values[known]}
+    load: Load = lambda a, b: {key: part[a:b] for key, part in rows.items()}  # noqa: E731
+    return _Track(log, role, rows["time"], load, index_of(rows["time"].size, load))
 
 
 @lru_cache(maxsize=1)

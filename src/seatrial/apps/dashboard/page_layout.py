@@ -104,6 +104,10 @@ def section(title: str, note: str = "") -> Iterator[ui.element]:
         yield part
 
 
+LOOK = "outlined options-dense hide-bottom-space"
+"""Properties of a field."""
+
+
 def button(words: str, action, *, main: bool = False) -> ui.button:
     """A button that reads as what it does."""
     kind = "unelevated color=primary text-color=paper" if main else "outline color=primary"

@@ -78,7 +78,9 @@ def serve(
     also: Sequence[Path] = (),
     prepares: bool = True,
 ) -> None:
-    """Serve a folder until interrupted; its campaigns may read files below it and below the folders `also`, whoever looks.
+    """Serve a folder until interrupted; it is made if only its parent exists.
+
+    Its campaigns may read files below it and below the folders `also`, whoever looks.
 
     Args:
         folder: to serve.
@@ -90,8 +92,11 @@ def serve(
         prepares: whether the next step of a campaign that is looked at is got ready in the background.
 
     Raises:
-        InputError: no such folder, or an address that cannot be listened on.
+        InputError: no such folder and no parent of it, or an address that cannot be listened on.
     """
+    if not folder.exists() and folder.parent.is_dir():
+        folder.mkdir()
+        print(f"{folder} was not there: it was made, for new campaigns", flush=True)
     context = AppContext(CampaignPaths.of(folder), jobs=Jobs(prepares))
     others = [CampaignPaths.of(other).root for other in also]
     keep_within([context.campaign_paths.root, *others])

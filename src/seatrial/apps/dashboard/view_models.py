@@ -54,14 +54,33 @@ class RecordAbout(NamedTuple):
     notes: tuple[str, ...]
 
 
+COMPARED = "compared"
+"""Role of a column that is drawn over another one, each less its mean and over its standard deviation."""
+
+
 class AxisAbout(NamedTuple):
-    """Channels of several logs before they become a record: unit, role, log, and first and last time of each, s from the earliest."""
+    """What several logs hold before they become a record.
+
+    Attributes:
+        names: of the channels, and of columns that are compared.
+        units: of each, as it is shown.
+        roles: of each: measurement, control or `COMPARED`.
+        logs: of each.
+        spans: first and last time of each, s from the earliest.
+        interval: of the record that they would be; the first is later where they have no common time.
+    """
 
     names: tuple[str, ...]
     units: tuple[str, ...]
     roles: tuple[str, ...]
     logs: tuple[str, ...]
     spans: tuple[tuple[float, float], ...]
+    interval: tuple[float, float]
+
+    @property
+    def overlaps(self) -> bool:
+        """Whether the logs have a common time."""
+        return self.interval[0] < self.interval[1]
 
 
 class FitAbout(NamedTuple):
@@ -188,7 +207,7 @@ class FormData(NamedTuple):
     controls: tuple[str, ...]
     """Those of them that drive the vehicle."""
     limits: tuple[Limit, ...]
-    spare: tuple[str, ...]
+    spare: tuple[Limit, ...]
     """Signals that may be limited and are not."""
     truth: tuple[tuple[str, float], ...]
     fit: tuple[str, ...]

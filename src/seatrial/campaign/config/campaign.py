@@ -49,6 +49,9 @@ from seatrial.vehicles.hull import Hull
 from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.surge import SurgeHull
 
+EXAMPLE_VEHICLE = "YOUR VEHICLE"
+"""Name of the vehicle in the template of a log."""
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Campaign:
@@ -323,18 +326,40 @@ class Campaign:
 
     @property
     def stated_masses(self) -> str:
-        """Say which masses are taken as exact, by which an unknown force and all that resists it scale; empty where none is."""
-        mass, fixed = self.hull.mass, self.hull.fixed
-        pushed, known = (
-            any({*PROPULSION} & {*CoefficientName.parse(name).signals} for name in names)
-            for names in (self.full.terms, fixed)
-        )
-        if mass is None or known or not pushed:
+        """Say which masses are taken as exact, by which unknown forces and all that resists them scale; empty where none is."""
+        hull, added, about = self.hull, self.hull.fixed.get("X_udot"), self.hull.fixed.get("N_rdot")
+        if hull.mass is None:
             return ""
-        added = [f"{name} = {value:.4g} kg" for name, value in fixed.items() if name == "X_udot"]
-        said = " and ".join([f"a mass of {mass:.4g} kg", *added])
-        guessed = "; if X_udot is a guess, move it to structure.always with a prior" if added and self.imports else ""
-        return f"taken as exact, and in no ±: {said}, with which all coefficients of X and T scale{guessed}"
+        said, guesses = [], []
+        if self._only_unknown({*PROPULSION}):
+            masses = [f"a mass of {hull.mass:.4g} kg", *([] if added is None else [f"X_udot = {added:.4g} kg"])]
+            said.append(f"{' and '.join(masses)}, with which all coefficients of X and T scale")
+            guesses += [] if added is None else ["X_udot"]
+        turning = hull.inertia[2] if isinstance(hull, Hull) else None
+        if None not in (turning, about) and self._only_unknown({"delta_r"}) and "v" not in self.model(self.full).states:
+            inertias = f"a moment of inertia of {turning:.4g} kg m^2 and N_rdot = {about:.4g} kg m^2"
+            said.append(f"{inertias}, with which all coefficients of N scale")
+            guesses.append("N_rdot")
+        if not said:
+            return ""
+        guessed = f"; if {' or '.join(guesses)} is a guess, move it to structure.always with a prior"
+        more = f". {self.example_vehicle}" if self.example_vehicle else guessed if guesses and self.imports else ""
+        return f"taken as exact, and in no ±: {'; '.join(said)}{more}"
+
+    def _only_unknown(self, controls: set[str]) -> bool:
+        """Return whether some of these controls act by unknown coefficients, and none by a known one."""
+        unknown, known = (
+            any(controls & {*CoefficientName.parse(name).signals} for name in names)
+            for names in (self.full.terms, self.hull.fixed)
+        )
+        return unknown and not known
+
+    @property
+    def example_vehicle(self) -> str:
+        """Say that the vehicle is still the one that a template has for an example; empty where it is not."""
+        if self.hull.name != EXAMPLE_VEHICLE:
+            return ""
+        return f'[vehicle] is the example of the template, "{EXAMPLE_VEHICLE}": write the name and the numbers of your own vehicle'
 
     def state_trim(self, model: VehicleModel) -> tuple[float, ...]:
         """Trim value of every state of a model, SI; level and 0 where nothing is said."""

@@ -348,7 +348,8 @@ class ColumnTable(Table):
 
     A control is held from each sample to the next, as a command is. `between = "line"` is for a control that was measured while it changed,
     such as the speed of a propeller: over each step it is the mean of the straight line between its samples. Where neither is said it is
-    held, and a caution tells of a control that changes smoothly, as a measured one does; `between = "held"` says that it is a command.
+    held, and a caution tells of a control that changes at nearly every sample, as a measured one does; `between = "held"` says that it is a
+    command.
     """
 
     column: str | None = None

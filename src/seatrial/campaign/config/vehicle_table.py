@@ -10,7 +10,7 @@ from seatrial.campaign.config.thruster_table import read_thrust_laws, read_thrus
 from seatrial.campaign.config.vehicle import AxesVehicle, CampaignVehicle, WholeVehicle, axes_of
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError, located, nearest
-from seatrial.core.signals import RATES, SIGNALS, is_signal, signal_unit
+from seatrial.core.signals import SIGNALS, SPEEDS, is_signal, signal_unit
 from seatrial.vehicles.actuators import Actuator
 from seatrial.vehicles.catalogue import PublishedVehicle, load_surge, load_vehicle, surge_names
 from seatrial.vehicles.hull import Hull, whole_hull
@@ -27,7 +27,7 @@ BODY = (
 """Keys of a body that a catalogue entry already says."""
 UNKNOWN = re.compile(r"net_weight|[xyz]_b|(gain|reverse|dead)_[fn](_\d+)?|lag_.+|tether_(linear|quadratic)")
 """Names of priors that may be unknowns of a whole vehicle beside its coefficients."""
-OWN_ADDED_MASS = tuple(f"{axis}_{rate}dot" for axis, rate in zip("XYZKMN", RATES, strict=True))
+OWN_ADDED_MASS = tuple(f"{axis}_{rate}dot" for axis, rate in SPEEDS.items())
 """Added masses that act against the acceleration which they are of; the others may have either sign."""
 
 

@@ -1,4 +1,4 @@
-"""Judges a campaign's records before anything is fitted to them: direction, size, delay, outliers, holes and excitation."""
+"""Judges a campaign's records before anything is fitted to them: direction, size, timing, outliers, holes and excitation."""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -13,7 +13,7 @@ from seatrial.campaign.config.sensor_table import ATTITUDE
 from seatrial.campaign.config.vehicle import first_measured, level_start
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.data.mount_check import SENSORS, along_body, check_mounts
-from seatrial.campaign.data.record_cautions import empty_cells, record_cautions
+from seatrial.campaign.data.record_cautions import empty_cells, record_cautions, unused_channels
 from seatrial.campaign.data.thruster_check import check_thrusters
 from seatrial.campaign.inference.posterior import initial_state, random_key
 from seatrial.core.batching import bucket_length, filled
@@ -91,7 +91,7 @@ def check_records(campaign: Campaign, trials: Trials) -> list[RecordJudgement]:
 
 def record_doubts(campaign: Campaign, record: Record) -> list[str]:
     """Say what is to be known of a record before anything that is fitted to it is believed, without a simulation or a fit."""
-    found = [one for one in _stated(campaign, record) if one.level != "pass"]
+    found = [one for one in _stated(campaign, record) if one.level not in ("pass", "note")]
     return record_cautions(record) + [
         f"run {record.label}, {one.signal}, {one.check}: {one.value} ({one.threshold}); {one.remedy}" for one in found
     ]
@@ -232,7 +232,7 @@ def _judge(campaign: Campaign, record: Record) -> RecordJudgement:
         for name, column in measured.items()
         for finding in check_samples(name, column, campaign.noise[name], ATTITUDE if name in QUATERNION else name)
     ]
-    findings += [*empty_cells(record), *check_thrusters(campaign, body)]
+    findings += [*empty_cells(record), *unused_channels(record, campaign.channels), *check_thrusters(campaign, body)]
     driven = {name: record.channel(name) for name in alone.model.controls}
     findings += check_signs(plan.names, {**driven, **measured}, campaign.noise)
     findings += _stated(campaign, record)
@@ -255,7 +255,7 @@ def _judge(campaign: Campaign, record: Record) -> RecordJudgement:
     turned = {one.signal for one in mounting}
     findings += [one for one in judged.findings if one.check != "axes" or one.signal not in turned] + mounting
     if turns:
-        value = "not judged, nor size and delay; errors of all rates add up in it"
+        value = "not judged, nor size and timing; errors of all rates add up in it"
         findings.append(RecordFinding(ATTITUDE, "direction", "note", value, "the rates are judged"))
     if judged.summed:
         findings.append(not_judged_sum(judged.summed))
@@ -287,19 +287,29 @@ def _mounting(campaign: Campaign, body: Record, said: Sequence[RecordFinding]) -
 def _directions(
     campaign: Campaign, record: Record, motion: _Motion, names: Sequence[str], doubted: Collection[str] = ()
 ) -> _Directions:
-    """Judge direction, size, delay and axes of some channels; of those that are `doubted` by the trim, that tells the unit better."""
-    found, usual = _Directions([], [], []), float(np.median(np.diff(record.time)))
-    driving = tuple(campaign.model(campaign.full).controls)
+    """Judge direction, size, timing and axes of some channels; of those that are `doubted` by the trim, that tells the unit better."""
+    found, driving = _Directions([], [], []), tuple(campaign.model(campaign.full).controls)
+    files = _other_files(record, driving)
     places = {name: index for index, name in enumerate(motion.measured) if name in names and name not in QUATERNION}
     for name, index in places.items():
         measured, expected, ways = motion.measured[name], motion.expected[:, index], motion.drawn[:, :, index]
         if name in SUMMED:
-            judged = check_sum(name, usual, measured, expected, ways, campaign.noise[name], campaign.has_delay)
+            judged = check_sum(name, record.time, measured, expected, ways, campaign.noise[name], campaign.has_delay)
             found.findings.extend(judged or [])
             found.summed.extend([name] if judged is None else [])
         elif says_direction(expected, ways, campaign.noise[name]):
             found.findings.extend(
-                check_motion(name, usual, measured, expected, ways, campaign.has_delay, driving, name in doubted)
+                check_motion(
+                    name,
+                    record.time,
+                    measured,
+                    expected,
+                    ways,
+                    campaign.has_delay,
+                    driving,
+                    name in doubted,
+                    files.get(name, ""),
+                )
             )
         else:
             found.unsaid.append(name)
@@ -309,6 +319,17 @@ def _directions(
             shown = np.column_stack([motion.measured[name] for name in said])
             found.findings.extend(check_turn(said, shown, motion.expected[:, [places[name] for name in said]]))
     return found
+
+
+def _other_files(record: Record, controls: Collection[str]) -> dict[str, str]:
+    """Return the file of each channel that is not in that of all controls: its clock may be another."""
+    place = {
+        name: (number, file["source"])
+        for number, file in enumerate(record.provenance.options.get("files", ()))
+        for name in file["channels"]
+    }
+    driving = {place.get(name) for name in controls}
+    return {name: of[1] for name, of in place.items() if driving != {of}}
 
 
 def _steps(

@@ -1,7 +1,10 @@
 """What a user must know about a record before believing what is fitted to it."""
 
+from collections.abc import Collection
+
 from seatrial.core.display_units import shown_unit
 from seatrial.core.record import SIMULATED, Record
+from seatrial.core.signals import RATES
 from seatrial.estimation.record_checks import RecordFinding
 
 _DONE = {"control": "each holds the value before it", "measurement": "they are left out; the other rows are used"}
@@ -38,4 +41,26 @@ def empty_cells(record: Record) -> list[RecordFinding]:
         )
         for file in options.get("files", ())
         for name, (count, rows) in file.get("empty", {}).items()
+    ]
+
+
+def unused_channels(record: Record, used: Collection[str]) -> list[RecordFinding]:
+    """Say which velocities a log gives, and no sensor of the campaign uses.
+
+    Args:
+        record: of logs.
+        used: channels that have a sensor.
+    """
+    mapped = [name for file in record.provenance.options.get("files", ()) for name in file["channels"]]
+    return [
+        RecordFinding(
+            name,
+            "sensor",
+            "caution",
+            f"channel {name} is mapped but has no [sensors.{name}]; it is not used",
+            "a channel is used if it has a sensor",
+            f"add [sensors.{name}] with its noise, or take {name} out of the channel map",
+        )
+        for name in mapped
+        if name in RATES and name not in used
     ]

@@ -362,12 +362,11 @@ def _sweep(
         raise next(iter(errors.values()))
     refused = {kind: _why(error) for kind, error in errors.items()}
     if not sweeps:
-        remedies = [error.remedy if isinstance(error, InputError) else "narrow the priors" for error in errors.values()]
         raise InputError(
             campaign.where("design"),
             found="of all families none:" + "".join(f"\n    {kind}: {why}" for kind, why in refused.items()),
             expected="one design at least that fits and is inside the limits",
-            remedy=remedy_of_any(remedies),
+            remedy=remedy_of_any(errors.values()),
         )
     best = max(sweeps, key=lambda sweep: np.nanmax(sweep.worth))
     units = {

@@ -151,9 +151,11 @@ def _advance(study: Study, item: _Begun | _Unended, report: Progress) -> _Ended 
     else:
         run = run_from_arrays(sampler.State, item.run)
     while (draws := _enough(target, sampler, run, table)) is None:
+        total = next(end for length in table.lengths if (end := table.warmup + length) > run.iteration)
+        report(
+            run.iteration, total
+        )  # before each block: whether chains that are as long as asked for go on is not known yet
         run = sampler.advance_chains(target, run, draw_key, settings)
-        total = next(end for length in table.lengths if (end := table.warmup + length) >= run.iteration)
-        report(run.iteration, total)
         if run.iteration // BLOCK % CHECKPOINT_EVERY == 0 and run.iteration < total:
             return _Unended(structure, arrays_of_run(run), run.iteration, total)
     doubts = long_steps(posterior, mode, study.records)

@@ -3,8 +3,9 @@
 from collections.abc import Iterable, Mapping, Sequence
 
 from seatrial.campaign.store.estimates import LeftOut, ModelErrorFinding
+from seatrial.estimation.candidate_effects import Effect
 from seatrial.estimation.fit_verdict import either
-from seatrial.estimation.omitted_effects import Effect, Omitted, OmittedEffects
+from seatrial.estimation.omitted_effects import Omitted, OmittedEffects
 from seatrial.estimation.output_error import OutputError
 from seatrial.estimation.posterior import Posterior
 from seatrial.estimation.remedies import listed
@@ -101,11 +102,13 @@ def _remedy(posterior: Posterior, effects: Sequence[Effect]) -> str:
     """Return what can be done about some effects, each thing once."""
     elsewhere = [one.of for one in effects if _is_elsewhere(posterior, one)]
     ways = [f"other structures have {listed(elsewhere)}: quote the averaged coefficients"] if elsewhere else []
-    ways += [way for one in effects if not _is_elsewhere(posterior, one) for way in _ways(one)]
+    leads = [one.of for one in effects if one.kind == "command lead"]
+    ways += [way for one in effects if not _is_elsewhere(posterior, one) for way in _ways(one, leads)]
     return "; or ".join(dict.fromkeys(ways))
 
 
-def _ways(effect: Effect) -> tuple[str, ...]:
+def _ways(effect: Effect, leads: Sequence[str]) -> tuple[str, ...]:
+    """Return what can be done about an effect; of leads of several commands in one sentence."""
     of, delay = effect.of, "give `delay` a prior, [prior.delay]"
     match effect.kind:
         case "force":
@@ -115,7 +118,7 @@ def _ways(effect: Effect) -> tuple[str, ...]:
         case "delay":
             return (delay,)
         case "command lead":
-            line = f'if {of} was measured and this is half its sampling time, write between = "line" for its channel in [import]'
+            line = f'if {either(leads)} was measured and this is half its sampling time, write between = "line" for its channel in [import]'
             return (f"{line}; else correct `shift` of its file",)
         case "command offset":
             return (f"check the zero of {of}; `offset` of its channel in [import] corrects it",)

@@ -42,8 +42,11 @@ class Profiled:
     labels: tuple[str, ...]
 
     def lines(self) -> list[str]:
-        """Each interval in words."""
-        return [profile.line for profile in self.profiles]
+        """Name the structure, and say each interval in words."""
+        return [
+            f"structure {self.structure.label}, with every term: {' '.join(self.structure.terms)}",
+            *(one.line for one in self.profiles),
+        ]
 
     @property
     def open(self) -> list[str]:

@@ -19,7 +19,7 @@ from seatrial.campaign.live.next_segment import Choice, Library
 from seatrial.campaign.live.recursion import Recursion, within_bounds
 from seatrial.core.display_units import Shown
 from seatrial.core.gaussian import Gaussian
-from seatrial.core.signals import RATES
+from seatrial.core.signals import RATES, SPEEDS
 from seatrial.estimation.record_checks import UNLIKE, unlike_trim
 
 WINDOW = 20.0
@@ -42,7 +42,7 @@ SLOWER = 2.0
 """Times the best segment's way to the goal from which a change is."""
 HALVES = 600.0
 """Seconds in which an input that excites a coefficient halves its standard deviation, at the rate of the last window."""
-ALONG = {"T": "u", **dict(zip("XYZKMN", RATES, strict=True))}
+ALONG = {"T": "u", **SPEEDS}
 """Velocity that each force or moment changes."""
 OFTEN = 10.0
 """Seconds between two looks into the library."""

@@ -15,7 +15,7 @@ from seatrial.core.batching import bucket_length
 from seatrial.core.record import Channel, Provenance, Record
 from seatrial.core.signals import signal_unit
 from seatrial.estimation.record_checks import RecordFinding
-from seatrial.logs.smooth_control import changes_smoothly
+from seatrial.logs.measured_control import looks_measured
 
 APART = 0.1
 """Seconds between two rows of what is judged, at least."""
@@ -32,7 +32,7 @@ FOUND, GONE = 2, round(LOOKED / OFTEN)
 SIZE = bucket_length(round(LOOKED / APART) + 1)
 """Rows to which every part of a stream is filled up."""
 CONTROLS = 600
-"""Latest samples of a control that show whether it changes smoothly."""
+"""Latest samples of a control that show whether it looks measured."""
 GRAVE = {"direction": ("fail",), "axes": ("fail",), "size": ("caution",)}
 """Levels of each check with which no goal is met; of a channel the first check that fails is told."""
 
@@ -125,14 +125,14 @@ class StreamCheck:
                     self.faults.pop(key, None)
 
     def _judge_controls(self) -> None:
-        smooth = [name for name, sent in self.sent.items() if len(sent) and changes_smoothly(*np.array(sent).T)]
-        for name in smooth:
+        measured = [name for name, sent in self.sent.items() if len(sent) and looks_measured(*np.array(sent).T)]
+        for name in measured:
             del self.sent[name]
-        if smooth:
+        if measured:
             self.say(
-                f"smooth {smooth[0]}",
-                f"controls that change smoothly at nearly every sample are taken as held from each to the next: {', '.join(smooth)}; "
-                f'if measured, and no command, write between = "line" for the column, as in channels.{smooth[0]}, under [[import.files]]',
+                f"measured {measured[0]}",
+                f"controls that change at nearly every sample are taken as held from each to the next: {', '.join(measured)}; "
+                f'if measured, and no command, write between = "line" for the column, as in channels.{measured[0]}, under [[import.files]]',
             )
 
     def _record(self, time: np.ndarray, control: np.ndarray, measured: np.ndarray) -> Record:

@@ -1,4 +1,4 @@
-"""What to know about a campaign file before a trial: terms that trials may not tell apart, and a start that the controls do not hold."""
+"""What to know about a campaign file before a trial: terms that may be one, limits out of reach, a start that the controls do not hold."""
 
 import numpy as np
 
@@ -12,10 +12,34 @@ from seatrial.core.term_checks import terms_that_may_be_one
 BESIDE = 0.2
 """Share of a steady speed by which the start may lie beyond the 90 % range of the priors."""
 
+FAR = 1e4
+"""Times its trim from which a limit of a control is doubted."""
+
 
 def file_cautions(campaign: Campaign) -> list[str]:
     """Return a sentence for each thing that is worth correcting in the file, though it can be used."""
-    return [*terms_that_may_be_one(map(CoefficientName.parse, campaign.full.terms)), *_start_that_is_not_held(campaign)]
+    example = [campaign.example_vehicle] if campaign.example_vehicle else []
+    return [
+        *example,
+        *terms_that_may_be_one(map(CoefficientName.parse, campaign.full.terms)),
+        *_limits_out_of_reach(campaign),
+        *_start_that_is_not_held(campaign),
+    ]
+
+
+def _limits_out_of_reach(campaign: Campaign) -> list[str]:
+    """Say which limits of controls are so far from the trim, or from the other limit where the trim is 0, that they limit nothing."""
+    found = []
+    for name, limits in campaign.control_limits.items():
+        trim, (factor, unit) = abs(campaign.trim.get(name, 0.0)), shown_unit(name)
+        for key, bound, other in (("lower", limits.lower, limits.upper), ("upper", limits.upper, limits.lower)):
+            usual, beside = (trim, "the trim") if trim else (abs(other or 0.0), "the other limit")
+            if bound is not None and usual > 0 and abs(bound) > FAR * usual:
+                found.append(
+                    f"the {key} limit of {name} is {bound * factor:.3g} {unit}, {abs(bound) / usual:.1g} times {beside}: it limits "
+                    "nothing. Correct the number or its unit"
+                )
+    return found
 
 
 def _start_that_is_not_held(campaign: Campaign) -> list[str]:

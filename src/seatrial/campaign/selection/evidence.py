@@ -1,6 +1,6 @@
 """Selection among the candidate structures: evidences with checkpointed repeats, probabilities, verdicts."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -20,13 +20,17 @@ from seatrial.campaign.store.structures import StoredSelection, read_selection
 from seatrial.core.argument_checks import check_kind
 from seatrial.core.reporter import SILENT, Progress, Reporter
 from seatrial.estimation.remedies import listed
+from seatrial.sampling.nested import NestedRun
 from seatrial.sampling.tempered_smc import SMCResult, SMCSettings
 from seatrial.selection.combined_evidence import (
     CALLED,
     FINE,
+    NESTED_RUNS,
     EvidenceRun,
     Gathering,
     Keys,
+    Method,
+    NestedRepeat,
     Piece,
     Weighed,
     agrees,
@@ -164,7 +168,7 @@ def _evidences(campaign: Campaign, trials: Trials, reporter: Reporter) -> list[E
     of = {one.structure.label: one for one in kept}
     doing: list[_Part] = []
 
-    def done(index: int, result: EvidenceRun | Weighed) -> _Part | None:
+    def done(index: int, result: EvidenceRun | NestedRepeat | Weighed) -> _Part | None:
         structure = doing[index].structure
         following = of[structure.label].keep(result)
         if following is None:
@@ -187,7 +191,7 @@ def _evidences(campaign: Campaign, trials: Trials, reporter: Reporter) -> list[E
     return [one.gathering.evidence() for one in kept]
 
 
-def _compute(study: Study, part: _Part, report: Progress) -> EvidenceRun | Weighed:
+def _compute(study: Study, part: _Part, report: Progress) -> EvidenceRun | NestedRepeat | Weighed:
     """One piece of an evidence."""
     campaign, terms, table = study.campaign, part.structure.terms, study.campaign.selection
     keys = Keys(random_key(campaign.seed, f"evidence {terms}"), random_key(campaign.seed, f"importance {terms}"))
@@ -206,21 +210,35 @@ class _Kept:
         self.progress = reporter.progress(f"evidence {structure.label}: {' '.join(structure.terms)}")
         self.checkpoint_key = key_of("repeat", key, widest(campaign.structures).terms)
         for repeat in range(self.gathering.most):
-            if (stored := load_checkpoint(self._checkpoint(repeat), self.checkpoint_key)) is not None:
+            if (stored := self._stored("smc", repeat)) is not None:
                 cold = stored.pop("cold")
-                smc = SMCResult(**{name: value if value.ndim else float(value) for name, value in stored.items()})
-                self.gathering.runs[repeat] = EvidenceRun(repeat, smc, cold)
+                self.gathering.runs[repeat] = EvidenceRun(repeat, SMCResult(**stored), cold)
                 self.show(Piece("smc", repeat), 1.0)
+        for repeat in range(NESTED_RUNS):
+            if (stored := self._stored("nested", repeat)) is not None:
+                self.gathering.nested[repeat] = NestedRun(**stored)
+                self.show(Piece("nested", repeat), 1.0)
 
-    def keep(self, found: EvidenceRun | Weighed) -> Piece | None:
+    def keep(self, found: EvidenceRun | NestedRepeat | Weighed) -> Piece | None:
         """Add what was found, a repeat also on disk, and return what can be done now."""
-        if isinstance(found, Weighed):
-            self.show(Piece(found.method), 1.0)
-        elif found.smc is not None:
-            arrays = {name: np.asarray(value) for name, value in (found.smc._asdict() | {"cold": found.cold}).items()}
-            save_checkpoint(self._checkpoint(found.repeat), self.checkpoint_key, arrays)
-            self.show(Piece("smc", found.repeat), 1.0)
+        match found:
+            case Weighed():
+                self.show(Piece(found.method), 1.0)
+            case EvidenceRun(smc=SMCResult() as smc):
+                self._store("smc", found.repeat, smc._asdict() | {"cold": found.cold})
+            case NestedRepeat(run=NestedRun() as run):
+                self._store("nested", found.repeat, run._asdict())
         return self.gathering.add(found)
+
+    def _stored(self, method: Method, repeat: int) -> dict[str, Any] | None:
+        """Return what an interrupted run has kept of a repeat; None where it has nothing."""
+        stored = load_checkpoint(self._checkpoint(method, repeat), self.checkpoint_key)
+        return stored and {name: value if value.ndim else value.item() for name, value in stored.items()}
+
+    def _store(self, method: Method, repeat: int, found: Mapping[str, Any]) -> None:
+        arrays = {name: np.asarray(value) for name, value in found.items()}
+        save_checkpoint(self._checkpoint(method, repeat), self.checkpoint_key, arrays)
+        self.show(Piece(method, repeat), 1.0)
 
     def give_up(self, best: float) -> bool:
         """See `Gathering.give_up`."""
@@ -239,12 +257,12 @@ class _Kept:
             self.third = self.third or self.reporter.progress(
                 f"evidence {self.structure.label}: nested sampling decides, because no two methods agree"
             )
-            self.third(round(FINE * share), FINE)
+            self.third(round(FINE * (piece.repeat + share)), FINE * NESTED_RUNS)
         elif not self.gathering.asked:
             self.progress(round(FINE * share), FINE)
 
-    def _checkpoint(self, repeat: int) -> Path:
-        return Store(self.campaign.folder).checkpoint(f"evidence-{self.structure.label}-{repeat}")
+    def _checkpoint(self, method: Method, repeat: int) -> Path:
+        return Store(self.campaign.folder).checkpoint(f"evidence-{self.structure.label}-{method}-{repeat}")
 
 
 def structure_rows(selection: Selection) -> list[dict[str, Any]]:

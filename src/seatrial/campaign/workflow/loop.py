@@ -24,6 +24,7 @@ from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.campaign.workflow.steps import LOOP, Workflow, stored_summary
 from seatrial.campaign.workflow.whole_run import WholeRun
 from seatrial.core.argument_checks import check_kind
+from seatrial.core.errors import InputError
 from seatrial.core.reporter import SILENT, Reporter
 from seatrial.core.signals import signal_unit
 from seatrial.estimation.sensor_errors import noise_name
@@ -32,6 +33,8 @@ OTHER_NOISE = (
     "these probabilities hold for the noise that is modelled, which the residuals contradict: correct the noise first"
 )
 """What is said of the verdicts where the residuals are correlated."""
+OF_NEXT_TRIAL = ("next", "contenders")
+"""Steps without which all that was found so far still holds."""
 
 
 def run_loop(campaign: Campaign, reporter: Reporter = SILENT) -> Outcome:
@@ -45,17 +48,22 @@ def run_loop(campaign: Campaign, reporter: Reporter = SILENT) -> Outcome:
         the results of all steps, and a summary of them that is plain data in SI.
 
     Raises:
-        InputError: as the steps; that the next trial cannot be designed is said before the first of them.
+        InputError: as the steps. A next trial that no limit allows is none: what was found is kept, and `undesigned` says why.
     """
     check_kind(campaign, Campaign, "campaign", "read it with `load_campaign`")
     if campaign.trial_design is not None:
         campaign.control_trim(campaign.model(campaign.full))
     standing = Workflow(campaign)
     whole = WholeRun(reporter, [step.name for step in LOOP if step.stored and standing.state(step.name) != "current"])
-    flow, found = Workflow(campaign, whole), {}
+    flow, found, undesigned = Workflow(campaign, whole), {}, None
     for step in LOOP:
         whole.begin(step.name)
-        found[step.name] = flow.get(step.name)
+        try:
+            found[step.name] = flow.get(step.name)
+        except InputError as error:
+            if step.name not in OF_NEXT_TRIAL:
+                raise
+            found[step.name], undesigned = None, error
         whole.end()
     screened, cautions = found["screening"]
     fits, predictions = found["predictions"]
@@ -72,6 +80,7 @@ def run_loop(campaign: Campaign, reporter: Reporter = SILENT) -> Outcome:
         screening_cautions=tuple(cautions),
         summary={},
         cross_validation=current_cross_validation(found["candidates"], found["trials"]),
+        undesigned=f"{undesigned.where}: {undesigned.sentence()}" if undesigned else "",
         **{name: found[name] for name in same},
     )
     outcome = replace(outcome, summary=summarise(outcome))

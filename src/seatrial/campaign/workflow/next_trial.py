@@ -108,9 +108,8 @@ def _weighed(outcome: Outcome, standing: tuple[str, ...]) -> Proposal:
             trials = f"{goal.trials} trial{'s are' if goal.trials != 1 else ' is'}"
             return Proposal(None, standing, (f"stop: {trials} run, which is all that [goal] asks for",))
     if outcome.next is None:
-        return Proposal(
-            None, standing, ("no trial is proposed: add [design] to the campaign to choose one from its designs",)
-        )
+        why = outcome.undesigned or "add [design] to the campaign to choose one from its designs"
+        return Proposal(None, standing, (f"no trial is proposed: {why}",))
     found = outcome.contenders
     if doubt and found is not None and (odds := settling(found, outcome.selection.probability)) > 1 - DECIDED:
         promise = (

@@ -39,12 +39,13 @@ class Outcome:
         known: what the data tell about each parameter of the chosen structure.
         promised: what the best design would tell about those of the full one; None without such designs.
         first: designs from the priors; None where trials were imported that nothing was designed for.
-        next: designs from the posterior of the chosen structure; None where the campaign designs no trial.
+        next: designs from the posterior of the chosen structure; None where the campaign designs no trial, or none can be designed.
         screened: every structure in closed form; None where that cannot be done.
         screening_cautions: of that, or why it could not be done.
         contenders: the chosen structure beside the runner-up; None where there is one structure, or no trial is designed.
         summary: the machine-readable summary.
         seal: of the stored summary, which changes with all that the summary was made from; empty where it is not stored.
+        undesigned: why no next trial can be designed; empty where one is, or none is wanted.
         cross_validation: how well each fitted run is predicted from the others; None where that was not asked, or is not current.
     """
 
@@ -68,6 +69,7 @@ class Outcome:
     contenders: Contenders | None
     summary: dict[str, Any]
     seal: str = ""
+    undesigned: str = ""
     cross_validation: CrossValidation | None = None
 
     def __repr__(self) -> str:

@@ -28,6 +28,8 @@ SHARE = 0.95
 PARTS = 1000
 EARLY = 0.1
 """Share of a step's own bars from which they say more of its time than what it took before."""
+SURE = 0.02
+"""Share of one bar from which its own pace is believed."""
 UNSURE = 0.25
 """Share of the whole run that the pace of its steps has to outweigh: short steps say little about long ones."""
 
@@ -46,7 +48,7 @@ class WholeRun:
         self.expected = {step: known.get(step, USUAL.get(step, LEAST)) for step in steps}
         self.tell = reporter.progress(TITLE) if len(steps) > 1 else None
         self.before, self.took, self.now, self.began = 0.0, 0.0, "", time.monotonic()
-        self.shares: dict[str, float] = {}
+        self.bars: dict[str, _Bar] = {}
         self.show()
 
     def say(self, text: str) -> None:
@@ -57,18 +59,18 @@ class WholeRun:
         """See `Reporter.progress`."""
         told = self.reporter.progress(title)
 
-        self.shares[title] = 0.0
+        bar = self.bars[title] = _Bar()
 
         def both(done: int, total: int) -> None:
             told(done, total)
-            self.shares[title] = done / max(total, 1)
+            bar.move(done / max(total, 1))
             self.show()
 
         return both
 
     def begin(self, step: str) -> None:
         """Say which step is made now."""
-        self.now, self.began, self.shares = step, time.monotonic(), {}
+        self.now, self.began, self.bars = step, time.monotonic(), {}
 
     def end(self) -> None:
         """Say that it is made, and learn how long it took."""
@@ -82,21 +84,45 @@ class WholeRun:
     def show(self) -> None:
         """Show how far the run has come.
 
-        A step is as much slower than expected as those before it were; the farther it is, the more its own bars say of how long it takes.
-        The bar goes back where a step turns out to be longer than it was, so that the time that remains is right.
+        A step is as much slower than expected as those before it were; the farther it is, the more its own bars say of how long it takes,
+        and no less remains of it than of any one of them. The bar goes back where a step turns out to be longer than it was, so that the
+        time that remains is right.
         """
         if self.tell is None:
             return
         usual = UNSURE * (self.before + sum(self.expected.values()))
         pace = (self.took + usual) / (self.before + usual)
         over = time.monotonic() - self.began if self.now in self.expected else 0.0
-        share = sum(self.shares.values()) / len(self.shares) if over > 0 and self.shares else 0.0
+        share = sum(bar.share for bar in self.bars.values()) / len(self.bars) if over > 0 and self.bars else 0.0
         here = pace * self.expected.get(self.now, 0.0)
         trust = share / (share + EARLY)
         here = (1.0 - trust) * here + trust * (over / share if share > 0 else 0.0)
+        here = max([here, *(over + bar.remaining for bar in self.bars.values())])
         later = pace * sum(seconds for step, seconds in self.expected.items() if step != self.now)
         whole = self.took + max(here, over / SHARE) + later
         self.tell(round(PARTS * (self.took + over) / whole) if whole > 0 else PARTS, PARTS)
+
+
+class _Bar:
+    """How far one piece of work has come, and since when it moves."""
+
+    def __init__(self):
+        self.share, self.at_first, self.since = 0.0, 0.0, 0.0
+
+    def move(self, share: float) -> None:
+        """Take note of a share; the first above 0 begins the count of its pace."""
+        self.share = share
+        if share > 0.0 and not self.since:
+            self.at_first, self.since = share, time.monotonic()
+
+    @property
+    def remaining(self) -> float:
+        """Seconds that its pace leaves, the less the earlier it is; 0 where it is over or has no pace."""
+        moved = self.share - self.at_first
+        if moved <= 0.0:
+            return 0.0
+        trust = self.share / (self.share + SURE)
+        return trust * (time.monotonic() - self.since) * (1.0 - self.share) / moved
 
 
 def learnt() -> dict[str, float]:

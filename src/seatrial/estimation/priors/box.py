@@ -46,6 +46,11 @@ class Uniform:
         return self.lower, self.upper
 
     @property
+    def edges(self) -> tuple[float, float]:
+        """See `Prior.edges`."""
+        return -sqrt(3.0), sqrt(3.0)
+
+    @property
     def mean(self) -> float:
         """See `Prior.mean`."""
         return 0.5 * (self.lower + self.upper)
@@ -110,6 +115,11 @@ class LogUniform:
     def bounds(self) -> tuple[float, float]:
         """See `Prior.bounds`."""
         return self.lower, self.upper
+
+    @property
+    def edges(self) -> tuple[float, float]:
+        """See `Prior.edges`."""
+        return -sqrt(3.0), sqrt(3.0)
 
     @property
     def mean(self) -> float:

@@ -41,7 +41,12 @@ class Normal:
     @property
     def bounds(self) -> tuple[float, float]:
         """See `Prior.bounds`."""
-        return float("-inf"), float("inf")
+        return -inf, inf
+
+    @property
+    def edges(self) -> tuple[float, float]:
+        """See `Prior.edges`."""
+        return -inf, inf
 
     def constrain(self, z: Any) -> Any:
         """See `Prior.constrain`."""
@@ -101,6 +106,11 @@ class LogNormal:
     def bounds(self) -> tuple[float, float]:
         """See `Prior.bounds`."""
         return (0.0, inf) if self.median > 0 else (-inf, 0.0)
+
+    @property
+    def edges(self) -> tuple[float, float]:
+        """See `Prior.edges`."""
+        return -inf, inf
 
     @property
     def mean(self) -> float:

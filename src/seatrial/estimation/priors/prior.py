@@ -36,6 +36,11 @@ class Prior(Protocol):
         ...
 
     @property
+    def edges(self) -> tuple[float, float]:
+        """Where the line of z bends into the bounds; infinite for a map without such corners (docs/decisions/0003)."""
+        ...
+
+    @property
     def mean(self) -> float:
         """Prior mean."""
         ...

@@ -53,6 +53,11 @@ class TruncatedNormal:
         """See `Prior.bounds`."""
         return self.lower, self.upper
 
+    @property
+    def edges(self) -> tuple[float, float]:
+        """See `Prior.edges`."""
+        return (self.lower - self.mean) / self.sd, (self.upper - self.mean) / self.sd
+
     def constrain(self, z: Any) -> Any:
         """See `Prior.constrain`. Written from the nearer bound, so that values close to a bound of 0 keep their digits."""
         above, below = self._distances(z)

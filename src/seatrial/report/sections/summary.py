@@ -23,7 +23,7 @@ from seatrial.report.drawing import (
     truth_of,
     unit_row,
 )
-from seatrial.report.labels import label_html
+from seatrial.report.labels import label_html, name_html
 from seatrial.report.numbers import DASH, percent, probability, typeset
 from seatrial.selection.verdict import DECIDED, averaged
 
@@ -201,7 +201,7 @@ def _row(outcome: Outcome, name: str, average: tuple[float, float]) -> dict[str,
         **unit_row(outcome, name),
         "value": digits.pair(factor * item["mean"], factor * item["sd"]) if item else "",
         "wider": f"± {digits.bare(factor * wider)}" if wider is not None else "",
-        "cause": outcome.chosen.wider_cause(name),
+        "cause": name_html(outcome.chosen.wider_cause(name), labels_of(outcome)),
         "average": digits.pair(*average),
         "truth": digits.bare(truth[name]) if name in truth else "",
         "outside": bool(

@@ -9,7 +9,7 @@ from nicegui import ui
 
 from seatrial.apps.campaign_text import written_units
 from seatrial.apps.dashboard.app_context import AppContext, markup, say
-from seatrial.apps.dashboard.page_layout import link, section, table
+from seatrial.apps.dashboard.page_layout import LOOK, link, section, table
 from seatrial.apps.dashboard.result_charts import Side, sides_chart
 from seatrial.campaign.store.stored_result import Store
 from seatrial.campaign.store.structures import BestDesign, StoredCoefficient, Summary, read_summary
@@ -41,11 +41,7 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
         if not others:
             markup(nothing_beside(there, context.campaign_paths.root))
             return
-        form = (
-            ui.select(others, value=others[0], label="Compare with")
-            .props("outlined options-dense hide-bottom-space")
-            .classes("wide")
-        )
+        form = ui.select(others, value=others[0], label="Compare with").props(LOOK).classes("wide")
         holder = ui.element("div")
 
         def show() -> None:

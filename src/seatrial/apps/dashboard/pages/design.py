@@ -11,8 +11,8 @@ from nicegui import ui
 
 from seatrial.apps.campaign_text import CAMPAIGN, read_file, write_file, written_units
 from seatrial.apps.dashboard.app_context import AppContext, cautions_html, fill, keep_current, keep_form, markup, say
-from seatrial.apps.dashboard.edits import with_limit
-from seatrial.apps.dashboard.page_layout import button, section, table
+from seatrial.apps.dashboard.edits import BOUNDS, with_limit
+from seatrial.apps.dashboard.page_layout import LOOK, button, section, table
 from seatrial.apps.dashboard.pages.work import Live, begin, made_part
 from seatrial.apps.dashboard.result_charts import mark_chosen, schedule_chart, surface_chart
 from seatrial.apps.dashboard.view_models import Clicked, FormData, Limit, Swept
@@ -20,7 +20,7 @@ from seatrial.apps.dashboard.worker_pool import stamp
 from seatrial.campaign.store.designs import edge_words
 from seatrial.campaign.store.stored_result import Store
 from seatrial.core.coefficients import CoefficientName
-from seatrial.core.display_units import Shown, shown_as_written, shown_unit
+from seatrial.core.display_units import Shown, shown_as_written
 from seatrial.core.errors import SeatrialError
 from seatrial.report.numbers import percent, short, unit_html
 
@@ -89,9 +89,7 @@ class Surface:
         with section("Information of each design", "Click a design, or choose its amplitude and period below."):
             with ui.element("div").classes("line"):
                 options = {one: WHICH[one] for one in there}
-                ui.select(options, value=which, label="Sweep", on_change=self._other).props(
-                    "outlined options-dense hide-bottom-space"
-                )
+                ui.select(options, value=which, label="Sweep", on_change=self._other).props(LOOK)
                 self.families = ui.element("div").classes("part")
             self.holder = ui.element("div")
             self.forms = ui.element("div").classes("line")
@@ -123,14 +121,10 @@ class Surface:
         with self.families:
             if len(found.families) > 1:
                 options = {i: name.replace("-", " ") for i, name in enumerate(found.families)}
-                ui.select(options, value=self.family, label="Family", on_change=self._to_family).props(
-                    "outlined options-dense hide-bottom-space"
-                )
+                ui.select(options, value=self.family, label="Family", on_change=self._to_family).props(LOOK)
             if (found.worth != found.gain)[~(found.worth != found.worth)].any():
                 options = {"gain": "entropy reduction", "worth": "utility"}
-                ui.select(options, value=self.measure, label="Colour shows", on_change=self._to_measure).props(
-                    "outlined options-dense hide-bottom-space"
-                )
+                ui.select(options, value=self.measure, label="Colour shows", on_change=self._to_measure).props(LOOK)
 
     async def _to_family(self, event: Any) -> None:
         self.family = event.value
@@ -151,12 +145,8 @@ class Surface:
         with self.forms:
             amplitudes = {i: f"{value:.4g} {found.unit}" for i, value in enumerate(found.amplitude)}
             periods = {i: f"{value:.4g} s" for i, value in enumerate(found.period)}
-            self.amplitude = ui.select(amplitudes, value=self.at[0], label=f"Amplitude of {found.control}").props(
-                "outlined options-dense hide-bottom-space"
-            )
-            self.period = ui.select(periods, value=self.at[1], label="Period").props(
-                "outlined options-dense hide-bottom-space"
-            )
+            self.amplitude = ui.select(amplitudes, value=self.at[0], label=f"Amplitude of {found.control}").props(LOOK)
+            self.period = ui.select(periods, value=self.at[1], label="Period").props(LOOK)
             for form in (self.amplitude, self.period):
                 form.on_value_change(self._chosen)
         await self._look()
@@ -298,15 +288,14 @@ class Limits:
         self.rows = ui.element("div")
         with ui.element("div").classes("line"):
             if found.spare:
-                self.more = ui.select(list(found.spare), label="Limit another signal").props(
-                    "outlined options-dense hide-bottom-space clearable"
-                )
+                self.spare = {one.name: one for one in found.spare}
+                self.more = ui.select(list(self.spare), label="Limit another signal").props(f"{LOOK} clearable")
                 button("Add", self._add)
             button("Check and save", self._save, main=True)
 
     def _row(self, limit: Limit) -> None:
         with ui.element("div").classes("line"):
-            for bound in ("lower", "upper", *(["rate"] if limit.has_rate else [])):
+            for bound in BOUNDS if limit.has_rate else BOUNDS[:2]:
                 unit = f"{limit.unit}/s" if bound == "rate" else limit.unit
                 value = getattr(limit, bound)
                 form = ui.input(f"{limit.name}: {bound}", value=value, placeholder=f"none; such as 1 {unit}").props(
@@ -318,7 +307,7 @@ class Limits:
         name = self.more.value
         if name and all(one != name for one, *_ in self.fields):
             with self.rows:
-                self._row(Limit(str(name), shown_unit(str(name))[1], "", "", "", False))
+                self._row(self.spare[name])
 
     @property
     def is_edited(self) -> bool:

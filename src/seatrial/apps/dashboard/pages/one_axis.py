@@ -1,11 +1,11 @@
 """Logs on one time axis, before anything is saved: their clocks lined up by hand or by correlation, and every channel as a picture."""
 
 import asyncio
+import itertools
 from collections.abc import Awaitable, Callable, Mapping
-from contextlib import suppress
 from math import floor, log10
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 from nicegui import ui
@@ -13,19 +13,24 @@ from nicegui import ui
 from seatrial.apps.dashboard.app_context import AppContext, fill, markup, say
 from seatrial.apps.dashboard.charts import Curve, Panel, TimeChart
 from seatrial.apps.dashboard.downsample import Envelope
-from seatrial.apps.dashboard.edits import channels_of, files_of, with_shift
-from seatrial.apps.dashboard.page_layout import button
-from seatrial.apps.dashboard.view_models import AxisAbout
+from seatrial.apps.dashboard.edits import files_of, identity_of, path_of, with_shift
+from seatrial.apps.dashboard.map_draft import MapDraft
+from seatrial.apps.dashboard.page_layout import LOOK, button
+from seatrial.apps.dashboard.view_models import COMPARED, AxisAbout
 from seatrial.apps.dashboard.worker_pool import stamp
 from seatrial.core.errors import SeatrialError
 from seatrial.core.units import quantity
 from seatrial.logs.clock_shift import NEARLY, ClockShift
 
-LOOK = "outlined options-dense hide-bottom-space"
+if TYPE_CHECKING:
+    from seatrial.apps.dashboard.logs import LogColumn
+
 COLOURS = ("blue", "orange", "purple", "good")
 """Of the logs, in turn."""
-HEIGHT = {"control": 70, "measurement": 110}
+HEIGHT = {"control": 70, "measurement": 110, COMPARED: 130}
 """Pixels of a panel."""
+LONGEST = 1e11
+"""Seconds of a shift, at most: some 3000 years."""
 
 
 class OneAxis:
@@ -33,79 +38,66 @@ class OneAxis:
 
     Args:
         context: what is served.
-        folder: of the campaign.
-        map_of: returns the map as it stands in the form.
+        draft: of the map.
         change: puts another map into the form.
-        draft: returns the whole campaign file with the map, and the run; None where something is wrong, which it says in an element that
-            it empties first.
-        saved: returns the campaign file as it was last read or written.
+        check: returns the whole campaign file with the map; None where something is wrong, which it says in an element that it empties
+            first.
     """
 
     def __init__(
         self,
         context: AppContext,
-        folder: Path,
-        map_of: Callable[[], str],
+        draft: MapDraft,
         change: Callable[[str], None],
-        draft: Callable[[ui.element], Awaitable[tuple[str, str] | None]],
-        saved: Callable[[], str],
+        check: Callable[[ui.element], Awaitable[str | None]],
     ):
-        self.context, self.folder, self.map_of, self.change, self.draft = context, folder, map_of, change, draft
-        self.saved = saved
+        self.context, self.draft, self.change, self.check = context, draft, change, check
         self.shifts: dict[tuple[str, str | None], ui.number] = {}
+        self.clocks: dict[tuple[str, str | None], tuple[Any, Any]] = {}
         self.is_shown = False
         self.note: ui.html | None = None
         self.drawn, self.spans = "", ""
 
-    def build(
-        self,
-        columns: Mapping[str, tuple[str, Any]],
-        heads: Mapping[tuple[str, str], str],
-        guesses: Mapping[str, str],
-    ) -> None:
-        """Build the form.
-
-        Args:
-            columns: that can be lined up, by key: the log, and the column.
-            heads: `[[import.files]]` without channels, by log and table.
-            guesses: channel that a column seems to hold, by key.
-        """
-        self.columns, self.heads, self.guesses = columns, heads, guesses
+    def build(self) -> None:
+        """Build the form."""
         markup("<h3>One time axis</h3>")
-        self.clocks = ui.element("div")
-        self.refresh()
+        self.forms = ui.element("div")
         with ui.element("div").classes("line"):
             button("Show before saving", self.show)
         self.said, self.holder = ui.element("div"), ui.element("div")
+        self.refresh()
 
     def refresh(self) -> None:
-        """Build the shifts again when the map names other logs."""
-        try:
-            files = {(str(one.get("path")), one.get("table")): one for one in files_of(self.map_of())}
-        except SeatrialError:  # said where the map is edited
+        """Show the clocks as the map has them; what was said of other clocks goes."""
+        if (found := self.draft.files) is None:
             return
-        if list(files) == list(self.shifts):
+        clocks = {identity_of(one): (one.get("time"), one.get("shift")) for one in found}
+        if clocks != self.clocks:
+            self._say("")
+        self.clocks = clocks
+        shifts = {identity: _seconds(shift) for identity, (_, shift) in clocks.items()}
+        if list(clocks) == list(self.shifts):
+            for identity, form in self.shifts.items():
+                form.value = shifts[identity]
             return
         self.shifts.clear()
-        self.clocks.clear()
-        if len(files) < 2:
+        self.forms.clear()
+        if len(clocks) < 2:
             return
-        with self.clocks:
+        with self.forms:
             words = (
                 "Do the clocks of the logs differ? Type what is to be added to the stamps of a log, or choose one quantity that two of the "
                 "logs hold, such as the yaw rate. A delay between the two columns would become part of the shift."
             )
             markup(Markup('<p class="note">{}</p>').format(words))
             with ui.element("div").classes("line"):
-                for (path, table), file in files.items():
+                for (path, table), shift in shifts.items():
                     label = f"{path}{f', {table}' if table else ''}: shift [s]"
-                    form = ui.number(label, value=_seconds(file.get("shift")), format="%.13g").props(
-                        "outlined hide-bottom-space"
-                    )
+                    form = ui.number(label, value=shift, format="%.13g").props("outlined hide-bottom-space")
                     form.on("blur", lambda path=path, table=table: self._typed(path, table))
                     form.on("keydown.enter", lambda path=path, table=table: self._typed(path, table))
                     self.shifts[path, table] = form
-            options = {key: f"{one.name} · {log}" for key, (log, one) in self.columns.items()}
+            options = {key: f"{one.name} · {log}" for key, (log, one) in self.draft.columns.items()}
             with ui.element("div").classes("line"):
                 self.kept = ui.select(options, label="Column of the log that stays").props(LOOK)
                 self.moved = ui.select(options, label="Same quantity in the log that moves").props(LOOK)
@@ -113,16 +105,15 @@ class OneAxis:
 
     async def _typed(self, path: str, table: str | None) -> None:
         form = self.shifts[path, table]
-        if form.value is None:
-            form.props('error error-message="a number of seconds; 0 for none"')
+        form.error = shift_error(form.value)
+        if form.value is None or form.error:
             return
-        form.props(remove="error error-message")
         if self._shift(path, table, float(form.value)) and self.is_shown:
             await self.show()
 
     def _shift(self, path: str, table: str | None, shift: float) -> bool:
         """Put a shift into the map; returns whether that changed it."""
-        before = self.map_of()
+        before = self.draft.channel_map
         try:
             after = with_shift(before, path, table, shift)
         except SeatrialError as error:
@@ -135,105 +126,110 @@ class OneAxis:
     async def _line_up(self) -> None:
         from seatrial.apps.dashboard.logs import line_up
 
-        asked = [str(form.value or "") for form in (self.kept, self.moved)]
-        if not all(asked) or asked[0].partition("|")[0] == asked[1].partition("|")[0]:
-            self._say("Choose one column of each of two logs.")
+        ends = self._chosen()
+        if len(ends) < 2:
+            self._say("Choose one column of each of two logs, each of which gives a channel above.")
             return
-        ends = [self._column(key) for key in asked]
-        moved = next((one for one in self.shifts if one[0] == asked[1].split("|")[0]), None)
-        stays = next((one for one in self.shifts if one[0] == asked[0].split("|")[0]), None)
-        if moved is None or stays is None:
-            self._say("Both logs have to give a channel: choose its column above.")
-            return
+        (_, kept), (moves, moved) = ends
+        differ = self._differ(str(self.kept.value), str(self.moved.value))
         self._say("")
         await fill(
             self.said,
-            asyncio.to_thread(line_up, *ends),
-            lambda found: self._lined_up(found, stays, moved, self._differ(*asked)),
+            asyncio.to_thread(line_up, kept, moved),
+            lambda found: self._lined_up(found, moves, differ),
             "comparing …",
         )
 
-    async def _lined_up(
-        self, found: ClockShift, stays: tuple[str, str | None], moved: tuple[str, str | None], differ: str
-    ) -> None:
-        found = found.later(float(self.shifts[stays].value or 0.0))
-        shift = round(found.shift, 4)
-        said = Markup('<p class="done" role="status">{}</p>').format(lined_up_words(found, moved[0]))
+    async def _lined_up(self, found: ClockShift, moves: tuple[str, str | None], differ: str) -> None:
+        self._shift(*moves, round(found.shift, 4))
+        said = Markup('<p class="done" role="status">{}</p>').format(lined_up_words(found, moves[0]))
         markup(said + (Markup('<ul class="cautions"><li>{}</li></ul>').format(differ) if differ else ""))
-        self.shifts[moved].value = shift
-        self._shift(*moved, shift)
         await self.show()
 
     def _differ(self, *keys: str) -> str:
         """Say that two columns are not of one quantity; nothing where they are, by map, guess or name."""
-        mapped: dict[tuple[str, str], str] = {}
-        with suppress(SeatrialError):  # said where the map is edited
-            for channel, there in channels_of(self.map_of()).items():
-                mapped[str(there.get("path")), str(there.get("column"))] = channel
-        columns = [(log, one.name) for log, one in (self.columns[key] for key in keys)]
-        held = [
-            mapped.get(column) or self.guesses.get(key) or column[1] for key, column in zip(keys, columns, strict=True)
-        ]
-        (_, first), (_, second) = columns
-        return "" if held[0] == held[1] or first == second else delay_words(first, second)
+        first, second = (self.draft.columns[key][1].name for key in keys)
+        alike = first == second or self.draft.quantity_of(keys[0]) == self.draft.quantity_of(keys[1])
+        return "" if alike else delay_words(first, second)
 
-    def _column(self, key: str) -> tuple[str, str, str]:
-        log, table, column = key.split("|", 2)
-        return str(self.context.campaign_paths.inside(self.folder, log)), self.heads[log, table], column
+    def _chosen(self) -> "list[tuple[tuple[str, str | None], LogColumn]]":
+        """Return the columns that are chosen to be compared, each with its log in the map: two, or fewer where they are not of two logs."""
+        from seatrial.apps.dashboard.logs import column_of
+
+        found = {}
+        for form in (self.kept, self.moved) if self.shifts else ():
+            if form.value in self.draft.columns:
+                log, column = self.draft.columns[form.value]
+                path, file = (
+                    self.context.campaign_paths.inside(self.draft.folder, log),
+                    self.draft.file_of(log, column.table),
+                )
+                identity = identity_of(file)
+                if identity in self.shifts:
+                    found[identity] = column_of(str(path), column.name, file, _seconds(file.get("shift")))
+        return list(found.items())
 
     async def show(self) -> None:
         """Draw every channel of the map, by log."""
-        made = await self.draft(self.holder)
-        if made is None:
+        text = await self.check(self.holder)
+        if text is None:
             return
         self.is_shown = True
-        text, run = made
-        paths = [self.folder / str(one.get("path", "")).replace("{run}", run) for one in files_of(self.map_of())]
-        asked = str(self.folder), text, run, tuple(map(stamp, paths))
+        asked = self._question(text)
         about = self.context.worker_pool.think("axis_about", *asked)
-        await fill(self.holder, about, lambda found: self._draw(found, asked), "reading …")
+        channel_map = self.draft.channel_map
+        await fill(self.holder, about, lambda found: self._draw(found, channel_map, asked), "reading …")
 
-    async def _draw(self, about: AxisAbout, asked: tuple) -> None:
-        logs = list(dict.fromkeys(about.logs))
-        ends = {log: [span for one, span in zip(about.logs, about.spans, strict=True) if one == log] for log in logs}
-        spans = {log: (min(a for a, _ in some), max(b for _, b in some)) for log, some in ends.items()}
-        lines = [f"{log}: {first:.9g} s to {last:.9g} s" for log, (first, last) in spans.items()]
-        first, last = max(a for a, _ in spans.values()), min(b for _, b in spans.values())
-        if not first < last:
-            words = f"The logs do not overlap ({'; '.join(lines)}). Line them up, or let them begin together."
-            markup(Markup('<p class="alarm">▲ {}</p>').format(words))
-            button("Let them begin together", lambda: self._begin_together(asked[2], spans))
+    def _question(self, text: str) -> tuple:
+        """Return what is asked of the logs of the map: by which campaign file, and which columns are compared."""
+        folder, run = self.draft.folder, self.draft.label
+        paths = [folder / path_of(one, run) for one in files_of(self.draft.channel_map)]
+        compared = tuple(column for _, column in self._chosen())
+        return str(folder), text, run, tuple(map(stamp, paths)), compared if len(compared) == 2 else ()
+
+    async def apart(self, text: str) -> str:
+        """Say that the logs have no common time by a campaign file, so that it can make no record of them; nothing where they have.
+
+        Raises:
+            SeatrialError: a log that cannot be read.
+        """
+        if len(self.clocks) < 2:
+            return ""
+        about = await self.context.worker_pool.think("axis_about", *self._question(text))
+        return "" if about.overlaps else _apart_words(about)
+
+    async def _draw(self, about: AxisAbout, channel_map: str, asked: tuple) -> None:
+        if not about.overlaps:
+            markup(Markup('<p class="alarm">▲ {}</p>').format(_apart_words(about)))
+            button("Let them begin together", lambda: self._begin_together(asked[2], about))
             return
-        self.drawn, self.spans = asked[1], f"{'; '.join(lines)}, counted from the earliest stamp."
+        self.drawn, self.spans = channel_map, span_words(about)
         self.note = markup("")
         self.tell()
-        colours = dict(zip(logs, COLOURS * len(logs), strict=False))
-        panels = [
-            Panel(name, unit, (Curve(name, log, colours[log], "steps" if role == "control" else "dots"),), HEIGHT[role])
-            for name, unit, role, log in zip(about.names, about.units, about.roles, about.logs, strict=True)
-        ]
-        whole = min(a for a, _ in spans.values()), max(b for _, b in spans.values())
         await TimeChart(
-            panels, lambda a, b, columns: self._view(asked, a, b, columns), whole, "All channels over time"
+            panels_of(about),
+            lambda a, b, columns: self._view(asked, a, b, columns),
+            (min(a for a, _ in about.spans), max(b for _, b in about.spans)),
+            "All channels over time",
         ).build()
 
     def tell(self) -> None:
         """Say beside the picture whether what it shows is saved."""
         if self.note is not None and not self.note.is_deleted:
-            state = "Saved in campaign.toml" if self.drawn == self.saved() else "Nothing is saved yet"
+            state = "Saved in campaign.toml" if self.draft.is_saved(self.drawn) else "Nothing is saved yet"
             html = Markup('<p class="note" role="status">{}. {}</p>').format(state, self.spans)
             self.note.set_content(html)
 
     async def _view(self, asked: tuple, start: float, end: float, columns: int) -> Mapping[str, Envelope]:
         return await self.context.worker_pool.think("axis_view", *asked, start, end, columns)
 
-    async def _begin_together(self, run: str, spans: Mapping[str, tuple[float, float]]) -> None:
-        latest = max(first for first, _ in spans.values())
+    async def _begin_together(self, run: str, about: AxisAbout) -> None:
+        begins = {log: first for log, (first, _) in spans_of(about).items()}
+        latest = max(begins.values())
         for (path, table), form in self.shifts.items():
-            first, _ = spans.get(Path(path.replace("{run}", run)).name, (latest, latest))
+            first = begins.get(Path(path.replace("{run}", run)).name, latest)
             if first < latest:
-                form.value = float(form.value or 0.0) + latest - first
-                self._shift(path, table, float(form.value))
+                self._shift(path, table, round(float(form.value or 0.0) + latest - first, 4))
         await self.show()
 
     def _say(self, words: Any) -> None:
@@ -241,6 +237,58 @@ class OneAxis:
         if words:
             with self.said:
                 say(words)
+
+
+def shift_error(shift: float | None) -> str | None:
+    """Return what is wrong with a shift, s, that was typed; None where nothing is."""
+    if shift is None:
+        return "a number of seconds; 0 for none"
+    return None if abs(shift) <= LONGEST else f"at most {LONGEST:.0e} s either way"
+
+
+def spans_of(about: AxisAbout) -> dict[str, tuple[float, float]]:
+    """Return the first and last time of each log, s from the earliest."""
+    found: dict[str, tuple[float, float]] = {}
+    for log, (first, last) in zip(about.logs, about.spans, strict=True):
+        begin, end = found.get(log, (first, last))
+        found[log] = min(begin, first), max(end, last)
+    return found
+
+
+def span_words(about: AxisAbout) -> str:
+    """Say when each log was recorded, and from when to when the record of them would be."""
+    lines = [f"{log}: {_from_to(span)}" for log, span in spans_of(about).items()]
+    words = f"{'; '.join(lines)}, counted from the earliest stamp."
+    if about.overlaps:
+        words += f" The record: {_from_to(about.interval)}, where every control is known and something is measured."
+    if COMPARED in about.roles:
+        names = [name for name, role in zip(about.names, about.roles, strict=True) if role == COMPARED]
+        words += f" On top {' and '.join(names)}, each less its mean and over its standard deviation."
+    return words
+
+
+def _from_to(span: tuple[float, float]) -> str:
+    first, last = (round(one, 3) for one in span)
+    return f"{first:.13g} s to {last:.13g} s"
+
+
+def _apart_words(about: AxisAbout) -> str:
+    return f"The logs do not overlap: {span_words(about)} Line them up, or let them begin together."
+
+
+def panels_of(about: AxisAbout) -> list[Panel]:
+    """Return a panel for each channel, in the colour of its log, below one for what is compared."""
+    colours = dict(zip(dict.fromkeys(about.logs), itertools.cycle(COLOURS), strict=False))
+    compared, panels = [], []
+    for name, unit, role, log in zip(about.names, about.units, about.roles, about.logs, strict=True):
+        curve = Curve(name, log, colours[log], "steps" if role == "control" else "line")
+        if role == COMPARED:
+            compared.append(curve)
+        else:
+            panels.append(Panel(name, unit, (curve,), HEIGHT[role]))
+    if compared:
+        panels.insert(0, Panel("mean 0, sd 1", "", tuple(compared), HEIGHT[COMPARED]))
+    return panels
 
 
 def lined_up_words(found: ClockShift, moved: str) -> str:

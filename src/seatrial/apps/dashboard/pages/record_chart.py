@@ -1,6 +1,6 @@
 """One record as a chart: measured, predicted by the structures that are picked, and the range that is kept of it."""
 
-from collections.abc import Mapping
+from collections.abc import Awaitable, Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ from seatrial.apps.dashboard.app_context import AppContext, fill, markup, say
 from seatrial.apps.dashboard.campaign_paths import logs_of
 from seatrial.apps.dashboard.charts import Curve, Panel, TimeChart
 from seatrial.apps.dashboard.downsample import Envelope, envelopes
-from seatrial.apps.dashboard.page_layout import button
+from seatrial.apps.dashboard.page_layout import LOOK, button
 from seatrial.apps.dashboard.view_models import FormData, RecordAbout
 from seatrial.apps.dashboard.worker_pool import stamp
 from seatrial.campaign.data.run_ends import is_beyond
@@ -35,10 +35,18 @@ class RecordChart:
         folder: of the campaign.
         found: the campaign.
         stored: labels of the records that there are.
+        start: imports the records again.
     """
 
-    def __init__(self, context: AppContext, folder: Path, found: FormData, stored: list[str]):
-        self.context, self.folder, self.found, self.stored = context, folder, found, stored
+    def __init__(
+        self,
+        context: AppContext,
+        folder: Path,
+        found: FormData,
+        stored: list[str],
+        start: Callable[[], Awaitable[None]],
+    ):
+        self.context, self.folder, self.found, self.stored, self.start_import = context, folder, found, stored, start
         self.run, self.seen, self.is_whole = "", "", False
         self.predicted: dict[str, Mapping[str, np.ndarray]] = {}
 
@@ -51,13 +59,12 @@ class RecordChart:
             return
         self.run, self.seen = runs[0], read_file(self.folder)
         structures = sorted(path.stem for path in (Store(self.folder).results / "posterior").glob("*.nc"))
-        look = "outlined options-dense hide-bottom-space"
         with ui.element("div").classes("line"):
             if len(runs) > 1:
-                ui.select(runs, value=self.run, label="Run", on_change=self._other).props(look)
+                ui.select(runs, value=self.run, label="Run", on_change=self._other).props(LOOK)
             if structures:
                 picked = ui.select(structures, multiple=True, value=[], label="Predicted by", on_change=self._picked)
-                picked.props(f"{look} use-chips").classes("wide")
+                picked.props(f"{LOOK} use-chips").classes("wide")
             if self.found.imported:
                 button("Show the whole log", self._whole)
         self.said, self.holder = ui.element("div"), ui.element("div")
@@ -163,9 +170,13 @@ class RecordChart:
             props = "outlined hide-bottom-space"
             self.start = ui.number("Begin [s]", value=float(f"{about.start:.6g}"), **look).props(props)
             self.end = ui.number("End [s]", value=float(f"{about.end:.6g}"), **look).props(props)
-            button("Check and save", self._save, main=True)
+            button("Check, save and re-import", self._save, main=True)
         self.saved = ui.element("div")
-        markup('<p class="note">Seconds from where the files of this run overlap. "Select a range" sets both.</p>')
+        words = (
+            "Seconds from the beginning of the whole record: there every control is known and something is measured. "
+            '"Select a range" sets both.'
+        )
+        markup(Markup('<p class="note">{}</p>').format(words))
 
     def _typed(self) -> None:
         start, end = self.start.value, self.end.value
@@ -187,18 +198,19 @@ class RecordChart:
                 say(error)
             else:
                 self.seen = text
-                markup('<p class="done" role="status">Saved in campaign.toml. Re-import to cut the record.</p>')
+                markup('<p class="done" role="status">Saved in campaign.toml. The record is imported again.</p>')
+                await self.start_import()
 
 
 def ends_errors(start: float | None, end: float | None, available: float) -> tuple[str | None, str | None]:
     """Return what is wrong with the begin and the end of a run, each None where nothing is.
 
     Args:
-        start: s from where the files of the run overlap; None where none is typed.
+        start: s from the beginning of the whole record; None where none is typed.
         end: likewise.
-        available: how long they overlap, s.
+        available: length of the whole record, s.
     """
-    length = f"the files of this run overlap for {available:.6g} s"
+    length = f"the whole record is {available:.6g} s long"
     wrong_start = wrong_end = None
     if start is None or start < 0:
         wrong_start = "a number of seconds, 0 or more"

@@ -1,6 +1,6 @@
 """Records: what a log holds, which columns are which channels, where a record begins and ends, and whether it may be believed."""
 
-import re
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ from seatrial.apps.dashboard.pages.new_campaign import EXAMPLES
 from seatrial.apps.dashboard.pages.record_chart import RecordChart
 from seatrial.apps.dashboard.pages.work import Live, begin, made_part
 from seatrial.apps.dashboard.worker_pool import stamp
+from seatrial.campaign.config.templates import has_placeholders
 from seatrial.campaign.store.stored_result import Store
 from seatrial.core.errors import SeatrialError
 
@@ -38,11 +39,14 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
             await fill(
                 ui.element("div"),
                 context.form_data(folder),
-                lambda found: RecordChart(context, folder, found, stored).build(),
+                lambda found: RecordChart(context, folder, found, stored, start).build(),
             )
 
         def seen() -> Any:
             return tuple(map(stamp, records())) or stamp(folder / CAMPAIGN)
+
+        async def start() -> None:
+            await again(context, folder, said, live)
 
         await keep_current(ui.element("div"), seen, draw)
     with section(
@@ -50,25 +54,41 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
         "What seatrial check says: direction, size, delay, outliers, gaps, and which coefficients each record can determine.",
     ):
         live, said = Live(context, folder, OF_RECORDS), ui.element("div")
+
+        async def offer() -> None:
+            def build_button(words: str) -> None:
+                if words:
+                    button(words, start)
+
+            await fill(ui.element("div"), _anew(context, folder), build_button)
+
         with ui.element("div").classes("line"):
             button(
                 "Check the records", lambda: (begin(context, folder, said, "check"), live.look()), main=bool(records())
             )
-            button("Re-import or simulate again", lambda: again(context, folder, said, live))
+            await keep_current(ui.element("div"), lambda: stamp(folder / CAMPAIGN), offer)
         await made_part(context, campaign, folder, OF_RECORDS)
     with section(
         "A new log",
         "Put a log into the campaign's folder, or send it from here. Preview it, say which column is which channel, and save.",
     ):
-        ImportForm(context, campaign, folder, lambda: again(context, folder, said, live)).build()
+        ImportForm(context, campaign, folder, start).build()
 
 
 def is_of_template(folder: Path) -> bool:
     """Whether the campaign file still has the places in capitals of a template."""
     try:
-        return bool(re.search(r"^[^#\n]*\"(YOUR VEHICLE|TIME COLUMN)", read_file(folder), re.MULTILINE))
+        return has_placeholders(read_file(folder))
     except SeatrialError:  # said by the forms
         return False
+
+
+async def _anew(context: AppContext, folder: Path) -> str:
+    """Say how records are made again; nothing where the campaign has none, or cannot be read, which is said where they are shown."""
+    with suppress(SeatrialError):
+        found = await context.form_data(folder)
+        return "Simulate again" if found.simulated else "Re-import" if found.imported else ""
+    return ""
 
 
 async def again(context: AppContext, folder: Path, said: ui.element, live: Any) -> None:

@@ -7,7 +7,7 @@ from markupsafe import Markup
 from nicegui import ui
 
 from seatrial.apps.dashboard.app_context import AppContext, evidence_of, fill, keep_current, markup
-from seatrial.apps.dashboard.page_layout import button, link, section, table
+from seatrial.apps.dashboard.page_layout import LOOK, button, link, section, table
 from seatrial.apps.dashboard.pages.work import Live, begin
 from seatrial.apps.dashboard.view_models import ExportTarget
 from seatrial.apps.dashboard.worker_pool import stamp
@@ -29,7 +29,6 @@ TARGETS = {
 }
 """What `seatrial export` can write."""
 NOWHERE = "nowhere"
-LOOK = "outlined options-dense hide-bottom-space"
 
 
 async def build(context: AppContext, campaign: str, folder: Path) -> None:

@@ -12,7 +12,7 @@ from nicegui import ui
 
 from seatrial.apps.campaign_text import written_units
 from seatrial.apps.dashboard.app_context import AppContext, change_of, fill, keep_current, markup, say
-from seatrial.apps.dashboard.page_layout import link, links_html, section, table
+from seatrial.apps.dashboard.page_layout import LOOK, link, links_html, section, table
 from seatrial.apps.dashboard.result_charts import Probability, fit_charts, marginal_chart, probability_chart
 from seatrial.apps.dashboard.view_models import EstimatedStructure, EstimatedValue, Marginal
 from seatrial.apps.dashboard.worker_pool import stamp
@@ -337,11 +337,7 @@ async def _fits(context: AppContext, store: Store) -> None:
 
         if len(curves) > 1:
             names = {f"{i}/{j}": words for (i, j), words in curves.items()}
-            form = (
-                ui.select(names, value="0/0", label="Record and channel")
-                .props("outlined options-dense hide-bottom-space")
-                .classes("wide")
-            )
+            form = ui.select(names, value="0/0", label="Record and channel").props(LOOK).classes("wide")
             form.move(target_index=1)
 
             async def changed() -> None:

@@ -12,7 +12,7 @@ from seatrial.apps.dashboard.app_context import AppContext, change_of, fill, kee
 from seatrial.apps.dashboard.campaign_paths import MADE
 from seatrial.apps.dashboard.command_options import STARTED, CommandOption, Value, options_of, words_of_options
 from seatrial.apps.dashboard.jobs import Job
-from seatrial.apps.dashboard.page_layout import button, link, section
+from seatrial.apps.dashboard.page_layout import LOOK, button, link, section
 from seatrial.apps.dashboard.pages.overview import LEGEND, steps_html
 from seatrial.apps.dashboard.run_bar import duration_text, remaining_of
 from seatrial.campaign.workflow.whole_run import TITLE
@@ -22,7 +22,6 @@ EVERY = 0.25
 """Seconds between looks at a command at work."""
 OFFERED = {name: f"{name}: {makes}" for name, makes in STARTED.items() if name != "export"}
 """Commands in words; that which exports has a form of its own, beside the report."""
-LOOK = "outlined options-dense hide-bottom-space"
 
 
 async def build(context: AppContext, campaign: str, folder: Path) -> None:

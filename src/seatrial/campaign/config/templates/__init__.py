@@ -1,5 +1,6 @@
 """Campaigns to begin from, as `seatrial init` writes them."""
 
+import re
 from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
@@ -21,6 +22,13 @@ TEMPLATES = {
 """What each template is, by name."""
 WRITTEN = {"design": OWN, "steering": PUBLISHED}
 """Those that are written from what is known; the others are files."""
+
+_PLACEHOLDER = re.compile(r"^[^#\n]*\"(YOUR VEHICLE|[A-Z]+ COLUMN)\b", re.MULTILINE)
+
+
+def has_placeholders(text: str) -> bool:
+    """Return whether a campaign file, or a part of one, still has names in capitals that a template leaves to be filled in."""
+    return _PLACEHOLDER.search(text) is not None
 
 
 def init_campaign(folder: Path | str, template: str | NewCampaign) -> Path:

@@ -1,9 +1,9 @@
-"""A measured control changes smoothly; a held command jumps, whatever noise lies on it."""
+"""A measured control changes smoothly or by its noise; a held command jumps and stays, however it is rounded."""
 
 import numpy as np
 import pytest
 
-from seatrial.logs.smooth_control import changes_smoothly
+from seatrial.logs.measured_control import looks_measured
 
 _TIME = 0.1 * np.arange(600)
 _JUMPS = np.where(np.sin(0.4 * _TIME) > 0, 125.0, 100.0)
@@ -19,12 +19,24 @@ _LAG = np.convolve(_JUMPS, 0.2 * 0.8 ** np.arange(60))[: _TIME.size]
         np.round(112.5 + 12.5 * np.sin(0.4 * _TIME), 1),
         112.5 + 12.5 * np.sin(0.4 * _TIME) + 0.05 * _RNG.normal(size=_TIME.size),
         _LAG + 0.01 * _RNG.normal(size=_TIME.size),
+        _JUMPS + _RNG.normal(size=_TIME.size),
+        np.round(_JUMPS + _RNG.normal(size=_TIME.size)),
+        _RNG.normal(size=_TIME.size),
     ],
-    ids=["ramps", "sine", "rounded sine", "noisy sine", "lagged jumps"],
+    ids=[
+        "ramps",
+        "sine",
+        "rounded sine",
+        "noisy sine",
+        "lagged jumps",
+        "noisy jumps",
+        "noisy jumps, rounded to the noise",
+        "noise",
+    ],
 )
-def test_what_is_measured_while_it_changes_is_smooth(values: np.ndarray):
-    assert changes_smoothly(_TIME, values)
-    assert changes_smoothly(_TIME[:200] + 1e9, -values[:200])
+def test_what_is_measured_changes_at_nearly_every_sample(values: np.ndarray):
+    assert looks_measured(_TIME, values)
+    assert looks_measured(_TIME[:200] + 1e9, -values[:200])
 
 
 @pytest.mark.parametrize(
@@ -32,35 +44,35 @@ def test_what_is_measured_while_it_changes_is_smooth(values: np.ndarray):
     [
         np.full(_TIME.size, 100.0),
         _JUMPS,
-        _JUMPS + _RNG.normal(size=_TIME.size),
-        np.cumsum(_RNG.normal(size=_TIME.size)),
+        _JUMPS + np.where(_JUMPS > 110, _RNG.normal(size=_TIME.size), 0.0),
+        np.round(np.interp(_TIME, [0, 30, 60], [100, 150, 100])),
+        np.round(112.5 + 12.5 * np.sin(0.1 * _TIME)),
         np.repeat(_RNG.normal(size=120), 5),
         np.repeat(112.5 + 12.5 * np.sin(0.4 * _TIME[::5]), 5),
         np.interp(_TIME, [0, 20, 21, 40, 41, 60], [100, 100, 125, 125, 100, 100]),
-        _RNG.normal(size=_TIME.size),
     ],
     ids=[
         "constant",
         "jumps",
-        "noisy jumps",
-        "random walk",
+        "jumps that are noisy on one side only",
+        "slow ramps, rounded",
+        "slow sine, rounded",
         "held steps",
         "held sine",
         "command with short ramps",
-        "noise",
     ],
 )
 def test_what_is_held_is_not(values: np.ndarray):
-    assert not changes_smoothly(_TIME, values)
+    assert not looks_measured(_TIME, values)
 
 
 def test_holes_uneven_times_and_few_samples():
     ramp = np.interp(_TIME, [0, 30, 60], [100.0, 125.0, 100.0])
     some = np.sort(_RNG.choice(_TIME.size, 400, replace=False))
-    assert changes_smoothly(_TIME[some], ramp[some])
+    assert looks_measured(_TIME[some], ramp[some])
     holes = ramp.copy()
     holes[::3] = np.nan
-    assert changes_smoothly(_TIME, holes)
+    assert looks_measured(_TIME, holes)
     broken = np.where(_TIME < 30, _TIME, _TIME + 100)
-    assert changes_smoothly(broken, np.where(_TIME < 30, _TIME, _TIME + 1000))  # a jump over a gap is none
-    assert not changes_smoothly(_TIME[:40], ramp[:40])
+    assert looks_measured(broken, np.where(_TIME < 30, _TIME, _TIME + 1000))  # a jump over a gap is none
+    assert not looks_measured(_TIME[:40], ramp[:40])

@@ -1,0 +1,54 @@
+"""Does a control look measured, or does it jump and stay, as a command that is held?
+
+What is measured moves at nearly every sample, by the noise of its sensor, also where it stays level. What is measured without noise changes
+smoothly: both neighbours of a sample then predict it better than the one before. Of jumps the mean of the squared errors of the two
+predictions has the ratio 2, and of a ramp over n samples 2 n.
+"""
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+FEWEST = 50
+"""Samples that tell."""
+BETTER = 2.5
+"""Times by which both neighbours must predict a sample better than the one before (root mean square): a ramp over more than 6 samples."""
+NEARLY_ALL = 0.8
+"""Share of the samples that must differ from the one before: a command that is ramped now and then is held in between."""
+WINDOW, MOST, EVERYWHERE = 20, 0.5, 0.9
+"""Samples in a stretch, share of them that must differ from the one before, as noise that is rounded may not at each, and share of the
+stretches in which they do: a ramp that is rounded to few steps stays at most samples as it was."""
+APART = 5.0
+"""Median steps beyond which samples are no neighbours."""
+
+
+def looks_measured(time: Float[np.ndarray, " n"], values: Float[np.ndarray, " n"]) -> bool:
+    """Return whether a control changes at nearly every sample, smoothly or by noise; False where too few samples tell.
+
+    Args:
+        time: of the samples, s, increasing.
+        values: of the control in any unit, NaN where there is none.
+    """
+    known = np.isfinite(values)
+    t, x = time[known], values[known]
+    if t.size < FEWEST:
+        return False
+    step = np.diff(t)
+    near = step <= APART * np.median(step)
+    return _moves_everywhere(np.diff(x)[near]) or _changes_smoothly(step, x, near[:-1] & near[1:])
+
+
+def _moves_everywhere(change: Float[np.ndarray, " m"]) -> bool:
+    count = change.size // WINDOW
+    stretches = (change[: count * WINDOW] != 0).reshape(count, WINDOW)
+    return count > 1 and float(np.mean(stretches.mean(axis=1) > MOST)) >= EVERYWHERE
+
+
+def _changes_smoothly(
+    step: Float[np.ndarray, " m"], x: Float[np.ndarray, " n"], inside: Bool[np.ndarray, " k"]
+) -> bool:
+    change = np.diff(x)[:-1][inside]
+    if inside.sum() < FEWEST or np.mean(change != 0) < NEARLY_ALL:
+        return False
+    between = x[:-2] + (x[2:] - x[:-2]) * step[:-1] / (step[:-1] + step[1:])
+    by_both = np.mean((x[1:-1] - between)[inside] ** 2)
+    return bool(np.mean(change**2) > BETTER**2 * by_both)
