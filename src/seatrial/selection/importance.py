@@ -348,13 +348,12 @@ def _draw(proposal: ProposalComponent, random: np.random.Generator, n: int) -> F
     """Independent draws about one mode."""
     order, factor = _order(proposal)
     leaning, d = proposal.leaning.size, proposal.centre.size
-    steps = np.empty((d, n))
+    steps, stretch = np.empty((d, n)), np.sqrt(FREEDOM / random.chisquare(FREEDOM, n))
+    scale = np.where(random.uniform(size=n) < WIDE_SHARE, WIDE_SCALE, 1.0)
     for row in range(leaning):
-        begin, end = (stdtr(FREEDOM, limit) for limit in _limits(proposal, steps, row))
-        steps[row] = stdtrit(FREEDOM, begin + (end - begin) * random.uniform(size=n))
-    stretch = np.sqrt(FREEDOM / random.chisquare(FREEDOM, n))
-    stretch *= np.where(random.uniform(size=n) < WIDE_SHARE, WIDE_SCALE, 1.0)
-    steps[leaning:] = (stretch[:, None] * random.normal(size=(n, d - leaning))).T
+        begin, end = (stdtr(FREEDOM, limit / scale) for limit in _limits(proposal, steps, row))
+        steps[row] = scale * stdtrit(FREEDOM, begin + (end - begin) * random.uniform(size=n))
+    steps[leaning:] = ((scale * stretch)[:, None] * random.normal(size=(n, d - leaning))).T
     place = np.empty((n, d))
     place[:, order] = proposal.centre[order] + steps.T @ factor.T
     return bent(place, proposal.edges)
@@ -366,16 +365,23 @@ def _log_shares(proposals: Sequence[ProposalComponent], z: Float[np.ndarray, "n 
 
 
 def _log_proposal(proposal: ProposalComponent, z: Float[np.ndarray, "n d"]) -> Float[np.ndarray, " n"]:
-    steps, leaning = _steps(proposal, z), proposal.leaning.size
-    free = proposal.centre.size - leaning
-    square = np.sum(steps[leaning:] ** 2, 0)
-    plain, wide = _log_student(square, free), _log_student(square, free, WIDE_SCALE)
+    steps = _steps(proposal, z)
+    plain, wide = _log_steps(proposal, steps), _log_steps(proposal, steps, WIDE_SCALE)
     found = np.logaddexp(np.log(1.0 - WIDE_SHARE) + plain, np.log(WIDE_SHARE) + wide)
-    found -= np.sum(np.log(np.diag(_order(proposal)[1])))
+    volume = np.sum(np.log(np.diag(_order(proposal)[1])))
+    return found - volume + _log_slopes(z, proposal.edges).sum(1)
+
+
+def _log_steps(
+    proposal: ProposalComponent, steps: Float[np.ndarray, "d n"], scale: float = 1.0
+) -> Float[np.ndarray, " n"]:
+    """Return the log density of steps, those of what leans each cut at its bounds."""
+    leaning, d = proposal.leaning.size, proposal.centre.size
+    found = _log_student(np.sum(steps[leaning:] ** 2, 0), d - leaning, scale)
     for row in range(leaning):
-        begin, end = (stdtr(FREEDOM, limit) for limit in _limits(proposal, steps, row))
-        found += _log_student(steps[row] ** 2, 1) - np.log(end - begin)
-    return found + _log_slopes(z, proposal.edges).sum(1)
+        begin, end = (stdtr(FREEDOM, limit / scale) for limit in _limits(proposal, steps, row))
+        found += _log_student(steps[row] ** 2, 1, scale) - np.log(end - begin)
+    return found
 
 
 def _log_student(square: Float[np.ndarray, " n"], d: int, scale: float = 1.0) -> Float[np.ndarray, " n"]:
