@@ -105,8 +105,10 @@ def _by_loop(campaign: Any, reporter: Any) -> _Found:
 
     outcome = run_loop(campaign, reporter)
     own = own_after(outcome.campaign, outcome.chosen, outcome.next) if outcome.next else None
-    alarms = [*outcome.summary["alarms"], *([outcome.undesigned] if outcome.undesigned else [])]
-    return _Found(propose(outcome), outcome.next, own, alarms, outcome.summary["cautions"])
+    proposal = propose(outcome)
+    wanted = outcome.undesigned and any(outcome.undesigned in line for line in proposal.advice)
+    alarms = [*outcome.summary["alarms"], *([outcome.undesigned] if wanted else [])]
+    return _Found(proposal, outcome.next, own, alarms, outcome.summary["cautions"])
 
 
 def _by_mode(campaign: Any, reporter: Any) -> _Found:
