@@ -254,7 +254,7 @@ MEANINGS: dict[str, dict[str, tuple[str, str]]] = {
         "axes": ("", "axes of the log: `NED` with body axes forward, right, down, or `ENU` with forward, left, up"),
     },
     "TrimTable": {
-        "start": ("time", "where the run begins, counted from where its files overlap"),
+        "start": ("time", "where the run begins, counted from the beginning of the record"),
         "end": ("time", "where the run ends, counted in the same way"),
     },
     "TimeTable": {

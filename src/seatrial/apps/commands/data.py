@@ -65,7 +65,7 @@ def import_logs(
         str | None,
         typer.Option(
             metavar="TIME",
-            help='Start of the run, such as "5 s", counted from where its files overlap; written to campaign.toml.',
+            help='Start of the run, such as "5 s", counted from the beginning of the record, where all its files have begun; written to campaign.toml.',
         ),
     ] = None,
     end: Annotated[str | None, typer.Option(metavar="TIME", help="End of the run, counted in the same way.")] = None,
@@ -116,7 +116,7 @@ def _trim(campaign: Any, run: str | None, start: str | None, end: str | None, re
             "--start, --end",
             found=f"{min(seconds):g} s",
             expected="0 s or more",
-            remedy="count from where the files overlap",
+            remedy="count from the beginning of the record",
         )
     if len(seconds) == 2 and not seconds[0] < seconds[1]:
         raise InputError(

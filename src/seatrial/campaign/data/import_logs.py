@@ -211,7 +211,7 @@ def _unchecked(tables: Sequence[LogTable]) -> list[LogTable]:
 
 
 def _kept(campaign: Campaign, imports: Imports, run: str, whole: Record) -> dict[str, float]:
-    """Return where the longest stretch of a record begins and ends in which every condition holds, s from where its files overlap.
+    """Return where the longest stretch of a record begins and ends in which every condition holds, s from the beginning of the record.
 
     Raises:
         InputError: a log or column that cannot be read, or no such stretch.

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
 
+from seatrial.campaign.config.campaign import EXAMPLE_VEHICLE
 from seatrial.campaign.config.new_campaign import OWN, PUBLISHED, NewCampaign
 from seatrial.campaign.config.new_campaign_file import campaign_text
 from seatrial.campaign.store.stored_result import FILE_NAME
@@ -23,7 +24,7 @@ TEMPLATES = {
 WRITTEN = {"design": OWN, "steering": PUBLISHED}
 """Those that are written from what is known; the others are files."""
 
-_PLACEHOLDER = re.compile(r"^[^#\n]*\"(YOUR VEHICLE|[A-Z]+ COLUMN)\b", re.MULTILINE)
+_PLACEHOLDER = re.compile(rf"^[^#\n]*\"({EXAMPLE_VEHICLE}|[A-Z]+ COLUMN)\b", re.MULTILINE)
 
 
 def has_placeholders(text: str) -> bool:
