@@ -26,7 +26,7 @@ MOST_ELEMENTS = 64
 TIME_UNITS = ("ns", "us", "ms", "s", "min", "h")
 _NANOSECONDS = re.compile(r"(?:.*[./])?(?:%time|rosbagtimestamp|header\.stamp|stamp)")
 _CLOCK = re.compile(
-    r"(?:.*[./_\s])?(?:t|time|timestamps?|stamp|utime|elapsed(?:_time)?|(?:epoch|unix)(?:_?time)?|time_?(?:stamp|boot|since_\w+)?)"
+    r"(?:.*[./_\s])?(?:t|time|timestamps?|stamp|uptime|utime|elapsed(?:_time)?|(?:epoch|unix)(?:_?time)?|time_?(?:stamp|boot|since_\w+)?)"
     r"(?:[\s_]*[\[(]?(?P<unit>ns|nsec|us|usec|ms|msec|s|sec|secs|seconds|min|h)[\])]?)?"
 )
 _SPELLING = {"nsec": "ns", "usec": "us", "msec": "ms", "sec": "s", "secs": "s", "seconds": "s"}
