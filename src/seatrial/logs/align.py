@@ -28,6 +28,10 @@ _SPARSE = 100.0
 """Steps of the grid for each sample of the quickest channel, from which the unit of time is doubted."""
 _HAIR = 1e-6
 """Share of a step by which rounding may shift a stamp without making it early or late."""
+_BLURRED = 0.3
+"""By how much moved samples may be off, in units of their noise: from here on they are told. It adds 4 % to that noise."""
+_JUMPS = 0.02
+"""Share of a control's range by which it jumps within a step, from which that is told."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +100,7 @@ def align(
             else "correct start and end, in seconds from the beginning of the overlap, or the step",
         )
 
-    columns, notes, averaged = {}, [], {}
+    columns, notes, averaged, blurred = {}, [], {}, []
     cautions = [text for table in tables for text in table.cautions]
     slack = _NANOSECOND / 2 if step is None else _HAIR * step
     reach = _NANOSECOND if step is None else step / 2 + slack
@@ -104,15 +108,21 @@ def align(
     for track in tracks:
         time, name = track.time - begin, track.channel.name
         if track.channel.role == "control":
-            columns[name], note = _hold(time, track.values, instants, slack)
+            columns[name], note, blur = _hold(time, track.values, instants, slack)
         else:
-            columns[name], note, count = _place(time, track, instants, slack, reach)
+            columns[name], note, blur, count = _place(time, track, instants, slack, reach)
             averaged |= {name: count} if count > 1 else {}
         notes += [f"{name}: {note}"] if note else []
+        blurred += [f"{name} {blur}"] if blur and step is not None else []
     controls = [track.channel.name for track in tracks if track.channel.role == "control"]
     holes = [_hole(track.channel.name, track.time - begin, instants[-1]) for track in tracks]
     cautions += [_of_hole(one, controls) for one in _joined(one for one in holes if one is not None)]
     cautions += _sparse(tracks, step)
+    if blurred:
+        cautions.append(
+            f"step = {step:g} s under [import] blurs the record, which shifts values: {'; '.join(blurred)}: leave step out, so that every "
+            "stamp is kept, or make it shorter"
+        )
     hashes = [table.sha256 for table in tables]
     options = {
         "files": [{**table.options, "sha256": table.sha256, "notes": list(table.notes)} for table in tables],
@@ -315,21 +325,30 @@ def _of_hole(hole: _Hole, controls: Collection[str]) -> str:
     )
 
 
-def _hold(time: np.ndarray, values: np.ndarray, instants: np.ndarray, slack: float) -> tuple[np.ndarray, str]:
-    """Hold each control from its stamp to the next; the mean over a step in which several begin."""
+def _hold(
+    time: np.ndarray, values: np.ndarray, instants: np.ndarray, slack: float
+) -> tuple[np.ndarray, str, str]:
+    """Hold each control from its stamp to the next; the mean over a step within which one begins. Also a note, and what is blurred."""
     index = np.searchsorted(time, instants + slack, side="right") - 1
-    begun = np.diff(index)
-    several = np.flatnonzero(begun > 1)
+    last = np.searchsorted(time, instants[1:] - slack) - 1
+    within = np.flatnonzero(last > index[:-1])
     held = values[index]
-    if several.size:
-        held[several] = held_mean(time, values, instants)[several]
-    return held, f"{several.size} instants hold the mean of what was held until the next" if several.size else ""
+    if not within.size:
+        return held, "", ""
+    change = np.abs(values[last[within]] - held[within])
+    held[within] = held_mean(time, values, instants)[within]
+    jumps = int((change > _JUMPS * np.ptp(values)).sum())
+    return (
+        held,
+        f"{within.size} instants hold the mean of what was held until the next",
+        f"changes within {jumps} steps, which hold a mean that was never commanded" if jumps else "",
+    )
 
 
 def _place(
     time: np.ndarray, track: _Track, instants: np.ndarray, slack: float, reach: float
-) -> tuple[np.ndarray, str, float]:
-    """Put each measurement at its nearest instant and average those that meet; also returns how many do at the median.
+) -> tuple[np.ndarray, str, str, float]:
+    """Put each measurement at its nearest instant and average those that meet. Also a note, what is blurred, and how many meet at the median.
 
     One midway between two is put at the earlier, where that has none of its own; else it is left out.
     """
@@ -354,11 +373,32 @@ def _place(
     deviation = values - np.repeat(values[firsts], counts)
     column = np.full(instants.size, np.nan)
     column[used] = values[firsts] + np.add.reduceat(deviation, firsts) / counts
-    met = int((counts > 1).sum())
+    met, usual = int((counts > 1).sum()), float(np.median(counts))
+    moved = np.add.reduceat((instants[index] - time)[near], firsts) / counts
+    blur = float(np.sqrt(np.mean(moved**2) * usual)) * _rate_over_noise(time[near], values)
     return (
         column,
         f"{values.size} samples, moved by at most {shift[near].max():.3g} s"
         + (f"; {met} instants hold the mean of two or more" if met else "")
         + (f"; {doubled.sum()} midway between two instants were left out" if doubled.any() else ""),
-        float(np.median(counts)),
+        f"is moved in time by up to {np.abs(moved).max():.2g} s, in which it changes by {blur:.1g} of its noise"
+        if blur > _BLURRED
+        else "",
+        usual,
     )
+
+
+def _rate_over_noise(time: np.ndarray, values: np.ndarray) -> float:
+    """Return the root mean square rate of a channel over the standard deviation of its noise, 1/s; 0 where no rate stands out.
+
+    The noise is what a sample differs by from the line between its neighbours, the rate that of these lines; both variances are
+    corrected for the noise of the neighbours.
+    """
+    if values.size < 3:
+        return 0.0
+    span = time[2:] - time[:-2]
+    share = (time[1:-1] - time[:-2]) / span
+    apart = values[1:-1] - values[:-2] - share * (values[2:] - values[:-2])
+    variance = float(np.mean(apart**2 / (1 + share**2 + (1 - share) ** 2)))
+    rate = float(np.mean(((values[2:] - values[:-2]) / span) ** 2) - variance * np.mean(2 / span**2))
+    return math.sqrt(rate / variance) if rate > 0 < variance else 0.0
