@@ -408,7 +408,13 @@ def test_decimal_stamps_are_seconds_whatever_the_name(tmp_path):
 
 @pytest.mark.parametrize(
     ("name", "per_second", "unit"),
-    [("timestamps", 1e9, "ns"), ("time", 1e6, "us"), ("t_ms", 1e3, "ms"), ("epoch", 1.0, "s"), ("uptime_ms", 1e3, "ms")],
+    [
+        ("timestamps", 1e9, "ns"),
+        ("time", 1e6, "us"),
+        ("t_ms", 1e3, "ms"),
+        ("epoch", 1.0, "s"),
+        ("uptime_ms", 1e3, "ms"),
+    ],
 )
 def test_unit_of_a_clock_is_one_that_logs_have(tmp_path, name, per_second, unit):
     """Float stamps of an archive are in no stated unit; those of a name that fits keep it."""

@@ -325,9 +325,7 @@ def _of_hole(hole: _Hole, controls: Collection[str]) -> str:
     )
 
 
-def _hold(
-    time: np.ndarray, values: np.ndarray, instants: np.ndarray, slack: float
-) -> tuple[np.ndarray, str, str]:
+def _hold(time: np.ndarray, values: np.ndarray, instants: np.ndarray, slack: float) -> tuple[np.ndarray, str, str]:
     """Hold each control from its stamp to the next; the mean over a step within which one begins. Also a note, and what is blurred."""
     index = np.searchsorted(time, instants + slack, side="right") - 1
     last = np.searchsorted(time, instants[1:] - slack) - 1

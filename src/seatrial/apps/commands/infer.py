@@ -157,6 +157,7 @@ def criteria(
 
 
 def _by_chains(campaign: Any, reporter: Any, answer: Answer) -> Exit:
+    from seatrial.campaign.config.taken_as_exact import taken_as_exact
     from seatrial.campaign.inference.coefficient_csv import write_coefficients
     from seatrial.campaign.inference.identifiability import known_after
     from seatrial.campaign.inference.judge_predictions import held_back_cautions, held_back_lines, predict_held_back
@@ -186,8 +187,8 @@ def _by_chains(campaign: Any, reporter: Any, answer: Answer) -> Exit:
         answer.say("\n".join(known.lines(campaign.shown)))
         said += known.verdict
         structures.append(results.estimated(item, held_back[-1], known))
-    if campaign.stated_masses:
-        answer.say(campaign.stated_masses)
+    if exact := taken_as_exact(campaign):
+        answer.say(exact)
     answer.give(by=By.CHAINS, structures=structures)
     answer.wrote("coefficients", write_coefficients(campaign.folder, estimates, campaign.shown))
     alarms = [f"{item.structure.label}: {text}" for item in estimates for text in item.alarms]
@@ -211,6 +212,7 @@ def _checked_trials(campaign: Any, flow: Any, answer: Answer) -> Any:
 
 
 def _first_answers(campaign: Any, reporter: Any, answer: Answer, by: By, window: float | None) -> Exit:
+    from seatrial.campaign.config.taken_as_exact import taken_as_exact
     from seatrial.campaign.inference.judge_predictions import held_back_cautions
     from seatrial.campaign.inference.quick_estimates import (
         MODE,
@@ -228,8 +230,8 @@ def _first_answers(campaign: Any, reporter: Any, answer: Answer, by: By, window:
     for one in found:
         answer.say("\n".join(one.lines()))
     answer.give(by=by, first_answers=[results.first_answer(one) for one in found if not one.alarm])
-    if campaign.stated_masses:
-        answer.say(campaign.stated_masses)
+    if exact := taken_as_exact(campaign):
+        answer.say(exact)
     answer.say(MODE if by is By.MODE else REGRESSION)
     alarms = [one.alarm for one in found if one.alarm]
     if by is By.MODE and len(alarms) < len(found):

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
+from seatrial.campaign.config.taken_as_exact import taken_as_exact
 from seatrial.campaign.inference.judge_predictions import held_back_alarms
 from seatrial.campaign.store.structures import IF_RELIABLE
 from seatrial.campaign.workflow.next_trial import propose
@@ -51,7 +52,7 @@ def summary_section(outcome: Outcome) -> dict[str, Any]:
         "several": len(outcome.estimates) > 1,
         "value_head": "Chosen model" if len(outcome.estimates) > 1 else "Value ± sd",
         "has_truth": bool(truth_of(outcome)),
-        "stated_masses": sentence_of(outcome, text) if (text := outcome.campaign.stated_masses) else "",
+        "taken_as_exact": sentence_of(outcome, text) if (text := taken_as_exact(outcome.campaign)) else "",
         "unit_mass": outcome.campaign.hull.mass is None,
         "wider": sentence_of(outcome, outcome.chosen.wider_words),
         "wider_findings": [sentence_of(outcome, one.sentence) for one in outcome.wider_findings],
