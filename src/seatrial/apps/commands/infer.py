@@ -187,9 +187,10 @@ def _by_chains(campaign: Any, reporter: Any, answer: Answer) -> Exit:
         answer.say("\n".join(known.lines(campaign.shown)))
         said += known.verdict
         structures.append(results.estimated(item, held_back[-1], known))
-    if exact := taken_as_exact(campaign):
+    exact = taken_as_exact(campaign)
+    if exact:
         answer.say(exact)
-    answer.give(by=By.CHAINS, structures=structures)
+    answer.give(by=By.CHAINS, structures=structures, taken_as_exact=exact)
     answer.wrote("coefficients", write_coefficients(campaign.folder, estimates, campaign.shown))
     alarms = [f"{item.structure.label}: {text}" for item in estimates for text in item.alarms]
     evidences = [float(item.data.attrs["laplace_log_evidence"]) for item in estimates]
@@ -229,8 +230,11 @@ def _first_answers(campaign: Any, reporter: Any, answer: Answer, by: By, window:
     found = posterior_modes(campaign, trials, reporter) if by is By.MODE else regressions(campaign, trials, window)
     for one in found:
         answer.say("\n".join(one.lines()))
-    answer.give(by=by, first_answers=[results.first_answer(one) for one in found if not one.alarm])
-    if exact := taken_as_exact(campaign):
+    exact = taken_as_exact(campaign)
+    answer.give(
+        by=by, first_answers=[results.first_answer(one) for one in found if not one.alarm], taken_as_exact=exact
+    )
+    if exact:
         answer.say(exact)
     answer.say(MODE if by is By.MODE else REGRESSION)
     alarms = [one.alarm for one in found if one.alarm]
