@@ -69,7 +69,12 @@ def first_answer(one: Any) -> dict[str, Any]:
         for way, (value, sd) in zip(by, pairs, strict=False)
     ]
     held_back = [] if one.held_back is None else fits(one.held_back.fits)
-    told = {"values": values, "model_error": one.wider_words, "log_evidence_laplace": one.log_evidence, "held_back": held_back}
+    told = {
+        "values": values,
+        "model_error": one.wider_words,
+        "log_evidence_laplace": one.log_evidence,
+        "held_back": held_back,
+    }
     return picked(one.structure, shapes.FirstStructure, symmetry=one.symmetry, **told)
 
 

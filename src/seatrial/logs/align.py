@@ -346,7 +346,7 @@ def _hold(time: np.ndarray, values: np.ndarray, instants: np.ndarray, slack: flo
 def _place(
     time: np.ndarray, track: _Track, instants: np.ndarray, slack: float, reach: float
 ) -> tuple[np.ndarray, str, str, float]:
-    """Put each measurement at its nearest instant and average those that meet. Also a note, what is blurred, and how many meet at the median.
+    """Put each measurement at its nearest instant, average those that meet; also a note, what is blurred, and how many meet at the median.
 
     One midway between two is put at the earlier, where that has none of its own; else it is left out.
     """

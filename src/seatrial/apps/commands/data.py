@@ -65,7 +65,7 @@ def import_logs(
         str | None,
         typer.Option(
             metavar="TIME",
-            help='Start of the run, such as "5 s", counted from the beginning of the record, where all its files have begun; written to campaign.toml.',
+            help='Start of the run, such as "5 s", counted from the beginning of the record; written to campaign.toml.',
         ),
     ] = None,
     end: Annotated[str | None, typer.Option(metavar="TIME", help="End of the run, counted in the same way.")] = None,
