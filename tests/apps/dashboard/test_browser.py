@@ -173,8 +173,12 @@ def test_a_log_is_sent_mapped_cut_and_checked_by_keyboard(tmp_path, page):
         chart.locator("svg").wait_for()
         begin, end = page.get_by_label("Begin [s]"), page.get_by_label("End [s]")
         assert float(begin.input_value()) == 0.0
-        page.get_by_role("button", name="Zoom in").press("Enter")
-        page.get_by_role("button", name="Show the whole time").press("Enter")
+        option = "getElement(+document.querySelector('.chart').id.slice(1)).chart.getOption()"
+        for name, ends in (("Zoom in", "25,75"), ("Later", "50,100"), ("Show the whole time", "0,100")):
+            page.get_by_role("button", name=name).press("Enter")
+            page.wait_for_function(
+                f"String({option}.dataZoom.flatMap((one) => [one.start, one.end])) === '{ends},{ends}'"
+            )
         page.get_by_role("button", name="Select a range: then drag over the chart").press("Enter")
         box = chart.bounding_box()
         page.mouse.move(box["x"] + 200, box["y"] + 90)

@@ -90,6 +90,12 @@ def test_no_thread_watches_processes_that_were_ended():
     assert future.done()
 
 
+@pytest.mark.parametrize("kind", ["result_plots", "prediction_views", "record_views"])
+def test_who_reads_results_loads_neither_jax_nor_xarray(kind):
+    code = f"import sys; from seatrial.apps.dashboard import {kind}; {kind}.ready(); print({{'jax', 'xarray'}} & {{*sys.modules}})"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout == "set()\n"
+
+
 def test_errors_pass_between_processes_as_words(tmp_path):
     answer, words = answered("result_plots", "swept", tmp_path / "missing.nc")
     assert answer is None

@@ -59,7 +59,7 @@ from seatrial.campaign.store.stored_result import Store
 from seatrial.campaign.workflow.status import standing
 from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError
-from seatrial.core.gaussian import Z90
+from seatrial.core.normal import Z90
 from seatrial.core.record import Record
 from seatrial.core.record_file import read_record
 from seatrial.core.signals import QUATERNION, RATES
