@@ -619,8 +619,8 @@ def test_hovered_values_are_those_of_the_view_after_a_zoom(tmp_path, page):
         page.locator(".chart svg").first.wait_for()
         end = page.get_by_label("End [s]")
         end.fill("900")
-        page.get_by_role("button", name="Check and save", exact=True).click()
-        page.get_by_text("the files of this run overlap for 399.95 s").wait_for()
+        page.get_by_role("button", name="Check, save and re-import").click()
+        page.get_by_text("at most 399.95 s: the whole record is 399.95 s long").wait_for()
         assert "[import.trim" not in (folder / "campaign.toml").read_text()
 
         chart = page.locator(".chart").first
