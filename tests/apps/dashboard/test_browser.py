@@ -173,8 +173,12 @@ def test_a_log_is_sent_mapped_cut_and_checked_by_keyboard(tmp_path, page):
         chart.locator("svg").wait_for()
         begin, end = page.get_by_label("Begin [s]"), page.get_by_label("End [s]")
         assert float(begin.input_value()) == 0.0
-        page.get_by_role("button", name="Zoom in").press("Enter")
-        page.get_by_role("button", name="Show the whole time").press("Enter")
+        option = "getElement(+document.querySelector('.chart').id.slice(1)).chart.getOption()"
+        for name, ends in (("Zoom in", "25,75"), ("Later", "50,100"), ("Show the whole time", "0,100")):
+            page.get_by_role("button", name=name).press("Enter")
+            page.wait_for_function(
+                f"String({option}.dataZoom.flatMap((one) => [one.start, one.end])) === '{ends},{ends}'"
+            )
         page.get_by_role("button", name="Select a range: then drag over the chart").press("Enter")
         box = chart.bounding_box()
         page.mouse.move(box["x"] + 200, box["y"] + 90)
@@ -615,8 +619,8 @@ def test_hovered_values_are_those_of_the_view_after_a_zoom(tmp_path, page):
         page.locator(".chart svg").first.wait_for()
         end = page.get_by_label("End [s]")
         end.fill("900")
-        page.get_by_role("button", name="Check and save", exact=True).click()
-        page.get_by_text("the files of this run overlap for 399.95 s").wait_for()
+        page.get_by_role("button", name="Check, save and re-import").click()
+        page.get_by_text("at most 399.95 s: the whole record is 399.95 s long").wait_for()
         assert "[import.trim" not in (folder / "campaign.toml").read_text()
 
         chart = page.locator(".chart").first

@@ -120,8 +120,8 @@ def test_noise_of_two_campaigns_is_no_contradiction():
     assert not any(map(is_of_vehicle, ("sigma_u", "bias_u", "lag_u", "current[1]", "u_0[run 1]")))
 
 
-def test_only_targets_that_can_hold_the_vehicle_are_offered(monkeypatch, tmp_path):
-    folder = str(finished(monkeypatch, tmp_path / "c"))
+def test_only_targets_that_can_hold_the_vehicle_are_offered(tmp_path):
+    folder = str(finished(tmp_path / "c"))
     alone = {one.name: one for one in model_queries.export_targets(folder, "") if not one.is_trial}
     assert [name for name, one in alone.items() if not one.refusal] == ["json", "csv"]
     assert "v w p q r" in alone["gz"].refusal

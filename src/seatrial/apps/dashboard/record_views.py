@@ -21,8 +21,8 @@ from seatrial.core.record import SIMULATED
 
 BLOCK_ROWS = 512
 """Rows of a block of the index."""
-READ_ROWS = 1 << 20
-"""Rows that are read at a time while the index is made."""
+READ_ROWS = 1 << 18
+"""Rows that are read at a time while the index is made; their columns fit into a cache."""
 
 
 class Index(NamedTuple):

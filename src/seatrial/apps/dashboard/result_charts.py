@@ -13,7 +13,7 @@ from nicegui import ui
 from seatrial.apps.dashboard.app_context import AppContext
 from seatrial.apps.dashboard.charts import DASHES, SYMBOLS, Curve, Panel, TimeChart, axis, chart, colour, faint, tooltip
 from seatrial.apps.dashboard.view_models import FitAbout, Marginal, Swept
-from seatrial.core.gaussian import Z90
+from seatrial.core.normal import Z90
 from seatrial.report.figures.style import unit_label
 
 CHOSEN = "chosen design"

@@ -12,7 +12,7 @@ from seatrial.campaign.store.estimates import Estimate, read_estimate
 from seatrial.core.dataset import Dataset
 from seatrial.core.dataset_file import open_dataset, write_dataset
 from seatrial.core.display_units import Shown, shown_as_written, shown_unit
-from seatrial.report.figures.posterior import normal_density
+from seatrial.core.normal import normal_density
 from seatrial.report.figures.style import power_of_ten
 
 MOST_LISTED = 12
