@@ -213,7 +213,10 @@ MEANINGS: dict[str, dict[str, tuple[str, str]]] = {
     "ImportTable": {
         "fit": ("", "labels of the runs that are fitted jointly"),
         "predict": ("", "labels of the runs that are only predicted"),
-        "step": ("time", "step of the common clock; if not given, the stamps of all channels together"),
+        "step": (
+            "time",
+            "grid on which samples are averaged, for logs of many samples; if not given, every stamp is kept",
+        ),
         "start": ("time", "cut off what comes before this"),
         "end": ("time", "cut off what comes after this"),
         "trim": ("", "`[import.trim.RUN]`, for a run with its own start and end"),

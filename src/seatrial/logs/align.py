@@ -30,8 +30,6 @@ _HAIR = 1e-6
 """Share of a step by which rounding may shift a stamp without making it early or late."""
 _BLURRED = 0.3
 """By how much moved samples may be off, in units of their noise: from here on they are told. It adds 4 % to that noise."""
-_JUMPS = 0.02
-"""Share of a control's range by which it jumps within a step, from which that is told."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,20 +106,20 @@ def align(
     for track in tracks:
         time, name = track.time - begin, track.channel.name
         if track.channel.role == "control":
-            columns[name], note, blur = _hold(time, track.values, instants, slack)
+            columns[name], note = _hold(time, track.values, instants, slack)
         else:
             columns[name], note, blur, count = _place(time, track, instants, slack, reach)
             averaged |= {name: count} if count > 1 else {}
+            blurred += [f"{name} {blur}"] if blur and step is not None else []
         notes += [f"{name}: {note}"] if note else []
-        blurred += [f"{name} {blur}"] if blur and step is not None else []
     controls = [track.channel.name for track in tracks if track.channel.role == "control"]
     holes = [_hole(track.channel.name, track.time - begin, instants[-1]) for track in tracks]
     cautions += [_of_hole(one, controls) for one in _joined(one for one in holes if one is not None)]
     cautions += _sparse(tracks, step)
     if blurred:
         cautions.append(
-            f"step = {step:g} s under [import] blurs the record, which shifts values: {'; '.join(blurred)}: leave step out, so that every "
-            "stamp is kept, or make it shorter"
+            f"step = {step:g} s under [import] blurs the record, which may shift values: {'; '.join(blurred)}; leave step out, so that "
+            "every stamp is kept, or make it shorter"
         )
     hashes = [table.sha256 for table in tables]
     options = {
@@ -325,22 +323,14 @@ def _of_hole(hole: _Hole, controls: Collection[str]) -> str:
     )
 
 
-def _hold(time: np.ndarray, values: np.ndarray, instants: np.ndarray, slack: float) -> tuple[np.ndarray, str, str]:
-    """Hold each control from its stamp to the next; the mean over a step within which one begins. Also a note, and what is blurred."""
+def _hold(time: np.ndarray, values: np.ndarray, instants: np.ndarray, slack: float) -> tuple[np.ndarray, str]:
+    """Hold each control from its stamp to the next; the mean over a step within which one begins, so that none acts late."""
     index = np.searchsorted(time, instants + slack, side="right") - 1
-    last = np.searchsorted(time, instants[1:] - slack) - 1
-    within = np.flatnonzero(last > index[:-1])
+    within = np.flatnonzero(np.searchsorted(time, instants[1:] - slack) - 1 > index[:-1])
     held = values[index]
-    if not within.size:
-        return held, "", ""
-    change = np.abs(values[last[within]] - held[within])
-    held[within] = held_mean(time, values, instants)[within]
-    jumps = int((change > _JUMPS * np.ptp(values)).sum())
-    return (
-        held,
-        f"{within.size} instants hold the mean of what was held until the next",
-        f"changes within {jumps} steps, which hold a mean that was never commanded" if jumps else "",
-    )
+    if within.size:
+        held[within] = held_mean(time, values, instants)[within]
+    return held, f"{within.size} instants hold the mean of what was held until the next" if within.size else ""
 
 
 def _place(

@@ -409,7 +409,8 @@ class ImportTable(Table):
 
     Every run is cut to `start` and `end`, counted from the beginning of the record, where all its files have begun. `split` divides it into
     pieces, each a trial with a start of its own: for long records, and for vehicles that leave their course slowly. `schedule` is the
-    table that was commanded; `{run}` stands for the run's label. A run without `start` and `end` is cut to it, and `import` says how well it was followed.
+    table that was commanded; `{run}` stands for the run's label. A run without `start` and `end` is cut to it, and `import` says how
+    well it was followed.
     """
 
     fit: list[str] = Field(min_length=1)

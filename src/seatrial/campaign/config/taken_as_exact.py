@@ -26,7 +26,8 @@ def taken_as_exact(campaign: Campaign) -> str:
         return ""
     free = [CoefficientName.parse(name) for name in campaign.full.terms]
     states = campaign.model(campaign.full).states
-    said, guesses = [], []
+    scaling: dict[str, list[str]] = {}
+    taken_up, guesses = [], []
     for axis in ("X", "Y", "Z", "N"):
         own = [one for one in free if one.axis in _axes(axis)]
         added = CoefficientName.parse(f"{axis}_{RATE_OF[axis]}dot")
@@ -41,17 +42,17 @@ def taken_as_exact(campaign: Campaign) -> str:
         facts = forces if is_sought and forces else [*inertia, *forces]
         if not facts:
             continue
-        scaled = " and ".join(name for name in _axes(axis) if any(one.axis == name for one in own))
-        said.append(f"{listed(facts)}, with which all coefficients of {scaled} scale")
+        scaling.setdefault(listed(facts), []).extend(dict.fromkeys(one.axis for one in own))
         if is_sought and forces and body:
-            said.append(f"{body}, whose error {added} takes up")
-    if not said:
+            taken_up.append(f"{body}, whose error {added} takes up")
+    if not scaling:
         return ""
+    said = [f"{facts}, with which all coefficients of {listed(axes)} scale" for facts, axes in scaling.items()]
     guessed = f"; if {' or '.join(guesses)} is a guess, move it to structure.always with a prior"
     more = (
         f". {campaign.example_vehicle}" if campaign.example_vehicle else guessed if guesses and campaign.imports else ""
     )
-    return f"taken as exact, and in no ±: {'; '.join(said)}{more}"
+    return f"taken as exact, and in no ±: {'; '.join(said + taken_up)}{more}"
 
 
 def _axes(axis: str) -> tuple[str, ...]:
