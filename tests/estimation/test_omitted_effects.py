@@ -149,9 +149,9 @@ SLOW = {
 """Priors that a model of the noise adds."""
 
 
-def posterior_of(lag=0.0, cubic=0.0, seed=1, noise="white", drift=0.0, late=0, terms=tuple(TRUTH)):
-    """One record by a loop of its own, midpoint steps, fitted without lag and cubic drag; its sensor may drift within 3 s, and its clock be
-    late by some samples."""
+def posterior_of(lag=0.0, cubic=0.0, seed=1, noise="white", drift=0.0, late=0, terms=tuple(TRUTH), loss=0.0):
+    """One record by a loop of its own, midpoint steps, fitted without lag, cubic drag and loss of thrust; its sensor may drift within 3 s,
+    and its clock be late by some samples."""
     rng = np.random.default_rng(seed)
     n = np.repeat(125 + rng.uniform(-60, 60, SAMPLES // 30), 30)
     u, turning, shown, h = 1.5, n[0], [], STEP / 5
@@ -162,7 +162,9 @@ def posterior_of(lag=0.0, cubic=0.0, seed=1, noise="white", drift=0.0, late=0, t
             thrust = TRUTH["T_nabsn"] * turning * abs(turning)
 
             def rate(u, thrust=thrust):
-                return (thrust + TRUTH["X_u"] * u + TRUTH["X_uabsu"] * u * abs(u) - cubic * u**3) / FIXED_DRAG.mass
+                return (
+                    thrust * (1 - loss * u) ** 2 + TRUTH["X_u"] * u + TRUTH["X_uabsu"] * u * abs(u) - cubic * u**3
+                ) / FIXED_DRAG.mass
 
             u += h * rate(u + 0.5 * h * rate(u))
             turning += h * (command - turning) / lag if lag else 0.0
@@ -264,6 +266,19 @@ def test_nothing_is_found_where_nothing_is_missing(noise, drift):
     spread = dict(zip(posterior.names, found.spread, strict=True))
     assert spread["sigma_u"] == pytest.approx(1.0, abs=1e-3)
     assert 1.0 <= spread["T_nabsn"] < 3.0
+
+
+def test_a_loss_of_thrust_with_the_speed_is_found():
+    """A propeller whose speed through the water falls by 6 % for each m/s: three coefficients are off by over 20 of their sds."""
+    posterior = posterior_of(loss=0.06)
+    mode = find_mode(posterior)
+    omitted = omitted_effects(posterior, mode)
+    (found,) = omitted.found
+    assert (found.effect.kind, found.alike) == ("thrust loss", ())
+    assert abs(found.size - 0.06) < 3 * found.sd
+    off = away(posterior, mode)
+    assert min(off.values()) > 20
+    assert max(off[name] / omitted.spread[posterior.names.index(name)] for name in off) < 2
 
 
 def test_a_lag_is_found_with_its_size_and_what_it_does():
