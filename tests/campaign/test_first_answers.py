@@ -1,6 +1,7 @@
 """First answers: mode and regression of every structure, near the truth, and what they leave out said."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
@@ -181,6 +182,12 @@ def test_masses_and_known_forces_with_which_all_coefficients_scale_are_named(tmp
     text.write_text(text.read_text().replace("fixed = {", 'trim = { u = "1.5 m/s", n = "1194 rpm" }\nfixed = {'))
     both = "a mass of 30 kg, X_udot = -1 kg and T_nabsn = 0.0006 kg m/rad^2, with which all coefficients of X scale"
     assert both in taken_as_exact(load_campaign(tmp_path / "forced"))
+
+
+def test_thrust_laws_are_named_but_of_thrusters_whose_gain_is_sought():
+    """The gain of the third thruster of the example has a prior; the others drive X and N by their law."""
+    said = taken_as_exact(load_campaign(Path(__file__).parents[2] / "examples" / "thruster_rov"))
+    assert "X_udot = -6.36 kg and the thrust law of f_1, f_2 and f_4, with which all coefficients of X scale" in said
 
 
 def test_the_inertia_by_which_all_of_yaw_scales_is_named(tmp_path):

@@ -16,6 +16,8 @@ _COUPLED = {"Y": ("p", "r"), "Z": ("q",), "N": ("v", "p")}
 """Velocities whose rates enter the equation of an axis by the place of the centre of gravity or by added mass; X has none that matters."""
 _SHORT = 3
 """Known forces that are named one by one, at most."""
+_NOTHING = 1e-9
+"""Share of a thrust that rounding makes."""
 _UNIT = {"X": "kg", "Y": "kg", "Z": "kg", "N": "kg m^2"}
 """Of inertia about or along each axis."""
 
@@ -42,7 +44,9 @@ def taken_as_exact(campaign: Campaign) -> str:
         facts = forces if is_sought and forces else [*inertia, *forces]
         if not facts:
             continue
-        scaling.setdefault(listed(facts), []).extend(dict.fromkeys(one.axis for one in own))
+        scaling.setdefault(listed(facts), []).extend(
+            name for name in _axes(axis) if any(one.axis == name for one in own)
+        )
         if is_sought and forces and body:
             taken_up.append(f"{body}, whose error {added} takes up")
     if not scaling:
@@ -73,17 +77,16 @@ def _forces(campaign: Campaign, axis: str) -> list[str]:
     """Name the known forces of controls along an axis: fixed coefficients, and thrusters whose gain nobody seeks."""
     model, fixed = campaign.model(campaign.full), campaign.hull.fixed
     named = [CoefficientName.parse(name) for name in fixed]
-    known = [one for one in named if one.axis in _axes(axis) and {*one.signals} & {*model.controls}]
-    forces = [f"{one} = {fixed[one.text]:.4g} {model.unit_of(one).removesuffix('1')}".rstrip() for one in known]
+    stated = [one for one in named if one.axis in _axes(axis) and {*one.signals} & {*model.controls}]
+    forces = [f"{one} = {fixed[one.text]:.4g} {model.unit_of(one)}".removesuffix(" 1") for one in stated]
     if len(forces) > _SHORT:
         forces = [f"{len(forces)} fixed coefficients of controls"]
-    vehicle = campaign.vehicle
-    if not isinstance(vehicle, WholeVehicle) or not vehicle.body.thrusters or any(one.axis == "T" for one in named):
-        return forces
-    thrusters = vehicle.body.thrusters
-    controls = controls_of(thrusters, map(CoefficientName.parse, campaign.full.terms))
-    acting = [name for name, share in zip(controls, allocation(thrusters)[AXES.index(axis)], strict=True) if share]
-    gains = {"gain_f", *(f"gain_{name}" for name in acting)} & {*vehicle.unknowns}
-    if not acting or gains or any(not name.startswith("f_") for name in acting):
-        return forces
-    return [*forces, f"the thrust{' law' * bool(vehicle.laws)} of {listed(acting)}"]
+    vehicle, terms = campaign.vehicle, map(CoefficientName.parse, campaign.full.terms)
+    if not isinstance(vehicle, WholeVehicle) or any(one.axis == "T" for one in (*named, *terms)):
+        return forces  # a term of T says what the command of a thruster does
+    thrusters, sought = vehicle.body.thrusters, {*vehicle.unknowns}
+    along = allocation(thrusters)[AXES.index(axis)]
+    names = [name for name, share in zip(controls_of(thrusters, ()), along, strict=True) if abs(share) > _NOTHING]
+    exact = [name for name in names if not {"gain_f", f"gain_{name}"} & sought]
+    law = " law" * bool(vehicle.laws)
+    return [*forces, f"the thrust{law} of {listed(exact)}"] if exact else forces
