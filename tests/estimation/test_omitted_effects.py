@@ -257,7 +257,7 @@ def away(posterior, mode):
     return {name: abs(mode.by_name[name] - value) / mode.sd[mode.names.index(name)] for name, value in TRUTH.items()}
 
 
-@pytest.mark.parametrize(("noise", "drift"), [("white", 0.0), ("drifting", 0.05)])
+@pytest.mark.parametrize(("noise", "drift"), [("white", 0.0), pytest.param("drifting", 0.05, marks=pytest.mark.proof)])
 def test_nothing_is_found_where_nothing_is_missing(noise, drift):
     posterior = posterior_of(noise=noise, drift=drift)
     found = omitted_effects(posterior, find_mode(posterior, 0))
@@ -297,7 +297,7 @@ def test_a_lag_is_found_with_its_size_and_what_it_does():
     assert 1.645 * found.spread[at] > 0.9 * max(wrong.values())
 
 
-@pytest.mark.parametrize("seed", [1, 3])
+@pytest.mark.parametrize("seed", [pytest.param(1, marks=pytest.mark.proof), 3])
 def test_a_lag_whose_place_a_delay_has_taken_is_not_named(seed):
     """A clock that is late by 0.8 s, and drag that is linear too: a lag does best alone, and nothing once the delay is found."""
     posterior = posterior_of(late=8, seed=seed, terms=("X_uabsu", "T_nabsn"))
