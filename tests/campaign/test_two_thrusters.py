@@ -1,5 +1,7 @@
 """What `check` says first of an ROV with two thrusters whose log is mapped wrongly; the log is made by Euler steps here."""
 
+import math
+
 import numpy as np
 import pytest
 from typer.testing import CliRunner
@@ -8,6 +10,10 @@ from seatrial.apps.cli import app
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.check import check_records, summary_line
 from seatrial.campaign.data.import_logs import get_trials
+from seatrial.campaign.prior.cautions import doubtful_radii
+from seatrial.core.errors import InputError
+from seatrial.vehicles.catalogue import load_vehicle, vehicle_names
+from seatrial.vehicles.hull import whole_hull
 
 CAMPAIGN = """
 [campaign]
@@ -160,3 +166,70 @@ def test_a_rate_without_a_sensor_is_told_by_import_and_its_coefficients_in_one_l
     (line,) = [line for line in checked.output.splitlines() if "cannot determine" in line]
     assert line.split(" excitation")[0].split() == ["caution", "N_r,", "N_rabsr"]
     assert "no sensor measures r, in which they show" in line
+
+
+MASS = '"14.5 kg"'
+
+
+@pytest.mark.parametrize("written", ["-14.5 kg", "0 kg"])
+def test_a_mass_that_is_not_positive_is_told_with_its_key_and_line(tmp_path, written):
+    write(tmp_path, (MASS, f'"{written}"'))
+    with pytest.raises(InputError) as caught:
+        load_campaign(tmp_path)
+    line = CAMPAIGN.splitlines().index(f"mass = {MASS}") + 1
+    assert caught.value.where == f"{tmp_path / 'campaign.toml'}:{line}, key vehicle.mass"
+    assert (caught.value.found, caught.value.expected) == (written, "a number above zero")
+
+
+def test_a_mass_in_grams_makes_a_radius_of_gyration_that_no_vehicle_has(tmp_path):
+    """sqrt(0.42 / 0.0145) = 5.38 m; the thrusters are sqrt(0.2^2 + 0.15^2) = 0.25 m from the origin."""
+    write(tmp_path, (MASS, '"14.5 g"'))
+    output = CliRunner().invoke(app, ["check", str(tmp_path), "--quiet"]).output
+    (line,) = [line for line in output.splitlines() if "I_zz" in line]
+    assert (
+        "a radius of gyration of 5.38 m, and the farthest thruster is 0.25 m from the origin: 0.02 m to 2.5 m is expected"
+        in line
+    )
+    write(tmp_path)
+    assert "radius of gyration" not in CliRunner().invoke(app, ["check", str(tmp_path), "--quiet"]).output
+
+
+@pytest.mark.parametrize("name", vehicle_names())
+def test_no_published_vehicle_has_a_doubtful_radius_of_gyration(name):
+    vehicle = load_vehicle(name)
+    reach = max((math.hypot(*one.place) for one in vehicle.thrusters), default=0.0)
+    assert doubtful_radii(vehicle.hull, reach) == []
+
+
+def test_the_size_of_a_body_is_told_without_thrusters():
+    def body(mass):
+        return whole_hull("body", mass, (None, None, 0.42))
+
+    assert doubtful_radii(body(14.5)) == []
+    (line,) = doubtful_radii(body(14500.0))
+    assert "a radius of gyration of 0.00538 m: 0.02 m to 120 m is expected" in line
+
+
+def test_files_without_a_common_time_are_told_with_the_unit_that_is_doubted(tmp_path):
+    """The commands in a file of their own, whose stamps of seconds are read as milliseconds."""
+    files = (
+        "channels.u = { column",
+        '\n[[import.files]]\npath = "motion.csv"\ntime = { column = "t", unit = "s" }\nchannels.u = { column',
+    )
+    write(tmp_path, ('time = { column = "t", unit = "s" }\n', 'time = { column = "t", unit = "ms" }\n'), files)
+    log = tmp_path / "log.csv"
+    header, *rows = log.read_text().splitlines()
+    log.write_text(
+        "\n".join([header, *(f"{1762250000 + 0.1 * at:.1f},{row.split(',', 1)[1]}" for at, row in enumerate(rows))])
+    )
+    (tmp_path / "motion.csv").write_text(log.read_text())
+    campaign = load_campaign(tmp_path)
+    with pytest.raises(InputError) as caught:
+        get_trials(campaign)
+    line = CAMPAIGN.splitlines().index("[import]") + 1
+    assert caught.value.where == f"{campaign.path}:{line}, key import: log.csv, motion.csv"
+    assert "u of motion.csv: 1760487750 s to 1760487829.9 s" in caught.value.found  # 1762250000 s less 1762250 s
+    assert caught.value.remedy.startswith(
+        'correct the unit of time first: log.csv has a row every 0.0001 s with the unit "ms"'
+    )
+    assert 'is it "s"? Then it would be one every 0.1 s' in caught.value.remedy
