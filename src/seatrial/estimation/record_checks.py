@@ -41,7 +41,7 @@ _CONFUSED = {
     str(MOMENT): _FORCES,
     **{rate: {**_ANGLES, **_RPM} for rate in RATES[3:]},
 }
-"""Factors of unit errors by the SI unit of what is measured or commanded, or by its name: nobody counts a propeller in degrees."""
+"""Factors of unit errors by name or SI unit of a signal; nobody counts a propeller in degrees."""
 CLOSE, ABOUT = 1.6, 3.0
 """Times by which the factor of a unit error may be off a ratio for the error to be named; the second where none is as close as the first."""
 UNLIKE, AT, NEAR = 1.5, 0.1, 0.5

@@ -17,7 +17,7 @@ BESIDE = 0.2
 """Share of a steady speed by which the start may lie beyond the 90 % range of the priors."""
 
 RADII, TIMES_REACH = (0.02, 120.0), 10.0
-"""Radii of gyration of the smallest vehicle and of a ship of 400 m, m, and how many times the distance of its farthest thruster they may be."""
+"""Radii of gyration of the smallest vehicle and of a ship of 400 m, m, and how many times as far as the farthest thruster one may be."""
 FAR = 1e4
 """Times its trim from which a limit of a control is doubted."""
 
