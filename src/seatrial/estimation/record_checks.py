@@ -43,7 +43,7 @@ _CONFUSED = {
 }
 """Factors of unit errors by name or SI unit of a signal; nobody counts a propeller in degrees."""
 CLOSE, ABOUT = 1.6, 3.0
-"""Times by which the factor of a unit error may be off a ratio for the error to be named; the second where none is as close as the first."""
+"""Times by which the factor of a unit error may be off a ratio for the error to be named; the second if none is so close as the first."""
 UNLIKE, AT, NEAR = 1.5, 0.1, 0.5
 """Ratio to the stated trim, or its inverse, from which a record contradicts it; share by which a control may be off its trim there, and
 within which a straight line through samples on both sides of trim tells the speed at trim."""
