@@ -72,7 +72,7 @@ MEANINGS: dict[str, dict[str, tuple[str, str]]] = {
         "curve": ("", "CSV with a header and two columns: the command, and the thrust in N"),
         "polynomial": ("", "instead of a curve: coefficients of the thrust in N, the constant first"),
         "neutral": ("", "command of no thrust, subtracted before the polynomial"),
-        "dead_zone": ("", "the two commands between which there is no thrust"),
+        "dead_zone": ("", "the two commands between which there is no thrust, ends included"),
         "reverse": ("1", "factor on negative thrust"),
         "lag": (
             "time",

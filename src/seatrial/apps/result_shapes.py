@@ -49,13 +49,17 @@ class Parameter(Named):
 
 
 class Averaged(Named):
-    """A parameter averaged over all structures by their probabilities, SI; absent counts as zero. `sd` holds within the structures,
-    `model_error_sd` also if they are wrong; null where it is not larger by more than a half.
+    """A parameter averaged over all structures by their probabilities, SI; absent counts as zero. `sd` and the shortest 95 % interval hold
+    within the structures, `model_error_sd` also if they are wrong; null where it is not larger by more than a half. `model_error_cause`
+    says what makes most of it.
     """
 
     mean: Number
     sd: Number
+    lower_95: Number
+    upper_95: Number
     model_error_sd: Number
+    model_error_cause: str
     inclusion: Number
 
 

@@ -78,24 +78,23 @@ def align(
         raise InputError("tables to align", found="none", expected="at least one log", remedy="read it with `read_log`")
     origin = min(table.epoch for table in tables)
     tracks = _tracks(tables, origin, channels)
-    first, last = _interval(tracks)
+    doubts = [
+        f"{table.source} has {doubt}"
+        for table in tables
+        if (doubt := unit_doubt(table.time, table.options.get("time_unit") or "s"))
+    ]
+    first, last = _interval(tracks, doubts)
     begin = first + max(start or 0.0, 0.0)
     stop = last if end is None else min(first + end, last)
     instants = _instants(tracks, begin, stop, step, label) if stop > begin else np.empty(0)
     if instants.size < 3:
-        doubts = [
-            f"{table.source} has {doubt}"
-            for table in tables
-            if (doubt := unit_doubt(table.time, table.options.get("time_unit") or "s"))
-        ]
         raise InputError(
             f'record "{label}", start and end',
             found=f"start {start or 0.0:g} s, end {'of the interval' if end is None else f'{end:g} s'}: "
             f"{instants.size} samples",
             expected=f"at least 3 samples between 0 s and {last - first:.6g} s, where the files overlap",
-            remedy=f"correct the unit of time first: {', and '.join(doubts)}"
-            if doubts
-            else "correct start and end, in seconds from the beginning of the overlap, or the step",
+            remedy=_unit_first(doubts)
+            or "correct start and end, in seconds from the beginning of the overlap, or the step",
         )
 
     columns, notes, averaged, blurred = {}, [], {}, []
@@ -190,20 +189,34 @@ def _tracks(tables: Sequence[LogTable], origin: Decimal, wanted: Sequence[str] |
     return [found[name] for name in wanted] if wanted is not None else list(found.values())
 
 
-def _interval(tracks: Sequence[_Track]) -> tuple[float, float]:
-    """Return the first and last instant at which every control is known and something is measured, s on the common clock."""
+def _unit_first(doubts: Sequence[str]) -> str:
+    """Return the remedy where units of time are doubted; empty where none is."""
+    return f"correct the unit of time first: {', and '.join(doubts)}" if doubts else ""
+
+
+def _interval(tracks: Sequence[_Track], doubts: Sequence[str]) -> tuple[float, float]:
+    """Return the first and last instant at which every control is known and something is measured, s on the common clock.
+
+    Args:
+        tracks: the channels.
+        doubts: about the units of their clocks, in words.
+
+    Raises:
+        InputError: there is no such time.
+    """
     spans = [(float(track.time[0]), float(track.time[-1]), track.channel.role) for track in tracks]
     first, last = common_interval(spans)
     if not first < last:
         text = "; ".join(
-            f"{track.channel.name} of {track.source}: {a:.6g} s to {b:.6g} s"
+            f"{track.channel.name} of {track.source}: {a:.12g} s to {b:.12g} s"
             for track, (a, b, _) in zip(tracks, spans, strict=True)
         )
         raise InputError(
             ", ".join(dict.fromkeys(track.source for track in tracks)),
             found=f"no common time ({text}, counted from the earliest stamp)",
             expected="files that overlap on one clock",
-            remedy="choose files of the same run, and time columns of the same unit; if their clocks differ, add shift under "
+            remedy=_unit_first(doubts)
+            or "choose files of the same run, and time columns of the same unit; if their clocks differ, add shift under "
             "[[import.files]] of one, which `seatrial inspect` of these files seeks",
         )
     return first, last

@@ -30,7 +30,7 @@ class ThrustLaw:
         table: name of the file of a table; empty where there is a polynomial.
         polynomial: thrust, N, by powers of the command less `neutral`, the constant first.
         neutral: command of no thrust.
-        dead_zone: commands between which there is none.
+        dead_zone: commands from the first to the second of which there is none, ends included.
         reverse: share of the thrust that is left where it is negative.
     """
 
@@ -54,7 +54,7 @@ class ThrustLaw:
         return np.where(thrust < 0, self.reverse * thrust, thrust)
 
     def is_dead(self, command: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
-        """Return whether commands, shape (n,), lie in the dead zone."""
+        """Return whether commands, shape (n,), lie in the dead zone, ends included."""
         lower, upper = self.dead_zone or (np.inf, -np.inf)
         return (command >= lower) & (command <= upper)
 

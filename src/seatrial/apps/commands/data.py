@@ -48,7 +48,7 @@ def simulate(
         from seatrial.campaign.data.simulate import ask_for
 
         ask_for(campaign, design, schedule, label, alone, reporter)
-        return _say_trials(answer, simulate_trials(campaign, reporter))
+        return _say_trials(answer, simulate_trials(campaign, reporter), campaign)
 
     with_campaign(
         folder, quiet, work, context if (design, schedule, label, alone) == (None, None, None, False) else None
@@ -144,9 +144,12 @@ def _trim(campaign: Any, run: str | None, start: str | None, end: str | None, re
     return trials
 
 
-def _say_trials(answer: Answer, trials: Any, campaign: Any = None, accelerations: str | None = None) -> Exit:
-    from seatrial.campaign.data.record_cautions import record_cautions
+def _say_trials(answer: Answer, trials: Any, campaign: Any, accelerations: str | None = None) -> Exit:
+    from seatrial.campaign.data.record_cautions import record_cautions, unused_channels
 
+    unused = (one for record in (*trials.fit, *trials.predict) for one in unused_channels(record, campaign.channels))
+    for text in dict.fromkeys(f"{one.value}: {one.remedy}" for one in unused):
+        answer.caution(text)
     for record in (*trials.fit, *trials.predict):
         channels = f"{', '.join(record.controls)} -> {', '.join(record.measured)}"
         answer.say(f"record {record.label}: {record.time.size} samples over {record.time[-1]:.1f} s; {channels}")

@@ -159,7 +159,7 @@ def _tell_and_report(answer: Answer, outcome: Any, proposal: Any) -> Exit:
     averages = averaged_rows(outcome.estimates, outcome.selection)
     answer.give(**results.run(outcome, proposal, averages))
     answer.wrote("report", write_report(outcome))
-    answer.wrote("coefficients", write_coefficients(folder, outcome.estimates, shown))
+    answer.wrote("coefficients", write_coefficients(folder, outcome.estimates, shown, outcome.selection))
     answer.wrote("averaged", write_averaged(folder, averages, shown))
     told = fit_complaints([fit for fit in outcome.fits if not fit.advice], outcome.pooled)
     told += [one.sentence for one in outcome.compared]

@@ -158,7 +158,8 @@ def _import_run(campaign: Campaign, imports: Imports, run: str) -> tuple[Record,
     kept = stored_record(campaign, imports, run)
 
     def read_files() -> Dataset:
-        aligned = _with_late_end(imports, run, _aligned(campaign, imports, run, imports.ends.get(run, {})))
+        with located(campaign.where("import")):
+            aligned = _with_late_end(imports, run, _aligned(campaign, imports, run, imports.ends.get(run, {})))
         return record_dataset(with_rebuilt_controls(campaign, aligned))
 
     return kept.read_or_make(read_files), kept.key

@@ -16,7 +16,7 @@ from seatrial.core.record import Record
 from seatrial.core.signals import HELD, RATES, thruster_controls
 from seatrial.estimation.first_guess import fit_motion
 from seatrial.estimation.priors import Normal, Prior
-from seatrial.estimation.record_checks import RecordFinding
+from seatrial.estimation.record_checks import RecordFinding, not_judged_yet
 from seatrial.estimation.symmetry import mirror_of
 from seatrial.vehicles.hull import AXES
 from seatrial.vehicles.model import VehicleModel
@@ -67,8 +67,28 @@ def _not_spanned(matrix: np.ndarray, moving: Sequence[int]) -> str:
     return "no thrusts make " + ", nor ".join(texts)
 
 
-def check_thrusters(campaign: Campaign, record: Record) -> list[RecordFinding]:
-    """Judge the thrusters by one record; nothing where there are none, or where no velocity is measured."""
+def mirrored_thrusters(campaign: Campaign) -> dict[str, tuple[str, ...]]:
+    """Return the thrusters that drive a rate, by its name, where some drive it forwards and some backwards, as port and starboard do r."""
+    vehicle = campaign.vehicle
+    if not isinstance(vehicle, WholeVehicle) or not vehicle.body.thrusters:
+        return {}
+    matrix, controls = allocation(vehicle.body.thrusters), campaign.model(campaign.full).controls
+    drives = {rate: np.where(np.abs(row) < SMALL, 0.0, row) for rate, row in zip(RATES, matrix, strict=True)}
+    return {
+        rate: tuple(name for name, push in zip(controls, row, strict=False) if push)
+        for rate, row in drives.items()
+        if row.min() < 0 < row.max()
+    }
+
+
+def check_thrusters(campaign: Campaign, record: Record, wrong: str = "") -> list[RecordFinding]:
+    """Judge the thrusters by one record; nothing where there are none, or where no velocity is measured.
+
+    Args:
+        campaign: whose vehicle has them.
+        record: whose sensors look along the body.
+        wrong: what is to be corrected first, in words: gains of such a record would accuse the thrusters instead.
+    """
     vehicle = campaign.vehicle
     if not isinstance(vehicle, WholeVehicle) or not vehicle.body.thrusters:
         return []
@@ -86,6 +106,9 @@ def check_thrusters(campaign: Campaign, record: Record) -> list[RecordFinding]:
         )
         for i in idle
     ]
+    if wrong:
+        names = [name for name in thruster_controls(len(vehicle.body.thrusters), True) if name in record.controls]
+        return [*findings, not_judged_yet(", ".join(names), "thruster", wrong)]
     return [*findings, *_gains(campaign, vehicle, record)]
 
 
