@@ -244,6 +244,70 @@ def test_two_logs_with_clocks_of_their_own_are_lined_up_before_anything_is_saved
     assert page.said == []
 
 
+def test_a_second_run_of_two_logs_with_clocks_of_their_own_is_held_back(tmp_path, page):
+    folder = write_small(tmp_path / "served")
+    (folder / "logs").mkdir()
+    level = [(7 * (i // 40) ** 2) % 11 for i in range(600)]
+    for run, begin in (("a", 1_792_310_400), ("b", 1_792_312_200)):
+        drive = [f"{100 * i};{1200 + 20 * one};{one}" for i, one in enumerate(level)]
+        (folder / "logs" / f"drive_{run}.csv").write_text("t_ms;Schraube;gyro_z\n" + "\n".join(drive) + "\n")
+        nav = [f"{begin + 0.1 * i:.1f},{1.5 + 0.02 * one},{one}" for i, one in enumerate(level)][100:]
+        (folder / "logs" / f"nav_{run}.csv").write_text("unix_stamp,speed,yaw_rate\n" + "\n".join(nav) + "\n")
+    path = folder / "campaign.toml"
+    text = path.read_text()
+    before, after = text.index("[truth]"), text.find("\n[", text.index("[truth]") + 1)
+    of_run_a = """
+[import]
+fit = ["a"]
+[[import.files]]
+path = "logs/nav_a.csv"
+time = { column = "unix_stamp", unit = "s" }
+channels.u = { column = "speed", unit = "m/s" }
+[[import.files]]
+path = "logs/drive_a.csv"
+shift = "1792310400 s"
+time = { column = "t_ms", unit = "ms" }
+channels.n = { column = "Schraube", unit = "rpm" }
+"""
+    path.write_text(text[:before] + text[after + 1 :] + of_run_a)
+
+    with served(folder) as (address, _):
+        page.goto(f"{address}import?campaign=.")
+        choose(page, "A log in the campaign's folder", "logs/nav_b.csv")
+        page.get_by_role("button", name="Preview log").click()
+        page.get_by_text("Saving adds run nav_b, to fit, with this map.").wait_for()
+        choose(page, "This log is", "another run, held back to predict, with a map of its own")
+        page.get_by_label("Name of the run").fill("b")
+        page.get_by_text("Saving adds run b, held back to predict, with this map.").wait_for()
+        choose(page, "A log in the campaign's folder", "logs/drive_b.csv")
+        page.get_by_role("button", name="Preview log").click()
+        page.get_by_label("logs/drive_b.csv: shift [s]").wait_for()
+        page.get_by_text("Saving adds run b, held back to predict, with this map.").wait_for()
+        assert page.get_by_role("combobox", name="u: column").input_value() == "speed · logs/nav_b.csv"
+        assert page.get_by_role("combobox", name="n: column").input_value() == "Schraube · logs/drive_b.csv"
+        page.get_by_role("button", name="Check and save this map").click()
+        page.get_by_text("Nothing was written. The logs do not overlap").wait_for()
+        choose(page, "Column of the log that stays", "yaw_rate · logs/nav_b.csv")
+        choose(page, "Same quantity in the log that moves", "gyro_z · logs/drive_b.csv")
+        page.get_by_role("button", name="Line up by correlation").click()
+        page.get_by_text("Correlation 1.000 with logs/drive_b.csv").wait_for()
+        page.locator('[aria-label="All channels over time"] svg').wait_for()
+        page.get_by_role("button", name="Check and save this map").click()
+        page.get_by_text("Saved in campaign.toml. To fit: a; held back to predict: b. Now import").wait_for()
+        imports = tomllib.loads(path.read_text())["import"]
+        assert (imports["fit"], imports["predict"]) == (["a"], ["b"])
+        shifts = {one["path"]: (one["runs"], one.get("shift")) for one in imports["files"]}
+        assert shifts == {
+            "logs/nav_a.csv": (["a"], None),
+            "logs/drive_a.csv": (["a"], "1792310400 s"),
+            "logs/nav_b.csv": (["b"], None),
+            "logs/drive_b.csv": (["b"], "1792312200 s"),
+        }
+        page.get_by_role("button", name="Import the records").press("Enter")
+        page.get_by_text(re.compile("record b: 500 samples")).first.wait_for()
+    assert page.said == []
+
+
 def test_a_column_of_time_is_chosen_and_a_second_run_added(tmp_path, page):
     folder = write_small(tmp_path / "served")
     (folder / "logs").mkdir()

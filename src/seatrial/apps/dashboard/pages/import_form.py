@@ -106,6 +106,11 @@ class ImportForm:
         markup(Markup("<p><strong>{}</strong>: {}</p>").format(name, log.kind))
         lines = Markup("").join(Markup("<li>{}</li>").format(line) for line in (*log.tables, *log.remarks))
         markup(Markup('<ul class="findings">{}</ul>').format(lines))
+        if dropped := ", ".join(self.draft.dropped):
+            words = (
+                "What was chosen for {} is not kept: the form begins again with {}, which is not a log of the same run."
+            )
+            markup(Markup('<p class="note" role="status">' + words + "</p>").format(dropped, name))
         if gone:
             words = "In the map below {} takes the place of {}, because it has all that was mapped from there."
             markup(Markup('<p class="note" role="status">' + words + "</p>").format(name, ", ".join(gone)))
@@ -117,15 +122,17 @@ class ImportForm:
         self._offer_purposes(name, log, found)
         self._rows(found)
         self._ends(found)
-        self.draft.begun_with = self.draft.files or []
 
     def _offer_purposes(self, name: str, log: Any, found: FormData) -> None:
-        """Offer what the log may be to the campaign; another choice begins the map again."""
+        """Offer what the log may be to the campaign; a choice that asks for another map begins it again."""
         if len(self.draft.purposes) < 2:
             return
 
         def choose() -> None:
             purpose = str(chosen.value)
+            if self.draft.choose(purpose):
+                self._say_replaced()
+                return
             self.holder.clear()
             with self.holder:
                 self._show(name, log, found, purpose)
@@ -357,7 +364,8 @@ class ImportForm:
             self._begin_anew()
             self._offer_import(self.holder, words)
             return
-        draft.saved, draft.begun_with = text, draft.files or []
+        draft.saved = text
+        draft.keep()
         self.offer.clear()
         self.replaced.set_content("")
         self.axis.tell()
