@@ -202,6 +202,9 @@ def test_a_shift_says_how_sharp_its_peak_is():
     )
     assert "Between 1.594 and 1.612 s" in lined_up_words(found._replace(lower=1.594, upper=1.612), "b")
     assert "not the same quantity" in delay_words("thrust", "dvl_vx")
+    epoch = found._replace(shift=1_792_310_400.0, rival=1_792_310_441.12, lower=1_792_310_399.9, upper=1_792_310_400.1)
+    assert " 41.1 s later fits almost as well, because the motion repeats" in lined_up_words(epoch, "b")
+    assert " 1230 s earlier fits almost as well" in lined_up_words(epoch._replace(rival=1_792_309_166.0), "b")
 
 
 @pytest.mark.parametrize(("shift", "is_wrong"), [(None, True), (1e300, True), (-1795772417.702, False), (0.0, False)])
