@@ -13,7 +13,7 @@ from nicegui import ui
 
 from seatrial.apps.campaign_text import CAMPAIGN, write_file
 from seatrial.apps.dashboard import edits
-from seatrial.apps.dashboard.app_context import AppContext, fill, markup, say
+from seatrial.apps.dashboard.app_context import AppContext, error_html, fill, markup, say
 from seatrial.apps.dashboard.campaign_paths import logs_of
 from seatrial.apps.dashboard.map_draft import MapDraft
 from seatrial.apps.dashboard.page_layout import LOOK, button
@@ -30,7 +30,8 @@ _SEND = """async (e) => {
   emit(["sending", file.name]);
   try {
     const answer = await fetch("/upload/?" + %s + "&name=" + encodeURIComponent(file.name), { method: "POST", body: file });
-    emit([answer.ok ? "kept" : "refused", await answer.text()]);
+    const words = await answer.text();
+    emit(answer.ok ? JSON.parse(words) : ["refused", words]);
   } catch (error) { emit(["refused", "the connection ended: the file is too large, or the dashboard has stopped"]); }
   e.target.value = "";
 }"""
@@ -51,6 +52,7 @@ class ImportForm:
         self._forget()
 
     def _forget(self) -> None:
+        self.is_shown = False
         self.draft = MapDraft(self.folder)
         self.rows: dict[str, ChannelRow] = {}
         self.clocks: dict[tuple[str, str | None], ClockRow] = {}
@@ -74,17 +76,22 @@ class ImportForm:
 
     async def _sent(self, event: Any) -> None:
         kind, words = (str(part) for part in event.args)
-        if kind == "kept":
+        if kind in ("kept", "replaced"):
             self.form.set_options(self._logs(), value=words)
-            self.state.set_content(Markup('<p class="done">Kept as {}</p>').format(words))
             await self._look()
+            said = "Kept as {}" if kind == "kept" else "Kept as {}, in the place of the earlier log of that name"
+            self.state.set_content(Markup(f'<p class="done">{said}</p>').format(words))
         elif kind == "sending":
+            if not self.is_shown:  # what stands there says what was wrong with another log
+                self.holder.clear()
             self.state.set_content(Markup('<p class="waiting">sending {} …</p>').format(words))
         else:
-            self.state.set_content(Markup('<div class="error" role="alert"><pre>{}</pre></div>').format(words))
+            self.state.set_content(error_html(words, "The file was not kept."))
 
     async def _look(self) -> None:
+        self.state.set_content("")
         self.holder.clear()
+        self.is_shown = False
         if not self.form.value:
             with self.holder:
                 say("Choose a log first.")
@@ -102,6 +109,7 @@ class ImportForm:
 
     def _show(self, name: str, log: Any, found: FormData, purpose: str | None = None) -> None:
         """Show what a log holds, and the form."""
+        self.is_shown = True
         gone = self.draft.add(name, log, purpose)
         markup(Markup("<p><strong>{}</strong>: {}</p>").format(name, log.kind))
         lines = Markup("").join(Markup("<li>{}</li>").format(line) for line in (*log.tables, *log.remarks))
