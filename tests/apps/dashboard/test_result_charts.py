@@ -94,7 +94,7 @@ def test_the_surface_leaves_out_what_breaks_a_limit_and_shows_no_foreign_markup(
     gain = np.array([[[1.0, 2.0], [np.nan, 3.0]]])
     found = Swept(
         *(("doublet",), "n", "rpm", (100.0, 200.0), (5.0, 10.0), gain, gain, (0, 1, 1), ("<b>X_u",), (1.0,)),
-        *(np.ones((1, 2, 2, 1)), gain, gain, "the priors", {}, (), ()),
+        *(np.ones((1, 2, 2, 1)), gain, gain, "the priors", {}, (), (), ()),
     )
     options = result_charts.surface_chart(found, 0, "gain", (0, 0))
     cells = options["series"][0]["data"]

@@ -56,6 +56,7 @@ def swept(path: Path) -> Swept:
         stored.refused,
         stored.safety,
         stored.prediction,
+        tuple(name for name, _ in stored.trim if name != stored.control),
     )
 
 

@@ -405,7 +405,7 @@ async def _truth(context: AppContext, folder: Path) -> tuple[tuple[str, float], 
 
 def _models(store: Store, summary: Summary) -> None:
     names, labels = names_and_labels(summary)
-    ranked = sorted(summary.structures, key=lambda one: -one.probability)
+    ranked = sorted(summary.structures, key=lambda one: (-one.probability, -one.log_evidence))
     if len(ranked) > 1:
         with ui.element("div").classes("figures"):
             bars = [Probability(names[one.label], one.probability, one.probability_error) for one in ranked[:MOST]]
