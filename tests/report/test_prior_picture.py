@@ -3,8 +3,8 @@
 import itertools
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from seatrial.report.drawing import draw_svg
 from seatrial.report.figures.checks import Moved, prior_motions

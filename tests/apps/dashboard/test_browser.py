@@ -139,8 +139,19 @@ def test_a_log_is_sent_mapped_cut_and_checked_by_keyboard(tmp_path, page):
         page.goto(f"{address}")
         assert "token" not in page.url
         page.goto(f"{page.url}import?campaign=.")
+
+        # What cannot be read is not kept, and its name stays free; a log that no run reads may be sent again.
+        content = log.read_text()
+        log.write_bytes(b"\x89\x00\x01 no table\n" * 9)
+        page.locator("input[type=file]").set_input_files(log)
+        page.get_by_text("The file was not kept.").wait_for()
+        assert not (folder / "logs" / "dive 1.csv").exists()
+        log.write_text(content)
         page.locator("input[type=file]").set_input_files(log)
         page.get_by_text("Kept as logs/dive 1.csv").wait_for()
+        assert page.get_by_role("alert").count() == 0
+        page.locator("input[type=file]").set_input_files(log)
+        page.get_by_text("Kept as logs/dive 1.csv, in the place of the earlier log of that name").wait_for()
 
         # By form: what is wrong is said in the row, what was typed stays, and nothing is written before it is checked.
         before = (folder / "campaign.toml").read_text()
@@ -320,7 +331,18 @@ def test_a_column_of_time_is_chosen_and_a_second_run_added(tmp_path, page):
         page.goto(f"{address}import?campaign=.")
         choose(page, "A log in the campaign's folder", "logs/run_a.csv")
         page.get_by_role("button", name="Preview log").click()
-        page.get_by_role("combobox", name="time of run_a.csv: column").wait_for()
+        time = page.get_by_role("combobox", name="time of run_a.csv: column")
+        time.wait_for()
+        choose(page, "u: column", "not in a log")
+        choose(page, "n: column", "not in a log")
+        time.focus()
+        for key in ("Enter", "ArrowDown", "Enter"):
+            page.keyboard.press(key)
+            page.wait_for_timeout(300)
+        page.get_by_text("over 29900 s of Zeit").first.wait_for(state="attached")
+        assert time.evaluate("(one) => one === document.activeElement")  # although no channel is mapped yet
+        choose(page, "time of run_a.csv: column", "choose")
+        page.get_by_text("over rows 1 to 300").first.wait_for(state="attached")
         for channel, column, unit in (("u", "speed", "m/s"), ("n", "rpm", "rpm")):
             choose(page, f"{channel}: column", f"{column} · rows")
             page.get_by_label(f"{channel}: unit").fill(unit)

@@ -71,7 +71,10 @@ def test_a_log_takes_the_place_of_another_only_where_the_campaign_does_not_name_
     assert (logs / "run_a.csv").read_bytes() == b"t,u\n0,1\n"
     assert send("run_a.csv", b"t,u\n0,2\n") == ["replaced", "logs/run_a.csv"]
     assert (logs / "run_a.csv").read_bytes() == b"t,u\n0,2\n"
-    for text in ('[import]\nfit = ["a"]\n[[import.files]]\npath = "logs/run_{run}.csv"\n', '[x]\ny = [{ curve = "./logs/run_a.csv" }]\n'):
+    for text in (
+        '[import]\nfit = ["a"]\n[[import.files]]\npath = "logs/run_{run}.csv"\n',
+        '[x]\ny = [{ curve = "./logs/run_a.csv" }]\n',
+    ):
         campaign.write_text(text)
         said, words = send("run_a.csv", b"t,u\n0,3\n")
         assert (said, "which the campaign reads" in words) == ("refused", True)

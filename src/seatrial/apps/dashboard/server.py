@@ -195,7 +195,10 @@ def _add_files(app: FastAPI, context: AppContext, guard: RequestGuard) -> None:
         try:
             folder = context.campaign_paths.folder(campaign)
             kept, is_another = await receive(request.stream(), folder, name, SUFFIXES, guard.most)
-        except (SeatrialError, OSError) as error:  # an answer, not a failure: a browser would report that in its console
+        except (
+            SeatrialError,
+            OSError,
+        ) as error:  # an answer, not a failure: a browser would report that in its console
             return JSONResponse(["refused", words_of(error)])
         except ClientDisconnect:  # gone, or cut off by the guard
             return PlainTextResponse(f"broken off, too slow, or more than {guard.most >> 20:,} MiB\n", 413)

@@ -26,7 +26,9 @@ _MARK = """(() => {{
 
 async def build(context: AppContext, campaign: str, folder: Path) -> None:
     """Build the view."""
-    words = "Everything the forms write, and what they have no field for. It is checked as a whole before it is written."
+    words = (
+        "Everything the forms write, and what they have no field for. It is checked as a whole before it is written."
+    )
     with section(str(folder.name) + "/" + CAMPAIGN, words):
         said = ui.element("div")
         await keep_form(

@@ -212,15 +212,16 @@ class ImportForm:
         self.axis.build()
 
     def _show_clocks(self) -> None:
-        """Show the column of time of each table that the map names, and of each that has none by its name."""
+        """Show the column of time of each table that the map names, and of each that has none by its name; what is shown stays."""
         if (files := self.draft.files) is None:
             return
         mapped, shown = {edits.identity_of(one) for one in files}, {}
         for log, looked in self.draft.logs.items():
             for name in looked.heads:
                 said = self.draft.file_of(log, name)
-                if edits.identity_of(said) in mapped or not said["time"]["column"]:
-                    shown[log, said.get("table")] = name, said
+                row = log, said.get("table")
+                if edits.identity_of(said) in mapped or not said["time"]["column"] or row in self.clocks:
+                    shown[row] = name, said
         if list(shown) == list(self.clocks):
             return
         self.clock_rows.clear()
