@@ -31,6 +31,8 @@ from seatrial.report.figures.style import unit_label
 CHOSEN = "chosen design"
 VIRIDIS = ("#440154", "#414487", "#2a788e", "#22a884", "#7ad151", "#fde725")
 """Ends and stops of the map of colours of the design surface, the same in every theme."""
+LONG = 20
+"""Letters of a name beside a bar, in a line, on a telephone."""
 NARROWEST = 250
 """Pixels of the narrowest chart of a posterior: 16 rem less its margins."""
 WHEEL = [{"type": "inside", "filterMode": "none"}]
@@ -218,7 +220,8 @@ class Probability(NamedTuple):
 
 def probability_chart(bars: Sequence[Probability], title: str) -> ui.echart:
     """Draw probabilities as bars with one standard error, the first on top."""
-    rows = [one.label for one in bars]
+    rows, is_long = [one.label for one in bars], any(len(one.label) > LONG for one in bars)
+    broken = {"yAxis": {"axisLabel": {"width": 7 * LONG, "overflow": "break"}}}
     words = [f"{escape(one.label)}: {one.share:.3f} ± {one.error:.2g}" for one in bars]
     whiskers = [[i, max(0.0, one.share - one.error), min(1.0, one.share + one.error), 0] for i, one in enumerate(bars)]
     share = [{"value": one.share, "name": text} for one, text in zip(bars, words, strict=True)]
@@ -227,12 +230,13 @@ def probability_chart(bars: Sequence[Probability], title: str) -> ui.echart:
         "xAxis": axis("probability", nameLocation="middle", nameGap=26, min=0, max=1),
         "yAxis": {**_categories(rows, ""), "inverse": True},
         "tooltip": {**tooltip(_AT_POINT), "trigger": "item"},
+        "media": [{"query": {"maxWidth": 520}, "option": broken}] if is_long else [],
         "series": [
             {"type": "bar", "data": share, "color": colour("blue"), "barMaxWidth": 18},
             _whiskers(whiskers, "ink"),
         ],
     }
-    return chart(options, title, 90 + 30 * len(bars))
+    return chart(options, title, 90 + (46 if is_long else 30) * len(bars))
 
 
 class Side(NamedTuple):

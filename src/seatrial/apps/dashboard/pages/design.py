@@ -283,8 +283,9 @@ def _untaught(found: Swept, sd_after: np.ndarray) -> list[str]:
     wanted, moved = ({*chain(*(of[one] for one in some))} for some in (names, of.keys() - {*names}))
     signals = sorted(wanted - moved or wanted)
     also = f" (`together` of [design] moves {listed(found.held)} as well)" if found.held else ""
-    words = f"the trial says nothing about {listed(names)}: no measurement changes with {'it' if len(names) == 1 else 'them'}"
-    return [f"{words}. Move {listed(signals)}{also}, or fix {'it' if len(names) == 1 else 'them'}"]
+    them = "it" if len(names) == 1 else "them"
+    words = f"the trial says nothing about {listed(names)}: no measurement changes with {them}"
+    return [f"{words}. To learn about {them}, move {listed(signals)}{also}"]
 
 
 def _kept(kept: bool) -> Markup:

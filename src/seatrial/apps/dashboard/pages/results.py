@@ -358,7 +358,7 @@ async def _posteriors(
     paths = tuple((one.label, store.posterior(one.label)) for one in ranked if store.posterior(one.label).is_file())
     candidates = paths[:CANDIDATES]
     over = ui.checkbox("Other candidate structures over them") if len(candidates) > 1 else None
-    named = markup("").classes("note")
+    named = markup("")
     holder = ui.element("div").classes("figures small")
 
     def draw(found: tuple[Marginal, ...]) -> None:
@@ -371,7 +371,8 @@ async def _posteriors(
         holder.clear()
         wanted = candidates if over is not None and over.value else candidates[:1]
         files = [path for _, path in wanted]
-        named.set_content(Markup("; ").join(f"{label}: {terms[label]}" for label, _ in wanted) if wanted[1:] else "")
+        words = Markup("; ").join(f"{label}: {terms[label]}" for label, _ in wanted)
+        named.set_content(Markup('<p class="note">{}</p>').format(words) if wanted[1:] else "")
         asked = context.worker_pool.draw("marginals", wanted, truth, written_units(folder), files=files)
         await fill(holder, asked, draw)
 
