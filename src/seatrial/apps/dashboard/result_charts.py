@@ -221,7 +221,7 @@ class Probability(NamedTuple):
 def probability_chart(bars: Sequence[Probability], title: str) -> ui.echart:
     """Draw probabilities as bars with one standard error, the first on top."""
     rows, is_long = [one.label for one in bars], any(len(one.label) > LONG for one in bars)
-    broken = {"yAxis": {"axisLabel": {"width": 7 * LONG, "overflow": "break"}}}
+    broken = {"yAxis": {"axisLabel": {"width": 7 * LONG, "overflow": "break", "lineHeight": 14}}}
     words = [f"{escape(one.label)}: {one.share:.3f} ± {one.error:.2g}" for one in bars]
     whiskers = [[i, max(0.0, one.share - one.error), min(1.0, one.share + one.error), 0] for i, one in enumerate(bars)]
     share = [{"value": one.share, "name": text} for one, text in zip(bars, words, strict=True)]
