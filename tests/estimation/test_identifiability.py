@@ -439,6 +439,9 @@ def test_the_best_sum_heads_a_group_only_where_it_is_twice_as_good():
 
 def test_words_of_a_group():
     group = Group(("X_u", "X_uabsu"), -0.987, (known("X_u + X_uabsu", 0.01, "the drag"),), "cover more speeds")
+    (well,) = judged(sd=np.array([0.06, 0.2, 0.01]), prior_sd=np.full(3, 99.0), groups=(group,)).cautions()[-1:]
+    assert well.startswith("known much better in combination: X_u + X_uabsu (the drag) to 1 %")
+    assert "separately X_u to 3 % and X_uabsu to 4 %" in well
     (line,) = judged(sd=np.array([0.2, 5.5, 0.01]), prior_sd=np.full(3, 99.0), groups=(group,)).cautions()[-1:]
     assert line == (
         "known only in combination: X_u + X_uabsu (the drag) to 1 % (1.000 +- 0.010 kg/s); separately X_u to 10 % and X_uabsu as "

@@ -443,7 +443,7 @@ def _series(curve: Curve, values: Envelope) -> dict[str, Any]:
         data = _rows(values.time, values.least, values.greatest)
         encode = {"x": 0, "y": [1, 2]}
         return {**common, "type": "custom", ":renderItem": _BAND, "data": data, "encode": encode, "progressive": 0}
-    there = np.isfinite(values.least)
+    there, step = np.isfinite(values.least), "end" if curve.kind == "steps" else False
     if np.array_equal(values.least[there], values.greatest[there]):
         data = _rows(values.time, values.least)
         if curve.kind == "dots":
@@ -456,13 +456,18 @@ def _series(curve: Curve, values: Envelope) -> dict[str, Any]:
                 "symbol": _icon(curve),
                 "data": data,
             }
-        step, dash = "end" if curve.kind == "steps" else False, DASHES.get(curve.colour, "solid")
+        dash = DASHES.get(curve.colour, "solid")
         style = {"width": 1.5, "type": dash if curve.kind == "line" else "solid"}
         return {**common, "type": "line", "showSymbol": False, "step": step, "data": data, "lineStyle": style}
     ends = np.stack([values.least, values.greatest], 1)
-    ends[1::2] = ends[1::2, ::-1]
+    if curve.kind == "steps":  # a jump within a column goes on to where the next column is
+        middle = ends.mean(axis=1)
+        falls = np.append(middle[1:] < middle[:-1], False)
+        ends[falls] = ends[falls, ::-1]
+    else:
+        ends[1::2] = ends[1::2, ::-1]
     data = _rows(np.repeat(values.time, 2), ends.ravel(), ends[:, ::-1].ravel())
-    return {**common, "type": "line", "showSymbol": False, "step": False, "data": data, "lineStyle": {"width": 1.5}}
+    return {**common, "type": "line", "showSymbol": False, "step": step, "data": data, "lineStyle": {"width": 1.5}}
 
 
 def _rows(*columns: np.ndarray) -> list[list[float | None]]:

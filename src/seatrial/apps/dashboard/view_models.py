@@ -183,6 +183,8 @@ class Swept(NamedTuple):
     refused: dict[str, str]
     safety: tuple[str, ...]
     prediction: tuple[str, ...]
+    held: tuple[str, ...]
+    """Controls that stay at trim unless `together` moves them."""
 
 
 class Limit(NamedTuple):

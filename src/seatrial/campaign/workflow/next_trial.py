@@ -18,7 +18,7 @@ from seatrial.campaign.inference.judge_predictions import fitted_failures, held_
 from seatrial.campaign.inference.quick_estimates import FirstAnswer
 from seatrial.campaign.store.structures import BETTER_EVIDENCE, IF_RELIABLE, Contenders
 from seatrial.campaign.workflow.outcome import Outcome
-from seatrial.estimation.remedies import percent
+from seatrial.estimation.remedies import listed, percent
 from seatrial.manoeuvres.family import design_words
 from seatrial.selection.verdict import DECIDED
 
@@ -103,7 +103,7 @@ def _weighed(outcome: Outcome, standing: tuple[str, ...]) -> Proposal:
             why = "no trial yet: the goal is met only if the stated ± hold, and the residuals say that they do not"
             return Proposal(None, standing, (), why=why, quoted=outcome.disowned)
         if not counting:
-            return Proposal(None, standing, ("stop: the goal is met",))
+            return Proposal(None, standing, (f"stop: the goal is met: {_goal_words(outcome)}",))
         if len(outcome.trials.fit) >= goal.trials:
             trials = f"{goal.trials} trial{'s are' if goal.trials != 1 else ' is'}"
             return Proposal(None, standing, (f"stop: {trials} run, which is all that [goal] asks for",))
@@ -218,6 +218,18 @@ def _standing(outcome: Outcome) -> tuple[str, ...]:
         mean, sd = known[name]
         lines.append(f"{name} is known to {_beside_wanted(sd / abs(mean), sd / ratio / abs(mean))} wanted")
     return tuple(lines)
+
+
+def _goal_words(outcome: Outcome) -> str:
+    """Name what was wanted: each standard deviation as a share of the value, and whether one model was to hold the probability."""
+    goal, known = outcome.campaign.goal, _for_goal(outcome)
+    assert goal is not None
+    shares = {**goal.shares, **{name: sd / abs(known[name][0]) for name, sd in goal.sds.items() if name in known}}
+    said = [
+        f"{name} to {percent(shares[name])}" if name in known else f"no {name} in the model"
+        for name in (*goal.shares, *goal.sds)
+    ]
+    return listed([*said, *(["one model"] if goal.decided else [])])
 
 
 def _beside_wanted(share: float, wanted: float) -> str:

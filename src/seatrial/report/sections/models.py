@@ -22,7 +22,8 @@ def models_section(outcome: Outcome) -> dict[str, Any]:
     selection = outcome.selection
     if len(selection.structures) == 1 and outcome.screened is None and outcome.cross_validation is None:
         return {}
-    order = [int(index) for index in np.argsort(-selection.probability, kind="stable")]
+    worse = [-one.log_value for one in selection.evidences]
+    order = [int(index) for index in np.lexsort((worse, -selection.probability))]
     best = selection.evidences[selection.chosen].log_value
     rows = [_row(outcome, index, best) for index in order]
     return {
