@@ -138,7 +138,7 @@ def test_a_model_has_one_name_and_its_label_stands_in_small_print_only(html):
     body = re.sub(
         "<svg.*?</svg>", "", html[html.index("<main>") : html.index("<summary>Files</summary>")], flags=re.DOTALL
     )
-    assert "linear + quadratic drag" in body
+    assert "linear and quadratic drag" in body
     assert len(re.findall(r"<small>M-\d</small>", body)) == 2 * 4
     assert not re.findall(r"M-\d", re.sub(r"<small>M-\d</small>", "", body))
 
