@@ -477,7 +477,10 @@ def test_shares_and_lists_in_words():
         (("X_udot", "X_u"), "weigh the vehicle"),
         (("m", "X_u"), "weigh the vehicle"),
         (("T_nabsn", "X_u"), "bollard pull, or add a coast-down"),
-        (("T_nabsn", "T_nu"), "a trial with larger propeller speeds and faster surge, and one in which they change one at a time"),
+        (
+            ("T_nabsn", "T_nu"),
+            "a trial with larger propeller speeds and faster surge, and one in which they change one at a time",
+        ),
         (("X_u", "delay"), "sharper steps"),
         (("X_u", "lag_u"), "sharper steps"),
         (("X_u", "X_uabsu"), "cover a wider range of speeds, by larger steps"),
