@@ -48,7 +48,10 @@ def test_the_bar_follows_what_steps_took_before(clock):
     run.end()
     shown = [done for done, _ in told.shown[TITLE]]
     assert 375 in shown  # 15 s of 40 s, by what it took and by its bar
-    assert shown[-2:] == [round(1000 * 100 / (100 / 0.95 + 10)), 1000]  # it stays there although 10 s take 2.75 times as long
+    assert shown[-2:] == [
+        round(1000 * 100 / (100 / 0.95 + 10)),
+        1000,
+    ]  # it stays there although 10 s take 2.75 times as long
     assert told.shown["estimate M-0"] == [(1, 2), (2, 2)]
     assert learnt() == {"estimates": 65.0, "selection": 5.0}
 
@@ -84,7 +87,7 @@ def test_a_step_that_is_far_longer_than_it_was_says_so(clock):
 
 
 def test_the_bar_waits_for_a_piece_that_came_late(clock):
-    """Two pieces are over after 5 s; a third, of which nobody knew, moves from 1 % at 10 s to 5 % at 50 s: the bar stays until it is over."""
+    """Two pieces are over after 5 s; a third, of which nobody knew, moves from 1 % at 10 s to 5 % at 50 s: the bar waits."""
     learn("selection", 10.0)
     learn("next", 10.0)
     told = Told()

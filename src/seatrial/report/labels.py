@@ -71,10 +71,7 @@ def name_mathtext(name: str) -> str:
     """Return the label of a parameter for a figure, by its name alone: `sigma_u` gives `$\\sigma_{u}$`."""
     base, bracket, run = name.partition("[")
     head, _, of = base.partition("_")
-    if head in LETTERS and of:
-        label = LETTERS[head].replace("?", _label_of(of))
-    else:
-        label = _label_of(base)
+    label = LETTERS[head].replace("?", _label_of(of)) if head in LETTERS and of else _label_of(base)
     return label_mathtext(label + bracket + run)
 
 

@@ -66,11 +66,10 @@ def _beside(outcome: Outcome, order: list[int]) -> dict[str, Any]:
     """Return the coefficients of the most probable models, a column each, and their standard deviations with model error."""
     estimates = [outcome.estimates[index] for index in order]
     names = dict.fromkeys(name for estimate in estimates for name in estimate.structure.terms)
-    rows = []
-    for name in names:
-        rows.append(
-            {**unit_row(outcome, name), "values": [_value(outcome, estimate, name) for estimate in estimates[1:]]}
-        )
+    rows = [
+        {**unit_row(outcome, name), "values": [_value(outcome, estimate, name) for estimate in estimates[1:]]}
+        for name in names
+    ]
     return {"heads": [model_html(outcome, estimate.structure.label) for estimate in estimates[1:]], "rows": rows}
 
 
