@@ -72,7 +72,7 @@ class ThrustLaw:
             found = self.neutral + roots[np.isclose(roots.imag, 0.0, atol=1e-9)].real
             tabled = None
         else:
-            found = _crossings(*map(np.asarray, points), ahead)
+            found = _crossings(np.asarray(points[0]), np.asarray(points[1]), ahead)
             tabled = np.interp(found, *points)
         found = found[np.isclose(self.thrust(found, tabled), thrust, rtol=1e-6, atol=1e-9)]
         if not found.size:
