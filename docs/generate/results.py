@@ -150,7 +150,7 @@ PLAIN = """## Text files
 
 | file | by | what it is |
 |---|---|---|
-| `design_schedule.csv`, `.json` | design | the best trial as a table of time (s) and control (its unit is in the heading) |
+| `design_schedule.csv`, `.json` | design | the best trial as a table of time (s) and control (its unit is in the heading); `f_1_command` is the command of the thrust `f_1_N` by its law, exact at the rows; a line below says if no command makes a thrust |
 | `proposed_schedule.csv`, `.json` | next | the same for the next trial |
 | `known/LABEL.json` | estimate | how well each parameter of a structure is known, and which combinations are |
 | `known/LABEL-left-out.json` | run | what the structure may leave out, and what that would do to its coefficients |

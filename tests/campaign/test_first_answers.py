@@ -39,7 +39,7 @@ def test_the_mode_and_its_spread(tmp_path):
     assert [name for name, _, _ in answer.rows] == ["X_uabsu", "T_nabsn", "sigma_u"]
     assert "log evidence by Laplace" in answer.lines()[0]
     (model_error,) = answer.lines()[1 + len(answer.rows) :]
-    assert "no value moves by much more than its ±" in model_error
+    assert "no value moved much beyond its ±" in model_error
 
 
 def test_beside_a_second_standard_deviation_stands_what_makes_it_and_below_how_to_get_rid_of_it(small):

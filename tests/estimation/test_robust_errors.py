@@ -158,7 +158,7 @@ def test_a_block_with_nearly_all_of_the_residuals_moves_no_value_out_of_sight():
 def test_widening_for_few_pieces(pieces, expected):
     """Student's t of pieces - 1 degrees of freedom beside the normal law, at 90 %; below half as large again nothing is told."""
     few, lag = Pieces(np.array([2.0, 1.4, 0.5]), pieces, f"{pieces} runs"), Effect("command lag", "n", "s")
-    none = OmittedEffects((), 0, np.ones(3), ((),) * 3)
+    none = OmittedEffects((), (), np.ones(3), ((),) * 3)
     found = RobustErrors(
         ("a", "b", "c"), few, none, np.array([1.0, 1.0, 3.0]), ((lag,),) * 3, np.array([9.0, 9.0, 0.5])
     )

@@ -87,8 +87,8 @@ class VehicleTable(Table):
     of freedom, or one that says which of u v w p q r it `moves` in. Lengths count from the body's origin. With `moves = []` it is held, as
     at a bollard, and gauges measure `force_X` to `moment_N`.
 
-    `thrusters`, those of the catalogue where there are none, are driven by the forces f_1, f_2, …, or with terms of T in n by the speeds
-    n_1, n_2, …. `added_coriolis` says whether Coriolis forces of the added mass are terms (X_wq, …) or follow from it.
+    Without `thrusters` the vehicle has those of the catalogue. The forces f_1, f_2, … drive them, or the speeds n_1, n_2, … if terms of T
+    have n. `added_coriolis` says whether Coriolis forces of the added mass are terms (X_wq, …) or follow from it.
     """
 
     catalogue: str | None = None

@@ -39,7 +39,10 @@ def thruster_lines(campaign: Campaign) -> list[str]:
     head = "".join(f"{number:>9}" for number in range(1, len(thrusters) + 1))
     rows = ["".join(f"{x:9.3f}" for x in np.where(np.abs(row) < SMALL, 0.0, row)) for row in matrix]
     names = " ".join(AXES[i] for i in moving)
-    lines = [f"allocation of {len(thrusters)} thrusters, for 1 N each: N, and N m from K on", f"   {head}"]
+    lines = [
+        f"allocation of {len(thrusters)} thrusters: force (N) and moment (N m) for 1 N of each thruster",
+        f"   {head}",
+    ]
     lines += [f"  {axis}{row}" for axis, row in zip(AXES, rows, strict=True)]
     what = "move" if vehicle.moves else "are measured"
     told = f"  rank {rank} on the {len(moving)} axes that {what}, {names}"
@@ -139,7 +142,7 @@ def _gains(campaign: Campaign, vehicle: WholeVehicle, record: Record) -> list[Re
 def _judged(control: str, gain: float, sd: float) -> RecordFinding:
     value, limit = (
         f"{gain:.2f} ± {sd:.2f} of the thrust stated, by the measurements",
-        "near 1; below 0 it is reversed",
+        "1 is right; a negative value means reversed",
     )
     if sd > KNOWN:
         remedy = "move it apart from the others for some seconds"

@@ -37,6 +37,11 @@ def left_out(posterior: Posterior, structure: Structure, omitted: OmittedEffects
     return tuple(sorted(missing, key=lambda one: -abs(one.by)))
 
 
+def tried_effects(omitted: OmittedEffects) -> tuple[str, ...]:
+    """Return all effects that were looked for, in words."""
+    return tuple(_name(one).rstrip(",") for one in omitted.tried)
+
+
 def causes_of(robust: RobustErrors, wider: Mapping[str, float]) -> dict[str, str]:
     """Return in words what makes most of the ± with model error of each of these parameters, and whether it is only that of the prior."""
     only = "; as far as its prior reaches: nothing narrows it"

@@ -162,7 +162,7 @@ def _most_informative(
     if gain < ENOUGH and not counting:
         why = f"stop: another trial of this kind would give little information ({gain:.2f} nat): change sensors, limits or manoeuvres"
         return Proposal(None, standing, (why,))
-    return _run(designs, designs.best.best, known, noise, standing, _gain_words(gain), within)
+    return _run(designs, designs.best.best, known, noise, standing, _gain_words(gain, len(designs.names)), within)
 
 
 def settling(contenders: Contenders, probability: Sequence[float]) -> float:
@@ -179,9 +179,16 @@ def settling(contenders: Contenders, probability: Sequence[float]) -> float:
     return share * beyond(odds + m) + (1 - share) * beyond(-odds + m)
 
 
-def _gain_words(gain: float) -> str:
-    """Return what an entropy reduction of so many nats does."""
-    return f"it shrinks the joint uncertainty of the coefficients {np.exp(gain):.2g} times ({gain:.2f} nat)"
+def _gain_words(gain: float, count: int) -> str:
+    """Return what an entropy reduction of so many nats does to one of so many coefficients.
+
+    The entropy is the sum of the logarithms of the standard deviations along the axes of the covariance: exp(gain / count) is the geometric
+    mean of the factors by which these shrink, and of those of the coefficients themselves as far as their correlations stay what they were.
+    """
+    times = f"{np.exp(gain / count):.2g} times"
+    if count == 1:
+        return f"it shrinks the uncertainty of the coefficient {times} ({gain:.2f} nat)"
+    return f"it shrinks the uncertainty of each coefficient about {times} on average (geometric mean of {count}; {gain:.2f} nat)"
 
 
 def _noise(outcome: Outcome) -> str:

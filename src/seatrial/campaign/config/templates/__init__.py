@@ -17,7 +17,7 @@ TEMPLATES = {
     "remus100": "a simulated REMUS 100: the whole loop at once",
     "design": "a vehicle of your own before there are any data: a first trial to design",
     "steering": "a published vehicle before there are any data: which rudder to try first",
-    "log": "a CSV log of a trial that was run",
+    "log": "a CSV log of a trial that was run, of one propeller in surge",
     "bollard": "a CSV log of a vehicle tied to a force gauge: its thrust",
 }
 """What each template is, by name."""
