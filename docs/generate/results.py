@@ -133,13 +133,13 @@ FILES: dict[str, File] = {
             "time": ("s", "of each sample"),
             "which": ("", "index of the manoeuvre"),
             "manoeuvre": ("", "names"),
-            "best": ("m/s", "motion by the best structure"),
-            "difference": ("m/s", "what the runner-up changes"),
-            "lower": ("m/s", "lower bound of that difference"),
-            "upper": ("m/s", "upper bound"),
-            "largest": ("m/s", "largest difference"),
-            "rms": ("m/s", "root mean square difference"),
-            "excitation": ("m/s", "root mean square motion"),
+            "best": (SI, "velocity by the best structure; the attribute `channel` says which"),
+            "difference": (SI, "what the runner-up changes"),
+            "lower": (SI, "lower bound of that difference"),
+            "upper": (SI, "upper bound"),
+            "largest": (SI, "largest difference"),
+            "rms": (SI, "root mean square difference"),
+            "excitation": ("SI of the control", "standard deviation of the control"),
             "amplitude": ("SI of the control", "of the designs that would decide"),
             "period": ("s", "of these"),
             "nats": ("nat", "evidence expected from each"),
@@ -150,7 +150,7 @@ PLAIN = """## Text files
 
 | file | by | what it is |
 |---|---|---|
-| `design_schedule.csv`, `.json` | design | the best trial as a table of time (s) and control (its unit is in the heading); `f_1_command` is the command of the thrust `f_1_N` by its law, exact at the rows; a line below says if no command makes a thrust |
+| `design_schedule.csv`, `.json` | design | the best trial: time (s), control (its unit is in the heading), and `f_1_command`, by its law |
 | `proposed_schedule.csv`, `.json` | next | the same for the next trial |
 | `known/LABEL.json` | estimate | how well each parameter of a structure is known, and which combinations are |
 | `known/LABEL-left-out.json` | run | what the structure may leave out, and what that would do to its coefficients |
