@@ -150,7 +150,7 @@ PLAIN = """## Text files
 
 | file | by | what it is |
 |---|---|---|
-| `design_schedule.csv`, `.json` | design | the best trial: time (s), control (its unit is in the heading), and `f_1_command`, by its law |
+| `design_schedule.csv`, `.json` | design | the best trial as a table of time (s) and control (its unit is in the heading) |
 | `proposed_schedule.csv`, `.json` | next | the same for the next trial |
 | `known/LABEL.json` | estimate | how well each parameter of a structure is known, and which combinations are |
 | `known/LABEL-left-out.json` | run | what the structure may leave out, and what that would do to its coefficients |
@@ -160,6 +160,9 @@ PLAIN = """## Text files
 | `coefficients.csv` | estimate, run | each parameter of each structure: mean, sd, 95 % interval, mode, health; by `run` its probability |
 | `averaged.csv` | run, report | each parameter averaged over all structures, absent counting as zero; `inclusion` is its probability |
 | `checkpoints/` | long work | what has been done so far; empty once it is done |
+
+In a schedule `f_1_command` is the command of the thrust `f_1_N` by its law, exact at the rows. If no command makes a thrust, the last line says
+so: below the jump at the end of a dead zone, or beyond a table.
 
 Beside `results/` lie `campaign.toml`, `report.html` and the pictures that commands name.
 """

@@ -246,7 +246,7 @@ def test_other_models_have_their_model_error_too(outcome):
 
 
 def test_the_effects_that_were_tried_are_listed(html):
-    listed = html[html.index("The 2 effects that the ± with model error tried</summary>") :]
+    listed = html[html.index("The 2 effects that were tried for the ± with model error</summary>") :]
     assert re.findall(r"<li>(.*?)</li>", listed)[:2] == [
         'a force <span class="symbol"><i>X</i><sub><i>u</i><sup>3</sup></sub></span>',
         "a lag of the actuator of n",
