@@ -161,8 +161,8 @@ PLAIN = """## Text files
 | `averaged.csv` | run, report | each parameter averaged over all structures, absent counting as zero; `inclusion` is its probability |
 | `checkpoints/` | long work | what has been done so far; empty once it is done |
 
-In a schedule `f_1_command` is the command of the thrust `f_1_N` by its law, exact at the rows. If no command makes a thrust, the last line says
-so: below the jump at the end of a dead zone, or beyond a table.
+In a schedule `f_1_command` is the command of the thrust `f_1_N` by its law, exact at the rows. If no command makes a thrust, the last
+line says so: below the jump at the end of a dead zone, or beyond a table.
 
 Beside `results/` lie `campaign.toml`, `report.html` and the pictures that commands name.
 """
