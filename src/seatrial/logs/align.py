@@ -383,7 +383,7 @@ def _place(
         + (f"; {met} instants hold the mean of two or more" if met else "")
         + (f"; {doubled.sum()} midway between two instants were left out" if doubled.any() else ""),
         f"is moved in time by up to {np.abs(moved).max():.2g} s, in which it changes by {blur:.1g} of its noise"
-        if blur > _BLURRED
+        if blur > _BLURRED and np.abs(moved).max() > slack
         else "",
         usual,
     )
