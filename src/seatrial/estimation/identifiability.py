@@ -196,9 +196,10 @@ class Identifiability:
         ]
         sums = [f"{item.text}{f' ({item.meaning})' if item.meaning else ''} {item.known}" for item in group.headline]
         would_be = {"before": "would be ", "after": ""}[self.stage]
-        how = "much better" if self._are_within(group, WELL) else "only"
+        only = "known only in combination:"
+        how = "known much better in combination:" if self._are_within(group, WELL) else only
         return (
-            f"{would_be}known {how} in combination: {listed(sums)}; separately {listed(each)}, correlation "
+            f"{would_be}{how} {listed(sums)}; separately {listed(each)}, correlation "
             f"{group.correlation:+.3f}; to separate them, {group.remedy}"
         )
 
