@@ -25,6 +25,7 @@ from seatrial.campaign.config.settings import (
     SensorSettings,
     StructureSettings,
 )
+from seatrial.campaign.config.templates import EXAMPLE_VEHICLE
 from seatrial.campaign.config.toml import key_lines, key_place
 from seatrial.campaign.config.vehicle import CampaignVehicle, level_start
 from seatrial.campaign.store.stored_result import FILE_NAME
@@ -47,9 +48,6 @@ from seatrial.selection.structures import MAX_STRUCTURES, Structure, all_structu
 from seatrial.vehicles.hull import Hull
 from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.surge import SurgeHull
-
-EXAMPLE_VEHICLE = "YOUR VEHICLE"
-"""Name of the vehicle in the template of a log."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

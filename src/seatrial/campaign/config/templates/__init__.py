@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
 
-from seatrial.campaign.config.campaign import EXAMPLE_VEHICLE
 from seatrial.campaign.config.new_campaign import OWN, PUBLISHED, NewCampaign
 from seatrial.campaign.config.new_campaign_file import campaign_text
 from seatrial.campaign.store.stored_result import FILE_NAME
@@ -24,6 +23,8 @@ TEMPLATES = {
 WRITTEN = {"design": OWN, "steering": PUBLISHED}
 """Those that are written from what is known; the others are files."""
 
+EXAMPLE_VEHICLE = "YOUR VEHICLE"
+"""Name of the vehicle in the template of a log."""
 _PLACEHOLDER = re.compile(rf"^[^#\n]*\"({EXAMPLE_VEHICLE}|[A-Z]+ COLUMN)\b", re.MULTILINE)
 
 
