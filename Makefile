@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 PEERS := .venv-peers
 DEMO := outputs/remus100
 PAGES := tests/apps tests/campaign tests/core tests/docs tests/report
-CAMPAIGNS := $(PAGES) tests/logs tests/benchmark tests/vehicles tests/filters
+CAMPAIGNS := $(PAGES) tests/logs tests/benchmark
 
 .PHONY: run test test-campaigns test-library quick proof proof-campaigns proof-library lint types imports examples bench figures notebooks docs dist lock clean
 
