@@ -226,7 +226,7 @@ DRAWN = {
     "design": ".surface svg",
     "results": '[aria-label*="measured, predicted"] svg',
     "compare": "table",
-    "report": ".links",
+    "report": '[aria-label="Simulator or format"]',
 }
 """What a view has when its last part has come."""
 

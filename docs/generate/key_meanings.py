@@ -72,7 +72,7 @@ MEANINGS: dict[str, dict[str, tuple[str, str]]] = {
         "curve": ("", "CSV with a header and two columns: the command, and the thrust in N"),
         "polynomial": ("", "instead of a curve: coefficients of the thrust in N, the constant first"),
         "neutral": ("", "command of no thrust, subtracted before the polynomial"),
-        "dead_zone": ("", "the two commands between which there is no thrust"),
+        "dead_zone": ("", "the two commands between which there is no thrust, ends included"),
         "reverse": ("1", "factor on negative thrust"),
         "lag": (
             "time",
@@ -213,7 +213,10 @@ MEANINGS: dict[str, dict[str, tuple[str, str]]] = {
     "ImportTable": {
         "fit": ("", "labels of the runs that are fitted jointly"),
         "predict": ("", "labels of the runs that are only predicted"),
-        "step": ("time", "step of the common clock; if not given, the stamps of all channels together"),
+        "step": (
+            "time",
+            "grid on which samples are averaged, for logs of many samples; if not given, every stamp is kept",
+        ),
         "start": ("time", "cut off what comes before this"),
         "end": ("time", "cut off what comes after this"),
         "trim": ("", "`[import.trim.RUN]`, for a run with its own start and end"),
@@ -254,7 +257,7 @@ MEANINGS: dict[str, dict[str, tuple[str, str]]] = {
         "axes": ("", "axes of the log: `NED` with body axes forward, right, down, or `ENU` with forward, left, up"),
     },
     "TrimTable": {
-        "start": ("time", "where the run begins, counted from where its files overlap"),
+        "start": ("time", "where the run begins, counted from the beginning of the record"),
         "end": ("time", "where the run ends, counted in the same way"),
     },
     "TimeTable": {

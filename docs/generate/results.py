@@ -133,13 +133,13 @@ FILES: dict[str, File] = {
             "time": ("s", "of each sample"),
             "which": ("", "index of the manoeuvre"),
             "manoeuvre": ("", "names"),
-            "best": ("m/s", "motion by the best structure"),
-            "difference": ("m/s", "what the runner-up changes"),
-            "lower": ("m/s", "lower bound of that difference"),
-            "upper": ("m/s", "upper bound"),
-            "largest": ("m/s", "largest difference"),
-            "rms": ("m/s", "root mean square difference"),
-            "excitation": ("m/s", "root mean square motion"),
+            "best": (SI, "velocity by the best structure; the attribute `channel` says which"),
+            "difference": (SI, "what the runner-up changes"),
+            "lower": (SI, "lower bound of that difference"),
+            "upper": (SI, "upper bound"),
+            "largest": (SI, "largest difference"),
+            "rms": (SI, "root mean square difference"),
+            "excitation": ("SI of the control", "standard deviation of the control"),
             "amplitude": ("SI of the control", "of the designs that would decide"),
             "period": ("s", "of these"),
             "nats": ("nat", "evidence expected from each"),
@@ -157,9 +157,12 @@ PLAIN = """## Text files
 | `selection.json` | select | evidence, error and probability of each structure, inclusion of each term, verdicts |
 | `summary.json` | run, report | coefficients with mean, sd and unit, verdicts, cautions, alarms, next trial |
 | `mode.json` | estimate --by mode | posterior mode of the most probable structure: value and sd of each parameter, SI, for `known_from` |
-| `coefficients.csv` | estimate, run | each parameter of each structure, SI: mean, sd, 95 % interval, mode, health of its draws |
+| `coefficients.csv` | estimate, run | each parameter of each structure: mean, sd, 95 % interval, mode, health; by `run` its probability |
 | `averaged.csv` | run, report | each parameter averaged over all structures, absent counting as zero; `inclusion` is its probability |
 | `checkpoints/` | long work | what has been done so far; empty once it is done |
+
+In a schedule `f_1_command` is the command of the thrust `f_1_N` by its law, exact at the rows. If no command makes a thrust, the last
+line says so: below the jump at the end of a dead zone, or beyond a table.
 
 Beside `results/` lie `campaign.toml`, `report.html` and the pictures that commands name.
 """

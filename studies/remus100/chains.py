@@ -11,10 +11,10 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Float
 
+from seatrial.core.normal import normal_density
 from seatrial.estimation.mode import find_mode
 from seatrial.estimation.pointwise import pointwise_log_likelihood, thin_draws
 from seatrial.estimation.posterior import Posterior
-from seatrial.report.figures.posterior import normal_density
 from seatrial.report.figures.style import BLUE, INK, MUTED, ORANGE, PURPLE, limit_ticks, thin
 from seatrial.sampling import adaptive_metropolis
 from seatrial.sampling.diagnostics import diagnose, geweke_scores, printed_geweke_scores

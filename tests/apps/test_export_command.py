@@ -56,7 +56,7 @@ def test_a_published_vehicle_by_name(monkeypatch, capsys, tmp_path):
 
 
 def test_a_campaign(monkeypatch, capsys, tmp_path):
-    finished(monkeypatch, tmp_path / "c")
+    finished(tmp_path / "c")
     code, out, err = run(monkeypatch, capsys, "export", "c", "--to", "json", "--out", "elsewhere")
     assert (code, err) == (Exit.OK, "")
     assert "X_uabsu = " in out
@@ -70,7 +70,7 @@ def test_a_campaign(monkeypatch, capsys, tmp_path):
 
 
 def test_an_unhealthy_estimate_is_an_alarm(monkeypatch, capsys, tmp_path):
-    finished(monkeypatch, tmp_path / "c", alarms=["the chains have not met"])
+    finished(tmp_path / "c", alarms=["the chains have not met"])
     code, out, _ = run(monkeypatch, capsys, "export", "c", "--to", "csv")
     assert code == Exit.ALARMS
     assert "caution: the chains have not met" in out

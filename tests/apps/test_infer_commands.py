@@ -53,7 +53,8 @@ def test_profiles_evidence_and_criteria_are_told_and_kept(monkeypatch, capsys, t
     write_small(tmp_path)
     code, out, err = run(monkeypatch, capsys, "profile", tmp_path, "--parameter", "X_u", "-q")
     assert code == Exit.OK, err
-    assert out.startswith("X_u")
+    assert out.startswith("structure M-0, with every term")
+    assert "\nX_u: 95 % interval" in out
     ElementTree.fromstring((tmp_path / "profile.svg").read_text())
     code, out, err = run(monkeypatch, capsys, "select", tmp_path, "-q")
     assert code == Exit.OK, err

@@ -180,6 +180,7 @@ lower = 0.0
 """
 
 
+@pytest.mark.proof
 def test_a_dead_zone_and_a_time_constant_are_found(tmp_path):
     command, volt = pulls()
     actual = late(0.08 * (command - 1500.0))
@@ -442,6 +443,7 @@ def test_a_bollard_record_sharpens_the_drag_of_the_next_campaign(tmp_path, pull)
     assert abs(at["T_f"][0] - GAIN) < 4 * at["T_f"][1]
 
 
+@pytest.mark.proof
 def test_driven_runs_show_the_loss_with_speed_of_a_thrust_that_is_known_at_rest(tmp_path):
     command = np.repeat(pulls(seed=12)[0][:, :1], 2, axis=1)
     sought = (
@@ -470,6 +472,7 @@ def test_coasting_gives_the_drag_of_a_known_mass_and_nothing_of_the_thrust(tmp_p
     assert at["T_f"][1] == pytest.approx(0.3, rel=1e-3)
 
 
+@pytest.mark.proof
 def test_coasting_with_an_unknown_added_mass_gives_drag_over_mass_only(tmp_path):
     command = np.full((150, 2), 1500.0)
     posterior, mode, at = mode_of(sail(tmp_path, command, start=1.5))

@@ -31,6 +31,7 @@ def found(small):
     return calibrate(*small, 24, METHOD)
 
 
+@pytest.mark.proof
 def test_ranks_of_every_parameter(found, small):
     assert found.calibration.names == ("X_uabsu", "T_nabsn", "X_u", "sigma_u", "log-likelihood")
     assert found.calibration.ranks.shape == (24, 5)
@@ -44,6 +45,7 @@ def test_ranks_of_every_parameter(found, small):
     assert write_calibration_picture(small[0].folder, small[0].name, found).read_text().lstrip().startswith("<?xml")
 
 
+@pytest.mark.proof
 def test_resumes_to_the_same_bits(found, small, monkeypatch):
     """Killed at its twelfth replicate, then run again, and with more replicates asked for than before."""
     campaign, trials = small
@@ -66,6 +68,7 @@ def test_resumes_to_the_same_bits(found, small, monkeypatch):
     assert np.array_equal(again.health, found.health, equal_nan=True)
 
 
+@pytest.mark.proof
 def test_a_posterior_that_is_too_narrow_is_caught(small, monkeypatch):
     campaign, trials = small
     draw = module.find_method(METHOD)

@@ -29,6 +29,14 @@ def made(label: str, seed: int, **means: float) -> Estimate:
     return Estimate(Structure(label, tuple(names)), xr.Dataset(told, {"parameter": names}, causes))
 
 
+def shortest(drawn: np.ndarray) -> tuple[float, float]:
+    """The shortest interval of 95 % of some draws, of which every one is tried as its lower end."""
+    drawn = np.sort(drawn)
+    held = int(np.ceil(0.95 * drawn.size))
+    tried = [(drawn[at], drawn[at + held - 1]) for at in range(drawn.size - held + 1)]
+    return min(tried, key=lambda ends: ends[1] - ends[0])
+
+
 def test_averages_are_those_of_a_mixture_of_draws(tmp_path):
     rich, simple = made("M-0", 1, X_u=-4.0, X_uabsu=2.0), made("M-1", 2, X_uabsu=3.0)
     evidences = [Evidence(0.0, 0.0, "by hand"), Evidence(float(np.log(3.0)), 0.0, "by hand")]
@@ -42,12 +50,21 @@ def test_averages_are_those_of_a_mixture_of_draws(tmp_path):
         assert found[name]["sd"] == pytest.approx(drawn.std())
         assert found[name]["inclusion"] == pytest.approx(inclusion)
         assert found[name]["inclusion"] <= 1.0
+        assert (found[name]["lower_95"], found[name]["upper_95"]) == pytest.approx(shortest(drawn))
+    assert found["X_u"]["upper_95"] == 0.0  # three in four structures lack it
+    assert (found["X_u"]["model_error_cause"], found["X_uabsu"]["model_error_cause"]) == ("a force X_u3", "")
     between = 0.25 * 0.75 * rich.draws(["X_u"]).mean() ** 2
     assert found["X_u"]["model_error_sd"] == pytest.approx(np.sqrt(0.25 * 6.0**2 + between))
     assert np.isnan(found["X_uabsu"]["model_error_sd"])
     path = write_averaged(tmp_path, list(found.values()), SI)
-    assert [row["name"] for row in csv.DictReader(path.open())] == ["X_u", "X_uabsu"]
-    rows = list(csv.DictReader(write_coefficients(tmp_path, [rich, simple], SI).open()))
+    written = list(csv.DictReader(path.open()))
+    assert [row["name"] for row in written] == ["X_u", "X_uabsu"]
+    assert [row["model_error_cause"] for row in written] == ["a force X_u3", ""]
+    assert float(written[1]["lower_95"]) < float(written[1]["mean"]) < float(written[1]["upper_95"])
+    before = csv.DictReader(write_coefficients(tmp_path, [rich, simple], SI).open())
+    assert [row["probability"] for row in before] == ["", "", ""]
+    rows = list(csv.DictReader(write_coefficients(tmp_path, [rich, simple], SI, selection).open()))
+    assert [float(row["probability"]) for row in rows] == pytest.approx([0.25, 0.25, 0.75])
     assert [(row["structure"], row["name"]) for row in rows] == [("M-0", "X_u"), ("M-0", "X_uabsu"), ("M-1", "X_uabsu")]
     drawn = np.sort(rich.draws(["X_u"])[:, 0])
     inside = (drawn > float(rows[0]["lower_95"])) & (drawn < float(rows[0]["upper_95"]))

@@ -1,12 +1,14 @@
 """First answers: mode and regression of every structure, near the truth, and what they leave out said."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from seatrial.campaign.config.load import check_text, load_campaign
+from seatrial.campaign.config.taken_as_exact import taken_as_exact
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.inference.quick_estimates import _smoothed, posterior_modes, regressions
 from seatrial.campaign.prior.cautions import file_cautions
@@ -37,7 +39,7 @@ def test_the_mode_and_its_spread(tmp_path):
     assert [name for name, _, _ in answer.rows] == ["X_uabsu", "T_nabsn", "sigma_u"]
     assert "log evidence by Laplace" in answer.lines()[0]
     (model_error,) = answer.lines()[1 + len(answer.rows) :]
-    assert "no value moves by much more than its ±" in model_error
+    assert "no value moved much beyond its ±" in model_error
 
 
 def test_beside_a_second_standard_deviation_stands_what_makes_it_and_below_how_to_get_rid_of_it(small):
@@ -92,6 +94,14 @@ def test_a_structure_that_lacks_a_needed_term_ends_nothing(tmp_path):
     full, without = posterior_modes(campaign, get_trials(campaign))
     assert {name: pair[0] for name, _, (pair,) in without.rows}["X_uabsu"] < -3.19
     assert full.log_evidence > without.log_evidence + 20
+
+
+def test_a_prior_that_the_data_contradict_is_told_beside_the_mode(tmp_path):
+    """X_uabsu is -2.93; its prior is about -9 ± 0.2."""
+    wrong = 'distribution = "uniform"\nlower = -8.8\nupper = 0.0', 'distribution = "normal"\nmean = -9.0\nsd = 0.2'
+    campaign = load_campaign(write_small(tmp_path, *NO_X_U, wrong))
+    (answer,) = posterior_modes(campaign, get_trials(campaign))
+    assert "prior and data contradict each other about X_uabsu: the data pull it to -" in answer.caution
 
 
 def test_the_mode_predicts_what_was_held_back(tmp_path):
@@ -154,23 +164,30 @@ def test_what_a_regression_leaves_out_is_said(tmp_path):
     assert "a regression of accelerations ignores delay, which biases its values" in full.caution
 
 
-def test_the_masses_that_scale_all_coefficients_are_named_where_no_force_is_known(tmp_path):
+def test_masses_and_known_forces_with_which_all_coefficients_scale_are_named(tmp_path):
     campaign = load_campaign(write_small(tmp_path / "small"))
-    assert campaign.stated_masses.startswith(
+    assert taken_as_exact(campaign).startswith(
         "taken as exact, and in no ±: a mass of 30.48 kg and X_udot = -0.93 kg, with which"
     )
     example = 'catalogue = "remus100_surge"', 'name = "YOUR VEHICLE"\nmass = "30 kg"\nfixed = { X_udot = -1.0 }'
     held = "[structure]", '[vehicle.trim]\nu = "1.5 m/s"\nn = "1194 rpm"\n[structure]'
     left = load_campaign(write_small(tmp_path / "example", example, held))
     assert left.example_vehicle == file_cautions(left)[0]
-    assert left.stated_masses.endswith(f"scale. {left.example_vehicle}")
+    assert taken_as_exact(left).endswith(f"scale. {left.example_vehicle}")
     known = ('catalogue = "remus100_surge"', 'mass = "30 kg"\nfixed = { X_udot = -1.0, T_nabsn = 6e-4 }')
     no_thrust = 'always = ["X_uabsu", "T_nabsn"]', 'always = ["X_uabsu"]'
     prior = ('[prior.T_nabsn]\ndistribution = "uniform"\nlower = 2.0e-4\nupper = 12.0e-4\n', "")
     trim = ("[structure]", "[structure]"), ("T_nabsn = 6.28e-4\n", "")
     text = write_small(tmp_path / "forced", known, no_thrust, prior, *trim) / "campaign.toml"
     text.write_text(text.read_text().replace("fixed = {", 'trim = { u = "1.5 m/s", n = "1194 rpm" }\nfixed = {'))
-    assert load_campaign(tmp_path / "forced").stated_masses == ""
+    both = "a mass of 30 kg, X_udot = -1 kg and T_nabsn = 0.0006 kg m/rad^2, with which all coefficients of X scale"
+    assert both in taken_as_exact(load_campaign(tmp_path / "forced"))
+
+
+def test_thrust_laws_are_named_but_of_thrusters_whose_gain_is_sought():
+    """The gain of the third thruster of the example has a prior; the others drive X and N by their law."""
+    said = taken_as_exact(load_campaign(Path(__file__).parents[2] / "examples" / "thruster_rov"))
+    assert "X_udot = -6.36 kg and the thrust law of f_1, f_2 and f_4, with which all coefficients of X scale" in said
 
 
 def test_the_inertia_by_which_all_of_yaw_scales_is_named(tmp_path):
@@ -198,7 +215,8 @@ noise = "0.5 deg/s"
     text += '[design]\ncontrol = "n"\nduration = "60 s"\nactive = "40 s"\nsample_time = "0.1 s"\n'
     text += 'amplitude = { from = "50 rpm", to = "300 rpm", points = 3 }\nperiod = { from = "2 s", to = "40 s", points = 3 }\n'
     said = "a moment of inertia of 6.8 kg m^2 and N_rdot = -5.5 kg m^2, with which all coefficients of N scale"
-    assert check_text(tmp_path, text).stated_masses.endswith(f"coefficients of X and T scale; {said}")
+    assert taken_as_exact(check_text(tmp_path, text)).endswith(f"coefficients of X and T scale; {said}")
     held = text.replace("fixed = {", "fixed = { N_uudelta_r = -6.5,").replace('"N_ur", "N_uudelta_r"]', '"N_ur"]')
     held = held.replace('[prior.N_uudelta_r]\ndistribution = "uniform"\nlower = -15\nupper = 0\n', "")
-    assert "moment of inertia" not in check_text(tmp_path, held).stated_masses
+    said = "N_rdot = -5.5 kg m^2 and N_uudelta_r = -6.5 kg/rad, with which all coefficients of N scale"
+    assert said in taken_as_exact(check_text(tmp_path, held))

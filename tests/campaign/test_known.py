@@ -45,7 +45,7 @@ def test_each_parameter_is_told_with_what_it_is_confused_with():
     first, second, _ = known.parameters
     assert (first.partner, second.partner) == ("X_uabsu", "X_u")
     assert first.correlation == pytest.approx(cov[0, 1] / sd[0] / sd[1])
-    assert any("known only in combination" in text and "X_u" in text for text in known.verdict)
+    assert any("known much better in combination" in text and "X_u" in text for text in known.verdict)
 
 
 def test_a_direction_is_a_change_of_one_standard_error():
@@ -69,8 +69,8 @@ def test_the_table_names_the_verdict_or_says_that_there_is_none():
         "known to",
         "strongest correlation",
         "with X_uabsu",
-        "known only in combination",
-        "least-known direction",
+        "known much better in combination",
+        "the combination known least",
     ):
         assert word in said
     alone, _, _ = judged(np.kron(np.eye(3), np.ones((4, 1))) * np.array([10.0, 10.0, 1e5]))

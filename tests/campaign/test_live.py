@@ -214,7 +214,7 @@ def test_there_is_no_advice_while_most_values_of_a_channel_are_left_out(campaign
             "X_uabsu and T_nabsn are at the edges of their priors: check the unit and sign of u and n",
             "the sign of u",
         ),
-        (1.94384, "check u: knots taken for m/s", "knots taken for m/s"),
+        pytest.param(1.94384, "check u: knots taken for m/s", "knots taken for m/s", marks=pytest.mark.proof),
     ],
     ids=["sign", "knots"],
 )

@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from seatrial.apps.answer import Exit
+from seatrial.apps.cli import main
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.design.sweep import design_first
 from seatrial.campaign.store.stored_result import Store, stamp_of
@@ -163,8 +165,8 @@ def test_a_log_for_which_nothing_was_designed_is_fitted_and_the_next_trial_desig
     assert {step.name: step.state for step in standing(tmp_path)}["report"] == "stale"
 
 
-def test_what_was_found_is_kept_where_no_next_trial_is_allowed(tmp_path, finished):
-    """No trial of 30 s stays within a metre."""
+def test_what_was_found_is_kept_where_no_next_trial_is_allowed(tmp_path, finished, monkeypatch, capsys):
+    """No trial of 30 s stays within a metre: an alarm for who asks which trial is next, unless the goal is met without one."""
     record = xr.load_dataset(Store(finished[0]).record("trial"), engine="h5netcdf")
     text = write_log_campaign(tmp_path, record, design=True)
     (tmp_path / "campaign.toml").write_text(text + '[limits.distance]\nupper = "1 m"\n')
@@ -175,6 +177,19 @@ def test_what_was_found_is_kept_where_no_next_trial_is_allowed(tmp_path, finishe
     assert "distance travelled at most 1 m" in words
     assert outcome.summary["alarms"] == []
     assert "distance travelled at most 1 m" in write_report(outcome).read_text()
+    assert _next_of(tmp_path, monkeypatch) == Exit.ALARMS
+    assert "distance travelled at most 1 m" in capsys.readouterr().out
+    with (tmp_path / "campaign.toml").open("a") as file:
+        file.write('[goal]\nsd = { X_uabsu = "90 %" }\n')
+    assert _next_of(tmp_path, monkeypatch) == Exit.OK
+
+
+def _next_of(folder, monkeypatch):
+    """Exit code of `seatrial next`."""
+    monkeypatch.setattr("sys.argv", ["seatrial", "next", str(folder), "--quiet"])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    return ended.value.code
 
 
 def test_a_log_is_fitted_and_reported_without_a_design(tmp_path, finished):

@@ -208,3 +208,53 @@ def test_a_wide_prior_is_called_wide_and_the_coefficient_named(tmp_path):
     (caution,) = prior_cautions(found)
     assert "the prior is wide" in caution
     assert "mostly because of T_nabsn" in caution
+
+
+BOAT = """
+[campaign]
+name = "boat"
+seed = 1
+[vehicle]
+name = "boat"
+mass = "84 kg"
+inertia = ["3 kg m^2", "14 kg m^2", "14 kg m^2"]
+moves = ["u", "r"]
+fixed = { X_udot = -6.5, N_rdot = -9.0, N_tau_N = 1.0, T_nabsn = 0.002 }
+trim = { u = "1.2 m/s", n = "1000 rpm", tau_N = "0 N m" }
+[structure]
+always = ["X_uabsu", "N_rabsr"]
+[prior.X_uabsu]
+distribution = "uniform"
+lower = -20.0
+upper = -2.0
+[prior.N_rabsr]
+distribution = "uniform"
+lower = -60.0
+upper = -5.0
+[sensors.u]
+noise = "0.03 m/s"
+[sensors.r]
+noise = "0.6 deg/s"
+[design]
+control = "n"
+duration = "30 s"
+active = "20 s"
+sample_time = "0.1 s"
+amplitude = { from = "100 rpm", to = "200 rpm", points = 2 }
+period = { from = "2 s", to = "20 s", points = 2 }
+"""
+
+
+def test_a_channel_that_the_trial_does_not_move_is_told_with_the_key_that_moves_it(tmp_path):
+    (tmp_path / "campaign.toml").write_text(BOAT)
+    lines = prior_lines(predict_from_prior(load_campaign(tmp_path)), shown_as_written({}))
+    assert (
+        "r does not move in this trial, so its priors mean nothing here: `together` of [design] moves tau_N as well"
+        in lines
+    )
+    assert next(line for line in lines if line.startswith("N_rabsr")).endswith("nothing that this trial moves")
+    assert any(line.startswith("u: 90 % of draws between") for line in lines)
+    moved = BOAT.replace("duration =", 'together = { tau_N = "5 N m" }\nduration =')
+    (tmp_path / "campaign.toml").write_text(moved)
+    lines = prior_lines(predict_from_prior(load_campaign(tmp_path)), shown_as_written({}))
+    assert any(line.startswith("r: 90 % of draws between") for line in lines)

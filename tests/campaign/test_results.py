@@ -28,19 +28,21 @@ def finished(tmp_path_factory):
     return folder, run_loop(load_campaign(folder))
 
 
-def test_reading_imports_no_jax(finished):
+def test_reading_imports_neither_jax_nor_xarray(finished):
     folder, _ = finished
     script = (
         "import sys; from pathlib import Path; from seatrial.campaign.store.results import Results\n"
+        "from seatrial.apps.dashboard.result_plots import marginals\n"
         f"found = Results(Path({str(folder)!r}))\n"
         "label = found.summary().chosen\n"
         "found.design(), found.next_design(), found.record('trial'), found.screening(), found.contenders(), found.filter()\n"
         "found.posterior(label).own_values, found.known(label)\n"
         "found.predictions(), found.selection()\n"
-        "print('jax' in sys.modules)"
+        f"marginals(((label, Path({str(folder)!r}, 'results', 'posterior', label + '.nc')),), (), ())\n"
+        "print({'jax', 'xarray'} & {*sys.modules})"
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "False"
+    assert done.stdout.strip() == "set()"
 
 
 def test_an_outcome_prints_its_answer_and_each_picture_takes_it(finished):

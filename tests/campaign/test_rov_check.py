@@ -68,7 +68,7 @@ def test_depth_is_not_judged_where_the_priors_allow_it(tmp_path, motion):
     (size,) = [
         one for one in findings(tmp_path, motion, depth_scale=1000.0) if one.signal == "z" and one.check == "size"
     ]
-    assert size.level == "caution"
+    assert size.level == "fail"
 
 
 def test_a_turned_doppler_log_is_named_with_its_mount(tmp_path, motion):

@@ -124,7 +124,7 @@ def test_proposals_weigh_goal_doubt_and_gain(tmp_path):
     outcome = make_outcome(tmp_path)
     assert propose(outcome).trial is not None
     met = with_goal(outcome, Goal(shares={"X_u": 9.0}))
-    assert propose(met).lines[-1] == "stop: the goal is met"
+    assert propose(met).lines[-1] == "stop: the goal is met: X_u to 900 %"
     met.chosen.data.attrs["alarms"] = '["the chains disagree about X_u"]'
     assert propose(met).lines[-2:] == (
         f"first correct what failed: {met.chosen.structure.label}: the chains disagree about X_u",
@@ -140,7 +140,11 @@ def test_proposals_weigh_goal_doubt_and_gain(tmp_path):
     choice = propose(replace(outcome, selection=selection))
     assert choice.standing[0].endswith(", if the evidences were reliable")
     assert "raise `particles`" in choice.first[0]
-    assert propose(replace(met, selection=selection)).lines[-1] == "stop: the goal is met", "which asks for no model"
+    stopped = propose(replace(met, selection=selection)).lines[-1]
+    assert stopped == "stop: the goal is met: X_u to 900 %", "which asks for no model"
+    mean = {row["name"]: row["mean"] for row in outcome.summary["coefficients"]}["X_u"]
+    other = with_goal(outcome, Goal(sds={"X_u": 9 * abs(mean), "N_r": 1.0}))
+    assert propose(other).lines[-1] == "stop: the goal is met: X_u to 900 % and no N_r in the model"
     assert any(line.startswith("X_u is known to") and line.endswith(" 1 % wanted") for line in strict_lines(outcome))
     little = replace(outcome.next.best, gain=outcome.next.best.gain * 1e-3)
     quiet = replace(outcome, next=replace(outcome.next, sweeps=(little,)), contenders=None)

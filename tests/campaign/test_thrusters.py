@@ -6,6 +6,8 @@ import pytest
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import get_trials, read_untrimmed
 from seatrial.campaign.data.thruster_check import check_thrusters, thruster_lines
+from seatrial.campaign.design.schedule import write_schedule
+from seatrial.campaign.design.thrust_commands import commands_of
 from seatrial.campaign.inference.posterior import build_posterior, initial_state, random_key
 from seatrial.campaign.inference.quick_estimates import posterior_modes
 from seatrial.campaign.prior.predictive import predict_from_prior
@@ -13,6 +15,9 @@ from seatrial.core.errors import InputError
 from seatrial.estimation.first_guess import first_guess
 from seatrial.estimation.identifiability import identifiability_of_fit
 from seatrial.estimation.mode import find_mode
+from seatrial.manoeuvres.family import Family
+from seatrial.manoeuvres.schedule import read_rows
+from seatrial.vehicles.thrusters import ThrustLaw
 
 PLACES = np.array([[-0.3, 0.2], [-0.3, -0.2], [0.1, 0.0]])
 PUSHES = np.array([[1.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
@@ -207,6 +212,47 @@ def test_check_tells_what_the_thrusters_do_not_span(tmp_path, log):
     said = [one for one in check_thrusters(found, get_trials(found).fit[0]) if one.check == "thrusters"]
     assert [(one.signal, one.level) for one in said] == [("Y", "caution")]
     assert any("rank 2 on the 3 axes" in line and "1 Y" in line for line in thruster_lines(found))
+
+
+COMMANDED = {
+    "linear, with a dead zone": (ThrustLaw("", (0.0, 0.08), 1500.0, (1480.0, 1520.0), 0.8), None, 1.0),
+    "cubic": (ThrustLaw("", (0.0, 0.05, 0.0, 2e-7), 1500.0), None, 0.0),
+    "a falling table": (ThrustLaw("t.csv"), ((1100.0, 1480.0, 1530.0, 1900.0), (30.0, 0.0, 0.0, -24.0)), 0.0),
+}
+
+
+@pytest.mark.parametrize("name", COMMANDED)
+def test_a_command_makes_the_thrust_that_it_was_found_for(name):
+    """The law forwards is the check; below the jump of a dead zone, 1.6 N ahead and 1.28 N astern, there is none."""
+    law, points, least = COMMANDED[name]
+    for thrust in np.r_[-np.geomspace(20, 2 * least + 0.01, 7), 0.0, np.geomspace(2 * least + 0.01, 20, 7)]:
+        command = np.array([law.command(float(thrust), points)])
+        tabled = None if points is None else np.interp(command, *points)
+        assert law.thrust(command, tabled)[0] == pytest.approx(thrust, abs=1e-8)
+    if least:
+        assert np.isnan([law.command(thrust) for thrust in (-1.2, 1.5)]).all()
+    elif points:
+        assert law.command(0.0, points) == 1505
+        assert np.isnan(law.command(31.0, points))
+
+
+def test_a_schedule_has_the_commands_of_its_thrusts(tmp_path, log):
+    """10 N ahead are 125 us from neutral, 10 N astern 156.25; the column is not read back; a thrust in the jump is told instead."""
+    commands, trial = commands_of(campaign(tmp_path, log)), Family("f_1", 0.0, 12.0, 10.0, 0.1, kind="doublet")
+    path = write_schedule(tmp_path / "a.csv", trial.manoeuvre(10.0, 4.0), 0.1, commands=commands)
+    head, *rows = path.read_text().splitlines()
+    assert head == "time_s,f_1_N,f_1_command"
+    told = {float(n): float(c) for _, n, c in (row.split(",") for row in rows)}
+    assert {n: round(c, 6) for n, c in told.items() if n in (-10.0, 0.0, 10.0)} == {
+        0.0: 1500.0,
+        10.0: 1625.0,
+        -10.0: 1343.75,
+    }
+    assert set(read_rows(path, ["f_1"]).controls) == {"f_1"}
+    path = write_schedule(tmp_path / "b.csv", trial.manoeuvre(1.0, 4.0), 0.1, commands=commands)
+    assert path.read_text().startswith("time_s,f_1_N\n")
+    assert "# f_1: no command column, because no command makes 1 N by its law of thrust" in path.read_text()
+    assert set(read_rows(path, ["f_1"]).controls) == {"f_1"}
 
 
 CURVE = ("polynomial = [0.0, 0.08]\nneutral = 1500", 'curve = "thrust.csv"')

@@ -138,7 +138,8 @@ def test_with_process_noise_it_is_that_of_generalised_least_squares():
     np.testing.assert_allclose(np.asarray(made.information(values, told)), expected, rtol=1e-4)
 
 
-@pytest.mark.parametrize("turn", [0.15, pytest.param(0.0, marks=pytest.mark.proof)], ids=["set-points", "noise alone"])
+@pytest.mark.proof
+@pytest.mark.parametrize("turn", [0.15, 0.0], ids=["set-points", "noise alone"])
 def test_expected_gain_through_an_autopilot_is_that_of_quadrature(turn):
     """The likelihood of outputs given the controls that the noisy loop made, by the vehicle's own formula, over a grid of the prior."""
     n, mean, sd = 120, np.array([-0.8, 1.0]), np.array([0.2, 0.3])
@@ -174,7 +175,7 @@ def test_expected_gain_through_an_autopilot_is_that_of_quadrature(turn):
 
 
 @pytest.mark.parametrize(
-    "process", [pytest.param(None, marks=pytest.mark.proof), (0.02, 0.005)], ids=["none", "process noise"]
+    "process", [None, pytest.param((0.02, 0.005), marks=pytest.mark.proof)], ids=["none", "process noise"]
 )
 def test_a_free_form_of_a_set_point_is_followed_through_the_autopilot(process):
     """Information as the plan's own, its gradient by differences, and the course as the plan's motion, in blocks that do not fit."""

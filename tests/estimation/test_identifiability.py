@@ -439,6 +439,9 @@ def test_the_best_sum_heads_a_group_only_where_it_is_twice_as_good():
 
 def test_words_of_a_group():
     group = Group(("X_u", "X_uabsu"), -0.987, (known("X_u + X_uabsu", 0.01, "the drag"),), "cover more speeds")
+    (well,) = judged(sd=np.array([0.06, 0.2, 0.01]), prior_sd=np.full(3, 99.0), groups=(group,)).cautions()[-1:]
+    assert well.startswith("known much better in combination: X_u + X_uabsu (the drag) to 1 %")
+    assert "separately X_u to 3 % and X_uabsu to 4 %" in well
     (line,) = judged(sd=np.array([0.2, 5.5, 0.01]), prior_sd=np.full(3, 99.0), groups=(group,)).cautions()[-1:]
     assert line == (
         "known only in combination: X_u + X_uabsu (the drag) to 1 % (1.000 +- 0.010 kg/s); separately X_u to 10 % and X_uabsu as "
@@ -477,11 +480,17 @@ def test_shares_and_lists_in_words():
         (("X_udot", "X_u"), "weigh the vehicle"),
         (("m", "X_u"), "weigh the vehicle"),
         (("T_nabsn", "X_u"), "bollard pull, or add a coast-down"),
-        (("T_nabsn", "T_nu"), "a trial that moves n and u further"),
+        (
+            ("T_nabsn", "T_nu"),
+            "a trial with larger propeller speeds and faster surge, and one in which they change one at a time",
+        ),
         (("X_u", "delay"), "sharper steps"),
         (("X_u", "lag_u"), "sharper steps"),
         (("X_u", "X_uabsu"), "cover a wider range of speeds, by larger steps"),
-        (("Y_v", "Y_r"), "moves r and v further"),
+        (("Y_v", "Y_r"), "a trial with faster turns and faster sway, and one in which only yaw or only sway moves"),
+        (("N_r", "N_rabsr"), "a trial with faster turns, and one with slower turns"),
+        (("N_delta_r", "N_delta_r3"), "a trial with larger rudder angles, and one with smaller rudder angles"),
+        (("T_f", "T_fabsf"), "a trial with larger commanded thrusts, and one with smaller commanded thrusts"),
         (("sigma_u", "tau_u"), "a longer record"),
         (("sigma_u", "X_u"), "fix one of them"),
     ],

@@ -184,6 +184,7 @@ def draws(posterior):
     return st.sample(posterior, settings=st.ChainSettings(chains=8, warmup=200, draws=200))
 
 
+@pytest.mark.proof
 def test_a_prediction_holds_what_it_says(posterior, draws, record):
     """Held-back trials lie inside the stated bands as often as stated, and the exact motion within its own."""
     schedule = FAMILY.schedule(-250 * RPM, 6.0)

@@ -101,7 +101,9 @@ def test_coverage_where_runs_differ_and_noise_is_slow():
     assert stats.binom.ppf(0.005, 60, 0.9) / 60 <= np.mean(wide)
 
 
-@pytest.mark.parametrize(("memory", "least", "most"), [(0.0, 0.5, 1.6), (1.0, 1.5, 6.0)])
+@pytest.mark.parametrize(
+    ("memory", "least", "most"), [pytest.param(0.0, 0.5, 1.6, marks=pytest.mark.proof), (1.0, 1.5, 6.0)]
+)
 def test_blocks_of_one_run(memory, least, most):
     """Blocks that are long beside what residuals remember: white residuals change nothing, slow ones three times and more."""
     rng = np.random.default_rng(5)
@@ -119,6 +121,7 @@ def test_blocks_of_one_run(memory, least, most):
     assert (found.wider("T_nabsn", 1e-6) is None) == (memory == 0.0)
 
 
+@pytest.mark.proof
 def test_at_the_bound_of_a_prior_the_steps_are_along_the_values():
     """X_0 lies at the upper end of a uniform prior. Along z the ratios of this record were 300; now they are those without the bound."""
     rng = np.random.default_rng(4)
@@ -135,6 +138,7 @@ def test_at_the_bound_of_a_prior_the_steps_are_along_the_values():
     np.testing.assert_allclose(ratios[1], ratios[0], rtol=0.02)
 
 
+@pytest.mark.proof
 def test_a_block_with_nearly_all_of_the_residuals_moves_no_value_out_of_sight():
     """The record begins 0.2 m/s from the assumed start; with the noise's curvature in each block the ratios were 1e5 and more."""
     rng = np.random.default_rng(6)
@@ -154,7 +158,7 @@ def test_a_block_with_nearly_all_of_the_residuals_moves_no_value_out_of_sight():
 def test_widening_for_few_pieces(pieces, expected):
     """Student's t of pieces - 1 degrees of freedom beside the normal law, at 90 %; below half as large again nothing is told."""
     few, lag = Pieces(np.array([2.0, 1.4, 0.5]), pieces, f"{pieces} runs"), Effect("command lag", "n", "s")
-    none = OmittedEffects((), 0, np.ones(3), ((),) * 3)
+    none = OmittedEffects((), (), np.ones(3), ((),) * 3)
     found = RobustErrors(
         ("a", "b", "c"), few, none, np.array([1.0, 1.0, 3.0]), ((lag,),) * 3, np.array([9.0, 9.0, 0.5])
     )

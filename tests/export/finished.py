@@ -7,10 +7,11 @@ import numpy as np
 import xarray as xr
 
 from seatrial.campaign.config.load import load_campaign
-from seatrial.campaign.data.import_logs import Trials
+from seatrial.campaign.data.simulate import record_keys
 from seatrial.campaign.inference.estimate import estimate_key
 from seatrial.campaign.store.stored_result import Store, write_dataset
-from seatrial.export import from_campaign
+from seatrial.campaign.workflow.steps import UnreadTrials
+from seatrial.core.dataset import Dataset
 from tests.campaign.small import write_small, write_summary
 
 MEAN = {
@@ -22,14 +23,16 @@ MEAN = {
     "current[1]": -0.3,
     "current[2]": 0.1,
 }
-TRIALS = Trials((), (), "made up")
 
 
-def finished(monkeypatch, folder: Path, *replacements: tuple[str, str], alarms=(), beside=(), wider="") -> Path:
-    """Write the small campaign with a posterior of every structure; the first is chosen."""
-    monkeypatch.setattr(from_campaign, "get_trials", lambda _: TRIALS)
+def finished(folder: Path, *replacements: tuple[str, str], alarms=(), beside=(), wider="") -> Path:
+    """Write the small campaign with a posterior of every structure; the first is chosen. Its records are empty: nobody reads them."""
     write_small(folder, *replacements)
     campaign = load_campaign(folder)
+    keys = record_keys(campaign)
+    for label, key in keys.items():
+        write_dataset(Store(folder).record(label), Dataset(), key)
+    trials = UnreadTrials([*keys.values()][-1])
     for structure in campaign.structures:
         names = [*structure.terms, "sigma_u", *beside]
         mean = np.array([MEAN.get(name, 0.05) for name in names])
@@ -44,7 +47,7 @@ def finished(monkeypatch, folder: Path, *replacements: tuple[str, str], alarms=(
             coords={"parameter": names},
             attrs={"alarms": json.dumps(list(alarms)), "cautions": "[]", "model_error_causes": '{"X_u": "a lag"}'},
         )
-        key = estimate_key(campaign, structure, TRIALS)
+        key = estimate_key(campaign, structure, trials)
         write_dataset(Store(folder).posterior(structure.label), data, key)
     write_summary(folder, chosen=campaign.structures[0].label)
     return folder

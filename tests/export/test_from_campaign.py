@@ -24,8 +24,8 @@ WHOLE = (
 )  # fmt: skip
 
 
-def test_estimates_are_the_posterior_s_means_and_covariance(monkeypatch, tmp_path):
-    folder = finished(monkeypatch, tmp_path / "c")
+def test_estimates_are_the_posterior_s_means_and_covariance(tmp_path):
+    folder = finished(tmp_path / "c")
     vehicle, provenance = of_campaign(folder)
     data = open_dataset(folder / "results" / "posterior" / "M-0.nc")
     names = ["X_uabsu", "T_nabsn", "X_u"]
@@ -41,22 +41,22 @@ def test_estimates_are_the_posterior_s_means_and_covariance(monkeypatch, tmp_pat
     assert (vehicle.actuators["n"].lower, vehicle.actuators["n"].upper) == (0.0, pytest.approx(1500 * np.pi / 30))
 
 
-def test_a_standard_deviation_with_model_error_goes_along_as_a_caution(monkeypatch, tmp_path):
-    _, provenance = of_campaign(finished(monkeypatch, tmp_path / "c", wider="X_u"))
+def test_a_standard_deviation_with_model_error_goes_along_as_a_caution(tmp_path):
+    _, provenance = of_campaign(finished(tmp_path / "c", wider="X_u"))
     assert provenance.cautions == ("X_u has a standard deviation of 0.5 with model error, mostly a lag",)
 
 
-def test_the_largest_estimated_current_goes_with_the_vehicle(monkeypatch, tmp_path):
-    _, provenance = of_campaign(finished(monkeypatch, tmp_path / "c"))
+def test_the_largest_estimated_current_goes_with_the_vehicle(tmp_path):
+    _, provenance = of_campaign(finished(tmp_path / "c"))
     assert provenance.current == 0
-    folder = finished(monkeypatch, tmp_path / "d", beside=("current[1]", "current[2]"))
+    folder = finished(tmp_path / "d", beside=("current[1]", "current[2]"))
     vehicle, provenance = of_campaign(folder)
     assert provenance.current == pytest.approx(0.3, rel=0.1)
     assert not any("current" in name for name in vehicle.estimated.names)
 
 
-def test_another_structure_says_what_it_drops(monkeypatch, tmp_path):
-    folder = finished(monkeypatch, tmp_path / "c")
+def test_another_structure_says_what_it_drops(tmp_path):
+    folder = finished(tmp_path / "c")
     vehicle, provenance = of_campaign(folder, structure="M-1")
     assert provenance.dropped == ("X_u",)
     assert "X_u" not in vehicle.coefficients
@@ -64,8 +64,8 @@ def test_another_structure_says_what_it_drops(monkeypatch, tmp_path):
         of_campaign(folder, structure="M-9")
 
 
-def test_the_rest_comes_from_a_published_vehicle(monkeypatch, tmp_path):
-    folder = finished(monkeypatch, tmp_path / "c")
+def test_the_rest_comes_from_a_published_vehicle(tmp_path):
+    folder = finished(tmp_path / "c")
     alone, _ = of_campaign(folder)
     vehicle, provenance = of_campaign(folder, rest="remus100_prestero")
     other, _ = of_catalogue("remus100_prestero")
@@ -85,8 +85,8 @@ def test_the_rest_comes_from_a_published_vehicle(monkeypatch, tmp_path):
     assert error.value.remedy.startswith("`--rest remus100_hall_anstee`, or")
 
 
-def test_a_whole_campaign_brings_its_own_rest(monkeypatch, tmp_path):
-    vehicle, provenance = of_campaign(finished(monkeypatch, tmp_path / "c", *WHOLE))
+def test_a_whole_campaign_brings_its_own_rest(tmp_path):
+    vehicle, provenance = of_campaign(finished(tmp_path / "c", *WHOLE))
     assert vehicle.is_whole
     assert vehicle.moves == RATES
     assert vehicle.coefficients["M_q"] == pytest.approx(-1.0, rel=0.1)
@@ -95,14 +95,14 @@ def test_a_whole_campaign_brings_its_own_rest(monkeypatch, tmp_path):
     assert "motion in u, w, q" in provenance.structure
 
 
-def test_what_was_found_of_a_tether_goes_along_and_of_other_unknowns_is_told(monkeypatch, tmp_path):
+def test_what_was_found_of_a_tether_goes_along_and_of_other_unknowns_is_told(tmp_path):
     """Both by the means of the posterior; what has no prior is as stated."""
     sought = {"tether_linear": "log-normal", "net_weight": "normal"}
     numbers = {"log-normal": "median = 5.0\nfactor = 2.0", "normal": "mean = 0.0\nsd = 4.0"}
     priors = "".join(f'[prior.{name}]\ndistribution = "{kind}"\n{numbers[kind]}\n\n' for name, kind in sought.items())
     tether = '[vehicle.tether]\npoint = ["-0.7 m", "0 m", "0.1 m"]\nquadratic = "3 kg/m"\n\n'
     changes = (*WHOLE, ("[structure]", f"{tether}[structure]"), ("[sensors.u]", f"{priors}[sensors.u]"))
-    folder = finished(monkeypatch, tmp_path / "c", *changes, beside=tuple(sought))
+    folder = finished(tmp_path / "c", *changes, beside=tuple(sought))
     data = open_dataset(folder / "results" / "posterior" / "M-0.nc")["draws"]
     mean = {name: float(data.sel(parameter=name).values.mean()) for name in sought}
     for rest in (None, "remus100_prestero"):
@@ -112,14 +112,23 @@ def test_what_was_found_of_a_tether_goes_along_and_of_other_unknowns_is_told(mon
         assert not any("tether" in line for line in provenance.cautions)
 
 
-def test_results_of_another_configuration_are_refused(monkeypatch, tmp_path):
-    folder = finished(monkeypatch, tmp_path / "c")
+def test_results_of_another_configuration_are_refused(tmp_path):
+    folder = finished(tmp_path / "c")
     path = folder / "campaign.toml"
     path.write_text(path.read_text().replace("lower = -3.6", "lower = -3.7"))
     load_campaign(folder)
     with pytest.raises(InputError, match="another configuration") as error:
         of_campaign(folder)
     assert "seatrial run" in error.value.remedy
+
+
+def test_records_of_another_configuration_are_refused_and_none_is_made(tmp_path):
+    folder = finished(tmp_path / "c")
+    (record,) = (folder / "results" / "records").glob("*.nc")
+    record.unlink()
+    with pytest.raises(InputError, match="records or a screening of another configuration"):
+        of_campaign(folder)
+    assert not record.exists()
 
 
 def test_without_results_the_command_that_makes_them_is_named(tmp_path):
@@ -129,7 +138,7 @@ def test_without_results_the_command_that_makes_them_is_named(tmp_path):
         of_campaign(write_small(tmp_path / "c"))
 
 
-def test_estimates_per_unit_of_an_unknown_mass_are_refused(monkeypatch, tmp_path):
+def test_estimates_per_unit_of_an_unknown_mass_are_refused(tmp_path):
     unknown = ('catalogue = "remus100_surge"', 'mass = "unknown"\ntrim = { u = "1.5 m/s", n = "125 rad/s" }')
     with pytest.raises(InputError, match="per unit of an effective mass"):
-        of_campaign(finished(monkeypatch, tmp_path / "c", unknown))
+        of_campaign(finished(tmp_path / "c", unknown))

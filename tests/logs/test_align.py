@@ -264,3 +264,34 @@ def test_clocks_a_millisecond_apart_make_no_holes(tmp_path):
         [read_log(column(tmp_path, f"{name}.csv", t, name, np.arange(50.0), role)) for t, name, role in logs]
     )
     assert record.time.size == 98
+
+
+def test_a_command_within_a_step_acts_as_its_mean_and_not_a_step_late(tmp_path):
+    """At most one new command in a step: the impulse of the held record is that of the commands, as a plain sum says."""
+    random = np.random.default_rng(5)
+    changes = 0.01 * np.cumsum(np.r_[0, random.integers(11, 30, 80)])
+    pushed = random.normal(size=changes.size)
+    moved = np.arange(0.0, changes[-1], 0.1)
+    record = align(
+        [
+            read_log(column(tmp_path, "thrust.csv", [f"{t:.2f}" for t in changes], "tau_X", pushed, "control")),
+            read_log(column(tmp_path, "speed.csv", [f"{t:.2f}" for t in moved], "u", moved, "measurement")),
+        ],
+        step=0.1,
+    )
+    fine = np.repeat(pushed[:-1], np.diff(np.rint(100 * changes).astype(int)))
+    count = record.time.size - 1
+    np.testing.assert_allclose(record.control[:-1, 0], fine[: 10 * count].reshape(count, 10).mean(1), atol=1e-12)
+
+
+@pytest.mark.parametrize(("noise", "is_told"), [(0.002, True), (0.2, False)])
+def test_samples_that_a_grid_moves_by_more_than_their_noise_are_told(tmp_path, noise, is_told):
+    at = np.arange(0.0, 60.0, 0.13)
+    moved = np.sin(at) + noise * np.random.default_rng(1).normal(size=at.size)
+    tables = [
+        read_log(column(tmp_path, "thrust.csv", [f"{t:.2f}" for t in at], "tau_X", np.zeros(at.size), "control")),
+        read_log(column(tmp_path, "speed.csv", [f"{t:.2f}" for t in at], "u", moved, "measurement")),
+    ]
+    told = [text for text in align(tables, step=0.1).provenance.options["cautions"] if "blurs the record" in text]
+    assert len(told) == is_told
+    assert not any("blurs" in text for text in align(tables).provenance.options["cautions"])

@@ -390,10 +390,101 @@ def test_two_runs_with_other_columns_are_mapped_each_for_itself(monkeypatch, cap
 
 
 def test_a_map_without_a_clock_asks_for_it(tmp_path):
-    toml = inspect_log(written(tmp_path, "Zeit;Fahrt\n" + "".join(f"{k};{k}\n" for k in range(20)), "a.csv")).as_toml()
+    rows = "".join(f"{k // 2};{k % 3}\n" for k in range(20))
+    toml = inspect_log(written(tmp_path, "Zeit;Fahrt\n" + rows, "a.csv")).as_toml()
     (block,) = tomllib.loads(toml)["import"]["files"]
     assert block["time"] == {"column": "", "unit": "s"}
-    assert "# time: no column is it by its name" in toml
+    assert "# time: no column is it by its name, and none rises in every row" in toml
+
+
+ROV = {
+    "sample": lambda k: f"{k}",
+    "distance": lambda k: f"{0.01 * k * k:.2f}",
+    "CLOCK": lambda k: f"{1_764_010_000 + 0.05 * k:.2f}",
+    "dvl_surge_cm_s": lambda k: f"{-20 + 4 * (k % 22)}",
+    "dvl_sway": lambda k: f"{3 * (k % 20)}",
+    "wz": lambda k: f"{0.1 * (k % 7)}",
+    "imu_gx_dps": lambda k: f"{k % 9}",
+    "depth_m": lambda k: f"{1 + k % 5}",
+    "pwm_port": lambda k: f"{1400 + 50 * (k % 5)}",
+    "pwm_stbd": lambda k: f"{1600 - 50 * (k % 5)}",
+}
+"""Columns of a log at 20 Hz as small vehicles write them, beside a counter of rows and a distance that rises too."""
+
+
+@pytest.mark.parametrize(
+    ("clock", "of", "unit"),
+    [
+        ("utc_s", lambda k: f"{1_764_010_000 + 0.05 * k:.2f}", "s"),
+        ("clock_ms", lambda k: f"{7000 + 50 * k + k % 2}", "ms"),
+        ("millis", lambda k: f"{7000 + 50 * k + k % 2}", "ms"),
+        ("Zeit", lambda k: f"{7_000_000 + 50_000 * k}", "us"),
+    ],
+)
+def test_a_clock_of_any_name_is_guessed_and_the_columns_beside_it(tmp_path, clock, of, unit):
+    columns = {clock if name == "CLOCK" else name: of if name == "CLOCK" else make for name, make in ROV.items()}
+    rows = "".join(",".join(make(k) for make in columns.values()) + "\n" for k in range(200))
+    found = inspect_log(written(tmp_path, ",".join(columns) + "\n" + rows, "a.csv"))
+    (table,) = found.tables
+    assert (table.clock.name, table.clock.unit, table.clock.is_named) == (clock, unit, False)
+    assert table.clock.rate == pytest.approx(20.0, rel=1e-3)
+    lines = "\n".join(found.lines())
+    assert "guessed, as it rises in every row, most evenly: check the column, and its unit" in lines
+    (block,) = tomllib.loads(found.as_toml())["import"]["files"]
+    assert block["time"] == {"column": clock, "unit": unit}
+    guessed = {guess.channel: (guess.column, guess.unit) for guess in best(found.guesses)}
+    assert guessed == {
+        "u": ("dvl_surge_cm_s", "cm/s"),
+        "v": ("dvl_sway", "cm/s"),
+        "p": ("imu_gx_dps", "deg/s"),
+        "r": ("wz", "rad/s"),
+        "z": ("depth_m", "m"),
+        "f_1": ("pwm_port", "command"),
+        "f_2": ("pwm_stbd", "command"),
+    }
+    reasons = {guess.channel: guess.reason for guess in found.guesses}
+    assert reasons["z"].endswith("its unit by the name")
+    assert "as 57 m/s is beyond any vehicle" in reasons["v"]
+
+
+def test_without_any_clock_the_columns_of_a_single_table_are_guessed(tmp_path):
+    found = inspect_log(
+        written(tmp_path, "when,u,r\n" + "".join(f"{k // 2},{k % 3},{k % 2}\n" for k in range(40)), "a.csv")
+    )
+    assert found.tables[0].clock is None
+    assert [guess.channel for guess in best(found.guesses)] == ["u", "r"]
+    assert any("and none rises in every row" in line for line in found.lines())
+
+
+def test_a_clock_in_another_unit_than_its_name_says_is_doubted(tmp_path):
+    found = inspect_log(written(tmp_path, "t,u\n" + "".join(f"{50 * k},{k % 3}\n" for k in range(40)), "a.csv"))
+    doubt = 'a row every 50 s: is its unit "ms", not "s"?'
+    assert any(doubt in line for line in found.lines())
+    assert f"# time: {doubt}" in found.as_toml()
+
+
+def test_the_ends_of_a_range_are_told_apart(tmp_path):
+    found = inspect_log(
+        written(tmp_path, "t,gps\n" + "".join(f"{k},{1_764_010_000 + 0.5 * (k % 180)}\n" for k in range(400)), "a.csv")
+    )
+    assert any("1764010000 to 1764010089.5; mean" in line for line in found.lines())
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "channel", "unit"),
+    [
+        ("thruster_1", (-1.0, 1.0), "f_1", "command"),
+        ("thruster_2_N", (-30.0, 40.0), "f_2", "N"),
+        ("thruster_3_rpm", (-900.0, 1200.0), "n_3", "rpm"),
+        ("motor_starboard", (1300.0, 1700.0), "f_2", "command"),
+        ("port_pwm", (1300.0, 1700.0), "f_1", "command"),
+        ("thruster_1_deg", (0.0, 40.0), None, None),
+    ],
+)
+def test_thrusters_by_their_number_or_side(tmp_path, name, values, channel, unit):
+    rows = "".join(f"{0.1 * k:.1f},{values[k % 2]}\n" for k in range(40))
+    found = best(inspect_log(written(tmp_path, f"t,{name}\n" + rows, "a.csv")).guesses)
+    assert [(one.channel, one.unit) for one in found] == ([(channel, unit)] if channel else [])
 
 
 def test_decimal_stamps_are_seconds_whatever_the_name(tmp_path):
@@ -408,7 +499,13 @@ def test_decimal_stamps_are_seconds_whatever_the_name(tmp_path):
 
 @pytest.mark.parametrize(
     ("name", "per_second", "unit"),
-    [("timestamps", 1e9, "ns"), ("time", 1e6, "us"), ("t_ms", 1e3, "ms"), ("epoch", 1.0, "s")],
+    [
+        ("timestamps", 1e9, "ns"),
+        ("time", 1e6, "us"),
+        ("t_ms", 1e3, "ms"),
+        ("epoch", 1.0, "s"),
+        ("uptime_ms", 1e3, "ms"),
+    ],
 )
 def test_unit_of_a_clock_is_one_that_logs_have(tmp_path, name, per_second, unit):
     """Float stamps of an archive are in no stated unit; those of a name that fits keep it."""

@@ -67,3 +67,14 @@ def test_dates_of_two_zones_are_no_clock(tmp_path):
     path = written(tmp_path, "\n".join(["t,speed,rpm", *rows]))
     with refusal("run.csv", "a number"):
         read_log(source(path))
+
+
+def test_a_separator_inside_quotation_marks_is_text(tmp_path):
+    rows = "".join(f"0,{k};{1000 + k};1,{k % 3 + 2}\n" for k in range(9))
+    path = written(tmp_path, 'Zeit;rpm;"v, m/s"\n' + rows, "run.csv")
+    maps = {"u": ColumnMap("v, m/s", "m/s", "measurement"), "n": ColumnMap("rpm", "rpm", "control")}
+    table = read_log(LogSource(path, "Zeit", "s", maps))
+    np.testing.assert_allclose(table.time, np.arange(9) / 10, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(table.columns["u"], [1.2, 1.3, 1.4] * 3)
+    plain = written(tmp_path, 't,"speed; m/s"\n' + "".join(f"0.{k},1.{k}\n" for k in range(9)), "plain.csv")
+    assert [one.name for one in inspect_log(plain).tables[0].columns] == ["t", "speed; m/s"]

@@ -53,6 +53,7 @@ def test_cholesky_of_an_array(n):
     assert np.isnan(triangular.cholesky_of_array(-factor @ factor.T)).any()
 
 
+@pytest.mark.proof
 def test_programs_side_by_side_factor_many_matrices():
     """LAPACK's batches, shared out to the threads that run the programs, waited for each other for ever."""
     spread = lower(24) @ lower(24).T

@@ -323,6 +323,7 @@ def _estimate(structure: Structure, random: np.random.Generator) -> Estimate:
             "model_error_causes": json.dumps(dict.fromkeys(names[::3], "a force X_u3")),
             "model_error_findings": json.dumps([{"names": names[:1], "cause": "a force X_u3", "remedy": "add it"}]),
             "left_out": "[]",
+            "tried_effects": json.dumps(["a force X_u3", "a lag of the actuator of n"]),
             "acceptance": 0.23,
             "laplace_log_evidence": 1.0,
             "alarms": "[]",

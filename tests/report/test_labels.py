@@ -1,8 +1,9 @@
 import pytest
 
 from seatrial.core.coefficients import CoefficientName
-from seatrial.core.signals import SIGNALS
-from seatrial.report.labels import label_html, label_mathtext, name_html
+from seatrial.core.signals import SIGNALS, signal_label
+from seatrial.report.drawing import signal_symbol
+from seatrial.report.labels import label_html, label_mathtext, name_html, name_mathtext
 
 
 def bare(label: str) -> str:
@@ -43,6 +44,12 @@ def test_matplotlib_accepts_the_label_of_every_kind_of_coefficient(name):
     from matplotlib.mathtext import MathTextParser
 
     MathTextParser("path").parse(label_mathtext(CoefficientName.parse(name).label))
+
+
+def test_thrusters_are_numbered_below():
+    assert bare(signal_label("f_1")) == "<i>f</i><sub>1</sub>"
+    assert bare(signal_label("n_12")) == "<i>n</i><sub>12</sub>"
+    assert name_mathtext("f_12") == signal_symbol("f_12") == "$f_{12}$"
 
 
 def test_matplotlib_accepts_every_signal():

@@ -15,9 +15,10 @@ from seatrial.estimation.fit_verdict import COLOURED
 from seatrial.report.drawing import digits_of, moments_of
 from seatrial.report.page import CONTENTS, render, write_report
 from seatrial.report.sections.fits import fits_section
-from seatrial.report.sections.summary import answer
+from seatrial.report.sections.models import models_section
+from seatrial.report.sections.summary import answer, other_kinds
 from seatrial.selection.verdict import averaged
-from tests.report.outcomes import EVIL, FITTED, HELD, make_compared, make_outcome, make_pooled
+from tests.report.outcomes import EVIL, FITTED, HELD, TRUE, make_compared, make_outcome, make_pooled
 
 VOID = {"meta", "link", "br", "img", "input", "hr"}
 
@@ -138,7 +139,7 @@ def test_a_model_has_one_name_and_its_label_stands_in_small_print_only(html):
     body = re.sub(
         "<svg.*?</svg>", "", html[html.index("<main>") : html.index("<summary>Files</summary>")], flags=re.DOTALL
     )
-    assert "linear + quadratic drag" in body
+    assert "linear and quadratic drag" in body
     assert len(re.findall(r"<small>M-\d</small>", body)) == 2 * 4
     assert not re.findall(r"M-\d", re.sub(r"<small>M-\d</small>", "", body))
 
@@ -204,13 +205,13 @@ def test_what_need_not_be_seen_at_first_is_folded(outcome, html, tmp_path):
     quiet = [replace(one, left=0.1, correlation=0.2) for one in outcome.known.parameters]
     outcome = replace(outcome, known=replace(outcome.known, parameters=tuple(quiet)))
     parameters = part(render(outcome), "parameters", "method")
-    seen, folded = parameters.split("of the sensors and runs, in detail</summary>")
+    seen, folded = parameters.split(" in detail: delay, noise")
     assert all(f"<code>{name}</code>" in seen for name in outcome.chosen.structure.terms)
     assert "<code>sigma_u</code>" in folded
     flagged = next(row for row in outcome.summary["coefficients"] if row["name"] == "sigma_u") | {"ess_bulk": 3.0}
     rows = [flagged if row["name"] == "sigma_u" else row for row in outcome.summary["coefficients"]]
     told = render(replace(outcome, summary=outcome.summary | {"coefficients": rows}))
-    seen, _ = part(told, "parameters", "method").split("of the sensors and runs, in detail</summary>")
+    seen, _ = part(told, "parameters", "method").split(" in detail: delay, noise")
     assert "<code>sigma_u</code>" in seen  # what is flagged is never folded away
 
     assert "The best design, should another trial be run" not in html
@@ -219,6 +220,37 @@ def test_what_need_not_be_seen_at_first_is_folded(outcome, html, tmp_path):
     assert following.index("The best design, should another trial be run</summary>") < following.index("<svg")
     is_settled = outcome.selection.is_settled
     assert ("How the two most probable models differ</summary>" in html) == is_settled
+
+
+def test_what_is_no_coefficient_is_said_to_be_what_it_is():
+    assert other_kinds(["sigma_u", "tau_u", "u_0[1]", "r_0[2]"]) == "noise and starting values"
+    assert (
+        other_kinds(["delay", "bias_u", "dead_f", "x_b"]) == "delay, offsets of sensors, thrusters and other unknowns"
+    )
+
+
+def test_the_average_stands_only_where_it_differs(outcome, html):
+    page, alone = render(outcome), replace(outcome, selection=replace(outcome.selection, probability=np.eye(4)[0]))
+    assert "It, too, assumes that one of the models is right." in page
+    said = render(alone)
+    assert 'data-head="Averaged"' not in said
+    assert "Averaged over all models, weighted by their probabilities, the values are the same." in said
+
+
+def test_other_models_have_their_model_error_too(outcome):
+    digits, other = digits_of(outcome)["X_tau_X"], outcome.estimates[1]
+    assert other is not outcome.chosen
+    value, wider = models_section(outcome)["beside"]["rows"][0]["values"][0]
+    assert value == digits.pair(*moments_of(outcome, other)["X_tau_X"])
+    assert wider == f"± {digits.bare(0.3 * TRUE['X_tau_X'])} with model error"
+
+
+def test_the_effects_that_were_tried_are_listed(html):
+    listed = html[html.index("The 2 effects that were tried for the ± with model error</summary>") :]
+    assert re.findall(r"<li>(.*?)</li>", listed)[:2] == [
+        'a force <span class="symbol"><i>X</i><sub><i>u</i><sup>3</sup></sub></span>',
+        "a lag of the actuator of n",
+    ]
 
 
 def test_a_caution_about_the_noise_is_told_once(outcome):

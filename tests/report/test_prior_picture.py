@@ -4,6 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from seatrial.report.drawing import draw_svg
 from seatrial.report.figures.checks import Moved, prior_motions
@@ -51,3 +52,11 @@ def test_many_channels_and_controls_each_have_a_panel_and_one_legend():
     assert boxes[0].y1 < 1
     assert boxes[-1].y0 > 0
     assert [one.get_legend() is not None for one in figure.axes] == [True] + 13 * [False]
+
+
+def test_names_of_axes_stay_inside_the_picture_beside_wide_ticks():
+    shape = np.linspace(-0.049, 0.05, TIME.size)
+    moved = [Moved("r [deg/s]", np.stack([shape * scale] * 5), shape[None] * scale, None) for scale in (1.0, 2e5, 0.0)]
+    figure = prior_motions(TIME, moved, CONTROL)
+    FigureCanvasAgg(figure).draw()
+    assert all(one.yaxis.label.get_window_extent().x0 >= 0 for one in figure.axes)

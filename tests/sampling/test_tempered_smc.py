@@ -43,6 +43,7 @@ def test_first_temperature_keeps_the_stated_share():
     assert weight.sum() ** 2 / (weight**2).sum() / weight.size == pytest.approx(SMCSettings().target_ess, abs=0.05)
 
 
+@pytest.mark.proof
 def test_evidence_is_unbiased():
     """The mean of Z over 40 runs, relative to the truth, within 4 of its errors."""
     ratio = np.exp(

@@ -97,6 +97,7 @@ def test_golden_evidence():
     assert abs(found.log_value - GOLDEN_LOG_EVIDENCE["M-1"]) < min(4 * found.std_error, 0.3)
 
 
+@pytest.mark.proof
 def test_stated_errors_are_honest():
     """Of 40 errors, 2 should exceed 1.96 of what is stated: 7 or more would be a chance of 0.3 %."""
     target, exact = linear(2)
@@ -155,6 +156,7 @@ def test_repeats_that_agree_by_chance_do_not_shrink_the_error():
     assert found.std_error == pytest.approx(np.sqrt(0.008 / 2) * 2.570582 / 1.959964, rel=1e-6)
 
 
+@pytest.mark.proof
 def test_expected_variance_is_near_the_measured_one():
     """Of 40 runs of a well-behaved problem: the ratio of variances has a standard error of 22 %."""
     target, _ = linear(2)

@@ -63,6 +63,7 @@ def test_refits_agree(monkeypatch):
         assert one.elpd == pytest.approx(other.elpd, abs=4 * np.hypot(one.error, other.error) + 0.01)
 
 
+@pytest.mark.proof
 def test_runs_add_up():
     joint = posterior_of_runs(linear_runs(4))
     runs, mode = split_runs(joint), find_mode(joint, 0)

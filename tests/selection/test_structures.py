@@ -68,15 +68,23 @@ def test_unusable_terms(always, optional, message):
     [
         (
             ["T_nabsn X_uabsu X_u X_du3", "T_nabsn X_uabsu X_du3", "T_nabsn X_uabsu"],
-            ["linear + quadratic drag + cubic about trim", "quadratic drag + cubic about trim", "quadratic drag"],
+            ["linear and quadratic drag, cubic about trim", "quadratic drag, cubic about trim", "quadratic drag"],
         ),
-        (["X_u X_uabsu T_un", "X_u X_uabsu"], ["linear + quadratic drag + T_un", "linear + quadratic drag"]),
-        (["X_tau_X X_0 X_u2 X_u", "X_tau_X X_0"], ["linear + square drag", "no drag"]),
+        (["X_u X_uabsu T_un", "X_u X_uabsu"], ["linear and quadratic drag; T_un", "linear and quadratic drag"]),
+        (["X_tau_X X_0 X_u2 X_u", "X_tau_X X_0"], ["linear and square drag", "no drag"]),
         (["X_du3 T_nabsn", "T_nabsn"], ["cubic drag about trim", "no drag"]),
-        (["N_r N_rabsr Y_v", "N_r Y_v"], ["linear + quadratic yaw damping", "linear yaw damping"]),
+        (["N_r N_rabsr Y_v", "N_r Y_v"], ["linear and quadratic yaw damping", "linear yaw damping"]),
         (["T_nabsn T_un Y_v N_r", "T_nabsn Y_v N_r"], ["T_un", "no optional term"]),
         (["Y_v Y_r Y_ur N_v N_r N_uv"], ["all 6 terms"]),
-        (["X_u X_uabsu T_un T_n X_0", "X_u T_un T_n X_0"], ["linear + quadratic drag", "linear drag"]),
+        (["X_u X_uabsu T_un T_n X_0", "X_u T_un T_n X_0"], ["linear and quadratic drag", "linear drag"]),
+        (
+            ["X_u X_uabsu N_r N_rabsr", "X_uabsu X_du3 N_ur Y_r", "X_du2 X_du3 N_r"],
+            [
+                "drag: linear and quadratic; yaw damping: linear and quadratic",
+                "drag: quadratic, cubic about trim; N_ur and Y_r",
+                "drag: square and cubic about trim; yaw damping: linear",
+            ],
+        ),
     ],
 )
 def test_a_structure_is_named_by_its_terms(sets, names):

@@ -56,7 +56,7 @@ def test_a_lag_that_is_sought_is_that_of_the_actuator():
 
 def test_law_of_thrust_against_its_definition():
     law = ThrustLaw(polynomial=(0.0, 0.05, 1e-5), neutral=1500.0, dead_zone=(1475.0, 1525.0), reverse=0.8)
-    command = np.array([1100.0, 1470.0, 1480.0, 1520.0, 1530.0, 1900.0, np.nan])
+    command = np.array([1100.0, 1470.0, 1475.0, 1525.0, 1530.0, 1900.0, np.nan])  # the ends of the zone are dead
     expected = [0.8 * (0.05 * -400 + 1.6), 0.8 * (0.05 * -30 + 0.009), 0.0, 0.0, 1.5 + 0.009, 20 + 1.6]
     np.testing.assert_allclose(law.thrust(command)[:-1], expected, rtol=1e-12)
     assert np.isnan(law.thrust(command)[-1])

@@ -38,7 +38,7 @@ def with_trim(folder: Path, text: str, run: str | None, start: str | None, end: 
         folder: of the campaign.
         text: of the file.
         run: label; None for all runs.
-        start: from the beginning of where its files overlap, such as "5 s"; None to leave it as it is.
+        start: from the beginning of the record, such as "5 s"; None to leave it as it is.
         end: likewise.
 
     Raises:

@@ -49,13 +49,17 @@ class Parameter(Named):
 
 
 class Averaged(Named):
-    """A parameter averaged over all structures by their probabilities, SI; absent counts as zero. `sd` holds within the structures,
-    `model_error_sd` also if they are wrong; null where it is not larger by more than a half.
+    """A parameter averaged over all structures by their probabilities, SI; absent counts as zero. `sd` and the shortest 95 % interval hold
+    within the structures, `model_error_sd` also if they are wrong; null where it is not larger by more than a half. `model_error_cause`
+    says what makes most of it.
     """
 
     mean: Number
     sd: Number
+    lower_95: Number
+    upper_95: Number
     model_error_sd: Number
+    model_error_cause: str
     inclusion: Number
 
 
@@ -101,11 +105,12 @@ class Baseline(TypedDict):
 
 
 class EstimatedStructure(TypedDict):
-    """One structure with its parameters."""
+    """One structure with its parameters; `model_error` says what the ± with model error is made of and how to get rid of it."""
 
     label: str
     terms: list[str]
     parameters: list[Parameter]
+    model_error: list[str]
     log_evidence_laplace: Number
     known: list[Known]
     symmetry: list[str]
@@ -113,28 +118,35 @@ class EstimatedStructure(TypedDict):
 
 
 class FirstValue(Named):
-    """One number of a first answer, SI; `by` says how it was found."""
+    """One number of a first answer, SI; `by` says how it was found. The ± with model error is that of `Parameter`: null of a regression."""
 
     by: str
     value: Number
     sd: Number
+    model_error_sd: Number
+    model_error_cause: str
 
 
 class FirstStructure(TypedDict):
-    """First answer of one structure."""
+    """First answer of one structure; `model_error` as in `EstimatedStructure`."""
 
     label: str
     terms: list[str]
     values: list[FirstValue]
+    model_error: list[str]
     log_evidence_laplace: Number
     held_back: list[Fit]
     symmetry: list[str]
 
 
 class Estimate(TypedDict, total=False):
-    """`estimate`: `structures` by chains, `first_answers` with `--by mode` and `--by equation-error`."""
+    """`estimate`: `structures` by chains, `first_answers` with `--by mode` and `--by equation-error`.
+
+    `taken_as_exact` says which inertias and forces all coefficients scale with.
+    """
 
     by: str
+    taken_as_exact: str
     structures: list[EstimatedStructure]
     first_answers: list[FirstStructure]
     baselines: list[Baseline]

@@ -44,6 +44,7 @@ def estimated(estimate: Any, held_back: Any, known_after: Any) -> dict[str, Any]
         estimate.structure,
         shapes.EstimatedStructure,
         parameters=parameters(estimate),
+        model_error=[estimate.wider_words, *(one.sentence for one in estimate.wider_findings)],
         log_evidence_laplace=float(estimate.data.attrs["laplace_log_evidence"]),
         known=known(known_after),
         symmetry=known_after.symmetry,
@@ -55,12 +56,25 @@ def first_answer(one: Any) -> dict[str, Any]:
     """Return one structure at first sight."""
     by = one.heads or ("mode",)
     values = [
-        {"name": name, "unit": unit, "by": way, "value": value, "sd": sd}
+        {
+            "name": name,
+            "unit": unit,
+            "by": way,
+            "value": value,
+            "sd": sd,
+            "model_error_sd": one.wider.get(name),
+            "model_error_cause": one.wider_causes.get(name, ""),
+        }
         for name, unit, pairs in one.rows
         for way, (value, sd) in zip(by, pairs, strict=False)
     ]
     held_back = [] if one.held_back is None else fits(one.held_back.fits)
-    told = {"values": values, "log_evidence_laplace": one.log_evidence, "held_back": held_back}
+    told = {
+        "values": values,
+        "model_error": one.wider_words,
+        "log_evidence_laplace": one.log_evidence,
+        "held_back": held_back,
+    }
     return picked(one.structure, shapes.FirstStructure, symmetry=one.symmetry, **told)
 
 

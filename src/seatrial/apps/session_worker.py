@@ -214,15 +214,16 @@ class _Rehearsal:
 
 
 def _next_steps(campaign: Any) -> list[str]:
-    """Return the first step that is not current and what its command tells beside it; all where there is none, to be read."""
+    """Return the first step that is not current and what its command tells beside it.
+
+    None where all are current: looking has imported what reads them, and long records are not read for nothing.
+    """
     from seatrial.campaign.workflow.steps import LOOP, Workflow
 
     flow = Workflow(campaign)
     listed = [step.name for step in LOOP if step.listed and not (step.name == "first" and campaign.imports is not None)]
     following = next((name for name in listed if flow.state(name) != "current"), None)
-    if following is None:
-        return [step.name for step in LOOP]
-    if following == "trials" and not campaign.is_simulated:
+    if following is None or (following == "trials" and not campaign.is_simulated):
         return []
     return {"first": ["design", "promised"]}.get(following, [following])
 

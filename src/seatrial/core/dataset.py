@@ -158,6 +158,10 @@ class Column(NDArrayOperatorsMixin):
         """Return what has some labels along dimensions."""
         return self._dataset.only(self._name).sel(**labels)[self._name]
 
+    def item(self) -> Any:
+        """Return its one value as Python has it."""
+        return self.values.item()
+
     def to_xarray(self) -> "xr.DataArray":
         """Return the same as xarray's."""
         return self._dataset.to_xarray()[self._name]

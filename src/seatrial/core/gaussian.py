@@ -8,9 +8,6 @@ from jaxtyping import Array, Float
 
 from seatrial.core.array_module import array_module
 
-Z90 = 1.6448536269514722
-"""Standard deviations from the mean of a normal distribution to the ends of its 90 % interval."""
-
 
 class Gaussian(NamedTuple):
     """Normal distribution N(mean, chol_cov @ chol_cov.T); a pytree, so it may be batched."""

@@ -3,6 +3,8 @@
 import json
 from pathlib import Path
 
+import numpy as np
+
 from seatrial.core.dataset import Dataset
 from seatrial.core.dataset_file import open_dataset, write_dataset
 from seatrial.core.errors import InputError
@@ -56,8 +58,8 @@ def read_record(path: Path) -> Record:
             for name, column in dataset.data_vars.items()
         )
         provenance = Provenance(dataset.attrs["source"], dataset.attrs["sha256"], json.loads(dataset.attrs["options"]))
-        columns = {str(name): column.values.astype(float) for name, column in dataset.data_vars.items()}
-        time, label = dataset["time"].values.astype(float), str(dataset.attrs["label"])
+        columns = {str(name): np.asarray(column.values, float) for name, column in dataset.data_vars.items()}
+        time, label = np.asarray(dataset["time"].values, float), str(dataset.attrs["label"])
     except (KeyError, ValueError, TypeError) as cause:
         raise InputError(
             str(path),

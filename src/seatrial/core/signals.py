@@ -116,10 +116,11 @@ def signal_unit(name: str) -> str:
 
 
 def signal_label(name: str) -> str:
-    """LaTeX of a signal, of the force on a gauge, or of their derivative when written with `dot`; the name itself of all others."""
+    """LaTeX of a signal, of a thruster's, of the force on a gauge, or of their derivative when written with `dot`; else the name itself."""
     base = name.removesuffix("dot")
     label = f"{'F' if base in HELD[:3] else 'M'}_{base[-1]}" if base in HELD else base
     label = SIGNALS[base].label if base in SIGNALS else label
+    label = f"{base[0]}_{{{base[2:]}}}" if is_thruster(base) else label
     return label if base == name else rf"\dot{{{label}}}"
 
 

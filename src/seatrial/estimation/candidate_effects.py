@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 
 from seatrial.core.coefficients import CoefficientName, is_coefficient
 from seatrial.core.programs import program
-from seatrial.core.signals import ACTUAL, ANGLES, QUATERNION, RATES, SPEEDS, signal_unit
+from seatrial.core.signals import ACTUAL, ANGLES, PROPULSION, QUATERNION, RATES, SPEEDS, signal_unit
 from seatrial.estimation.delayed_control import delay_control
 from seatrial.estimation.posterior import Posterior
 from seatrial.vehicles.model import VehicleModel, outside_force
@@ -29,12 +29,15 @@ class Effect:
 
     Attributes:
         kind: a force of the vehicle, an error of a command or of a sensor, or a start that is not known; a command leads that acts
-            before its stamps, such as one that was measured while it changed and is taken as held.
+            before its stamps, such as one that was measured while it changed and is taken as held; a thrust loss is the share of every
+            command of propulsion that each m/s ahead takes away.
         of: coefficient of the force, control, measured channel or state; empty for the delay of all commands.
         unit: of its size, SI.
     """
 
-    kind: Literal["force", "command offset", "command lag", "command lead", "delay", "sensor offset", "start"]
+    kind: Literal[
+        "force", "command offset", "command lag", "command lead", "delay", "thrust loss", "sensor offset", "start"
+    ]
     of: str
     unit: str
 
@@ -45,14 +48,15 @@ class Effect:
 
 
 DELAYED = Effect("delay", "", "s")
+THRUST_LOSS = Effect("thrust loss", "", "s/m")
 
 
 def candidate_effects(posterior: Posterior) -> Iterator[Effect]:
     """Yield what to look for: the same for all structures of a vehicle, so that they share a program.
 
-    Forces along each axis (constant, linear, quadratic and cubic in its own velocity, linear in a control that drives other axes, and terms
-    that other structures of the posterior have), offset, lag and lead of each command, a common delay, offsets of the sensors and starts,
-    as far as the model has none.
+    Forces along each axis (constant, linear, quadratic and cubic in its own velocity, in that times the speed ahead, linear in a control
+    that drives other axes, and terms that other structures of the posterior have), a thrust that falls with the speed, offset, lag and
+    lead of each command, a common delay, offsets of the sensors and starts, as far as the model has none.
     """
     likelihood: Any = posterior.likelihood
     model, simulator = likelihood.model, likelihood.simulator
@@ -64,6 +68,7 @@ def candidate_effects(posterior: Posterior) -> Iterator[Effect]:
         speed = SPEEDS[axis]
         texts = [f"{axis}_0"]
         texts += [f"{axis}_{speed}", f"{axis}_{speed}abs{speed}", f"{axis}_{speed}3"] * (speed in model.states)
+        texts += [f"{axis}_u{speed}"] * (speed != "u" and {"u", speed} <= {*model.states})
         coupled = [one for one in model.controls if one.startswith(COUPLED) and (axis, one) not in driven]
         texts += [f"{axis}_{control}" for control in coupled]
         for name in map(CoefficientName.parse, texts):
@@ -71,6 +76,13 @@ def candidate_effects(posterior: Posterior) -> Iterator[Effect]:
     for name, text in terms.items():
         if name not in known:
             yield Effect("force", text, model.unit_of(name))
+    driving = {name for name in model.controls if _propels(name)}
+    if (
+        driving
+        and "u" in model.states
+        and not any("u" in one.signals and driving & {*one.signals} for one in (*terms, *known))
+    ):
+        yield THRUST_LOSS
     lags = {unknown.name for unknown in model.unknowns}
     for control in model.controls:
         if control not in MOTIONS:
@@ -105,8 +117,8 @@ def show_with_effects(
         size = dict(zip(effects, sizes, strict=True))
         named: dict[str, Any] = dict(zip(posterior.names, posterior.constrain(z), strict=True))
         for one, x in size.items():
-            if one.kind == "force":
-                own = one.of if one.of in named else f"omitted {one.of}"
+            if one.kind in ("force", "thrust loss"):
+                own = one.of if one.of in named else _omitted(one)
                 named[own] = named.get(own, 0.0) + x
 
         def of_one_trial(apart: dict, trial: Any, start: Array) -> tuple[Array, ...]:
@@ -138,22 +150,35 @@ def show_with_effects(
     return jax.vmap(lambda *way: jax.jvp(shown, (z, sizes), way), out_axes=(None, 0))(*along)
 
 
+def _propels(control: str) -> bool:
+    """Return whether a control is the speed or the force of a propeller or thruster, or drives the vehicle ahead by itself."""
+    return control in PROPULSION or (control[:2] in ("f_", "n_") and control[2:].isdigit())
+
+
+def _omitted(effect: Effect) -> str:
+    """Name the size of an effect among the parameters of the model with the effects."""
+    return f"omitted {effect.of or effect.kind}"
+
+
 def _pushed(model: VehicleModel, effects: tuple[Effect, ...]) -> VehicleModel:
-    """Return the model with the forces that it has no coefficient for."""
+    """Return the model with the forces that it has no coefficient for, and with the loss of its thrust."""
     coefficients = {one.text for one in model.coefficients}
     forces = [CoefficientName.parse(one.of) for one in effects if one.kind == "force" and one.of not in coefficients]
     trim = {name.removeprefix("trim "): value for name, value in model.constants if name.startswith("trim ")}
 
     def derivative(params: Any, state: tuple, control: tuple) -> tuple:
+        if THRUST_LOSS in effects:
+            left = 1.0 - params[_omitted(THRUST_LOSS)] * state[model.states.index("u")]
+            control = tuple(left * x if _propels(name) else x for name, x in zip(model.controls, control, strict=True))
         signals = dict(zip((*model.states, *model.controls), (*state, *control), strict=True))
         pushes: dict[str, Any] = {}
         for force in forces:
             name = outside_force(force.axis)
             before = pushes.get(name, params.get(name, 0.0))
-            pushes[name] = before + params[f"omitted {force.text}"] * force.regressor(signals, trim)
+            pushes[name] = before + params[_omitted(Effect("force", force.text, ""))] * force.regressor(signals, trim)
         return model.derivative({**params, **pushes}, state, control)
 
-    return replace(model, derivative=derivative, constants=(*model.constants, ("omitted", float(len(forces)))))
+    return replace(model, derivative=derivative, constants=(*model.constants, ("omitted", float(len(effects)))))
 
 
 def _early(control: Float[Array, " n"], step: Float[Array, " n"], lead: Any) -> Float[Array, " n"]:

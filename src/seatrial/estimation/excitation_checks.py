@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from seatrial.core.coefficients import CoefficientName
+from seatrial.core.signals import RATES, SPEEDS
 from seatrial.estimation.record_checks import RecordFinding
 
 SIGN = 4.0
@@ -14,7 +15,11 @@ SIGN = 4.0
 
 
 def check_excitation(
-    names: Sequence[str], before: Float[np.ndarray, " k"], after: Float[np.ndarray, " k"], about: str = ""
+    names: Sequence[str],
+    before: Float[np.ndarray, " k"],
+    after: Float[np.ndarray, " k"],
+    about: str = "",
+    measured: Sequence[str] = RATES,
 ) -> list[RecordFinding]:
     """Return what the record's input can tell of each coefficient at most, as the share of the prior's deviation that is left.
 
@@ -23,18 +28,32 @@ def check_excitation(
         before: standard deviations of the priors, SI.
         after: of what would be left, SI.
         about: where that was linearised, in words; empty for the prior means.
+        measured: channels that have a sensor.
     """
     results = []
+    unseen: dict[str, list[str]] = {}
     check = f"excitation ({about})" if about else "excitation"
     for name, prior, left in zip(names, before, after, strict=True):
         share = float(left / prior)
         value, limit = f"{share:.0%} of the prior's sd would be left", "below 70 % it is excited"
         if share < 0.7:
             results.append(RecordFinding(name, check, "pass", value, limit))
+        elif (rate := SPEEDS.get(CoefficientName.parse(name).axis)) is not None and rate not in measured:
+            unseen.setdefault(rate, []).append(name)
         else:
             remedy = "this record cannot determine it: excite it more, fix it, or design a trial (`seatrial design`)"
             results.append(RecordFinding(name, check, "caution", value, limit, remedy))
-    return results
+    return results + [
+        RecordFinding(
+            ", ".join(some),
+            check,
+            "caution",
+            f"this record cannot determine them: no sensor measures {rate}, in which they show",
+            f"{rate} is used if it has a sensor",
+            f"add [sensors.{rate}] with its noise, and map its column; or take them out of the model",
+        )
+        for rate, some in unseen.items()
+    ]
 
 
 def check_signs(

@@ -42,6 +42,8 @@ UNTOUCHED = 1e-10
 """Information of the data about a parameter, over that of its prior, below which no measurement depends on it."""
 SHARP = 0.01
 """Relative standard deviation below which a parameter is known by itself, however strongly it is correlated."""
+WELL = 0.05
+"""Relative standard deviation below which a parameter is of use by itself, although a combination is known much better."""
 NEAR_ZERO = 1e-6
 """Value, in prior standard deviations, below which a parameter is scaled by its prior and not by its value."""
 
@@ -142,7 +144,7 @@ class Identifiability:
         together = [
             self._together(group)
             for group in self.groups
-            if not all(one.startswith(NOISE) for one in group.names) and not self._is_sharp(group)
+            if not all(one.startswith(NOISE) for one in group.names) and not self._are_within(group, SHARP)
         ]
         if np.isfinite(self.eigenvalues).all():
             return [*self._structural(), *self._practical(), *together]
@@ -183,8 +185,8 @@ class Identifiability:
         factor, unit = self.shown[i] if self.shown else (1.0, self.units[i])
         return measured(factor * self.values[i], factor * self.sd[i], unit)
 
-    def _is_sharp(self, group: Group) -> bool:
-        return all(self.relative_sd[self.names.index(name)] < SHARP for name in group.names)
+    def _are_within(self, group: Group, share: float) -> bool:
+        return all(self.relative_sd[self.names.index(name)] < share for name in group.names)
 
     def _together(self, group: Group) -> str:
         at = [self.names.index(name) for name in group.names]
@@ -194,8 +196,10 @@ class Identifiability:
         ]
         sums = [f"{item.text}{f' ({item.meaning})' if item.meaning else ''} {item.known}" for item in group.headline]
         would_be = {"before": "would be ", "after": ""}[self.stage]
+        only = "known only in combination:"
+        how = "known much better in combination:" if self._are_within(group, WELL) else only
         return (
-            f"{would_be}known only in combination: {listed(sums)}; separately {listed(each)}, correlation "
+            f"{would_be}{how} {listed(sums)}; separately {listed(each)}, correlation "
             f"{group.correlation:+.3f}; to separate them, {group.remedy}"
         )
 

@@ -11,14 +11,14 @@ import numpy as np
 from jaxtyping import Float
 
 from seatrial.core.signals import ANGLES, POSITIONS
-from seatrial.estimation.record_checks import SPIKE, RecordFinding, unit_guess
+from seatrial.estimation.record_checks import SPIKE, RecordFinding, RecordLevel, unit_guess
 from seatrial.estimation.remedies import listed
 from seatrial.estimation.timing_check import Timing, find_timing
 
 OPPOSED, RELATED = -0.4, 0.5
 """Correlation with the expected motion below which a channel goes the other way, and from which size and delay can be told."""
-SIZE = 3.0
-"""Ratio to the expected motion, or its inverse, from which a unit is doubted."""
+SIZE, WRONG = 3.0, 30.0
+"""Ratio to the expected motion, or its inverse, from which a unit is doubted, and from which it is wrong."""
 SUMMED = (*POSITIONS, *ANGLES)
 """Channels in which the errors of velocities, and the net weight, add up over time."""
 ALIKE = 0.5
@@ -52,6 +52,7 @@ def check_motion(
     controls: Sequence[str] = (),
     by_trim: bool = False,
     file: str = "",
+    mirrored: Sequence[str] = (),
 ) -> list[RecordFinding]:
     """Direction, size and timing of a measured channel beside the expected one, NaN where not measured.
 
@@ -65,6 +66,7 @@ def check_motion(
         controls: that make the motion, whose units may be wrong as well.
         by_trim: whether the measured channel contradicts its trim too: of two guesses of one unit only the better is made.
         file: of the channel, where the controls are in another, whose clock may differ; empty where they are in the same.
+        mirrored: thrusters of which some drive the channel forwards and some backwards, so that it goes the other way if they are swapped.
     """
     step = float(np.median(np.diff(time)))
     correlation = best_lag(measured, expected, round(LONGEST / step))[1]
@@ -76,8 +78,9 @@ def check_motion(
         correlation = _correlation(measured, np.interp(time - shift, time, expected, left=np.nan, right=np.nan))
     against = f"below {OPPOSED:g} it goes the other way"
     if correlation <= OPPOSED:
+        swapped = f"the order of the thruster columns {listed(mirrored)} is wrong (port and starboard swapped); or "
         remedy = (
-            f"the sign of {name} or of its command is reversed: set scale = -1 in the channel map, "
+            f"{swapped if mirrored else ''}the sign of {name} or of its command is reversed: set scale = -1 in the channel map, "
             "or check the axes (east-north-up or north-east-down)"
         )
         if timing is not None and timing.likely and not timing.is_in_time:
@@ -96,12 +99,18 @@ def check_motion(
     there = np.isfinite(measured)
     ratio = float(np.std(measured[there]) / max(np.std(expected[there]), 1e-300))
     limits = f"between 1/{SIZE:g} and {SIZE:g}"
-    fits = 1 / SIZE <= ratio <= SIZE
+    level = _size_level(ratio, 1.0, 1.0)
     value, told = f"{ratio:.3g} times the motion expected", (name, *controls)
     remedy = f"{unit_guess(told, ratio, OTHER)}check the units of {listed(told)} in the channel map, and the priors"
-    remedy = "" if fits else "see its trim, which tells the unit better" if by_trim else remedy
-    results.append(RecordFinding(name, "size", "pass" if fits else "caution", value, limits, remedy))
+    remedy = "" if level == "pass" else "see its trim, which tells the unit better" if by_trim else remedy
+    results.append(RecordFinding(name, "size", level, value, limits, remedy))
     return [*results, *timings]
+
+
+def _size_level(size: float, least: float, greatest: float) -> RecordLevel:
+    """Return how grave it is that a motion is larger or smaller than the vehicles of the priors show."""
+    beyond = max(size / greatest, least / max(size, 1e-300))
+    return "pass" if beyond <= SIZE else "caution" if beyond <= WRONG else "fail"
 
 
 def check_range(
@@ -238,11 +247,12 @@ def check_sum(
     if not left.size or there.sum() < 2:
         return None
     sizes, size = np.hypot(np.std(left[:, there], axis=1), noise), float(np.std(measured[there]))
-    if not sizes.min() / SIZE <= size <= sizes.max() * SIZE:
+    level = _size_level(size, float(sizes.min()), float(sizes.max()))
+    if level != "pass":
         ratio = size / float(np.median(sizes))
         remedy = unit_guess((name,), ratio) + "check the units in the channel map, and the priors"
         value = f"{ratio:.3g} times the motion of most vehicles of the priors"
-        return [RecordFinding(name, "size", "caution", value, f"within {SIZE:g} times that of one of them", remedy)]
+        return [RecordFinding(name, "size", level, value, f"within {SIZE:g} times that of one of them", remedy)]
     apart = float(np.median(np.std((left - expected)[:, there], axis=1)))
     most = round(LONGEST / float(np.median(np.diff(time))))
     if apart > ALIKE * size or any(best_lag(measured, one, most)[1] >= RELATED for one in left):

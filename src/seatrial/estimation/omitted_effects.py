@@ -79,14 +79,14 @@ class OmittedEffects:
 
     Attributes:
         found: effects of which the data say that they are there, in the order in which they were found.
-        sought: how many were looked for; 0 where none can be.
+        tried: all that were looked for; none where none can be.
         spread: second standard deviation over the first one, shape (d,).
         causes: of each parameter, the effects that put most probability beyond the first one; none where nothing was looked for.
         worth: share of the samples that the residuals are worth with what was found; 1 where they are white.
     """
 
     found: tuple[Omitted, ...]
-    sought: int
+    tried: tuple[Effect, ...]
     spread: Float[np.ndarray, " d"]
     causes: tuple[tuple[Effect, ...], ...]
     worth: float = 1.0
@@ -129,7 +129,7 @@ def omitted_effects(posterior: Posterior, mode: Mode) -> OmittedEffects:
     effects = tuple(candidate_effects(posterior)) if isinstance(posterior.likelihood, OutputError) else ()
     d, sd = posterior.dim, np.sqrt(np.diag(mode.cov))
     if not effects:
-        return OmittedEffects((), 0, np.ones(d), ((),) * d)
+        return OmittedEffects((), (), np.ones(d), ((),) * d)
     problem = EffectProblem(posterior, mode, effects)
     fit = fit_at(problem, linearise(problem, mode.z, np.zeros(len(effects))))
     members, found = [_Member((), 0.0, sd**2, np.zeros(d))], {}
@@ -166,7 +166,8 @@ def omitted_effects(posterior: Posterior, mode: Mode) -> OmittedEffects:
         for i, (log_odds, shift, alike) in found.items()
         if i in errors
     )
-    return OmittedEffects(omitted, int(problem.absent.sum()), *_average(members, sd, effects), fit.at.worth)
+    tried = tuple(effects[i] for i in np.flatnonzero(problem.absent))
+    return OmittedEffects(omitted, tried, *_average(members, sd, effects), fit.at.worth)
 
 
 def _contenders(scores: Mapping[int, Score]) -> list[int]:

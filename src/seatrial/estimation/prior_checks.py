@@ -79,7 +79,7 @@ def information_complaints(
         for parameter, column in zip(posterior.present_parameters, draws.T, strict=True)
         for bound, share in _leaning(parameter, column)
     ]
-    return said + _contradictions(posterior, mode) + _lost_region(posterior)
+    return said + prior_contradictions(posterior, mode) + _lost_region(posterior)
 
 
 def _remedy(parameter: Parameter, bound: float, gain: float) -> str:
@@ -100,7 +100,7 @@ def _remedy(parameter: Parameter, bound: float, gain: float) -> str:
     return f"widen the prior, or check {checks}"
 
 
-def _contradictions(posterior: Posterior, mode: Mode) -> list[str]:
+def prior_contradictions(posterior: Posterior, mode: Mode) -> list[str]:
     """Return the priors without bounds that the data pull far from their middle; z is standard normal under them."""
     return [
         f"prior and data contradict each other about {parameter.name}: the data pull it to {parameter.said(value)}, where its "

@@ -23,23 +23,27 @@ _LENGTHS = {
 }
 _DEGREES = "degrees taken for radians, or the reverse"
 _ANGLES = {_DEGREES: 180 / pi, "revolutions taken for radians, or the reverse": 2 * pi}
-_TURNS = {
-    **_ANGLES,
-    "rpm taken for rad/s, or the reverse": 30 / pi,
-    "minutes taken for seconds, or the reverse": 60.0,
+_RPM = {"rpm taken for rad/s, or the reverse": 30 / pi}
+_PROPELLER = {
+    **_RPM,
+    "revolutions taken for radians, or the reverse": 2 * pi,
+    "rpm taken for revolutions per second, or the reverse": 60.0,
 }
 _FORCES = {
     "kilograms-force taken for newtons, or the reverse": 9.80665,
     "pounds-force taken for newtons, or the reverse": 4.44822,
 }
-CONFUSED = {
+_CONFUSED = {
     str(SPEED): _LENGTHS,
-    str(ANGULAR_RATE): _TURNS,
+    str(ANGULAR_RATE): _PROPELLER,
     str(ANGLE): _ANGLES,
     str(FORCE): _FORCES,
     str(MOMENT): _FORCES,
+    **{rate: {**_ANGLES, **_RPM} for rate in RATES[3:]},
 }
-"""Factors of unit errors by the SI unit of what is measured or commanded."""
+"""Factors of unit errors by name or SI unit of a signal; nobody counts a propeller in degrees."""
+CLOSE, ABOUT = 1.6, 3.0
+"""Times by which the factor of a unit error may be off a ratio for the error to be named; the second if none is so close as the first."""
 UNLIKE, AT, NEAR = 1.5, 0.1, 0.5
 """Ratio to the stated trim, or its inverse, from which a record contradicts it; share by which a control may be off its trim there, and
 within which a straight line through samples on both sides of trim tells the speed at trim."""
@@ -90,8 +94,14 @@ class RecordFinding:
         return f"{self.level:<7} {self.signal:<10} {self.check}: {self.value} ({self.threshold}){end}"
 
 
+def not_judged_yet(signal: str, check: str, wrong: str) -> RecordFinding:
+    """Return the note that something else is to be corrected before this can be judged."""
+    limit = f"judged when {wrong} is right"
+    return RecordFinding(signal, check, "note", "not judged yet", limit, "correct that first, then check again")
+
+
 def unit_guess(names: Sequence[str], ratio: float, unlike: float = 1.0) -> str:
-    """Ask of each signal for the unit error whose factor is nearest to a ratio; empty if none is near.
+    """Ask of each signal for the unit error whose factor is nearest to a ratio; empty if none is within three times of the ratio.
 
     Args:
         names: of the signals.
@@ -100,16 +110,18 @@ def unit_guess(names: Sequence[str], ratio: float, unlike: float = 1.0) -> str:
             apart, every error is asked for whose factor is so near.
     """
     size = max(abs(ratio), 1 / max(abs(ratio), 1e-300))
+    factors = {name: _CONFUSED.get(name, _CONFUSED.get(signal_unit(name), {})) for name in names}
+    off = {
+        name: {words: max(size / x, x / size) for words, x in some.items()} for name, some in factors.items() if some
+    }
+    reach = CLOSE if any(min(some.values()) < CLOSE for some in off.values()) else ABOUT
     near: dict[str, list[str]] = {}
-    for name in names:
-        factors = CONFUSED.get(signal_unit(name), {})
-        far = {words: abs(np.log(size / factor)) for words, factor in factors.items()}
-        first, *others = sorted(far, key=lambda one: far[one]) or [""]
-        if not first or far[first] >= np.log(1.6):
-            continue
-        also = [words for words in others if factors is _LENGTHS and far[words] < np.log(unlike)]
-        for words in (first, *also):
-            near.setdefault(words, []).append(name)
+    for name, some in off.items():
+        first, *others = sorted(some, key=lambda words: some[words])
+        if some[first] < reach:
+            also = [words for words in others if factors[name] is _LENGTHS and some[words] < unlike]
+            for words in (first, *also):
+                near.setdefault(words, []).append(name)
     said = [words + (f", in {' or '.join(some)}" if len(names) > 1 else "") for words, some in near.items()]
     return f"{'; or '.join(said)}? " if said else ""
 

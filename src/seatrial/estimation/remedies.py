@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from math import floor, log10
 
 from seatrial.core.coefficients import CoefficientName, is_coefficient
+from seatrial.core.signals import RATES, SIGNALS, motion_name
 
 
 def what_separates(names: Sequence[str]) -> str:
@@ -34,10 +35,26 @@ def what_separates(names: Sequence[str]) -> str:
         signals = sorted({signal for term in terms for signal in term.signals})
         if signals == ["u"]:
             return "cover a wider range of speeds, by larger steps, longer periods, a reverse or a coast-down"
-        return f"a trial that moves {listed(signals)} further, and one without the others"
+        return f"a trial with {listed([_moved(signal, 'faster', 'larger') for signal in signals])}, and one {_apart(signals)}"
     if all(name.startswith(("sigma_", "tau_", "dof_")) for name in names):
         return "a longer record"
     return "fix one of them, or measure another channel"
+
+
+def _apart(signals: Sequence[str]) -> str:
+    """Return what a second trial has that tells the terms of these signals apart: one of them at less, or each of several alone."""
+    if len(signals) == 1:
+        return f"with {_moved(signals[0], 'slower', 'smaller')}"
+    if all(signal in RATES for signal in signals):
+        return f"in which only {' or only '.join(map(motion_name, signals))} moves"
+    return "in which they change one at a time"
+
+
+def _moved(signal: str, faster: str, larger: str) -> str:
+    """Return a motion or a control with what is said of it: `faster turns`, `faster sway`, `larger rudder angles`."""
+    if signal in RATES:
+        return f"{faster} {'turns' if signal == 'r' else motion_name(signal)}"
+    return f"{larger} {SIGNALS[signal].meaning.partition(' of ')[0]}s"
 
 
 def percent(share: float) -> str:

@@ -47,7 +47,7 @@ LENGTHS = 3.0
 """Length of a block over the time that one independent sample takes: blocks have to be nearly independent of each other."""
 TELLING = 1.5
 """Ratio of the two standard deviations from which both are shown."""
-BEYOND = "effects that are not tested can move values further"
+BEYOND = "Effects that are not tried can move values further."
 """What no second standard deviation can show."""
 
 
@@ -115,16 +115,16 @@ class RobustErrors:
         pieces, tests, is_wider = self.pieces, [], bool((self.ratio > TELLING).any())
         if pieces.count:
             few = f" (widened for so few: Student's t, {pieces.freedom} degrees of freedom)"
-            tests.append(f"without any of {pieces.basis}{few if is_wider else ''}")
-        if self.omitted.sought:
-            tests.append(f"with those that the data ask for of {self.omitted.sought} effects that the model may lack")
+            tests.append(f"left out each of {pieces.basis}{few if is_wider else ''}")
+        if self.omitted.tried:
+            tests.append(f"tried {len(self.omitted.tried)} effects that the model may lack")
         if not tests:
             return f"± with model error: not judged; {pieces.basis}"
-        why = "" if pieces.count else f"; nothing was left out: {pieces.basis}"
-        moves = f"{' or '.join(tests)}{why}"
+        did = f"seatrial {' and '.join(tests)}"
+        why = "" if pieces.count else f" Nothing was left out: {pieces.basis}."
         if not is_wider:
-            return f"± with model error: not needed: no value moves by much more than its ± {moves}; {BEYOND}"
-        return f"± with model error: how far a value moves {moves}; printed if it is more than half larger; {BEYOND}"
+            return f"± with model error: not needed. {did}; no value moved much beyond its ±.{why} {BEYOND}"
+        return f"± with model error: how far a value moved when {did}.{why} It is printed if it is more than half larger. {BEYOND}"
 
     def wider(self, name: str, sd: float) -> float | None:
         """Return the standard deviation of a parameter with the error of the model, widened for few pieces.

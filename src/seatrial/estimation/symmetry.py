@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from jaxtyping import Float
-from scipy.stats import multivariate_normal
 
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError
@@ -124,7 +124,7 @@ def symmetries(
         centre, spread = differences.mean(0), np.atleast_2d(np.cov(differences.T))
         if np.linalg.matrix_rank(spread) < len(kept):  # draws that do not move along one of them say nothing of it
             continue
-        log_posterior = float(multivariate_normal(centre, spread).logpdf(np.zeros(len(kept))))
+        log_posterior = float(scipy.stats.multivariate_normal(centre, spread).logpdf(np.zeros(len(kept))))
         found.append(Symmetry(sides, kept, log_posterior - float(log_prior[np.isfinite(log_prior)].sum())))
     return found
 

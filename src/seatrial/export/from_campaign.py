@@ -14,12 +14,11 @@ from seatrial import __version__
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.config.vehicle import WholeVehicle
-from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.inference.estimate import stored_estimates
-from seatrial.campaign.selection.screening import with_shortlist
 from seatrial.campaign.store.estimates import Estimate
 from seatrial.campaign.store.stored_result import Store
 from seatrial.campaign.store.structures import read_summary
+from seatrial.campaign.workflow.steps import NotCurrent, Workflow
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.signals import RATES
@@ -73,8 +72,11 @@ def stored_estimate(campaign: Campaign, label: str | None = None) -> Estimate:
     summary = read_summary(store.summary, f"seatrial run {campaign.folder}")
     if summary.seatrial_version != __version__:
         raise _stale(campaign.folder, f"results of seatrial {summary.seatrial_version}", remedy)
-    trials = get_trials(campaign)
-    campaign = with_shortlist(campaign, trials)
+    flow = Workflow(campaign)
+    try:
+        campaign, trials = flow.seen("candidates"), flow.seen("trials")
+    except NotCurrent as cause:
+        raise _stale(campaign.folder, "records or a screening of another configuration, or none", remedy) from cause
     labels = {structure.label: structure for structure in campaign.structures}
     chosen = label or summary.chosen
     if chosen not in labels:

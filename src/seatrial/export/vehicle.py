@@ -129,10 +129,11 @@ class ExportedVehicle:
 
     def model(self) -> VehicleModel:
         """Return the same vehicle as a model whose coefficients are all fixed; its attitude is kept by Euler angles."""
-        added = {name: value for name, value in self.coefficients.items() if name not in self.forces}
+        forces = self.forces
+        added = {name: value for name, value in self.coefficients.items() if name not in forces}
         return whole_vehicle(
             replace(self.hull, fixed=added),
-            tuple(self.forces),
+            tuple(forces),
             moves=self.moves,
             attitude="euler",
             added_coriolis=self.added_coriolis,
@@ -198,13 +199,13 @@ def rest_for(vehicle: ExportedVehicle) -> str | None:
     It is whole, of the same mass, and has all of the vehicle's controls; of several, the nearest in mass, and then the one that shares
     most coefficients.
     """
-    results = []
+    results, controls = [], set(vehicle.controls)
     for name in vehicle_names():
         published = load_vehicle(name)
         if published.written is not None or not same_mass(vehicle.hull, published.hull):
             continue
         whole = of_published(name, published)
-        if whole.is_whole and set(vehicle.controls) <= set(whole.controls):
+        if whole.is_whole and controls <= set(whole.controls):
             shared = len(set(vehicle.coefficients) & set(whole.coefficients))
             results.append((abs((whole.hull.mass or 0.0) - (vehicle.hull.mass or 0.0)), -shared, name))
     return min(results)[2] if results else None

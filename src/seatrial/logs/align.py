@@ -28,6 +28,8 @@ _SPARSE = 100.0
 """Steps of the grid for each sample of the quickest channel, from which the unit of time is doubted."""
 _HAIR = 1e-6
 """Share of a step by which rounding may shift a stamp without making it early or late."""
+_BLURRED = 0.3
+"""By how much moved samples may be off, in units of their noise: from here on they are told. It adds 4 % to that noise."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,27 +78,26 @@ def align(
         raise InputError("tables to align", found="none", expected="at least one log", remedy="read it with `read_log`")
     origin = min(table.epoch for table in tables)
     tracks = _tracks(tables, origin, channels)
-    first, last = _interval(tracks)
+    doubts = [
+        f"{table.source} has {doubt}"
+        for table in tables
+        if (doubt := unit_doubt(table.time, table.options.get("time_unit") or "s"))
+    ]
+    first, last = _interval(tracks, doubts)
     begin = first + max(start or 0.0, 0.0)
     stop = last if end is None else min(first + end, last)
     instants = _instants(tracks, begin, stop, step, label) if stop > begin else np.empty(0)
     if instants.size < 3:
-        doubts = [
-            f"{table.source} has {doubt}"
-            for table in tables
-            if (doubt := unit_doubt(table.time, table.options.get("time_unit") or "s"))
-        ]
         raise InputError(
             f'record "{label}", start and end',
             found=f"start {start or 0.0:g} s, end {'of the interval' if end is None else f'{end:g} s'}: "
             f"{instants.size} samples",
             expected=f"at least 3 samples between 0 s and {last - first:.6g} s, where the files overlap",
-            remedy=f"correct the unit of time first: {', and '.join(doubts)}"
-            if doubts
-            else "correct start and end, in seconds from the beginning of the overlap, or the step",
+            remedy=_unit_first(doubts)
+            or "correct start and end, in seconds from the beginning of the overlap, or the step",
         )
 
-    columns, notes, averaged = {}, [], {}
+    columns, notes, averaged, blurred = {}, [], {}, []
     cautions = [text for table in tables for text in table.cautions]
     slack = _NANOSECOND / 2 if step is None else _HAIR * step
     reach = _NANOSECOND if step is None else step / 2 + slack
@@ -106,13 +107,19 @@ def align(
         if track.channel.role == "control":
             columns[name], note = _hold(time, track.values, instants, slack)
         else:
-            columns[name], note, count = _place(time, track, instants, slack, reach)
+            columns[name], note, blur, count = _place(time, track, instants, slack, reach)
             averaged |= {name: count} if count > 1 else {}
+            blurred += [f"{name} {blur}"] if blur and step is not None else []
         notes += [f"{name}: {note}"] if note else []
     controls = [track.channel.name for track in tracks if track.channel.role == "control"]
     holes = [_hole(track.channel.name, track.time - begin, instants[-1]) for track in tracks]
     cautions += [_of_hole(one, controls) for one in _joined(one for one in holes if one is not None)]
     cautions += _sparse(tracks, step)
+    if blurred:
+        cautions.append(
+            f"step = {step:g} s under [import] blurs the record, which may shift values: {'; '.join(blurred)}; leave step out, so that "
+            "every stamp is kept, or make it shorter"
+        )
     hashes = [table.sha256 for table in tables]
     options = {
         "files": [{**table.options, "sha256": table.sha256, "notes": list(table.notes)} for table in tables],
@@ -182,20 +189,34 @@ def _tracks(tables: Sequence[LogTable], origin: Decimal, wanted: Sequence[str] |
     return [found[name] for name in wanted] if wanted is not None else list(found.values())
 
 
-def _interval(tracks: Sequence[_Track]) -> tuple[float, float]:
-    """Return the first and last instant at which every control is known and something is measured, s on the common clock."""
+def _unit_first(doubts: Sequence[str]) -> str:
+    """Return the remedy where units of time are doubted; empty where none is."""
+    return f"correct the unit of time first: {', and '.join(doubts)}" if doubts else ""
+
+
+def _interval(tracks: Sequence[_Track], doubts: Sequence[str]) -> tuple[float, float]:
+    """Return the first and last instant at which every control is known and something is measured, s on the common clock.
+
+    Args:
+        tracks: the channels.
+        doubts: about the units of their clocks, in words.
+
+    Raises:
+        InputError: there is no such time.
+    """
     spans = [(float(track.time[0]), float(track.time[-1]), track.channel.role) for track in tracks]
     first, last = common_interval(spans)
     if not first < last:
         text = "; ".join(
-            f"{track.channel.name} of {track.source}: {a:.6g} s to {b:.6g} s"
+            f"{track.channel.name} of {track.source}: {a:.12g} s to {b:.12g} s"
             for track, (a, b, _) in zip(tracks, spans, strict=True)
         )
         raise InputError(
             ", ".join(dict.fromkeys(track.source for track in tracks)),
             found=f"no common time ({text}, counted from the earliest stamp)",
             expected="files that overlap on one clock",
-            remedy="choose files of the same run, and time columns of the same unit; if their clocks differ, add shift under "
+            remedy=_unit_first(doubts)
+            or "choose files of the same run, and time columns of the same unit; if their clocks differ, add shift under "
             "[[import.files]] of one, which `seatrial inspect` of these files seeks",
         )
     return first, last
@@ -316,20 +337,19 @@ def _of_hole(hole: _Hole, controls: Collection[str]) -> str:
 
 
 def _hold(time: np.ndarray, values: np.ndarray, instants: np.ndarray, slack: float) -> tuple[np.ndarray, str]:
-    """Hold each control from its stamp to the next; the mean over a step in which several begin."""
+    """Hold each control from its stamp to the next; the mean over a step within which one begins, so that none acts late."""
     index = np.searchsorted(time, instants + slack, side="right") - 1
-    begun = np.diff(index)
-    several = np.flatnonzero(begun > 1)
+    within = np.flatnonzero(np.searchsorted(time, instants[1:] - slack) - 1 > index[:-1])
     held = values[index]
-    if several.size:
-        held[several] = held_mean(time, values, instants)[several]
-    return held, f"{several.size} instants hold the mean of what was held until the next" if several.size else ""
+    if within.size:
+        held[within] = held_mean(time, values, instants)[within]
+    return held, f"{within.size} instants hold the mean of what was held until the next" if within.size else ""
 
 
 def _place(
     time: np.ndarray, track: _Track, instants: np.ndarray, slack: float, reach: float
-) -> tuple[np.ndarray, str, float]:
-    """Put each measurement at its nearest instant and average those that meet; also returns how many do at the median.
+) -> tuple[np.ndarray, str, str, float]:
+    """Put each measurement at its nearest instant, average those that meet; also a note, what is blurred, and how many meet at the median.
 
     One midway between two is put at the earlier, where that has none of its own; else it is left out.
     """
@@ -354,11 +374,32 @@ def _place(
     deviation = values - np.repeat(values[firsts], counts)
     column = np.full(instants.size, np.nan)
     column[used] = values[firsts] + np.add.reduceat(deviation, firsts) / counts
-    met = int((counts > 1).sum())
+    met, usual = int((counts > 1).sum()), float(np.median(counts))
+    moved = np.add.reduceat((instants[index] - time)[near], firsts) / counts
+    blur = float(np.sqrt(np.mean(moved**2) * usual)) * _rate_over_noise(time[near], values)
     return (
         column,
         f"{values.size} samples, moved by at most {shift[near].max():.3g} s"
         + (f"; {met} instants hold the mean of two or more" if met else "")
         + (f"; {doubled.sum()} midway between two instants were left out" if doubled.any() else ""),
-        float(np.median(counts)),
+        f"is moved in time by up to {np.abs(moved).max():.2g} s, in which it changes by {blur:.1g} of its noise"
+        if blur > _BLURRED and np.abs(moved).max() > slack
+        else "",
+        usual,
     )
+
+
+def _rate_over_noise(time: np.ndarray, values: np.ndarray) -> float:
+    """Return the root mean square rate of a channel over the standard deviation of its noise, 1/s; 0 where no rate stands out.
+
+    The noise is what a sample differs by from the line between its neighbours, the rate that of these lines; both variances are
+    corrected for the noise of the neighbours.
+    """
+    if values.size < 3:
+        return 0.0
+    span = time[2:] - time[:-2]
+    share = (time[1:-1] - time[:-2]) / span
+    apart = values[1:-1] - values[:-2] - share * (values[2:] - values[:-2])
+    variance = float(np.mean(apart**2 / (1 + share**2 + (1 - share) ** 2)))
+    rate = float(np.mean(((values[2:] - values[:-2]) / span) ** 2) - variance * np.mean(2 / span**2))
+    return math.sqrt(rate / variance) if rate > 0 < variance else 0.0

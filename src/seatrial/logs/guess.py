@@ -16,6 +16,7 @@ from seatrial.core.signals import (
     QUATERNION,
     SIGNALS,
     SPECIFIC_FORCE,
+    SPEED,
     signal_unit,
     thruster_controls,
 )
@@ -23,7 +24,8 @@ from seatrial.core.units import to_si
 from seatrial.logs.axes import Axes
 from seatrial.logs.formats.protocol import MOST_ELEMENTS, TableInfo
 from seatrial.logs.formats.text import TABLE
-from seatrial.logs.known_messages import AUTOPILOT, ROS, message_and_field, output_number
+from seatrial.logs.formats.unit_in_name import name_and_units
+from seatrial.logs.known_messages import AUTOPILOT, ROS, SIDES, message_and_field, output_number, thruster_number
 from seatrial.logs.source import Between
 from seatrial.logs.summary import ColumnSummary, TableSummary
 
@@ -66,6 +68,8 @@ class Guess:
 
 
 _BODY = ("u", "v", "w")
+FASTEST = 25.0
+"""Speed beyond that of any vehicle, m/s."""
 _UNIT = 1.001
 """Size up to which numbers may be parts of a unit quaternion."""
 _OF = "(?:dvl|speed|vel|velocity|body|measured|meas|nu)_?"
@@ -73,6 +77,9 @@ _OF = "(?:dvl|speed|vel|velocity|body|measured|meas|nu)_?"
 _ALONG = "(?:velocity[._]?|vel_?|v_?)"
 """What a velocity along x, y or z is called before that letter."""
 _AXES_UNKNOWN = re.compile(rf"(?:{_OF})?{_ALONG}[xyz]")
+_SPEED = "(?:_?(?:speed|vel|velocity))?"
+_TURN = "(?:imu_?)?(?:angular_velocity\\.|gyro?[_.]?|omega_?|[gw]_?)"
+"""What a rate of turn about x, y or z is called before that letter."""
 _COMMAND = "(?:cmd|command|commanded)"
 _PROPELLER = "(?:prop|propeller|shaft|motor|thruster)(?:_?(?:rpm|speed|rate))?"
 _NAMES = (
@@ -80,19 +87,19 @@ _NAMES = (
     ("v_east", 2, "v_?e(?:ast)?|vel(?:ocity)?[._]?e(?:ast)?|east_?(?:vel|velocity|speed)"),
     ("v_down", 2, "v_?d(?:own)?|vel(?:ocity)?[._]?d(?:own)?|down_?(?:vel|velocity|speed)"),
     *((f"q_{part}", 2, rf"(?:orientation|quat(?:ernion)?)[._]?{part}|q_?{part}") for part in "wxyz"),
-    ("u", 2, f"(?:{_OF})?u|surge|surge_?(?:speed|vel|velocity)"),
+    ("u", 2, f"(?:{_OF})?(?:u|surge{_SPEED})"),
     ("u", 1, f"speed|spd|(?:log|dvl)_?speed|speed_?(?:log|dvl)|(?:{_OF})?{_ALONG}x|speed_?over_?ground|sog"),
-    ("v", 2, f"(?:{_OF})?v|sway|sway_?(?:speed|vel|velocity)"),
+    ("v", 2, f"(?:{_OF})?(?:v|sway{_SPEED})"),
     ("v", 1, f"(?:{_OF})?{_ALONG}y"),
-    ("w", 2, f"(?:{_OF})?w|heave|heave_?(?:speed|vel|velocity)"),
+    ("w", 2, f"(?:{_OF})?(?:w|heave{_SPEED})"),
     ("w", 1, f"(?:{_OF})?{_ALONG}z"),
-    ("p", 2, "p|roll_?rate|roll_?speed|angular_velocity\\.x|gyro?[_.]?x"),
-    ("q", 2, "q|pitch_?rate|pitch_?speed|angular_velocity\\.y|gyro?[_.]?y"),
-    ("r", 2, "r|yaw_?rate|yaw_?speed|turn_?rate|rate_?of_?turn|rot|angular_velocity\\.z|gyro?[_.]?z"),
+    ("p", 2, f"p|roll_?rate|roll_?speed|{_TURN}x"),
+    ("q", 2, f"q|pitch_?rate|pitch_?speed|{_TURN}y"),
+    ("r", 2, f"r|yaw_?rate|yaw_?speed|turn_?rate|rate_?of_?turn|rot|{_TURN}z"),
     ("phi", 2, "phi|roll|roll_?angle"),
     ("theta", 2, "theta|pitch|pitch_?angle"),
     ("psi", 2, "psi|yaw|heading|hdg|yaw_?angle"),
-    ("z", 2, "depth|depth_?m"),
+    ("z", 2, "depth"),
     ("z", 1, "z|position\\.z"),
     ("n", 2, f"n|(?:{_COMMAND}_)?(?:rpm|{_PROPELLER})(?:_{_COMMAND})?"),
     ("n", 1, "(?:main_?)?engine_?(?:rpm|speed)|(?:main_?)?engine"),
@@ -107,30 +114,9 @@ _NAMES = (
     ("tau_M", 2, "tau_?m|pitch_?moment|torque\\.y|my"),
     ("tau_N", 2, "tau_?n|yaw_?moment|torque\\.z|mz"),
 )
-_SUFFIXES = {
-    **dict.fromkeys(("deg_s", "degps", "degs", "deg_per_s", "dps"), "deg/s"),
-    **dict.fromkeys(("rad_s", "radps", "rads", "rad_per_s"), "rad/s"),
-    "mrad_s": "mrad/s",
-    "deg": "deg",
-    "cdeg": "cdeg",
-    "rad": "rad",
-    "mrad": "mrad",
-    "rpm": "rpm",
-    "rps": "rev/s",
-    **dict.fromkeys(("mps", "m_s", "ms", "m_per_s"), "m/s"),
-    **dict.fromkeys(("cmps", "cm_s", "cms", "cm_per_s"), "cm/s"),
-    **dict.fromkeys(("mmps", "mm_s", "mms", "mm_per_s"), "mm/s"),
-    **dict.fromkeys(("kmph", "km_h", "kmh", "kph"), "km/h"),
-    **dict.fromkeys(("kn", "kt", "kts", "knot", "knots"), "kn"),
-    **dict.fromkeys(("newton", "n"), "N"),
-    **dict.fromkeys(("nm", "n_m"), "N*m"),
-    "kgf": "kgf",
-    "lbf": "lbf",
-    "m": "m",
-    "cm": "cm",
-    "mm": "mm",
-}
-"""Units at the end of a name, in small letters."""
+_THRUSTER = re.compile(
+    rf"(?:.*[./])?(?:thruster|thr|motor)s?_?(?P<which>\d+|{SIDES})(?:_?(?:thrust|force|speed|{_COMMAND}))?"
+)
 _SPELLING = {
     "RPM": "rpm",
     "knots": "kn",
@@ -155,7 +141,7 @@ _PATTERNS = tuple((channel, strength, re.compile(pattern)) for channel, strength
 
 def guesses(tables: Sequence[TableSummary]) -> tuple[Guess, ...]:
     """Guess the channel of every column whose type, name or unit says something, the strongest of each channel first."""
-    found = [guess for table in tables if table.clock for guess in _of_table(table)]
+    found = [guess for table in tables if table.clock or len(tables) == 1 for guess in _of_table(table)]
     sizes = {table.info.name: table.rows for table in tables}
     order = [
         *SIGNALS,
@@ -164,6 +150,7 @@ def guesses(tables: Sequence[TableSummary]) -> tuple[Guess, ...]:
         *QUATERNION,
         *SPECIFIC_FORCE,
         *thruster_controls(MOST_ELEMENTS, commanded_force=True),
+        *thruster_controls(MOST_ELEMENTS, commanded_force=False),
     ]
     return tuple(sorted(found, key=lambda guess: (order.index(guess.channel), -guess.strength, -sizes[guess.table])))
 
@@ -233,7 +220,12 @@ def _of_table(table: TableSummary) -> Iterator[Guess]:
     for column in table.columns:
         if column.name in clocks or column.name.endswith("log_time"):
             continue
-        guess = _by_type(table, column) or _by_output(table, column) or _of_quaternion(table, column)
+        guess = (
+            _by_type(table, column)
+            or _by_output(table, column)
+            or _by_thruster(table, column)
+            or _of_quaternion(table, column)
+        )
         message, _ = message_and_field(_named(table.info), column.name)
         if guess is None and not column.trouble and message not in AUTOPILOT:
             guess = _by_name(table, column)
@@ -278,6 +270,25 @@ def _by_output(table: TableSummary, column: ColumnSummary) -> Guess | None:
     return Guess(f"f_{number}", table.info.name, column.name, COMMAND, 1.0, "NED", "control", reason, 1)
 
 
+def _by_thruster(table: TableSummary, column: ColumnSummary) -> Guess | None:
+    """Guess that a column that is called after one of several thrusters is its force or speed by the unit, its command without one."""
+    bare, units = name_and_units(column.name.lower().replace(" ", "_"))
+    match = _THRUSTER.fullmatch(bare)
+    number = thruster_number(match["which"]) if match else None
+    if not number or number > MOST_ELEMENTS:
+        return None
+    for channel in (f"f_{number}", f"n_{number}"):
+        known = (
+            _unit(channel, column, units)
+            if units or column.unit
+            else (COMMAND, 1.0, "[vehicle.thrust_laws] makes thrust of it")
+        )
+        if known is not None:
+            reason = f'the name "{column.name}"; {known[2]}: check the order'
+            return Guess(channel, table.info.name, column.name, *known[:2], "NED", "control", reason, 1)
+    return None
+
+
 def _by_name(table: TableSummary, column: ColumnSummary) -> Guess | None:
     """Guess by the last part of the column's name, or by the table's where the column is only `value`."""
     full = table.info.name if column.name in ("value", "data") else column.name
@@ -285,14 +296,14 @@ def _by_name(table: TableSummary, column: ColumnSummary) -> Guess | None:
         return None
     name = full.removesuffix("[0]").lower()
     name = re.sub(r"^.*/(?![^\[(]*[\])])", "", name).replace(" ", "_").removeprefix("nav_")
-    bare, hinted = _without_unit(name)
+    bare, hinted = name_and_units(name)
     for candidate in dict.fromkeys((name, bare)):
         parts = candidate.split(".")
         for text in (".".join(parts[-2:]), parts[-1]):
             for channel, strength, pattern in _PATTERNS:
                 within = table.info.name if text != parts[-1] else " ".join((table.info.name, *parts[:-1]))
                 if pattern.fullmatch(text) and (_role(channel) == "control" or not _NOT_MEASURED.search(within)):
-                    unit = _unit(channel, column, hinted if candidate == bare else None)
+                    unit = _unit(channel, column, hinted if candidate == bare else ())
                     if unit is None:
                         continue
                     axes = "; its axes are not known: check its sign" if _AXES_UNKNOWN.fullmatch(text) else ""
@@ -324,28 +335,17 @@ def _of_quaternion(table: TableSummary, column: ColumnSummary) -> Guess | None:
 
 def unit_by_name(column: str, channel: str) -> tuple[str, float] | None:
     """Return the unit that the name of a column ends with and the factor to it; None where it ends with none of the channel's kind."""
-    unit = _without_unit(column.lower().replace(" ", "_"))[1]
-    return None if unit is None else _fitting(unit, channel)
+    units = name_and_units(column.lower().replace(" ", "_")).units
+    return next(filter(None, (_fitting(unit, channel) for unit in units)), None)
 
 
-def _without_unit(name: str) -> tuple[str, str | None]:
-    """Return a name without the unit at its end, and that unit."""
-    match = re.fullmatch(r"(.+?)_?[\[(]([^\[\]()]+)[\])]", name)
-    if match:
-        return match[1], _SUFFIXES.get(match[2].replace("/", "_"), match[2])
-    for suffix, unit in _SUFFIXES.items():
-        if name.endswith("_" + suffix) and len(name) > len(suffix) + 1:
-            return name[: -len(suffix) - 1], unit
-    return name, None
-
-
-def _unit(channel: str, column: ColumnSummary, hinted: str | None) -> tuple[str, float, str] | None:
+def _unit(channel: str, column: ColumnSummary, hinted: Sequence[str]) -> tuple[str, float, str] | None:
     """Return the unit, factor and where they are from; None where the stated unit is one of something else."""
-    for unit, source in ((column.unit, "the log states its unit"), (hinted, "its unit by the name")):
-        if unit is None:
-            continue
-        fitting = _fitting(unit, channel)
-        return None if fitting is None else (*fitting, source)
+    stated = () if column.unit is None else (column.unit,)
+    for units, source in ((stated, "the log states its unit"), (hinted, "its unit by the name")):
+        if units:
+            fitting = next(filter(None, (_fitting(unit, channel) for unit in units)), None)
+            return None if fitting is None else (*fitting, source)
     size = max(abs(column.least), abs(column.greatest))
     if channel in ("phi", "theta", "psi", "delta_r", "delta_s"):
         return ("deg", 1.0, "degrees by its range") if size > 2.1 * pi else ("rad", 1.0, "radians by its range")
@@ -358,6 +358,8 @@ def _unit(channel: str, column: ColumnSummary, hinted: str | None) -> tuple[str,
             1.0,
             "its unit by the name" if "rpm" in column.name.lower() else "its unit by its range",
         )
+    if signal_unit(channel) == str(SPEED) and size > FASTEST:
+        return "cm/s", 1.0, f"centimetres by its range, as {size:.3g} m/s is beyond any vehicle: or mm/s, km/h, kn?"
     return _text_unit(channel), 1.0, "its unit is not known: SI"
 
 

@@ -1,6 +1,7 @@
 """A first look at a log of any format: what each column holds, how good its clocks are, and a map to begin with."""
 
 import json
+import math
 import re
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -18,6 +19,7 @@ from seatrial.logs.formats.registry import catalogue, format_of, pick, stream
 from seatrial.logs.guess import Guess, best, guesses, remarks
 from seatrial.logs.measured_control import looks_measured
 from seatrial.logs.summary import ClockSummary, ColumnSummary, Gathered, TableSummary
+from seatrial.logs.time_stamps import likelier_unit
 
 _BURSTS = 0.5
 """Standard deviation of the step, as a share of the mean step, from which rows come in bursts."""
@@ -143,11 +145,9 @@ class LogSummary:
         name, unit = ("", "s") if clock is None else (clock.name, clock.unit)
         yield f"time = {{ column = {_quoted(name)}, unit = {_quoted(unit)} }}"
         if clock is None:
-            yield "# time: no column is it by its name; give the column, and its unit"
-        elif clock.repeated:
-            yield f'clock = "drop_repeated"  # {clock.repeated} stamps repeat; "even" if rows left evenly and came in bursts'
-        elif clock.jitter > _BURSTS / clock.rate:
-            yield f'# clock = "even"  # if rows left evenly: they arrived in bursts (sd of the step {clock.jitter:.2g} s)'
+            yield "# time: no column is it by its name, and none rises in every row; give the column, and its unit"
+        else:
+            yield from _clock_keys(clock)
         if apart is not None and apart.found is not None:
             yield f'shift = "{apart.found.shift:.3f} s"  # guess: {apart.surety}'
         elif apart is not None:
@@ -324,6 +324,16 @@ def _labels(paths: Sequence[Path]) -> list[str]:
     return stems if len(set(stems)) == len(stems) else [str(at) for at in range(1, len(paths) + 1)]
 
 
+def _clock_keys(clock: ClockSummary) -> Iterator[str]:
+    """Yield what a campaign file says of a clock beside its column and unit, and what is doubted."""
+    if doubt := _clock_doubt(clock):
+        yield f"# time: {doubt}"
+    if clock.repeated:
+        yield f'clock = "drop_repeated"  # {clock.repeated} stamps repeat; "even" if rows left evenly and came in bursts'
+    elif clock.jitter > _BURSTS / clock.rate:
+        yield f'# clock = "even"  # if rows left evenly: they arrived in bursts (sd of the step {clock.jitter:.2g} s)'
+
+
 def _unused_lines(table: TableSummary, used: Collection[str]) -> Iterator[str]:
     """Yield a comment on each column that moves and that no channel uses."""
     others = {*used, *(clock.name for clock in table.clocks)}
@@ -347,7 +357,7 @@ def _table_lines(table: TableSummary, is_alone: bool) -> Iterator[str]:
     for each in table.clocks:
         yield f"  {'clock' if each is clock else 'other clock'} {_clock_text(each)}"
     if clock is None:
-        yield "  no clock: no column is the time by its name and moves"
+        yield "  no clock: no column is the time by its name and moves, and none rises in every row"
     stamps = {each.name for each in table.clocks}
     shown = [column for column in table.columns if column.name not in stamps]
     width = max((len(column.name) for column in shown), default=0)
@@ -391,7 +401,18 @@ def _clock_text(clock: ClockSummary) -> str:
         if clock.holes
         else ""
     )
-    return text + lost + (f"; stamps: {', '.join(faults)}" if faults else "")
+    text += lost + (f"; stamps: {', '.join(faults)}" if faults else "")
+    doubt = _clock_doubt(clock)
+    return f"{text}; {doubt}" if doubt else text
+
+
+def _clock_doubt(clock: ClockSummary) -> str:
+    """Say that a clock was guessed, or which unit would make rows as frequent as usual; empty where nothing is doubted."""
+    guessed = "" if clock.is_named else "guessed, as it rises in every row, most evenly: check the column, and its unit"
+    step = 1.0 / clock.rate
+    best = likelier_unit(step / to_si(1.0, clock.unit, "s", clock.name), clock.unit) if clock.rate > 0 else None
+    unit = f'a row every {step:.3g} s: is its unit "{best}", not "{clock.unit}"?' if best else ""
+    return "; ".join(filter(None, (guessed, unit)))
 
 
 def _column_text(column: ColumnSummary) -> str:
@@ -401,10 +422,17 @@ def _column_text(column: ColumnSummary) -> str:
     if column.constant:
         text = f"{column.least:.6g}{unit}; constant"
     else:
-        text = f"{column.least:.6g} to {column.greatest:.6g}{unit}; mean {column.mean:.4g}, sd {column.sd:.3g}"
+        digits = _digits(column.least, column.greatest)
+        text = f"{column.least:.{digits}g} to {column.greatest:.{digits}g}{unit}; mean {column.mean:.4g}, sd {column.sd:.3g}"
     extra = [f"{column.missing:.1%} missing"] if column.missing else []
     extra += [column.trouble] if column.trouble not in ("", "constant") else []
     return "; ".join([text, *extra])
+
+
+def _digits(least: float, greatest: float) -> int:
+    """Return how many digits tell the two ends of a range apart to a thousandth of it; six at least, and no more than a number has."""
+    size, width = max(abs(least), abs(greatest)), greatest - least
+    return min(max(6, math.ceil(math.log10(size / width)) + 3), 17) if 0 < width < math.inf else 6
 
 
 def _place(guess: Guess, tables: int) -> str:

@@ -154,11 +154,15 @@ _FIELD_OF_MESSAGE = re.compile(
 """Name of a column that begins with its message, of which there may be several."""
 _PULSES = (900.0, 1500.0, 2100.0)
 _ELEMENT = re.compile(r"(.*)\[(\d+)\]")
+_NUMBERS = {"port": 1, "left": 1, "starboard": 2, "stbd": 2, "right": 2}
+"""Numbers of two thrusters that are called by their side."""
+SIDES = "|".join(_NUMBERS)
 _NUMBERED = re.compile(
-    r"(?:.*[./])?(?:pwm|servo|thruster|motor|esc|(?:rc_?)?out(?:put)?)_?(?:pwm_?)?(\d+)(?:_?(?:pwm|us|raw))?",
+    rf"(?:.*[./])?(?:pwm|servo|thruster|motor|esc|(?:rc_?)?out(?:put)?)_?(?:pwm_?)?(\d+|{SIDES})(?:_?(?:pwm|us|raw))?"
+    rf"|(?:.*[./])?({SIDES})_(?:pwm|us)",
     re.IGNORECASE,
 )
-"""Names of columns that count outputs from 1."""
+"""Names of columns that count outputs from 1, or call two by their side."""
 
 
 def output_number(table: str, column: str, least: float, greatest: float) -> int | None:
@@ -176,11 +180,16 @@ def output_number(table: str, column: str, least: float, greatest: float) -> int
             match = pattern.fullmatch(field)
             return int(match[1]) if match and _is_pulse(least, greatest) else None
     if (match := _NUMBERED.fullmatch(column)) and _is_pulse(least, greatest):
-        return int(match[1]) or None
+        return thruster_number(match[1] or match[2])
     match = _ELEMENT.fullmatch(field)
     if match is None or not (_is_pulse(least, greatest) or (message == _NORMALISED and match[1] == "control")):
         return None
     return int(match[2]) + 1
+
+
+def thruster_number(which: str) -> int | None:
+    """Return the number, from 1, of a thruster that is called by it or by its side; None for 0."""
+    return _NUMBERS.get(which.lower()) or int(which) or None
 
 
 def _is_pulse(least: float, greatest: float) -> bool:

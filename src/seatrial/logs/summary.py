@@ -1,14 +1,17 @@
 """What a table of a log holds, gathered while it streams by: of each column a range, of each clock the sums of its steps."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from seatrial.core.units import to_si
-from seatrial.logs.formats.protocol import TIME_UNITS, Block, TableInfo
-from seatrial.logs.time_stamps import fitting_unit, is_plausible, lost_after
+from seatrial.logs.formats.protocol import TIME_UNITS, Block, TableInfo, time_unit_at_end
+from seatrial.logs.time_stamps import fitting_unit, is_plausible, likelier_unit, lost_after
 
+FEWEST = 10
+"""Steps up, without one down, of a column that is taken for a clock though its name does not say so."""
 _TINY, _HUGE = 1e-6, 1e15
 _LONGEST = 1e18
 """A step, in seconds, beyond which the sums would overflow."""
@@ -78,6 +81,7 @@ class ClockSummary:
         backward: stamps earlier than the one before.
         holes: in which rows were lost.
         lost: their length, all together.
+        is_named: whether its name says that it is a clock; else it was taken for one because it rises in every row.
     """
 
     name: str
@@ -90,6 +94,7 @@ class ClockSummary:
     backward: int
     holes: int = 0
     lost: float = 0.0
+    is_named: bool = True
 
     @property
     def moves(self) -> bool:
@@ -142,9 +147,10 @@ class _Column:
 @dataclass(eq=False)
 class _Clock:
     """Running sums of a clock's steps, about a typical one so that nothing cancels; in another unit where no log has such steps in that of
-    the name."""
+    the name, and in the likeliest where no name tells the unit."""
 
     unit: str
+    is_named: bool = True
     first: np.ndarray | None = None
     last: np.ndarray | None = None
     typical: float = 0.0
@@ -162,6 +168,18 @@ class _Clock:
         """Seconds in one unit."""
         return to_si(1.0, self.unit, "s", "clock")
 
+    @property
+    def rises(self) -> bool:
+        """Whether every stamp so far is later than the one before."""
+        return not (self.repeated or self.backward)
+
+    @property
+    def unevenness(self) -> tuple[bool, float]:
+        """Return what is least of the most even clock: whether it counts rows one by one, and how much its steps differ, to a millionth."""
+        spread = math.sqrt(max(self.squares / self.steps - (self.total / self.steps) ** 2, 0.0))
+        counts_rows = spread == 0 and self.typical == self.scale
+        return counts_rows, round(spread / abs(self.typical + self.total / self.steps), 6)
+
     def take(self, stamps: np.ndarray) -> None:
         stamps = stamps[np.isfinite(stamps)]
         if not stamps.size:
@@ -170,8 +188,10 @@ class _Clock:
             self.first, joined = stamps[:1].copy(), stamps
             with np.errstate(over="ignore"):
                 step = np.diff(stamps)
-            if step.size and step.any() and not is_plausible(stamps * self.scale):
-                self.unit = fitting_unit(abs(float(np.median(step))))
+            usual = abs(float(np.median(step))) if step.size else 0.0
+            self.unit = self.unit or (likelier_unit(usual, "s") if usual else None) or "s"
+            if step.any() and not is_plausible(stamps * self.scale):
+                self.unit = fitting_unit(usual)
             self.typical = float(np.clip(np.median(step) * self.scale, -_LONGEST, _LONGEST)) if step.size else 0.0
         else:
             joined = np.concatenate([self.last, stamps])
@@ -192,18 +212,18 @@ class _Clock:
 
     def summary(self, name: str) -> ClockSummary:
         if self.first is None or self.last is None or not self.steps:
-            return ClockSummary(name, self.unit, 0.0, math.nan, math.nan, 0.0, 0, 0)
+            return ClockSummary(name, self.unit, 0.0, math.nan, math.nan, 0.0, 0, 0, is_named=self.is_named)
         duration = float((self.last - self.first)[0]) * self.scale
         mean = self.total / self.steps
         jitter = math.sqrt(max(self.squares / self.steps - mean**2, 0.0))
         rate = self.steps / (duration - self.lost) if duration > self.lost else math.nan
         faults = (self.repeated, self.backward, self.holes, self.lost)
-        return ClockSummary(name, self.unit, duration, rate, jitter, self.gap, *faults)
+        return ClockSummary(name, self.unit, duration, rate, jitter, self.gap, *faults, self.is_named)
 
 
 @dataclass(eq=False)
 class Gathered:
-    """What is kept of one table while it streams by."""
+    """What is kept of one table while it streams by; where no name tells the clock, every column is tried as one as long as it rises."""
 
     info: TableInfo
     rows: int = 0
@@ -216,6 +236,8 @@ class Gathered:
             unit = self.info.unit(name)
             if unit in TIME_UNITS:
                 self.clocks[name] = _Clock(unit)
+        if not self.clocks:
+            self.clocks = {name: _Clock(time_unit_at_end(name) or "", is_named=False) for name in self.columns}
 
     def take(self, block: Block) -> None:
         """Add some rows."""
@@ -223,6 +245,7 @@ class Gathered:
             self.columns[name].take(values)
         for name, clock in self.clocks.items():
             clock.take(block.columns[name])
+        self.clocks = {name: clock for name, clock in self.clocks.items() if clock.is_named or clock.rises}
         self.rows += len(next(iter(block.columns.values()), ()))
 
     def summary(self) -> TableSummary:
@@ -242,5 +265,13 @@ class Gathered:
             )
             for name, found in self.columns.items()
         )
-        clocks = tuple(clock.summary(name) for name, clock in self.clocks.items())
+        clocks = tuple(clock.summary(name) for name, clock in self._found(columns).items())
         return TableSummary(self.info, self.rows, clocks, columns)
+
+    def _found(self, columns: Sequence[ColumnSummary]) -> dict[str, _Clock]:
+        """Return the clocks that are named; without any, the most even of the columns that rise in every row, if one does."""
+        if any(clock.is_named for clock in self.clocks.values()):
+            return self.clocks
+        whole = {one.name for one in columns if one.count == self.rows}
+        rising = [name for name, clock in self.clocks.items() if name in whole and clock.steps >= FEWEST]
+        return {name: self.clocks[name] for name in sorted(rising, key=lambda name: self.clocks[name].unevenness)[:1]}

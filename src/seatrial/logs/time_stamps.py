@@ -165,6 +165,14 @@ def fitting_unit(step: float) -> str:
     return min(far, key=lambda name: abs(far[name]))
 
 
+def likelier_unit(step: float, unit: str) -> str | None:
+    """Return the unit in which a step, as it stands in a log, is usual, if it is not in the stated one; None if no other is likelier."""
+    if _QUICK <= step * to_si(1.0, unit, "s", unit) <= _SLOW:
+        return None
+    best = fitting_unit(step)
+    return best if best != unit else None
+
+
 def unit_doubt(time: Float[np.ndarray, " n"], unit: str) -> str:
     """Say which unit would make rows as frequent as a vehicle's log has them, where the stated one does not; empty where it does.
 
@@ -176,11 +184,9 @@ def unit_doubt(time: Float[np.ndarray, " n"], unit: str) -> str:
     if _QUICK <= step <= _SLOW:
         return ""
     in_file = step / to_si(1.0, unit, "s", unit)
-    best = fitting_unit(in_file)
+    best = likelier_unit(in_file, unit)
     question = (
-        f'; is it "{best}"? Then it would be one every {in_file * to_si(1.0, best, "s", best):.2g} s'
-        if best != unit
-        else ""
+        f'; is it "{best}"? Then it would be one every {in_file * to_si(1.0, best, "s", best):.2g} s' if best else ""
     )
     return f'a row every {step:.2g} s with the unit "{unit}", where {_QUICK:g} s to {_SLOW:g} s is usual{question}'
 

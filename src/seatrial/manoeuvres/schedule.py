@@ -25,6 +25,8 @@ from seatrial.manoeuvres.manoeuvre import Limits, Manoeuvre
 MOST_SAMPLES = 200_000
 """Samples of one trial."""
 MOST_BYTES = 1 << 26
+COMMAND = "command"
+"""In place of a unit: the command of a thruster by its law of thrust, which is written for the operator and not read back."""
 _BEND = 1e-9
 """Change of slope, as a share of the largest value, below which a line is straight."""
 _JUMP = 1e-9
@@ -182,15 +184,33 @@ def schedule_of(manoeuvre: Manoeuvre, sample_time: float) -> Schedule:
     return Schedule(time, {manoeuvre.control: control, **{name: x(time) for name, x in manoeuvre.others.items()}})
 
 
-def table_text(time: Sequence[float], controls: Mapping[str, Sequence[float]]) -> str:
-    """Return a table by its rows, controls in SI, in the units in which people read them."""
+def table_text(
+    time: Sequence[float],
+    controls: Mapping[str, Sequence[float]],
+    commands: Mapping[str, Sequence[float]] = {},
+) -> str:
+    """Return a table by its rows, in the units in which people read them.
+
+    Args:
+        time: s.
+        controls: by name, SI.
+        commands: of the thrusters among them, in the unit of their laws of thrust, NaN where no command makes a thrust: such a control
+            has no column of them, and a remark at the end says why.
+    """
     shown = [(name, *shown_unit(name), values) for name, values in controls.items()]
+    short = {name: np.flatnonzero(np.isnan(values)) for name, values in commands.items()}
+    shown += [(name, 1.0, COMMAND, values) for name, values in commands.items() if not short[name].size]
     head = ",".join(["time_s", *(f"{name}_{unit}" for name, _, unit, _ in shown)])
     rows = (
         ",".join([f"{t:.10g}", *(f"{values[i] * factor:.10g}" for _, factor, _, values in shown)])
         for i, t in enumerate(time)
     )
-    return "\n".join([head, *rows]) + "\n"
+    remarks = (
+        f"# {name}: no {COMMAND} column, because no command makes {controls[name][at[0]]:.4g} N by its law of thrust"
+        for name, at in short.items()
+        if at.size
+    )
+    return "\n".join([head, *rows, *remarks]) + "\n"
 
 
 def read_rows(path: Path, controls: Sequence[str]) -> Rows:
@@ -215,7 +235,11 @@ def read_rows(path: Path, controls: Sequence[str]) -> Rows:
         )
     columns = _header(f"{path}:{lines[0][0]}", [cell.strip() for cell in lines[0][1].split(",")], controls)
     cells = np.array([_row(f"{path}:{i}", text.split(","), len(columns)) for i, text in lines[1:]])
-    values = {name: cells[:, at] * factor for at, (name, factor) in enumerate(columns.items())}
+    values = {
+        name: cells[:, at] * factor
+        for at, (name, factor) in enumerate(columns.items())
+        if not name.endswith(f"_{COMMAND}")
+    }
     rows = Rows(str(path), tuple(i for i, _ in lines[1:]), values.pop("time"), values)
     _check_times(rows)
     return rows
@@ -276,7 +300,7 @@ def _header(where: str, cells: Sequence[str], controls: Sequence[str]) -> dict[s
     for cell in cells:
         # Of tau_X_N and n_1_rpm the longest name that is known is meant.
         name = max((one for one in known if cell == one or cell.startswith(f"{one}_")), key=len, default="")
-        if not name or name in found:
+        if not name or (name if cell != f"{name}_{COMMAND}" else cell) in found:
             meant = nearest(cell.rpartition("_")[0] or cell, known)
             raise InputError(
                 where,
@@ -284,6 +308,9 @@ def _header(where: str, cells: Sequence[str], controls: Sequence[str]) -> dict[s
                 expected=f"the time and controls of the vehicle, each with its unit: {_example(controls)}",
                 remedy="leave the second one out" if name else f"rename it, or leave it out: {meant}",
             )
+        if cell == f"{name}_{COMMAND}":
+            found[cell] = 1.0
+            continue
         if not (unit := cell[len(name) + 1 :]):
             raise InputError(
                 where,
@@ -292,7 +319,7 @@ def _header(where: str, cells: Sequence[str], controls: Sequence[str]) -> dict[s
                 remedy="write the unit behind the name",
             )
         found[name] = to_si(1.0, unit, known[name], f'{where}, column "{cell}"')
-    if "time" not in found or len(found) == 1:
+    if "time" not in found or not set(found) & set(controls):
         raise InputError(
             where,
             found="no time" if "time" not in found else "no control",

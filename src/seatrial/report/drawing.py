@@ -17,7 +17,7 @@ from seatrial.campaign.config.truth import true_coefficients
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import shown_unit
 from seatrial.core.record import Record
-from seatrial.core.signals import HELD, SIGNALS, signal_label
+from seatrial.core.signals import HELD, SIGNALS, is_thruster, signal_label
 from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.manoeuvres.schedule import Schedule
 from seatrial.report.figures.checks import Moved
@@ -134,8 +134,10 @@ def draw(figure: "Figure", name: str, title: str, caption: str = "", heading: st
 def labels_of(outcome: "Outcome") -> dict[str, str]:
     """Return the LaTeX label of every parameter of every structure, of terms that none has or that are known, and of signals whose
     names are no symbols."""
-    signals = {name: signal_label(name) for name in (*SIGNALS, *HELD) if "_" in name}
     campaign = outcome.campaign
+    signals = {
+        name: signal_label(name) for name in (*SIGNALS, *HELD, *campaign.model(campaign.full).controls) if "_" in name
+    }
     terms = {term: CoefficientName.parse(term).label for term in (*campaign.structure.optional, *campaign.hull.fixed)}
     return signals | terms | _of_parameters(outcome, "label")
 
@@ -205,7 +207,7 @@ def _of_parameters(outcome: "Outcome", column: str) -> dict[str, str]:
 
 def signal_symbol(name: str) -> str:
     """Return a signal's symbol for a figure, within dollars; `udot` is the derivative of `u`."""
-    known = name.removesuffix("dot") in (*SIGNALS, *HELD)
+    known = is_thruster(name) or name.removesuffix("dot") in (*SIGNALS, *HELD)
     return label_mathtext(signal_label(name) if known else rf"\mathrm{{{name}}}")
 
 

@@ -14,7 +14,7 @@ from markupsafe import Markup, escape
 
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError
-from seatrial.core.signals import HELD, SIGNALS, signal_label
+from seatrial.core.signals import HELD, SIGNALS, is_thruster, signal_label
 from seatrial.report.numbers import typeset
 
 GREEK = {
@@ -71,18 +71,13 @@ def name_mathtext(name: str) -> str:
     """Return the label of a parameter for a figure, by its name alone: `sigma_u` gives `$\\sigma_{u}$`."""
     base, bracket, run = name.partition("[")
     head, _, of = base.partition("_")
-    if head in LETTERS and of:
-        label = LETTERS[head].replace("?", _label_of(of))
-    elif of.isdigit() and head in SIGNALS:
-        label = f"{SIGNALS[head].label}_{of}"
-    else:
-        label = _label_of(base)
+    label = LETTERS[head].replace("?", _label_of(of)) if head in LETTERS and of else _label_of(base)
     return label_mathtext(label + bracket + run)
 
 
 def _label_of(name: str) -> str:
     """Return the LaTeX of a coefficient, of a signal or its rate; the name itself of what is none of these."""
-    if name.removesuffix("dot") in (*SIGNALS, *HELD):
+    if is_thruster(name) or name.removesuffix("dot") in (*SIGNALS, *HELD):
         return signal_label(name)
     try:
         return CoefficientName.parse(name).label

@@ -32,6 +32,7 @@ from seatrial.core.random_keys import fold_in, split
 from seatrial.core.reporter import Progress, no_progress
 from seatrial.estimation.mode import Mode, climb, find_mode, rises
 from seatrial.estimation.posterior import Posterior, as_key, check_posterior
+from seatrial.estimation.remedies import listed
 from seatrial.sampling.nested import NestedRun, sample_nested
 from seatrial.sampling.target import Target, evaluate
 from seatrial.sampling.tempered_smc import SMCResult, SMCSettings, Start, prior_particles, sample_tempered_smc
@@ -468,7 +469,7 @@ def _note(name: Method, found: Mapping[str, Any]) -> str:
     reasons = [complaint.split(": ")[0] for complaint in found["status"].split("; ") if complaint]
     if apart:
         reasons.append(f"it is {abs(found['difference']):.2f} nats {'above' if found['difference'] > 0 else 'below'}")
-    return f"{CALLED[name]} is not counted ({', and '.join(reasons)})" if reasons else ""
+    return f"{CALLED[name]} is not counted ({listed(reasons)})" if reasons else ""
 
 
 def _weigh(posterior: Posterior, piece: Piece, key: jax.Array, draws: int) -> Weighed:

@@ -129,10 +129,10 @@ def label_structures(sets: Sequence[Sequence[str]]) -> tuple[Structure, ...]:
 
 
 def structure_names(structures: Sequence[Structure]) -> dict[str, str]:
-    """Name each of these structures by its terms, as in `linear + quadratic drag`, by its label.
+    """Name each of these structures by its terms, as in `linear and quadratic drag`, by its label.
 
-    Drag and damping have words, where structures differ in them or nothing else resists; of other terms those count that some of the
-    structures lack, by their names. No two names are alike.
+    Drag and damping have words, where structures differ in them or nothing else resists, on several axes as in `drag: linear and quadratic;
+    yaw damping: linear`; of other terms those count that some of the structures lack, by their names. No two names are alike.
     """
     every = list(dict.fromkeys(term for structure in structures for term in structure.terms))
     common = set(every).intersection(*(structure.terms for structure in structures)) if len(structures) > 1 else set()
@@ -154,18 +154,21 @@ def _name(terms: Sequence[str], every: Sequence[str], common: set[str], said: se
     left_out = [term for term in every if term not in terms]
     if sum(map(len, resisting.values())) + len(others) > LONG and len(left_out) <= LONG:
         return f"all but {listed(left_out)}" if left_out else f"all {len(every)} terms"
-    return " + ".join([*(_group(what, sorted(orders)) for what, orders in resisting.items()), *others]) or (
+    groups = [_group(what, sorted(orders), is_only=len(said) == 1) for what, orders in resisting.items()]
+    return "; ".join([*groups, *([listed(others)] if others else [])]) or (
         f"no {min(said)}" if len(said) == 1 else "no optional term"
     )
 
 
-def _group(what: str, orders: Sequence[tuple[int, str]]) -> str:
-    """Return `linear + quadratic drag + cubic about trim`."""
+def _group(what: str, orders: Sequence[tuple[int, str]], is_only: bool) -> str:
+    """Return `linear and quadratic drag, cubic about trim`, or `drag: linear and quadratic, cubic about trim` beside other axes."""
     whole = [order for _, order in orders if not order.endswith(TRIM)]
-    changes = [order for _, order in orders if order.endswith(TRIM)]
-    if not whole:
-        return f"{changes[0].removesuffix(TRIM)} {what}{TRIM}" + "".join(f" + {order}" for order in changes[1:])
-    return " + ".join([f"{' + '.join(whole)} {what}", *changes])
+    changes = [order.removesuffix(TRIM) for _, order in orders if order.endswith(TRIM)]
+    if is_only and not whole:
+        return f"{listed(changes)} {what}{TRIM}"
+    parts = [f"{listed(whole)} {what}" if is_only else listed(whole)] if whole else []
+    parts += [f"{listed(changes)}{TRIM}"] if changes else []
+    return ", ".join(parts) if is_only else f"{what}: {', '.join(parts)}"
 
 
 def _resistance(term: str) -> tuple[str, int, str] | None:

@@ -30,7 +30,7 @@ class ThrustLaw:
         table: name of the file of a table; empty where there is a polynomial.
         polynomial: thrust, N, by powers of the command less `neutral`, the constant first.
         neutral: command of no thrust.
-        dead_zone: commands between which there is none.
+        dead_zone: commands from the first to the second of which there is none, ends included.
         reverse: share of the thrust that is left where it is negative.
     """
 
@@ -53,8 +53,38 @@ class ThrustLaw:
         thrust = np.where(self.is_dead(command), 0.0, thrust)
         return np.where(thrust < 0, self.reverse * thrust, thrust)
 
+    def command(self, thrust: float, points: tuple[Sequence[float], Sequence[float]] | None = None) -> float:
+        """Return the command that makes a thrust, N; NaN where none does, as at less than the jump at the end of a dead zone.
+
+        Of several commands it is the one nearest to neutral; of no thrust the middle of those of a table or of the dead zone.
+
+        Args:
+            thrust: N.
+            points: commands of the table, increasing, and their thrusts, where there is one.
+        """
+        if thrust == 0 and self.dead_zone is not None:
+            return sum(self.dead_zone) / 2
+        if thrust < 0 and self.reverse == 0:
+            return np.nan
+        ahead = thrust / self.reverse if thrust < 0 else thrust
+        if points is None:
+            roots = (np.polynomial.Polynomial(self.polynomial) - ahead).roots()
+            found = self.neutral + roots[np.isclose(roots.imag, 0.0, atol=1e-9)].real
+            tabled = None
+        else:
+            found = _crossings(np.asarray(points[0]), np.asarray(points[1]), ahead)
+            tabled = np.interp(found, *points)
+        found = found[np.isclose(self.thrust(found, tabled), thrust, rtol=1e-6, atol=1e-9)]
+        if not found.size:
+            return np.nan
+        return float(
+            (found.min() + found.max()) / 2
+            if thrust == 0 and points
+            else found[np.argmin(np.abs(found - self.neutral))]
+        )
+
     def is_dead(self, command: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
-        """Return whether commands, shape (n,), lie in the dead zone."""
+        """Return whether commands, shape (n,), lie in the dead zone, ends included."""
         lower, upper = self.dead_zone or (np.inf, -np.inf)
         return (command >= lower) & (command <= upper)
 
@@ -81,6 +111,17 @@ class Thruster:
 
 PROPELLER = Thruster((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
 """One propeller on the axis of the hull, whose control is `n`."""
+
+
+def _crossings(
+    command: Float[np.ndarray, " n"], thrust: Float[np.ndarray, " n"], wanted: float
+) -> Float[np.ndarray, " k"]:
+    """Return the commands at which straight lines between the points of a table, shape (n,), have a thrust."""
+    rise, short = np.diff(thrust), wanted - thrust[:-1]
+    share = np.divide(short, rise, out=np.where(short == 0, 0.0, np.nan), where=rise != 0)
+    inside = (share >= 0) & (share <= 1)
+    found = (command[:-1] + share * np.diff(command))[inside]
+    return np.append(found, command[1:][thrust[1:] == wanted])
 
 
 def allocation(thrusters: Sequence[Thruster]) -> Float[np.ndarray, "6 n"]:

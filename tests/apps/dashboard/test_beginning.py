@@ -104,7 +104,9 @@ def test_small_pictures_are_over_the_rows_until_a_clock_is_known_and_then_over_t
     pytest.importorskip("nicegui")
     from seatrial.apps.dashboard.pages.map_rows import axis_words, columns_of
 
-    rows = [f"{1000 * i if i < 100 else 1000 * i + 100_000},{i}" for i in range(200)]
+    stamps = [1000 * i + 100_000 * (i >= 100) for i in range(200)]
+    stamps[50] = stamps[49]  # what does not rise in every row is no clock, unless its name says so
+    rows = [f"{stamp},{i % 150}" for i, stamp in enumerate(stamps)]
     (tmp_path / "dive.csv").write_text("Zeit,rpm\n" + "\n".join(rows) + "\n")
 
     def drawn(clocks):
@@ -277,7 +279,8 @@ def test_a_log_whose_time_has_a_strange_name_is_mapped_once_its_column_is_chosen
 
     text, _ = thinking.begun(str(tmp_path), "my boat", "", said_in_form(OWN))
     (tmp_path / "campaign.toml").write_text(text)
-    (tmp_path / "dive.csv").write_text("Zeit;Fahrt\n" + "".join(f"{100 * i};{1.5 + 0.01 * i}\n" for i in range(99)))
+    stamps = [100 * (i - (i == 50)) for i in range(99)]
+    (tmp_path / "dive.csv").write_text("Zeit;Fahrt\n" + "".join(f"{t};{1.5 + 0.0001 * t}\n" for t in stamps))
     found = look_into(str(tmp_path / "dive.csv"), "dive.csv", ("u", "n"))
     assert found.guesses == ()
     assert [(one.name, one.spread) for one in found.columns] == [("Zeit", "0 to 9800"), ("Fahrt", "1.5 to 2.48")]
@@ -426,6 +429,79 @@ def test_a_log_is_what_its_columns_and_the_campaign_say(tmp_path):
     )
     imports = tomllib.loads(only.text())["import"]
     assert (imports["fit"], [one["path"] for one in imports["files"]]) == (["dive"], ["dive.csv"])
+
+
+@pytest.mark.parametrize("touch", [None, "purpose", "name", "channel"])
+def test_a_second_run_of_two_logs_keeps_its_first_log_and_its_purpose(tmp_path, touch):
+    text = """[import]
+fit = ["a"]
+
+[[import.files]]
+path = "nav_a.csv"
+time = { column = "t", unit = "s" }
+channels.u = { column = "dvl kn", unit = "kn" }
+channels.r = { column = "yaw_rate", unit = "deg/s" }
+
+[[import.files]]
+path = "drive_a.csv"
+shift = "1000 s"
+time = { column = "t_ms", unit = "ms" }
+channels.n = { column = "Schraube", unit = "rpm" }  # of the propeller
+"""
+    (tmp_path / "campaign.toml").write_text(text)
+    heads = {"nav": "t,dvl kn,yaw_rate", "drive": "t_ms,Schraube,gyro_z"}
+    for name in ("nav_a", "drive_a", "nav_b", "drive_b", "dive_c"):
+        head = heads.get(name[:-2], "t,dvl kn,yaw_rate,Schraube")
+        rows = [",".join([f"{0.1 * k:.1f}", *[str(900 + k)] * head.count(",")]) for k in range(30)]
+        (tmp_path / f"{name}.csv").write_text("\n".join([head, *rows]) + "\n")
+
+    def add(draft, name):
+        draft.add(name, look_into(str(tmp_path / name), name, ("u", "r", "n")))
+
+    draft = MapDraft(tmp_path)
+    add(draft, "nav_b.csv")
+    assert (draft.purpose, draft.is_begun) == ("fit", False)
+    if touch == "purpose":
+        assert draft.choose("predict")
+        assert draft.channels.keys() == {"u", "r"}
+    elif touch == "name":
+        draft.label = "the second"
+    elif touch == "channel":
+        draft.channel_map = draft.channel_map.replace('"kn"', '"m/s"')
+    add(draft, "drive_b.csv")
+    assert list(draft.logs) == ["nav_b.csv", "drive_b.csv"]
+    assert draft.dropped == ()
+    assert draft.purpose == ("predict" if touch == "purpose" else "fit")
+    assert draft.label == ("the second" if touch == "name" else "nav_b")
+    assert {name: (one["path"], one["column"]) for name, one in draft.channels.items()} == {
+        "u": ("nav_b.csv", "dvl kn"),
+        "r": ("nav_b.csv", "yaw_rate"),
+        "n": ("drive_b.csv", "Schraube"),
+    }
+    assert "# of the propeller" in draft.channel_map
+    draft.choose("predict")
+    imports = tomllib.loads(draft.text())["import"]
+    assert (imports["fit"], imports["predict"]) == (["a"], [draft.label])
+    assert [(one["path"], one["runs"]) for one in imports["files"]] == [
+        ("nav_a.csv", ["a"]),
+        ("drive_a.csv", ["a"]),
+        ("nav_b.csv", [draft.label]),
+        ("drive_b.csv", [draft.label]),
+    ]
+    add(draft, "nav_a.csv")  # of run a: what was begun is not kept, which is said
+    assert (draft.purpose, draft.label, draft.dropped) == ("change", "a", ("nav_b.csv", "drive_b.csv"))
+
+
+def test_a_log_that_lacks_nothing_is_a_run_of_its_own_beside_one_that_nobody_changed(tmp_path):
+    text = '[import]\nfit = ["a"]\n\n[[import.files]]\npath = "a.csv"\ntime = { column = "t", unit = "s" }\n'
+    (tmp_path / "campaign.toml").write_text(text + 'channels.u = { column = "speed", unit = "m/s" }\n')
+    for name, head in (("a", "t,speed"), ("b", "t,speed"), ("c", "t,speed,rpm")):
+        rows = [",".join([f"{0.1 * k:.1f}", *[str(900 + k)] * head.count(",")]) for k in range(30)]
+        (tmp_path / f"{name}.csv").write_text("\n".join([head, *rows]) + "\n")
+    draft = MapDraft(tmp_path)
+    for name in ("b.csv", "c.csv"):
+        draft.add(name, look_into(str(tmp_path / name), name, ("u", "n")))
+    assert (draft.purpose, draft.label, [*draft.logs], draft.dropped) == ("fit", "c", ["c.csv"], ("b.csv",))
 
 
 def test_the_placeholders_of_a_template_are_no_map(tmp_path):

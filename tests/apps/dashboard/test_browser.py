@@ -139,8 +139,19 @@ def test_a_log_is_sent_mapped_cut_and_checked_by_keyboard(tmp_path, page):
         page.goto(f"{address}")
         assert "token" not in page.url
         page.goto(f"{page.url}import?campaign=.")
+
+        # What cannot be read is not kept, and its name stays free; a log that no run reads may be sent again.
+        content = log.read_text()
+        log.write_bytes(b"\x89\x00\x01 no table\n" * 9)
+        page.locator("input[type=file]").set_input_files(log)
+        page.get_by_text("The file was not kept.").wait_for()
+        assert not (folder / "logs" / "dive 1.csv").exists()
+        log.write_text(content)
         page.locator("input[type=file]").set_input_files(log)
         page.get_by_text("Kept as logs/dive 1.csv").wait_for()
+        assert page.get_by_role("alert").count() == 0
+        page.locator("input[type=file]").set_input_files(log)
+        page.get_by_text("Kept as logs/dive 1.csv, in the place of the earlier log of that name").wait_for()
 
         # By form: what is wrong is said in the row, what was typed stays, and nothing is written before it is checked.
         before = (folder / "campaign.toml").read_text()
@@ -173,8 +184,12 @@ def test_a_log_is_sent_mapped_cut_and_checked_by_keyboard(tmp_path, page):
         chart.locator("svg").wait_for()
         begin, end = page.get_by_label("Begin [s]"), page.get_by_label("End [s]")
         assert float(begin.input_value()) == 0.0
-        page.get_by_role("button", name="Zoom in").press("Enter")
-        page.get_by_role("button", name="Show the whole time").press("Enter")
+        option = "getElement(+document.querySelector('.chart').id.slice(1)).chart.getOption()"
+        for name, ends in (("Zoom in", "25,75"), ("Later", "50,100"), ("Show the whole time", "0,100")):
+            page.get_by_role("button", name=name).press("Enter")
+            page.wait_for_function(
+                f"String({option}.dataZoom.flatMap((one) => [one.start, one.end])) === '{ends},{ends}'"
+            )
         page.get_by_role("button", name="Select a range: then drag over the chart").press("Enter")
         box = chart.bounding_box()
         page.mouse.move(box["x"] + 200, box["y"] + 90)
@@ -244,6 +259,70 @@ def test_two_logs_with_clocks_of_their_own_are_lined_up_before_anything_is_saved
     assert page.said == []
 
 
+def test_a_second_run_of_two_logs_with_clocks_of_their_own_is_held_back(tmp_path, page):
+    folder = write_small(tmp_path / "served")
+    (folder / "logs").mkdir()
+    level = [(7 * (i // 40) ** 2) % 11 for i in range(600)]
+    for run, begin in (("a", 1_792_310_400), ("b", 1_792_312_200)):
+        drive = [f"{100 * i};{1200 + 20 * one};{one}" for i, one in enumerate(level)]
+        (folder / "logs" / f"drive_{run}.csv").write_text("t_ms;Schraube;gyro_z\n" + "\n".join(drive) + "\n")
+        nav = [f"{begin + 0.1 * i:.1f},{1.5 + 0.02 * one},{one}" for i, one in enumerate(level)][100:]
+        (folder / "logs" / f"nav_{run}.csv").write_text("unix_stamp,speed,yaw_rate\n" + "\n".join(nav) + "\n")
+    path = folder / "campaign.toml"
+    text = path.read_text()
+    before, after = text.index("[truth]"), text.find("\n[", text.index("[truth]") + 1)
+    of_run_a = """
+[import]
+fit = ["a"]
+[[import.files]]
+path = "logs/nav_a.csv"
+time = { column = "unix_stamp", unit = "s" }
+channels.u = { column = "speed", unit = "m/s" }
+[[import.files]]
+path = "logs/drive_a.csv"
+shift = "1792310400 s"
+time = { column = "t_ms", unit = "ms" }
+channels.n = { column = "Schraube", unit = "rpm" }
+"""
+    path.write_text(text[:before] + text[after + 1 :] + of_run_a)
+
+    with served(folder) as (address, _):
+        page.goto(f"{address}import?campaign=.")
+        choose(page, "A log in the campaign's folder", "logs/nav_b.csv")
+        page.get_by_role("button", name="Preview log").click()
+        page.get_by_text("Saving adds run nav_b, to fit, with this map.").wait_for()
+        choose(page, "This log is", "another run, held back to predict, with a map of its own")
+        page.get_by_label("Name of the run").fill("b")
+        page.get_by_text("Saving adds run b, held back to predict, with this map.").wait_for()
+        choose(page, "A log in the campaign's folder", "logs/drive_b.csv")
+        page.get_by_role("button", name="Preview log").click()
+        page.get_by_label("logs/drive_b.csv: shift [s]").wait_for()
+        page.get_by_text("Saving adds run b, held back to predict, with this map.").wait_for()
+        assert page.get_by_role("combobox", name="u: column").input_value() == "speed · logs/nav_b.csv"
+        assert page.get_by_role("combobox", name="n: column").input_value() == "Schraube · logs/drive_b.csv"
+        page.get_by_role("button", name="Check and save this map").click()
+        page.get_by_text("Nothing was written. The logs do not overlap").wait_for()
+        choose(page, "Column of the log that stays", "yaw_rate · logs/nav_b.csv")
+        choose(page, "Same quantity in the log that moves", "gyro_z · logs/drive_b.csv")
+        page.get_by_role("button", name="Line up by correlation").click()
+        page.get_by_text("Correlation 1.000 with logs/drive_b.csv").wait_for()
+        page.locator('[aria-label="All channels over time"] svg').wait_for()
+        page.get_by_role("button", name="Check and save this map").click()
+        page.get_by_text("Saved in campaign.toml. To fit: a; held back to predict: b. Now import").wait_for()
+        imports = tomllib.loads(path.read_text())["import"]
+        assert (imports["fit"], imports["predict"]) == (["a"], ["b"])
+        shifts = {one["path"]: (one["runs"], one.get("shift")) for one in imports["files"]}
+        assert shifts == {
+            "logs/nav_a.csv": (["a"], None),
+            "logs/drive_a.csv": (["a"], "1792310400 s"),
+            "logs/nav_b.csv": (["b"], None),
+            "logs/drive_b.csv": (["b"], "1792312200 s"),
+        }
+        page.get_by_role("button", name="Import the records").press("Enter")
+        page.get_by_text(re.compile("record b: 500 samples")).first.wait_for()
+    assert page.said == []
+
+
 def test_a_column_of_time_is_chosen_and_a_second_run_added(tmp_path, page):
     folder = write_small(tmp_path / "served")
     (folder / "logs").mkdir()
@@ -256,7 +335,18 @@ def test_a_column_of_time_is_chosen_and_a_second_run_added(tmp_path, page):
         page.goto(f"{address}import?campaign=.")
         choose(page, "A log in the campaign's folder", "logs/run_a.csv")
         page.get_by_role("button", name="Preview log").click()
-        page.get_by_role("combobox", name="time of run_a.csv: column").wait_for()
+        time = page.get_by_role("combobox", name="time of run_a.csv: column")
+        time.wait_for()
+        choose(page, "u: column", "not in a log")
+        choose(page, "n: column", "not in a log")
+        time.focus()
+        for key in ("Enter", "ArrowDown", "Enter"):
+            page.keyboard.press(key)
+            page.wait_for_timeout(300)
+        page.get_by_text("over 29900 s of Zeit").first.wait_for(state="attached")
+        assert time.evaluate("(one) => one === document.activeElement")  # although no channel is mapped yet
+        choose(page, "time of run_a.csv: column", "choose")
+        page.get_by_text("over rows 1 to 300").first.wait_for(state="attached")
         for channel, column, unit in (("u", "speed", "m/s"), ("n", "rpm", "rpm")):
             choose(page, f"{channel}: column", f"{column} · rows")
             page.get_by_label(f"{channel}: unit").fill(unit)
@@ -568,6 +658,8 @@ def test_the_whole_file_is_edited_and_a_mistake_marked(tmp_path, page):
         save.click()
         page.get_by_text("Saved. Results made before").wait_for()
         assert path.read_text() == before.replace("upper = 1.2", "upper = 1.0")
+        page.wait_for_timeout(4000)  # the form is built again, as the file has changed
+        assert page.get_by_text("Saved. Results made before").count() == 1
 
         # What somebody else writes is shown where nothing was typed; it is never overwritten.
         path.write_text(before)
@@ -575,7 +667,7 @@ def test_the_whole_file_is_edited_and_a_mistake_marked(tmp_path, page):
         page.get_by_label("campaign.toml, as TOML").fill(before.replace("upper = 1.2", "upper = 1.1"))
         path.write_text(before + "\n# by another hand\n")
         page.get_by_role("button", name="Check and save").click()
-        assert "somebody changed the file since you began" in page.get_by_role("alert").inner_text()
+        assert "Somebody changed the file since you began" in page.get_by_role("alert").inner_text()
         assert path.read_text().endswith("# by another hand\n")
         page.get_by_role("button", name="Show the difference").click()
         page.get_by_text('"Check and save" now writes your text').wait_for()
@@ -615,8 +707,8 @@ def test_hovered_values_are_those_of_the_view_after_a_zoom(tmp_path, page):
         page.locator(".chart svg").first.wait_for()
         end = page.get_by_label("End [s]")
         end.fill("900")
-        page.get_by_role("button", name="Check and save", exact=True).click()
-        page.get_by_text("the files of this run overlap for 399.95 s").wait_for()
+        page.get_by_role("button", name="Check, save and re-import").click()
+        page.get_by_text("at most 399.95 s: the whole record is 399.95 s long").wait_for()
         assert "[import.trim" not in (folder / "campaign.toml").read_text()
 
         chart = page.locator(".chart").first

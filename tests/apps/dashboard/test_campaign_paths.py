@@ -7,7 +7,7 @@ import pytest
 
 from seatrial.apps.dashboard.campaign_paths import DOWNLOADS, CampaignPaths, logs_of, upload_name
 from seatrial.apps.dashboard.logs import receive
-from seatrial.core.errors import InputError
+from seatrial.core.errors import InputError, SeatrialError
 
 SUFFIXES = (".csv", ".csv.gz", ".mat")
 
@@ -134,10 +134,10 @@ def send(folder, name, *chunks, most=100):
 
 def test_an_upload_is_whole_or_not_there(context):
     folder = context.root / "one"
-    assert send(folder, "run 1.csv", b"a,b\n", b"1,2\n") == "logs/run 1.csv"
+    assert send(folder, "run 1.csv", b"a,b\n", b"1,2\n") == ("logs/run 1.csv", False)
     assert (folder / "logs" / "run 1.csv").read_bytes() == b"a,b\n1,2\n"
     for name, chunks in (("big.csv", [b"x" * 60] * 2), ("none.csv", []), ("run 1.csv", [b"again"])):
-        with pytest.raises(InputError):
+        with pytest.raises(SeatrialError):
             send(folder, name, *chunks)
     assert sorted(path.name for path in (folder / "logs").iterdir()) == ["run 1.csv"]
     assert (folder / "logs" / "run 1.csv").read_bytes() == b"a,b\n1,2\n"
@@ -182,9 +182,21 @@ def test_an_upload_through_a_link_is_refused(context):
 )
 def test_a_new_campaign_has_a_plain_name(context, name):
     before = sorted(context.root.rglob("*"))
-    with pytest.raises(InputError, match=r"letters, digits, dots"):
+    with pytest.raises(InputError, match=r"letters, digits, spaces and \. _ - \+ \( \), 120"):
         context.new_folder(name)
     assert sorted(context.root.rglob("*")) == before
+
+
+def test_a_name_that_is_too_long_is_told_so_and_an_underscore_is_allowed(context):
+    with pytest.raises(InputError, match="300 characters, 300 bytes"):
+        context.new_folder("x" * 300)
+    with pytest.raises(InputError, match="110 characters, 220 bytes"):
+        context.new_folder("é" * 110)
+    with pytest.raises(InputError, match="304 characters, 304 bytes"):
+        upload_name("x" * 300 + ".csv", (".csv",))
+    with pytest.raises(InputError, match="a path, or characters"):
+        context.new_folder("a/b")
+    assert context.new_folder("my_boat (2)").name == "my_boat (2)"
 
 
 @pytest.mark.parametrize("name", ["one", "deep", "link", "dangling"])

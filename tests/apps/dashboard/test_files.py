@@ -55,27 +55,52 @@ def files(tmp_path):
 
 def test_a_log_is_kept_in_its_campaign(ask, tmp_path):
     answer = ask("POST", "/upload/", params={"campaign": "boat", "name": "run.csv"}, content=b"t,u\n0,1\n")
-    assert (answer.status_code, answer.text) == (200, "logs/run.csv")
+    assert (answer.status_code, answer.json()) == (200, ["kept", "logs/run.csv"])
     assert (tmp_path / "served/boat/logs/run.csv").read_bytes() == b"t,u\n0,1\n"
+
+
+def test_a_log_takes_the_place_of_another_only_where_the_campaign_does_not_name_that(ask, tmp_path):
+    def send(name, content):
+        return ask("POST", "/upload/", params={"campaign": "boat", "name": name}, content=content).json()
+
+    logs, campaign = tmp_path / "served/boat/logs", tmp_path / "served/boat/campaign.toml"
+    assert send("run_a.csv", b"t,u\n0,1\n") == ["kept", "logs/run_a.csv"]
+    said, words = send("run_a.csv", b"t,u\n0,\xff\x00\n\n")
+    assert said == "refused"
+    assert words.startswith("run_a.csv")
+    assert (logs / "run_a.csv").read_bytes() == b"t,u\n0,1\n"
+    assert send("run_a.csv", b"t,u\n0,2\n") == ["replaced", "logs/run_a.csv"]
+    assert (logs / "run_a.csv").read_bytes() == b"t,u\n0,2\n"
+    for text in (
+        '[import]\nfit = ["a"]\n[[import.files]]\npath = "logs/run_{run}.csv"\n',
+        '[x]\ny = [{ curve = "./logs/run_a.csv" }]\n',
+    ):
+        campaign.write_text(text)
+        said, words = send("run_a.csv", b"t,u\n0,3\n")
+        assert (said, "which the campaign reads" in words) == ("refused", True)
+    assert (logs / "run_a.csv").read_bytes() == b"t,u\n0,2\n"
+    (logs / "link.csv").symlink_to(tmp_path / "secret.csv")
+    assert send("link.csv", b"t,u\n0,3\n")[0] == "refused"
+    assert (tmp_path / "secret.csv").read_text() == "secret"
 
 
 @pytest.mark.parametrize(
     ("campaign", "name", "content", "status"),
     [
-        ("boat", "../../evil.csv", b"x", 400),
-        ("boat", "%2e%2e%2fevil.csv", b"x", 400),
-        ("boat", "..\\evil.csv", b"x", 400),
-        ("../", "evil.csv", b"x", 400),
-        ("/tmp", "evil.csv", b"x", 400),
-        ("boat/../..", "evil.csv", b"x", 400),
-        ("", "evil.csv", b"x", 400),
-        ("boat", "campaign.toml", b"x", 400),
-        ("boat", "evil.zip", b"PK\x03\x04", 400),
-        ("boat", "evil.html", b"<script>", 400),
-        ("boat", "", b"x", 400),
-        ("boat", "a.csv", b"", 400),
-        ("boat", "a.csv\0.html", b"x", 400),
-        ("boat", "a" * 5000 + ".csv", b"x", 400),
+        ("boat", "../../evil.csv", b"x", 200),
+        ("boat", "%2e%2e%2fevil.csv", b"x", 200),
+        ("boat", "..\\evil.csv", b"x", 200),
+        ("../", "evil.csv", b"x", 200),
+        ("/tmp", "evil.csv", b"x", 200),
+        ("boat/../..", "evil.csv", b"x", 200),
+        ("", "evil.csv", b"x", 200),
+        ("boat", "campaign.toml", b"x", 200),
+        ("boat", "evil.zip", b"PK\x03\x04", 200),
+        ("boat", "evil.html", b"<script>", 200),
+        ("boat", "", b"x", 200),
+        ("boat", "a.csv", b"", 200),
+        ("boat", "a.csv\0.html", b"x", 200),
+        ("boat", "a" * 5000 + ".csv", b"x", 200),
         ("boat", "big.csv", b"x" * (MOST + 1), 413),
     ],
 )
@@ -83,6 +108,7 @@ def test_what_is_odd_is_refused_in_words_and_leaves_nothing(ask, tmp_path, campa
     answer = ask("POST", "/upload/", params={"campaign": campaign, "name": name}, content=content)
     assert answer.status_code == status
     assert "Traceback" not in answer.text
+    assert status == 413 or answer.json()[0] == "refused"
     assert files(tmp_path) == ["secret.csv", "served/boat/campaign.toml"]
 
 
@@ -102,7 +128,7 @@ def test_a_full_disk_is_said_in_words(ask, tmp_path, monkeypatch):
 
     monkeypatch.setattr(uploads, "atomic_path", full)
     answer = ask("POST", "/upload/", params={"campaign": "boat", "name": "run.csv"}, content=b"x")
-    assert answer.status_code == 507
+    assert answer.json()[0] == "refused"
     assert "No space left" in answer.text
     assert "free some space" in answer.text
 
@@ -157,7 +183,7 @@ def test_logs_that_are_none_or_swell_are_refused_in_words(tmp_path):
 
 def test_a_name_with_accents_is_kept_in_one_form(ask, tmp_path):
     answer = ask("POST", "/upload/", params={"campaign": "boat", "name": "Va\u030ager 3.csv"}, content=b"t,u\n0,1\n")
-    assert (answer.status_code, answer.text) == (200, "logs/V\u00e5ger 3.csv")
+    assert (answer.status_code, answer.json()) == (200, ["kept", "logs/V\u00e5ger 3.csv"])
     assert "served/boat/logs/V\u00e5ger 3.csv" in files(tmp_path)
 
 

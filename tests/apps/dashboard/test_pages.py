@@ -19,7 +19,7 @@ from seatrial.apps.dashboard.logs import Column, Looked
 from seatrial.apps.dashboard.map_draft import MapDraft
 from seatrial.apps.dashboard.page_layout import VIEWS
 from seatrial.apps.dashboard.pages.compare import nothing_beside
-from seatrial.apps.dashboard.pages.design import legend_html
+from seatrial.apps.dashboard.pages.design import legend_html, what_it_teaches
 from seatrial.apps.dashboard.pages.one_axis import (
     OneAxis,
     delay_words,
@@ -30,7 +30,7 @@ from seatrial.apps.dashboard.pages.one_axis import (
 )
 from seatrial.apps.dashboard.pages.record_chart import RecordChart, ends_errors
 from seatrial.apps.dashboard.pages.results import coefficients, estimated_html, next_html, of_mode
-from seatrial.apps.dashboard.view_models import AxisAbout, EstimatedStructure, EstimatedValue, beside
+from seatrial.apps.dashboard.view_models import AxisAbout, EstimatedStructure, EstimatedValue, Swept, beside
 from seatrial.campaign.store.estimates import ModelErrorFinding
 from seatrial.campaign.store.stored_result import Store
 from seatrial.campaign.store.structures import StoredCoefficient, StoredMode
@@ -53,6 +53,27 @@ def test_after_stop_no_link_leads_to_the_next_trial(tmp_path):
 def test_grey_is_explained_where_a_design_breaks_a_limit():
     assert "breaks a limit" in legend_html(np.array([[1.0, np.nan]]))
     assert "grey" not in legend_html(np.array([[1.0, 2.0]]))
+
+
+def test_a_design_names_the_coefficients_about_which_it_says_nothing():
+    names, before = ("X_uabsu", "N_rabsr", "N_ur"), np.array([5.0, 16.0, 6.0])
+
+    def told(after, held=("tau_N",)):
+        sd = np.asarray(after)[None, None, None]
+        gain = np.ones((1, 1, 1))
+        found = Swept(
+            *(("step",), "n", "rpm", (100.0,), (5.0,), gain, gain, (0, 0, 0), names, tuple(before), sd, gain, gain),
+            *("the priors", {}, (), (), held),
+        )
+        return what_it_teaches(found, 0, 0, 0, shown_as_written({}))
+
+    assert (
+        "The trial says nothing about N_rabsr and N_ur: no measurement changes with them. "
+        "To learn about them, move r (`together` of [design] moves tau_N as well)."
+        in told(before * [0.04, 1.0, 0.99999])
+    )
+    assert "with it. To learn about it, move r and u." in told(before * [0.04, 0.2, 1.0], ())
+    assert "says nothing" not in told(before * [0.04, 0.2, 0.9])
 
 
 @pytest.mark.parametrize(("imported", "label"), [(True, "logged"), (False, "commanded")])
@@ -202,6 +223,9 @@ def test_a_shift_says_how_sharp_its_peak_is():
     )
     assert "Between 1.594 and 1.612 s" in lined_up_words(found._replace(lower=1.594, upper=1.612), "b")
     assert "not the same quantity" in delay_words("thrust", "dvl_vx")
+    epoch = found._replace(shift=1_792_310_400.0, rival=1_792_310_441.12, lower=1_792_310_399.9, upper=1_792_310_400.1)
+    assert " 41.1 s later fits almost as well, because the motion repeats" in lined_up_words(epoch, "b")
+    assert " 1230 s earlier fits almost as well" in lined_up_words(epoch._replace(rival=1_792_309_166.0), "b")
 
 
 @pytest.mark.parametrize(("shift", "is_wrong"), [(None, True), (1e300, True), (-1795772417.702, False), (0.0, False)])

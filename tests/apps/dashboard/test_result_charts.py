@@ -10,13 +10,14 @@ import xarray as xr
 pytest.importorskip("nicegui", reason="the dashboard needs NiceGUI: pip install 'seatrial[dashboard]'")
 
 from seatrial.apps.dashboard import model_queries, prediction_views, result_charts, result_plots
-from seatrial.apps.dashboard.charts import Curve, Panel, TimeChart, legend_lines
+from seatrial.apps.dashboard.charts import Curve, Panel, TimeChart, _series, legend_lines
 from seatrial.apps.dashboard.downsample import Envelope
 from seatrial.apps.dashboard.pages.compare import is_of_vehicle, joint_difference, shared_sides
 from seatrial.apps.dashboard.pages.results import by_origin
 from seatrial.apps.dashboard.view_models import FitAbout, Swept
 from seatrial.core.dataset_file import write_dataset
 from seatrial.core.display_units import shown_as_written
+from seatrial.core.errors import InputError
 from tests.export.finished import finished
 
 
@@ -61,6 +62,35 @@ def test_posteriors_are_densities_in_the_unit_of_their_axis():
     assert found.prior[inside] == pytest.approx(1 / 8 / 0.2, rel=1e-6)
 
 
+def test_the_legend_of_posteriors_has_as_many_lines_as_it_needs(shown):
+    data = {f"M-{i}": estimate(["X_u"], [-2.9], [0.1], i) for i in range(4)}
+    one = result_plots._marginal("X_u", data, {}, shown_as_written({}))
+    options = result_charts.marginal_chart(one)
+    names = [line["name"] for line in options["series"]]
+    assert names == ["M-0", "prior", "normal approximation", "M-1", "M-2", "M-3"]
+    assert "type" not in options["legend"]
+    assert options["grid"]["top"] == 24 + 20 * legend_lines(names, result_charts.NARROWEST) == 84
+    alone = result_charts.marginal_chart(one._replace(density={"M-0": one.density["M-0"]}))
+    assert (alone["legend"]["show"], alone["grid"]["top"]) == (False, 24)
+
+
+def test_a_posterior_with_other_fields_is_said_in_words(tmp_path):
+    write_dataset(tmp_path / "M-0.nc", estimate(["X_u"], [-2.9], [0.1], 0).drop_vars("unit"))
+    with pytest.raises(InputError, match="a result with other fields") as said:
+        result_plots.estimated((tmp_path / "M-0.nc",), ())
+    assert "seatrial run" in said.value.remedy
+    with pytest.raises(InputError, match="a result with other fields"):
+        result_plots.marginals((("M-0", tmp_path / "M-0.nc"),), (), ())
+
+
+def test_a_held_control_is_drawn_as_steps_however_many_samples_a_column_has():
+    least, greatest = np.array([-1.0, -1.0, 1.0, -1.0, -1.0]), np.array([-1.0, 1.0, 1.0, 1.0, -1.0])
+    drawn = _series(Curve("n", "logged", "ink", "steps"), Envelope(np.arange(5.0), least, greatest))
+    assert drawn["step"] == "end"
+    assert [row[1] for row in drawn["data"]] == [-1, -1, -1, 1, 1, 1, 1, -1, -1, -1]
+    assert _series(Curve("u", "measured"), Envelope(np.arange(5.0), least, greatest))["step"] is False
+
+
 def test_a_window_of_a_prediction_is_that_of_the_whole(tmp_path, monkeypatch):
     time = np.concatenate([np.arange(50) * 0.1, np.arange(80) * 0.1])
     measured, mean = np.sin(time)[:, None], np.cos(time)[:, None]
@@ -94,7 +124,7 @@ def test_the_surface_leaves_out_what_breaks_a_limit_and_shows_no_foreign_markup(
     gain = np.array([[[1.0, 2.0], [np.nan, 3.0]]])
     found = Swept(
         *(("doublet",), "n", "rpm", (100.0, 200.0), (5.0, 10.0), gain, gain, (0, 1, 1), ("<b>X_u",), (1.0,)),
-        *(np.ones((1, 2, 2, 1)), gain, gain, "the priors", {}, (), ()),
+        *(np.ones((1, 2, 2, 1)), gain, gain, "the priors", {}, (), (), ()),
     )
     options = result_charts.surface_chart(found, 0, "gain", (0, 0))
     cells = options["series"][0]["data"]
@@ -120,8 +150,8 @@ def test_noise_of_two_campaigns_is_no_contradiction():
     assert not any(map(is_of_vehicle, ("sigma_u", "bias_u", "lag_u", "current[1]", "u_0[run 1]")))
 
 
-def test_only_targets_that_can_hold_the_vehicle_are_offered(monkeypatch, tmp_path):
-    folder = str(finished(monkeypatch, tmp_path / "c"))
+def test_only_targets_that_can_hold_the_vehicle_are_offered(tmp_path):
+    folder = str(finished(tmp_path / "c"))
     alone = {one.name: one for one in model_queries.export_targets(folder, "") if not one.is_trial}
     assert [name for name, one in alone.items() if not one.refusal] == ["json", "csv"]
     assert "v w p q r" in alone["gz"].refusal

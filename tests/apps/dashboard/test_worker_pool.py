@@ -4,6 +4,7 @@ import asyncio
 import os
 import subprocess
 import sys
+import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
 
@@ -76,6 +77,23 @@ def test_a_question_is_asked_once_while_its_files_stay(tmp_path):
             worker_pool.close()
 
     asyncio.run(main())
+
+
+def test_no_thread_watches_processes_that_were_ended():
+    """One that still did would fail at the end of the interpreter, which wakes it."""
+    before = set(threading.enumerate())
+    worker_pool = WorkerPool()
+    future = worker_pool._submit("record_views", "text_of", (b"y",))
+    assert set(threading.enumerate()) > before
+    worker_pool.close()
+    assert set(threading.enumerate()) == before
+    assert future.done()
+
+
+@pytest.mark.parametrize("kind", ["result_plots", "prediction_views", "record_views"])
+def test_who_reads_results_loads_neither_jax_nor_xarray(kind):
+    code = f"import sys; from seatrial.apps.dashboard import {kind}; {kind}.ready(); print({{'jax', 'xarray'}} & {{*sys.modules}})"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout == "set()\n"
 
 
 def test_errors_pass_between_processes_as_words(tmp_path):

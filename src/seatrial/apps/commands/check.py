@@ -20,6 +20,7 @@ def check(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
             return _say_what_is_missing(campaign, answer)
         from seatrial.campaign.data.check import check_records, summary_line
         from seatrial.campaign.data.thruster_check import thruster_lines
+        from seatrial.campaign.prior.cautions import vehicle_cautions
         from seatrial.campaign.workflow.steps import Workflow
         from seatrial.report.figure_files import write_check_picture
 
@@ -34,8 +35,8 @@ def check(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
             answer.name_file(f"raw plot of {one.record.label}", picture)
         answer.say(summary_line(judged))
         answer.give(**results.checked(judged))
-        if campaign.example_vehicle:
-            answer.caution(campaign.example_vehicle)
+        for text in vehicle_cautions(campaign):
+            answer.caution(text)
         return Exit.ALARMS if any(one.level == "fail" for one in judged) else Exit.OK
 
     with_campaign(folder, quiet, work, context)

@@ -48,7 +48,7 @@ def simulate(
         from seatrial.campaign.data.simulate import ask_for
 
         ask_for(campaign, design, schedule, label, alone, reporter)
-        return _say_trials(answer, simulate_trials(campaign, reporter))
+        return _say_trials(answer, simulate_trials(campaign, reporter), campaign)
 
     with_campaign(
         folder, quiet, work, context if (design, schedule, label, alone) == (None, None, None, False) else None
@@ -65,7 +65,7 @@ def import_logs(
         str | None,
         typer.Option(
             metavar="TIME",
-            help='Start of the run, such as "5 s", counted from where its files overlap; written to campaign.toml.',
+            help='Start of the run, such as "5 s", counted from the beginning of the record; written to campaign.toml.',
         ),
     ] = None,
     end: Annotated[str | None, typer.Option(metavar="TIME", help="End of the run, counted in the same way.")] = None,
@@ -116,7 +116,7 @@ def _trim(campaign: Any, run: str | None, start: str | None, end: str | None, re
             "--start, --end",
             found=f"{min(seconds):g} s",
             expected="0 s or more",
-            remedy="count from where the files overlap",
+            remedy="count from the beginning of the record",
         )
     if len(seconds) == 2 and not seconds[0] < seconds[1]:
         raise InputError(
@@ -144,9 +144,12 @@ def _trim(campaign: Any, run: str | None, start: str | None, end: str | None, re
     return trials
 
 
-def _say_trials(answer: Answer, trials: Any, campaign: Any = None, accelerations: str | None = None) -> Exit:
-    from seatrial.campaign.data.record_cautions import record_cautions
+def _say_trials(answer: Answer, trials: Any, campaign: Any, accelerations: str | None = None) -> Exit:
+    from seatrial.campaign.data.record_cautions import record_cautions, unused_channels
 
+    unused = (one for record in (*trials.fit, *trials.predict) for one in unused_channels(record, campaign.channels))
+    for text in dict.fromkeys(f"{one.value}: {one.remedy}" for one in unused):
+        answer.caution(text)
     for record in (*trials.fit, *trials.predict):
         channels = f"{', '.join(record.controls)} -> {', '.join(record.measured)}"
         answer.say(f"record {record.label}: {record.time.size} samples over {record.time[-1]:.1f} s; {channels}")

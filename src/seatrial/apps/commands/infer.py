@@ -157,6 +157,7 @@ def criteria(
 
 
 def _by_chains(campaign: Any, reporter: Any, answer: Answer) -> Exit:
+    from seatrial.campaign.config.taken_as_exact import taken_as_exact
     from seatrial.campaign.inference.coefficient_csv import write_coefficients
     from seatrial.campaign.inference.identifiability import known_after
     from seatrial.campaign.inference.judge_predictions import held_back_cautions, held_back_lines, predict_held_back
@@ -186,9 +187,10 @@ def _by_chains(campaign: Any, reporter: Any, answer: Answer) -> Exit:
         answer.say("\n".join(known.lines(campaign.shown)))
         said += known.verdict
         structures.append(results.estimated(item, held_back[-1], known))
-    if campaign.stated_masses:
-        answer.say(campaign.stated_masses)
-    answer.give(by=By.CHAINS, structures=structures)
+    exact = taken_as_exact(campaign)
+    if exact:
+        answer.say(exact)
+    answer.give(by=By.CHAINS, structures=structures, taken_as_exact=exact)
     answer.wrote("coefficients", write_coefficients(campaign.folder, estimates, campaign.shown))
     alarms = [f"{item.structure.label}: {text}" for item in estimates for text in item.alarms]
     evidences = [float(item.data.attrs["laplace_log_evidence"]) for item in estimates]
@@ -211,6 +213,7 @@ def _checked_trials(campaign: Any, flow: Any, answer: Answer) -> Any:
 
 
 def _first_answers(campaign: Any, reporter: Any, answer: Answer, by: By, window: float | None) -> Exit:
+    from seatrial.campaign.config.taken_as_exact import taken_as_exact
     from seatrial.campaign.inference.judge_predictions import held_back_cautions
     from seatrial.campaign.inference.quick_estimates import (
         MODE,
@@ -227,9 +230,12 @@ def _first_answers(campaign: Any, reporter: Any, answer: Answer, by: By, window:
     found = posterior_modes(campaign, trials, reporter) if by is By.MODE else regressions(campaign, trials, window)
     for one in found:
         answer.say("\n".join(one.lines()))
-    answer.give(by=by, first_answers=[results.first_answer(one) for one in found if not one.alarm])
-    if campaign.stated_masses:
-        answer.say(campaign.stated_masses)
+    exact = taken_as_exact(campaign)
+    answer.give(
+        by=by, first_answers=[results.first_answer(one) for one in found if not one.alarm], taken_as_exact=exact
+    )
+    if exact:
+        answer.say(exact)
     answer.say(MODE if by is By.MODE else REGRESSION)
     alarms = [one.alarm for one in found if one.alarm]
     if by is By.MODE and len(alarms) < len(found):

@@ -26,7 +26,8 @@ Template = Annotated[
     str | None,
     _one(
         "<remus100|design|steering|log|bollard>",
-        "A template: remus100 is simulated; design and steering have no data yet; log and bollard read a CSV log.",
+        "A template: remus100 is simulated; design and steering have no data yet; log (one propeller, surge) and bollard read a CSV log. "
+        "With several thrusters: docs/how-to/own_log.md, Two thrusters that push and turn.",
     ),
 ]
 Vehicle = Annotated[

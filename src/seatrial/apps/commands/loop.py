@@ -62,6 +62,7 @@ def next_trial(
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
         from seatrial.campaign.data.simulate import add_trial, check_simulated
         from seatrial.campaign.design.schedule import write_schedule
+        from seatrial.campaign.design.thrust_commands import commands_of
         from seatrial.campaign.store.stored_result import Store
 
         if execute:
@@ -77,7 +78,9 @@ def next_trial(
         answer.say("\n".join(proposal.lines))
         if proposal.trial is not None:
             manoeuvre = proposal.trial.manoeuvre(campaign.families)
-            path = write_schedule(Store(folder).proposed, manoeuvre, campaign.family.sample_time)
+            path = write_schedule(
+                Store(folder).proposed, manoeuvre, campaign.family.sample_time, commands=commands_of(campaign)
+            )
             answer.wrote("schedule", path)
         if found.own is not None:
             answer.say("\n".join(found.own.lines(campaign.shown)))
@@ -159,7 +162,7 @@ def _tell_and_report(answer: Answer, outcome: Any, proposal: Any) -> Exit:
     averages = averaged_rows(outcome.estimates, outcome.selection)
     answer.give(**results.run(outcome, proposal, averages))
     answer.wrote("report", write_report(outcome))
-    answer.wrote("coefficients", write_coefficients(folder, outcome.estimates, shown))
+    answer.wrote("coefficients", write_coefficients(folder, outcome.estimates, shown, outcome.selection))
     answer.wrote("averaged", write_averaged(folder, averages, shown))
     told = fit_complaints([fit for fit in outcome.fits if not fit.advice], outcome.pooled)
     told += [one.sentence for one in outcome.compared]

@@ -169,11 +169,12 @@ async def fill(
 
 def say(error: BaseException | str) -> None:
     """Show an error, in words."""
-    words = error if isinstance(error, str) else words_of(error)
-    ui.html(
-        Markup('<div class="error" role="alert"><strong>This did not work.</strong><pre>{}</pre></div>').format(words),
-        sanitize=False,
-    )
+    ui.html(error_html(error if isinstance(error, str) else words_of(error)), sanitize=False)
+
+
+def error_html(words: str, title: str = "This did not work.") -> Markup:
+    """Return an error in words, below a title."""
+    return Markup('<div class="error" role="alert"><strong>{}</strong><pre>{}</pre></div>').format(title, words)
 
 
 def markup(text: str) -> ui.html:

@@ -30,8 +30,10 @@ _EXPORTED = re.compile(r"export/(?:[A-Za-z0-9_-]+/){1,2}[A-Za-z0-9_][A-Za-z0-9_.
 """Files that `seatrial export` wrote, those of a bag in a folder of its own; they are only ever saved, never shown."""
 LONGEST = 200
 """Bytes of a name; file systems take 255, and a name beside it is longer while it is written."""
-_PLAIN = re.compile(r"\w[\w. +()-]{0,119}")
+MOST_LETTERS = 120
+_PLAIN = re.compile(rf"\w[\w. +()-]{{0,{MOST_LETTERS - 1}}}")
 """Letters of any script, digits and little else."""
+_ALLOWED = f"letters, digits, spaces and . _ - + ( ), {MOST_LETTERS} characters and {LONGEST} bytes at most"
 
 
 @dataclass(frozen=True)
@@ -105,11 +107,11 @@ class CampaignPaths:
                 remedy=f"serve the folder above it: seatrial serve {self.root.parent}",
             )
         plain = unicodedata.normalize("NFC", name.strip())
-        if not _PLAIN.fullmatch(plain) or plain.endswith(".") or len(plain.encode()) > LONGEST:
+        if not _is_plain(plain) or plain.endswith("."):
             raise InputError(
                 f"name {name[:80]!r}",
-                found="a path, or characters that names of folders do not need" if plain else "nothing",
-                expected="letters, digits, dots, hyphens and spaces, 120 at most, a letter or digit first",
+                found=_fault_of(plain, "names of folders"),
+                expected=f"{_ALLOWED}, a letter or digit first",
                 remedy="choose another",
             )
         folder = self.root / plain
@@ -198,11 +200,11 @@ def upload_name(given: str, suffixes: tuple[str, ...]) -> str:
         InputError: a path, a hidden file, odd characters, or a suffix no log has.
     """
     name = unicodedata.normalize("NFC", given)
-    if not _PLAIN.fullmatch(name) or len(name.encode()) > LONGEST:
+    if not _is_plain(name):
         raise InputError(
             f"file name {given[:80]!r}",
-            found="a path, or characters that file names of logs do not need",
-            expected="letters, digits, dots, hyphens and spaces, 120 at most",
+            found=_fault_of(name, "file names of logs"),
+            expected=_ALLOWED,
             remedy="rename the file",
         )
     if not name.lower().endswith(suffixes):
@@ -213,6 +215,19 @@ def upload_name(given: str, suffixes: tuple[str, ...]) -> str:
             remedy="unpack archives first; upload the log itself",
         )
     return name
+
+
+def _is_plain(name: str) -> bool:
+    return _PLAIN.fullmatch(name) is not None and len(name.encode()) <= LONGEST
+
+
+def _fault_of(name: str, kind: str) -> str:
+    """Say what is wrong with a name that is not plain, or ends with a dot."""
+    if not name:
+        return "nothing"
+    if _PLAIN.fullmatch(name[:MOST_LETTERS]) and not _is_plain(name):
+        return f"{len(name)} characters, {len(name.encode())} bytes"
+    return f"a path, or characters that {kind} do not need"
 
 
 def _taken(folder: Path) -> InputError:

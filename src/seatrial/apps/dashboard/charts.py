@@ -238,19 +238,14 @@ class TimeChart:
     def _tool(self, words: str, meaning: str, action: Callable[[], Any]) -> None:
         ui.button(words, on_click=action).props(f'flat dense no-caps aria-label="{meaning}"').classes("chart-tool")
 
-    def _move(self, low: float, high: float) -> None:
-        """Show from one share of the present view to another."""
+    async def _move(self, low: float, high: float) -> None:
+        """Show from one share of the present view to another: axes and curves at once, so that the browser draws once."""
         (first, last), (start, end) = self.span, self.shown
         width = end - start
-        start, end = max(first, start + low * width), min(last, start + high * width)
-        whole = (last - first) or 1.0
-        self.element.run_chart_method(
-            "dispatchAction",
-            {"type": "dataZoom", "start": 100 * (start - first) / whole, "end": 100 * (end - first) / whole},
-        )
+        await self._draw(max(first, start + low * width), min(last, start + high * width), moves=True)
 
-    def _whole(self) -> None:
-        self.element.run_chart_method("dispatchAction", {"type": "dataZoom", "start": 0, "end": 100})
+    async def _whole(self) -> None:
+        await self._draw(*self.span, moves=True)
 
     def _start_selecting(self) -> None:
         self._take_cursor({"brushType": "lineX", "brushMode": "single"})
@@ -273,8 +268,10 @@ class TimeChart:
         low, high = (float(share) / 100 for share in event.args)
         await self._draw(first + low * (last - first), first + high * (last - first))
 
-    async def _draw(self, start: float, end: float) -> None:
-        """Show another view; of several that are asked for while the first is read, only the last is drawn."""
+    async def _draw(self, start: float, end: float, moves: bool = False) -> None:
+        """Show another view, which the browser shows already unless this `moves` it; of several that are asked for while the first is
+        read, only the last is drawn.
+        """
         self.shown, self.asked = (start, end), self.asked + 1
         turn, more = self.asked, MARGIN * (end - start)
         low, high = max(self.span[0], start - more), min(self.span[1], end + more)
@@ -287,7 +284,11 @@ class TimeChart:
                 say(error)
             return
         if turn == self.asked and not self.element.is_deleted:
-            self.element.run_chart_method("setOption", {"series": self._series(curves)})
+            (first, last), options = self.span, {"series": self._series(curves)}
+            if moves:
+                ends = [100 * (at - first) / ((last - first) or 1.0) for at in (start, end)]
+                options["dataZoom"] = [{"start": ends[0], "end": ends[1]}] * 2
+            self.element.run_chart_method("setOption", options)
             self.element.client.run_javascript(f"({_TELL_AGAIN})(getElement({self.element.id}))")
 
     def _curves(self) -> list[tuple[int, Curve]]:
@@ -442,7 +443,7 @@ def _series(curve: Curve, values: Envelope) -> dict[str, Any]:
         data = _rows(values.time, values.least, values.greatest)
         encode = {"x": 0, "y": [1, 2]}
         return {**common, "type": "custom", ":renderItem": _BAND, "data": data, "encode": encode, "progressive": 0}
-    there = np.isfinite(values.least)
+    there, step = np.isfinite(values.least), "end" if curve.kind == "steps" else False
     if np.array_equal(values.least[there], values.greatest[there]):
         data = _rows(values.time, values.least)
         if curve.kind == "dots":
@@ -455,13 +456,18 @@ def _series(curve: Curve, values: Envelope) -> dict[str, Any]:
                 "symbol": _icon(curve),
                 "data": data,
             }
-        step, dash = "end" if curve.kind == "steps" else False, DASHES.get(curve.colour, "solid")
+        dash = DASHES.get(curve.colour, "solid")
         style = {"width": 1.5, "type": dash if curve.kind == "line" else "solid"}
         return {**common, "type": "line", "showSymbol": False, "step": step, "data": data, "lineStyle": style}
     ends = np.stack([values.least, values.greatest], 1)
-    ends[1::2] = ends[1::2, ::-1]
+    if curve.kind == "steps":  # a jump within a column goes on to where the next column is
+        middle = ends.mean(axis=1)
+        falls = np.append(middle[1:] < middle[:-1], False)
+        ends[falls] = ends[falls, ::-1]
+    else:
+        ends[1::2] = ends[1::2, ::-1]
     data = _rows(np.repeat(values.time, 2), ends.ravel(), ends[:, ::-1].ravel())
-    return {**common, "type": "line", "showSymbol": False, "step": False, "data": data, "lineStyle": {"width": 1.5}}
+    return {**common, "type": "line", "showSymbol": False, "step": step, "data": data, "lineStyle": {"width": 1.5}}
 
 
 def _rows(*columns: np.ndarray) -> list[list[float | None]]:

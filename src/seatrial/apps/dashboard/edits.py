@@ -1,7 +1,7 @@
 """Edits of a campaign file by the page: limits, and the map of a log that lies inside the folder."""
 
 import re
-from collections.abc import Callable, Iterable, Mapping, MutableMapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, MutableMapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -157,6 +157,21 @@ def runs_reading(text: str, log: str) -> tuple[str, ...]:
     return tuple(run for run in runs_of(text) if any(_is_of(one, run) and path_of(one, run) == log for one in files))
 
 
+def is_named(text: str, file: str) -> bool:
+    """Return whether a campaign file names a file, as a log or in any other key.
+
+    Args:
+        text: of the campaign file.
+        file: path from the campaign's folder.
+
+    Raises:
+        InputError: a campaign file that is not TOML.
+    """
+    runs = runs_of(text) or ("",)
+    said = list(_strings_in(toml_content(CAMPAIGN, text)))
+    return any(Path(one.replace("{run}", run)) == Path(file) for one in said for run in runs)
+
+
 def map_of_run(channel_map: str, run: str) -> tuple[str, str]:
     """Return the part of a channel map that one run reads, and the part that only others read.
 
@@ -205,6 +220,15 @@ def with_own_map(folder: Path, text: str, run: str, role: str, channel_map: str)
         return text
     where = str(folder / CAMPAIGN)
     return set_key(text, "import", role, [*toml_content(where, text)["import"].get(role, ()), run], where)
+
+
+def _strings_in(content: Any) -> Iterator[str]:
+    """Yield every text of a TOML file."""
+    if isinstance(content, str):
+        yield content
+    elif isinstance(content, Mapping | list):
+        for one in content.values() if isinstance(content, Mapping) else content:
+            yield from _strings_in(one)
 
 
 def _is_of(file: Mapping[str, Any], run: str) -> bool:

@@ -1,12 +1,16 @@
 """Logs inside a campaign's folder: what they hold, asked in a process of its own, and what an upload may be called."""
 
+import asyncio
 from collections.abc import AsyncIterator, Callable, Iterator, Mapping, Sequence
 from decimal import Decimal
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from seatrial.apps.campaign_text import read_file
+from seatrial.apps.dashboard import edits
 from seatrial.apps.dashboard.campaign_paths import upload_name
 from seatrial.apps.dashboard.view_models import PlainError, words_of
 from seatrial.core.errors import InputError, SeatrialError
@@ -56,13 +60,15 @@ def _worded(question: Callable[..., Any], about: tuple) -> Iterator[Any]:
         raise PlainError(words_of(error)) from None
 
 
-# A log that is sent to a campaign: counted while it arrives, and kept under `logs/` whole or not at all.
+# A log that is sent to a campaign: counted while it arrives, looked through, and kept under `logs/` whole or not at all.
 
 FOLDER = "logs"
 
 
-async def receive(body: AsyncIterator[bytes], folder: Path, given: str, suffixes: tuple[str, ...], most: int) -> str:
-    """Keep an uploaded log.
+async def receive(
+    body: AsyncIterator[bytes], folder: Path, given: str, suffixes: tuple[str, ...], most: int
+) -> tuple[str, bool]:
+    """Keep an uploaded log that can be read, in the place of one of that name which the campaign file does not name.
 
     Args:
         body: its bytes, as they arrive.
@@ -72,10 +78,11 @@ async def receive(body: AsyncIterator[bytes], folder: Path, given: str, suffixes
         most: bytes, at most.
 
     Returns:
-        its path from the campaign's folder.
+        its path from the campaign's folder, and whether it takes the place of another.
 
     Raises:
-        InputError: a name that cannot be used or is taken, nothing sent, or too much.
+        InputError: a name that cannot be used, or one that the campaign file names; nothing sent, or too much.
+        PlainError: a log that cannot be read.
         OSError: it cannot be written.
     """
     name = upload_name(given, suffixes)
@@ -83,29 +90,53 @@ async def receive(body: AsyncIterator[bytes], folder: Path, given: str, suffixes
     place.mkdir(exist_ok=True)
     if place.resolve() != folder.resolve() / FOLDER:
         raise InputError(str(place), found="a link", expected="a folder of the campaign", remedy="make it a folder")
-    path = place / name
-    if path.exists() or path.is_symlink():
+    path, relative = place / name, f"{FOLDER}/{name}"
+    is_there = path.exists() or path.is_symlink()
+    if is_there and (path.is_symlink() or edits.is_named(read_file(folder), relative)):
         raise InputError(
-            f'file "{FOLDER}/{name}"',
-            found="a log of that name",
+            f'file "{relative}"',
+            found="a link of that name" if path.is_symlink() else "a log of that name, which the campaign reads",
             expected="a new name",
             remedy="rename the file, or use the one there",
         )
     size = 0
-    with atomic_path(path) as temporary, temporary.open("wb") as stream:
-        async for chunk in body:
-            size += len(chunk)
-            if size > most:
-                raise InputError(
-                    f'file "{name}"',
-                    found=f"more than {most >> 20:,} MiB",
-                    expected="less",
-                    remedy="copy it into the campaign's folder instead",
-                )
-            stream.write(chunk)
+    with atomic_path(path) as temporary:
+        with temporary.open("wb") as stream:
+            async for chunk in body:
+                size += len(chunk)
+                if size > most:
+                    raise InputError(
+                        f'file "{name}"',
+                        found=f"more than {most >> 20:,} MiB",
+                        expected="less",
+                        remedy="copy it into the campaign's folder instead",
+                    )
+                stream.write(chunk)
         if not size:
             raise InputError(f'file "{name}"', found="nothing", expected="a log", remedy="choose another file")
-    return f"{FOLDER}/{name}"
+        await asyncio.to_thread(_check, temporary, name)
+    return relative, is_there
+
+
+def _check(path: Path, name: str) -> None:
+    """Look through a file that has a temporary name as a log of its own name.
+
+    Raises:
+        PlainError: it cannot be read.
+        InputError: it takes too much memory or time.
+    """
+    with TemporaryDirectory() as beside:
+        named = Path(beside, name)
+        named.symlink_to(path)
+        try:
+            isolated(name, _is_log, named)
+        except PlainError as error:
+            raise PlainError(words_of(error).replace(str(named), name)) from None
+
+
+def _is_log(path: Path) -> bool:
+    """Return whether a log can be looked through, which an error says otherwise."""
+    return bool(inspect_log(path))
 
 
 SUFFIXES = tuple(sorted({suffix for form in FORMATS for suffix in form.suffixes if suffix.startswith(".")}))

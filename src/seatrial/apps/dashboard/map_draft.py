@@ -33,7 +33,8 @@ class MapDraft:
         purposes: what it may be, in words.
         label: of the run.
         reader: run that read the log before; empty where none did.
-        begun_with: `files` as they were drawn or saved last; None before.
+        begun_with: purpose, label and `files` as they were before anybody chose or typed; None before. A purpose that somebody chose is "".
+        dropped: logs whose map was begun and is not kept, since the log that was previewed last is no part of it.
     """
 
     folder: Path
@@ -45,7 +46,8 @@ class MapDraft:
     purposes: dict[str, str] = field(default_factory=dict)
     label: str = ""
     reader: str = ""
-    begun_with: list[dict[str, Any]] | None = None
+    begun_with: tuple[str, str, list[dict[str, Any]]] | None = None
+    dropped: tuple[str, ...] = ()
 
     @property
     def files(self) -> list[dict[str, Any]] | None:
@@ -88,8 +90,27 @@ class MapDraft:
         clocks = {one.get("table"): str(one.get("time", {}).get("column") or "") for one in mine}
         return {table: column for table, column in clocks.items() if column}
 
+    @property
+    def is_begun(self) -> bool:
+        """Whether somebody has chosen what the log is, typed a name or changed the map since that was drawn or saved."""
+        return self.begun_with is not None and (self.purpose, self.label, self.files or []) != self.begun_with
+
+    def keep(self, is_chosen: bool = False) -> None:
+        """Take the draft as it is for the one that nobody has changed, but for a purpose that somebody chose."""
+        self.begun_with = "" if is_chosen else self.purpose, self.label, self.files or []
+
+    def choose(self, purpose: str) -> bool:
+        """Make the draft that of a run of another purpose; returns whether that is possible with the map as it is."""
+        is_possible = not self.reader and {self.purpose, purpose} <= {OWN_FIT, OWN_PREDICT, INSTEAD}
+        if is_possible:
+            self.purpose = purpose
+        return is_possible
+
     def add(self, name: str, log: "Looked", purpose: str | None = None) -> tuple[str, ...]:
         """Take a log into the map, with the channels that its columns seem to hold; logs that were previewed before stay choices.
+
+        A log goes on with the run that was begun, if somebody chose, typed or changed something of it, or if each of the two has channels
+        that the other lacks.
 
         Args:
             name: path of the log from the campaign's folder.
@@ -102,20 +123,28 @@ class MapDraft:
         if not self.logs:
             self.saved = read_file(self.folder)
             self.channel_map = edits.channel_map_of(self.saved)
-        self.logs[name] = log
+        lost = tuple(one for one in self.logs if one != name) if self.is_begun or self.is_own else ()
+        self.logs[name], self.dropped = log, ()
         try:
-            gone = self._begin(name, log, purpose)
+            gone, is_begun_again = self._begin(name, log, purpose)
         except SeatrialError:  # said where the map is edited
-            gone = ()
+            gone, is_begun_again = (), False
         there = self.channels
         for one in log.guesses:
             if self.files is not None and one.channel not in there:
                 mapped = edits.Mapped(self.head(name, one.table), one.column, one.unit, one.scale, 0.0, one.between)
                 self.channel_map = edits.with_channel(self.channel_map, one.channel, mapped)
+        if is_begun_again:
+            self.dropped = lost
+            self.keep(is_chosen=purpose is not None)
         return gone
 
-    def _begin(self, name: str, log: "Looked", purpose: str | None) -> tuple[str, ...]:
-        """Begin the map by what a log is to the campaign, and return the logs whose place it takes."""
+    def _begin(self, name: str, log: "Looked", purpose: str | None) -> tuple[tuple[str, ...], bool]:
+        """Begin the map by what a log is to the campaign, or go on with it.
+
+        Returns:
+            the logs whose place it takes, and whether the map was begun again.
+        """
         saved, runs = edits.channel_map_of(self.saved), edits.runs_of(self.saved)
         readers = edits.runs_reading(self.saved, name)
         if self._is_example(saved, runs):
@@ -123,10 +152,9 @@ class MapDraft:
             if has_placeholders(self.channel_map):
                 self.channel_map = ""
             self.channel_map, gone = edits.with_newer_log(self.channel_map, name, log, runs)
-            return gone
-        is_further = purpose is None and self.begun_with is not None and (self.files or []) != self.begun_with
-        if readers and is_further and self.purpose in (CHANGE, FILE):
-            return ()
+            return gone, self.begun_with is None
+        if readers and purpose is None and self.is_begun and self.purpose in (CHANGE, FILE):
+            return (), False
         whose = (readers or runs)[0]
         mine, others = edits.map_of_run(saved, whose)
         if readers:
@@ -139,6 +167,9 @@ class MapDraft:
             usual = CHANGE if has_all or len(sharers) == 1 else OWN_FIT
         else:
             mapped, guessed = edits.channels_of(mine), {one.channel for one in log.guesses}
+            own = self._own_map(mine, name, log, runs)
+            has, there = guessed | edits.channels_of(own).keys(), self.channels.keys()
+            goes_on = self.is_begun or (self.is_own and bool(has - there) and bool(there - has))
             self.purposes = {
                 OWN_FIT: "another run, to fit, with a map of its own",
                 OWN_PREDICT: "another run, held back to predict, with a map of its own",
@@ -146,19 +177,32 @@ class MapDraft:
                 INSTEAD: f"the only run, in the place of {', '.join(runs)}",
             }
             usual = FILE if guessed and guessed.isdisjoint(mapped) else OWN_FIT
-            if is_further:
+            if purpose is None and goes_on:
                 self.purpose = FILE if self.purpose == CHANGE else self.purpose
-                return ()
+                if self.purpose != FILE and all(one.get("path") != name for one in self.files or ()):
+                    self._add_own(own)
+                return (), False
         self.purpose, self.others, self.reader = purpose or usual, others, whose if readers else ""
         self.label = self._run_of(name)
         if self.purpose in (CHANGE, FILE):
             self.channel_map = mine
-            return ()
+            return (), True
         self.logs = {name: log}
-        newer, _ = edits.with_newer_log(mine.replace("{run}", whose) if readers else mine, name, log, runs)
+        self.channel_map = self._own_map(mine.replace("{run}", whose) if readers else mine, name, log, runs)
+        return (), True
+
+    def _own_map(self, earlier: str, name: str, log: "Looked", runs: Sequence[str]) -> str:
+        """Return the map of a log alone, after that of an earlier log of which it has every column; empty where there is none."""
+        newer, _ = edits.with_newer_log(earlier, name, log, runs)
         own = edits.map_of_log(newer, name)
-        self.channel_map = own if all(edits.has_columns(log, one) for one in edits.files_of(own)) else ""
-        return ()
+        return own if all(edits.has_columns(log, one) for one in edits.files_of(own)) else ""
+
+    def _add_own(self, own: str) -> None:
+        """Add the map of a further log of the run, without the channels that another of its logs has."""
+        for channel in self.channels.keys() & edits.channels_of(own).keys():
+            own = edits.with_channel(own, channel, None)
+        if edits.files_of(own):
+            self.channel_map = f"{self.channel_map.strip()}\n\n{own}".lstrip()
 
     def _is_example(self, channel_map: str, runs: Sequence[str]) -> bool:
         """Whether a map names no log that may exist, as that of a template, or that of no run; a variable in a name is not looked up."""

@@ -59,7 +59,7 @@ from seatrial.campaign.store.stored_result import Store
 from seatrial.campaign.workflow.status import standing
 from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError
-from seatrial.core.gaussian import Z90
+from seatrial.core.normal import Z90
 from seatrial.core.record import Record
 from seatrial.core.record_file import read_record
 from seatrial.core.signals import QUATERNION, RATES
@@ -73,7 +73,7 @@ from seatrial.export.from_campaign import of_campaign
 from seatrial.export.target import Exporter
 from seatrial.export.trials.trial import read_trial
 from seatrial.export.trials.write import FORMATS, check_format
-from seatrial.export.vehicle import ExportedVehicle
+from seatrial.export.vehicle import ExportedVehicle, same_mass
 from seatrial.export.write import EXPORTERS, carried_by, make_exporter, untethered
 from seatrial.logs.align import common_interval
 from seatrial.manoeuvres.family import design_words
@@ -98,14 +98,16 @@ def ready() -> bool:
 
 def export_rests(folder: str) -> tuple[str, ...]:
     """Published vehicles from which may be taken what a campaign does not model: whole ones that agree with what it does."""
-    found = []
-    for name in vehicle_names():
-        vehicle = load_vehicle(name)
-        if set(vehicle.moves) == set(RATES) and vehicle.written is None:
-            with suppress(InputError):
-                of_campaign(folder, rest=name)
-                found.append(name)
-    return tuple(found)
+    try:
+        alone, _ = of_campaign(folder)
+    except InputError:
+        return ()
+    published = {name: load_vehicle(name) for name in vehicle_names()}
+    return tuple(
+        name
+        for name, one in published.items()
+        if set(one.moves) == set(RATES) and one.written is None and same_mass(alone.hull, one.hull)
+    )
 
 
 def export_targets(folder: str, rest: str) -> tuple[ExportTarget, ...]:
@@ -120,15 +122,23 @@ def export_targets(folder: str, rest: str) -> tuple[ExportTarget, ...]:
         found = [_export_target(make_exporter(name), vehicle) for name in EXPORTERS]
     except InputError as error:
         found = [ExportTarget(name, False, error.sentence(), ()) for name in EXPORTERS]
-    place = Path(folder) / "export" / "trial"
+    return (*found, *_trial_targets(folder))
+
+
+def _trial_targets(folder: str) -> list[ExportTarget]:
+    try:
+        trial = read_trial(folder)
+    except InputError as error:
+        return [ExportTarget(name, True, error.sentence(), ()) for name in FORMATS]
+    found, place = [], Path(folder) / "export" / "trial"
     for name in FORMATS:
         refusal = ""
         try:
-            check_format(read_trial(folder), name, place)
+            check_format(trial, name, place)
         except InputError as error:
             refusal = error.sentence()
         found.append(ExportTarget(name, True, refusal, ()))
-    return tuple(found)
+    return found
 
 
 def _export_target(exporter: Exporter, vehicle: ExportedVehicle) -> ExportTarget:

@@ -15,7 +15,7 @@ from seatrial.apps.dashboard.view_models import FitAbout
 from seatrial.campaign.store.predictions import Predictions, read_predictions
 from seatrial.core.dataset_file import stored
 from seatrial.core.display_units import shown_unit
-from seatrial.core.gaussian import Z90
+from seatrial.core.normal import Z90
 from seatrial.report.figures.fit import autocorrelation
 
 CORRELATED = 10_000

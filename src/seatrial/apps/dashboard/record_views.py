@@ -21,8 +21,8 @@ from seatrial.core.record import SIMULATED
 
 BLOCK_ROWS = 512
 """Rows of a block of the index."""
-READ_ROWS = 1 << 20
-"""Rows that are read at a time while the index is made."""
+READ_ROWS = 1 << 18
+"""Rows that are read at a time while the index is made; their columns fit into a cache."""
 
 
 class Index(NamedTuple):
@@ -149,12 +149,12 @@ def about(roles: Mapping[str, str], rows: int, last: float, options: Mapping[str
 
 
 def origin_of(options: Mapping[str, Any], source: str) -> float:
-    """Begin of a record, s from where its files overlap; `start` of a simulated one is that of its manoeuvre."""
+    """Begin of a record, s from the beginning of the record; `start` of a simulated one is that of its manoeuvre."""
     return 0.0 if source == SIMULATED else float(options.get("start") or 0.0)
 
 
 def record_view(path: Path, start: float, end: float, columns: int = COLUMNS) -> dict[str, Envelope]:
-    """Curves of a stored record in the units in which they are shown, over seconds from where its files overlap.
+    """Curves of a stored record in the units in which they are shown, over seconds from the beginning of the record.
 
     Raises:
         InputError: no NetCDF-4 file, a damaged one, or no record.

@@ -1,6 +1,6 @@
 """Charts of results: designs, posteriors, probabilities, predictions with their residuals, and two campaigns side by side."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import partial
 from math import isfinite
 from pathlib import Path
@@ -11,14 +11,30 @@ from markupsafe import escape
 from nicegui import ui
 
 from seatrial.apps.dashboard.app_context import AppContext
-from seatrial.apps.dashboard.charts import DASHES, SYMBOLS, Curve, Panel, TimeChart, axis, chart, colour, faint, tooltip
+from seatrial.apps.dashboard.charts import (
+    DASHES,
+    SYMBOLS,
+    Curve,
+    Panel,
+    TimeChart,
+    axis,
+    chart,
+    colour,
+    faint,
+    legend_lines,
+    tooltip,
+)
 from seatrial.apps.dashboard.view_models import FitAbout, Marginal, Swept
-from seatrial.core.gaussian import Z90
+from seatrial.core.normal import Z90
 from seatrial.report.figures.style import unit_label
 
 CHOSEN = "chosen design"
 VIRIDIS = ("#440154", "#414487", "#2a788e", "#22a884", "#7ad151", "#fde725")
 """Ends and stops of the map of colours of the design surface, the same in every theme."""
+LONG = 20
+"""Letters of a name beside a bar, in a line, on a telephone."""
+NARROWEST = 250
+"""Pixels of the narrowest chart of a posterior: 16 rem less its margins."""
 WHEEL = [{"type": "inside", "filterMode": "none"}]
 _NUMBERS = "const digits = (value) => String(Number(Number(value).toPrecision(4)));"
 _SHORTENED = "(name) => name.length > 20 ? name.slice(0, 9) + '…' + name.slice(-10) : name"
@@ -152,22 +168,17 @@ def schedule_chart(time: np.ndarray, control: np.ndarray, name: str, unit: str) 
     return chart(options, f"Control {name} of the design over time", 240)
 
 
-def marginal_chart(one: Marginal, labels: Mapping[str, str]) -> ui.echart:
-    """Draw the posterior of one parameter, beside its prior, and the posteriors of other structures over it.
-
-    Args:
-        one: the parameter.
-        labels: what each structure is called.
-    """
+def marginal_chart(one: Marginal) -> ui.echart:
+    """Draw the posterior of one parameter, beside its prior, and the posteriors of other structures over it."""
     chosen, *others = one.density
     series = [
-        _stairs(labels.get(chosen, chosen), one.edges, one.density[chosen], "blue", filled=True),
+        _stairs(chosen, one.edges, one.density[chosen], "blue", filled=True),
         _curve("prior", one.grid, one.prior, "muted", "dashed"),
         _curve("normal approximation", one.grid, one.normal, "ink", "solid"),
     ]
     for index, label in enumerate(others):
         shade = ("orange", "purple", "dots")[index % 3]
-        series.append(_stairs(labels.get(label, label), one.edges, one.density[label], shade))
+        series.append(_stairs(label, one.edges, one.density[label], shade))
     series[0]["markArea"] = {
         "silent": True,
         "itemStyle": {"color": faint("blue", 12)},
@@ -186,16 +197,17 @@ def marginal_chart(one: Marginal, labels: Mapping[str, str]) -> ui.echart:
     ends = {"min": float(one.edges[0]), "max": float(one.edges[-1])}
     along = axis(unit, nameLocation="middle", nameGap=26, splitNumber=4, **ends)
     along["axisLabel"] |= {"showMinLabel": False, "showMaxLabel": False}
+    above = 20 * legend_lines([line["name"] for line in series], NARROWEST) if others else 0
     options = {
-        "grid": {"left": 12, "right": 12, "top": 30 if others else 24, "bottom": 46},
+        "grid": {"left": 12, "right": 12, "top": 24 + above, "bottom": 46},
         "xAxis": along,
         "yAxis": {"type": "value", "show": False, "min": 0, "max": 1.1 * top},
-        "legend": {"show": bool(others), "type": "scroll", "top": 0, "textStyle": {"color": colour("ink")}},
+        "legend": {"show": bool(others), "top": 0, "itemGap": 10, "textStyle": {"color": colour("ink")}},
         "tooltip": tooltip(_HOVER),
         "dataZoom": WHEEL,
         "series": series,
     }
-    return chart(options, f"Posterior of {one.name}", 250 if others else 220)
+    return chart(options, f"Posterior of {one.name}", 220 + above)
 
 
 class Probability(NamedTuple):
@@ -208,7 +220,8 @@ class Probability(NamedTuple):
 
 def probability_chart(bars: Sequence[Probability], title: str) -> ui.echart:
     """Draw probabilities as bars with one standard error, the first on top."""
-    rows = [one.label for one in bars]
+    rows, is_long = [one.label for one in bars], any(len(one.label) > LONG for one in bars)
+    broken = {"yAxis": {"axisLabel": {"width": 7 * LONG, "overflow": "break", "lineHeight": 14}}}
     words = [f"{escape(one.label)}: {one.share:.3f} ± {one.error:.2g}" for one in bars]
     whiskers = [[i, max(0.0, one.share - one.error), min(1.0, one.share + one.error), 0] for i, one in enumerate(bars)]
     share = [{"value": one.share, "name": text} for one, text in zip(bars, words, strict=True)]
@@ -217,12 +230,13 @@ def probability_chart(bars: Sequence[Probability], title: str) -> ui.echart:
         "xAxis": axis("probability", nameLocation="middle", nameGap=26, min=0, max=1),
         "yAxis": {**_categories(rows, ""), "inverse": True},
         "tooltip": {**tooltip(_AT_POINT), "trigger": "item"},
+        "media": [{"query": {"maxWidth": 520}, "option": broken}] if is_long else [],
         "series": [
             {"type": "bar", "data": share, "color": colour("blue"), "barMaxWidth": 18},
             _whiskers(whiskers, "ink"),
         ],
     }
-    return chart(options, title, 90 + 30 * len(bars))
+    return chart(options, title, 90 + (46 if is_long else 30) * len(bars))
 
 
 class Side(NamedTuple):

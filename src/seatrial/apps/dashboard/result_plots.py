@@ -9,10 +9,11 @@ import numpy as np
 from seatrial.apps.dashboard.view_models import EstimatedStructure, EstimatedValue, Marginal, Swept
 from seatrial.campaign.store.designs import read_sweeps
 from seatrial.campaign.store.estimates import Estimate, read_estimate
+from seatrial.campaign.store.stored_result import decoding
 from seatrial.core.dataset import Dataset
 from seatrial.core.dataset_file import open_dataset, write_dataset
 from seatrial.core.display_units import Shown, shown_as_written, shown_unit
-from seatrial.report.figures.posterior import normal_density
+from seatrial.core.normal import normal_density
 from seatrial.report.figures.style import power_of_ten
 
 MOST_LISTED = 12
@@ -56,6 +57,7 @@ def swept(path: Path) -> Swept:
         stored.refused,
         stored.safety,
         stored.prediction,
+        tuple(name for name, _ in stored.trim if name != stored.control),
     )
 
 
@@ -69,8 +71,11 @@ def estimated(paths: tuple[Path, ...], written: tuple[tuple[str, str], ...]) -> 
     Raises:
         InputError: missing or damaged.
     """
-    shown = shown_as_written(dict(written))
-    return tuple(_estimated(read_estimate(path), shown) for path in paths)
+    shown, found = shown_as_written(dict(written)), []
+    for path in paths:
+        with decoding(path, "seatrial run"):
+            found.append(_estimated(read_estimate(path), shown))
+    return tuple(found)
 
 
 def _estimated(estimate: Estimate, shown: Shown) -> EstimatedStructure:
@@ -110,7 +115,8 @@ def marginals(
     data = {label: read_estimate(path).data for label, path in paths}
     chosen, *_ = data.values()
     shown = shown_as_written(dict(written))
-    return tuple(_marginal(str(name), data, dict(truth), shown) for name in chosen["parameter"].values[:most])
+    with decoding(paths[0][1].parent, "seatrial run"):
+        return tuple(_marginal(str(name), data, dict(truth), shown) for name in chosen["parameter"].values[:most])
 
 
 def _marginal(name: str, data: Mapping[str, Dataset], truth: Mapping[str, float], shown: Shown) -> Marginal:

@@ -13,7 +13,7 @@ from urllib.parse import quote
 
 import uvicorn
 from fastapi import FastAPI, Request
-from fastapi.responses import FileResponse, PlainTextResponse, Response
+from fastapi.responses import FileResponse, JSONResponse, PlainTextResponse, Response
 from nicegui import Client, ui
 from nicegui import app as pages
 from starlette.exceptions import HTTPException
@@ -194,14 +194,15 @@ def _add_files(app: FastAPI, context: AppContext, guard: RequestGuard) -> None:
 
         try:
             folder = context.campaign_paths.folder(campaign)
-            kept = await receive(request.stream(), folder, name, SUFFIXES, guard.most)
-        except InputError as error:
-            return PlainTextResponse(f"{error}\n", 400)
-        except OSError as error:
-            return PlainTextResponse(f"{words_of(error)}\n", 507)
+            kept, is_another = await receive(request.stream(), folder, name, SUFFIXES, guard.most)
+        except (
+            SeatrialError,
+            OSError,
+        ) as error:  # an answer, not a failure: a browser would report that in its console
+            return JSONResponse(["refused", words_of(error)])
         except ClientDisconnect:  # gone, or cut off by the guard
             return PlainTextResponse(f"broken off, too slow, or more than {guard.most >> 20:,} MiB\n", 413)
-        return PlainTextResponse(kept)
+        return JSONResponse(["replaced" if is_another else "kept", kept])
 
 
 def _add_pages(context: AppContext) -> None:

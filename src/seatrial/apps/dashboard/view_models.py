@@ -41,7 +41,7 @@ class Stage(NamedTuple):
 
 
 class RecordAbout(NamedTuple):
-    """What a record holds: channels with unit and role, samples, its ends in seconds from where its files overlap, and its origin."""
+    """What a record holds: channels with unit and role, samples, its ends in seconds from the beginning of the record, and its origin."""
 
     names: tuple[str, ...]
     units: tuple[str, ...]
@@ -183,6 +183,8 @@ class Swept(NamedTuple):
     refused: dict[str, str]
     safety: tuple[str, ...]
     prediction: tuple[str, ...]
+    held: tuple[str, ...]
+    """Controls that stay at trim unless `together` moves them."""
 
 
 class Limit(NamedTuple):

@@ -54,11 +54,11 @@ class WorkerPool:
             self._submit(pool, "ready", ())
 
     def close(self) -> None:
-        """End all processes."""
+        """End all processes, and wait until they have ended: threads that still watch them would fail at the end of the interpreter."""
         for pool in self.pools.values():
             for process in list(pool._processes.values()):
                 process.terminate()
-            pool.shutdown(wait=False, cancel_futures=True)
+            pool.shutdown(cancel_futures=True)
         self.pools.clear()
 
     async def _ask(self, pool: str, question: str, about: tuple, files: Sequence[Path]) -> Any:

@@ -25,10 +25,10 @@ from seatrial.campaign.config.settings import (
     SensorSettings,
     StructureSettings,
 )
+from seatrial.campaign.config.templates import EXAMPLE_VEHICLE
 from seatrial.campaign.config.toml import key_lines, key_place
 from seatrial.campaign.config.vehicle import CampaignVehicle, level_start
 from seatrial.campaign.store.stored_result import FILE_NAME
-from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import Shown, shown_as_written, shown_unit
 from seatrial.core.errors import InputError, located
 from seatrial.core.signals import ACTUAL, HELD, PROPULSION, QUATERNION
@@ -48,9 +48,6 @@ from seatrial.selection.structures import MAX_STRUCTURES, Structure, all_structu
 from seatrial.vehicles.hull import Hull
 from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.surge import SurgeHull
-
-EXAMPLE_VEHICLE = "YOUR VEHICLE"
-"""Name of the vehicle in the template of a log."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -323,36 +320,6 @@ class Campaign:
         """Trim values of states and controls that are stated, SI; that of a designed control where the design states another."""
         stated = self.trial_design
         return self.hull.trim if stated is None else {**self.hull.trim, stated.family.control: stated.family.trim}
-
-    @property
-    def stated_masses(self) -> str:
-        """Say which masses are taken as exact, by which unknown forces and all that resists them scale; empty where none is."""
-        hull, added, about = self.hull, self.hull.fixed.get("X_udot"), self.hull.fixed.get("N_rdot")
-        if hull.mass is None:
-            return ""
-        said, guesses = [], []
-        if self._only_unknown({*PROPULSION}):
-            masses = [f"a mass of {hull.mass:.4g} kg", *([] if added is None else [f"X_udot = {added:.4g} kg"])]
-            said.append(f"{' and '.join(masses)}, with which all coefficients of X and T scale")
-            guesses += [] if added is None else ["X_udot"]
-        turning = hull.inertia[2] if isinstance(hull, Hull) else None
-        if None not in (turning, about) and self._only_unknown({"delta_r"}) and "v" not in self.model(self.full).states:
-            inertias = f"a moment of inertia of {turning:.4g} kg m^2 and N_rdot = {about:.4g} kg m^2"
-            said.append(f"{inertias}, with which all coefficients of N scale")
-            guesses.append("N_rdot")
-        if not said:
-            return ""
-        guessed = f"; if {' or '.join(guesses)} is a guess, move it to structure.always with a prior"
-        more = f". {self.example_vehicle}" if self.example_vehicle else guessed if guesses and self.imports else ""
-        return f"taken as exact, and in no ±: {'; '.join(said)}{more}"
-
-    def _only_unknown(self, controls: set[str]) -> bool:
-        """Return whether some of these controls act by unknown coefficients, and none by a known one."""
-        unknown, known = (
-            any(controls & {*CoefficientName.parse(name).signals} for name in names)
-            for names in (self.full.terms, self.hull.fixed)
-        )
-        return unknown and not known
 
     @property
     def example_vehicle(self) -> str:

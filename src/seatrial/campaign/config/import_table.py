@@ -145,7 +145,7 @@ def _ends(table: ImportTable, keys: FileKeys, run: str) -> dict[str, float]:
     """Where a run begins and ends, s, as far as anything is said of it.
 
     Raises:
-        InputError: before where its files overlap, or an end that is not after the start.
+        InputError: before the beginning of the record, or an end that is not after the start.
     """
     found: dict[str, float] = {}
     for name in ("start", "end"):
@@ -159,7 +159,7 @@ def _ends(table: ImportTable, keys: FileKeys, run: str) -> dict[str, float]:
                     found=text
                     + (f", with a start at {found['start']:g} s" if name == "end" and "start" in found else ""),
                     expected="0 s or more, and an end after the start",
-                    remedy="count from where the files of the run overlap",
+                    remedy="count from the beginning of the record",
                 )
     return found
 

@@ -44,9 +44,9 @@ class ThrustLawTable(Table):
     """`[vehicle.thrust_laws.NAME]`: the thrust of a logged command, such as a pulse width in microseconds.
 
     `curve` is a CSV of two columns with a header, the command and the thrust in N; in its place `polynomial` gives the thrust in N by
-    powers of the command minus `neutral`, the constant first. Between the two commands of `dead_zone` there is no thrust. Negative thrust
-    is multiplied by `reverse`. `lag` is the time constant of the thrust. A channel f_1 in the unit "command" is converted by the law of
-    thruster 1.
+    powers of the command minus `neutral`, the constant first. Between the two commands of `dead_zone`, ends included, there is no
+    thrust. Negative thrust is multiplied by `reverse`. `lag` is the time constant of the thrust. A channel f_1 in the unit "command" is
+    converted by the law of thruster 1.
     """
 
     curve: str | None = None
@@ -87,8 +87,8 @@ class VehicleTable(Table):
     of freedom, or one that says which of u v w p q r it `moves` in. Lengths count from the body's origin. With `moves = []` it is held, as
     at a bollard, and gauges measure `force_X` to `moment_N`.
 
-    `thrusters`, those of the catalogue where there are none, are driven by the forces f_1, f_2, …, or with terms of T in n by the speeds
-    n_1, n_2, …. `added_coriolis` says whether Coriolis forces of the added mass are terms (X_wq, …) or follow from it.
+    Without `thrusters` the vehicle has those of the catalogue. The forces f_1, f_2, … drive them, or the speeds n_1, n_2, … if terms of T
+    have n. `added_coriolis` says whether Coriolis forces of the added mass are terms (X_wq, …) or follow from it.
     """
 
     catalogue: str | None = None
@@ -407,9 +407,10 @@ class TrimTable(Table):
 class ImportTable(Table):
     """`[import]`: runs that are fitted jointly, runs that are only predicted, and how their files become records.
 
-    Every run is cut to `start` and `end`, counted from where its files overlap. `split` divides it into pieces, each a trial with a start
-    of its own: for long records, and for vehicles that leave their course slowly. `schedule` is the table that was
-    commanded; `{run}` stands for the run's label. A run without `start` and `end` is cut to it, and `import` says how well it was followed.
+    Every run is cut to `start` and `end`, counted from the beginning of the record, where all its files have begun. `split` divides it into
+    pieces, each a trial with a start of its own: for long records, and for vehicles that leave their course slowly. `schedule` is the
+    table that was commanded; `{run}` stands for the run's label. A run without `start` and `end` is cut to it, and `import` says how
+    well it was followed.
     """
 
     fit: list[str] = Field(min_length=1)

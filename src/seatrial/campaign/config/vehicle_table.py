@@ -5,7 +5,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 from seatrial.campaign.config.file_keys import FileKeys
-from seatrial.campaign.config.schema import VehicleTable
+from seatrial.campaign.config.schema import Quantity, VehicleTable
 from seatrial.campaign.config.thruster_table import read_thrust_laws, read_thrusters, thruster_lags
 from seatrial.campaign.config.vehicle import AxesVehicle, CampaignVehicle, WholeVehicle, axes_of
 from seatrial.core.coefficients import CoefficientName
@@ -92,7 +92,7 @@ def _axes_vehicle(table: VehicleTable, keys: FileKeys, terms: Sequence[str]) -> 
             remedy='with "unknown" every coefficient is estimated per unit of effective mass',
         )
     else:
-        mass = None if table.mass == "unknown" else keys.si(table.mass, "kg", "vehicle.mass")
+        mass = None if table.mass == "unknown" else _positive(keys, table.mass, "kg", "vehicle.mass")
         hull = SurgeHull(table.name or "vehicle", mass, table.thrust_deduction, table.fixed, _trim(table, keys))
         found = AxesVehicle(hull, axes)
     if found.hull.mass is not None and not found.is_surge:
@@ -141,6 +141,18 @@ def _whole_vehicle(
     )
 
 
+def _positive(keys: FileKeys, written: Quantity, unit: str, key: str) -> float:
+    """Read a quantity of the body that is above zero.
+
+    Raises:
+        InputError: as `FileKeys.si`, or a number that is zero or less.
+    """
+    value = keys.si(written, unit, key)
+    if value > 0:
+        return value
+    raise InputError(keys.where(key), found=f"{written}", expected="a number above zero", remedy="correct the number")
+
+
 def _trim(table: VehicleTable, keys: FileKeys) -> dict[str, float]:
     return {name: keys.si(text, signal_unit(name), f"vehicle.trim.{name}") for name, text in table.trim.items()}
 
@@ -168,14 +180,15 @@ def _by_hand(table: VehicleTable, keys: FileKeys) -> Hull:
 
     sizes = {"weight": "N", "buoyancy": "N"}
     given = {
-        key: keys.si(text, unit, f"vehicle.{key}")
+        key: _positive(keys, text, unit, f"vehicle.{key}")
         for key, unit in sizes.items()
         if (text := getattr(table, key)) is not None
     }
+    mass = _positive(keys, table.mass, "kg", "vehicle.mass")
     with located(keys.where("vehicle")):
         return whole_hull(
             table.name or "vehicle",
-            keys.si(table.mass, "kg", "vehicle.mass"),
+            mass,
             three("inertia", "kg m^2") or (None, None, None),
             products=three("products", "kg m^2") or (0.0, 0.0, 0.0),
             centre_of_gravity=three("centre_of_gravity", "m") or (0.0, 0.0, 0.0),

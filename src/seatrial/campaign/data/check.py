@@ -14,7 +14,7 @@ from seatrial.campaign.config.vehicle import first_measured, level_start
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.data.mount_check import SENSORS, along_body, check_mounts
 from seatrial.campaign.data.record_cautions import empty_cells, record_cautions, unused_channels
-from seatrial.campaign.data.thruster_check import check_thrusters
+from seatrial.campaign.data.thruster_check import check_thrusters, mirrored_thrusters
 from seatrial.campaign.inference.posterior import initial_state, random_key
 from seatrial.core.batching import bucket_length, filled
 from seatrial.core.display_units import shown_unit
@@ -36,9 +36,20 @@ from seatrial.estimation.motion_checks import (
     says_direction,
 )
 from seatrial.estimation.priors import Prior
-from seatrial.estimation.record_checks import RecordFinding, check_angle, check_limits, check_samples, check_trim
+from seatrial.estimation.record_checks import (
+    RecordFinding,
+    RecordLevel,
+    check_angle,
+    check_limits,
+    check_samples,
+    check_trim,
+    not_judged_yet,
+)
+from seatrial.estimation.remedies import listed
 from seatrial.vehicles.model import VehicleModel
 
+GRAVEST: tuple[RecordLevel, ...] = ("fail", "caution", "note", "pass")
+"""Levels in the order in which their findings are told."""
 MOST_CAUSES = 3
 """Findings that are repeated where no model explains a record."""
 _NO_CAUSE = ("excitation", "told apart", "limits")
@@ -74,7 +85,8 @@ class RecordJudgement:
     def lines(self) -> list[str]:
         """A headline, one line for each trouble, and what passes."""
         head = f"record {self.record.label}: {self.level}; {self.record.time.size} samples over {self.record.time[-1]:.1f} s"
-        troubles = [f"  {finding.line}" for finding in self.findings if finding.level != "pass"]
+        found = sorted(self.findings, key=lambda finding: GRAVEST.index(finding.level))
+        troubles = [f"  {finding.line}" for finding in found if finding.level != "pass"]
         passed: dict[str, list[str]] = {}
         for finding in self.findings:
             if finding.level == "pass":
@@ -232,7 +244,7 @@ def _judge(campaign: Campaign, record: Record) -> RecordJudgement:
         for name, column in measured.items()
         for finding in check_samples(name, column, campaign.noise[name], ATTITUDE if name in QUATERNION else name)
     ]
-    findings += [*empty_cells(record), *unused_channels(record, campaign.channels), *check_thrusters(campaign, body)]
+    findings += [*empty_cells(record), *unused_channels(record, campaign.channels)]
     driven = {name: record.channel(name) for name in alone.model.controls}
     findings += check_signs(plan.names, {**driven, **measured}, campaign.noise)
     findings += _stated(campaign, record)
@@ -244,6 +256,7 @@ def _judge(campaign: Campaign, record: Record) -> RecordJudgement:
             remedy = "check units and signs, or narrow the priors, so that the vehicle at their means can be simulated over this record"
             value = "the vehicle at the prior means runs away"
             findings.append(RecordFinding("motion", "direction", "caution", value, "it must not", remedy))
+        findings += check_thrusters(campaign, body)
         return RecordJudgement(record, tuple(findings), tuple(record_cautions(record)))
     for index, (name, column) in enumerate(measured.items()):
         if name in HELD:
@@ -253,7 +266,10 @@ def _judge(campaign: Campaign, record: Record) -> RecordJudgement:
     judged = _directions(campaign, record, motion, list(measured), doubted)
     mounting = _mounting(campaign, body, judged.findings) if is_real else []
     turned = {one.signal for one in mounting}
-    findings += [one for one in judged.findings if one.check != "axes" or one.signal not in turned] + mounting
+    moved = [one for one in judged.findings if one.check != "axes" or one.signal not in turned] + mounting
+    wrong = [one for one in moved if one.level == "fail"]
+    late = [one for one in moved if one.check == "timing" and one.level == "caution"]
+    findings += [*moved, *check_thrusters(campaign, body, _named([*wrong, *late]))]
     if turns:
         value = "not judged, nor size and timing; errors of all rates add up in it"
         findings.append(RecordFinding(ATTITUDE, "direction", "note", value, "the rates are judged"))
@@ -262,12 +278,22 @@ def _judge(campaign: Campaign, record: Record) -> RecordJudgement:
     if judged.unsaid:
         findings.append(not_judged(judged.unsaid))
     priors = campaign.coefficient_priors(alone.model)
-    if judged.unsaid or turns:
+    if wrong:
+        findings.append(not_judged_yet("all", "excitation", _named(wrong)))
+    elif judged.unsaid or turns:
         findings += _excitation_as_moved(record, plan, priors, control)
     else:
         mean = np.array([float(prior.mean) for prior in priors])
         findings += _excitation(plan, priors, mean, control)
     return RecordJudgement(record, tuple(findings), tuple(record_cautions(record)))
+
+
+def _named(findings: Sequence[RecordFinding]) -> str:
+    """Return what was found wrong of which signals, in words; empty where nothing was."""
+    signals: dict[str, list[str]] = {}
+    for one in findings:
+        signals.setdefault(one.check, []).append(one.signal)
+    return " and ".join(f"the {check} of {listed(some)}" for check, some in signals.items())
 
 
 class _Directions(NamedTuple):
@@ -289,7 +315,7 @@ def _directions(
 ) -> _Directions:
     """Judge direction, size, timing and axes of some channels; of those that are `doubted` by the trim, that tells the unit better."""
     found, driving = _Directions([], [], []), tuple(campaign.model(campaign.full).controls)
-    files = _other_files(record, driving)
+    files, mirrored = _other_files(record, driving), mirrored_thrusters(campaign)
     places = {name: index for index, name in enumerate(motion.measured) if name in names and name not in QUATERNION}
     for name, index in places.items():
         measured, expected, ways = motion.measured[name], motion.expected[:, index], motion.drawn[:, :, index]
@@ -309,6 +335,7 @@ def _directions(
                     driving,
                     name in doubted,
                     files.get(name, ""),
+                    mirrored.get(name, ()),
                 )
             )
         else:
@@ -367,7 +394,7 @@ def _excitation(
     before = np.array([float(prior.sd) for prior in priors])
     information = np.asarray(plan.information(values, control))
     after = np.sqrt(np.diag(np.linalg.inv(information + np.diag(before**-2.0))))
-    return check_excitation(plan.names, before, after, about)
+    return check_excitation(plan.names, before, after, about, plan.channels)
 
 
 def _excitation_as_moved(

@@ -158,7 +158,8 @@ def _import_run(campaign: Campaign, imports: Imports, run: str) -> tuple[Record,
     kept = stored_record(campaign, imports, run)
 
     def read_files() -> Dataset:
-        aligned = _with_late_end(imports, run, _aligned(campaign, imports, run, imports.ends.get(run, {})))
+        with located(campaign.where("import")):
+            aligned = _with_late_end(imports, run, _aligned(campaign, imports, run, imports.ends.get(run, {})))
         return record_dataset(with_rebuilt_controls(campaign, aligned))
 
     return kept.read_or_make(read_files), kept.key
@@ -211,7 +212,7 @@ def _unchecked(tables: Sequence[LogTable]) -> list[LogTable]:
 
 
 def _kept(campaign: Campaign, imports: Imports, run: str, whole: Record) -> dict[str, float]:
-    """Return where the longest stretch of a record begins and ends in which every condition holds, s from where its files overlap.
+    """Return where the longest stretch of a record begins and ends in which every condition holds, s from the beginning of the record.
 
     Raises:
         InputError: a log or column that cannot be read, or no such stretch.

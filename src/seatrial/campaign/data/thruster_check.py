@@ -16,7 +16,7 @@ from seatrial.core.record import Record
 from seatrial.core.signals import HELD, RATES, thruster_controls
 from seatrial.estimation.first_guess import fit_motion
 from seatrial.estimation.priors import Normal, Prior
-from seatrial.estimation.record_checks import RecordFinding
+from seatrial.estimation.record_checks import RecordFinding, not_judged_yet
 from seatrial.estimation.symmetry import mirror_of
 from seatrial.vehicles.hull import AXES
 from seatrial.vehicles.model import VehicleModel
@@ -39,7 +39,10 @@ def thruster_lines(campaign: Campaign) -> list[str]:
     head = "".join(f"{number:>9}" for number in range(1, len(thrusters) + 1))
     rows = ["".join(f"{x:9.3f}" for x in np.where(np.abs(row) < SMALL, 0.0, row)) for row in matrix]
     names = " ".join(AXES[i] for i in moving)
-    lines = [f"allocation of {len(thrusters)} thrusters, for 1 N each: N, and N m from K on", f"   {head}"]
+    lines = [
+        f"allocation of {len(thrusters)} thrusters: force (N) and moment (N m) for 1 N of each thruster",
+        f"   {head}",
+    ]
     lines += [f"  {axis}{row}" for axis, row in zip(AXES, rows, strict=True)]
     what = "move" if vehicle.moves else "are measured"
     told = f"  rank {rank} on the {len(moving)} axes that {what}, {names}"
@@ -67,8 +70,28 @@ def _not_spanned(matrix: np.ndarray, moving: Sequence[int]) -> str:
     return "no thrusts make " + ", nor ".join(texts)
 
 
-def check_thrusters(campaign: Campaign, record: Record) -> list[RecordFinding]:
-    """Judge the thrusters by one record; nothing where there are none, or where no velocity is measured."""
+def mirrored_thrusters(campaign: Campaign) -> dict[str, tuple[str, ...]]:
+    """Return the thrusters that drive a rate, by its name, where some drive it forwards and some backwards, as port and starboard do r."""
+    vehicle = campaign.vehicle
+    if not isinstance(vehicle, WholeVehicle) or not vehicle.body.thrusters:
+        return {}
+    matrix, controls = allocation(vehicle.body.thrusters), campaign.model(campaign.full).controls
+    drives = {rate: np.where(np.abs(row) < SMALL, 0.0, row) for rate, row in zip(RATES, matrix, strict=True)}
+    return {
+        rate: tuple(name for name, push in zip(controls, row, strict=False) if push)
+        for rate, row in drives.items()
+        if row.min() < 0 < row.max()
+    }
+
+
+def check_thrusters(campaign: Campaign, record: Record, wrong: str = "") -> list[RecordFinding]:
+    """Judge the thrusters by one record; nothing where there are none, or where no velocity is measured.
+
+    Args:
+        campaign: whose vehicle has them.
+        record: whose sensors look along the body.
+        wrong: what is to be corrected first, in words: gains of such a record would accuse the thrusters instead.
+    """
     vehicle = campaign.vehicle
     if not isinstance(vehicle, WholeVehicle) or not vehicle.body.thrusters:
         return []
@@ -86,6 +109,9 @@ def check_thrusters(campaign: Campaign, record: Record) -> list[RecordFinding]:
         )
         for i in idle
     ]
+    if wrong:
+        names = [name for name in thruster_controls(len(vehicle.body.thrusters), True) if name in record.controls]
+        return [*findings, not_judged_yet(", ".join(names), "thruster", wrong)]
     return [*findings, *_gains(campaign, vehicle, record)]
 
 
@@ -116,7 +142,7 @@ def _gains(campaign: Campaign, vehicle: WholeVehicle, record: Record) -> list[Re
 def _judged(control: str, gain: float, sd: float) -> RecordFinding:
     value, limit = (
         f"{gain:.2f} ± {sd:.2f} of the thrust stated, by the measurements",
-        "near 1; below 0 it is reversed",
+        "1 is right; a negative value means reversed",
     )
     if sd > KNOWN:
         remedy = "move it apart from the others for some seconds"

@@ -10,6 +10,7 @@ from seatrial.campaign.design.evaluate import check_whole_trials, plan_of, utili
 from seatrial.campaign.design.prior_state_space import prior_draws
 from seatrial.campaign.design.schedule import write_schedule
 from seatrial.campaign.design.sweep import design_first, design_key
+from seatrial.campaign.design.thrust_commands import commands_of
 from seatrial.campaign.design.utility import criterion_of, utility_draws
 from seatrial.campaign.store.stored_result import Store
 from seatrial.core.reporter import SILENT, Reporter
@@ -87,5 +88,7 @@ def plan_together(campaign: Campaign, trials: int, reporter: Reporter = SILENT) 
         words.append(design_words(sweep.family, amplitude, period))
         path = Store(campaign.folder).batch_schedule(number)
         manoeuvre, about = sweep.family.manoeuvre(amplitude, period), {"design": design_key(campaign)}
-        schedules.append(write_schedule(path, manoeuvre, sweep.family.sample_time, about=about))
+        schedules.append(
+            write_schedule(path, manoeuvre, sweep.family.sample_time, about=about, commands=commands_of(campaign))
+        )
     return PlannedBatch(tuple(words), found, tuple(schedules), utility_unit(campaign.design).split("/")[0])

@@ -15,6 +15,7 @@ from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.store.estimates import Drawn
 from seatrial.core.display_units import shown_unit
 from seatrial.estimation.prediction import noise_sd, slow_noise
+from seatrial.estimation.remedies import listed
 from seatrial.estimation.sensor_errors import noise_name
 
 TOLD = 1.3
@@ -53,9 +54,5 @@ def noise_words(campaign: Campaign, estimate: Drawn) -> str:
     for name, sd in found_noise(campaign, estimate).items():
         nominal, (factor, unit) = campaign.sensors[name].noise, shown_unit(name)
         if not nominal / TOLD < sd < nominal * TOLD:
-            said.append(f"{sd * factor:.2g} {unit} on {name}, where [sensors] says {nominal * factor:.2g}")
-    return (
-        f"this assumes the noise that the residuals of the fit show, as white noise of the same effect: {', '.join(said)}"
-        if said
-        else ""
-    )
+            said.append(f"{sd * factor:.2g} {unit} on {name} ([sensors]: {nominal * factor:.2g} {unit})")
+    return f"computed with the noise found in the fit, {listed(said)}" if said else ""

@@ -13,6 +13,7 @@ from seatrial.campaign.design.evaluate import check_whole_trials, plan_of
 from seatrial.campaign.design.prior_state_space import HALF
 from seatrial.campaign.design.schedule import write_schedule
 from seatrial.campaign.design.sweep import design_first, design_key
+from seatrial.campaign.design.thrust_commands import commands_of
 from seatrial.campaign.inference.posterior import random_key
 from seatrial.campaign.store.designs import FreeTrial, read_free_trial
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
@@ -67,7 +68,9 @@ def design_free_trial(campaign: Campaign, levels: int, reporter: Reporter = SILE
     manoeuvre = _form(campaign.family, levels).manoeuvre(np.array(found.levels))
     about = {"design": design_key(campaign)}
     path = Store(campaign.folder).schedule(kept.path)
-    return found, write_schedule(path, manoeuvre, campaign.family.sample_time, about=about)
+    return found, write_schedule(
+        path, manoeuvre, campaign.family.sample_time, about=about, commands=commands_of(campaign)
+    )
 
 
 def check_free_trial(campaign: Campaign) -> None:

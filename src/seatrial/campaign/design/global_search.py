@@ -12,6 +12,7 @@ from seatrial.campaign.design.evaluate import check_whole_trials, plan_of, utili
 from seatrial.campaign.design.prior_state_space import HALF, prior_draws
 from seatrial.campaign.design.schedule import write_schedule
 from seatrial.campaign.design.sweep import design_first, design_key
+from seatrial.campaign.design.thrust_commands import commands_of
 from seatrial.campaign.design.utility import criterion_of, utility_draws
 from seatrial.campaign.store.designs import Searched, read_searched
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
@@ -57,7 +58,11 @@ def search_design(campaign: Campaign, budget: int, reporter: Reporter = SILENT) 
     manoeuvre = family.manoeuvre(found.amplitude, found.period)
     about = {"design": design_key(campaign)}
     path = Store(campaign.folder).schedule(kept.path)
-    return found, family, write_schedule(path, manoeuvre, family.sample_time, about=about)
+    return (
+        found,
+        family,
+        write_schedule(path, manoeuvre, family.sample_time, about=about, commands=commands_of(campaign)),
+    )
 
 
 def search_lines(found: Searched, family: Family) -> list[str]:

@@ -19,6 +19,7 @@ from seatrial.campaign.design.found_noise import with_found_noise
 from seatrial.campaign.design.prior_state_space import HALF, prior_draws
 from seatrial.campaign.design.schedule import write_schedule
 from seatrial.campaign.design.sweep import coefficient_draws
+from seatrial.campaign.design.thrust_commands import commands_of
 from seatrial.campaign.design.utility import UTILITY_DRAWS
 from seatrial.campaign.store.estimates import Drawn
 from seatrial.campaign.store.stored_result import Store
@@ -379,7 +380,12 @@ def _told(
         design = designs[trial.design]
         rest = [*trials[: place - 1], *trials[place:]]
         manoeuvre = design.family.manoeuvre(design.amplitude, design.period)
-        path = write_schedule(Store(campaign.folder).plan_schedule(place), manoeuvre, campaign.family.sample_time)
+        path = write_schedule(
+            Store(campaign.folder).plan_schedule(place),
+            manoeuvre,
+            campaign.family.sample_time,
+            commands=commands_of(campaign),
+        )
         steps.append(Step(trial.stage, design.words, design.family.control, path, judge.chance(rest)))
     return Plan(
         basis,

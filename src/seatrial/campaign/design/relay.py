@@ -15,6 +15,7 @@ from seatrial.campaign.design.evaluate import check_whole_trials, plan_of
 from seatrial.campaign.design.prior_state_space import HALF, belief_space, believed
 from seatrial.campaign.design.schedule import write_schedule
 from seatrial.campaign.design.sweep import design_first, design_key
+from seatrial.campaign.design.thrust_commands import commands_of
 from seatrial.campaign.design.utility import UTILITY_DRAWS
 from seatrial.campaign.inference.posterior import random_key
 from seatrial.campaign.store.designs import RelayTrial, read_relay_trial
@@ -209,7 +210,7 @@ def design_relay_trial(campaign: Campaign, reporter: Reporter = SILENT) -> tuple
     foreseen, _ = loop.foreseen(found.amplitude, found.threshold)
     law = {"family": loop.family.as_plain(), "amplitude": found.amplitude, "threshold": found.threshold}
     about = {"relay": law, "design": design_key(campaign)}
-    return found, write_schedule(path, foreseen, campaign.family.sample_time, found.rule, about)
+    return found, write_schedule(path, foreseen, campaign.family.sample_time, found.rule, about, commands_of(campaign))
 
 
 def _search(campaign: Campaign, loop: RelayLoop, reporter: Reporter) -> RelayTrial:

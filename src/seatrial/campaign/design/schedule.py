@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from seatrial.campaign.design.thrust_commands import Command
 from seatrial.campaign.store.stored_result import Store
 from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError
@@ -12,22 +13,30 @@ from seatrial.core.files import is_there, write_json, write_text
 from seatrial.manoeuvres.manoeuvre import Manoeuvre
 from seatrial.manoeuvres.schedule import Schedule, schedule_of, table_text
 
+NO_COMMANDS: Mapping[str, Command] = {}
+"""Of a vehicle without laws of thrust."""
+
 # Designs in words, in the units of the boundary.
 
 
 def write_schedule(
-    path: Path, manoeuvre: Manoeuvre, sample_time: float, rule: str = "", about: Mapping[str, Any] | None = None
+    path: Path,
+    manoeuvre: Manoeuvre,
+    sample_time: float,
+    rule: str = "",
+    about: Mapping[str, Any] | None = None,
+    commands: Mapping[str, Command] = NO_COMMANDS,
 ) -> Path:
     """Write a schedule as CSV and beside it as JSON, where they are missing or not the same; returns the CSV file.
 
     A trial that is ended away from trim goes back to it, as fast as its edges are, or in one sample. A closed-loop trial has a `rule`,
-    which its schedule only foresees; `about` is kept beside it.
+    which its schedule only foresees; `about` is kept beside it. A thrust has a second column if `commands` has its control.
     """
     rows = schedule_of(manoeuvre, sample_time).bends()
     back = _way_back(manoeuvre, sample_time, {name: float(values[-1]) for name, values in rows.controls.items()})
     time = [*map(float, rows.time), *(t for t, _ in back)]
     columns = {name: [*map(float, values), *(at[name] for _, at in back)] for name, values in rows.controls.items()}
-    text = table_text(time, columns)
+    text = table_text(time, columns, _commanded(columns, commands))
     settings = {name: float(value) for name, value in manoeuvre.parameters.items()}
     content = {
         "manoeuvre": manoeuvre.name,
@@ -36,6 +45,11 @@ def write_schedule(
         **(about or {}),
     }
     return _write(path, text, tuple(columns), content)
+
+
+def _commanded(columns: Mapping[str, Sequence[float]], commands: Mapping[str, Command]) -> dict[str, list[float]]:
+    """Return the commands of the thrusts of a table, by control; NaN where no command makes one."""
+    return {name: [commands[name](thrust) for thrust in columns[name]] for name in columns if name in commands}
 
 
 def write_own(path: Path, schedule: Schedule, name: str) -> Path:
@@ -49,10 +63,11 @@ def _write(path: Path, text: str, controls: Sequence[str], content: Mapping[str,
     """Write a table, and its columns with what else is said of it as JSON: of several controls each by its name."""
     if not is_there(path) or path.read_bytes() != text.encode():
         write_text(path, text)
-    time, *values = zip(*(map(float, line.split(",")) for line in text.splitlines()[1:]), strict=True)
+    rows = [line for line in text.splitlines()[1:] if not line.startswith("#")]
+    time, *values = zip(*(map(float, line.split(",")) for line in rows), strict=True)
     columns = [
         {"control": name, "unit": shown_unit(name)[1], "value": value}
-        for name, value in zip(controls, values, strict=True)
+        for name, value in zip(controls, values[: len(controls)], strict=True)
     ]
     driven = columns[0] if len(columns) == 1 else {"controls": columns}
     write_json(path.with_suffix(".json"), {**content, **driven, "time_s": time})

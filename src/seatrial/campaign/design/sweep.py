@@ -18,6 +18,7 @@ from seatrial.campaign.design.evaluate import plan_as_run, plan_of, safety_lines
 from seatrial.campaign.design.found_noise import with_found_noise
 from seatrial.campaign.design.prior_state_space import HALF, belief_space, believed, prior_draws
 from seatrial.campaign.design.schedule import write_schedule
+from seatrial.campaign.design.thrust_commands import commands_of
 from seatrial.campaign.design.utility import design_filter, prediction_lines
 from seatrial.campaign.store.designs import edge_words, read_sweeps
 from seatrial.campaign.store.estimates import Drawn, Estimate, OfStructure
@@ -327,7 +328,7 @@ def read_designs(campaign: Campaign, path: Path) -> Designs:
     )
     sample_time = campaign.family.sample_time
     schedule, about = Store(campaign.folder).schedule(path), {"design": design_key(campaign)}
-    write_schedule(schedule, found.best.best_manoeuvre(), sample_time, about=about)
+    write_schedule(schedule, found.best.best_manoeuvre(), sample_time, about=about, commands=commands_of(campaign))
     return found
 
 

@@ -8,7 +8,8 @@ more than a half.
 
 Averaging counts a coefficient as zero where a structure lacks it: with probabilities P_i, means m_i and standard deviations s_i the mean
 is sum P_i m_i and the variance sum P_i (s_i^2 + (m_i - mean)^2) (Hoeting and others, Statistical Science 14, 1999).
-With model error the s_i are those with model error.
+With model error the s_i are those with model error. The 95 % interval is the shortest that holds 95 % of the draws of all structures,
+each structure weighing P_i, and zero weighing as much as the structures without the coefficient.
 """
 
 import csv
@@ -17,6 +18,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from math import isnan, nan
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from seatrial.campaign.store.estimates import Estimate
 from seatrial.campaign.store.stored_result import Store
@@ -27,6 +30,7 @@ from seatrial.selection.verdict import Selection, averaged
 
 OF_STRUCTURES = (
     "structure",
+    "probability",
     "name",
     "unit",
     "mean",
@@ -40,17 +44,39 @@ OF_STRUCTURES = (
     "ess_bulk",
     "ess_tail",
 )
-AVERAGED = ("name", "unit", "mean", "sd", "model_error_sd", "inclusion")
+AVERAGED = (
+    "name",
+    "unit",
+    "mean",
+    "sd",
+    "lower_95",
+    "upper_95",
+    "model_error_sd",
+    "model_error_cause",
+    "inclusion",
+)
 """Columns of the two tables."""
+COVERED, ROUNDING = 0.95, 1e-12
+"""Share of the draws that an interval holds, and by how much sums of weights may be off."""
 QUANTITIES = ("mean", "sd", "lower_95", "upper_95", "mode", "model_error_sd")
 """Those in the unit of the row."""
 
 
-def write_coefficients(folder: Path, estimates: Sequence[Estimate], shown: Shown) -> Path:
-    """Write `results/coefficients.csv`, a row for each parameter of each structure, atomically; returns its path."""
+def write_coefficients(
+    folder: Path, estimates: Sequence[Estimate], shown: Shown, selection: Selection | None = None
+) -> Path:
+    """Write `results/coefficients.csv`, a row for each parameter of each structure, atomically; returns its path.
+
+    Args:
+        folder: of the campaign.
+        estimates: of the structures.
+        shown: units of the parameters.
+        selection: from which the probabilities of the structures are; None before they are known, which leaves their cells empty.
+    """
+    probability = np.full(len(estimates), nan) if selection is None else selection.probability
     rows = [
-        {"structure": one.structure.label, **row}
-        for one in estimates
+        {"structure": one.structure.label, "probability": float(weight), **row}
+        for one, weight in zip(estimates, probability, strict=True)
         for row in one.summary().reset_index(names="name").to_dict("records")
     ]
     return _write(Store(folder).coefficients, OF_STRUCTURES, rows, shown)
@@ -64,7 +90,7 @@ def write_averaged(folder: Path, rows: Sequence[Mapping[str, Any]], shown: Shown
 def averaged_rows(estimates: Sequence[Estimate], selection: Selection) -> list[dict[str, Any]]:
     """Return each parameter averaged over all structures by their probabilities, SI, and the probability of those that have it.
 
-    `model_error_sd` is NaN where it is not larger than `sd` by more than a half.
+    `model_error_sd` is NaN where it is not larger than `sd` by more than a half; its cause is that of the structure that adds most to it.
     """
     within, wide, units = [], [], {}
     for one in estimates:
@@ -75,19 +101,48 @@ def averaged_rows(estimates: Sequence[Estimate], selection: Selection) -> list[d
     with_error = averaged(wide, selection.probability)
     rows = []
     for name, (mean, sd) in averaged(within, selection.probability).items():
-        has_it = [name in of for of in within]
-        wider = with_error[name][1]
+        have_it = [(one, p) for one, p in zip(estimates, selection.probability, strict=True) if name in one.names]
+        inclusion = min(1.0, sum(float(p) for _, p in have_it))
+        lower, upper = _interval([(one.draws([name])[:, 0], float(p)) for one, p in have_it], 1.0 - inclusion)
+        wider, (most, _) = (
+            with_error[name][1],
+            max(have_it, key=lambda pair: pair[1] * (pair[0].wider(name) or 0.0) ** 2),
+        )
+        is_wider = wider > TELLING * sd
         rows.append(
             {
                 "name": name,
                 "unit": units[name],
                 "mean": mean,
                 "sd": sd,
-                "model_error_sd": wider if wider > TELLING * sd else nan,
-                "inclusion": min(1.0, float(selection.probability @ has_it)),
+                "lower_95": lower,
+                "upper_95": upper,
+                "model_error_sd": wider if is_wider else nan,
+                "model_error_cause": most.wider_cause(name) if is_wider else "",
+                "inclusion": inclusion,
             }
         )
     return rows
+
+
+def _interval(draws: Sequence[tuple[np.ndarray, float]], absent: float) -> tuple[float, float]:
+    """Return the shortest interval that holds 95 % of a mixture.
+
+    Args:
+        draws: of each structure, and their weight all together.
+        absent: weight of zero.
+    """
+    parts = [(values, np.full(values.size, weight / values.size)) for values, weight in draws] + [
+        (np.zeros(1), np.array([absent]))
+    ]
+    values, weights = (np.concatenate(part) for part in zip(*parts, strict=True))
+    order = np.argsort(values, kind="stable")
+    values, weights = values[order], weights[order]
+    upto = np.cumsum(weights)
+    last = np.searchsorted(upto, upto - weights + COVERED * upto[-1] - ROUNDING)
+    ends = values[last[last < values.size]]
+    first = int(np.argmin(ends - values[: ends.size]))
+    return float(values[first]), float(ends[first])
 
 
 def _write(path: Path, columns: Sequence[str], rows: Iterable[Mapping[str, Any]], shown: Shown) -> Path:

@@ -16,7 +16,7 @@ from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.settings import EstimationSettings
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.long_steps import long_steps
-from seatrial.campaign.inference.omitted_effects import causes_of, findings_of, left_out
+from seatrial.campaign.inference.omitted_effects import causes_of, findings_of, left_out, tried_effects
 from seatrial.campaign.inference.posterior import is_whole, random_key, widest
 from seatrial.campaign.inference.prior_and_record import check_prior_of
 from seatrial.campaign.store.estimates import Estimate, HasKey, LeftOut, read_estimate
@@ -53,7 +53,7 @@ CHECKPOINT_EVERY = 5
 def estimate_key(campaign: Campaign, structure: Structure, trials: HasKey) -> str:
     """Key of one structure's posterior."""
     return key_of(
-        "posterior, with findings about model error",
+        "posterior, with findings about model error and the effects tried",
         *(trials.key, structure.terms, campaign.vehicle),
         *(campaign.priors, campaign.sensors, campaign.estimation, campaign.seed),
     )
@@ -235,6 +235,7 @@ def _dataset(
             "model_error": robust.words,
             "model_error_causes": json.dumps(causes_of(robust, wide)),
             "model_error_findings": json.dumps([asdict(one) for one in findings_of(posterior, robust, wide)]),
+            "tried_effects": json.dumps(tried_effects(robust.omitted)),
             "left_out": json.dumps([asdict(one) for one in missing]),
             "acceptance": draws.acceptance,
             "laplace_log_evidence": mode.log_evidence,

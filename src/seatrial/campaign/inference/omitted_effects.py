@@ -37,6 +37,11 @@ def left_out(posterior: Posterior, structure: Structure, omitted: OmittedEffects
     return tuple(sorted(missing, key=lambda one: -abs(one.by)))
 
 
+def tried_effects(omitted: OmittedEffects) -> tuple[str, ...]:
+    """Return all effects that were looked for, in words."""
+    return tuple(_name(one).rstrip(",") for one in omitted.tried)
+
+
 def causes_of(robust: RobustErrors, wider: Mapping[str, float]) -> dict[str, str]:
     """Return in words what makes most of the ± with model error of each of these parameters, and whether it is only that of the prior."""
     only = "; as far as its prior reaches: nothing narrows it"
@@ -120,6 +125,9 @@ def _ways(effect: Effect, leads: Sequence[str]) -> tuple[str, ...]:
         case "command lead":
             line = f'if {either(leads)} was measured and this is half its sampling time, write between = "line" for its channel in [import]'
             return (f"{line}; else correct `shift` of its file",)
+        case "thrust loss":
+            terms = "T_un for a propeller, T_uabsf for thrusters, X_utau_X for a force"
+            return (f"add the loss of thrust to structure.optional, with a prior: {terms}",)
         case "command offset":
             return (f"check the zero of {of}; `offset` of its channel in [import] corrects it",)
         case "sensor offset":
@@ -133,6 +141,7 @@ def _name(effect: Effect) -> str:
         "force": f"a force {effect.of}",
         "command lag": f"a lag of the actuator of {effect.of}",
         "delay": "a delay of the actuators",
+        "thrust loss": "a thrust that falls with the speed, by a share",
         "command offset": f"an offset of the command {effect.of}",
         "command lead": f"a command {effect.of} that acts before its stamps, by a lead",
         "sensor offset": f"an offset of {effect.of}, a bias of the sensor or a current,",

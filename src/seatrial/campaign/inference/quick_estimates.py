@@ -36,6 +36,7 @@ from seatrial.estimation.equation_error import (
 )
 from seatrial.estimation.mode import Mode, find_mode
 from seatrial.estimation.posterior import Posterior, values_of
+from seatrial.estimation.prior_checks import prior_contradictions
 from seatrial.estimation.robust_errors import robust_errors
 from seatrial.estimation.sensor_errors import (
     correlation_name,
@@ -223,6 +224,7 @@ def _mode(
     missing = left_out(posterior, structure, robust.omitted) if robust else ()
     cautions = (
         [flat] * mode.flat
+        + prior_contradictions(posterior, mode)
         + (long_steps(posterior, whole, study.records) if robust else [])
         + [one.sentence for one in missing]
     )

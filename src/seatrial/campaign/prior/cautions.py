@@ -1,29 +1,65 @@
 """What to know about a campaign file before a trial: terms that may be one, limits out of reach, a start that the controls do not hold."""
 
+from math import hypot, sqrt
+
 import numpy as np
 
 from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.config.vehicle import WholeVehicle
 from seatrial.campaign.design.prior_state_space import prior_draws
 from seatrial.campaign.prior.predictive import most_have, steady_motion
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import shown_unit
 from seatrial.core.term_checks import terms_that_may_be_one
+from seatrial.vehicles.hull import Hull
 
 BESIDE = 0.2
 """Share of a steady speed by which the start may lie beyond the 90 % range of the priors."""
 
+RADII, TIMES_REACH = (0.02, 120.0), 10.0
+"""Radii of gyration of the smallest vehicle and of a ship of 400 m, m, and how many times as far as the farthest thruster one may be."""
 FAR = 1e4
 """Times its trim from which a limit of a control is doubted."""
 
 
 def file_cautions(campaign: Campaign) -> list[str]:
     """Return a sentence for each thing that is worth correcting in the file, though it can be used."""
-    example = [campaign.example_vehicle] if campaign.example_vehicle else []
     return [
-        *example,
+        *vehicle_cautions(campaign),
         *terms_that_may_be_one(map(CoefficientName.parse, campaign.full.terms)),
         *_limits_out_of_reach(campaign),
         *_start_that_is_not_held(campaign),
+    ]
+
+
+def vehicle_cautions(campaign: Campaign) -> list[str]:
+    """Say that the vehicle is still that of an example, or that its mass and a moment of inertia are not of one body."""
+    found, vehicle = [campaign.example_vehicle] if campaign.example_vehicle else [], campaign.vehicle
+    if isinstance(vehicle, WholeVehicle):
+        reach = max((hypot(*one.place) for one in vehicle.body.thrusters), default=0.0)
+        found += doubtful_radii(vehicle.hull, reach)
+    return found
+
+
+def doubtful_radii(hull: Hull, reach: float = 0.0) -> list[str]:
+    """Say which radius of gyration, sqrt(I / m), no vehicle has; that of a rod is 0.29 times its length.
+
+    Args:
+        hull: of the vehicle.
+        reach: distance of its farthest thruster from its origin, m; 0 where none is known.
+    """
+    if hull.mass is None:
+        return []
+    least, most = RADII[0], min(RADII[1], TIMES_REACH * reach or RADII[1])
+    size = f", and the farthest thruster is {reach:.2g} m from the origin" if reach else ""
+    radii = {
+        f"{axis}{axis}": (one, sqrt(one / hull.mass)) for axis, one in zip("xyz", hull.inertia, strict=True) if one
+    }
+    return [
+        f"a mass of {hull.mass:.4g} kg and I_{axes} = {inertia:.4g} kg m^2 make a radius of gyration of {radius:.3g} m{size}: "
+        f"{least:g} m to {most:.3g} m is expected. Check the units of mass and inertia under [vehicle]"
+        for axes, (inertia, radius) in radii.items()
+        if not least <= radius <= most
     ]
 
 

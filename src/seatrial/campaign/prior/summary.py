@@ -4,12 +4,15 @@ import numpy as np
 
 from seatrial.campaign.prior.predictive import LEVELS, MOST, Believed, PriorPredictive, most_have
 from seatrial.core.display_units import Shown, shown_unit
-from seatrial.core.gaussian import Z90
+from seatrial.core.normal import Z90
+from seatrial.estimation.remedies import listed
 
 SOME = 0.01
 """Share of draws without a motion above which a prior is to be mended."""
 WIDE = 4.0
 """Factor between the ends of the 90 % range of the steady speed above which a prior is called wide."""
+STILL = 1e-9
+"""Range of a channel in all draws and over the whole trial, SI, below which the trial does not move it."""
 HELD, HARDLY = 0.8, 0.5
 """Shares of the measured speeds inside the 90 % range above which the prior holds them, and below which it does not."""
 
@@ -47,7 +50,12 @@ def prior_summary(found: PriorPredictive) -> list[str]:
             factor, unit = shown_unit(one.channel)
             if np.isfinite(one.bands).any():
                 low, high = (factor * end for end in (one.bands[0].min(), one.bands[-1].max()))
-                said.append(f"{one.channel}: 90 % of draws between {low:.3g} and {high:.3g} {unit}")
+                is_still = np.ptp(one.bands) < STILL
+                said.append(
+                    f"{one.channel} does not move in this trial, so its priors mean nothing here{_moving(found)}"
+                    if is_still
+                    else f"{one.channel}: 90 % of draws between {low:.3g} and {high:.3g} {unit}"
+                )
         said.append(f"draws that diverge: {lost}")
     held = [one for one in found.channels if np.isfinite(one.held)]
     return said + [
@@ -116,9 +124,17 @@ def _reach(item: Believed, named: bool) -> str:
     channel, *ends = item.alone
     if np.isnan(ends).any():
         return "none"
+    if ends[1] - ends[0] < STILL:
+        return "nothing that this trial moves"
     factor, unit = shown_unit(channel)
     low, high = (f"{factor * end:.3g}" for end in ends)
     return f"{channel} " * named + f"{low} to {high} {unit}"
+
+
+def _moving(found: PriorPredictive) -> str:
+    """Say how a control that stays at its trim is moved as well; nothing where all move."""
+    still = [name for name, values in found.control.items() if np.ptp(values) == 0]
+    return f": `together` of [design] moves {listed(still)} as well" if still else ""
 
 
 def _measured(found: PriorPredictive, channel: str) -> str:

@@ -1,4 +1,4 @@
-"""The two most probable structures side by side: what choosing between them changes in speed, and which trial would decide."""
+"""The two most probable structures side by side: what choosing between them changes in motion, and which trial would decide."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -24,6 +24,7 @@ from seatrial.core.dataset import Dataset
 from seatrial.core.errors import NumericalError
 from seatrial.core.programs import program
 from seatrial.core.reporter import SILENT, Reporter
+from seatrial.core.signals import RATES
 from seatrial.design.sweep import Sweep, in_blocks
 from seatrial.estimation.filter_error import FilterError
 from seatrial.estimation.output_error import OutputError
@@ -52,11 +53,11 @@ DEPENDENT = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class SpeedDifference:
-    """By how much the speed of the best structure exceeds the runner-up's in one manoeuvre, SI.
+    """By how much a velocity of the best structure exceeds the runner-up's in one manoeuvre, SI.
 
     Attributes:
         time: samples that are kept, shape (n,).
-        best: speed through the water of the best, posterior mean, shape (n,).
+        best: velocity through the water of the best, posterior mean, shape (n,).
         difference: excess at the posterior means, shape (n,).
         lower: lower end of its 90 % band, both posteriors drawn independently, shape (n,).
         upper: upper end, shape (n,).
@@ -81,8 +82,10 @@ def compare_speeds(
     runner: Estimate,
     trials: Trials,
     sweep: Sweep,
-) -> list[SpeedDifference]:
-    """Compare speeds over the inputs of each fitted record, and then over the best design from trim.
+) -> tuple[str, list[SpeedDifference]]:
+    """Compare a velocity over the inputs of each fitted record, and then over the best design from trim.
+
+    It is the one that differs most, over the noise of its sensor, and is named; or the leading one where none is measured.
 
     Args:
         campaign: configuration.
@@ -94,8 +97,17 @@ def compare_speeds(
     Raises:
         NumericalError: a structure runs away at its posterior mean.
     """
-    pairs = zip(_speeds(campaign, best, trials, sweep), _speeds(campaign, runner, trials, sweep), strict=True)
-    return [_difference(time, a, b) for time, a, b in ((a[0], a[1], b[1]) for a, b in pairs)]
+    channels = [name for name in campaign.channels if name in RATES] or [campaign.leading]
+    pairs = zip(
+        _speeds(campaign, best, trials, sweep, channels),
+        _speeds(campaign, runner, trials, sweep, channels),
+        strict=True,
+    )
+    runs = [(time, mine, other) for (time, mine), (_, other) in pairs]
+    found = [[_difference(time, a[..., i], b[..., i]) for time, a, b in runs] for i in range(len(channels))]
+    noise = [noise_of(campaign, best, name) if name in campaign.channels else 1.0 for name in channels]
+    most = np.argmax([max(one.largest for one in each) / own for each, own in zip(found, noise, strict=True)])
+    return channels[most], found[most]
 
 
 def expected_nats(
@@ -139,9 +151,9 @@ def noise_of(campaign: Campaign, estimate: Estimate, channel: str) -> float:
 
 
 def _speeds(
-    campaign: Campaign, estimate: Estimate, trials: Trials, sweep: Sweep
-) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Time and speed of each manoeuvre; of the posterior mean in row 0, of draws in the others."""
+    campaign: Campaign, estimate: Estimate, trials: Trials, sweep: Sweep, channels: Sequence[str]
+) -> list[tuple[Float[np.ndarray, " n"], Float[np.ndarray, "d n m"]]]:
+    """Time and velocities of each manoeuvre; of the posterior mean in row 0, of draws in the others."""
     model, table = shared_model(campaign, estimate.structure), estimate.draws()
     draws = table[:: max(1, len(table) // DRAWS)][:DRAWS]
     values = dict(zip(estimate.names, np.vstack([table.mean(axis=0), draws]).T, strict=True))
@@ -162,13 +174,13 @@ def _speeds(
         params |= {unknown.name: np.asarray(one[unknown.name]) for unknown in model.unknowns}
         delay = np.asarray(one["delay"]) if campaign.has_delay else None
         step = np.append(np.diff(time), 0.0)
-        speed, lost = speeds(model, (campaign.leading,), params, delay, start, control, step, range(time.size))
+        speed, lost = speeds(model, channels, params, delay, start, control, step, range(time.size))
         if lost[0]:
             raise NumericalError(
-                f"{estimate.structure.label} runs away at its posterior mean, so that its speed cannot be compared: "
+                f"{estimate.structure.label} runs away at its posterior mean, so that its motion cannot be compared: "
                 "look at its posterior in the report"
             )
-        found.append((time, np.where(lost[:, None], np.nan, speed[:, :, 0])))
+        found.append((time, np.where(lost[:, None, None], np.nan, speed)))
     return found
 
 
@@ -362,7 +374,7 @@ def compare_contenders(
 
 
 def _dataset(campaign: Campaign, best: Estimate, runner: Estimate, trials: Trials, sweep: Sweep) -> Dataset:
-    found = compare_speeds(campaign, best, runner, trials, sweep)
+    channel, found = compare_speeds(campaign, best, runner, trials, sweep)
     join = {name: np.concatenate([getattr(one, name) for one in found]) for name in found[0].CURVES}
     control = sweep.family.control
     commands, nats = (
@@ -388,11 +400,9 @@ def _dataset(campaign: Campaign, best: Estimate, runner: Estimate, trials: Trial
         attrs={
             "best": best.structure.label,
             "runner_up": runner.structure.label,
-            "channel": campaign.leading,
+            "channel": channel,
             "change": change_words(best.structure.terms, runner.structure.terms),
-            "noise": noise_of(campaign, best, campaign.leading)
-            if campaign.leading in campaign.channels
-            else float("nan"),
+            "noise": noise_of(campaign, best, channel) if channel in campaign.channels else float("nan"),
             "control": control,
             "trial": design_words(sweep.family, float(sweep.amplitude[row]), float(sweep.period[column])),
         },

@@ -158,6 +158,11 @@ class Estimate:
         return self.data.attrs["model_error"]
 
     @property
+    def tried_effects(self) -> tuple[str, ...]:
+        """Effects that the structure may lack and that were looked for, in words."""
+        return tuple(json.loads(self.data.attrs["tried_effects"]))
+
+    @property
     def wider_findings(self) -> tuple["ModelErrorFinding", ...]:
         """Which of them have which cause, and how to get rid of it."""
         found = json.loads(self.data.attrs["model_error_findings"])
@@ -316,7 +321,7 @@ class Known:
         return f"{BY_ITSELF} within the model, but with model error not {listed(self.unsure)}: that ± is over half of the value"
 
     def lines(self, shown: Shown) -> list[str]:
-        """A table, its values in the units in which they are `shown`, the directions known best and least, and the verdict."""
+        """A table, its values in the units in which they are `shown`, the combinations known best and least, and the verdict."""
         before = self.stage == "before"
         rows = [
             (
@@ -338,8 +343,8 @@ class Known:
             for row in (heads, *rows)
         ]
         if len(self.directions) > 1:
-            said.append(f"best-known direction, one standard error of the data alone: {self.directions[0].words}")
-            said.append(f"least-known direction: {self.directions[-1].words}")
+            said.append(f"the combination known best, one standard error of the data: {self.directions[0].words}")
+            said.append(f"the combination known least: {self.directions[-1].words}")
         return [f"  {line}" for line in (*said, *(self.verdict or (self.separately,)), *self.symmetry)]
 
 

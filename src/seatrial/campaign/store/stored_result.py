@@ -350,7 +350,7 @@ def read_json(path: Path, made_by: str) -> dict[str, Any]:
 
 @contextmanager
 def decoding(path: Path, made_by: str) -> Iterator[None]:
-    """Turn what is wrong with the fields of a whole JSON result into an error for the user.
+    """Turn what is wrong with the fields of a whole result, such as one of another version, into an error for the user.
 
     Raises:
         InputError: it lacks a field, or has another; the remedy names the command that makes it.

@@ -276,10 +276,10 @@ class Contenders:
     """The best structure and the runner-up, as stored.
 
     Attributes:
-        data: `time`, `best`, `difference`, `lower` and `upper` on `sample`, one manoeuvre after another, `which` by its index: speed of
-            the best, and by how much it exceeds the runner-up's, with its 90 % band; `largest`, `rms` and `excitation` by
-            `manoeuvre`, the fitted records and then the next trial; `nats` by `amplitude` and `period`: the expected log Bayes
-            factor, NaN where a limit is broken.
+        data: `time`, `best`, `difference`, `lower` and `upper` on `sample`, one manoeuvre after another, `which` by its index: the
+            velocity `channel` of the best, and by how much it exceeds the runner-up's, with its 90 % band; `largest`, `rms` and
+            `excitation` by `manoeuvre`, the fitted records and then the next trial; `nats` by `amplitude` and `period`: the
+            expected log Bayes factor, NaN where a limit is broken.
     """
 
     data: Dataset
@@ -318,7 +318,7 @@ class Contenders:
         return [self.difference_words(), undecided_words(selection), self.trial_words(selection)]
 
     def difference_words(self) -> str:
-        """What choosing the runner-up would change in speed, or in force."""
+        """What choosing the runner-up would change in motion, or in force."""
         data, channel = self.data, self.data.attrs["channel"]
         (factor, unit), name = shown_unit(channel), "the speed" if channel == "u" else channel
         parts = [

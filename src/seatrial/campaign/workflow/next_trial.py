@@ -18,7 +18,7 @@ from seatrial.campaign.inference.judge_predictions import fitted_failures, held_
 from seatrial.campaign.inference.quick_estimates import FirstAnswer
 from seatrial.campaign.store.structures import BETTER_EVIDENCE, IF_RELIABLE, Contenders
 from seatrial.campaign.workflow.outcome import Outcome
-from seatrial.estimation.remedies import percent
+from seatrial.estimation.remedies import listed, percent
 from seatrial.manoeuvres.family import design_words
 from seatrial.selection.verdict import DECIDED
 
@@ -103,7 +103,7 @@ def _weighed(outcome: Outcome, standing: tuple[str, ...]) -> Proposal:
             why = "no trial yet: the goal is met only if the stated ± hold, and the residuals say that they do not"
             return Proposal(None, standing, (), why=why, quoted=outcome.disowned)
         if not counting:
-            return Proposal(None, standing, ("stop: the goal is met",))
+            return Proposal(None, standing, (f"stop: the goal is met: {_goal_words(outcome)}",))
         if len(outcome.trials.fit) >= goal.trials:
             trials = f"{goal.trials} trial{'s are' if goal.trials != 1 else ' is'}"
             return Proposal(None, standing, (f"stop: {trials} run, which is all that [goal] asks for",))
@@ -162,7 +162,7 @@ def _most_informative(
     if gain < ENOUGH and not counting:
         why = f"stop: another trial of this kind would give little information ({gain:.2f} nat): change sensors, limits or manoeuvres"
         return Proposal(None, standing, (why,))
-    return _run(designs, designs.best.best, known, noise, standing, _gain_words(gain), within)
+    return _run(designs, designs.best.best, known, noise, standing, _gain_words(gain, len(designs.names)), within)
 
 
 def settling(contenders: Contenders, probability: Sequence[float]) -> float:
@@ -179,9 +179,16 @@ def settling(contenders: Contenders, probability: Sequence[float]) -> float:
     return share * beyond(odds + m) + (1 - share) * beyond(-odds + m)
 
 
-def _gain_words(gain: float) -> str:
-    """Return what an entropy reduction of so many nats does."""
-    return f"it shrinks the joint uncertainty of the coefficients {np.exp(gain):.2g} times ({gain:.2f} nat)"
+def _gain_words(gain: float, count: int) -> str:
+    """Return what an entropy reduction of so many nats does to one of so many coefficients.
+
+    The entropy is the sum of the logarithms of the standard deviations along the axes of the covariance: exp(gain / count) is the geometric
+    mean of the factors by which these shrink, and of those of the coefficients themselves as far as their correlations stay what they were.
+    """
+    times = f"{np.exp(gain / count):.2g} times"
+    if count == 1:
+        return f"it shrinks the uncertainty of the coefficient {times} ({gain:.2f} nat)"
+    return f"it shrinks the uncertainty of each coefficient about {times} on average (geometric mean of {count}; {gain:.2f} nat)"
 
 
 def _noise(outcome: Outcome) -> str:
@@ -218,6 +225,18 @@ def _standing(outcome: Outcome) -> tuple[str, ...]:
         mean, sd = known[name]
         lines.append(f"{name} is known to {_beside_wanted(sd / abs(mean), sd / ratio / abs(mean))} wanted")
     return tuple(lines)
+
+
+def _goal_words(outcome: Outcome) -> str:
+    """Name what was wanted: each standard deviation as a share of the value, and whether one model was to hold the probability."""
+    goal, known = outcome.campaign.goal, _for_goal(outcome)
+    assert goal is not None
+    shares = {**goal.shares, **{name: sd / abs(known[name][0]) for name, sd in goal.sds.items() if name in known}}
+    said = [
+        f"{name} to {percent(shares[name])}" if name in known else f"no {name} in the model"
+        for name in (*goal.shares, *goal.sds)
+    ]
+    return listed([*said, *(["one model"] if goal.decided else [])])
 
 
 def _beside_wanted(share: float, wanted: float) -> str:

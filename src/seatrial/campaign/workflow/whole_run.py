@@ -47,7 +47,7 @@ class WholeRun:
         known = learnt()
         self.expected = {step: known.get(step, USUAL.get(step, LEAST)) for step in steps}
         self.tell = reporter.progress(TITLE) if len(steps) > 1 else None
-        self.before, self.took, self.now, self.began = 0.0, 0.0, "", time.monotonic()
+        self.before, self.took, self.now, self.began, self.shown = 0.0, 0.0, "", time.monotonic(), 0
         self.bars: dict[str, _Bar] = {}
         self.show()
 
@@ -85,8 +85,8 @@ class WholeRun:
         """Show how far the run has come.
 
         A step is as much slower than expected as those before it were; the farther it is, the more its own bars say of how long it takes,
-        and no less remains of it than of any one of them. The bar goes back where a step turns out to be longer than it was, so that the
-        time that remains is right.
+        and no less remains of it than of any one of them. Where a step turns out to be longer than it was, the bar waits: it never goes
+        back, and the time that remains grows.
         """
         if self.tell is None:
             return
@@ -100,7 +100,8 @@ class WholeRun:
         here = max([here, *(over + bar.remaining for bar in self.bars.values())])
         later = pace * sum(seconds for step, seconds in self.expected.items() if step != self.now)
         whole = self.took + max(here, over / SHARE) + later
-        self.tell(round(PARTS * (self.took + over) / whole) if whole > 0 else PARTS, PARTS)
+        self.shown = max(self.shown, round(PARTS * (self.took + over) / whole) if whole > 0 else PARTS)
+        self.tell(self.shown, PARTS)
 
 
 class _Bar:

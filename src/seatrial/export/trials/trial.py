@@ -13,7 +13,7 @@ from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.config.vehicle import level_start
 from seatrial.campaign.design.schedule import damaged_about, find_schedules, read_about
 from seatrial.campaign.inference.posterior import random_key
-from seatrial.campaign.workflow.status import StepState, standing
+from seatrial.campaign.workflow.steps import LOOP, Workflow
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError, nearest
@@ -278,7 +278,8 @@ def read_trial(folder: Path | str, schedule: str | None = None) -> Trial:
         raise damaged_about(path, cause, _again(campaign.folder)) from cause
     _check(trial, path)
     _check_table(trial, path, _again(campaign.folder))
-    is_stale = StepState(name, "stale", name) in standing(campaign.folder)
+    flow = Workflow(campaign)
+    is_stale = any(step.listed == name and flow.state(step.name) == "stale" for step in LOOP)
     return (
         trial._replace(
             caution=f"chosen before the campaign was changed, and not judged since: {_again(campaign.folder)}"

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from seatrial.core.errors import InputError
+from seatrial.logs.formats.unit_in_name import ENDINGS, name_and_units
 
 BLOCK_ROWS = 8192
 LOG_TIME = "log_time"
@@ -26,10 +27,9 @@ MOST_ELEMENTS = 64
 TIME_UNITS = ("ns", "us", "ms", "s", "min", "h")
 _NANOSECONDS = re.compile(r"(?:.*[./])?(?:%time|rosbagtimestamp|header\.stamp|stamp)")
 _CLOCK = re.compile(
-    r"(?:.*[./_\s])?(?:t|time|timestamps?|stamp|utime|elapsed(?:_time)?|(?:epoch|unix)(?:_?time)?|time_?(?:stamp|boot|since_\w+)?)"
+    r"(?:.*[./_\s])?(?:t|time|timestamps?|stamp|uptime|utime|elapsed(?:_time)?|(?:epoch|unix)(?:_?time)?|time_?(?:stamp|boot|since_\w+)?)"
     r"(?:[\s_]*[\[(]?(?P<unit>ns|nsec|us|usec|ms|msec|s|sec|secs|seconds|min|h)[\])]?)?"
 )
-_SPELLING = {"nsec": "ns", "usec": "us", "msec": "ms", "sec": "s", "secs": "s", "seconds": "s"}
 
 Wanted = Mapping[str, Sequence[str]]
 """For each table the columns to read."""
@@ -237,14 +237,22 @@ def clock_unit(name: str, stated: str | None = None) -> str | None:
     if _NANOSECONDS.fullmatch(lower):
         return "ns"
     match = _CLOCK.fullmatch(lower) or re.fullmatch(r"(?P<unit>secs|seconds|sec)", lower)
-    return None if match is None else _SPELLING.get(match["unit"] or "s", match["unit"] or "s")
+    return None if match is None else _of_time(ENDINGS[match["unit"] or "s"])
 
 
 def unit_in_name(name: str) -> str | None:
     """Return the unit of time that the name of a clock ends in, set off from it as in `t_ms` or `time [ms]`; None where it has none."""
-    match, lower = re.search(r"[\s_\[(]([a-z]+)[\])]?$", name.lower()), name.lower()
-    unit = None if match is None or not _CLOCK.fullmatch(lower) else _SPELLING.get(match[1], match[1])
-    return unit if unit in TIME_UNITS else None
+    lower = name.lower()
+    return time_unit_at_end(lower) if _CLOCK.fullmatch(lower) else None
+
+
+def time_unit_at_end(name: str) -> str | None:
+    """Return the unit of time that any name ends in, set off from it; None where it has none."""
+    return _of_time(name_and_units(re.sub(r"\s+", "_", name.lower())).units)
+
+
+def _of_time(units: Sequence[str]) -> str | None:
+    return next((unit for unit in units if unit in TIME_UNITS), None)
 
 
 def clocks_among(columns: Sequence[ColumnInfo]) -> tuple[tuple[str, ...], tuple[ColumnInfo, ...]]:

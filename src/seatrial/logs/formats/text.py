@@ -569,7 +569,7 @@ def _not_text(log: LogFile, line: int) -> InputError:
         expected=f"text in {log.layout.encoding}",
         remedy="add the suffix .gz to its name"
         if kind == _MAGIC[_GZIP]
-        else 'export the log as CSV; if it is text already, name its encoding ("utf-16", "cp1252")',
+        else 'export the log as CSV; if it is text already, write encoding = "cp1252" (or "utf-16") under its [[import.files]]',
     )
 
 

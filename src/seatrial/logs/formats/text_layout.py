@@ -1,5 +1,6 @@
 """How a table of text is laid out where nothing is said of it, by its first lines: separator, decimal comma, header, units, dates."""
 
+import csv
 import gzip
 import re
 import zlib
@@ -20,6 +21,8 @@ _MARKS = (";", "\t", "|", ",")
 _LOOKED_AT = 1 << 16
 """Bytes of the file."""
 _LINES = 20
+_QUOTED = re.compile(r'"[^"]*"')
+"""A cell in which any separator is text."""
 _NUMBER = re.compile(r"[-+]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][-+]?\d+)?")
 _COMMA = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?")
 _POINT = re.compile(r"[-+]?\d*\.\d+(?:[eE][-+]?\d+)?")
@@ -84,8 +87,8 @@ def _separator(path: Path, layout: TextLayout, lines: Sequence[str]) -> str:
     found, where = layout.delimiter, f"{path}, delimiter"
     if found is None:
         found = _BY_SUFFIX.get(suffix)
-        if len(lines) > 1 and (found is None or found not in lines[0]):
-            head, first = lines[0], lines[1]
+        head, first = (_QUOTED.sub("", line) for line in lines[:2]) if len(lines) > 1 else ("", "")
+        if len(lines) > 1 and (found is None or found not in head):
             alike = [mark for mark in _MARKS if 0 < head.count(mark) == first.count(mark)]
             spaced = 1 < len(head.split()) == len(first.split())
             found = alike[0] if alike else WHITESPACE if spaced else found
@@ -108,7 +111,10 @@ def _separator(path: Path, layout: TextLayout, lines: Sequence[str]) -> str:
 
 
 def _cells(line: str, mark: str) -> list[str]:
-    return line.split() if mark == WHITESPACE else [cell.strip(' \t"') for cell in line.split(mark)]
+    if mark == WHITESPACE:
+        return line.split()
+    cells = next(csv.reader([line], delimiter=mark)) if '"' in line else line.split(mark)
+    return [cell.strip(' \t"') for cell in cells]
 
 
 def _is_value(cell: str) -> bool:

@@ -39,6 +39,8 @@ if TYPE_CHECKING:
 
 WIDTH, HEIGHT = 560.0, 420.0
 """Of the picture, points: it stands alone."""
+LEFT = 60.0
+"""Left of the panels, points: an axis of seven characters and its name."""
 MOTION, ALONE = 66.0, 120.0
 """Height of the panel of one channel among several, and of one alone at least, points."""
 REACH = 1.25
@@ -120,16 +122,16 @@ def prior_motions(
     figure.add_artist(Rectangle((0, 0), 1, 1, transform=figure.transFigure, facecolor=PAPER, zorder=-9))
     for i, text in enumerate(words):
         figure.text(
-            48 / WIDTH, 1 - (16 + 14 * i) / total, text.replace("$", r"\$"), fontsize=SMALL, color=INK, va="baseline"
+            LEFT / WIDTH, 1 - (16 + 14 * i) / total, text.replace("$", r"\$"), fontsize=SMALL, color=INK, va="baseline"
         )
 
     def panel(left: float, bottom: float, width: float, height: float) -> "Axes":
         return style_axes(figure.add_axes((left / WIDTH, bottom / total, width / WIDTH, height / total)))
 
-    half, above = (WIDTH - 48 - 12 - 24) / 2, beneath + low_panels + 12
-    moved = [panel(48, above + (each + 12) * i, WIDTH - 60, each) for i in reversed(range(len(motions)))]
-    driven = [panel(48, beneath + 46.0 * i, WIDTH - 60, 36) for i in reversed(range(len(controls)))]
-    spread = [panel(48 + (half + 24) * i, 40, half, 66) for i in range(len(spreads))]
+    half, above = (WIDTH - LEFT - 12 - 24) / 2, beneath + low_panels + 12
+    moved = [panel(LEFT, above + (each + 12) * i, WIDTH - LEFT - 12, each) for i in reversed(range(len(motions)))]
+    driven = [panel(LEFT, beneath + 46.0 * i, WIDTH - LEFT - 12, 36) for i in reversed(range(len(controls)))]
+    spread = [panel(LEFT + (half + 24) * i, 40, half, 66) for i in range(len(spreads))]
     for upper in [*moved, *driven][:-1]:
         upper.tick_params(labelbottom=False)
     draw_motions([*moved, *driven, *spread], time, motions, controls, spreads=spreads)

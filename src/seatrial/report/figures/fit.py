@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from seatrial.core.gaussian import Z90
+from seatrial.core.normal import Z90
 from seatrial.report.figures.style import (
     BAND,
     BLUE,

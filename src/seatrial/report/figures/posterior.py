@@ -1,11 +1,11 @@
 """Parameters before and after the data: one at a time, those known together, and profile likelihoods."""
 
 from collections.abc import Sequence
-from math import pi, sqrt
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from seatrial.core.normal import normal_density
 from seatrial.estimation.profile import DROP, Profile
 from seatrial.report.figures.style import (
     BAND,
@@ -126,17 +126,6 @@ def draw_marginal(
     axes.grid(False)
     limit_ticks(axes.xaxis, 5)
     label_axes(axes, unit_label(symbol, unit, exponent))
-
-
-def normal_density(x: np.ndarray, mean: float, sd: float) -> np.ndarray:
-    """Return the density of a normal distribution.
-
-    Args:
-        x: where, shape (n,).
-        mean: of the distribution.
-        sd: its standard deviation.
-    """
-    return np.exp(-0.5 * ((x - mean) / sd) ** 2) / (sd * sqrt(2 * pi))
 
 
 def draw_pair(

@@ -5,10 +5,21 @@ from typing import Any
 import numpy as np
 
 from seatrial.campaign.selection.evidence import agreement_counts
+from seatrial.campaign.store.estimates import Estimate
 from seatrial.campaign.store.structures import ENOUGH
 from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.estimation.row_fit import SCREENING
-from seatrial.report.drawing import digits_of, draw, labels_of, model_html, moments_of, names_of, sentence_of, unit_row
+from seatrial.report.drawing import (
+    digits_of,
+    draw,
+    factors_of,
+    labels_of,
+    model_html,
+    moments_of,
+    names_of,
+    sentence_of,
+    unit_row,
+)
 from seatrial.report.labels import label_html, name_html
 from seatrial.report.numbers import decimals
 from seatrial.report.term_figures import contenders_figure, screening_figures
@@ -22,7 +33,8 @@ def models_section(outcome: Outcome) -> dict[str, Any]:
     selection = outcome.selection
     if len(selection.structures) == 1 and outcome.screened is None and outcome.cross_validation is None:
         return {}
-    order = [int(index) for index in np.argsort(-selection.probability, kind="stable")]
+    worse = [-one.log_value for one in selection.evidences]
+    order = [int(index) for index in np.lexsort((worse, -selection.probability))]
     best = selection.evidences[selection.chosen].log_value
     rows = [_row(outcome, index, best) for index in order]
     return {
@@ -52,15 +64,23 @@ def _row(outcome: Outcome, index: int, best: float) -> dict[str, Any]:
 
 
 def _beside(outcome: Outcome, order: list[int]) -> dict[str, Any]:
-    """Return the coefficients of the most probable models, a column each."""
+    """Return the coefficients of the most probable models, a column each, and their standard deviations with model error."""
     estimates = [outcome.estimates[index] for index in order]
     names = dict.fromkeys(name for estimate in estimates for name in estimate.structure.terms)
-    rows = []
-    for name in names:
-        digits = digits_of(outcome)[name]
-        row, moments = unit_row(outcome, name), [moments_of(outcome, estimate).get(name) for estimate in estimates[1:]]
-        rows.append({**row, "values": [digits.pair(*one) if one else "" for one in moments]})
+    rows = [
+        {**unit_row(outcome, name), "values": [_value(outcome, estimate, name) for estimate in estimates[1:]]}
+        for name in names
+    ]
     return {"heads": [model_html(outcome, estimate.structure.label) for estimate in estimates[1:]], "rows": rows}
+
+
+def _value(outcome: Outcome, estimate: Estimate, name: str) -> tuple[str, str]:
+    """Return a coefficient of one model with its standard deviation, and that with model error; empty where there is none."""
+    if name not in estimate.names:
+        return "", ""
+    digits, wider = digits_of(outcome)[name], estimate.wider(name)
+    told = "" if wider is None else f"± {digits.bare(factors_of(outcome)[name] * wider)} with model error"
+    return digits.pair(*moments_of(outcome, estimate)[name]), told
 
 
 def _contenders(outcome: Outcome) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from markupsafe import Markup
 
 from seatrial.campaign.store.estimates import Direction, Known, KnownParameter
 from seatrial.campaign.workflow.outcome import Outcome
+from seatrial.core.coefficients import CoefficientName, is_coefficient
 from seatrial.report.drawing import (
     Drawing,
     digits_of,
@@ -22,8 +23,9 @@ from seatrial.report.drawing import (
 )
 from seatrial.report.figures.parameters import Traced, belief_rows, chain_rows, corner
 from seatrial.report.figures.posterior import PriorShape
-from seatrial.report.labels import label_html, label_mathtext
+from seatrial.report.labels import label_html, label_mathtext, name_html
 from seatrial.report.numbers import DASH, decimals, plain, short, typeset, with_sd
+from seatrial.report.sections.summary import other_kinds
 from seatrial.sampling.diagnostics import MAX_R_HAT, MIN_ESS
 
 LITTLE, STRONG = 0.9, 0.9
@@ -46,7 +48,9 @@ def parameters_section(outcome: Outcome) -> dict[str, Any]:
     return {
         "model": model_said(outcome, chosen.structure.label),
         "rows": shown,
-        "more": [row for row in rows if row not in shown],
+        "more": (more := [row for row in rows if row not in shown]),
+        "more_kinds": other_kinds([row["name"] for row in more]),
+        "tried_effects": _tried_effects(outcome),
         "verdict": []
         if set(known.verdict) <= set(outcome.summary["cautions"]) and known.verdict
         else verdict_of(outcome, known),
@@ -130,6 +134,14 @@ def _row(outcome: Outcome, item: dict[str, Any], known: KnownParameter) -> dict[
         **flags,
         "flagged": any(flags.values()),
     }
+
+
+def _tried_effects(outcome: Outcome) -> list[Markup]:
+    """Return the effects that were looked for, forces by their symbols."""
+    effects = outcome.chosen.tried_effects
+    forces = {word for effect in effects for word in effect.split() if is_coefficient(word)}
+    labels = labels_of(outcome) | {force: CoefficientName.parse(force).label for force in forces}
+    return [name_html(effect, labels) for effect in effects]
 
 
 def _direction(item: Direction, labels: dict[str, str]) -> Markup:

@@ -1,12 +1,13 @@
 """The first screen: the answer in a sentence, the values, which model, what next and what is wrong."""
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 from markupsafe import Markup
 
+from seatrial.campaign.config.taken_as_exact import taken_as_exact
 from seatrial.campaign.inference.judge_predictions import held_back_alarms
 from seatrial.campaign.store.structures import IF_RELIABLE
 from seatrial.campaign.workflow.next_trial import propose
@@ -31,12 +32,31 @@ MOST_MODELS = 5
 """Models that the first screen names."""
 RARE = 0.01
 """Probability below which a term that the chosen model lacks is not worth a row."""
+KINDS = {
+    "sigma": "noise",
+    "tau": "noise",
+    "dof": "noise",
+    "drift": "noise",
+    "process": "noise",
+    "disturbance": "disturbances",
+    "bias": "offsets of sensors",
+    "lag": "lags",
+    "delay": "delay",
+    "current": "current",
+    "gain": "thrusters",
+    "reverse": "thrusters",
+    "dead": "thrusters",
+    "tether": "tether",
+    "spread": "differences between trials",
+    "dev": "differences between trials",
+}
+"""What a parameter that is no coefficient is, by the first word of its name."""
 _NUMBER = re.compile(r"(?<![-\w])\d+(\.\d+)?")
 
 
 def summary_section(outcome: Outcome) -> dict[str, Any]:
     """Return what `summary.html` prints."""
-    proposal, tables = propose(outcome).beside(outcome.summary["cautions"]), _tables(outcome)
+    proposal, (rows, others) = propose(outcome).beside(outcome.summary["cautions"]), _rows(outcome)
     return {
         "name": outcome.campaign.name,
         "answer": answer(outcome),
@@ -47,15 +67,18 @@ def summary_section(outcome: Outcome) -> dict[str, Any]:
         if outcome.disowned
         else "No health check failed",
         "verdicts": find(outcome, "finding"),
-        "tables": tables,
+        "rows": rows,
+        "others": others,
+        "other_kinds": other_kinds([row["name"] for row in others]),
         "several": len(outcome.estimates) > 1,
+        "has_average": any(row["average"] != row["value"] for row in rows),
         "value_head": "Chosen model" if len(outcome.estimates) > 1 else "Value ± sd",
         "has_truth": bool(truth_of(outcome)),
-        "stated_masses": sentence_of(outcome, text) if (text := outcome.campaign.stated_masses) else "",
+        "taken_as_exact": sentence_of(outcome, text) if (text := taken_as_exact(outcome.campaign)) else "",
         "unit_mass": outcome.campaign.hull.mass is None,
         "wider": sentence_of(outcome, outcome.chosen.wider_words),
         "wider_findings": [sentence_of(outcome, one.sentence) for one in outcome.wider_findings],
-        "has_wider": any(row["wider"] for _, rows in tables for row in rows),
+        "has_wider": any(row["wider"] for row in (*rows, *others)),
         "models": _models(outcome),
         "advice": [sentence_of(outcome, line) for line in (*proposal.first, *proposal.advice)],
         "unless": "" if outcome.selection.is_reliable or outcome.selection.is_settled else IF_RELIABLE,
@@ -130,7 +153,7 @@ def _found(outcome: Outcome) -> Markup:
         ).format(verb)
     name = model_html(outcome, outcome.chosen.structure.label)
     if outcome.selection.is_settled and outcome.selection.probability[outcome.selection.chosen] >= DECIDED:
-        return Markup("support{} one model of {}: <strong>{}</strong>.").format(verb, count, name)
+        return Markup("support{} one model of {}, <strong>{}</strong>.").format(verb, count, name)
     return Markup("favour{} <strong>{}</strong> among {} models, but do{} not decide.").format(
         verb, name, count, "es" if verb else ""
     )
@@ -176,18 +199,25 @@ def _models(outcome: Outcome) -> list[dict[str, Any]]:
     return rows if len(order) > 1 else []
 
 
-def _tables(outcome: Outcome) -> list[tuple[str, list[dict[str, Any]]]]:
-    """Return rows of the vehicle's coefficients, and of what belongs to sensors and runs."""
+def other_kinds(names: Sequence[str]) -> str:
+    """Say what parameters are that are no coefficients: `noise and starting values`."""
+    bases = [name.partition("[")[0] for name in names]
+    kinds = [
+        "starting values" if base.endswith("_0") else KINDS.get(base.partition("_")[0], "other unknowns")
+        for base in bases
+    ]
+    return listed(list(dict.fromkeys(kinds)))
+
+
+def _rows(outcome: Outcome) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """Return a row of each coefficient, and of each other parameter."""
     chosen, moments = outcome.chosen, [moments_of(outcome, estimate) for estimate in outcome.estimates]
     means = averaged(moments, outcome.selection.probability)
     terms, inclusion = chosen.structure.terms, outcome.selection.inclusion
     lacking = [name for name in means if name not in chosen.names and inclusion.get(name, 0.0) >= RARE]
     vehicle = [*(name for name in chosen.names if name in terms), *lacking]
     others = [name for name in chosen.names if name not in terms]
-    return [
-        (title, [_row(outcome, name, means[name]) for name in names])
-        for title, names in (("Vehicle", vehicle), ("Sensors and runs", others))
-    ]
+    return [_row(outcome, name, means[name]) for name in vehicle], [_row(outcome, name, means[name]) for name in others]
 
 
 def _row(outcome: Outcome, name: str, average: tuple[float, float]) -> dict[str, Any]:
@@ -198,6 +228,7 @@ def _row(outcome: Outcome, name: str, average: tuple[float, float]) -> dict[str,
     truth, wider = truth_of(outcome), outcome.chosen.wider(name) if item else None
     factor = factors_of(outcome)[name]
     return {
+        "name": name,
         **unit_row(outcome, name),
         "value": digits.pair(factor * item["mean"], factor * item["sd"]) if item else "",
         "wider": f"± {digits.bare(factor * wider)}" if wider is not None else "",

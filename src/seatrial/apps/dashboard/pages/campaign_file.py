@@ -10,7 +10,7 @@ from markupsafe import Markup
 from nicegui import ui
 
 from seatrial.apps.campaign_text import CAMPAIGN, read_file, write_file
-from seatrial.apps.dashboard.app_context import AppContext, cautions_html, keep_form, markup, say
+from seatrial.apps.dashboard.app_context import AppContext, cautions_html, error_html, keep_form, markup, say
 from seatrial.apps.dashboard.page_layout import button, link, section
 from seatrial.core.errors import SeatrialError
 
@@ -26,9 +26,17 @@ _MARK = """(() => {{
 
 async def build(context: AppContext, campaign: str, folder: Path) -> None:
     """Build the view."""
-    await keep_form(
-        folder / CAMPAIGN, lambda: asyncio.to_thread(read_file, folder), partial(FileForm, context, campaign, folder)
+    words = (
+        "Everything the forms write, and what they have no field for. It is checked as a whole before it is written."
     )
+    with section(str(folder.name) + "/" + CAMPAIGN, words):
+        said = ui.element("div")
+        await keep_form(
+            folder / CAMPAIGN,
+            lambda: asyncio.to_thread(read_file, folder),
+            partial(FileForm, context, campaign, folder, said),
+        )
+        said.move()
 
 
 class FileForm:
@@ -38,19 +46,17 @@ class FileForm:
         context: what is served.
         campaign: name of the campaign below the root.
         folder: of it.
+        said: element for what is said; it stays when the form is built again, as after each save.
         text: of the file.
     """
 
-    def __init__(self, context: AppContext, campaign: str, folder: Path, text: str) -> None:
-        self.context, self.campaign, self.folder, self.seen = context, campaign, folder, text
-        words = "Everything the forms write, and what they have no field for. It is checked as a whole before it is written."
-        with section(str(folder.name) + "/" + CAMPAIGN, words):
-            self.text = ui.textarea("campaign.toml, as TOML", value=text).props('outlined spellcheck="false"')
-            self.text.classes("mono wide whole").style("width: 100%")
-            with ui.element("div").classes("line"):
-                button("Check and save", self._save, main=True)
-                button("Undo my changes", self._take_back)
-            self.said = ui.element("div")
+    def __init__(self, context: AppContext, campaign: str, folder: Path, said: ui.element, text: str) -> None:
+        self.context, self.campaign, self.folder, self.said, self.seen = context, campaign, folder, said, text
+        self.text = ui.textarea("campaign.toml, as TOML", value=text).props('outlined spellcheck="false"')
+        self.text.classes("mono wide whole").style("width: 100%")
+        with ui.element("div").classes("line"):
+            button("Check and save", self._save, main=True)
+            button("Undo my changes", self._take_back)
 
     @property
     def is_edited(self) -> bool:
@@ -64,11 +70,8 @@ class FileForm:
     def _say_changed(self) -> None:
         """Say that the file changed since it was read; what was typed stays in the field."""
         with self.said:
-            with ui.element("div").classes("error").props('role="alert"'):
-                markup(
-                    "<p>Nothing was written: somebody changed the file since you began. Your text stays in the field. "
-                    "See what differs before you save.</p>"
-                )
+            words = "Somebody changed the file since you began. Your text stays in the field. See what differs before you save."
+            markup(error_html(words, "Nothing was written."))
             button("Show the difference", self._show_difference, main=True)
 
     async def _show_difference(self) -> None:

@@ -2,6 +2,7 @@
 
 import math
 from functools import partial
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -22,8 +23,11 @@ from seatrial.campaign.store.stored_result import Store
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import Shown, shown_as_written
 from seatrial.core.errors import SeatrialError
+from seatrial.estimation.remedies import listed
 from seatrial.report.numbers import percent, short, unit_html
 
+UNTAUGHT = 0.999
+"""Share of a standard deviation from which on a trial has left it as it was."""
 WHICH = {"design": "the first trial, from the priors", "next": "the next trial, from the posterior"}
 
 
@@ -253,8 +257,9 @@ def what_it_teaches(found: Swept, family: int, row: int, column: int, shown: Sho
     edge = edge_words(len(found.amplitude), len(found.period), (row, column))
     said = [*filter(None, [edge]), *found.safety, *found.prediction] if (family, row, column) == found.best else []
     more = Markup("").join(Markup("<li>{}</li>").format(line) for line in said)
-    return Markup("<p>{}.</p>{}{}").format(
+    return Markup("<p>{}.</p>{}{}{}").format(
         "; ".join(lines)[:1].upper() + "; ".join(lines)[1:],
+        cautions_html(_untaught(found, found.final_sd[family, row, column])),
         Markup('<ul class="findings">{}</ul>').format(more) if said else "",
         table(
             ["coefficient", "sd before", "sd after", "unit", "after / before"],
@@ -263,6 +268,24 @@ def what_it_teaches(found: Swept, family: int, row: int, column: int, shown: Sho
             stacks=True,
         ),
     )
+
+
+def _untaught(found: Swept, sd_after: np.ndarray) -> list[str]:
+    """Say about which coefficients a design says nothing, and what would; nothing where there is none such."""
+    names = [
+        name
+        for name, before, after in zip(found.names, found.sd_before, sd_after, strict=True)
+        if after > UNTAUGHT * before
+    ]
+    if not names:
+        return []
+    of = {name: {*CoefficientName.parse(name).signals} for name in found.names}
+    wanted, moved = ({*chain(*(of[one] for one in some))} for some in (names, of.keys() - {*names}))
+    signals = sorted(wanted - moved or wanted)
+    also = f" (`together` of [design] moves {listed(found.held)} as well)" if found.held else ""
+    them = "it" if len(names) == 1 else "them"
+    words = f"the trial says nothing about {listed(names)}: no measurement changes with {them}"
+    return [f"{words}. To learn about {them}, move {listed(signals)}{also}"]
 
 
 def _kept(kept: bool) -> Markup:

@@ -13,7 +13,7 @@ from nicegui import ui
 
 from seatrial.apps.campaign_text import CAMPAIGN, write_file
 from seatrial.apps.dashboard import edits
-from seatrial.apps.dashboard.app_context import AppContext, fill, markup, say
+from seatrial.apps.dashboard.app_context import AppContext, error_html, fill, markup, say
 from seatrial.apps.dashboard.campaign_paths import logs_of
 from seatrial.apps.dashboard.map_draft import MapDraft
 from seatrial.apps.dashboard.page_layout import LOOK, button
@@ -30,7 +30,8 @@ _SEND = """async (e) => {
   emit(["sending", file.name]);
   try {
     const answer = await fetch("/upload/?" + %s + "&name=" + encodeURIComponent(file.name), { method: "POST", body: file });
-    emit([answer.ok ? "kept" : "refused", await answer.text()]);
+    const words = await answer.text();
+    emit(answer.ok ? JSON.parse(words) : ["refused", words]);
   } catch (error) { emit(["refused", "the connection ended: the file is too large, or the dashboard has stopped"]); }
   e.target.value = "";
 }"""
@@ -51,6 +52,7 @@ class ImportForm:
         self._forget()
 
     def _forget(self) -> None:
+        self.is_shown = False
         self.draft = MapDraft(self.folder)
         self.rows: dict[str, ChannelRow] = {}
         self.clocks: dict[tuple[str, str | None], ClockRow] = {}
@@ -74,17 +76,22 @@ class ImportForm:
 
     async def _sent(self, event: Any) -> None:
         kind, words = (str(part) for part in event.args)
-        if kind == "kept":
+        if kind in ("kept", "replaced"):
             self.form.set_options(self._logs(), value=words)
-            self.state.set_content(Markup('<p class="done">Kept as {}</p>').format(words))
             await self._look()
+            said = "Kept as {}" if kind == "kept" else "Kept as {}, in the place of the earlier log of that name"
+            self.state.set_content(Markup(f'<p class="done">{said}</p>').format(words))
         elif kind == "sending":
+            if not self.is_shown:  # what stands there says what was wrong with another log
+                self.holder.clear()
             self.state.set_content(Markup('<p class="waiting">sending {} …</p>').format(words))
         else:
-            self.state.set_content(Markup('<div class="error" role="alert"><pre>{}</pre></div>').format(words))
+            self.state.set_content(error_html(words, "The file was not kept."))
 
     async def _look(self) -> None:
+        self.state.set_content("")
         self.holder.clear()
+        self.is_shown = False
         if not self.form.value:
             with self.holder:
                 say("Choose a log first.")
@@ -102,10 +109,16 @@ class ImportForm:
 
     def _show(self, name: str, log: Any, found: FormData, purpose: str | None = None) -> None:
         """Show what a log holds, and the form."""
+        self.is_shown = True
         gone = self.draft.add(name, log, purpose)
         markup(Markup("<p><strong>{}</strong>: {}</p>").format(name, log.kind))
         lines = Markup("").join(Markup("<li>{}</li>").format(line) for line in (*log.tables, *log.remarks))
         markup(Markup('<ul class="findings">{}</ul>').format(lines))
+        if dropped := ", ".join(self.draft.dropped):
+            words = (
+                "What was chosen for {} is not kept: the form begins again with {}, which is not a log of the same run."
+            )
+            markup(Markup('<p class="note" role="status">' + words + "</p>").format(dropped, name))
         if gone:
             words = "In the map below {} takes the place of {}, because it has all that was mapped from there."
             markup(Markup('<p class="note" role="status">' + words + "</p>").format(name, ", ".join(gone)))
@@ -117,15 +130,17 @@ class ImportForm:
         self._offer_purposes(name, log, found)
         self._rows(found)
         self._ends(found)
-        self.draft.begun_with = self.draft.files or []
 
     def _offer_purposes(self, name: str, log: Any, found: FormData) -> None:
-        """Offer what the log may be to the campaign; another choice begins the map again."""
+        """Offer what the log may be to the campaign; a choice that asks for another map begins it again."""
         if len(self.draft.purposes) < 2:
             return
 
         def choose() -> None:
             purpose = str(chosen.value)
+            if self.draft.choose(purpose):
+                self._say_replaced()
+                return
             self.holder.clear()
             with self.holder:
                 self._show(name, log, found, purpose)
@@ -197,15 +212,16 @@ class ImportForm:
         self.axis.build()
 
     def _show_clocks(self) -> None:
-        """Show the column of time of each table that the map names, and of each that has none by its name."""
+        """Show the column of time of each table that the map names, and of each that has none by its name; what is shown stays."""
         if (files := self.draft.files) is None:
             return
         mapped, shown = {edits.identity_of(one) for one in files}, {}
         for log, looked in self.draft.logs.items():
             for name in looked.heads:
                 said = self.draft.file_of(log, name)
-                if edits.identity_of(said) in mapped or not said["time"]["column"]:
-                    shown[log, said.get("table")] = name, said
+                row = log, said.get("table")
+                if edits.identity_of(said) in mapped or not said["time"]["column"] or row in self.clocks:
+                    shown[row] = name, said
         if list(shown) == list(self.clocks):
             return
         self.clock_rows.clear()
@@ -357,7 +373,8 @@ class ImportForm:
             self._begin_anew()
             self._offer_import(self.holder, words)
             return
-        draft.saved, draft.begun_with = text, draft.files or []
+        draft.saved = text
+        draft.keep()
         self.offer.clear()
         self.replaced.set_content("")
         self.axis.tell()

@@ -303,9 +303,9 @@ def lined_up_words(found: ClockShift, moved: str) -> str:
     if found.correlation < 0:
         words += " It is negative: one of the two columns is reversed."
     if found.rival is not None:
-        words += (
-            f" A shift of {found.rival:.6g} s fits almost as well, because the motion repeats: look at the picture."
-        )
+        apart = found.rival - found.shift
+        side = "later" if apart > 0 else "earlier"
+        words += f" {float(f'{abs(apart):.3g}'):.13g} s {side} fits almost as well, because the motion repeats: look at the picture."
     return words
 
 

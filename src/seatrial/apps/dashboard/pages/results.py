@@ -86,11 +86,10 @@ async def _results(context: AppContext, campaign: str, folder: Path) -> None:
         "Raw data, downsampled, spikes kept; line and 90 % band: predicted from the inputs alone. Wheel, drag or buttons zoom.",
     ):
         await _fits(context, store)
-    with section(
-        "Posteriors",
-        "Filled: draws; pale: 95 % interval. Dashed: prior. Thin line: normal approximation. Dotted: the truth of a simulated vehicle.",
-    ):
-        await _posteriors(context, folder, summary)
+    truth = await _truth(context, folder)
+    words = "Filled: draws; pale: 95 % interval. Dashed: prior. Thin line: normal approximation."
+    with section("Posteriors", words + " Dotted: the truth of the simulated vehicle." * bool(truth)):
+        await _posteriors(context, folder, summary, truth)
     with section("Models and terms"):
         _models(store, summary)
     with section("The next trial"):
@@ -350,25 +349,30 @@ async def _fits(context: AppContext, store: Store) -> None:
     await fill(holder, context.worker_pool.predict("predicted", path, files=[path]), build)
 
 
-async def _posteriors(context: AppContext, folder: Path, summary: Summary) -> None:
+async def _posteriors(
+    context: AppContext, folder: Path, summary: Summary, truth: tuple[tuple[str, float], ...]
+) -> None:
     """Draw the posterior of every parameter of the chosen structure, and if wanted those of the other candidates over it."""
     store, terms = Store(folder), {one.label: " ".join(one.terms) for one in summary.structures}
     ranked = sorted(summary.structures, key=lambda one: (one.label != summary.chosen, -one.probability))
     paths = tuple((one.label, store.posterior(one.label)) for one in ranked if store.posterior(one.label).is_file())
     candidates = paths[:CANDIDATES]
     over = ui.checkbox("Other candidate structures over them") if len(candidates) > 1 else None
+    named = markup("")
     holder = ui.element("div").classes("figures small")
 
     def draw(found: tuple[Marginal, ...]) -> None:
         for one in found:
             with ui.element("figure"):
                 markup(Markup("<figcaption>{} <small>{}</small></figcaption>").format(label_html(one.label), one.name))
-                marginal_chart(one, terms)
+                marginal_chart(one)
 
     async def show() -> None:
         holder.clear()
         wanted = candidates if over is not None and over.value else candidates[:1]
-        files, truth = [path for _, path in wanted], await _truth(context, folder)
+        files = [path for _, path in wanted]
+        words = Markup("; ").join(f"{label}: {terms[label]}" for label, _ in wanted)
+        named.set_content(Markup('<p class="note">{}</p>').format(words) if wanted[1:] else "")
         asked = context.worker_pool.draw("marginals", wanted, truth, written_units(folder), files=files)
         await fill(holder, asked, draw)
 
@@ -405,7 +409,7 @@ async def _truth(context: AppContext, folder: Path) -> tuple[tuple[str, float], 
 
 def _models(store: Store, summary: Summary) -> None:
     names, labels = names_and_labels(summary)
-    ranked = sorted(summary.structures, key=lambda one: -one.probability)
+    ranked = sorted(summary.structures, key=lambda one: (-one.probability, -one.log_evidence))
     if len(ranked) > 1:
         with ui.element("div").classes("figures"):
             bars = [Probability(names[one.label], one.probability, one.probability_error) for one in ranked[:MOST]]

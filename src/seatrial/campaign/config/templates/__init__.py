@@ -16,14 +16,16 @@ TEMPLATES = {
     "remus100": "a simulated REMUS 100: the whole loop at once",
     "design": "a vehicle of your own before there are any data: a first trial to design",
     "steering": "a published vehicle before there are any data: which rudder to try first",
-    "log": "a CSV log of a trial that was run",
+    "log": "a CSV log of a trial that was run, of one propeller in surge",
     "bollard": "a CSV log of a vehicle tied to a force gauge: its thrust",
 }
 """What each template is, by name."""
 WRITTEN = {"design": OWN, "steering": PUBLISHED}
 """Those that are written from what is known; the others are files."""
 
-_PLACEHOLDER = re.compile(r"^[^#\n]*\"(YOUR VEHICLE|[A-Z]+ COLUMN)\b", re.MULTILINE)
+EXAMPLE_VEHICLE = "YOUR VEHICLE"
+"""Name of the vehicle in the template of a log."""
+_PLACEHOLDER = re.compile(rf"^[^#\n]*\"({EXAMPLE_VEHICLE}|[A-Z]+ COLUMN)\b", re.MULTILINE)
 
 
 def has_placeholders(text: str) -> bool:

@@ -1,0 +1,92 @@
+"""What a campaign takes as exact: inertias and known forces, with which the coefficients of their axis scale.
+
+The equation of an axis keeps its solutions if inertia, known forces and all coefficients are multiplied by one number. Data therefore
+tell no coefficient better than the inertia and the forces that are stated, and no ± holds their errors.
+"""
+
+from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.config.vehicle import WholeVehicle
+from seatrial.core.coefficients import CoefficientName
+from seatrial.estimation.remedies import listed
+from seatrial.vehicles.axis_equation import RATE_OF
+from seatrial.vehicles.hull import AXES, Hull
+from seatrial.vehicles.thrusters import allocation, controls_of
+
+_COUPLED = {"Y": ("p", "r"), "Z": ("q",), "N": ("v", "p")}
+"""Velocities whose rates enter the equation of an axis by the place of the centre of gravity or by added mass; X has none that matters."""
+_SHORT = 3
+"""Known forces that are named one by one, at most."""
+_NOTHING = 1e-9
+"""Share of a thrust that rounding makes."""
+_UNIT = {"X": "kg", "Y": "kg", "Z": "kg", "N": "kg m^2"}
+"""Of inertia about or along each axis."""
+
+
+def taken_as_exact(campaign: Campaign) -> str:
+    """Say which inertias and forces are taken as exact, by which all coefficients of an axis scale; empty where none is."""
+    if campaign.hull.mass is None:
+        return ""
+    free = [CoefficientName.parse(name) for name in campaign.full.terms]
+    states = campaign.model(campaign.full).states
+    scaling: dict[str, list[str]] = {}
+    taken_up, guesses = [], []
+    for axis in ("X", "Y", "Z", "N"):
+        own = [one for one in free if one.axis in _axes(axis)]
+        added = CoefficientName.parse(f"{axis}_{RATE_OF[axis]}dot")
+        is_sought = any(one.text == added.text for one in own)
+        if RATE_OF[axis] not in states or len(own) == is_sought or {*_COUPLED.get(axis, ())} & {*states}:
+            continue
+        body, forces = _body(campaign, axis), _forces(campaign, axis)
+        inertia = [body] if body else []
+        if added.text in campaign.hull.fixed:
+            inertia.append(f"{added} = {campaign.hull.fixed[added.text]:.4g} {_UNIT[axis]}")
+            guesses.append(added.text)
+        facts = forces if is_sought and forces else [*inertia, *forces]
+        if not facts:
+            continue
+        scaling.setdefault(listed(facts), []).extend(
+            name for name in _axes(axis) if any(one.axis == name for one in own)
+        )
+        if is_sought and forces and body:
+            taken_up.append(f"{body}, whose error {added} takes up")
+    if not scaling:
+        return ""
+    said = [f"{facts}, with which all coefficients of {listed(axes)} scale" for facts, axes in scaling.items()]
+    guessed = f"; if {' or '.join(guesses)} is a guess, move it to structure.always with a prior"
+    more = (
+        f". {campaign.example_vehicle}" if campaign.example_vehicle else guessed if guesses and campaign.imports else ""
+    )
+    return f"taken as exact, and in no ±: {'; '.join(said + taken_up)}{more}"
+
+
+def _axes(axis: str) -> tuple[str, ...]:
+    """Return the axes of the coefficients in one equation: thrust acts along X."""
+    return ("X", "T") if axis == "X" else (axis,)
+
+
+def _body(campaign: Campaign, axis: str) -> str:
+    """Name the mass or moment of inertia of an axis; empty where it is unknown."""
+    hull = campaign.hull
+    if axis != "N":
+        return f"a mass of {hull.mass:.4g} kg"
+    turning = hull.inertia[2] if isinstance(hull, Hull) else None
+    return "" if turning is None else f"a moment of inertia of {turning:.4g} kg m^2"
+
+
+def _forces(campaign: Campaign, axis: str) -> list[str]:
+    """Name the known forces of controls along an axis: fixed coefficients, and thrusters whose gain nobody seeks."""
+    model, fixed = campaign.model(campaign.full), campaign.hull.fixed
+    named = [CoefficientName.parse(name) for name in fixed]
+    stated = [one for one in named if one.axis in _axes(axis) and {*one.signals} & {*model.controls}]
+    forces = [f"{one} = {fixed[one.text]:.4g} {model.unit_of(one)}".removesuffix(" 1") for one in stated]
+    if len(forces) > _SHORT:
+        forces = [f"{len(forces)} fixed coefficients of controls"]
+    vehicle, terms = campaign.vehicle, map(CoefficientName.parse, campaign.full.terms)
+    if not isinstance(vehicle, WholeVehicle) or any(one.axis == "T" for one in (*named, *terms)):
+        return forces  # a term of T says what the command of a thruster does
+    thrusters, sought = vehicle.body.thrusters, {*vehicle.unknowns}
+    along = allocation(thrusters)[AXES.index(axis)]
+    names = [name for name, share in zip(controls_of(thrusters, ()), along, strict=True) if abs(share) > _NOTHING]
+    exact = [name for name in names if not {"gain_f", f"gain_{name}"} & sought]
+    law = " law" * bool(vehicle.laws)
+    return [*forces, f"the thrust{law} of {listed(exact)}"] if exact else forces
