@@ -326,7 +326,7 @@ def _labels(paths: Sequence[Path]) -> list[str]:
 
 def _clock_keys(clock: ClockSummary) -> Iterator[str]:
     """Yield what a campaign file says of a clock beside its column and unit, and what is doubted."""
-    if doubt := _clock_doubt(clock):
+    if doubt := clock_doubt(clock):
         yield f"# time: {doubt}"
     if clock.repeated:
         yield f'clock = "drop_repeated"  # {clock.repeated} stamps repeat; "even" if rows left evenly and came in bursts'
@@ -402,11 +402,11 @@ def _clock_text(clock: ClockSummary) -> str:
         else ""
     )
     text += lost + (f"; stamps: {', '.join(faults)}" if faults else "")
-    doubt = _clock_doubt(clock)
+    doubt = clock_doubt(clock)
     return f"{text}; {doubt}" if doubt else text
 
 
-def _clock_doubt(clock: ClockSummary) -> str:
+def clock_doubt(clock: ClockSummary) -> str:
     """Say that a clock was guessed, or which unit would make rows as frequent as usual; empty where nothing is doubted."""
     guessed = "" if clock.is_named else "guessed, as it rises in every row, most evenly: check the column, and its unit"
     step = 1.0 / clock.rate

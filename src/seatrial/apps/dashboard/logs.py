@@ -19,7 +19,7 @@ from seatrial.core.processes import apart
 from seatrial.logs.clock_shift import ClockShift, Samples, shift_between
 from seatrial.logs.formats.registry import FORMATS, stream
 from seatrial.logs.guess import best
-from seatrial.logs.inspect import LogSummary, inspect_log
+from seatrial.logs.inspect import LogSummary, clock_doubt, inspect_log
 from seatrial.logs.read import read_stamped
 from seatrial.logs.source import LogSource
 from seatrial.logs.summary import TableSummary
@@ -357,7 +357,8 @@ def _table_words(table: TableSummary) -> str:
         clock.backward
     )
     about = f"{clock.rate:.4g} Hz, longest gap {clock.gap:.3g} s"
-    return "; ".join([f"{table.info.name}: {table.rows} rows over {clock.duration:.6g} s, {about}", *faults])
+    doubt = [f"{clock.name} {text}"] if (text := clock_doubt(clock)) else []
+    return "; ".join([f"{table.info.name}: {table.rows} rows over {clock.duration:.6g} s, {about}", *doubt, *faults])
 
 
 def _columns(table: TableSummary) -> list[Column]:
