@@ -126,7 +126,7 @@ def _ways(effect: Effect, leads: Sequence[str]) -> tuple[str, ...]:
             line = f'if {either(leads)} was measured and this is half its sampling time, write between = "line" for its channel in [import]'
             return (f"{line}; else correct `shift` of its file",)
         case "thrust loss":
-            terms = "T_un for a propeller, T_uabsf for thrusters, X_utau_X for a force"
+            terms = "T_un for a propeller, T_f and T_uabsf for thrusters, X_utau_X for a force"
             return (f"add the loss of thrust to structure.optional, with a prior: {terms}",)
         case "command offset":
             return (f"check the zero of {of}; `offset` of its channel in [import] corrects it",)
