@@ -649,3 +649,12 @@ def test_clocks_that_do_not_meet_are_told_with_the_shift_where_both_logs_hold_a_
     assert "no quantity that both logs hold tells the shift" in LogsTogether((a, c)).lines()[1][-1]
     assert "shift" not in tomllib.loads(LogsTogether((a, c)).maps()[1])["import"]["files"][0]
     assert LogsTogether((a, a)).lines()[1] == a.lines()
+
+
+def test_a_column_in_a_unit_of_something_else_is_no_clock_however_evenly_it_rises(tmp_path):
+    """A dive at a steady rate with a ramp of the propeller; the stamps are less even than both."""
+    stamps = np.cumsum(np.random.default_rng(2).uniform(95, 105, 200))
+    rows = [f"{stamp:.3f},{0.1 * i:.1f},{900 + i}" for i, stamp in enumerate(stamps)]
+    (tmp_path / "dive.csv").write_text("millis,depth_m,rpm\n" + "\n".join(rows) + "\n")
+    (table,) = inspect_log(tmp_path / "dive.csv").tables
+    assert (table.clock.name, table.clock.unit, table.clock.is_named) == ("millis", "ms", False)

@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 
 from seatrial.core.coefficients import CoefficientName, is_coefficient
 from seatrial.core.programs import program
-from seatrial.core.signals import ACTUAL, ANGLES, PROPULSION, QUATERNION, RATES, SPEEDS, signal_unit
+from seatrial.core.signals import ACTUAL, ANGLES, PROPULSION, QUATERNION, RATES, SPEEDS, is_thruster, signal_unit
 from seatrial.estimation.delayed_control import delay_control
 from seatrial.estimation.posterior import Posterior
 from seatrial.vehicles.model import VehicleModel, outside_force
@@ -152,7 +152,7 @@ def show_with_effects(
 
 def _propels(control: str) -> bool:
     """Return whether a control is the speed or the force of a propeller or thruster, or drives the vehicle ahead by itself."""
-    return control in PROPULSION or (control[:2] in ("f_", "n_") and control[2:].isdigit())
+    return control in PROPULSION or is_thruster(control)
 
 
 def _omitted(effect: Effect) -> str:

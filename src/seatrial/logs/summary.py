@@ -8,6 +8,7 @@ import numpy as np
 
 from seatrial.core.units import to_si
 from seatrial.logs.formats.protocol import TIME_UNITS, Block, TableInfo, time_unit_at_end
+from seatrial.logs.formats.unit_in_name import ENDINGS, name_and_units
 from seatrial.logs.time_stamps import fitting_unit, is_plausible, likelier_unit, lost_after
 
 FEWEST = 10
@@ -237,7 +238,8 @@ class Gathered:
             if unit in TIME_UNITS:
                 self.clocks[name] = _Clock(unit)
         if not self.clocks:
-            self.clocks = {name: _Clock(time_unit_at_end(name) or "", is_named=False) for name in self.columns}
+            tried = [name for name in self.columns if _may_be_time(name, self.info.unit(name))]
+            self.clocks = {name: _Clock(time_unit_at_end(name) or "", is_named=False) for name in tried}
 
     def take(self, block: Block) -> None:
         """Add some rows."""
@@ -275,3 +277,10 @@ class Gathered:
         whole = {one.name for one in columns if one.count == self.rows}
         rising = [name for name, clock in self.clocks.items() if name in whole and clock.steps >= FEWEST]
         return {name: self.clocks[name] for name in sorted(rising, key=lambda name: self.clocks[name].unevenness)[:1]}
+
+
+def _may_be_time(name: str, stated: str | None) -> bool:
+    """Return whether neither the unit of a column nor that in its name, as in `depth_m` or `rpm`, is one of something else than time."""
+    lower = name.lower().replace(" ", "_")
+    units = (stated,) if stated else name_and_units(lower).units or ENDINGS.get(lower, ())
+    return not units or any(unit in TIME_UNITS for unit in units)

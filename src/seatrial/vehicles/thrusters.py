@@ -17,7 +17,7 @@ from jaxtyping import Bool, Float
 from seatrial.core.array_module import array_module
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError
-from seatrial.core.signals import signal_unit, thruster_controls
+from seatrial.core.signals import is_thruster, signal_unit, thruster_controls
 from seatrial.numerics.rotations import cross, dot, total
 from seatrial.vehicles.model import Unknown
 
@@ -141,7 +141,7 @@ def thrust_unknowns(controls: Sequence[str], thrusters: Sequence[Thruster]) -> t
         controls: of the vehicle.
         thrusters: of an open frame; none of a vehicle with one propeller on its axis, whose gain is T_nabsn.
     """
-    own = tuple(name for name in controls if name[:2] in ("f_", "n_") and name[2:].isdigit()) if thrusters else ()
+    own = tuple(name for name in controls if is_thruster(name)) if thrusters else ()
     letters = dict.fromkeys(name[0] for name in own)
     return (
         *(Unknown(f"gain_{name}", "1", rf"g_{{{name[2:]}}}", 1.0) for name in own),

@@ -10,6 +10,7 @@ from seatrial.core.coefficients import CoefficientName
 from seatrial.estimation.remedies import listed
 from seatrial.vehicles.axis_equation import RATE_OF
 from seatrial.vehicles.hull import AXES, Hull
+from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.thrusters import allocation, controls_of
 
 _COUPLED = {"Y": ("p", "r"), "Z": ("q",), "N": ("v", "p")}
@@ -27,16 +28,16 @@ def taken_as_exact(campaign: Campaign) -> str:
     if campaign.hull.mass is None:
         return ""
     free = [CoefficientName.parse(name) for name in campaign.full.terms]
-    states = campaign.model(campaign.full).states
+    model = campaign.model(campaign.full)
     scaling: dict[str, list[str]] = {}
     taken_up, guesses = [], []
     for axis in ("X", "Y", "Z", "N"):
         own = [one for one in free if one.axis in _axes(axis)]
         added = CoefficientName.parse(f"{axis}_{RATE_OF[axis]}dot")
         is_sought = any(one.text == added.text for one in own)
-        if RATE_OF[axis] not in states or len(own) == is_sought or {*_COUPLED.get(axis, ())} & {*states}:
+        if RATE_OF[axis] not in model.states or len(own) == is_sought or {*_COUPLED.get(axis, ())} & {*model.states}:
             continue
-        body, forces = _body(campaign, axis), _forces(campaign, axis)
+        body, forces = _body(campaign, axis), _forces(campaign, model, axis)
         inertia = [body] if body else []
         if added.text in campaign.hull.fixed:
             inertia.append(f"{added} = {campaign.hull.fixed[added.text]:.4g} {_UNIT[axis]}")
@@ -73,9 +74,9 @@ def _body(campaign: Campaign, axis: str) -> str:
     return "" if turning is None else f"a moment of inertia of {turning:.4g} kg m^2"
 
 
-def _forces(campaign: Campaign, axis: str) -> list[str]:
+def _forces(campaign: Campaign, model: VehicleModel, axis: str) -> list[str]:
     """Name the known forces of controls along an axis: fixed coefficients, and thrusters whose gain nobody seeks."""
-    model, fixed = campaign.model(campaign.full), campaign.hull.fixed
+    fixed = campaign.hull.fixed
     named = [CoefficientName.parse(name) for name in fixed]
     stated = [one for one in named if one.axis in _axes(axis) and {*one.signals} & {*model.controls}]
     forces = [f"{one} = {fixed[one.text]:.4g} {model.unit_of(one)}".removesuffix(" 1") for one in stated]
