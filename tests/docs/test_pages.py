@@ -34,6 +34,16 @@ def test_links_lead_somewhere(path):
     assert [link for link in links if not (path.parent / link).exists()] == []
 
 
+def test_nothing_installs_seatrial_by_its_name():
+    """No package index has seatrial, so that whoever took the name there would run code on the user's machine."""
+    folders = ("src", "docs", "tests", "studies", "examples", "benchmarks", "release")
+    found = (file for name in folders for file in (ROOT / name).rglob("*"))
+    files = [*ROOT.glob("*.md"), *(file for file in found if file.suffix in (".py", ".md", ".toml", ".sh"))]
+    assert {ROOT / "README.md", ROOT / "src/seatrial/core/errors.py"} <= set(files)
+    by_name = re.compile(r"""install (?:-\S+ )*["']?seatrial(?![-\w/.])""")
+    assert [file for file in files if by_name.search(file.read_text(errors="ignore"))] == []
+
+
 @pytest.mark.parametrize("name", KEPT)
 def test_what_is_kept_of_the_reference_is_as_the_code_has_it(name):
     """`python docs/kept_reference.py` writes it again."""
