@@ -3,6 +3,7 @@
 import re
 import sys
 import tomllib
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -74,6 +75,28 @@ def test_the_validation_page_counts_what_the_benchmark_shows():
         assert re.search(rf"{line} \| {task} of {total} \|", page), (line, task, total)
     assert f"| {fits} of {judged};" in page
     assert f"{best[0]} of {total} channels" in (ROOT / "README.md").read_text()
+
+
+def test_pages_count_the_verdicts_and_name_the_paper_that_they_judge():
+    """The counts are those of the table of verdicts; a page that judges the paper has its title."""
+    docs = ROOT / "docs"
+    rows = (docs / "explanation" / "paper_verdicts.md").read_text().splitlines()
+    found = Counter(row.split(" | ")[1] for row in rows if row.startswith("| ") and row.count(" | ") > 1)
+    counted = {verdict: found[verdict] for verdict in ("reproduced", "reproduced in shape", "differs", "cannot hold")}
+    same, shape, differ, never = counted.values()
+    pages = {
+        "README.md": f"of {sum(counted.values())} items {same} are reproduced, {shape} only in shape, {differ} differ and {never} cannot hold",
+        "docs/validation.md": f"{same} reproduced, {shape} in shape, {differ} differ, {never} cannot hold",
+        "docs/explanation/paper.md": f"{same} reproduced, {shape} reproduced in shape",
+        "paper.md": f"{same} are reproduced, {shape} are reproduced in shape, {differ} differ and {never} cannot hold",
+        "docs/explanation/paper_verdicts.md": f"{never} cannot hold",
+        "docs/criteria.md": "",
+        "docs/explanation/evidence_methods.md": "",
+    }
+    title = "Experiment Design, Bayesian Estimation and Model Selection of an Autonomous Underwater Vehicle"
+    for name, counts in pages.items():
+        text = " ".join((ROOT / name).read_text().split())
+        assert (name, counts in text, title in text) == (name, True, True)
 
 
 def test_messages_of_the_troubleshooting_page_are_those_of_the_code():
