@@ -273,7 +273,7 @@ def _write(rows: list[str]) -> None:
     page = HERE / "held_back.md"
     head = (
         "| the model lacks | error model | vehicles | inside 90 % bands | held | fail | unjudged | held or fail | false pass "
-        "| pass, too wide | inside widened bands | widest hold 85 % | ± covers | wider ± covers | the same if not failed |\n"
+        "| pass, too wide | inside widened bands | widest hold 85 % | interval covers | wider covers | the same if not failed |\n"
         f"|{'---|' * 15}\n"
     )
     before = page.read_text().split(RESULTS)[0]

@@ -1,4 +1,4 @@
-"""seatrial: design trials, estimate hydrodynamic coefficients with honest uncertainty, select the terms.
+"""seatrial: design trials, estimate hydrodynamic coefficients with their uncertainty, select the terms.
 
 Importing the package is cheap and sets nothing: JAX and the rest load when a name that needs them is first used, and JAX is then set to
 float64 (`configure`).

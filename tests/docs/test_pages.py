@@ -45,6 +45,25 @@ def test_nothing_installs_seatrial_by_its_name():
     assert [file for file in files if by_name.search(file.read_text(errors="ignore"))] == []
 
 
+@pytest.mark.parametrize("path", [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")], ids=lambda path: path.name)
+def test_modules_that_pages_name_exist(path):
+    """`seatrial.a.b` is a module or a name of one, and `.c` after it one beside it. Changelog and decisions speak of their day."""
+    if path.name == "CHANGELOG.md" or "decisions" in path.parts:
+        return
+    parent, missing = "", []
+    for name in re.findall(r"`(seatrial(?:\.\w+)+|\.\w+)(?:\([^`]*\))?`", path.read_text()):
+        whole = parent + name.removeprefix(".") if name.startswith(".") else name
+        if not whole.startswith("seatrial"):
+            continue
+        parent = whole.rpartition(".")[0] + "."
+        file = ROOT / "src" / whole.replace(".", "/")
+        homes = (file.parent.with_suffix(".py"), file.parent / "__init__.py")
+        named = any(home.is_file() and re.search(rf"\b{file.name}\b", home.read_text()) for home in homes)
+        if not (file.is_dir() or file.with_suffix(".py").is_file() or named):
+            missing.append(whole)
+    assert missing == []
+
+
 @pytest.mark.parametrize("name", KEPT)
 def test_what_is_kept_of_the_reference_is_as_the_code_has_it(name):
     """`python docs/kept_reference.py` writes it again."""
@@ -85,7 +104,7 @@ def test_pages_count_the_verdicts_and_name_the_paper_that_they_judge():
     counted = {verdict: found[verdict] for verdict in ("reproduced", "reproduced in shape", "differs", "cannot hold")}
     same, shape, differ, never = counted.values()
     pages = {
-        "README.md": f"of {sum(counted.values())} items {same} are reproduced, {shape} only in shape, {differ} differ and {never} cannot hold",
+        "README.md": f"of {sum(counted.values())} items {same} are reproduced, {shape} only in shape, {differ} differ and {never} cannot",
         "docs/validation.md": f"{same} reproduced, {shape} in shape, {differ} differ, {never} cannot hold",
         "docs/explanation/paper.md": f"{same} reproduced, {shape} reproduced in shape",
         "paper.md": f"{same} are reproduced, {shape} are reproduced in shape, {differ} differ and {never} cannot hold",
