@@ -116,7 +116,7 @@ MEANINGS: dict[str, dict[str, tuple[str, str]]] = {
         "median": ("SI, or `unit`", "median of a log-normal, with its sign"),
         "factor": ("1", "spread of a log-normal: 68 % lie within this factor of the median"),
         "unit": ("", "unit of the numbers above, if it is not SI"),
-        "physical": ("", "cut the prior to values that physics allows"),
+        "physical": ("", "cut the prior to the sign that a damping or an added mass has by itself"),
     },
     "SensorTable": {
         "noise": ("that of the channel", "standard deviation of one sample"),
