@@ -59,11 +59,9 @@ def read_log(source: LogSource) -> LogTable:
     for name, column in source.channels.items():
         cells = {part: read.numbers(part) for _, part in column.columns}
         empty = np.any([np.isnan(one) for one in cells.values()], axis=0)
-        if column.curve is not None:
-            curved[name] = tuple(
-                CurvedCells(column.curve, one, f'{where}, column "{part}"') for part, one in cells.items()
-            )
-        values = _reached(in_si(source, name, cells.__getitem__), empty, read.time, curved.get(name, ()))
+        if found := curved_cells(column, cells.__getitem__, where):
+            curved[name] = found
+        values = _reached(in_si(source, name, cells.__getitem__), empty, read.time, found)
         mapped[name] = _mean_to_next(values) if column.between == "line" else values
         if gaps := int(empty.sum()):
             empties[name] = [gaps, values.size]
@@ -227,21 +225,46 @@ def _reached(
 
 
 def in_si(source: LogSource, name: str, cells_of: Callable[[str], Float[np.ndarray, " n"]]) -> Float[np.ndarray, " n"]:
-    """Return a channel as the map makes it of its columns: each through the curve, summed, scaled, offset, in SI.
+    """Return a channel as the map makes it of its columns, see `ColumnMap`, in SI.
 
-    It is NaN where one of them is a gap or a number that the curve does not reach.
+    It is NaN where one of them is a gap, or a number that the curve or the law does not reach.
 
     Args:
         source: whose map it is.
         name: of the channel.
         cells_of: returns the numbers of a column.
     """
-    column, total = source.channels[name], np.zeros(())
+    column = source.channels[name]
     with np.errstate(invalid="ignore", over="ignore"):
+        if column.law is not None:
+            return column.scale * column.law(_command(column, cells_of)) * si_factor(source, name)
+        total = np.zeros(())
         for factor, part in column.columns:
             cells = cells_of(part)
             total = total + factor * (cells if column.curve is None else column.curve(cells))
         return (column.scale * total + column.offset) * si_factor(source, name)
+
+
+def curved_cells(
+    column: ColumnMap, cells_of: Callable[[str], Float[np.ndarray, " n"]], where: str
+) -> tuple[CurvedCells, ...]:
+    """Return the numbers that the curve or the law of a channel explains; none of a channel without.
+
+    Args:
+        column: map of the channel.
+        cells_of: returns the numbers of a column.
+        where: log and table, for errors.
+    """
+    if column.law is not None:
+        return (CurvedCells(column.law, _command(column, cells_of), f'{where}, column "{column.column}"'),)
+    if column.curve is None:
+        return ()
+    return tuple(CurvedCells(column.curve, cells_of(part), f'{where}, column "{part}"') for _, part in column.columns)
+
+
+def _command(column: ColumnMap, cells_of: Callable[[str], Float[np.ndarray, " n"]]) -> Float[np.ndarray, " n"]:
+    """Return the command that a law makes a force of."""
+    return sum((factor * cells_of(part) for factor, part in column.columns), np.zeros(())) + column.offset
 
 
 def _other_unit(read: "Stamped", log: str) -> tuple[str, ...]:
