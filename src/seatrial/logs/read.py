@@ -13,7 +13,7 @@ from seatrial.core.signals import signal_unit
 from seatrial.core.units import to_si
 from seatrial.logs.axes import from_axes
 from seatrial.logs.formats.protocol import LogFormat, NoColumn, RawTable, TableInfo, unit_in_name
-from seatrial.logs.formats.registry import catalogue, format_of, hash_of_log, pick, read_columns
+from seatrial.logs.formats.registry import catalogue, format_of, hash_of_log, pick, read_columns, stream
 from seatrial.logs.formats.text_layout import signs_of
 from seatrial.logs.measured_control import looks_measured
 from seatrial.logs.source import (
@@ -28,6 +28,7 @@ from seatrial.logs.source import (
     text_options,
     time_scale,
 )
+from seatrial.logs.summary import clock_summary, disagreement
 from seatrial.logs.time_stamps import check_unit, checked_time, elapsed, unit_doubt
 
 _SLOW = 0.02
@@ -79,7 +80,7 @@ def read_log(source: LogSource) -> LogTable:
     options = source_options(used) | (text_options(source) if format_of(source.path).is_text else {})
     options |= {"empty": empties} if empties else {}
     epoch = read.epoch + Decimal(f"{source.shift:.9f}")
-    cautions = _other_unit(read, source.path.name)
+    cautions = (*_other_unit(read, source.path.name), *_other_clocks(read, source))
     table = LogTable(
         read.time,
         epoch,
@@ -161,7 +162,8 @@ def read_stamped(source: LogSource, columns: Sequence[str], words: Sequence[str]
                 remedy="words may stand in conditions of [[import.keep]] only; map another column",
             )
     table, every = info.name if info else "", list(dict.fromkeys((*clocks, *columns, *words)))
-    raw = read_columns(log_file(source), table, every, tuple(clocks), words)
+    others = () if info is None or form.is_text else info.clocks
+    raw = read_columns(log_file(source), table, list(dict.fromkeys((*every, *others))), tuple(clocks), words)
     clock = next((name for name in clocks if _moves(raw.columns[name])), next(iter(clocks)))
 
     time_where = f'{where}, column "{clock}"'
@@ -274,6 +276,26 @@ def _other_unit(read: "Stamped", log: str) -> tuple[str, ...]:
         doubt = unit_doubt(read.time, read.clock_unit)
         return (f'{log}, time: column "{read.clock}" has {doubt}',) if doubt else ()
     return (f'{log}, time: the unit of column "{read.clock}" is "{read.clock_unit}" in the map; is it "{named}"?',)
+
+
+def _other_clocks(read: "Stamped", source: LogSource) -> tuple[str, ...]:
+    """Say that another clock of the table runs over another time than the one that is used."""
+    log = log_file(source)
+    info = read.info or pick(catalogue(log), source.table, str(source.path))
+    units = {name: info.unit(name) or "s" for name in info.clocks} | {read.clock: read.clock_unit}
+    if len(units) < 2:
+        return ()
+    raw = read.raw
+    if all(name in raw.columns and raw.columns[name].dtype.kind != "O" for name in units):
+        stamps = {name: raw.columns[name] * 10.0 ** -raw.decimals.get(name, 0) for name in units}
+    else:  # of a text, columns that nothing else needs were not read
+        blocks = list(stream(log, {info.name: list(units)}))
+        stamps = {name: np.concatenate([block.columns[name] for block in blocks]) for name in units}
+    doubt = disagreement([clock_summary(name, unit, stamps[name]) for name, unit in units.items()])
+    if not doubt:
+        return ()
+    remedy = 'name the right one by time = { column = "…" } under [[import.files]]'
+    return (f"{read.where}: {doubt}; the time is {read.clock}: {remedy}",)
 
 
 def _check_layout(source: LogSource, form: LogFormat) -> None:
