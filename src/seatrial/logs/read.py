@@ -15,7 +15,7 @@ from seatrial.logs.axes import from_axes
 from seatrial.logs.formats.protocol import LogFormat, NoColumn, RawTable, TableInfo, unit_in_name
 from seatrial.logs.formats.registry import catalogue, format_of, hash_of_log, pick, read_columns, stream
 from seatrial.logs.formats.text_layout import signs_of
-from seatrial.logs.measured_control import looks_measured
+from seatrial.logs.measured_control import half_a_step_matters, looks_measured, mean_to_next
 from seatrial.logs.source import (
     ColumnMap,
     CurvedCells,
@@ -31,8 +31,6 @@ from seatrial.logs.source import (
 from seatrial.logs.summary import clock_summary, disagreement
 from seatrial.logs.time_stamps import check_unit, checked_time, elapsed, unit_doubt
 
-_SLOW = 0.02
-"""Change of a control from sample to sample, over its standard deviation, below which half a sample of delay moves nothing."""
 _LAYOUT = {"delimiter": None, "skip_rows": 0, "header_rows": 1, "names": None, "encoding": "utf-8"}
 
 
@@ -63,7 +61,7 @@ def read_log(source: LogSource) -> LogTable:
         if found := curved_cells(column, cells.__getitem__, where):
             curved[name] = found
         values = _reached(in_si(source, name, cells.__getitem__), empty, read.time, found)
-        mapped[name] = _mean_to_next(values) if column.between == "line" else values
+        mapped[name] = mean_to_next(values) if column.between == "line" else values
         if gaps := int(empty.sum()):
             empties[name] = [gaps, values.size]
             notes.append(f"{name}: {gaps} of {values.size} cells are empty")
@@ -182,23 +180,12 @@ def read_stamped(source: LogSource, columns: Sequence[str], words: Sequence[str]
     return Stamped(raw, kept, time, epoch, clock, clocks[clock], info, where, tuple(notes))
 
 
-def _mean_to_next(values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-    """Return the mean of each sample and the next one that is there: of a straight line, held over that time, it does the same."""
-    known, means = np.isfinite(values), values.copy()
-    there = values[known]
-    means[known] = np.append(0.5 * (there[:-1] + there[1:]), there[-1:])
-    return means
-
-
 def _measured(source: LogSource, table: LogTable) -> Iterator[str]:
     """Say which controls look measured, and are held from sample to sample because nothing else is said."""
     for name, column in source.channels.items():
         if column.role != "control" or column.between is not None:
             continue
-        known = table.columns[name][np.isfinite(table.columns[name])]
-        with np.errstate(over="ignore", invalid="ignore"):  # numbers that are none are refused elsewhere
-            matters = known.size > 1 and np.sqrt(np.mean(np.diff(known) ** 2)) > _SLOW * np.std(known)
-        if matters and looks_measured(table.time, table.columns[name]):
+        if half_a_step_matters(table.columns[name]) and looks_measured(table.time, table.columns[name]):
             yield (
                 f'channel "{name}" of {table.place}: it changes at nearly every sample, as what is measured does, and is '
                 'held from each sample to the next, which makes it half a sample late: add between = "line" to this channel, or between = '
