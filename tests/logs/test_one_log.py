@@ -107,6 +107,18 @@ def test_a_stated_control_of_own_columns_is_not_doubted(tmp_path, between):
     assert record.cautions == logged.cautions == ()
 
 
+def test_a_measured_control_of_a_log_is_a_line_between_its_samples(tmp_path):
+    rows = (f"{0.1 * k:.1f},{n!r},{1.5 + 0.001 * k!r}" for k, n in enumerate(SHAFT.tolist()))
+    (tmp_path / "log.csv").write_text("t,n,u\n" + "\n".join(rows) + "\n")
+    asked = tmp_path / "log.csv", {"n": ("n", "rad/s"), "u": ("u", "m/s")}, ["n"]
+    with pytest.warns(UserWarning, match=r'control n: it changes.*between=\{"n": "line"\} in read_log') as warned:
+        record = st.read_log(*asked, time=("t", "s"))
+    assert warned[0].filename == __file__
+    stated = st.read_log(*asked, time=("t", "s"), between={"n": "line"})
+    np.testing.assert_array_equal(record.control, stated.control)
+    assert (len(record.cautions), len(stated.cautions)) == (1, 0)
+
+
 @pytest.mark.filterwarnings("error")
 def test_a_command_of_own_columns_is_held():
     steps = np.repeat([100.0, 140.0, 90.0], 100)

@@ -39,6 +39,14 @@ def looks_measured(time: Float[np.ndarray, " n"], values: Float[np.ndarray, " n"
     return _moves_everywhere(np.diff(x)[near]) or _changes_smoothly(step, x, near[:-1] & near[1:])
 
 
+def taken_as_measured(name: str, function: str) -> str:
+    """Say that a control of which nothing is stated is taken as measured, and which argument of a function of Python states it."""
+    return (
+        f"control {name}: it changes at nearly every sample, as what is measured does, and is taken as a straight line from each sample to "
+        f'the next: state between={{"{name}": "line"}} in {function}, or between={{"{name}": "held"}} if it is a command'
+    )
+
+
 def half_a_step_matters(values: Float[np.ndarray, " n"]) -> bool:
     """Return whether a control changes so much from sample to sample that half a sample of delay may move a result.
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from seatrial.core.argument_checks import check_choice, check_known, check_mapping
 from seatrial.core.record import Channel, Provenance, Record, make_record
-from seatrial.logs.measured_control import half_a_step_matters, looks_measured, mean_to_next
+from seatrial.logs.measured_control import half_a_step_matters, looks_measured, mean_to_next, taken_as_measured
 from seatrial.logs.source import Between
 
 
@@ -53,10 +53,7 @@ def record_of_columns(
         measured = looks_measured(record.time, control[:, at])
         chosen[name] = stated.get(name) or ("line" if measured else "held")
         if name not in stated and measured and half_a_step_matters(control[:, at]):
-            cautions.append(
-                f"control {name}: it changes at nearly every sample, as what is measured does, and is taken as a straight line from each "
-                f'sample to the next: state between={{"{name}": "line"}} in make_record, or between={{"{name}": "held"}} if it is a command'
-            )
+            cautions.append(taken_as_measured(name, "make_record"))
             warnings.warn(f"{provenance.source}, record {label!r}, {cautions[-1]}", stacklevel=2)
         if chosen[name] == "line":
             control[:, at] = mean_to_next(control[:, at])
