@@ -139,7 +139,9 @@ def vehicles(kind: str, count: int) -> Iterator[tuple[dict[str, float], list[st.
         runs.append((command, shown))
     for vehicle in range(count):
         records = [
-            st.make_record(time, {"n": command, "u": shown[:, vehicle]}, CHANNELS, OWN, f"run {number}")
+            st.make_record(
+                time, {"n": command, "u": shown[:, vehicle]}, CHANNELS, OWN, f"run {number}", between={"n": "held"}
+            )
             for number, (command, shown) in enumerate(runs)
         ]
         yield {name: float(value[vehicle]) for name, value in truth.items()}, records

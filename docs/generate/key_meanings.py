@@ -268,7 +268,10 @@ MEANINGS: dict[str, dict[str, tuple[str, str]]] = {
         "column": ("", "name of the column of the channel"),
         "unit": ("that of the channel", "unit of the column"),
         "scale": ("1", "factor on the column; -1 turns an axis round"),
-        "offset": ("that of the channel", "constant added after scaling"),
+        "offset": (
+            "that of the channel",
+            "constant added after scaling; before a law of thrust, in units of the command",
+        ),
         "sum": ("", "instead of a column: columns with factors, such as `0.12 data[0] - 0.12 data[1]`"),
         "curve": (
             "",
