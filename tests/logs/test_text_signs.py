@@ -65,7 +65,7 @@ def test_every_layout_gives_the_same_table(tmp_path, name):
 def test_dates_of_two_zones_are_no_clock(tmp_path):
     rows = [f"{_date(100 * k, 'Z' if k else '+01:00')},{k},{600 + k}" for k in range(20)]
     path = written(tmp_path, "\n".join(["t,speed,rpm", *rows]))
-    with refusal("run.csv", "a number"):
+    with refusal("run.csv, row 3", "in the zone of the first"):
         read_log(source(path))
 
 

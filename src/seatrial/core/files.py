@@ -153,15 +153,15 @@ def read_bytes(path: Path) -> bytes:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text file atomically, in UTF-8."""
+    r"""Write a text file atomically, in UTF-8; what a path has that is no UTF-8 becomes `\udcff`, which JSON reads as it was."""
     with atomic_path(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+        temporary.write_text(text, encoding="utf-8", errors="backslashreplace")
 
 
 def write_json(path: Path, content: Any) -> None:
     """Write JSON atomically; NaN and infinities are refused, since no other reader agrees on them. A file that says it stays as it is."""
     text = json.dumps(content, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
-    if not is_there(path) or path.read_bytes() != text.encode():
+    if not is_there(path) or path.read_bytes() != text.encode(errors="backslashreplace"):
         write_text(path, text)
 
 

@@ -21,6 +21,7 @@ from seatrial.apps.session import Session, how_it_ended
 from seatrial.campaign.store.stored_result import Store
 from seatrial.core.errors import InputError
 from seatrial.core.files import begin_file, open_regular
+from seatrial.core.visible import visible
 
 TAIL = 16_000
 """Bytes of output that are shown."""
@@ -116,7 +117,7 @@ class Jobs:
         log.parent.mkdir(exist_ok=True)
         line = [command, str(folder), *options]
         with begin_file(log) as stream:
-            stream.write(f"$ seatrial {shlex.join(line)}\n".encode())
+            stream.write(visible(f"$ seatrial {shlex.join(line)}\n").encode())
         self._session(folder).start(line, log)
 
     def stop(self, folder: Path) -> None:
