@@ -31,6 +31,17 @@ FILES = {
     "gzip without suffix": (gzip.compress(GOOD.encode()), "a.csv", ("a.csv", "gzip data", ".gz")),
     "suffix without gzip": (GOOD.encode(), "a.csv.gz", ("a.csv.gz", "not gzip")),
     "spreadsheet": (b"PK\x03\x04\x00\x00", "a.csv", ("spreadsheet", "export")),
+    "spreadsheet by its suffix": (
+        b"PK\x03\x04\x00\x00",
+        "a.xlsx",
+        ("a.xlsx", "a spreadsheet", "export the sheet", "CSV"),
+    ),
+    "old spreadsheet": (b"\xd0\xcf\x11\xe0\x00\x00", "a.csv", ("a spreadsheet, not utf-8", "export the sheet")),
+    "other encoding in gzip": (
+        gzip.compress(GOOD.replace("ok", "°").encode("cp1252")),
+        "a.csv.gz",
+        ("row 2", "other data, not utf-8", 'write encoding = "cp1252"'),
+    ),
     "truncated gzip": (gzip.compress(GOOD.encode())[:-20], "a.csv.gz", ("a.csv.gz", "cut off", "again")),
     "damaged gzip": (gzip.compress(GOOD.encode())[:30] + b"\xff" * 40, "a.csv.gz", ("a.csv.gz", "gzip", "again")),
     "bytes behind gzip": (

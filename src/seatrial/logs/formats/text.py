@@ -52,6 +52,7 @@ _GZIP = b"\x1f\x8b"
 _MAGIC = {
     _GZIP: "gzip data",
     b"PK\x03\x04": "a zip archive or a spreadsheet",
+    b"\xd0\xcf\x11\xe0": "a spreadsheet",
     b"\x89HDF": "an HDF5 or NetCDF file",
     b"#ROSBAG": "a ROS bag",
     b"SQLite": "an SQLite database",
@@ -568,13 +569,15 @@ def _opened(log: LogFile) -> Iterator[tuple[TextIOWrapper, BinaryIO]]:
 
 
 def _not_text(log: LogFile, line: int) -> InputError:
-    kind = _kind(log.path)
+    kind = "other data" if log.path.suffix.lower() == ".gz" else _kind(log.path)
     return InputError(
         f"{log.path}, row {line}",
         found=f"{kind}, not {log.layout.encoding} text",
         expected=f"text in {log.layout.encoding}",
         remedy="add the suffix .gz to its name"
         if kind == _MAGIC[_GZIP]
+        else "export the sheet that holds the log as CSV"
+        if "spreadsheet" in kind
         else 'export the log as CSV; if it is text already, write encoding = "cp1252" (or "utf-16") under its [[import.files]]',
     )
 

@@ -112,11 +112,9 @@ def _separator(path: Path, layout: TextLayout, lines: Sequence[str]) -> str:
     found, where = layout.delimiter, f"{path}, delimiter"
     if found is None:
         found = _BY_SUFFIX.get(suffix)
-        head, first = (_QUOTED.sub("", line) for line in lines[:2]) if len(lines) > 1 else ("", "")
+        head = _QUOTED.sub("", lines[0]) if len(lines) > 1 else ""
         if len(lines) > 1 and (found is None or found not in head):
-            alike = [mark for mark in _MARKS if 0 < head.count(mark) == first.count(mark)]
-            spaced = 1 < len(head.split()) == len(first.split())
-            found = alike[0] if alike else WHITESPACE if spaced else found
+            found = _shared_by(lines[:2]) or found or _shared_by(lines[-2:])  # the first lines may be remarks
     if found is None:
         raise InputError(
             where,
@@ -133,6 +131,14 @@ def _separator(path: Path, layout: TextLayout, lines: Sequence[str]) -> str:
             remedy='use ",", ";", "\\t" or "whitespace"',
         )
     return found
+
+
+def _shared_by(lines: Sequence[str]) -> str | None:
+    """Return the separator by which two lines have as many cells; None for none."""
+    head, first = (_QUOTED.sub("", line) for line in lines)
+    alike = [mark for mark in _MARKS if 0 < head.count(mark) == first.count(mark)]
+    spaced = 1 < len(head.split()) == len(first.split())
+    return alike[0] if alike else WHITESPACE if spaced else None
 
 
 def _cells(line: str, mark: str) -> list[str]:
