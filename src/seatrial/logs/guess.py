@@ -333,11 +333,9 @@ def _by_output(table: TableSummary, column: ColumnSummary, names: Collection[str
 
 
 def _from_one(number: int, name: str, names: Collection[str]) -> int:
-    """Return the number of a thruster, from 1, by the number in a name of which there may be one with a 0."""
-    counts_from_0 = any(
-        re.sub(r"\d+(?=\D*$)", zero, name.lower()) in names for zero in ("0", "00") if re.search(r"\d", name)
-    )
-    return number + counts_from_0
+    """Return the number of a thruster, from 1, by the number in its name; one of all names may have a 0 in its place."""
+    first, zeros = re.subn(r"\d+(?=\D*$)", "0", name.lower())
+    return number + (zeros > 0 and first in names)
 
 
 def _by_thruster(table: TableSummary, column: ColumnSummary, names: Collection[str]) -> Guess | None:
@@ -348,17 +346,15 @@ def _by_thruster(table: TableSummary, column: ColumnSummary, names: Collection[s
     number = _from_one(thruster_number(match["which"] or match["of"]), full, names) if match else 0
     if match is None or not number or number > MOST_ELEMENTS or not column.count:
         return None
-    what = "thrust" if match["of"] else match["what"]
-    for channel, is_it in ((f"f_{number}", what != "speed"), (f"n_{number}", what in (None, "speed"))):
-        if units or column.unit:
-            known = _unit(channel[0] if channel[0] == "n" else channel, column, units)
-        elif is_it:
-            known = _unit("n", column, ()) if what == "speed" else _force_or_command(column, what is not None)
+    what, is_stated = "thrust" if match["of"] else match["what"], bool(units or column.unit)
+    for kind in "n" if what == "speed" else "fn" if what is None and is_stated else "f":
+        if kind == "f" and not is_stated:
+            known = _force_or_command(column, what is not None)
         else:
-            known = None
-        if known is not None and is_it:
+            known = _unit("n" if kind == "n" else f"f_{number}", column, units)
+        if known is not None:
             reason = f'the name "{full}"; {known[2]}: check the order'
-            return Guess(channel, table.info.name, column.name, *known[:2], "NED", "control", reason, 1)
+            return Guess(f"{kind}_{number}", table.info.name, column.name, *known[:2], "NED", "control", reason, 1)
     return None
 
 
