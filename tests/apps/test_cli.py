@@ -1,6 +1,7 @@
 """The command line as a user meets it: exit codes, one clear error on standard error, nothing half-written."""
 
 import io
+import os
 import subprocess
 import sys
 import warnings
@@ -173,3 +174,20 @@ def test_warnings_of_libraries_never_reach_the_terminal():
     ):
         run_app(app)
     assert [str(warning.message) for warning in shown] == ["single precision"]
+
+
+def test_names_of_files_and_columns_command_no_terminal(monkeypatch, capsys, tmp_path):
+    path = tmp_path / "\x1b]0;title\x07\u202egnp.csv"
+    path.write_text("t,u\x1b[2J\n" + "".join(f"{row},1.{row}\n" for row in range(9)))
+    for words in (["inspect", path], ["inspect", path, "--json"], ["inspect", f"{path}x"]):
+        _, out, err = run(monkeypatch, capsys, *words)
+        assert not {*(out + err)} & {*"\x1b\x07\u202e"}
+        assert r"\u202e" in out + err
+
+
+@pytest.mark.skipif(sys.platform in ("win32", "darwin"), reason="every path there is text")
+def test_a_folder_whose_name_is_no_utf_8_is_no_obstacle(monkeypatch, capsys, tmp_path):
+    folder = write_small(tmp_path / os.fsdecode(b"bo\xffat"))
+    code, out, _ = run(monkeypatch, capsys, "prior", folder, "--quiet")
+    assert code == Exit.OK
+    assert r"bo\udcffat/prior.svg" in out

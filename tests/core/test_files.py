@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -54,6 +55,14 @@ def test_json_that_others_cannot_read_is_refused(tmp_path, value):
 def test_json(tmp_path):
     write_json(tmp_path / "a.json", {"Δu": [1, 2.5, None]})
     assert json.loads((tmp_path / "a.json").read_bytes()) == {"Δu": [1, 2.5, None]}
+
+
+@pytest.mark.skipif(os.name == "nt" or sys.platform == "darwin", reason="every path there is text")
+def test_a_path_that_is_no_utf_8_is_written_and_read_again(tmp_path):
+    path = Path(os.fsdecode(os.fsencode(tmp_path) + b"/bo\xffat/a.json"))
+    for _ in range(2):  # written, then compared with what is there
+        write_json(path, {"file": str(path)})
+    assert Path(json.loads(path.read_bytes())["file"]) == path
 
 
 def test_hashes(tmp_path):

@@ -3,8 +3,11 @@
 import gzip
 from dataclasses import replace
 
+import h5py
+import numpy as np
 import pytest
 
+from seatrial.logs.inspect import inspect_log
 from seatrial.logs.read import read_log
 from seatrial.logs.source import ColumnMap, LogSource
 from tests.logs.log_cases import GOOD, PROPELLER, SPEED, refusal, source, written
@@ -28,8 +31,29 @@ FILES = {
     "gzip without suffix": (gzip.compress(GOOD.encode()), "a.csv", ("a.csv", "gzip data", ".gz")),
     "suffix without gzip": (GOOD.encode(), "a.csv.gz", ("a.csv.gz", "not gzip")),
     "spreadsheet": (b"PK\x03\x04\x00\x00", "a.csv", ("spreadsheet", "export")),
+    "spreadsheet by its suffix": (
+        b"PK\x03\x04\x00\x00",
+        "a.xlsx",
+        ("a.xlsx", "a spreadsheet", "export the sheet", "CSV"),
+    ),
+    "old spreadsheet": (b"\xd0\xcf\x11\xe0\x00\x00", "a.csv", ("a spreadsheet, not utf-8", "export the sheet")),
+    "other encoding in gzip": (
+        gzip.compress(GOOD.replace("ok", "°").encode("cp1252")),
+        "a.csv.gz",
+        ("row 2", "other data, not utf-8", 'write encoding = "cp1252"'),
+    ),
     "truncated gzip": (gzip.compress(GOOD.encode())[:-20], "a.csv.gz", ("a.csv.gz", "cut off", "again")),
     "damaged gzip": (gzip.compress(GOOD.encode())[:30] + b"\xff" * 40, "a.csv.gz", ("a.csv.gz", "gzip", "again")),
+    "bytes behind gzip": (
+        gzip.compress(GOOD.encode()) + b"more",
+        "a.csv.gz",
+        ("followed by", "gzip -dc a.csv.gz > a.csv"),
+    ),
+    "gzip with a wrong checksum": (
+        (whole := gzip.compress(GOOD.encode()))[:-8] + b"\0\0\0\0" + whole[-4:],
+        "a.csv.gz",
+        ("a wrong checksum", "copy the file again"),
+    ),
     "utf-16": (GOOD.encode("utf-16"), "a.csv", ("UTF-16", '(or "utf-16")')),
     "empty": (b"", "a.csv", ("a.csv", "empty", "0 bytes")),
     "only spaces": (b" \n\n", "a.csv", ("empty",)),
@@ -127,6 +151,11 @@ MAPS = {
     "negative rows": ({"skip_rows": -1}, ("skip_rows", "-1")),
     "no header row": ({"header_rows": 0}, ("header_rows", "0")),
     "skips everything": ({"skip_rows": 1000}, ("no row below the 1000 lines that skip_rows", "skip_rows is too large")),
+    "encoding of hosts": ({"encoding": "idna"}, ("encoding", "idna")),
+    "encoding of labels": ({"encoding": "punycode"}, ("encoding", "punycode")),
+    "encoding of source code": ({"encoding": "unicode_escape"}, ("encoding", "unicode_escape")),
+    "no encoding at all": ({"encoding": "undefined"}, ("encoding", "undefined")),
+    "encoding with a zero": ({"encoding": "utf-8\0"}, ("encoding", "utf-8")),
     "unknown encoding": ({"encoding": "utf-9"}, ("encoding", "utf-9")),
     "encoding that is not text": ({"encoding": "rot13"}, ("encoding", "rot13")),
 }
@@ -154,3 +183,36 @@ def test_wrong_time_unit_is_recognised(tmp_path, step, unit, meant):
     text = "t,speed\n" + "".join(f"{1669909203330211715 + step * k},{k}\n" for k in range(5))
     with refusal("run.csv", 'column "t"', "median step", f'"{unit}"', f'is the unit "{meant}"?'):
         read_log(LogSource(written(tmp_path, text), "t", unit, {"u": ColumnMap("speed", "m/s", "measurement")}))
+
+
+STAMPS = {
+    "leap second": ("2016-12-31T23:59:60Z", "remove every row"),
+    "no day": ("2016-02-30T00:00:00Z", "correct the stamp"),
+    "no instant": ("NaT", "remove the row"),
+    "another zone": ("2016-12-31T23:59:59+01:00", "correct the stamp"),
+}
+
+
+@pytest.mark.parametrize("case", STAMPS)
+def test_a_stamp_that_is_no_instant_is_named_and_stops_no_look_at_the_log(tmp_path, case):
+    stamp, remedy = STAMPS[case]
+    rows = [f"2016-12-31T23:59:{second:02d}Z" for second in range(50, 60)]
+    text = "t,u\n" + "".join(f"{one},1.{row}\n" for row, one in enumerate([*rows, stamp]))
+    path = written(tmp_path, text)
+    with refusal("run.csv, row 12", 'column "t"', repr(stamp), remedy):
+        read_log(LogSource(path, "t", "ns", {"u": ColumnMap("u", "m/s", "measurement")}))
+    table = inspect_log(path).tables[0]
+    assert {one.name: round(one.missing * 11) for one in table.columns} == {"t": 1, "u": 0}
+
+
+@pytest.mark.parametrize("name", ["a.npz", "a.nc"])
+def test_a_row_without_an_instant_is_named(tmp_path, name):
+    time = np.datetime64("2020-01-01", "ns") + np.arange(9) * np.timedelta64(100, "ms")
+    time[4] = "NaT"
+    if name == "a.npz":
+        np.savez(tmp_path / name, t=time, u=np.arange(9.0))
+    else:
+        with h5py.File(tmp_path / name, "w") as file:
+            file["t"], file["u"] = time.astype(np.int64), np.arange(9.0)
+    with refusal(name, 'column "t"', "row 5", "a time stamp in every row"):
+        read_log(LogSource(tmp_path / name, "t", "ns", {"u": ColumnMap("u", "m/s", "measurement")}))

@@ -8,7 +8,7 @@ import zlib
 from contextlib import suppress
 from dataclasses import replace
 from functools import cache
-from itertools import count
+from itertools import count, islice
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -21,7 +21,7 @@ from hypothesis import strategies as st
 from seatrial.core import processes
 from seatrial.core.errors import InputError
 from seatrial.logs.formats import registry
-from seatrial.logs.formats.hdf5 import opened
+from seatrial.logs.formats.hdf5 import arrays, opened
 from seatrial.logs.formats.protocol import LogFile
 from seatrial.logs.formats.registry import catalogue, read_columns, stream
 from seatrial.logs.formats.ros_messages import Decoder, Undefined, steps_of
@@ -460,3 +460,22 @@ def test_a_table_of_more_rows_than_memory_holds_is_refused(tmp_path, monkeypatch
     monkeypatch.setattr("seatrial.logs.formats.parquet._MOST_ROWS", 3)
     with refusal(".parquet", "rows", "at most 3", "cut the log"):
         read_log(mapped(written))
+
+
+@pytest.mark.parametrize("suffix", ["nc", "mat"])
+def test_groups_that_share_others_are_listed_once(tmp_path, suffix):
+    """Of 40 groups, each with the next under two names, there are 2^40 paths."""
+    path = tmp_path / f"a.{suffix}"
+    with h5py.File(path, "w") as file:
+        file["t"], file["u"], file["of nothing"] = np.arange(9.0), np.arange(9.0), h5py.Empty("f8")
+        group = file.create_group("a")
+        for number in range(30):
+            below = file.create_group(f"below{number}")
+            group["left"] = group["right"] = below
+            group = below
+        group["v"] = np.arange(9.0)
+        group["loop"] = file
+    with opened(path) as file:
+        found = list(islice(arrays(file), 100))
+    assert sorted(name.rpartition("/")[2] for name, _ in found) == ["t", "u", "v"]
+    assert {column.name for table in catalogue(LogFile(path)) for column in table.columns} >= {"t", "u"}

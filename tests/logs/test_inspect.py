@@ -14,7 +14,7 @@ from seatrial.core.errors import InputError
 from seatrial.logs import summary
 from seatrial.logs.formats.protocol import Block, ColumnInfo, LogFile, TableInfo
 from seatrial.logs.formats.registry import read_columns
-from seatrial.logs.guess import best, guesses, unit_by_name
+from seatrial.logs.guess import best, guesses, remarks, unit_by_name
 from seatrial.logs.inspect import LogsTogether, inspect_log
 from seatrial.logs.read import read_log
 from seatrial.logs.source import ColumnMap, LogSource
@@ -216,7 +216,13 @@ NAMES = {
     "nav.pitch": ("theta", "rad", 1.0),
     "field.angular_velocity.z": ("r", "rad/s", 1.0),
     "vel_n": ("v_north", "m/s", 1.0),
-    "orientation.w": ("q_w", "1", 1.0),
+    "linear_velocity_x": ("u", "m/s", 1.0),
+    "twist_linear_y": ("v", "m/s", 1.0),
+    "odom_twist_twist_linear_z": ("w", "m/s", 1.0),
+    "/odom/twist/twist/linear/x": ("u", "m/s", 1.0),
+    "angular_velocity_z": ("r", "rad/s", 1.0),
+    "odom.twist.twist.angular.y": ("q", "rad/s", 1.0),
+    "pose_pose_position_z": ("z", "m", 1.0),
     "engine_rpm": ("n", "rpm", 1.0),
     "rpm_cmd": ("n", "rpm", 1.0),
     "cmd_rpm": ("n", "rpm", 1.0),
@@ -242,7 +248,7 @@ def test_guesses_by_name_and_unit(tmp_path, name):
     text = f"time,{name},remark\n" + "".join(f"{0.1 * k:.1f},{0.01 * k},ok\n" for k in range(20))
     found = inspect_log(written(tmp_path, text)).guesses
     assert [(guess.channel, guess.unit, guess.scale) for guess in found] == [NAMES[name]]
-    assert ("axes are not known" in found[0].reason) == name.startswith("dvl_v")
+    assert ("axes are not known" in found[0].reason) == (name.startswith("dvl_v") or "linear" in name)
 
 
 def test_where_nothing_can_be_guessed_it_is_said_what_was_sought(tmp_path):
@@ -658,3 +664,117 @@ def test_a_column_in_a_unit_of_something_else_is_no_clock_however_evenly_it_rise
     (tmp_path / "dive.csv").write_text("millis,depth_m,rpm\n" + "\n".join(rows) + "\n")
     (table,) = inspect_log(tmp_path / "dive.csv").tables
     assert (table.clock.name, table.clock.unit, table.clock.is_named) == ("millis", "ms", False)
+
+
+def guessed(folder, head, *columns):
+    """Channels by column that are guessed of a text; `columns` are the least and greatest of each column behind the time."""
+    rows = (
+        ",".join(
+            [f"{0.1 * k:.1f}", *(f"{least + (greatest - least) * (k % 9) / 8:.6g}" for least, greatest in columns)]
+        )
+        for k in range(60)
+    )
+    found = inspect_log(written(folder, "\n".join([f"time,{head}", *rows]) + "\n", "named.csv"))
+    return {one.column: (one.channel, one.unit) for one in best(found.guesses)}, found
+
+
+COUNTED = {
+    "commands": ("thruster_{}", (-0.8, 1.0), "f", "command"),
+    "per cent": ("thr{}_cmd", (-100.0, 70.0), "f", "command"),
+    "pulse widths": ("pwm_{}", (1600.0, 1900.0), "f", "command"),
+    "outputs": ("out{}", (1300.0, 1700.0), "f", "command"),
+    "newtons by the unit": ("thruster_{}_newtons", (-30.0, 40.0), "f", "N"),
+    "newtons by the name": ("thruster{}.thrust", (-30.0, 40.0), "f", "N"),
+    "newtons by the range": ("thruster_{}", (-31.25, 40.5), "f", "N"),
+    "thrusts": ("thrust_{}", (-0.5, 0.5), "f", "N"),
+    "topics": ("/rov/thruster_{}/cmd_thrust", (-20.0, 20.0), "f", "N"),
+    "inputs": ("/rov/thrusters/{}/input", (-0.5, 0.9), "f", "command"),
+    "revolutions": ("motor_{}_rpm", (-900.0, 1200.0), "n", "rpm"),
+    "speeds": ("motor_{}_speed", (-9.0, 12.0), "n", "rev/s"),
+}
+
+
+@pytest.mark.parametrize("first", [0, 1])
+@pytest.mark.parametrize("case", COUNTED)
+def test_thrusters_are_counted_from_the_first_number_that_a_log_has(tmp_path, case, first):
+    name, ends, channel, unit = COUNTED[case]
+    names = [name.format(first + k) for k in range(6)]
+    expected = {one: (f"{channel}_{k + 1}", unit) for k, one in enumerate(names)}
+    assert guessed(tmp_path, ",".join(names), *[ends] * 6)[0] == expected
+
+
+@pytest.mark.parametrize(
+    ("left", "right"), [("PWM_L", "PWM_R"), ("thruster_l", "thruster_r"), ("motor_left", "motor_right")]
+)
+def test_two_thrusters_by_one_letter(tmp_path, left, right):
+    for ends in [(1510.0, 1700.0), (-100.0, 100.0)]:
+        found, _ = guessed(tmp_path, f"{left},{right}", ends, ends)
+        assert found == {left: ("f_1", "command"), right: ("f_2", "command")}
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "channels[{}]",
+        "rc_override.channels[{}]",
+        "RC_CHANNELS_OVERRIDE.chan{}_raw",
+        "RCIN.C{}",
+        "rc_override_{}",
+        "input_rc.values[{}]",
+    ],
+)
+def test_radio_control_is_of_axes_and_of_no_thruster(tmp_path, name):
+    first = 0 if "[" in name else 1
+    columns = [name.format(first + k) for k in range(8)]
+    ends = [(1400.0, 1600.0)] * 8
+    if name == "channels[{}]":  # only the topic tells
+        info = TableInfo("/mavros/rc/override", (ColumnInfo("time", "s"), *map(ColumnInfo, columns)), ("time",))
+        gathered = Gathered(info)
+        gathered.take(Block(info.name, {"time": np.arange(9.0)} | {one: 1500 + np.arange(9.0) for one in columns}))
+        tables = [gathered.summary()]
+        assert guesses(tables) == ()
+        said = remarks((), tables)
+    else:
+        found, log = guessed(tmp_path, ",".join(columns), *ends)
+        assert found == {}
+        said = log.remarks
+    assert len(said) == 1
+    assert f"{columns[0]} pitch, {columns[1]} roll, {columns[2]} up, {columns[3]} yaw, {columns[4]} forward" in said[0]
+    assert columns[6] not in said[0]
+
+
+NOTHING = {
+    "a path parameter": ("path/w", (0.0, 57.0)),
+    "one letter beyond any speed": ("w", (0.0, 57.0)),
+    "a reference": ("path_reference.u", (0.0, 1.0)),
+    "a gain": ("pid_gains.p", (0.0, 1.0)),
+    "a command": ("/cmd_vel/linear.x", (0.0, 1.0)),
+    "whole numbers of no unit": ("thruster_1", (-40.0, 40.0)),
+    "parts of a quaternion": ("orientation.x,orientation.y,orientation.z", *[(-0.5, 0.5)] * 3),
+}
+
+
+@pytest.mark.parametrize("case", NOTHING)
+def test_what_may_be_anything_is_not_guessed(tmp_path, case):
+    head, *ends = NOTHING[case]
+    assert guessed(tmp_path, head, *ends)[0] == {}
+
+
+def test_an_orientation_without_w_is_angles_where_it_can_be_no_quaternion(tmp_path):
+    head = "pose.orientation.x,pose.orientation.y,pose.orientation.z"
+    found, _ = guessed(tmp_path, head, (-0.1, 0.1), (-0.2, 0.1), (-3.0, 3.1))
+    assert [*found.values()] == [("phi", "rad"), ("theta", "rad"), ("psi", "rad")]
+    found, _ = guessed(tmp_path, f"pose.orientation.w,{head}", (0.5, 1.0), *[(-0.5, 0.5)] * 3)
+    assert [one for one, _ in found.values()] == ["q_w", "q_x", "q_y", "q_z"]
+
+
+@pytest.mark.parametrize("topic", ["/rov/angle_radian", "/rov/rpy", "/rov/cmd_vel", "/rov/attitude_euler"])
+def test_the_type_of_a_velocity_that_holds_something_else_is_no_guess(topic):
+    names = ("linear.x", "angular.x", "angular.y", "angular.z")
+    for name, expected in ((topic, []), ("/rov/angular_velocity", ["u", "p", "q", "r"])):
+        info = TableInfo(
+            name, (ColumnInfo("time", "s"), *map(ColumnInfo, names)), ("time",), kind="geometry_msgs/msg/Twist"
+        )
+        gathered = Gathered(info)
+        gathered.take(Block(name, {"time": np.arange(9.0)} | {one: 0.1 * np.arange(9.0) for one in names}))
+        assert [one.channel for one in guesses([gathered.summary()])] == expected

@@ -50,6 +50,8 @@ def test_what_is_measured_changes_at_nearly_every_sample(values: np.ndarray):
         np.repeat(_RNG.normal(size=120), 5),
         np.repeat(112.5 + 12.5 * np.sin(0.4 * _TIME[::5]), 5),
         np.interp(_TIME, [0, 20, 21, 40, 41, 60], [100, 100, 125, 125, 100, 100]),
+        np.cumprod(np.where(np.random.default_rng(0).random(_TIME.size) < 0.8, -1.0, 1.0)),
+        np.random.default_rng(1).integers(0, 5, _TIME.size).astype(float),
     ],
     ids=[
         "constant",
@@ -60,6 +62,8 @@ def test_what_is_measured_changes_at_nearly_every_sample(values: np.ndarray):
         "held steps",
         "held sine",
         "command with short ramps",
+        "random telegraph",
+        "random levels",
     ],
 )
 def test_what_is_held_is_not(values: np.ndarray):

@@ -5,6 +5,8 @@ from datetime import UTC, datetime
 import numpy as np
 import pytest
 
+from seatrial.logs.formats.protocol import LogFile
+from seatrial.logs.formats.text_layout import signs_of
 from seatrial.logs.guess import best
 from seatrial.logs.inspect import inspect_log
 from seatrial.logs.read import read_log
@@ -65,7 +67,7 @@ def test_every_layout_gives_the_same_table(tmp_path, name):
 def test_dates_of_two_zones_are_no_clock(tmp_path):
     rows = [f"{_date(100 * k, 'Z' if k else '+01:00')},{k},{600 + k}" for k in range(20)]
     path = written(tmp_path, "\n".join(["t,speed,rpm", *rows]))
-    with refusal("run.csv", "a number"):
+    with refusal("run.csv, row 3", "in the zone of the first"):
         read_log(source(path))
 
 
@@ -78,3 +80,14 @@ def test_a_separator_inside_quotation_marks_is_text(tmp_path):
     np.testing.assert_allclose(table.columns["u"], [1.2, 1.3, 1.4] * 3)
     plain = written(tmp_path, 't,"speed; m/s"\n' + "".join(f"0.{k},1.{k}\n" for k in range(9)), "plain.csv")
     assert [one.name for one in inspect_log(plain).tables[0].columns] == ["t", "speed; m/s"]
+
+
+@pytest.mark.parametrize(("mark", "separator"), [("\t", "\t"), (" ", "whitespace"), (";", ";"), (",", ",")])
+def test_the_separator_is_found_below_remarks(tmp_path, mark, separator):
+    """As basins write their records: some lines of words, then the numbers, under a suffix that says nothing."""
+    rows = "".join(mark.join([f"{0.1 * k:.1f}", f"{k % 7}", f"{600 + k}"]) + "\n" for k in range(30))
+    path = written(tmp_path, f"A basin\nTurning circle: 35 deg, rudder to port\n\n{rows}", "run.dat")
+    assert signs_of(LogFile(path)).separator == separator
+    maps = {"u": ColumnMap("u", "m/s", "measurement")}
+    table = read_log(LogSource(path, "t", "s", maps, skip_rows=3, names=("t", "u", "n")))
+    np.testing.assert_array_equal(table.columns["u"], np.arange(30) % 7)

@@ -348,3 +348,9 @@ def test_the_headline_tells_a_model_that_is_beaten_from_one_that_fails(tmp_path)
     assert even.startswith("A first-order lag of the controls predicts u of the held-back runs as well as this model. ")
     failing = replace(make_outcome(tmp_path), pooled=make_pooled(0.2))
     assert answer(failing).startswith("The model fails on runs that it was not fitted to. Held-back runs: ")
+
+
+def test_a_name_that_turns_the_text_around_is_shown_as_it_is_written(outcome):
+    html = render(replace(outcome, campaign=replace(outcome.campaign, name="a\x1b\u202eb")))
+    assert r"<title>a\u001b\u202eb" in html
+    assert not {*html} & {*"\x1b\u202e"}

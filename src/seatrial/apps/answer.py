@@ -17,6 +17,12 @@ import typer
 
 from seatrial import __version__
 from seatrial.core.errors import InputError, NumericalError, SeatrialError, file_error
+from seatrial.core.visible import visible
+
+
+def echo(text: str = "", err: bool = False) -> None:
+    """Print lines for people, or a document for programs; characters that a terminal would obey are shown instead."""
+    typer.echo(visible(text), err=err)
 
 
 class Exit(IntEnum):
@@ -46,7 +52,7 @@ class Answer:
     def say(self, text: str, err: bool = False) -> None:
         """Print some lines, and remember them."""
         if err or not self.as_json:
-            typer.echo(text, err=err)
+            echo(text, err=err)
         self.said.append((text, err))
 
     def give(self, **result: Any) -> None:
@@ -125,7 +131,7 @@ def answering(command: str, as_json: bool) -> Iterator[None]:
     finally:
         _CURRENT.reset(token)
         if as_json:
-            typer.echo(answer.document(code, failure))
+            echo(answer.document(code, failure))
 
 
 def code_of(error: SeatrialError) -> Exit:

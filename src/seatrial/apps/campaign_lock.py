@@ -4,6 +4,7 @@ The lock is the operating system's, so it ends with its process however that end
 beside a file that is not locked were left by a process that was killed. A disk without locks holds nothing, and tells no other process.
 """
 
+import errno
 import json
 import os
 import socket
@@ -19,6 +20,7 @@ from typing import Any
 from filelock import FileLock, Timeout
 
 from seatrial.core.errors import InputError
+from seatrial.core.files import begin_file, open_regular
 
 FILE_NAME = ".running.json"
 LOCK_NAME = ".running.lock"
@@ -28,6 +30,8 @@ TRIES = 5
 """Looks at notes that are being written."""
 PATIENCE = 0.2
 """Seconds that a lock is waited for: those who look at it hold it for an instant."""
+_NO_FILE = (errno.ELOOP, errno.EISDIR)
+"""Errors of a link and of a folder in the place of a file, neither of which may turn the lock off."""
 _HELD: set["Occupation"] = set()
 """What this process holds."""
 
@@ -63,7 +67,7 @@ class Occupation:
     """The lock of one campaign, and the notes of progress in it."""
 
     def __init__(self, lock: FileLock, path: Path, command: tuple[str, ...]):
-        self.lock, self.path, self.notes = lock, path, path.open("wb")
+        self.lock, self.path, self.notes = lock, path, begin_file(path)
         self.head = {"pid": os.getpid(), "host": socket.gethostname(), "command": command, "started": time.time()}
         self.work: list[dict[str, Any]] = []
         self.guard, self.noted = threading.Lock(), 0.0
@@ -127,7 +131,9 @@ def occupying(folder: Path) -> Iterator[Occupation | None]:
             expected="one at a time",
             remedy="wait until it ends, or stop it; what it has finished is kept",
         ) from cause
-    except (OSError, NotImplementedError):  # a folder that cannot be written to, or a disk without locks
+    except (OSError, NotImplementedError) as cause:  # a folder that cannot be written to, or a disk without locks
+        if isinstance(cause, OSError) and cause.errno in _NO_FILE:
+            raise
         yield None
         return
     _HELD.add(held)
@@ -148,10 +154,11 @@ def occupant_of(folder: Path) -> Occupant | None:
     path = folder / FILE_NAME
     for _ in range(TRIES):
         try:
-            content = json.loads(path.read_bytes())
+            with open_regular(path) as stream:
+                content = json.loads(stream.readall())
             head = {**content, "command": tuple(content["command"]), "work": tuple(content["work"])}
             return Occupant(_is_locked(folder), **head)
-        except FileNotFoundError:
+        except (FileNotFoundError, InputError):
             return None
         except (ValueError, KeyError, TypeError, RecursionError):
             time.sleep(0.01)  # being written: the next look finds it whole

@@ -10,6 +10,7 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 
 from seatrial.core.reporter import Progress as Report
 from seatrial.core.reporter import remaining
+from seatrial.core.visible import visible
 
 EVERY = 10.0
 """Seconds between two lines of one piece of work, when piped."""
@@ -43,11 +44,11 @@ class ConsoleReporter:
     def say(self, text: str) -> None:
         """See `Reporter.say`."""
         if not self.quiet:
-            self.console.print(text, markup=False, soft_wrap=True)
+            self.console.print(visible(text), markup=False, soft_wrap=True)
 
     def progress(self, title: str) -> Report:
         """See `Reporter.progress`."""
-        shown = self._shown(title)
+        shown = self._shown(visible(title))
         if self.also is None:
             return shown
         told = self.also(title)
@@ -92,4 +93,4 @@ class _Lines:
 
 def fail(text: str) -> None:
     """Print an error to standard error, plain."""
-    print(f"error: {text}", file=sys.stderr)
+    print(visible(f"error: {text}"), file=sys.stderr)

@@ -28,6 +28,7 @@ from seatrial.apps.cli import main
 from seatrial.apps.running import Exit
 from seatrial.core import engine
 from seatrial.core.errors import SeatrialError
+from seatrial.core.files import open_regular
 from seatrial.core.processes import end_with_parent
 
 PATIENCE = 2.0
@@ -102,10 +103,9 @@ def _printing_to(log: str | None) -> Iterator[None]:
         yield
         return
     before = {stream: os.dup(stream) for stream in (1, 2)}
-    handle = os.open(log, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
-    for stream in before:
-        os.dup2(handle, stream)
-    os.close(handle)
+    with open_regular(Path(log), "ab") as printed:
+        for stream in before:
+            os.dup2(printed.fileno(), stream)
     try:
         yield
     finally:

@@ -11,6 +11,7 @@ from seatrial.benchmark.run import Entry, Result
 from seatrial.benchmark.scores import PooledScore
 from seatrial.benchmark.tasks import TASKS
 from seatrial.core.files import write_json, write_text
+from seatrial.core.visible import visible
 
 COLUMNS = (
     "set",
@@ -98,7 +99,7 @@ def as_page(result: Result) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    return environment.get_template("page.html").render(
+    page = environment.get_template("page.html").render(
         found=result.set,
         channels=result.channels,
         entries=result.entries,
@@ -107,6 +108,7 @@ def as_page(result: Result) -> str:
         coefficients=coefficient_lines(result),
         version=__version__,
     )
+    return visible(page)
 
 
 def rows_of(result: Result, task: str) -> list[tuple[str, bool, list[list[str]]]]:

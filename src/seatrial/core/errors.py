@@ -61,6 +61,7 @@ _REMEDIES = {
     errno.EEXIST: _FILE,
     errno.ENOTDIR: _FILE,
     errno.EISDIR: _FOLDER,
+    errno.ELOOP: "a link stands where a file should be: remove it",
     errno.ENOENT: "it was moved or deleted in the meantime: put it back, or correct the path",
     errno.EACCES: _ELSEWHERE,
     errno.EPERM: _ELSEWHERE,

@@ -3,18 +3,25 @@
 Whoever writes in a folder holds a shared lock on the folder, which the system drops with the process: a temporary file in a folder that
 nobody holds was left by a process that was killed. What reads or writes files of a campaign tells so, for those who keep an answer for as
 long as what it was made from stays the same.
+
+A folder may come from a stranger: no file is written through a link, and no pipe is opened, which would wait for its other end.
 """
 
+import errno
 import hashlib
 import json
 import logging
 import os
 import re
+import stat
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from io import FileIO
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
+
+from seatrial.core.errors import InputError
 
 try:
     import fcntl
@@ -104,16 +111,57 @@ def discard_unfinished() -> None:
         path.unlink(missing_ok=True)
 
 
+def begin_file(path: Path) -> FileIO:
+    """Open a new file that is written in place, without a buffer; it replaces a file, a link or a pipe of that name.
+
+    Raises:
+        OSError: a folder stands there, or the file cannot be made.
+    """
+    path.unlink(missing_ok=True)
+    return FileIO(path, "xb")
+
+
+def open_regular(path: Path, mode: Literal["rb", "ab"] = "rb", links: bool = False) -> FileIO:
+    """Open a file to read it or to add to it, without a buffer.
+
+    Args:
+        path: of the file.
+        mode: of `open`.
+        links: whether a link to a file is followed.
+
+    Raises:
+        InputError: a link, a pipe or a device.
+        OSError: no file, a folder, or a file that cannot be opened.
+    """
+    extra = getattr(os, "O_NONBLOCK", 0) | (0 if links else getattr(os, "O_NOFOLLOW", 0))
+    try:
+        stream = FileIO(path, mode, opener=lambda name, flags: os.open(name, flags | extra, 0o644))
+    except OSError as cause:
+        if cause.errno not in (errno.ELOOP, errno.ENXIO):
+            raise
+        raise _irregular(path) from cause
+    if not stat.S_ISREG(os.fstat(stream.fileno()).st_mode):
+        stream.close()
+        raise _irregular(path)
+    return stream
+
+
+def read_bytes(path: Path) -> bytes:
+    """Read a whole file, also through a link; raises as `open_regular`."""
+    with open_regular(path, links=True) as stream:
+        return stream.readall()
+
+
 def write_text(path: Path, text: str) -> None:
-    """Write a text file atomically, in UTF-8."""
+    r"""Write a text file atomically, in UTF-8; what a path has that is no UTF-8 becomes `\udcff`, which JSON reads as it was."""
     with atomic_path(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+        temporary.write_text(text, encoding="utf-8", errors="backslashreplace")
 
 
 def write_json(path: Path, content: Any) -> None:
     """Write JSON atomically; NaN and infinities are refused, since no other reader agrees on them. A file that says it stays as it is."""
     text = json.dumps(content, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
-    if not is_there(path) or path.read_bytes() != text.encode():
+    if not is_there(path) or path.read_bytes() != text.encode(errors="backslashreplace"):
         write_text(path, text)
 
 
@@ -145,6 +193,11 @@ def sha256_of(path: Path) -> str:
 def sha256_of_json(content: Any) -> str:
     """Hash of a JSON-able value, independent of the order of its keys."""
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def _irregular(path: Path) -> InputError:
+    found = "a link" if path.is_symlink() else "a pipe, a socket or a device"
+    return InputError(str(path), found=found, expected="a file", remedy="remove it, then run the same command again")
 
 
 def _flush(path: Path) -> None:

@@ -2,7 +2,7 @@
 
 import re
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from math import pi
 
@@ -25,16 +25,31 @@ from seatrial.logs.axes import Axes
 from seatrial.logs.formats.protocol import MOST_ELEMENTS, TableInfo
 from seatrial.logs.formats.text import TABLE
 from seatrial.logs.formats.unit_in_name import name_and_units
-from seatrial.logs.known_messages import AUTOPILOT, ROS, SIDES, message_and_field, output_number, thruster_number
+from seatrial.logs.known_messages import (
+    AUTOPILOT,
+    RC_AXES,
+    ROS,
+    SIDES,
+    message_and_field,
+    output_number,
+    rc_channel,
+    thruster_number,
+)
 from seatrial.logs.source import Between
 from seatrial.logs.summary import ColumnSummary, TableSummary
 
 COMMAND = "command"
 """Unit of a column that a law of thrust is for."""
-_NOT_MEASURED = re.compile(
-    r"setpoint|innovation|variance|reference|desired|target|manual|joy|accel|gyro|mag", re.IGNORECASE
-)
+_ASKED = "setpoint|reference|desired|target|manual|joy|teleop|cmd|command|path(?!finder)|waypoint|trajectory|goal"
+_NOT_MEASURED = re.compile(f"{_ASKED}|innovation|variance|accel|gyro|mag|param|gain|pid", re.IGNORECASE)
 """In the name of a table whose positions, angles and speeds are not those of the vehicle."""
+_VELOCITIES = ("u", "v", "w", "p", "q", "r")
+_PLACE = re.compile(r"pos|nav|state|depth|odom|ned|local|point|rov|auv|vehicle|field|message")
+"""In what stands above a z that may be a depth."""
+_FIELD = re.compile(r"linear|angular")
+"""How the fields of a velocity begin in ROS."""
+_NO_VELOCITY = re.compile(r"angle|euler|rpy|attitude|orientation|position|radian|degree", re.IGNORECASE)
+"""In the last part of the name of a topic that has the type of a velocity, or holds its fields, and is something else."""
 
 
 @dataclass(frozen=True)
@@ -67,6 +82,10 @@ class Guess:
     between: Between | None = None
 
 
+_WHOLE = ("value", "data")
+"""Names of the only column of a table."""
+_PER_CENT, _PULSE = 100.0, (900.0, 2100.0)
+"""Size of a full command in per cent, and the range of pulse widths, µs."""
 _BODY = ("u", "v", "w")
 FASTEST = 25.0
 """Speed beyond that of any vehicle, m/s."""
@@ -74,19 +93,23 @@ _UNIT = 1.001
 """Size up to which numbers may be parts of a unit quaternion."""
 _OF = "(?:dvl|speed|vel|velocity|body|measured|meas|nu)_?"
 """What a name may have before the letter of a velocity."""
-_ALONG = "(?:velocity[._]?|vel_?|v_?)"
+_TWIST = "(?:(?:odom(?:etry)?|nav|state|body)[._])?(?:twist[._])*"
+"""What a flattened message has before its velocities."""
+_ALONG = f"(?:{_TWIST}linear[._](?:(?:velocity|vel)[._])?|velocity[._]?|vel_?|v_?)"
 """What a velocity along x, y or z is called before that letter."""
 _AXES_UNKNOWN = re.compile(rf"(?:{_OF})?{_ALONG}[xyz]")
 _SPEED = "(?:_?(?:speed|vel|velocity))?"
-_TURN = "(?:imu_?)?(?:angular_velocity\\.|gyro?[_.]?|omega_?|[gw]_?)"
+_TURN = f"(?:imu_?)?(?:{_TWIST}angular[._](?:(?:velocity|vel|rate)[._])?|gyro?[_.]?|omega_?|[gw]_?)"
 """What a rate of turn about x, y or z is called before that letter."""
+_POSE = "(?:(?:odom(?:etry)?|nav|state)[._])?(?:pose[._])*"
+"""What a flattened message has before its position and orientation."""
 _COMMAND = "(?:cmd|command|commanded)"
 _PROPELLER = "(?:prop|propeller|shaft|motor|thruster)(?:_?(?:rpm|speed|rate))?"
 _NAMES = (
     ("v_north", 2, "v_?n(?:orth)?|vel(?:ocity)?[._]?n(?:orth)?|north_?(?:vel|velocity|speed)"),
     ("v_east", 2, "v_?e(?:ast)?|vel(?:ocity)?[._]?e(?:ast)?|east_?(?:vel|velocity|speed)"),
     ("v_down", 2, "v_?d(?:own)?|vel(?:ocity)?[._]?d(?:own)?|down_?(?:vel|velocity|speed)"),
-    *((f"q_{part}", 2, rf"(?:orientation|quat(?:ernion)?)[._]?{part}|q_?{part}") for part in "wxyz"),
+    *((f"q_{part}", 2, rf"{_POSE}(?:orientation|quat(?:ernion)?)[._]?{part}|q_?{part}") for part in "wxyz"),
     ("u", 2, f"(?:{_OF})?(?:u|surge{_SPEED})"),
     ("u", 1, f"speed|spd|(?:log|dvl)_?speed|speed_?(?:log|dvl)|(?:{_OF})?{_ALONG}x|speed_?over_?ground|sog"),
     ("v", 2, f"(?:{_OF})?(?:v|sway{_SPEED})"),
@@ -100,7 +123,7 @@ _NAMES = (
     ("theta", 2, "theta|pitch|pitch_?angle"),
     ("psi", 2, "psi|yaw|heading|hdg|yaw_?angle"),
     ("z", 2, "depth"),
-    ("z", 1, "z|position\\.z"),
+    ("z", 1, f"z|{_POSE}position[._]z"),
     ("n", 2, f"n|(?:{_COMMAND}_)?(?:rpm|{_PROPELLER})(?:_{_COMMAND})?"),
     ("n", 1, "(?:main_?)?engine_?(?:rpm|speed)|(?:main_?)?engine"),
     ("delta_r", 2, "delta_?r|rudder|rudder_?angle|desired_rudder"),
@@ -115,7 +138,8 @@ _NAMES = (
     ("tau_N", 2, "tau_?n|yaw_?moment|torque\\.z|mz"),
 )
 _THRUSTER = re.compile(
-    rf"(?:.*[./])?(?:thruster|thr|motor)s?_?(?P<which>\d+|{SIDES})(?:_?(?:thrust|force|speed|{_COMMAND}))?"
+    rf"(?:.*[./])?(?:(?:{_COMMAND}_)?(?:thruster|thr|motor)s?[_/.]?(?P<which>\d+|{SIDES})(?:[_/.]?(?:{_COMMAND}_)?(?P<what>thrust|force|speed))?"
+    rf"(?:[_/.]?(?:{_COMMAND}|input))?|thrust_?(?P<of>\d+|{SIDES})(?:_?{_COMMAND})?)"
 )
 _SPELLING = {
     "RPM": "rpm",
@@ -141,7 +165,8 @@ _PATTERNS = tuple((channel, strength, re.compile(pattern)) for channel, strength
 
 def guesses(tables: Sequence[TableSummary]) -> tuple[Guess, ...]:
     """Guess the channel of every column whose type, name or unit says something, the strongest of each channel first."""
-    found = [guess for table in tables if table.clock or len(tables) == 1 for guess in _of_table(table)]
+    names = frozenset(_full_name(table, column).lower() for table in tables for column in table.columns)
+    found = [guess for table in tables if table.clock or len(tables) == 1 for guess in _of_table(table, names)]
     sizes = {table.info.name: table.rows for table in tables}
     order = [
         *SIGNALS,
@@ -180,6 +205,8 @@ def best(found: Sequence[Guess], only: Sequence[str] = ()) -> tuple[Guess, ...]:
 
 def _source(guess: Guess) -> tuple[str, str]:
     """Return the table that a guess is from, and the message, of which a table of text may have several."""
+    if guess.column in _WHOLE:  # a topic for each thruster
+        return re.sub(r"\d+", "", guess.table), ""
     return guess.table, message_and_field(guess.table, guess.column)[0]
 
 
@@ -188,17 +215,33 @@ def _named(table: TableInfo) -> str:
     return table.kind if table.name == TABLE and table.kind else table.name
 
 
-def remarks(found: Sequence[Guess]) -> tuple[str, ...]:
-    """Say what needs more than a factor: the commands of thrusters."""
-    commands = [guess for guess in best(found) if guess.unit == COMMAND]
+def remarks(found: Sequence[Guess], tables: Sequence[TableSummary]) -> tuple[str, ...]:
+    """Say what needs more than a factor: the commands of thrusters, and those of axes."""
+    commands, sticks = [guess for guess in best(found) if guess.unit == COMMAND], tuple(map(_sticks, tables))
     if not commands:
-        return ()
+        return tuple(filter(None, sticks))
     first, last = commands[0], commands[-1]
     return (
+        *filter(None, sticks),
         f"{first.table}: {first.column} to {last.column} may be pulse widths or outputs to the thrusters: give the maker's table of thrust "
         f"over them under [vehicle.thrust_laws], for channels {first.channel} to {last.channel} in the unit "
         f'"{COMMAND}", or as the `curve` of a channel',
         *_still(found, first),
+    )
+
+
+def _sticks(table: TableSummary) -> str:
+    """Name the columns that hold commands of axes, as a radio control sends them; empty where there are none."""
+    numbers = {column.name: rc_channel(_named(table.info), table.info.kind, column.name) for column in table.columns}
+    axes = ", ".join(
+        f"{name} {RC_AXES[number - 1]}" for name, number in numbers.items() if number and number <= len(RC_AXES)
+    )
+    if not axes:
+        return ""
+    return (
+        f"{table.info.name}: {axes} (the order of ArduSub) are commands of axes, not of thrusters: give each thruster the sum that the "
+        f'autopilot\'s mixer makes of them, such as channels.f_1 = {{ sum = "…", unit = "{COMMAND}" }}, with an `offset` where pulse '
+        "widths at rest do not give the neutral of its law"
     )
 
 
@@ -214,7 +257,12 @@ def _names_of(some: Sequence[Guess]) -> tuple[list[str], list[str]]:
     return [guess.column for guess in some], [guess.channel for guess in some]
 
 
-def _of_table(table: TableSummary) -> Iterator[Guess]:
+def _full_name(table: TableSummary, column: ColumnSummary) -> str:
+    """Return the name of a column, of the only one of a table that of the table."""
+    return table.info.name if column.name in _WHOLE else column.name
+
+
+def _of_table(table: TableSummary, names: Collection[str]) -> Iterator[Guess]:
     clocks = {clock.name for clock in table.clocks}
     found = []
     for column in table.columns:
@@ -222,8 +270,8 @@ def _of_table(table: TableSummary) -> Iterator[Guess]:
             continue
         guess = (
             _by_type(table, column)
-            or _by_output(table, column)
-            or _by_thruster(table, column)
+            or _by_output(table, column, names)
+            or _by_thruster(table, column, names)
             or _of_quaternion(table, column)
         )
         message, _ = message_and_field(_named(table.info), column.name)
@@ -247,7 +295,12 @@ def _of_table(table: TableSummary) -> Iterator[Guess]:
 def _by_type(table: TableSummary, column: ColumnSummary) -> Guess | None:
     info = table.info
     known = ROS.get(info.kind, {}).get(column.name)
-    if known is not None and "Twist" in info.kind and re.search(r"cmd|command|setpoint|desired", info.name):
+    is_velocity = "Twist" in info.kind
+    if (
+        known is not None
+        and is_velocity
+        and (re.search(_ASKED, info.name, re.IGNORECASE) or _NO_VELOCITY.search(_last(info.name)))
+    ):
         return None
     reason = f"{info.kind}: its axes are east, north, up and forward, left, up (REP 103)"
     if known is None:
@@ -261,57 +314,111 @@ def _by_type(table: TableSummary, column: ColumnSummary) -> Guess | None:
     return Guess(known.channel, info.name, column.name, unit, known.scale, known.axes, role, reason, known.strength)
 
 
-def _by_output(table: TableSummary, column: ColumnSummary) -> Guess | None:
+def _last(name: str) -> str:
+    """Return the last part of the name of a topic, or of what stands above a field."""
+    return re.split(r"[ ./]", name.rstrip("/"))[-1]
+
+
+def _by_output(table: TableSummary, column: ColumnSummary, names: Collection[str]) -> Guess | None:
     """Guess that outputs of an autopilot, or elements of an array of pulse widths, are the commands of thrusters, in their order."""
-    number = output_number(_named(table.info), column.name, column.least, column.greatest) if column.count else None
-    if number is None or number > MOST_ELEMENTS:
+    if rc_channel(_named(table.info), table.info.kind, column.name) is not None or not column.count:
+        return None
+    number = output_number(_named(table.info), column.name, column.least, column.greatest)
+    if number is not None and not _is_element(table, column):
+        number = _from_one(number, column.name, names)
+    if not number or number > MOST_ELEMENTS:
         return None
     reason = "pulse width or output; [vehicle.thrust_laws] makes thrust of it: check the order"
     return Guess(f"f_{number}", table.info.name, column.name, COMMAND, 1.0, "NED", "control", reason, 1)
 
 
-def _by_thruster(table: TableSummary, column: ColumnSummary) -> Guess | None:
-    """Guess that a column that is called after one of several thrusters is its force or speed by the unit, its command without one."""
-    bare, units = name_and_units(column.name.lower().replace(" ", "_"))
+def _from_one(number: int, name: str, names: Collection[str]) -> int:
+    """Return the number of a thruster, from 1, by the number in its name; one of all names may have a 0 in its place."""
+    first, zeros = re.subn(r"\d+(?=\D*$)", "0", name.lower())
+    return number + (zeros > 0 and first in names)
+
+
+def _by_thruster(table: TableSummary, column: ColumnSummary, names: Collection[str]) -> Guess | None:
+    """Guess that a column that is called after one of several thrusters is its force, speed or command: by unit, name or range."""
+    full = _full_name(table, column)
+    bare, units = name_and_units(full.lower().replace(" ", "_"))
     match = _THRUSTER.fullmatch(bare)
-    number = thruster_number(match["which"]) if match else None
-    if not number or number > MOST_ELEMENTS:
+    number = _from_one(thruster_number(match["which"] or match["of"]), full, names) if match else 0
+    if match is None or not number or number > MOST_ELEMENTS or not column.count:
         return None
-    for channel in (f"f_{number}", f"n_{number}"):
-        known = (
-            _unit(channel, column, units)
-            if units or column.unit
-            else (COMMAND, 1.0, "[vehicle.thrust_laws] makes thrust of it")
-        )
+    what, is_stated = "thrust" if match["of"] else match["what"], bool(units or column.unit)
+    for kind in "n" if what == "speed" else "fn" if what is None and is_stated else "f":
+        if kind == "f" and not is_stated:
+            known = _force_or_command(column, what is not None)
+        else:
+            known = _unit("n" if kind == "n" else f"f_{number}", column, units)
         if known is not None:
-            reason = f'the name "{column.name}"; {known[2]}: check the order'
-            return Guess(channel, table.info.name, column.name, *known[:2], "NED", "control", reason, 1)
+            reason = f'the name "{full}"; {known[2]}: check the order'
+            return Guess(f"{kind}_{number}", table.info.name, column.name, *known[:2], "NED", "control", reason, 1)
     return None
+
+
+def _force_or_command(column: ColumnSummary, is_force: bool) -> tuple[str, float, str] | None:
+    """Return the unit, factor and reason for numbers of a thruster in no stated unit; None where they may be either."""
+    ends = (column.least, column.greatest)
+    size = max(map(abs, ends))
+    if is_force:
+        return "N", 1.0, "newtons by the name"
+    if size <= _UNIT or size == _PER_CENT or _PULSE[0] <= column.least <= column.greatest <= _PULSE[1]:
+        return COMMAND, 1.0, "[vehicle.thrust_laws] makes thrust of it"
+    return None if all(end.is_integer() for end in ends) else ("N", 1.0, "newtons by its range: or per cent?")
 
 
 def _by_name(table: TableSummary, column: ColumnSummary) -> Guess | None:
     """Guess by the last part of the column's name, or by the table's where the column is only `value`."""
-    full = table.info.name if column.name in ("value", "data") else column.name
+    full = _full_name(table, column)
     if _is_element(table, column):  # what an array is called says nothing of one of its elements
         return None
     name = full.removesuffix("[0]").lower()
-    name = re.sub(r"^.*/(?![^\[(]*[\])])", "", name).replace(" ", "_").removeprefix("nav_")
+    name = re.sub(r"/(?![^\[(]*[\])])", ".", name).replace(" ", "_")
+    head, dot, last = name.rpartition(".")
+    name = f"{head}{dot}{last.removeprefix('nav_')}"
     bare, hinted = name_and_units(name)
     for candidate in dict.fromkeys((name, bare)):
         parts = candidate.split(".")
         for text in (".".join(parts[-2:]), parts[-1]):
             for channel, strength, pattern in _PATTERNS:
-                within = table.info.name if text != parts[-1] else " ".join((table.info.name, *parts[:-1]))
+                within = " ".join((table.info.name, *parts[: -2 if text != parts[-1] else -1]))
                 if pattern.fullmatch(text) and (_role(channel) == "control" or not _NOT_MEASURED.search(within)):
-                    unit = _unit(channel, column, hinted if candidate == bare else ())
-                    if unit is None:
+                    if channel in _VELOCITIES and _FIELD.match(text) and _NO_VELOCITY.search(_last(within)):
                         continue
+                    if text == "z" and len(parts) > 1 and not _PLACE.search(parts[-2]):
+                        continue
+                    unit = _unit(channel, column, hinted if candidate == bare else ())
+                    if unit is None or (len(text) == 1 and unit[0] == "cm/s" and not hinted and not column.unit):
+                        continue  # one letter beyond any speed may be anything
+                    if channel in QUATERNION and not _is_whole(table, column):
+                        return _angle_of_three(table, column)
                     axes = "; its axes are not known: check its sign" if _AXES_UNKNOWN.fullmatch(text) else ""
                     reason = f'the name "{full}"; {unit[2]}{axes}'
                     return Guess(
                         channel, table.info.name, column.name, *unit[:2], "NED", _role(channel), reason, strength
                     )
     return None
+
+
+def _is_whole(table: TableSummary, column: ColumnSummary, parts: str = "wxyz") -> bool:
+    """Return whether a table has all parts of a quaternion, or of a vector, of which a column is one by the letter at its end."""
+    names = {one.name.lower() for one in table.columns}
+    return all(column.name.lower()[:-1] + part in names for part in parts)
+
+
+def _angle_of_three(table: TableSummary, column: ColumnSummary) -> Guess | None:
+    """Guess that x, y and z of an orientation without w are roll, pitch and yaw, where one of them is beyond a quaternion's numbers."""
+    of = {column.name.lower()[:-1] + part: angle for part, angle in zip("xyz", ANGLES, strict=True)}
+    three = [one for one in table.columns if one.name.lower() in of and one.count]
+    size = max((max(abs(one.least), abs(one.greatest)) for one in three), default=0.0)
+    channel = of.get(column.name.lower())
+    if channel is None or not _is_whole(table, column, "xyz") or size <= _UNIT:
+        return None
+    unit = "deg" if size > 2.1 * pi else "rad"
+    reason = f'the name "{column.name}" of three; angles, since a number is beyond 1: check their order and their unit'
+    return Guess(channel, table.info.name, column.name, unit, 1.0, "NED", "measurement", reason, 1)
 
 
 def _is_element(table: TableSummary, column: ColumnSummary) -> bool:

@@ -202,7 +202,7 @@ def inspect_log(
     progress(1.0)
     tables = tuple(found.summary() for found in gathered.values())
     found = _with_lines(log, tables, guesses(tables))
-    return LogSummary(log, format_of(path).name, tables, found, remarks(found))
+    return LogSummary(log, format_of(path).name, tables, found, remarks(found, tables))
 
 
 def _with_lines(log: LogFile, tables: Sequence[TableSummary], found: Sequence[Guess]) -> tuple[Guess, ...]:

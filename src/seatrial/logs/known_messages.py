@@ -154,7 +154,7 @@ _FIELD_OF_MESSAGE = re.compile(
 """Name of a column that begins with its message, of which there may be several."""
 _PULSES = (900.0, 1500.0, 2100.0)
 _ELEMENT = re.compile(r"(.*)\[(\d+)\]")
-_NUMBERS = {"port": 1, "left": 1, "starboard": 2, "stbd": 2, "right": 2}
+_NUMBERS = {"port": 1, "left": 1, "l": 1, "starboard": 2, "stbd": 2, "right": 2, "r": 2}
 """Numbers of two thrusters that are called by their side."""
 SIDES = "|".join(_NUMBERS)
 _NUMBERED = re.compile(
@@ -162,11 +162,35 @@ _NUMBERED = re.compile(
     rf"|(?:.*[./])?({SIDES})_(?:pwm|us)",
     re.IGNORECASE,
 )
-"""Names of columns that count outputs from 1, or call two by their side."""
+"""Names of columns that number outputs, or call two by their side."""
+_RC_INPUT = re.compile(
+    r"(?:.*[/_. ])?(?:input_rc|rc[/_]?(?:in|override|i2|channels(?:_override|_raw|_scaled)?))", re.IGNORECASE
+)
+RC_AXES = ("pitch", "roll", "up", "yaw", "forward", "lateral")
+"""Axes that the first channels of a radio control command. Source: ArduSub, RC input."""
+
+
+def rc_channel(table: str, kind: str, column: str) -> int | None:
+    """Return which channel of a radio control, from 1, a column is, as a pilot or a program sends it; None for none.
+
+    Args:
+        table: its name.
+        kind: type of its messages, empty where it is not known.
+        column: its name.
+    """
+    message, field = message_and_field(table, column)
+    array = re.sub(r"[\W_]?\d+\W?$", "", column)
+    if not kind.endswith(("/RCIn", "/OverrideRCIn")) and not any(map(_RC_INPUT.fullmatch, (table, message, array))):
+        prefix = re.split(r"[./](?=[^./]*$)", column)[0]
+        if prefix == column or not _RC_INPUT.fullmatch(prefix):
+            return None
+    match = re.fullmatch(r".*\[(\d+)\]", field)
+    named = re.fullmatch(r"(?:.*[._])?(?:c|ch|chan|channel)?_?(\d+)(?:_raw)?", field, re.IGNORECASE)
+    return int(match[1]) + 1 if match else int(named[1]) if named else None
 
 
 def output_number(table: str, column: str, least: float, greatest: float) -> int | None:
-    """Return which output of an autopilot a column may be, counted from 1; None for none.
+    """Return which output of an autopilot a column may be, as it is numbered, an element of an array from 1; None for none.
 
     Args:
         table: its name.
@@ -179,7 +203,7 @@ def output_number(table: str, column: str, least: float, greatest: float) -> int
         if kind == message:
             match = pattern.fullmatch(field)
             return int(match[1]) if match and _is_pulse(least, greatest) else None
-    if (match := _NUMBERED.fullmatch(column)) and _is_pulse(least, greatest):
+    if (match := _NUMBERED.fullmatch(column)) and _is_pulse(least, greatest, by_name="pwm" in column.lower()):
         return thruster_number(match[1] or match[2])
     match = _ELEMENT.fullmatch(field)
     if match is None or not (_is_pulse(least, greatest) or (message == _NORMALISED and match[1] == "control")):
@@ -187,12 +211,12 @@ def output_number(table: str, column: str, least: float, greatest: float) -> int
     return int(match[2]) + 1
 
 
-def thruster_number(which: str) -> int | None:
-    """Return the number, from 1, of a thruster that is called by it or by its side; None for 0."""
-    return _NUMBERS.get(which.lower()) or int(which) or None
+def thruster_number(which: str) -> int:
+    """Return the number of a thruster that is called by it or by its side."""
+    return _NUMBERS.get(which.lower()) or int(which)
 
 
-def _is_pulse(least: float, greatest: float) -> bool:
-    """Return whether numbers lie where the pulse widths of thrusters do, in microseconds, about the neutral 1500."""
+def _is_pulse(least: float, greatest: float, by_name: bool = False) -> bool:
+    """Return whether numbers lie where the pulse widths of thrusters do, µs, about the neutral 1500; of a name that says it anywhere."""
     low, middle, high = _PULSES
-    return low <= least <= middle <= greatest <= high
+    return by_name or low <= least <= middle <= greatest <= high

@@ -2,7 +2,8 @@
 
 What is measured moves at nearly every sample, by the noise of its sensor, also where it stays level. What is measured without noise changes
 smoothly: both neighbours of a sample then predict it better than the one before. Of jumps the mean of the squared errors of the two
-predictions has the ratio 2, and of a ramp over n samples 2 n.
+predictions has the ratio 2, and of a ramp over n samples 2 n. A command that jumps between few levels at nearly every sample, as a random
+telegraph does, is often at the first or the last of them; noise that is rounded seldom is.
 """
 
 import numpy as np
@@ -19,6 +20,8 @@ WINDOW, MOST, EVERYWHERE = 20, 0.5, 0.9
 stretches in which they do: a ramp that is rounded to few steps stays at most samples as it was."""
 SLOW = 0.02
 """Change of a control from sample to sample, over its standard deviation, below which half a sample of delay moves nothing."""
+FEW, AT_ENDS = 8, 0.3
+"""Levels that a command may jump between, and the share of the samples at the least or the greatest from which it is one."""
 APART = 5.0
 """Median steps beyond which samples are no neighbours."""
 
@@ -32,7 +35,7 @@ def looks_measured(time: Float[np.ndarray, " n"], values: Float[np.ndarray, " n"
     """
     known = np.isfinite(values)
     t, x = time[known], values[known]
-    if t.size < FEWEST:
+    if t.size < FEWEST or _jumps_between_levels(x):
         return False
     step = np.diff(t)
     near = step <= APART * np.median(step)
@@ -64,6 +67,10 @@ def mean_to_next(values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
     there = values[known]
     means[known] = np.append(0.5 * (there[:-1] + there[1:]), there[-1:])
     return means
+
+
+def _jumps_between_levels(x: Float[np.ndarray, " n"]) -> bool:
+    return np.unique(x).size <= FEW and float(np.mean((x == x.min()) | (x == x.max()))) >= AT_ENDS
 
 
 def _moves_everywhere(change: Float[np.ndarray, " m"]) -> bool:

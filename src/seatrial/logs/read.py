@@ -350,6 +350,14 @@ def _elapsed(
                 expected="a time stamp in every row",
                 remedy="use another time column, or remove the row",
             )
+    elif stamps.dtype.kind == "i" and (stamps == np.iinfo(np.int64).min).any():
+        row = raw.line_of(int((stamps == np.iinfo(np.int64).min).argmax()))
+        raise InputError(
+            f"{where}, row {row}",
+            found="no instant (NaT)",
+            expected="a time stamp in every row",
+            remedy="use another time column, or remove the row",
+        )
     elif stamps.dtype.kind == "i" and stamps.size and not -(2**62) < stamps.min() <= stamps.max() < 2**62:
         raise _beyond(where)
     if stamps.size == 0:

@@ -8,6 +8,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from seatrial import __version__
+from seatrial.core.visible import visible
 from seatrial.report.figures.style import PALETTE
 from seatrial.report.numbers import with_percent_signs_kept
 
@@ -32,4 +33,4 @@ def render_html(template: str, script: str = "", **content: Any) -> str:
     allowed = f"script-src 'sha256-{b64encode(sha256(code.encode()).digest()).decode()}'; " if code else ""
     about = {"palette": PALETTE, "version": __version__, "script": Markup(code), "allowed": Markup(allowed)}
     html = environment.get_template(template).render(**about, **content)
-    return with_percent_signs_kept(html)
+    return visible(with_percent_signs_kept(html))

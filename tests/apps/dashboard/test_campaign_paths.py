@@ -2,6 +2,7 @@
 
 import asyncio
 import os
+import sys
 
 import pytest
 
@@ -83,6 +84,16 @@ def test_what_is_there_is_served(context):
 def test_a_folder_that_is_none():
     with pytest.raises(InputError, match="no such folder"):
         CampaignPaths.of(CampaignPaths.__module__ and __import__("pathlib").Path("/nowhere/at/all"))
+
+
+@pytest.mark.skipif(sys.platform in ("win32", "darwin"), reason="every path there is text")
+def test_what_has_a_name_that_is_no_utf_8_has_no_address(context):
+    before, name = context.campaigns(), os.fsdecode(b"bo\xffat")
+    (context.root / name).mkdir()
+    (context.root / name / "campaign.toml").write_text("")
+    (context.root / "one" / f"{name}.csv").write_text("x")
+    assert context.campaigns() == before
+    assert logs_of(context.root / "one", SUFFIXES) == []
 
 
 def test_logs_are_listed_without_results_and_links(context):

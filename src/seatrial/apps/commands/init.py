@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from seatrial.apps.answer import current_answer
+from seatrial.apps.answer import current_answer, echo
 from seatrial.apps.running import Folder
 
 
@@ -109,7 +109,7 @@ def init(
             template = answers
         else:
             given = answers
-            typer.echo(f"the same command with options:\n  {_command(folder, given)}")
+            echo(f"the same command with options:\n  {_command(folder, given)}")
     if given:
         _write_new(folder, given)
     else:
@@ -221,11 +221,11 @@ def _asked() -> dict[str, Any] | str:
     from seatrial.vehicles.catalogue import vehicle_names
 
     published = vehicle_names()
-    typer.echo(
+    echo(
         "Begin with a published vehicle, your own vehicle, or a template. You can change every answer later in the file."
     )
-    typer.echo("  published: " + ", ".join(published))
-    typer.echo("  templates: " + "; ".join(f"{name}, {meaning}" for name, meaning in TEMPLATES.items()))
+    echo("  published: " + ", ".join(published))
+    echo("  templates: " + "; ".join(f"{name}, {meaning}" for name, meaning in TEMPLATES.items()))
     first = _ask("vehicle, template or own", _one_of((*published, *TEMPLATES, "own")), "own")
     if first in TEMPLATES:
         return first
@@ -275,7 +275,7 @@ def _say_published(name: str, moves: str) -> None:
         known: Iterable[str] = load_surge(name).coefficients
     else:
         known = load_vehicle(name).terms(tuple(listed_names(moves)))
-    typer.echo("  published: " + " ".join(known))
+    echo("  published: " + " ".join(known))
 
 
 def _ask(question: str, read: Callable[[str, str], str], default: str = "") -> str:
@@ -287,12 +287,12 @@ def _ask(question: str, read: Callable[[str, str], str], default: str = "") -> s
         try:
             return read(text, question)
         except InputError as error:
-            typer.echo(f"  {error.sentence()}")
+            echo(f"  {error.sentence()}")
 
 
 def _several(question: str, read: Callable[[str, str], Any], least: int = 0) -> list[str]:
     """Ask for one line after another until an empty one."""
-    typer.echo(f"{question}; an empty line ends")
+    echo(f"{question}; an empty line ends")
 
     def kept(text: str, place: str) -> str:
         if text or len(found) < least:

@@ -8,7 +8,9 @@ from typing import Annotated, Any
 
 import typer
 
+from seatrial.apps.answer import echo
 from seatrial.apps.running import Exit, Folder, Quiet, watched
+from seatrial.core.visible import visible
 
 
 def live(
@@ -131,27 +133,27 @@ def _end(session: Any, as_json: bool, with_import: bool) -> Exit:
     first = ""
     if session.belief is not None:
         last = session.look()
-        typer.echo(json.dumps(last.as_json()) if as_json else "\n".join(last.lines()))
+        echo(json.dumps(last.as_json()) if as_json else "\n".join(last.lines()))
         if last.kind == "check":
             first = "first correct the map or the campaign, as the last advice says; "
     counted = ", ".join(f"{kind}: {count}" for kind, count in session.notes.counts.items() if count > 1)
-    typer.echo(
+    echo(
         f"kept: {kept.path} ({session.samples} samples)" + (f"; left out or corrected: {counted}" if counted else ""),
         err=as_json,
     )
     if with_import:
         seen = read_file(campaign.folder)
         write_file(campaign.folder, with_session(campaign, kept.run), seen)
-        typer.echo(
+        echo(
             f"run {kept.run} is in {campaign.path}; {first}the whole analysis: seatrial run {campaign.folder}",
             err=as_json,
         )
     elif session.samples:
-        typer.echo(
+        echo(
             f"{first}for the whole analysis put these lines into {campaign.path} (--import does it), then: seatrial run {campaign.folder}",
             err=as_json,
         )
-        typer.echo(import_lines(campaign, kept.run), err=as_json)
+        echo(import_lines(campaign, kept.run), err=as_json)
     return Exit.OK
 
 
@@ -168,14 +170,14 @@ class _Block:
         self.shown = -1.0
 
     def say(self, text: str) -> None:
-        self.live.console.print(f"note: {text}", markup=False, soft_wrap=True)
+        self.live.console.print(visible(f"note: {text}"), markup=False, soft_wrap=True)
 
     def __call__(self, look: Any) -> None:
         from rich.text import Text
 
         if look.time != self.shown:
             self.shown = look.time
-            self.live.update(Text("\n".join(look.lines())), refresh=True)
+            self.live.update(Text(visible("\n".join(look.lines()))), refresh=True)
 
     def close(self) -> None:
         self.live.stop()
@@ -189,17 +191,17 @@ class _Lines:
         self.said, self.kind = -every, ""
 
     def say(self, text: str) -> None:
-        typer.echo(f"note: {text}", err=True)
+        echo(f"note: {text}", err=True)
 
     def __call__(self, look: Any) -> None:
         if look.kind == self.kind and look.time - self.said < self.every:
             return
         self.said, self.kind = look.time, look.kind
         if self.as_json:
-            typer.echo(json.dumps(look.as_json()))
+            echo(json.dumps(look.as_json()))
             return
         known = "; ".join(f"{one.name} {one.mean:.4g} ± {one.sd:.2g} {one.unit}" for one in look.coefficients)
-        typer.echo(f"{look.time:.0f} s: {known} => {look.advice}")
+        echo(f"{look.time:.0f} s: {known} => {look.advice}")
 
     def close(self) -> None:
         pass

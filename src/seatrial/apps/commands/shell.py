@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from seatrial.apps.answer import echo
 from seatrial.apps.running import Exit, Folder
 
 if TYPE_CHECKING:
@@ -64,7 +65,7 @@ class _Runner:
         if not words:
             return Exit.OK if words is not None else Exit.BAD_INPUT
         if words == ["help"]:
-            typer.echo(_HELP + "\n" + "\n".join(_listed()))
+            echo(_HELP + "\n" + "\n".join(_listed()))
             return Exit.OK
         if words[0] in _NOT_HERE:
             fail(f"{words[0]} runs until it is stopped: start it outside this session")
@@ -142,15 +143,15 @@ def _listed() -> list[str]:
 
 def _typed_lines(folder: Path) -> Iterator[str]:
     """Yield lines as they are typed; Ctrl-C forgets the one that is begun."""
-    typer.echo(f"seatrial on {folder}: `help` lists the commands, `quit` ends the session")
+    echo(f"seatrial on {folder}: `help` lists the commands, `quit` ends the session")
     with _history():
         while True:
             try:
                 yield input(f"{folder.resolve().name}> ")
             except KeyboardInterrupt:
-                typer.echo()
+                echo()
             except EOFError:
-                typer.echo()
+                echo()
                 return
 
 

@@ -19,6 +19,7 @@ from seatrial.apps.dashboard.view_models import FormData, Stage, words_of
 from seatrial.apps.dashboard.worker_pool import WorkerPool, stamp
 from seatrial.campaign.store.stored_result import Store
 from seatrial.core.errors import SeatrialError
+from seatrial.core.visible import visible
 from seatrial.report.numbers import with_percent_signs_kept
 
 PATIENCE = 0.35
@@ -169,7 +170,7 @@ async def fill(
 
 def say(error: BaseException | str) -> None:
     """Show an error, in words."""
-    ui.html(error_html(error if isinstance(error, str) else words_of(error)), sanitize=False)
+    ui.html(visible(error_html(error if isinstance(error, str) else words_of(error))), sanitize=False)
 
 
 def error_html(words: str, title: str = "This did not work.") -> Markup:
@@ -179,7 +180,7 @@ def error_html(words: str, title: str = "This did not work.") -> Markup:
 
 def markup(text: str) -> ui.html:
     """Show our own markup, whose foreign parts are escaped."""
-    return ui.html(with_percent_signs_kept(text), sanitize=False).classes("plain")
+    return ui.html(visible(with_percent_signs_kept(text)), sanitize=False).classes("plain")
 
 
 def cautions_html(cautions: Sequence[str]) -> Markup:

@@ -185,10 +185,12 @@ def logs_of(folder: Path, suffixes: tuple[str, ...]) -> list[str]:
     """Logs inside a campaign's folder, results aside, relative to it; links that lead outside are left out."""
     results, found = Store(folder).results, []
     for base, folders, files in os.walk(folder):
-        folders[:] = sorted(one for one in folders if not one.startswith(".") and Path(base, one) != results)
+        folders[:] = sorted(
+            one for one in folders if not one.startswith(".") and Path(base, one) != results and _is_text(one)
+        )
         for name in sorted(files):
             path = Path(base, name)
-            if name.lower().endswith(suffixes) and path.resolve().is_relative_to(folder.resolve()):
+            if _is_text(name) and name.lower().endswith(suffixes) and path.resolve().is_relative_to(folder.resolve()):
                 found.append(path.relative_to(folder).as_posix())
     return found[:200]
 
@@ -217,6 +219,11 @@ def upload_name(given: str, suffixes: tuple[str, ...]) -> str:
     return name
 
 
+def _is_text(name: str) -> bool:
+    """Return whether the name of a file or folder is UTF-8, as an address of a page has to be."""
+    return name.isascii() or os.fsencode(name).decode(errors="ignore") == name
+
+
 def _is_plain(name: str) -> bool:
     return _PLAIN.fullmatch(name) is not None and len(name.encode()) <= LONGEST
 
@@ -242,7 +249,9 @@ def _taken(folder: Path) -> InputError:
 def _folders(folder: Path) -> list[Path]:
     try:
         return [
-            one for one in folder.iterdir() if one.is_dir() and not one.is_symlink() and not one.name.startswith(".")
+            one
+            for one in folder.iterdir()
+            if one.is_dir() and not one.is_symlink() and not one.name.startswith(".") and _is_text(one.name)
         ]
     except OSError:
         return []

@@ -12,6 +12,7 @@ import signal
 import socket
 from collections import OrderedDict
 from dataclasses import dataclass
+from io import BufferedReader
 from pathlib import Path
 
 from seatrial.apps.campaign_lock import Occupant, occupant_of
@@ -19,6 +20,8 @@ from seatrial.apps.dashboard.command_options import STARTED
 from seatrial.apps.session import Session, how_it_ended
 from seatrial.campaign.store.stored_result import Store
 from seatrial.core.errors import InputError
+from seatrial.core.files import begin_file, open_regular
+from seatrial.core.visible import visible
 
 TAIL = 16_000
 """Bytes of output that are shown."""
@@ -113,7 +116,8 @@ class Jobs:
         log = log_of(folder, command)
         log.parent.mkdir(exist_ok=True)
         line = [command, str(folder), *options]
-        log.write_bytes(f"$ seatrial {shlex.join(line)}\n".encode())
+        with begin_file(log) as stream:
+            stream.write(visible(f"$ seatrial {shlex.join(line)}\n").encode())
         self._session(folder).start(line, log)
 
     def stop(self, folder: Path) -> None:
@@ -172,8 +176,8 @@ class Jobs:
         if code is None:
             return False
         if words := how_it_ended(code):
-            with _latest_log(folder).open("a") as stream:
-                stream.write(f"{words}\n")
+            with open_regular(_latest_log(folder), "ab") as stream:
+                stream.write(f"{words}\n".encode())
         if not session.is_usable:
             self.get_ready(folder)
         return True
@@ -198,10 +202,10 @@ def _said_in(log: Path) -> tuple[str, str]:
 def _end_of(path: Path) -> str:
     """First line and the end of a text."""
     try:
-        with path.open("rb") as stream:
+        with BufferedReader(open_regular(path)) as stream:
             head = stream.readline(2000)
             here, size = stream.tell(), path.stat().st_size
             stream.seek(max(here, size - TAIL))
             return (head + stream.read(TAIL)).decode(errors="replace")
-    except OSError:
+    except (OSError, InputError):
         return ""

@@ -10,6 +10,7 @@ from nicegui import ui
 
 from seatrial.apps.dashboard.app_context import AppContext, markup, say
 from seatrial.apps.dashboard.run_bar import RunBar
+from seatrial.core.visible import visible
 
 VIEWS = {
     "import": "Records",
@@ -70,7 +71,8 @@ def frame(
     """
     ui.add_head_html(_THEME)
     title = title or VIEWS.get(view, "New campaign" if view == "new" else "Campaigns")
-    ui.page_title(f"{title} · {campaign if campaign not in ('', '.') else context.campaign_paths.root.name} · seatrial")
+    place = campaign if campaign not in ("", ".") else context.campaign_paths.root.name
+    ui.page_title(visible(f"{title} · {place} · seatrial"))
     markup('<a class="skip" href="#main">Skip to the content</a>')
     with ui.element("header").classes("top"):
         markup(_top(context, campaign))

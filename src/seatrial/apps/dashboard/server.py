@@ -19,6 +19,7 @@ from nicegui import app as pages
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect
 
+from seatrial.apps.answer import echo
 from seatrial.apps.dashboard.app_context import AppContext, say
 from seatrial.apps.dashboard.campaign_paths import CampaignPaths
 from seatrial.apps.dashboard.jobs import Jobs
@@ -96,7 +97,7 @@ def serve(
     """
     if not folder.exists() and folder.parent.is_dir():
         folder.mkdir()
-        print(f"{folder} was not there: it was made, for new campaigns", flush=True)
+        echo(f"{folder} was not there: it was made, for new campaigns")
     context = AppContext(CampaignPaths.of(folder), jobs=Jobs(prepares))
     others = [CampaignPaths.of(other).root for other in also]
     keep_within([context.campaign_paths.root, *others])
@@ -105,17 +106,15 @@ def serve(
     app = build(context, RequestGuard(host, token, UPLOAD_HERE if is_loopback(host) else UPLOAD_FROM_ELSEWHERE))
     anywhere = host in ("0.0.0.0", "::")
     shown = _address(socket.gethostname() if anywhere else host, port, token)
-    print(f"{context.campaign_paths.root} is served at {shown}", flush=True)
-    print(
+    echo(f"{context.campaign_paths.root} is served at {shown}")
+    echo(
         f"its campaigns read files below {' and '.join(map(str, [context.campaign_paths.root, *others]))} only",
-        flush=True,
     )
     if not is_loopback(host):
-        print(
+        echo(
             "the token is all that keeps others out, and travels unencrypted: use a network you trust, or ssh -L",
-            flush=True,
         )
-    print("Ctrl-C ends it; commands that were started from the page go on", flush=True)
+    echo("Ctrl-C ends it; commands that were started from the page go on")
     if browser:
         threading.Timer(1.0, _open, [_address("127.0.0.1" if anywhere else host, port, token)]).start()
     config = uvicorn.Config(

@@ -9,7 +9,7 @@ from seatrial.campaign.design.thrust_commands import Command
 from seatrial.campaign.store.stored_result import Store
 from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError
-from seatrial.core.files import is_there, write_json, write_text
+from seatrial.core.files import is_there, read_bytes, write_json, write_text
 from seatrial.manoeuvres.manoeuvre import Manoeuvre
 from seatrial.manoeuvres.schedule import Schedule, schedule_of, table_text
 
@@ -107,11 +107,11 @@ def read_about(path: Path, remedy: str) -> dict[str, Any]:
         InputError: it is missing or damaged.
     """
     try:
-        content = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
+        content = json.loads(read_bytes(path.with_suffix(".json")))
         if not isinstance(content, dict):
             raise TypeError("no table")
         return content
-    except (OSError, ValueError, TypeError, RecursionError) as cause:
+    except (OSError, InputError, ValueError, TypeError, RecursionError) as cause:
         raise damaged_about(path, cause, remedy) from cause
 
 

@@ -13,7 +13,7 @@ import tomlkit
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.live.channels import lined_controls
 from seatrial.core.errors import InputError
-from seatrial.core.files import write_json
+from seatrial.core.files import begin_file, read_bytes, write_json
 from seatrial.core.signals import signal_unit
 
 SYNC = 1.0
@@ -92,7 +92,7 @@ class Kept:
         self.table.close()
 
     def _begin(self, suffix: str) -> FileIO:
-        return FileIO(self.folder / f"{self.run}{suffix}", "ab")
+        return begin_file(self.folder / f"{self.run}{suffix}")
 
 
 def sessions(folder: Path) -> list[str]:
@@ -104,8 +104,8 @@ def sessions(folder: Path) -> list[str]:
 def last_look(folder: Path) -> dict[str, Any] | None:
     """Return what the last session of a campaign's folder said last, with `run` and the time `at`; None where there is none."""
     try:
-        found = json.loads((folder / LAST_LOOK).read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError):
+        found = json.loads(read_bytes(folder / LAST_LOOK))
+    except (OSError, InputError, ValueError, RecursionError):
         return None
     return found if isinstance(found, dict) and found.keys() >= LOOK else None
 

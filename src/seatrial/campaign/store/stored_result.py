@@ -21,7 +21,7 @@ from seatrial.core import dataset_file
 from seatrial.core.dataset import Dataset
 from seatrial.core.dataset_file import SEAL, is_sealed, open_dataset, stored, text_of
 from seatrial.core.errors import InputError
-from seatrial.core.files import atomic_path, depend_on, set_aside, sha256_of_json, write_json
+from seatrial.core.files import atomic_path, depend_on, open_regular, read_bytes, set_aside, sha256_of_json, write_json
 
 FILE_NAME = "campaign.toml"
 """What a campaign is, in its folder."""
@@ -331,7 +331,7 @@ def read_json(path: Path, made_by: str) -> dict[str, Any]:
     """
     depend_on(path)
     try:
-        content = json.loads(path.read_bytes())
+        content = json.loads(read_bytes(path))
         if sha256_of_json({name: value for name, value in content.items() if name != SEAL}) != content.get(SEAL):
             raise ValueError("its content does not match its hash")
         return content
@@ -377,7 +377,7 @@ def save_checkpoint(path: Path, key: str, arrays: Mapping[str, Any]) -> None:
 def load_checkpoint(path: Path, key: str) -> dict[str, np.ndarray] | None:
     """Read a checkpoint with this key; None where there is none, it belongs to other work, or it is damaged, which is said."""
     try:
-        with np.load(path, allow_pickle=False) as stored:
+        with open_regular(path, links=True) as file, np.load(file, allow_pickle=False) as stored:
             if any(item.compress_type != ZIP_STORED for item in stored.zip.infolist()):
                 raise ValueError("it is compressed, which no checkpoint is")
             content = {name: stored[name] for name in stored.files}

@@ -44,8 +44,10 @@ def write_bag(trial: Trial, folder: Path, storage: str) -> Path:
         made = Path(inside) / folder.name
         with writing.Writer(made, version=9, storage_plugin=getattr(writing.StoragePlugin, STORAGES[storage])) as bag:
             _fill(bag, store, trial)
-        if folder.is_dir():
+        if folder.is_dir() and not folder.is_symlink():
             shutil.rmtree(folder)
+        else:
+            folder.unlink(missing_ok=True)
         os.replace(made, folder)
     return folder
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import h5py
 import numpy as np
+from h5py import h5o  # pyright: ignore[reportAttributeAccessIssue]
 
 from seatrial.core.dataset_file import check_heaps
 from seatrial.core.errors import InputError
@@ -35,16 +36,21 @@ def opened(path: Path) -> Iterator[h5py.File]:
         yield file
 
 
-def arrays(group: Any, prefix: str = "", above: tuple[Any, ...] = ()) -> Iterator[tuple[str, Any]]:
-    """Yield the numeric datasets below a group as (path with slashes, dataset); links out of the file and cycles are left out.
+def arrays(group: Any, prefix: str = "", seen: set[tuple[int, int]] | None = None) -> Iterator[tuple[str, Any]]:
+    """Yield the numeric datasets below a group as (path with slashes, dataset), without links out of the file and empty ones.
+
+    A group that has several paths is listed by the first only: groups that share others have more paths than can be followed.
 
     Args:
         group: file or group to begin from.
         prefix: its path with a slash at the end; empty for the file.
-        above: groups in which it lies, by which cycles are found.
+        seen: file and address of the groups that were listed.
     """
-    if len(above) > _DEEPEST or group in above:
+    seen = set() if seen is None else seen
+    about = h5o.get_info(group.id)
+    if prefix.count("/") > _DEEPEST or (about.fileno, about.addr) in seen or len(seen) > _MOST_ARRAYS:
         return
+    seen.add((about.fileno, about.addr))
     count = 0
     for name in group:
         link = group.get(name, getlink=True)
@@ -52,8 +58,14 @@ def arrays(group: Any, prefix: str = "", above: tuple[Any, ...] = ()) -> Iterato
             continue
         item = group[name]
         if isinstance(item, h5py.Group):
-            yield from arrays(item, f"{prefix}{name}/", (*above, group))
-        elif isinstance(item, h5py.Dataset) and item.dtype.kind in "biuf" and not item.external and not item.is_virtual:
+            yield from arrays(item, f"{prefix}{name}/", seen)
+        elif (
+            isinstance(item, h5py.Dataset)
+            and item.shape is not None
+            and item.dtype.kind in "biuf"
+            and not item.external
+            and not item.is_virtual
+        ):
             count += 1
             _check_size(item)
             yield f"{prefix}{name}", item

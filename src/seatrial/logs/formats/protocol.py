@@ -218,11 +218,13 @@ def optional(module: str, extra: str, path: Path) -> Any:
 
 
 def as_column(values: np.ndarray) -> np.ndarray:
-    """Return numbers, and instants in their unit, as int64 where that is exact, else as float64."""
+    """Return numbers, and instants in their unit, as int64 where that is exact, else as float64; NaN for no instant."""
     if values.dtype.kind == "u" and values.dtype.itemsize == 8 and values.size and values.max() >= 2**63:
         return values.astype(float)
     if values.dtype.kind == "b":
         return values.astype(np.int64)
+    if values.dtype.kind == "M" and np.isnat(values).any():
+        return np.where(np.isnat(values), np.nan, values.astype(np.int64))
     with np.errstate(invalid="ignore"):
         return values.astype(np.int64 if values.dtype.kind in "iuM" else float)
 

@@ -32,6 +32,7 @@ FORMATS: tuple[LogFormat, ...] = (
     text.FORMAT,
 )
 _HEAD = 512
+_SPREADSHEETS = (".xlsx", ".xlsm", ".xlsb", ".xls", ".ods", ".numbers")
 
 
 def format_of(path: Path) -> LogFormat:
@@ -48,6 +49,13 @@ def format_of(path: Path) -> LogFormat:
     by_content = next((format for format in FORMATS if format.recognises(path, head)), None)
     if by_content is not None:
         return by_content
+    if name.endswith(_SPREADSHEETS):
+        raise InputError(
+            str(path),
+            found="a spreadsheet",
+            expected="a log, or a table as text",
+            remedy="export the sheet that holds the log as CSV",
+        )
     if by_suffix is None or by_suffix.is_text:
         return text.FORMAT
     raise InputError(

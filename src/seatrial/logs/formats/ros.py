@@ -45,6 +45,7 @@ _MAVROS = {
     for name, fields in {
         "RCOut": ("uint16[] channels",),
         "RCIn": ("uint8 rssi", "uint16[] channels"),
+        "OverrideRCIn": ("uint16[18] channels",),
         "State": (
             *(f"bool {word}" for word in ("connected", "armed", "guided", "manual_input")),
             "string mode",

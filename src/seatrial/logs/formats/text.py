@@ -4,7 +4,6 @@ The text is gone through twice: rows are found and their cells counted, so that 
 columns. Both take quotation marks as RFC 4180 does.
 """
 
-import codecs
 import csv
 import gzip
 import re
@@ -35,7 +34,7 @@ from seatrial.logs.formats.protocol import (
     clocks_among,
     unreadable,
 )
-from seatrial.logs.formats.text_layout import WHITESPACE, is_date, nanoseconds, signs_of, split_stamps
+from seatrial.logs.formats.text_layout import WHITESPACE, codec_of, is_date, nanoseconds, signs_of, split_stamps
 from seatrial.logs.known_messages import message_of_file
 
 TABLE = "rows"
@@ -46,11 +45,14 @@ _ROWS = 1 << 16
 _LONGEST_LINE = 1 << 24
 _LONGEST_STAMP = 40
 _LARGEST_STAMP = 2.0**62
+_NO_STAMP = "correct the stamp, remove the row, or map another clock"
+_NO_DATE = "correct the stamp or remove the row; of a leap second (23:59:60) remove every row, or map a clock that counts seconds"
 _SPACES = re.compile(r"[ \t]+")
 _GZIP = b"\x1f\x8b"
 _MAGIC = {
     _GZIP: "gzip data",
     b"PK\x03\x04": "a zip archive or a spreadsheet",
+    b"\xd0\xcf\x11\xe0": "a spreadsheet",
     b"\x89HDF": "an HDF5 or NetCDF file",
     b"#ROSBAG": "a ROS bag",
     b"SQLite": "an SQLite database",
@@ -209,7 +211,9 @@ def _columns(
     return values, {name: decimals for name, (_, decimals) in joined.items()}
 
 
-def _checked(cells: np.ndarray, log: LogFile, first: int, place: int, name: str) -> Float[np.ndarray, " n"]:
+def _checked(
+    cells: np.ndarray, log: LogFile, first: int, place: int, name: str, remedy: str = ""
+) -> Float[np.ndarray, " n"]:
     """Return a parsed column as float64, NaN where a cell is empty.
 
     Raises:
@@ -223,7 +227,7 @@ def _checked(cells: np.ndarray, log: LogFile, first: int, place: int, name: str)
         (np.isinf(values), "a finite number"),
     ):
         if bad.any():
-            raise _bad_cell(log, first + int(bad.argmax()), place, name, expected)
+            raise _bad_cell(log, first + int(bad.argmax()), place, name, expected, remedy)
     return values
 
 
@@ -237,8 +241,9 @@ def _floats(cells: np.ndarray) -> Float[np.ndarray, " n"]:
 
 
 def _plain(cells: np.ndarray) -> np.ndarray:
-    if _are_dates(cells) and (stamps := nanoseconds([str(cell) for cell in cells])) is not None:
-        return stamps
+    if _are_dates(cells):
+        stamps, none = nanoseconds([str(cell) for cell in cells])
+        return np.where(none, np.nan, stamps) if none.any() else stamps
     return cells if cells.dtype in (np.int64, np.float64) else _floats(cells)
 
 
@@ -259,18 +264,22 @@ def _stamps(cells: np.ndarray, log: LogFile, first: int, place: int, name: str) 
         (length > _LONGEST_STAMP, f"a time stamp of at most {_LONGEST_STAMP} characters"),
     ):
         if bad.any():
-            raise _bad_cell(log, first + int(bad.argmax()), place, name, expected)
+            raise _bad_cell(log, first + int(bad.argmax()), place, name, expected, _NO_STAMP)
     if is_date(texts[0].decode("utf-8", "replace")):
-        dates = nanoseconds([text.decode("utf-8", "replace") for text in texts])
-        if dates is not None:
-            return dates, 0
+        dates, none = nanoseconds([text.decode("utf-8", "replace") for text in texts])
+        if none.any():
+            row = first + int(none.argmax())
+            raise _bad_cell(
+                log, row, place, name, "a date and time of the calendar, in the zone of the first", _NO_DATE
+            )
+        return dates, 0
     decimals = np.where(point < 0, 0, length - 1 - point)
     with suppress(ValueError, OverflowError):
         whole = np.strings.replace(texts, b".", b"", 1).astype(np.int64)
         if np.strings.find(texts, b"_").max() < 0 and (exact := _scaled(whole, decimals, int(decimals.max()))):
             return exact
     words = np.array([text.decode("utf-8", "replace") for text in texts], object)
-    _checked(words, log, first, place, name)
+    _checked(words, log, first, place, name, _NO_STAMP)
     return words, 0
 
 
@@ -437,12 +446,12 @@ def _no_rows(log: LogFile, is_empty: bool) -> InputError:
     )
 
 
-def _bad_cell(log: LogFile, row: int, place: int, name: str, expected: str) -> InputError:
+def _bad_cell(log: LogFile, row: int, place: int, name: str, expected: str, remedy: str = "") -> InputError:
     """Return the error about one cell, with its line and text."""
     line, _, cells = _row(log, row)
     cell = _cells(log, cells)[place]
     whole, comma, part = cell.lstrip("+-").partition(",")
-    remedy = (
+    remedy = remedy or (
         "write decimals with a point, not with a comma"
         if comma and whole.isdigit() and part.isdigit()
         else "correct the cell, leave it empty where nothing was measured, or map another column"
@@ -525,17 +534,8 @@ def _opened(log: LogFile) -> Iterator[tuple[TextIOWrapper, BinaryIO]]:
     Raises:
         InputError: not what its suffix says, empty, binary, or text in another encoding.
     """
-    path, encoding = log.path, log.layout.encoding
-    try:
-        codec = "utf-8-sig" if codecs.lookup(encoding).name == "utf-8" else encoding
-        " ".encode(codec)
-    except (LookupError, ValueError) as cause:
-        raise InputError(
-            f"{path}, encoding",
-            found=repr(encoding),
-            expected='an encoding such as "utf-8" or "cp1252"',
-            remedy="correct the name of the encoding",
-        ) from cause
+    path = log.path
+    codec = codec_of(path, log.layout.encoding)
     try:
         with path.open("rb") as raw, gzip.open(raw) if path.suffix.lower() == ".gz" else raw as unpacked:
             yield TextIOWrapper(unpacked, codec), raw  # type: ignore[arg-type]
@@ -547,6 +547,13 @@ def _opened(log: LogFile) -> Iterator[tuple[TextIOWrapper, BinaryIO]]:
             remedy="copy or export the file again",
         ) from cause
     except gzip.BadGzipFile as cause:
+        if _kind(path) == _MAGIC[_GZIP]:
+            raise InputError(
+                str(path),
+                found=f"gzip data with a wrong checksum, or followed by bytes that are none ({cause})",
+                expected="a whole gzip file",
+                remedy=f"copy the file again, or unpack it: gzip -dc {path.name} > {path.stem}",
+            ) from cause
         raise InputError(
             str(path),
             found=f"{_kind(path)}, not gzip data",
@@ -562,13 +569,15 @@ def _opened(log: LogFile) -> Iterator[tuple[TextIOWrapper, BinaryIO]]:
 
 
 def _not_text(log: LogFile, line: int) -> InputError:
-    kind = _kind(log.path)
+    kind = "other data" if log.path.suffix.lower() == ".gz" else _kind(log.path)
     return InputError(
         f"{log.path}, row {line}",
         found=f"{kind}, not {log.layout.encoding} text",
         expected=f"text in {log.layout.encoding}",
         remedy="add the suffix .gz to its name"
         if kind == _MAGIC[_GZIP]
+        else "export the sheet that holds the log as CSV"
+        if "spreadsheet" in kind
         else 'export the log as CSV; if it is text already, write encoding = "cp1252" (or "utf-16") under its [[import.files]]',
     )
 

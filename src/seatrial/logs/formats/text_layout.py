@@ -1,5 +1,6 @@
 """How a table of text is laid out where nothing is said of it, by its first lines: separator, decimal comma, header, units, dates."""
 
+import codecs
 import csv
 import gzip
 import re
@@ -10,7 +11,7 @@ from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Bool, Int
 
 from seatrial.core.errors import InputError
 from seatrial.logs.formats.protocol import LogFile, TextLayout
@@ -27,6 +28,8 @@ _NUMBER = re.compile(r"[-+]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][-+]?\d+)?")
 _COMMA = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?")
 _POINT = re.compile(r"[-+]?\d*\.\d+(?:[eE][-+]?\d+)?")
 _DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d(?::\d\d(?:[.,]\d+)?)?(?P<zone>Z|[+-]\d\d:?\d\d)?")
+_NO_ENCODINGS = {"idna", "punycode", "undefined", "unicode-escape", "raw-unicode-escape"}
+"""Codecs of names of hosts and of source code, which Python lists beside those of text."""
 _SECONDS = {"nanosec": "sec", "nsec": "sec", "nsecs": "secs", "nanosecs": "secs"}
 """Endings of a stamp in two columns, as ROS splits it."""
 
@@ -72,11 +75,33 @@ def _signs(path: Path, layout: TextLayout, size: int, changed: int) -> TextSigns
     return TextSigns(mark, "," if has_comma else ".", has_header, tuple(unit.strip("[](){} ") for unit in units))
 
 
+def codec_of(path: Path, encoding: str) -> str:
+    """Return the codec of a text in an encoding; of UTF-8 that which leaves out the mark that some editors put before it.
+
+    Raises:
+        InputError: no such encoding, or a codec of Python that is none of a text in lines.
+    """
+    try:
+        name = codecs.lookup(encoding).name
+        if name.replace("_", "-") in _NO_ENCODINGS:
+            raise LookupError
+        " ".encode(encoding)  # what turns bytes into bytes, such as hex, fails here
+    except (LookupError, ValueError) as cause:
+        raise InputError(
+            f"{path}, encoding",
+            found=repr(encoding[:60]),
+            expected='an encoding such as "utf-8" or "cp1252"',
+            remedy="correct the name of the encoding",
+        ) from cause
+    return "utf-8-sig" if name == "utf-8" else encoding
+
+
 def _first_lines(path: Path, layout: TextLayout) -> list[str]:
+    codec = codec_of(path, layout.encoding)
     try:
         with path.open("rb") as raw, gzip.open(raw) if path.suffix.lower() == ".gz" else raw as unpacked:
-            text = unpacked.read(_LOOKED_AT).decode(layout.encoding, "replace").removeprefix("\ufeff")
-    except (OSError, EOFError, LookupError, zlib.error):
+            text = unpacked.read(_LOOKED_AT).decode(codec, "replace").removeprefix("\ufeff")
+    except (OSError, EOFError, zlib.error):
         return []  # whoever reads the whole file says what is wrong with it
     lines = [line for line in text.splitlines()[layout.skip_rows :] if line.strip()]
     return lines[: min(_LINES, max(len(lines) - 1, 2))]
@@ -87,11 +112,9 @@ def _separator(path: Path, layout: TextLayout, lines: Sequence[str]) -> str:
     found, where = layout.delimiter, f"{path}, delimiter"
     if found is None:
         found = _BY_SUFFIX.get(suffix)
-        head, first = (_QUOTED.sub("", line) for line in lines[:2]) if len(lines) > 1 else ("", "")
+        head = _QUOTED.sub("", lines[0]) if len(lines) > 1 else ""
         if len(lines) > 1 and (found is None or found not in head):
-            alike = [mark for mark in _MARKS if 0 < head.count(mark) == first.count(mark)]
-            spaced = 1 < len(head.split()) == len(first.split())
-            found = alike[0] if alike else WHITESPACE if spaced else found
+            found = _shared_by(lines[:2]) or found or _shared_by(lines[-2:])  # the first lines may be remarks
     if found is None:
         raise InputError(
             where,
@@ -108,6 +131,14 @@ def _separator(path: Path, layout: TextLayout, lines: Sequence[str]) -> str:
             remedy='use ",", ";", "\\t" or "whitespace"',
         )
     return found
+
+
+def _shared_by(lines: Sequence[str]) -> str | None:
+    """Return the separator by which two lines have as many cells; None for none."""
+    head, first = (_QUOTED.sub("", line) for line in lines)
+    alike = [mark for mark in _MARKS if 0 < head.count(mark) == first.count(mark)]
+    spaced = 1 < len(head.split()) == len(first.split())
+    return alike[0] if alike else WHITESPACE if spaced else None
 
 
 def _cells(line: str, mark: str) -> list[str]:
@@ -133,13 +164,26 @@ def is_date(cell: str) -> bool:
     return _DATE.fullmatch(cell.strip()) is not None
 
 
-def nanoseconds(cells: Sequence[str]) -> Int[np.ndarray, " n"] | None:
-    """Return dates and times as nanoseconds since 1970; None where one is none, or their zones differ."""
+def nanoseconds(cells: Sequence[str]) -> tuple[Int[np.ndarray, " n"], Bool[np.ndarray, " n"]]:
+    """Return dates and times as nanoseconds since 1970, and which cells are none, or are of another zone than the first."""
     found = [_DATE.fullmatch(cell.strip()) for cell in cells]
-    if not all(found) or len({match["zone"] for match in found if match}) > 1:
-        return None
-    texts = [match[0].removesuffix(match["zone"] or "").replace(",", ".") for match in found if match]
-    return np.array(texts, "datetime64[ns]").astype(np.int64)
+    zone = next((match["zone"] for match in found if match), None)
+    texts = [
+        match[0].removesuffix(zone or "").replace(",", ".") if match and match["zone"] == zone else "NaT"
+        for match in found
+    ]
+    try:
+        instants = np.array(texts, "datetime64[ns]")
+    except ValueError:  # the calendar lacks one, such as a leap second or 30 February
+        instants = np.array([_instant(text) for text in texts])
+    return instants.astype(np.int64), np.isnat(instants)
+
+
+def _instant(text: str) -> np.datetime64:
+    try:
+        return np.datetime64(text, "ns")
+    except ValueError:
+        return np.datetime64("NaT", "ns")
 
 
 def split_stamps(names: Sequence[str]) -> dict[str, tuple[str, str]]:

@@ -19,7 +19,7 @@ ENDINGS = {
     **dict.fromkeys(("mmps", "mm_s", "mms", "mm_per_s"), ("mm/s",)),
     **dict.fromkeys(("kmph", "km_h", "kmh", "kph"), ("km/h",)),
     **dict.fromkeys(("kn", "kt", "kts", "knot", "knots"), ("kn",)),
-    **dict.fromkeys(("newton", "n"), ("N",)),
+    **dict.fromkeys(("newton", "newtons", "n"), ("N",)),
     **dict.fromkeys(("nm", "n_m"), ("N*m",)),
     "kgf": ("kgf",),
     "lbf": ("lbf",),
