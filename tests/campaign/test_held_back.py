@@ -16,6 +16,7 @@ from seatrial.campaign.inference.judge_predictions import (
     held_back_alarms,
     held_back_cautions,
     predict_held_back,
+    residual_doubt,
 )
 from seatrial.vehicles.simulate import simulate
 from tests.campaign.small import NO_X_U, write_small
@@ -65,10 +66,28 @@ def predicted(known, *records):
 
 
 def test_a_right_model_passes_and_is_no_alarm(known):
-    found, _ = predicted(known, run(known, "2", WAVE, 1), run(known, "3", WAVE[::-1], 2))
+    found, _ = predicted(known, run(known, "2", WAVE, 4), run(known, "3", WAVE[::-1], 2))
     assert [fit.level for fit in found.fits] == ["pass", "pass"]
     assert found.pooled[0].level == "pass"
     assert held_back_alarms(found.fits, found.pooled) == []
+
+
+def test_a_slow_error_that_no_short_run_shows_alone_is_found_in_all_together(known):
+    """White 0.05 with slow 0.017 m/s over 5 s in runs of 10 s: one alone is no finding, eight are; white runs are none."""
+    campaign, trials, drawn = known
+    rng, white, both = np.random.default_rng(146), [], []
+    for at in range(8):
+        record, slow = run(known, str(at), WAVE, 20 + at, samples=100), [rng.normal()]
+        for normal in rng.normal(size=99):
+            slow.append(np.exp(-0.02) * slow[-1] + np.sqrt(1 - np.exp(-0.04)) * normal)
+        white.append(record)
+        both.append(replace(record, measurement=record.measurement + 0.017 * np.array(slow)[:, None]))
+    assert residual_doubt(campaign, drawn, replace(trials, fit=tuple(white))) == ""
+    assert [residual_doubt(campaign, drawn, replace(trials, fit=(one,))) for one in both[:3]] == [""] * 3
+    said = residual_doubt(campaign, drawn, replace(trials, fit=tuple(both)))
+    assert "residuals of u are correlated (" in said
+    assert "; likewise " in said
+    assert 'set estimation.residuals = "drifting"' in said
 
 
 @pytest.mark.parametrize("factor", [57.29578, 60.0, 1000.0])
