@@ -26,6 +26,10 @@ DECIDED, LIKELY = 0.95, 0.75
 EDGES = (1 - DECIDED, 1 - LIKELY, LIKELY, DECIDED)
 NOISY = 0.05
 """Monte Carlo error of a probability above which a verdict near an edge is withheld."""
+OTHER_NOISE = (
+    "these probabilities hold for the noise that is modelled, which the residuals contradict: correct the noise first"
+)
+"""What is said of probabilities where the residuals are correlated."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +45,9 @@ class Selection:
         inclusion_error: its Monte Carlo standard error.
         chosen: index of the most probable structure.
         verdicts: one sentence for each question.
-        alarms: evidences that are not to be trusted and on which a probability depends.
+        alarms: evidences that are not to be trusted and on which a probability depends, and residuals that contradict the noise.
+        residuals: why the residuals of the chosen structure are not the noise that all probabilities assume, and what to do; empty
+            where they may be.
     """
 
     structures: tuple[Structure, ...]
@@ -53,6 +59,7 @@ class Selection:
     chosen: int
     verdicts: tuple[str, ...]
     alarms: tuple[str, ...]
+    residuals: str = ""
 
     @property
     def undecided(self) -> dict[str, float]:
@@ -66,7 +73,7 @@ class Selection:
 
     @property
     def is_reliable(self) -> bool:
-        """Whether the evidences are good enough for the probability of the chosen structure."""
+        """Whether the evidences, and the model of the noise, are good enough for the probability of the chosen structure."""
         return not self.alarms and not _is_noisy(
             float(self.probability[self.chosen]), float(self.probability_error[self.chosen])
         )
@@ -74,7 +81,7 @@ class Selection:
     @property
     def is_settled(self) -> bool:
         """Whether the chosen structure stays far above every other, also if one evidence that is in doubt or noisy is wrong."""
-        if not self.alarms and not self.is_reliable:
+        if self.residuals or (not self.alarms and not self.is_reliable):
             return False
         rest = np.arange(self.probability.size) != self.chosen
         shifted = [one for i, doubt in enumerate(self._doubts) for one in _shifted(self._logs, i, doubt)]
@@ -142,6 +149,7 @@ def select(
     evidences: Sequence[Evidence],
     optional: Sequence[str],
     shortlist: Shortlist | None = None,
+    residuals: str = "",
 ) -> Selection:
     """Compare structures of equal prior probability.
 
@@ -152,6 +160,7 @@ def select(
         evidences: one for each.
         optional: terms that are in question.
         shortlist: where the candidates are what a screening left: its answer for terms in which they do not differ.
+        residuals: why those of the most probable structure are not the noise that is modelled; empty where they may be.
     """
     logs = np.array([evidence.log_value for evidence in evidences])
     errors = np.array([evidence.std_error for evidence in evidences])
@@ -177,6 +186,7 @@ def select(
             f"probabilities are among the {len(structures)} structures that were simulated, to which the screening gives "
             f"{shortlist.share:.2f} of all; raise structure.shortlist to simulate more"
         )
+    residuals = residuals if len(structures) > 1 else ""
     return Selection(
         tuple(structures),
         tuple(evidences),
@@ -185,15 +195,18 @@ def select(
         inclusion,
         inclusion_error,
         int(np.argmax(probability)),
-        tuple(verdicts),
-        evidence_alarms([structure.label for structure in structures], evidences),
+        (*verdicts, *([OTHER_NOISE] if residuals else [])),
+        selection_alarms([structure.label for structure in structures], evidences, residuals),
+        residuals,
     )
 
 
-def evidence_alarms(labels: Sequence[str], evidences: Sequence[Evidence]) -> tuple[str, ...]:
-    """Return a sentence about every evidence that is in doubt and could change a probability, by the labels of the structures."""
+def selection_alarms(labels: Sequence[str], evidences: Sequence[Evidence], residuals: str) -> tuple[str, ...]:
+    """Return a sentence about residuals that contradict the noise, and one about every evidence that is in doubt and could change a
+    probability, by the labels of the structures."""
+    noise = (f"the probabilities of models and terms mean nothing: {residuals}",) if residuals else ()
     logs = np.array([evidence.log_value for evidence in evidences])
-    return tuple(
+    return noise + tuple(
         f"the evidence of {label} is not reliable: {evidence.status}"
         for index, (label, evidence) in enumerate(zip(labels, evidences, strict=True))
         if _decides(logs, index, _doubt(evidence))

@@ -9,7 +9,7 @@ from markupsafe import Markup
 
 from seatrial.campaign.config.taken_as_exact import taken_as_exact
 from seatrial.campaign.inference.judge_predictions import held_back_alarms
-from seatrial.campaign.store.structures import IF_RELIABLE
+from seatrial.campaign.store.structures import condition_of
 from seatrial.campaign.workflow.next_trial import propose
 from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.estimation.fit_verdict import explained_share
@@ -81,7 +81,8 @@ def summary_section(outcome: Outcome) -> dict[str, Any]:
         "has_wider": any(row["wider"] for row in (*rows, *others)),
         "models": _models(outcome),
         "advice": [sentence_of(outcome, line) for line in (*proposal.first, *proposal.advice)],
-        "unless": "" if outcome.selection.is_reliable or outcome.selection.is_settled else IF_RELIABLE,
+        "unless": "" if outcome.selection.is_settled else condition_of(outcome.selection),
+        "disowned": bool(outcome.disowned),
     }
 
 
