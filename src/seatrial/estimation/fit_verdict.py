@@ -59,6 +59,7 @@ COLOURED, MIXED_COLOUR, BIASED = DISOWNING = (
     "biased through the autopilot",
 )
 """What verdicts are about that say that stated standard deviations are too small."""
+WORSE_THAN_MEAN, WORSE_THAN_MEANS = "worse than the run's own mean", "worse than the runs' own means"
 LACKS = ("a term", "a delay", "a model of the error")
 """What a model may lack that misses motion."""
 
@@ -179,9 +180,9 @@ def either(words: Sequence[str]) -> str:
 
 
 def explained_words(share: float, channel: str) -> str:
-    """Say what share of a channel's variance is explained; below nothing a percentage would mislead."""
+    """Say what share of a channel's variance is explained, below nothing in words and as a number."""
     if share < 0:
-        return f"{channel} is predicted {explained_share(share).replace('than', 'than by')}"
+        return f"{channel} is predicted {explained_share(share).replace('than', 'than by').replace('%)', '% of its variance explained)')}"
     return f"{explained_share(share)} of the variance of {channel} is explained"
 
 
@@ -191,9 +192,10 @@ def explained_short(share: float, runs: int = 1) -> str:
 
 
 def explained_share(share: float, runs: int = 1, digits: int = 0) -> str:
-    """Return the explained share of the variance of one run, or of several, for a table: of less than nothing, what that means."""
+    """Return the explained share of the variance of one run, or of several, for a table: of less than nothing, what that means, too."""
     if share < 0:
-        return "worse than the run's own mean" if runs == 1 else "worse than the runs' own means"
+        number = f"{share:.0%}" if share > -100 else f"{100 * share:.0e}%"
+        return f"{WORSE_THAN_MEAN if runs == 1 else WORSE_THAN_MEANS} ({number})"
     return f"{share:.{1 if share > 0.99 else digits}%}"
 
 
