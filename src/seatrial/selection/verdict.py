@@ -6,14 +6,23 @@ from itertools import chain, combinations
 from typing import TYPE_CHECKING
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
 from seatrial.core.argument_checks import check_kind, check_mapping
-from seatrial.core.errors import InputError
+from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.reporter import Progress, check_progress, no_progress
 from seatrial.core.result_table import table_html, table_text
+from seatrial.estimation.fit_verdict import LIKELY as LIKELY_CORRELATED
+from seatrial.estimation.fit_verdict import UNDERSTATED
+from seatrial.estimation.mode import find_mode
+from seatrial.estimation.output_error import OutputError
 from seatrial.estimation.posterior import Posterior, as_key, check_posterior
+from seatrial.estimation.prediction import noise_sd, slow_noise
+from seatrial.estimation.prediction_scores import integrated_correlation, new_residuals
+from seatrial.estimation.replicate import motions
+from seatrial.estimation.sensor_errors import drift_name, drift_time_name
 from seatrial.estimation.trial_data import TrialData
 from seatrial.selection.combined_evidence import agreed_evidence
 from seatrial.selection.evidence import Evidence, EvidenceSettings
@@ -253,7 +262,42 @@ def compare(
     for posterior, own in zip(posteriors.values(), keys, strict=True):
         evidences.append(agreed_evidence(posterior, own, settings))
         progress(len(evidences), len(posteriors))
-    return select(structures, evidences, optional)
+    best = max(zip(evidences, posteriors.values(), strict=True), key=lambda pair: pair[0].log_value)[1]
+    return select(structures, evidences, optional, residuals=_residual_doubt(best, as_key(key)))
+
+
+def _residual_doubt(posterior: Posterior, key: jax.Array) -> str:
+    """Say why the residuals of a posterior of records, at its mode, are not the noise that is modelled; empty where they may be.
+
+    Those of filter error are not looked at: process noise correlates a simulation also where it is right.
+    """
+    likelihood, data = posterior.likelihood, posterior.data
+    if not isinstance(likelihood, OutputError):
+        return ""
+    try:
+        mode = find_mode(posterior, key)
+    except NumericalError:
+        return ""
+    values = {name: jnp.asarray(value) for name, value in zip(mode.names, mode.values, strict=True)}
+    shown = np.asarray(motions(likelihood, values, data, key))
+    for column, sensor in enumerate(likelihood.simulator.sensors):
+        sd, slow, runs = float(noise_sd(sensor, values)), slow_noise(sensor, values), []
+        for trial in range(len(likelihood.labels)):
+            time, measured = _measured(posterior, trial, sensor.channel)
+            there = np.asarray(data.channels[column].present[trial]) > 0
+            runs.append((time, new_residuals(time, (measured - shown[trial, there, column]) / sd, slow)))
+        found = integrated_correlation(runs)
+        if found.p_value < LIKELY_CORRELATED and found.sd_factor > UNDERSTATED:
+            remedy = (
+                "look for a missing term"
+                if sensor.noise == "drifting"
+                else f'give the sensor noise="drifting", and priors to {drift_name(sensor.channel)} and {drift_time_name(sensor.channel)}'
+            )
+            return (
+                f"residuals of {sensor.channel} are correlated, and the stated standard deviations are too small, by a factor of "
+                f"about {found.sd_factor:.1f}; {remedy}"
+            )
+    return ""
 
 
 def _check_same_data(posteriors: Mapping[str, Posterior]) -> None:
