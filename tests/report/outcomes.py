@@ -112,6 +112,7 @@ def make_outcome(folder: Path, alarms: tuple[str, ...] = (), gain: float = 1.0) 
         "verdicts": list(selection.verdicts),
         "cautions": [f"held-back run {HELD} is predicted poorly: 40% of the variance of u explained"],
         "alarms": list(alarms),
+        "choice_alarms": [],
         "usable": not any(text.startswith(f"{chosen.structure.label}: ") for text in alarms),
         "next_trial": {"best": _next_trial(next_design)},
     }
