@@ -255,6 +255,7 @@ def changed(**numbers):
         ({"correlation": 0.11, "white": 0.001}, "correlated residuals"),
         ({"correlation": -0.11, "white": 0.001}, "opposite residuals"),
         ({"correlation": 0.09, "white": 0.001}, ""),
+        ({"correlation": -0.09, "sd_factor": 0.5, "white": 0.001}, ""),
         ({"correlation": 0.5, "white": 0.02}, ""),
         ({"pit_distance": 0.11}, "errors not normal"),
         ({"pit_distance": 0.09}, ""),

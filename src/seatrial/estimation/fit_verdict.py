@@ -127,10 +127,11 @@ def residual_verdict(score: Score, channel: str, held_back: bool, noise: "Noise"
     if score.white > chance or 1 / UNDERSTATED < score.sd_factor < UNDERSTATED:
         return None
     is_faint = abs(score.correlation) < FAINT
-    # A run that was not fitted shows the uncertainty of the coefficients, too, which is slow; the band contains it.
-    if held_back and is_faint:
+    # A run that was not fitted shows the uncertainty of the coefficients, too, which is slow, and which the band contains; what was
+    # fitted to a run takes slow errors away.
+    if is_faint and (held_back or score.sd_factor < 1):
         return None
-    lasting = ", and lasting" if is_faint and score.sd_factor > 1 else ""
+    lasting = ", and lasting" if is_faint else ""
     result = f"residuals of {channel} are correlated ({score.correlation:+.2f} over {score.interval:.2g} s{lasting})"
     if noise in ("coloured", "drifting"):
         remedy = (
