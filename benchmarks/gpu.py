@@ -132,7 +132,7 @@ def speed(cores: int) -> list[Row | Ratio]:
     try:
         accelerator = jax.devices("gpu")[0]
     except RuntimeError as error:
-        said = 'gpu: skipped, for JAX sees no GPU here; pip install "seatrial[cuda]" where there is one'
+        said = 'gpu: skipped, for JAX sees no GPU here; pip install -e ".[cuda]" where there is one'
         print(f"{said} ({str(error).splitlines()[0]})", file=sys.stderr)
         return []
     return between(jax.devices("cpu")[0], accelerator, cores)

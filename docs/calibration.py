@@ -1,4 +1,4 @@
-"""Calibrate every likelihood with the default sampler, and every method with white noise: `python docs/calibration.py`.
+"""Calibrate nine error models with the default sampler, and every method with white noise: `python docs/calibration.py`.
 
 About 20 minutes on two cores; an interrupted run resumes. Writes docs/calibration.svg and the table in docs/calibration.md.
 """

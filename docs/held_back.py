@@ -139,7 +139,9 @@ def vehicles(kind: str, count: int) -> Iterator[tuple[dict[str, float], list[st.
         runs.append((command, shown))
     for vehicle in range(count):
         records = [
-            st.make_record(time, {"n": command, "u": shown[:, vehicle]}, CHANNELS, OWN, f"run {number}")
+            st.make_record(
+                time, {"n": command, "u": shown[:, vehicle]}, CHANNELS, OWN, f"run {number}", between={"n": "held"}
+            )
             for number, (command, shown) in enumerate(runs)
         ]
         yield {name: float(value[vehicle]) for name, value in truth.items()}, records
@@ -273,7 +275,7 @@ def _write(rows: list[str]) -> None:
     page = HERE / "held_back.md"
     head = (
         "| the model lacks | error model | vehicles | inside 90 % bands | held | fail | unjudged | held or fail | false pass "
-        "| pass, too wide | inside widened bands | widest hold 85 % | ± covers | wider ± covers | the same if not failed |\n"
+        "| pass, too wide | inside widened bands | widest hold 85 % | interval covers | wider covers | the same if not failed |\n"
         f"|{'---|' * 15}\n"
     )
     before = page.read_text().split(RESULTS)[0]

@@ -116,8 +116,8 @@ def held_back() -> None:
     place = np.arange(len(rows))[::-1]
     for column, marker, label in (
         (3, "o", "new samples in their 90 % band"),
-        (12, "s", "coefficients in their ±"),
-        (13, "d", "in the wider ±"),
+        (12, "s", "coefficients in their 90 % interval"),
+        (13, "d", "in the interval with model error"),
     ):
         axes.plot(
             [float(row[column].rstrip("%")) for row in rows],

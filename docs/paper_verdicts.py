@@ -19,6 +19,8 @@ def page(study: dict) -> str:
     lines = [
         "# Verdict on each item of the paper",
         "",
+        "The paper is *Experiment Design, Bayesian Estimation and Model Selection of an Autonomous Underwater Vehicle*.",
+        "",
         f"`python docs/paper_verdicts.py` writes this page from the results of `python -m studies.remus100` (version "
         f"{study['seatrial_version']}, reading {study['reading']}, seed {study['seed']}). The study has "
         f"{sizes['filter_seeds']} seeds of the filters, {sizes['chains']} chains of {sizes['draws']:,} draws, and "

@@ -26,7 +26,7 @@ PROBES = {
     "cluster": "seatrial init demo && SEATRIAL_WORKERS=tcp://127.0.0.1:1 seatrial design demo",
 }
 """A line of shell for each extra."""
-MISSING = 'pip install "seatrial[{}]"'
+MISSING = 'pip install -e ".[{}]"'
 
 
 def main() -> int:

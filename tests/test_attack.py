@@ -1,6 +1,7 @@
 """A slice of the attacks that run before a release, and that they notice what they look for."""
 
 import json
+import re
 import sys
 from pathlib import Path
 from random import Random
@@ -11,7 +12,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "release"))
 import attack
 from attacks.damage import damaged, damaged_table, damaged_toml
 
-LEAST = {"logs": 105, "campaigns": 30, "options": 10, "streams": 8}
+LEAST = {"logs": 115, "campaigns": 30, "options": 10, "streams": 8}
 """Cases in the suite: five of each format, two of each stream, and some of each file."""
 
 
@@ -19,6 +20,17 @@ LEAST = {"logs": 105, "campaigns": 30, "options": 10, "streams": 8}
 def test_a_slice_of_the_attacks(tmp_path, kind, capfd):
     assert attack.main(["--only", kind, "--seed", "20", "--count", str(LEAST[kind]), "--state", str(tmp_path)]) == 0
     assert f"{kind}: {LEAST[kind]} cases" in capfd.readouterr().out
+
+
+def test_the_page_counts_what_is_attacked():
+    """The cases of a full run, and the kinds of log."""
+    page = (Path(__file__).parents[1] / "docs" / "reliability.md").read_text()
+    table = page.partition("| `--only` | cases of a full run")[2].partition("## Counts")[0]
+    cases = {
+        kind: int(count.replace(" ", "")) for kind, count in re.findall(r"^\| `(\w+)` \| ([\d ]+) \|", table, re.M)
+    }
+    assert cases == {name: kind.count for name, kind in attack.KINDS.items()}
+    assert f"a log of each of {len(attack.logs.names())} kinds" in table
 
 
 def test_failures_are_noticed_counted_and_kept(tmp_path, capfd):

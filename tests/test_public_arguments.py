@@ -329,6 +329,9 @@ RECORD = {"time": np.arange(4.0), "columns": COLUMNS, "channels": CHANNELS, "pro
         ({"time": np.zeros((2, 2))}, "time"),
         ({"provenance": "mine"}, "provenance"),
         ({"label": None}, "label"),
+        ({"between": "line"}, "between"),
+        ({"between": {"u": "line"}}, "between"),
+        ({"between": {"n": "measured"}}, "between, n"),
     ],
 )
 def test_make_record(changes, message):

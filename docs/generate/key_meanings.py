@@ -116,7 +116,7 @@ MEANINGS: dict[str, dict[str, tuple[str, str]]] = {
         "median": ("SI, or `unit`", "median of a log-normal, with its sign"),
         "factor": ("1", "spread of a log-normal: 68 % lie within this factor of the median"),
         "unit": ("", "unit of the numbers above, if it is not SI"),
-        "physical": ("", "cut the prior to values that physics allows"),
+        "physical": ("", "cut the prior to the sign that a damping or an added mass has by itself"),
     },
     "SensorTable": {
         "noise": ("that of the channel", "standard deviation of one sample"),
@@ -268,7 +268,10 @@ MEANINGS: dict[str, dict[str, tuple[str, str]]] = {
         "column": ("", "name of the column of the channel"),
         "unit": ("that of the channel", "unit of the column"),
         "scale": ("1", "factor on the column; -1 turns an axis round"),
-        "offset": ("that of the channel", "constant added after scaling"),
+        "offset": (
+            "that of the channel",
+            "constant added after scaling; before a law of thrust, in units of the command",
+        ),
         "sum": ("", "instead of a column: columns with factors, such as `0.12 data[0] - 0.12 data[1]`"),
         "curve": (
             "",

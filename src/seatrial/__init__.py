@@ -1,4 +1,4 @@
-"""seatrial: design trials, estimate hydrodynamic coefficients with honest uncertainty, select the terms.
+"""seatrial: design trials, estimate hydrodynamic coefficients with their uncertainty, select the terms.
 
 Importing the package is cheap and sets nothing: JAX and the rest load when a name that needs them is first used, and JAX is then set to
 float64 (`configure`).
@@ -23,7 +23,7 @@ _HOME = {
     "Record": "seatrial.core.record",
     "SeatrialError": "seatrial.core.errors",
     "NumericalError": "seatrial.core.errors",
-    "make_record": "seatrial.core.record",
+    "make_record": "seatrial.logs.record_of_columns:record_of_columns",
     "InputError": "seatrial.core.errors",
     "find_mode": "seatrial.estimation.mode",
     "sample": "seatrial.estimation.sample_posterior",
@@ -158,7 +158,7 @@ if TYPE_CHECKING:
     from seatrial.core.coefficients import CoefficientName
     from seatrial.core.engine import EngineWarning, configure
     from seatrial.core.errors import InputError, NumericalError, SeatrialError
-    from seatrial.core.record import Channel, Provenance, Record, make_record
+    from seatrial.core.record import Channel, Provenance, Record
     from seatrial.design.trial_design import TrialDesign, design_trial
     from seatrial.estimation.mode import Mode, find_mode
     from seatrial.estimation.posterior import Posterior, posterior_of_density
@@ -171,6 +171,7 @@ if TYPE_CHECKING:
     from seatrial.estimation.simulated_record import simulate
     from seatrial.export.to_target import export_to as export_vehicle
     from seatrial.logs.inspect import inspect_log
+    from seatrial.logs.record_of_columns import record_of_columns as make_record
     from seatrial.logs.record_of_log import record_of_log as read_log
     from seatrial.manoeuvres.family import Family
     from seatrial.manoeuvres.manoeuvre import Limits

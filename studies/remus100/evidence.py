@@ -1,4 +1,4 @@
-"""Section IV by evidence, Tables IV and V: Listing 1 over many seeds, evidences that share no code, and the odds as the true term grows."""
+"""Section IV by evidence, Tables IV and V: Listing 1 over many seeds, evidences by several methods, and the odds as the true term grows."""
 
 from collections.abc import Callable
 from functools import partial
@@ -79,7 +79,7 @@ def listing_part(study: Study, table: int) -> xr.Dataset:
 
 
 def evidence_part(study: Study, table: int) -> xr.Dataset:
-    """Return the log evidences of M-0 and M-1 by methods that share no code, and of M-0 under its wide prior by importance sampling."""
+    """Return the log evidences of M-0 and M-1 by several methods, and of M-0 under its wide prior by importance sampling."""
     reading, report = study.reading, study.progress(f"evidences for Table {'IV' if table == 4 else 'V'}")
     weighing = ImportanceSettings(study.sizes.importance_draws)
     estimators: dict[str, Estimator] = {
@@ -355,7 +355,7 @@ def _table(study: Study, table: int) -> Item:
     preferred = "neither model" if abs(p - 0.5) < UNDECIDED else "M-0" if p > 0.5 else "M-1"
     because = (
         (f"the printed {printed} is" if printed is not None else "an answer of Listing 1 is")
-        + f" one draw that here rests on {ess:.1f} effective draws; {len(data['method'])} methods that share no code "
+        + f" one draw that here rests on {ess:.1f} effective draws; {len(data['method'])} methods of integration "
         f"agree within {worst:.1f} of their errors on P(M-0) = {p:.3f} ± {error:.3f}: the data prefer {preferred}"
     )
     return Item(

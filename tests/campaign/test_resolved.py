@@ -1,6 +1,8 @@
 """A campaign is plain data in SI: built in Python it is the same as read from a file, and keys of results know nothing of units."""
 
 import ast
+import re
+import shutil
 from dataclasses import replace
 from math import inf, pi
 from pathlib import Path
@@ -25,7 +27,8 @@ from seatrial.campaign.config.settings import (
     StructureSettings,
 )
 from seatrial.campaign.config.vehicle import AxesVehicle
-from seatrial.campaign.data.import_logs import Trials, trials_key
+from seatrial.campaign.data.import_logs import Trials, stored_record, trials_key
+from seatrial.campaign.data.simulate import record_keys
 from seatrial.campaign.design.sweep import design_key
 from seatrial.campaign.inference.estimate import estimate_key
 from seatrial.campaign.inference.posterior import build_posterior
@@ -33,6 +36,7 @@ from seatrial.campaign.selection import evidence
 from seatrial.campaign.selection.evidence import evidence_key
 from seatrial.campaign.selection.screening import screening_key
 from seatrial.campaign.store.stored_result import as_json, key_of
+from seatrial.campaign.workflow.steps import UnreadTrials
 from seatrial.core.errors import InputError
 from seatrial.core.record import Channel, Provenance, make_record
 from seatrial.estimation.priors import LogUniform, Uniform
@@ -40,6 +44,7 @@ from seatrial.manoeuvres.family import Family
 from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.vehicles.catalogue import load_surge
 from tests.campaign.small import write_small
+from tests.campaign.yaw_campaign import write_yaw
 
 TRIALS = Trials((), (), "made up")
 KEYS = {
@@ -148,6 +153,7 @@ def test_a_key_knows_types_and_twelve_digits():
     assert key_of(Uniform(1.0, 2.0)) == key_of(Uniform(1.0, 2.0 + 4e-16))
     assert key_of(Uniform(1.0, 2.0)) != key_of(Uniform(1.0, 2.0 + 1e-10))
     assert key_of(1) != key_of(1.5)
+    assert key_of(1.67e9) != key_of(1.67e9 + 2.4e-7)
     assert as_json({"b": (1, 2.0, inf), "a": None}) == {"b": [1, 2.0, inf], "a": None}
     with pytest.raises(TypeError):
         key_of(object())
@@ -207,3 +213,90 @@ def test_an_evidence_has_the_size_that_the_campaign_says(monkeypatch):
     part = SimpleNamespace(structure=SimpleNamespace(terms=("X_u",)), piece=None)
     found = evidence._compute(study, part, lambda done, total: None)
     assert (found.smc.particles, found.repeats, found.draws) == (512, 3, 40960)
+
+
+SHIFTED = [
+    ('fit = ["1", "2"]', 'fit = ["1", "2"]\nstep = "0.1 s"\nstart = "2 s"\nsplit = "15 s"'),
+    (
+        "[[import.files]]",
+        '[import.trim.2]\nstart = "3.5 s"\nend = "0.8 min"\n[[import.keep]]\npath = "zigzag_{run}.csv"\n'
+        "when = 't > 1670000000.004 and log_time < 1670000000004000512 and mode == \"MANUAL\"'\n[[import.files]]",
+    ),
+    ('distribution = "half-normal"\nupper = 0.0\nscale', 'distribution = "normal"\nmean = 0.0\nsd'),
+    ('"zigzag_{run}.csv"\ntime', '"zigzag_{run}.csv"\nshift = "1670000000.25 s"\nskip_rows = 0\ntime'),
+    ('{ column = "u", unit = "m/s" }', '{ sum = "0.5 u + 0.5 port", unit = "m/s", scale = 1.02, offset = 0.01 }'),
+]
+NUMBER = re.compile(r"(?<![\w.\[])\d+(?:\.\d+)?(?:e[+-]?\d+)?(?![\w.\]\"])")
+"""But for those that end a text: labels of runs, names, and the unit 1."""
+
+
+def with_shifts(folder):
+    text = (write_yaw(folder) / "campaign.toml").read_text()
+    for old, new in SHIFTED:
+        assert old in text
+        text = text.replace(old, new)
+    (folder / "campaign.toml").write_text(text)
+
+
+def example(folder, name, *logs):
+    shutil.copy(Path(__file__).parents[2] / "examples" / name / "campaign.toml", folder)
+    for log in logs:
+        (folder / log).write_text("command,thrust\n0,0\n1,1\n")
+
+
+FILES = {
+    "simulated": write_small,
+    "shifted logs": with_shifts,
+    "six degrees": lambda folder: example(folder, "six_degrees", "dive.csv"),
+    "thrusters": lambda folder: example(folder, "thruster_rov", "thrust.csv", "pool"),
+}
+
+
+def file_keys(folder):
+    """Keys that need no look into a log, nor a result of another step."""
+    campaign = load_campaign(folder)
+    if campaign.imports is None:
+        trials = UnreadTrials(list(record_keys(campaign).values())[-1])
+    else:
+        records = [stored_record(campaign, campaign.imports, run, str).key for run in campaign.imports.runs]
+        trials = UnreadTrials(trials_key(campaign.imports, records))
+    first = [design_key(campaign)] if campaign.trial_design else []
+    return [*first, evidence_key(campaign, campaign.full, trials), screening_key(campaign, trials)]
+
+
+def nearby(text):
+    """Numbers next to one: by a billionth, since 1970 by a microsecond; for keys that take whole numbers by 1, -1 or 100."""
+    value, whole = float(text), int(float(text))
+    small = 1e-6 if value > 1e6 else 1e-9 * value or 1e-9
+    return [
+        repr(value + small),
+        repr(value - small),
+        *(str(whole + (one if value < 1e15 else 256)) for one in (1, -1, 100)),
+    ]
+
+
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(one, marks=[pytest.mark.thorough] if one in ("six degrees", "thrusters") else []) for one in FILES],
+)
+def test_the_smallest_step_of_every_number_of_a_file_makes_a_result_stale(tmp_path, name):
+    FILES[name](tmp_path)
+    path = tmp_path / "campaign.toml"
+    text = re.sub(
+        "#.*|(?<=^name = ).*", lambda part: "" if part[0][0] == "#" else '"any"', path.read_text(), flags=re.M
+    )
+    path.write_text(text)
+    before, unnoticed = file_keys(tmp_path), []
+    for number in NUMBER.finditer(text):
+        for other in nearby(number[0]):
+            path.write_text(text[: number.start()] + other + text[number.end() :])
+            try:
+                after = file_keys(tmp_path)
+            except InputError:
+                continue
+            if after == before:
+                unnoticed.append(text[: number.end()].splitlines()[-1])
+            break
+        else:
+            unnoticed.append(f"{text[: number.end()].splitlines()[-1]}: no step is taken")
+    assert unnoticed == []

@@ -255,6 +255,7 @@ def test_a_schedule_has_the_commands_of_its_thrusts(tmp_path, log):
     assert set(read_rows(path, ["f_1"]).controls) == {"f_1"}
 
 
+LAW = CAMPAIGN[CAMPAIGN.index("[vehicle.thrust_laws") : CAMPAIGN.index("[[vehicle.thr")]
 CURVE = ("polynomial = [0.0, 0.08]\nneutral = 1500", 'curve = "thrust.csv"')
 REFUSED = {
     "two in one place": ([('"-0.3 m", "-0.2 m"', '"-0.3 m", "0.2 m"')], ("thruster 2 in the place of thruster 1",)),
@@ -262,13 +263,20 @@ REFUSED = {
     "no law of that name": ([("direction = [2, 0, 0]", 'direction = [2, 0, 0]\nlaw = "mian"')], ("mian", "main")),
     "thrust where commands are due": ([('pwm[1]", unit = "command"', 'pwm[1]", unit = "N"')], ('"N"', "thrust_laws")),
     "commands without a law": (
-        [(CAMPAIGN[CAMPAIGN.index("[vehicle.thrust_laws") : CAMPAIGN.index("[[vehicle.thr")], "")],
+        [(LAW, "")],
         ('"command", of a channel without a law',),
     ),
     "a polynomial that turns back": ([("[0.0, 0.08]", "[0.0, 0.08, 0.0005]")], ("turns back", "near 14")),
     "a table that turns back": ([CURVE], ("turns back at 1400", "thrust.csv")),
     "a command beyond the table": ([CURVE], ("1500 to 1600", "thrust.csv")),
     "two kinds of law": ([("neutral = 1500", 'curve = "thrust.csv"')], ("both curve and polynomial",)),
+    "a curve of each of the columns of a thruster": (
+        [
+            (LAW, ""),
+            ('column = "pwm[0]", unit = "command"', 'sum = "pwm[0] - pwm[1]", unit = "N", curve = "thrust.csv"'),
+        ],
+        ("channels.f_1.curve", "a law acts on the sum"),
+    ),
     "column and sum": ([('{ column = "u"', '{ column = "u", sum = "u"')], ("both column and sum",)),
     "a gain without a prior that could be": ([("gain_f_2", "gain_f_9")], ("gain_f_9", "nothing uses")),
 }
@@ -373,3 +381,46 @@ def test_what_cannot_be_told_apart_on_a_straight_line_is_said(tmp_path, log):
 def test_a_mount_of_a_channel_without_a_sensor_is_refused(tmp_path, log):
     with pytest.raises(InputError, match=r"mounts\.dvl\.channels"):
         campaign(tmp_path, log, ("[sensors.u]", '[mounts.dvl]\nchannels = ["w"]\n\n[sensors.u]'))
+
+
+AXES = [
+    (f'channels.f_{k + 1} = {{ column = "pwm[{k}]", unit = "command" }}', f"channels.f_{k + 1} = {{ {text} }}")
+    for k, text in enumerate(
+        (
+            'sum = "pwm[0] - pwm[1]", unit = "command"',
+            'sum = "0.5 pwm[0] + pwm[1]", unit = "command", offset = 3.0, scale = -2.0',
+            'column = "pwm[2]", unit = "command"',
+        )
+    )
+]
+LINEAR = "polynomial = [0.0, 0.08]\nneutral = 1500\ndead_zone = [1480, 1520]\nreverse = 0.8"
+
+
+def test_the_law_of_a_thruster_acts_on_the_sum_of_the_axes(tmp_path, log):
+    """Of 0.1 c + c^3 mN, two columns of 10 make 8.002 N together, not 1.001 N each."""
+    axes, motion = (log[0] - 1500.0) / 20.0, log[1]
+    axes[0] = [10.0, -10.0, 5.0]
+    cubic = LINEAR, "polynomial = [0.0, 1e-4, 0.0, 1e-3]"
+    (record,) = get_trials(campaign(tmp_path, (axes, motion), cubic, *AXES)).fit
+    mixed = np.column_stack([axes[:, 0] - axes[:, 1], 0.5 * axes[:, 0] + axes[:, 1] + 3.0, axes[:, 2]])
+    expected = (1e-4 * mixed + 1e-3 * mixed**3) * [1.0, -2.0, 1.0]
+    np.testing.assert_allclose(record.control, expected, rtol=1e-6, atol=1e-6)
+    assert record.channel("f_1")[0] == pytest.approx(8.002)
+
+
+@pytest.mark.parametrize("name", ["table", "polynomial"])
+def test_a_sum_that_misses_the_neutral_of_its_law_is_refused(tmp_path, log, name):
+    """The remedy, followed, makes the force of the law."""
+    command, motion = 0.5 * log[0] + 750.0, log[1]
+    (tmp_path / "thrust.csv").write_text("pwm,thrust\n1000,-40\n2000,40\n")
+    changes = [CURVE] if name == "table" else []
+    one, mixed = 'column = "pwm[0]", unit = "command"', 'sum = "pwm[0] - pwm[1] - pwm[2]", unit = "command"'
+    with pytest.raises(InputError) as refused:
+        get_trials(campaign(tmp_path, (command, motion), *changes, (one, mixed)))
+    total = command @ [1.0, -1.0, -1.0]
+    ends = "1000 to 2000, the ends of thrust.csv" if changes else "500 to 2500, the pulse widths"
+    for part in ('log.csv, column "pwm[0] - pwm[1] - pwm[2]"', f"first is {total[0]:g}, 0 s into", ends, "the offset"):
+        assert part in str(refused.value)
+    followed = one, f"{mixed}, offset = 3000"
+    (record,) = get_trials(campaign(tmp_path, (command, motion), *changes, followed)).fit
+    np.testing.assert_allclose(record.channel("f_1"), law(total + 3000.0), atol=1e-9)

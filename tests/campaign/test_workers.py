@@ -223,7 +223,7 @@ def test_without_dask_the_extra_is_named(small, monkeypatch):
     monkeypatch.setenv(place.VARIABLE, "tcp://127.0.0.1:1")
     monkeypatch.delitem(sys.modules, "seatrial.campaign.compute.dask_workers")
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(InputError, match=r'pip install "seatrial\[cluster\]"'):
+    with pytest.raises(InputError, match=r'pip install -e "\.\[cluster\]"'):
         place.workers_of(small)
 
 

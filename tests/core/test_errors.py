@@ -3,11 +3,17 @@
 import errno
 import os
 import pickle
+import re
+import tomllib
+from pathlib import Path
 
 import pytest
 
-from seatrial.core.errors import InputError, NumericalError, file_error, located
+import seatrial
+from seatrial.core.errors import InputError, NumericalError, file_error, install_extra, located
 from seatrial.core.files import write_text
+
+ROOT = Path(__file__).parents[2]
 
 
 def test_an_input_error_as_one_sentence():
@@ -23,6 +29,15 @@ def test_an_input_error_travels_whole():
     assert str(there) == str(error)
     assert (there.where, there.found, there.expected, there.remedy) == ("a.toml", "b", "c", "d")
     assert str(pickle.loads(pickle.dumps(NumericalError("diverged")))) == "diverged"
+
+
+def test_an_extra_is_installed_from_the_checkout_or_the_wheel():
+    """Each extra that a message names is one of the package, and the wheel has the name that `make dist` gives it."""
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    sources = "\n".join(path.read_text() for path in (ROOT / "src").rglob("*.py"))
+    assert set(re.findall(r"""install_extra\(["'](\w+)["']\)""", sources)) <= set(extras)
+    wheel = f"dist/seatrial-{seatrial.__version__}-py3-none-any.whl[ros]"
+    assert install_extra("ros") == f'in the checkout, pip install -e ".[ros]"; or with the wheel, pip install "{wheel}"'
 
 
 @pytest.mark.parametrize(

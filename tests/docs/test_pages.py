@@ -3,6 +3,7 @@
 import re
 import sys
 import tomllib
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -32,6 +33,35 @@ def test_the_readme_is_short():
 def test_links_lead_somewhere(path):
     links = re.findall(r'\]\((?!https?:)([^)#\s"]+)(?:#[^)\s]*)?\)', path.read_text())
     assert [link for link in links if not (path.parent / link).exists()] == []
+
+
+def test_nothing_installs_seatrial_by_its_name():
+    """No package index has seatrial, so that whoever took the name there would run code on the user's machine."""
+    folders = ("src", "docs", "tests", "studies", "examples", "benchmarks", "release")
+    found = (file for name in folders for file in (ROOT / name).rglob("*"))
+    files = [*ROOT.glob("*.md"), *(file for file in found if file.suffix in (".py", ".md", ".toml", ".sh"))]
+    assert {ROOT / "README.md", ROOT / "src/seatrial/core/errors.py"} <= set(files)
+    by_name = re.compile(r"""install (?:-\S+ )*["']?seatrial(?![-\w/.])""")
+    assert [file for file in files if by_name.search(file.read_text(errors="ignore"))] == []
+
+
+@pytest.mark.parametrize("path", [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")], ids=lambda path: path.name)
+def test_modules_that_pages_name_exist(path):
+    """`seatrial.a.b` is a module or a name of one, and `.c` after it one beside it. Changelog and decisions speak of their day."""
+    if path.name == "CHANGELOG.md" or "decisions" in path.parts:
+        return
+    parent, missing = "", []
+    for name in re.findall(r"`(seatrial(?:\.\w+)+|\.\w+)(?:\([^`]*\))?`", path.read_text()):
+        whole = parent + name.removeprefix(".") if name.startswith(".") else name
+        if not whole.startswith("seatrial"):
+            continue
+        parent = whole.rpartition(".")[0] + "."
+        file = ROOT / "src" / whole.replace(".", "/")
+        homes = (file.parent.with_suffix(".py"), file.parent / "__init__.py")
+        named = any(home.is_file() and re.search(rf"\b{file.name}\b", home.read_text()) for home in homes)
+        if not (file.is_dir() or file.with_suffix(".py").is_file() or named):
+            missing.append(whole)
+    assert missing == []
 
 
 @pytest.mark.parametrize("name", KEPT)
@@ -64,6 +94,28 @@ def test_the_validation_page_counts_what_the_benchmark_shows():
         assert re.search(rf"{line} \| {task} of {total} \|", page), (line, task, total)
     assert f"| {fits} of {judged};" in page
     assert f"{best[0]} of {total} channels" in (ROOT / "README.md").read_text()
+
+
+def test_pages_count_the_verdicts_and_name_the_paper_that_they_judge():
+    """The counts are those of the table of verdicts; a page that judges the paper has its title."""
+    docs = ROOT / "docs"
+    rows = (docs / "explanation" / "paper_verdicts.md").read_text().splitlines()
+    found = Counter(row.split(" | ")[1] for row in rows if row.startswith("| ") and row.count(" | ") > 1)
+    counted = {verdict: found[verdict] for verdict in ("reproduced", "reproduced in shape", "differs", "cannot hold")}
+    same, shape, differ, never = counted.values()
+    pages = {
+        "README.md": f"of {sum(counted.values())} items {same} are reproduced, {shape} only in shape, {differ} differ and {never} cannot",
+        "docs/validation.md": f"{same} reproduced, {shape} in shape, {differ} differ, {never} cannot hold",
+        "docs/explanation/paper.md": f"{same} reproduced, {shape} reproduced in shape",
+        "paper.md": f"{same} are reproduced, {shape} are reproduced in shape, {differ} differ and {never} cannot hold",
+        "docs/explanation/paper_verdicts.md": f"{never} cannot hold",
+        "docs/criteria.md": "",
+        "docs/explanation/evidence_methods.md": "",
+    }
+    title = "Experiment Design, Bayesian Estimation and Model Selection of an Autonomous Underwater Vehicle"
+    for name, counts in pages.items():
+        text = " ".join((ROOT / name).read_text().split())
+        assert (name, counts in text, title in text) == (name, True, True)
 
 
 def test_messages_of_the_troubleshooting_page_are_those_of_the_code():

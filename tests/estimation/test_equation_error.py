@@ -87,6 +87,9 @@ def test_smoothed_speeds_of_a_noisy_trial():
     found = fit_equation_error(MODEL, [smoothed_accelerations(MODEL, trial(SIGMA), 1.0)])
     assert np.all(np.abs(found.values - TRUE) < 4 * found.sd)
     assert np.all(found.sd > 3 * fit(trial(SIGMA)).sd)
+    plain = [smoothed_accelerations(MODEL, trial(SIGMA, seed=seed), 1.0) for seed in range(20)]
+    drag = [fit_equation_error(MODEL, [one], refine=False).values[0] for one in plain]
+    assert np.mean(drag) == pytest.approx(TRUE[0], abs=0.1), "without smoothing -2.69, see above"
 
 
 def test_trials_are_fitted_jointly():

@@ -153,7 +153,7 @@ def test_bags_hold_a_command_every_50_ms(folder, tmp_path, storage):
 
 def test_without_the_library_the_extra_is_named(folder, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "rosbags.rosbag2", None)
-    with pytest.raises(InputError, match=r"seatrial\[ros\]"):
+    with pytest.raises(InputError, match=r"pip install -e .*\[ros\]"):
         write_trial(read_trial(folder), tmp_path / "out", ("mcap",))
     assert bag.STEP == 0.05
     assert not (tmp_path / "out").exists()

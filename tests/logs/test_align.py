@@ -266,6 +266,69 @@ def test_clocks_a_millisecond_apart_make_no_holes(tmp_path):
     assert record.time.size == 98
 
 
+@pytest.mark.parametrize("step", [None, 0.1, 0.05])
+@pytest.mark.parametrize("late", [0.002, -0.002])
+def test_clocks_that_differ_by_a_constant_are_told_and_the_remedy_unites_them(tmp_path, late, step):
+    """Commands 2 ms after the measurements, or before them, on clocks since 1970: taken together, they make one record."""
+    stamps = 1.67e9 + 0.1 * np.arange(1156)
+    random = np.random.default_rng(1)
+    pushed, moved = np.repeat(random.normal(size=58), 20)[: stamps.size], random.normal(size=stamps.size)
+
+    def record_of(late, shift=0.0):
+        speed = column(tmp_path, "speed.csv", [f"{t:.3f}" for t in stamps], "u", moved, "measurement")
+        thrust = column(tmp_path, "thrust.csv", [f"{t + late:.3f}" for t in stamps], "tau_X", pushed, "control")
+        return align([read_log(speed), read_log(replace(thrust, shift=shift))], step=step)
+
+    whole, apart = record_of(0.0), record_of(late)
+    assert whole.cautions == ()
+    if step is None:
+        assert (whole.time.size, apart.time.size) == (1156, 2310)
+    (told,) = [text for text in apart.cautions if "[import] blurs" not in text]
+    side = "after" if late > 0 else "before"
+    assert told.startswith(f"thrust.csv: each stamp is 0.002 s {side} one of speed.csv")
+    assert f'write shift = "{-late:g} s"' in told
+    followed = record_of(late, shift=-late)
+    assert followed.cautions == ()
+    for name in ("time", "control", "measurement"):
+        np.testing.assert_array_equal(getattr(followed, name), getattr(whole, name))
+
+
+def test_clocks_that_rounding_alone_parts_are_one(tmp_path):
+    """Seconds since 1970 in double precision are multiples of 0.24 us: the union would have two instants of most."""
+    stamps = 1.67e9 + 0.1 * np.arange(300)
+    other = np.nextafter(stamps, np.where(np.arange(300) % 3, np.inf, 0.0))
+    logs = [(stamps, "u", "measurement"), (other, "tau_X", "control")]
+    record = align(
+        [
+            read_log(column(tmp_path, f"{name}.csv", map(repr, t.tolist()), name, np.arange(300) // 20 + 0.5, role))
+            for t, name, role in logs
+        ]
+    )
+    np.testing.assert_allclose(record.time, 0.1 * np.arange(300), atol=1e-6)
+    np.testing.assert_array_equal(record.channel("u"), record.channel("tau_X"))
+    assert record.cautions == ()
+    assert record.provenance.options["notes"][0] == "tau_X.csv: stamps moved by at most 3e-07 s onto those of u.csv"
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        pytest.param(0.1 * np.arange(300) + 0.04, id="interleaved"),
+        pytest.param(
+            0.1 * np.arange(300) + 0.002 + np.random.default_rng(1).uniform(-0.002, 0.002, 300), id="jittered"
+        ),
+        pytest.param(0.1002 * np.arange(300), id="another rate"),
+    ],
+)
+def test_clocks_that_differ_otherwise_are_not_told(tmp_path, other):
+    logs = [(0.1 * np.arange(300), "u", "measurement"), (other, "tau_X", "control")]
+    tables = [
+        read_log(column(tmp_path, f"{name}.csv", [f"{one:.6f}" for one in t], name, np.arange(300) // 20 + 0.5, role))
+        for t, name, role in logs
+    ]
+    assert align(tables).cautions == ()
+
+
 def test_a_command_within_a_step_acts_as_its_mean_and_not_a_step_late(tmp_path):
     """At most one new command in a step: the impulse of the held record is that of the commands, as a plain sum says."""
     random = np.random.default_rng(5)

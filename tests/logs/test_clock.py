@@ -5,6 +5,7 @@ import pytest
 from scipy.optimize import linprog
 
 from seatrial.logs.align import align
+from seatrial.logs.inspect import inspect_log
 from seatrial.logs.read import read_log
 from seatrial.logs.time_stamps import even_clock, lost_after
 from tests.logs.log_cases import GOOD, SPEED, refusal, source, written
@@ -144,3 +145,34 @@ def test_a_grid_much_finer_than_every_channel_is_told(tmp_path):
     assert "a sample only every 100 s, and the record one every 0.05 s: check the unit of time" in told
     fine = align([read_log(source(log, time_column="clock", time_unit="ms"))], step=0.05)
     assert fine.provenance.options["cautions"] == []
+
+
+def two_clocks(folder, factor):
+    """A clock of seconds since 1970 that jitters, beside one that counts rows by a nominal step."""
+    rng, rows = np.random.default_rng(3), np.arange(1681)
+    time = 1.67e9 + 0.1 * rows + rng.uniform(0.0, 0.02, rows.size)
+    lines = [
+        f"{t:.6f},{factor * 0.1 * k:.9f},{600 + k // 20},{1 + 0.001 * k:.4f}" for k, t in zip(rows, time, strict=True)
+    ]
+    return written(folder, "stamp [s],t,rpm,speed\n" + "\n".join(lines) + "\n", "two.csv")
+
+
+@pytest.mark.parametrize("stated", [("stamp [s]", "s"), ("t", "s"), (None, None)])
+def test_two_clocks_of_a_table_that_disagree_are_told(tmp_path, stated):
+    """153.5 s and 168.0 s, the shorter with an even step."""
+    path = two_clocks(tmp_path, 153.5 / 168.0)
+    expected = ("clocks disagree: t runs over 153.5 s, stamp [s] over 168", "t has an even step, and may count rows")
+    read = read_log(source(path, time_column=stated[0], time_unit=stated[1]))
+    (told,) = [text for text in read.cautions if "disagree" in text]
+    assert told.startswith(str(path))
+    assert f"the time is {stated[0] or 't'}: name the right one" in told
+    lines = "\n".join(inspect_log(path).lines())
+    assert all(part in text for part in expected for text in (told, lines))
+    assert align([read]).cautions == read.cautions
+
+
+@pytest.mark.parametrize("stated", [("stamp [s]", "s"), (None, None)])
+def test_two_clocks_that_agree_are_not_told(tmp_path, stated):
+    path = two_clocks(tmp_path, 1.0)
+    assert read_log(source(path, time_column=stated[0], time_unit=stated[1])).cautions == ()
+    assert "disagree" not in "\n".join(inspect_log(path).lines())

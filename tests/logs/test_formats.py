@@ -299,7 +299,7 @@ def test_missing_extra_names_the_command(tmp_path, monkeypatch, library, name, e
     written = WRITERS[name](tmp_path)
     monkeypatch.setitem(sys.modules, library, None)
     monkeypatch.setattr(apart, "_is_apart", True)  # the process of its own has all libraries
-    with refusal(str(written.path), "not installed", f'pip install "seatrial[{extra}]"'):
+    with refusal(str(written.path), "not installed", f'pip install -e ".[{extra}]"'):
         catalogue(LogFile(written.path))
 
 

@@ -68,3 +68,58 @@ def test_a_hole_is_among_the_cautions_and_told_in_print(tmp_path):
     record = st.read_log(path, {"n": ("prop", "rpm"), "u": ("speed", "m/s")}, ["n"], time=("t", "s"))
     assert "no sample of n, u from 9.90 s to 14.00 s" in record.cautions[0]
     assert "controls n [rad/s]; measured u [m/s]; 1 caution: read record.cautions" in repr(record)
+
+
+COLUMNS = (st.Channel("n", "rad/s", "control"), st.Channel("u", "m/s", "measurement"))
+SHAFT = 120.0 + 20.0 * np.sin(0.7 * 0.1 * np.arange(300))
+"""Speed of a propeller at 10 Hz, rad/s: a sine of 9 s."""
+
+
+def made(shaft, stamps=1.7e9, **stated):
+    time, speed = stamps + 0.1 * np.arange(shaft.size), 1.5 + 0.001 * np.arange(shaft.size)
+    return st.make_record(time, {"n": shaft, "u": speed}, COLUMNS, st.Provenance("own", ""), **stated)
+
+
+def test_a_measured_control_of_own_columns_is_a_line_between_its_samples():
+    """The mean of a sine over each step by its integral: trapezia miss it by a millionth, held samples by half a step."""
+    with pytest.warns(
+        UserWarning, match=r'control n: it changes.*between=\{"n": "line"\}.*between=\{"n": "held"\}'
+    ) as warned:
+        record = made(SHAFT)
+    assert warned[0].filename == __file__
+    edges = 0.7 * 0.1 * np.arange(300)
+    means = 120.0 - 20.0 * np.diff(np.cos(edges)) / np.diff(edges)
+    np.testing.assert_allclose(record.channel("n")[:-1], means, atol=0.01)
+    assert np.abs(SHAFT[:-1] - means).max() > 0.6
+    assert (len(record.cautions), record.provenance.options["between"]) == (1, {"n": "line"})
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("between", ["line", "held"])
+def test_a_stated_control_of_own_columns_is_not_doubted(tmp_path, between):
+    """The same numbers in a log, read with the same word, make the same record."""
+    record = made(SHAFT, stamps=0.0, between={"n": between})
+    rows = (f"{0.1 * k:.1f},{n!r},{1.5 + 0.001 * k!r}" for k, n in enumerate(SHAFT.tolist()))
+    (tmp_path / "log.csv").write_text("t,n,u\n" + "\n".join(rows) + "\n")
+    channels = {"n": ("n", "rad/s"), "u": ("u", "m/s")}
+    logged = st.read_log(tmp_path / "log.csv", channels, ["n"], time=("t", "s"), between={"n": between})
+    np.testing.assert_allclose(record.control, logged.control, rtol=1e-12)
+    assert record.cautions == logged.cautions == ()
+
+
+def test_a_measured_control_of_a_log_is_a_line_between_its_samples(tmp_path):
+    rows = (f"{0.1 * k:.1f},{n!r},{1.5 + 0.001 * k!r}" for k, n in enumerate(SHAFT.tolist()))
+    (tmp_path / "log.csv").write_text("t,n,u\n" + "\n".join(rows) + "\n")
+    asked = tmp_path / "log.csv", {"n": ("n", "rad/s"), "u": ("u", "m/s")}, ["n"]
+    with pytest.warns(UserWarning, match=r'control n: it changes.*between=\{"n": "line"\} in read_log') as warned:
+        record = st.read_log(*asked, time=("t", "s"))
+    assert warned[0].filename == __file__
+    stated = st.read_log(*asked, time=("t", "s"), between={"n": "line"})
+    np.testing.assert_array_equal(record.control, stated.control)
+    assert (len(record.cautions), len(stated.cautions)) == (1, 0)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_command_of_own_columns_is_held():
+    steps = np.repeat([100.0, 140.0, 90.0], 100)
+    np.testing.assert_array_equal(made(steps).channel("n"), steps)

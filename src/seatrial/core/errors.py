@@ -7,6 +7,8 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from functools import partial
 
+from seatrial import __version__
+
 
 class SeatrialError(Exception):
     """Base of every error seatrial raises on purpose; its text is meant for the user, without a traceback."""
@@ -76,6 +78,12 @@ def file_error(error: OSError) -> InputError:
         expected="a place where files can be read and written",
         remedy=_REMEDIES.get(error.errno or 0, "check the path, its permissions and the space left on the disk"),
     )
+
+
+def install_extra(extra: str) -> str:
+    """Return the remedy for a missing extra. It names no package index: seatrial is in none, and anybody may take its name there."""
+    wheel = f"dist/seatrial-{__version__}-py3-none-any.whl"
+    return f'in the checkout, pip install -e ".[{extra}]"; or with the wheel, pip install "{wheel}[{extra}]"'
 
 
 def nearest(name: object, allowed: Iterable[str], otherwise: str = "") -> str:

@@ -134,7 +134,7 @@ def make_record(
     provenance: Provenance,
     label: str = "trial",
 ) -> Record:
-    """Build a record from columns and check it.
+    """Build a record from columns and check it; each control is held from its sample to the next, see `seatrial.make_record` for others.
 
     Args:
         time: seconds, shape (n,).

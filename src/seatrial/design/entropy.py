@@ -1,7 +1,8 @@
 """Information of a trial: how far the entropy of the coefficients falls, in nats.
 
-The paper's eqs. (6) to (14) with the signs made right: gain = H(before) - H(after) = 0.5 ln(|P_before| / |P_after|) >= 0,
-over the block of the coefficients only; the vehicle's own state is not what the trial is run for.
+Eqs. (6) to (14) of "Experiment Design, Bayesian Estimation and Model Selection of an Autonomous Underwater Vehicle" with the
+signs made right: gain = H(before) - H(after) = 0.5 ln(|P_before| / |P_after|) >= 0, over the block of the coefficients only; the
+vehicle's own state is not what the trial is run for.
 """
 
 from jaxtyping import Array, Float

@@ -3,7 +3,7 @@
 In a mirror a velocity or force across the plane changes sign, and so does a rate or moment about an axis in the plane. A coefficient
 whose term would change sign and its force not, or the other way round, is zero for a vehicle that looks the same in the mirror, and
 thrusters that are mirror images have one gain. Turned about the keel, sway becomes heave, and each term another with one value and a
-sign (M_q = N_r, M_w = -N_v). With c all the differences that are zero then, and priors that do not depend on one another,
+sign (M_q = N_r, M_w = -N_v). With c all the differences that are zero then, and the others' prior given c = 0,
 
     log Z(alike) - log Z(free) = log p(c = 0 | data) - log p(c = 0)
 

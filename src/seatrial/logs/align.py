@@ -28,6 +28,11 @@ _SPARSE = 100.0
 """Steps of the grid for each sample of the quickest channel, from which the unit of time is doubted."""
 _HAIR = 1e-6
 """Share of a step by which rounding may shift a stamp without making it early or late."""
+_SAME, _NEAR = 1e-3, 0.25
+"""Shares of a step: below the first, stamps of two logs are one instant; up to the second, a constant difference may be one of clocks."""
+_MOST_STAMPS = 0.98
+"""Share of the stamps that must differ by the same time: a few may be lost from one log."""
+_FEWEST_STAMPS = 10
 _BLURRED = 0.3
 """By how much moved samples may be off, in units of their noise: from here on they are told. It adds 4 % to that noise."""
 
@@ -56,8 +61,8 @@ def align(
     The common interval is where every control is known and something is measured. Controls are held from the last
     known sample, and averaged over a `step` in which several fall. Nothing is interpolated: with `step` each measurement
     goes to the nearest grid instant, and those that meet there are averaged, but for those midway to the next; without, the
-    axis is the union of all stamps. An instant at which a channel was not measured holds NaN. Roll, pitch and heading go on over
-    full turns, so that none jumps.
+    axis is the union of all stamps, of which those of two logs that differ by less than a thousandth of a step are one. An instant at
+    which a channel was not measured holds NaN. Roll, pitch and heading go on over full turns, so that none jumps.
 
     Args:
         tables: logs as `read_log` gives them.
@@ -77,7 +82,8 @@ def align(
     if not tables:
         raise InputError("tables to align", found="none", expected="at least one log", remedy="read it with `read_log`")
     origin = min(table.epoch for table in tables)
-    tracks = _tracks(tables, origin, channels)
+    times, notes, shifted = _united(tables, origin)
+    tracks = _tracks(tables, times, channels)
     doubts = [
         f"{table.source} has {doubt}"
         for table in tables
@@ -97,8 +103,8 @@ def align(
             or "correct start and end, in seconds from the beginning of the overlap, or the step",
         )
 
-    columns, notes, averaged, blurred = {}, [], {}, []
-    cautions = [text for table in tables for text in table.cautions]
+    columns, averaged, blurred = {}, {}, []
+    cautions = [*(text for table in tables for text in table.cautions), *shifted]
     slack = _NANOSECOND / 2 if step is None else _HAIR * step
     reach = _NANOSECOND if step is None else step / 2 + slack
     _check_curves(tables, {track.channel.name for track in tracks}, origin, (begin, begin + instants[-1]), slack, reach)
@@ -154,10 +160,57 @@ def common_interval(spans: Sequence[tuple[float, float, Role]]) -> tuple[float, 
     return first, last
 
 
-def _tracks(tables: Sequence[LogTable], origin: Decimal, wanted: Sequence[str] | None) -> list[_Track]:
-    found: dict[str, _Track] = {}
+def _united(tables: Sequence[LogTable], origin: Decimal) -> tuple[list[Float[np.ndarray, " n"]], list[str], list[str]]:
+    """Return the stamps of each log on the common clock, s from `origin`, notes and cautions.
+
+    Stamps of two logs that rounding alone may have parted become one. Clocks of the same step that differ by a constant part of it stay as
+    they are, with a caution: whether samples were taken together, no stamp shows.
+    """
+    times: list[np.ndarray] = []
+    notes, cautions = [], []
     for table in tables:
-        time = table.time + float(table.epoch - origin)
+        time, before = table.time + float(table.epoch - origin), list(zip(tables, times, strict=False))
+        for other, known in before:
+            step, usual = float(np.median(np.diff(time))), float(np.median(np.diff(known)))
+            middles = (known[1:] + known[:-1]) / 2
+            nearest = known[np.searchsorted(middles, time)]
+            apart = time - nearest
+            united = np.where(np.abs(apart) < _SAME * min(step, usual), nearest, time)
+            if (moved := float(np.abs(united - time).max())) > _NANOSECOND and (np.diff(united) > 0).all():
+                notes.append(f"{table.place}: stamps moved by at most {moved:.2g} s onto those of {other.place}")
+                time = united
+            if abs(step - usual) < _SAME * usual and (shift := _constant(apart, step)):
+                cautions.append(_of_shift(table, other, shift, step))
+        times.append(time)
+    return times, notes, cautions
+
+
+def _constant(apart: Float[np.ndarray, " n"], step: float) -> float:
+    """Return by how much nearly all stamps differ from the nearest of another log, s; 0 if not by a constant small part of a step."""
+    near = apart[np.abs(apart) <= _NEAR * step]
+    if near.size < max(_FEWEST_STAMPS, apart.size / 2):
+        return 0.0
+    shift = float(np.median(near))
+    constant = np.mean(np.abs(near - shift) < _SAME * step) >= _MOST_STAMPS
+    return shift if constant and abs(shift) >= _SAME * step else 0.0
+
+
+def _of_shift(table: LogTable, other: LogTable, shift: float, step: float) -> str:
+    """Say that the clocks of two logs differ by a constant, and what to do if this is a difference of clocks alone."""
+    total = Decimal(f"{table.options.get('shift', 0.0) - shift:.9f}").normalize()
+    return (
+        f"{table.place}: each stamp is {abs(shift):.4g} s {'after' if shift > 0 else 'before'} one of {other.place}, and both logs have a "
+        f"sample every {step:.4g} s. If the samples were taken together, this delays one log behind the other, which may decide whether "
+        f'the data support a term: write shift = "{total:f} s" under [[import.files]] of {table.place}. Leave it if they were taken at '
+        "their stamps"
+    )
+
+
+def _tracks(
+    tables: Sequence[LogTable], times: Sequence[Float[np.ndarray, " n"]], wanted: Sequence[str] | None
+) -> list[_Track]:
+    found: dict[str, _Track] = {}
+    for table, time in zip(tables, times, strict=True):
         for channel in table.channels:
             if wanted is not None and channel.name not in wanted:
                 continue

@@ -59,18 +59,46 @@ class Curve:
         """Interpolate; NaN beyond the ends, and NaN stays NaN."""
         return np.interp(cells, self.logged, self.value, left=np.nan, right=np.nan)
 
-    def check(self, cells: Float[np.ndarray, " n"], time: Float[np.ndarray, " n"], where: str) -> None:
-        """Refuse numbers beyond the ends, see `CellCurve`."""
-        outside = np.flatnonzero((cells < self.logged[0]) | (cells > self.logged[-1]))
-        if outside.size:
-            raise InputError(
-                where,
-                found=f"{outside.size} of the {cells.size} rows kept are outside the curve; the first is {cells[outside[0]]:g}, "
-                f"{time[outside[0]]:g} s into the log",
-                expected=f"{self.logged[0]:g} to {self.logged[-1]:g}, the ends of {self.name}",
-                remedy='keep the other rows only, by [[import.keep]] with for example when = "armed == 1", or by start and end; '
-                f"or add a point to {self.name}, for example a row 0,0 if 0 stands for no thrust",
-            )
+    def check(
+        self, cells: Float[np.ndarray, " n"], time: Float[np.ndarray, " n"], where: str, remedy: str = ""
+    ) -> None:
+        """Refuse numbers beyond the ends, see `CellCurve`; `remedy` is added to the advice."""
+        point = f"or add a point to {self.name}, for example a row 0,0 if 0 stands for no thrust"
+        ends = self.logged[0], self.logged[-1]
+        check_within(cells, time, where, ends, f"the ends of {self.name}", point + remedy)
+
+
+def check_within(
+    cells: Float[np.ndarray, " n"],
+    time: Float[np.ndarray, " n"],
+    where: str,
+    ends: tuple[float, float],
+    called: str,
+    remedy: str,
+) -> None:
+    """Refuse numbers beyond the ends of a curve or a law, see `CellCurve`.
+
+    Args:
+        cells: numbers as logged, those that are used.
+        time: when each was logged, s from the beginning of the log.
+        where: log and column, for the error.
+        ends: least and largest number that it reaches.
+        called: name of the ends.
+        remedy: added to the advice to keep the other rows only.
+
+    Raises:
+        InputError: a number beyond the ends.
+    """
+    outside = np.flatnonzero((cells < ends[0]) | (cells > ends[1]))
+    if outside.size:
+        raise InputError(
+            where,
+            found=f"{outside.size} of the {cells.size} rows kept are outside the curve; the first is {cells[outside[0]]:g}, "
+            f"{time[outside[0]]:g} s into the log",
+            expected=f"{ends[0]:g} to {ends[1]:g}, {called}",
+            remedy='keep the other rows only, by [[import.keep]] with for example when = "armed == 1", or by start and end; '
+            + remedy,
+        )
 
 
 def read_curve(path: Path, where: str) -> Curve:

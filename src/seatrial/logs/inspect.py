@@ -18,11 +18,9 @@ from seatrial.logs.formats.protocol import LogFile, TextLayout
 from seatrial.logs.formats.registry import catalogue, format_of, pick, stream
 from seatrial.logs.guess import Guess, best, guesses, remarks
 from seatrial.logs.measured_control import looks_measured
-from seatrial.logs.summary import ClockSummary, ColumnSummary, Gathered, TableSummary
+from seatrial.logs.summary import BURSTS, ClockSummary, ColumnSummary, Gathered, TableSummary, disagreement
 from seatrial.logs.time_stamps import likelier_unit
 
-_BURSTS = 0.5
-"""Standard deviation of the step, as a share of the mean step, from which rows come in bursts."""
 _ELEMENT = re.compile(r"(.*)\[(\d+)\]")
 _LISTED = 16
 """Elements of an array up to which each has a line where several tables are listed."""
@@ -330,7 +328,7 @@ def _clock_keys(clock: ClockSummary) -> Iterator[str]:
         yield f"# time: {doubt}"
     if clock.repeated:
         yield f'clock = "drop_repeated"  # {clock.repeated} stamps repeat; "even" if rows left evenly and came in bursts'
-    elif clock.jitter > _BURSTS / clock.rate:
+    elif clock.jitter > BURSTS / clock.rate:
         yield f'# clock = "even"  # if rows left evenly: they arrived in bursts (sd of the step {clock.jitter:.2g} s)'
 
 
@@ -356,6 +354,8 @@ def _table_lines(table: TableSummary, is_alone: bool) -> Iterator[str]:
         return
     for each in table.clocks:
         yield f"  {'clock' if each is clock else 'other clock'} {_clock_text(each)}"
+    if doubt := disagreement(table.clocks):
+        yield f"  {doubt}"
     if clock is None:
         yield "  no clock: no column is the time by its name and moves, and none rises in every row"
     stamps = {each.name for each in table.clocks}

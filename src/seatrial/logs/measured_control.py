@@ -17,6 +17,8 @@ NEARLY_ALL = 0.8
 WINDOW, MOST, EVERYWHERE = 20, 0.5, 0.9
 """Samples in a stretch, share of them that must differ from the one before, as noise that is rounded may not at each, and share of the
 stretches in which they do: a ramp that is rounded to few steps stays at most samples as it was."""
+SLOW = 0.02
+"""Change of a control from sample to sample, over its standard deviation, below which half a sample of delay moves nothing."""
 APART = 5.0
 """Median steps beyond which samples are no neighbours."""
 
@@ -35,6 +37,33 @@ def looks_measured(time: Float[np.ndarray, " n"], values: Float[np.ndarray, " n"
     step = np.diff(t)
     near = step <= APART * np.median(step)
     return _moves_everywhere(np.diff(x)[near]) or _changes_smoothly(step, x, near[:-1] & near[1:])
+
+
+def taken_as_measured(name: str, function: str) -> str:
+    """Say that a control of which nothing is stated is taken as measured, and which argument of a function of Python states it."""
+    return (
+        f"control {name}: it changes at nearly every sample, as what is measured does, and is taken as a straight line from each sample to "
+        f'the next: state between={{"{name}": "line"}} in {function}, or between={{"{name}": "held"}} if it is a command'
+    )
+
+
+def half_a_step_matters(values: Float[np.ndarray, " n"]) -> bool:
+    """Return whether a control changes so much from sample to sample that half a sample of delay may move a result.
+
+    Args:
+        values: of the control in any unit, NaN where there is none.
+    """
+    known = values[np.isfinite(values)]
+    with np.errstate(over="ignore", invalid="ignore"):  # numbers that are none are refused elsewhere
+        return bool(known.size > 1 and np.sqrt(np.mean(np.diff(known) ** 2)) > SLOW * np.std(known))
+
+
+def mean_to_next(values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+    """Return the mean of each sample and the next one that is there: of a straight line, held over that time, it does the same."""
+    known, means = np.isfinite(values), values.copy()
+    there = values[known]
+    means[known] = np.append(0.5 * (there[:-1] + there[1:]), there[-1:])
+    return means
 
 
 def _moves_everywhere(change: Float[np.ndarray, " m"]) -> bool:

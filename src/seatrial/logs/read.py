@@ -13,9 +13,9 @@ from seatrial.core.signals import signal_unit
 from seatrial.core.units import to_si
 from seatrial.logs.axes import from_axes
 from seatrial.logs.formats.protocol import LogFormat, NoColumn, RawTable, TableInfo, unit_in_name
-from seatrial.logs.formats.registry import catalogue, format_of, hash_of_log, pick, read_columns
+from seatrial.logs.formats.registry import catalogue, format_of, hash_of_log, pick, read_columns, stream
 from seatrial.logs.formats.text_layout import signs_of
-from seatrial.logs.measured_control import looks_measured
+from seatrial.logs.measured_control import half_a_step_matters, looks_measured, mean_to_next
 from seatrial.logs.source import (
     ColumnMap,
     CurvedCells,
@@ -28,10 +28,9 @@ from seatrial.logs.source import (
     text_options,
     time_scale,
 )
+from seatrial.logs.summary import clock_summary, disagreement
 from seatrial.logs.time_stamps import check_unit, checked_time, elapsed, unit_doubt
 
-_SLOW = 0.02
-"""Change of a control from sample to sample, over its standard deviation, below which half a sample of delay moves nothing."""
 _LAYOUT = {"delimiter": None, "skip_rows": 0, "header_rows": 1, "names": None, "encoding": "utf-8"}
 
 
@@ -59,12 +58,10 @@ def read_log(source: LogSource) -> LogTable:
     for name, column in source.channels.items():
         cells = {part: read.numbers(part) for _, part in column.columns}
         empty = np.any([np.isnan(one) for one in cells.values()], axis=0)
-        if column.curve is not None:
-            curved[name] = tuple(
-                CurvedCells(column.curve, one, f'{where}, column "{part}"') for part, one in cells.items()
-            )
-        values = _reached(in_si(source, name, cells.__getitem__), empty, read.time, curved.get(name, ()))
-        mapped[name] = _mean_to_next(values) if column.between == "line" else values
+        if found := curved_cells(column, cells.__getitem__, where):
+            curved[name] = found
+        values = _reached(in_si(source, name, cells.__getitem__), empty, read.time, found)
+        mapped[name] = mean_to_next(values) if column.between == "line" else values
         if gaps := int(empty.sum()):
             empties[name] = [gaps, values.size]
             notes.append(f"{name}: {gaps} of {values.size} cells are empty")
@@ -81,7 +78,7 @@ def read_log(source: LogSource) -> LogTable:
     options = source_options(used) | (text_options(source) if format_of(source.path).is_text else {})
     options |= {"empty": empties} if empties else {}
     epoch = read.epoch + Decimal(f"{source.shift:.9f}")
-    cautions = _other_unit(read, source.path.name)
+    cautions = (*_other_unit(read, source.path.name), *_other_clocks(read, source))
     table = LogTable(
         read.time,
         epoch,
@@ -163,7 +160,8 @@ def read_stamped(source: LogSource, columns: Sequence[str], words: Sequence[str]
                 remedy="words may stand in conditions of [[import.keep]] only; map another column",
             )
     table, every = info.name if info else "", list(dict.fromkeys((*clocks, *columns, *words)))
-    raw = read_columns(log_file(source), table, every, tuple(clocks), words)
+    others = () if info is None or form.is_text else info.clocks
+    raw = read_columns(log_file(source), table, list(dict.fromkeys((*every, *others))), tuple(clocks), words)
     clock = next((name for name in clocks if _moves(raw.columns[name])), next(iter(clocks)))
 
     time_where = f'{where}, column "{clock}"'
@@ -182,23 +180,12 @@ def read_stamped(source: LogSource, columns: Sequence[str], words: Sequence[str]
     return Stamped(raw, kept, time, epoch, clock, clocks[clock], info, where, tuple(notes))
 
 
-def _mean_to_next(values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-    """Return the mean of each sample and the next one that is there: of a straight line, held over that time, it does the same."""
-    known, means = np.isfinite(values), values.copy()
-    there = values[known]
-    means[known] = np.append(0.5 * (there[:-1] + there[1:]), there[-1:])
-    return means
-
-
 def _measured(source: LogSource, table: LogTable) -> Iterator[str]:
     """Say which controls look measured, and are held from sample to sample because nothing else is said."""
     for name, column in source.channels.items():
         if column.role != "control" or column.between is not None:
             continue
-        known = table.columns[name][np.isfinite(table.columns[name])]
-        with np.errstate(over="ignore", invalid="ignore"):  # numbers that are none are refused elsewhere
-            matters = known.size > 1 and np.sqrt(np.mean(np.diff(known) ** 2)) > _SLOW * np.std(known)
-        if matters and looks_measured(table.time, table.columns[name]):
+        if half_a_step_matters(table.columns[name]) and looks_measured(table.time, table.columns[name]):
             yield (
                 f'channel "{name}" of {table.place}: it changes at nearly every sample, as what is measured does, and is '
                 'held from each sample to the next, which makes it half a sample late: add between = "line" to this channel, or between = '
@@ -227,21 +214,46 @@ def _reached(
 
 
 def in_si(source: LogSource, name: str, cells_of: Callable[[str], Float[np.ndarray, " n"]]) -> Float[np.ndarray, " n"]:
-    """Return a channel as the map makes it of its columns: each through the curve, summed, scaled, offset, in SI.
+    """Return a channel as the map makes it of its columns, see `ColumnMap`, in SI.
 
-    It is NaN where one of them is a gap or a number that the curve does not reach.
+    It is NaN where one of them is a gap, or a number that the curve or the law does not reach.
 
     Args:
         source: whose map it is.
         name: of the channel.
         cells_of: returns the numbers of a column.
     """
-    column, total = source.channels[name], np.zeros(())
+    column = source.channels[name]
     with np.errstate(invalid="ignore", over="ignore"):
+        if column.law is not None:
+            return column.scale * column.law(_command(column, cells_of)) * si_factor(source, name)
+        total = np.zeros(())
         for factor, part in column.columns:
             cells = cells_of(part)
             total = total + factor * (cells if column.curve is None else column.curve(cells))
         return (column.scale * total + column.offset) * si_factor(source, name)
+
+
+def curved_cells(
+    column: ColumnMap, cells_of: Callable[[str], Float[np.ndarray, " n"]], where: str
+) -> tuple[CurvedCells, ...]:
+    """Return the numbers that the curve or the law of a channel explains; none of a channel without.
+
+    Args:
+        column: map of the channel.
+        cells_of: returns the numbers of a column.
+        where: log and table, for errors.
+    """
+    if column.law is not None:
+        return (CurvedCells(column.law, _command(column, cells_of), f'{where}, column "{column.column}"'),)
+    if column.curve is None:
+        return ()
+    return tuple(CurvedCells(column.curve, cells_of(part), f'{where}, column "{part}"') for _, part in column.columns)
+
+
+def _command(column: ColumnMap, cells_of: Callable[[str], Float[np.ndarray, " n"]]) -> Float[np.ndarray, " n"]:
+    """Return the command that a law makes a force of."""
+    return sum((factor * cells_of(part) for factor, part in column.columns), np.zeros(())) + column.offset
 
 
 def _other_unit(read: "Stamped", log: str) -> tuple[str, ...]:
@@ -251,6 +263,26 @@ def _other_unit(read: "Stamped", log: str) -> tuple[str, ...]:
         doubt = unit_doubt(read.time, read.clock_unit)
         return (f'{log}, time: column "{read.clock}" has {doubt}',) if doubt else ()
     return (f'{log}, time: the unit of column "{read.clock}" is "{read.clock_unit}" in the map; is it "{named}"?',)
+
+
+def _other_clocks(read: "Stamped", source: LogSource) -> tuple[str, ...]:
+    """Say that another clock of the table runs over another time than the one that is used."""
+    log = log_file(source)
+    info = read.info or pick(catalogue(log), source.table, str(source.path))
+    units = {name: info.unit(name) or "s" for name in info.clocks} | {read.clock: read.clock_unit}
+    if len(units) < 2:
+        return ()
+    raw = read.raw
+    if all(name in raw.columns and raw.columns[name].dtype.kind != "O" for name in units):
+        stamps = {name: raw.columns[name] * 10.0 ** -raw.decimals.get(name, 0) for name in units}
+    else:  # of a text, columns that nothing else needs were not read
+        blocks = list(stream(log, {info.name: list(units)}))
+        stamps = {name: np.concatenate([block.columns[name] for block in blocks]) for name in units}
+    doubt = disagreement([clock_summary(name, unit, stamps[name]) for name, unit in units.items()])
+    if not doubt:
+        return ()
+    remedy = 'name the right one by time = { column = "…" } under [[import.files]]'
+    return (f"{read.where}: {doubt}; the time is {read.clock}: {remedy}",)
 
 
 def _check_layout(source: LogSource, form: LogFormat) -> None:

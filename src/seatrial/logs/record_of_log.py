@@ -1,6 +1,8 @@
 """A log read into a record in one call: which column is which signal, and which of them drive the vehicle."""
 
+import warnings
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from math import inf
 from pathlib import Path
 from typing import Any, get_args
@@ -21,6 +23,7 @@ from seatrial.core.signals import ANGLES, OVER_EARTH, QUATERNION, RATES
 from seatrial.logs.align import align
 from seatrial.logs.axes import Axes
 from seatrial.logs.body_frame import to_body
+from seatrial.logs.measured_control import half_a_step_matters, looks_measured, taken_as_measured
 from seatrial.logs.read import read_log
 from seatrial.logs.source import Between, Clock, ColumnMap, LogSource
 
@@ -53,7 +56,8 @@ def record_of_log(
         start: where to begin, s from the first sample.
         end: where to end, s likewise.
         label: short name; by default the file's.
-        between: of controls, "line" for one that was measured while it changed, "held" for a command; see `ColumnMap`.
+        between: of controls, "line" for one that was measured while it changed, "held" for a command; see `ColumnMap`. One that is not
+            named is taken as measured if it changes at nearly every sample, with a warning, else as a command.
         layout: `clock` ("as_stamped", "even" or "drop_repeated"), `axes` ("NED" or "ENU"), `table` of a log that has several; of text
             `delimiter`, `skip_rows`, `header_rows`, `names` and `encoding`.
 
@@ -95,9 +99,17 @@ def record_of_log(
     made: dict[str, Role] = dict.fromkeys(
         (*RATES, *ANGLES), "measurement"
     )  # of quaternions, and of velocities over the earth
-    tables = to_body(
-        [read_log(source)], made | {name: roles[name] for name in channels if name not in (*OVER_EARTH, *QUATERNION)}
-    )
+    table, cautions = read_log(source), []
+    for name in controls:
+        column = table.columns[name]
+        if name not in lines and half_a_step_matters(column) and looks_measured(table.time, column):
+            maps[name] = replace(maps[name], between="line")
+            cautions.append(f"{table.place}, {taken_as_measured(name, 'read_log')}")
+            warnings.warn(cautions[-1], stacklevel=2)
+    if cautions:
+        table = read_log(replace(source, channels=maps))
+        table = replace(table, cautions=(*table.cautions, *cautions))
+    tables = to_body([table], made | {name: roles[name] for name in channels if name not in (*OVER_EARTH, *QUATERNION)})
     return align(tables, step=step, start=start, end=end, label=path.stem if label is None else label)
 
 

@@ -27,14 +27,17 @@ Between = Literal["held", "line"]
 class ColumnMap:
     """One channel: value = scale * sum_j factor_j curve(cell_j) + offset, in `unit`; then converted to SI.
 
+    Of a command with a law of thrust it is scale * law(sum_j factor_j cell_j + offset): a law that is not linear acts on the sum.
+
     Attributes:
         column: name in the header; or, where there are `parts`, the sum as it was written.
         unit: unit of the cells, for example `rpm`; of a sum, its own.
         role: whether the channel drives the vehicle or observes it.
         scale: plain factor on the cell, for example -1 to flip the sign.
-        offset: added after scaling, in `unit`.
+        offset: added after scaling, in `unit`; before a law, in units of the command, for example 1500 where the sum has no neutral.
         curve: what a cell's number stands for; by default itself.
         parts: factors and columns of a sum, see `parse_sum`; by default the column alone.
+        law: force of a command, in `unit`; no curve stands beside it.
         between: what a control does from one sample to the next: it is held, or changes along a straight line; None for one
             that is held and may be doubted.
     """
@@ -47,6 +50,7 @@ class ColumnMap:
     curve: CellCurve | None = None
     parts: tuple[tuple[float, str], ...] = ()
     between: Between | None = None
+    law: CellCurve | None = None
 
     @property
     def columns(self) -> tuple[tuple[float, str], ...]:
@@ -94,11 +98,11 @@ class LogSource:
 
 @dataclass(frozen=True, eq=False)
 class CurvedCells:
-    """Numbers of a column that a curve explains; whether it reaches them is checked once it is known which rows are kept.
+    """Numbers of a column, or commands, that a curve or law explains; its reach is checked once it is known which rows are kept.
 
     Attributes:
         curve: what they stand for.
-        cells: as logged, NaN where empty, shape (n,).
+        cells: as logged, or the command that a sum makes; NaN where empty, shape (n,).
         where: log and column, for errors.
     """
 
@@ -230,7 +234,7 @@ def source_options(source: LogSource) -> dict[str, Any]:
                 "scale": float(column.scale),
                 "offset": float(column.offset),
             }
-            | ({} if column.curve is None else {"curve": column.curve.name})
+            | ({} if (explained := column.curve or column.law) is None else {"curve": explained.name})
             | ({} if column.between is None else {"between": column.between})
             for name, column in source.channels.items()
         },

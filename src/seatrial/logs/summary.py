@@ -13,6 +13,12 @@ from seatrial.logs.time_stamps import fitting_unit, is_plausible, likelier_unit,
 
 FEWEST = 10
 """Steps up, without one down, of a column that is taken for a clock though its name does not say so."""
+_APART, _SHARE = 0.5, 0.01
+"""Seconds, and share of the shorter duration, by both of which two clocks of one table must differ to disagree."""
+BURSTS = 0.5
+"""Standard deviation of the step, as a share of the mean step, from which rows come in bursts."""
+_EVEN, _UNEVEN = 1e-5, 1e-3
+"""Standard deviation of the step, as a share of it, below which a clock may count rows, and above which another shows that it does."""
 _TINY, _HUGE = 1e-6, 1e15
 _LONGEST = 1e18
 """A step, in seconds, beyond which the sums would overflow."""
@@ -277,6 +283,42 @@ class Gathered:
         whole = {one.name for one in columns if one.count == self.rows}
         rising = [name for name, clock in self.clocks.items() if name in whole and clock.steps >= FEWEST]
         return {name: self.clocks[name] for name in sorted(rising, key=lambda name: self.clocks[name].unevenness)[:1]}
+
+
+def clock_summary(name: str, unit: str, stamps: np.ndarray) -> ClockSummary:
+    """Return a column as a clock.
+
+    Args:
+        name: of the column.
+        unit: of its stamps.
+        stamps: as logged, shape (n,).
+    """
+    clock = _Clock(unit)
+    clock.take(stamps)
+    return clock.summary(name)
+
+
+def disagreement(clocks: Sequence[ClockSummary]) -> str:
+    """Say that clocks of one table run over different times, and which of them may count rows; empty where none does.
+
+    Times of arrival in bursts are left out: the first rows may have come late by seconds.
+    """
+    named = [
+        one for one in clocks if one.is_named and one.moves and not one.backward and one.jitter <= BURSTS / one.rate
+    ]
+    if len(named) < 2:
+        return ""
+    short, long = (best(named, key=lambda one: one.duration) for best in (min, max))
+    if long.duration - short.duration <= max(_APART, _SHARE * short.duration):
+        return ""
+    spread = {one.name: one.jitter * one.rate for one in (short, long)}
+    even = [name for name, share in spread.items() if share < _EVEN]
+    counted = (
+        f": {even[0]} has an even step, and may count rows by a nominal one"
+        if len(even) == 1 and max(spread.values()) > _UNEVEN
+        else ": the unit of one may be wrong, or one may jump"
+    )
+    return f"clocks disagree: {short.name} runs over {short.duration:.6g} s, {long.name} over {long.duration:.6g} s{counted}"
 
 
 def _may_be_time(name: str, stated: str | None) -> bool:

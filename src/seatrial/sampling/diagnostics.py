@@ -2,7 +2,8 @@
 
     z = (mean_a - mean_b) / sqrt(V_a + V_b),  a an early segment, b the end of the chain (Geweke, Bayesian Statistics 4, 1992)
 
-Along a chain they are given as the paper draws them over its traces, with the variance of the mean and as printed.
+Along a chain they are given as "Experiment Design, Bayesian Estimation and Model Selection of an Autonomous Underwater Vehicle"
+draws them over its traces, with the variance of the mean and as printed.
 """
 
 from collections.abc import Callable

@@ -1,7 +1,8 @@
-"""One evidence from two methods that share no code, and a third where these do not agree; agreement or alarm in words.
+"""One evidence from two methods, and a third where these do not agree; agreement or alarm in words.
 
 Adaptive importance sampling about the modes is the most precise; tempered SMC starts from the prior and knows of no mode. Each is blind
-where the other sees, so that their difference in units of their joint error is a test of both. One repeat of SMC is cooled further:
+where the other sees, so that their difference in units of their joint error is a test of both, but not of the likelihood and the prior,
+which they share. One repeat of SMC is cooled further:
 modes that its particles meet are given to importance sampling, which stays unbiased whatever it is given.
 
 Where the noise is unknown and the priors are wide, tempered SMC may fail on a posterior that is all but normal: with N b less than

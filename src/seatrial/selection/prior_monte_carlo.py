@@ -1,5 +1,7 @@
 """Evidence as the plain average of likelihoods over draws from the prior: Listing 1 of the paper, with what it leaves out.
 
+The paper is "Experiment Design, Bayesian Estimation and Model Selection of an Autonomous Underwater Vehicle".
+
     Z = mean_i L(z_i),  z_i ~ p(z),  P(M_j) = p_j Z_j / sum_k p_k Z_k.
 
 Unbiased, and useless where few draws come near the posterior: the effective sample size (sum L)^2 / sum L^2 says how many

@@ -1,7 +1,8 @@
 """Surge dynamics with any set of terms: (m - X_udot) du/dt = sum X_i phi_i + (1 - t_d) sum T_j phi_j.
 
 It is the whole vehicle of `whole.py` with everything but u held at zero.
-The paper's model is the set {X_u, X_uabsu, T_nabsn}, its eq. (3); X_du3 adds the term of its section IV.
+The model of "Experiment Design, Bayesian Estimation and Model Selection of an Autonomous Underwater Vehicle"
+is the set {X_u, X_uabsu, T_nabsn}, its eq. (3); X_du3 adds the term of its section IV.
 """
 
 from collections.abc import Callable, Mapping, Sequence

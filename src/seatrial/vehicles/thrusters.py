@@ -21,6 +21,11 @@ from seatrial.core.signals import is_thruster, signal_unit, thruster_controls
 from seatrial.numerics.rotations import cross, dot, total
 from seatrial.vehicles.model import Unknown
 
+PULSE_WIDTHS = (500.0, 2500.0)
+"""Pulse widths that a speed controller may be sent, us: 800 to 2200 at most by ArduPilot, a margin on either side."""
+NEUTRAL_PULSE_WIDTHS = (1000.0, 2000.0)
+"""Neutral commands of a polynomial that is one of pulse widths, us."""
+
 
 @dataclass(frozen=True)
 class ThrustLaw:
@@ -82,6 +87,13 @@ class ThrustLaw:
             if thrust == 0 and points
             else found[np.argmin(np.abs(found - self.neutral))]
         )
+
+    @property
+    def pulses(self) -> tuple[float, float]:
+        """Commands for which a polynomial of pulse widths is; without bounds where it is of other commands, or the law is a table."""
+        lower, upper = NEUTRAL_PULSE_WIDTHS
+        is_of_pulses = not self.table and lower <= self.neutral <= upper
+        return PULSE_WIDTHS if is_of_pulses else (-np.inf, np.inf)
 
     def is_dead(self, command: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
         """Return whether commands, shape (n,), lie in the dead zone, ends included."""

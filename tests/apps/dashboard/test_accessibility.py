@@ -16,7 +16,7 @@ from seatrial.apps.dashboard.page_layout import VIEWS
 from tests.apps.dashboard.served import served
 from tests.campaign.small import NO_X_U, write_small
 
-pytest.importorskip("nicegui", reason="the dashboard needs NiceGUI: pip install 'seatrial[dashboard]'")
+pytest.importorskip("nicegui", reason="the dashboard needs NiceGUI: pip install -e '.[dashboard]'")
 pytestmark = pytest.mark.proof
 AXE = os.environ.get("SEATRIAL_AXE")
 

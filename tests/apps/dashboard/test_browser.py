@@ -17,7 +17,7 @@ from tests.apps.dashboard.conftest import SLOW
 from tests.apps.dashboard.served import served
 from tests.campaign.small import NO_X_U, write_small
 
-pytest.importorskip("nicegui", reason="the dashboard needs NiceGUI: pip install 'seatrial[dashboard]'")
+pytest.importorskip("nicegui", reason="the dashboard needs NiceGUI: pip install -e '.[dashboard]'")
 pytestmark = pytest.mark.proof
 
 

@@ -11,7 +11,7 @@ import httpx
 import numpy as np
 import pytest
 
-pytest.importorskip("nicegui", reason="the dashboard needs NiceGUI: pip install 'seatrial[dashboard]'")
+pytest.importorskip("nicegui", reason="the dashboard needs NiceGUI: pip install -e '.[dashboard]'")
 
 from fastapi import FastAPI
 

@@ -5,7 +5,7 @@ from html import unescape
 import httpx
 import pytest
 
-pytest.importorskip("nicegui", reason="the dashboard needs NiceGUI: pip install 'seatrial[dashboard]'")
+pytest.importorskip("nicegui", reason="the dashboard needs NiceGUI: pip install -e '.[dashboard]'")
 
 from tests.apps.dashboard.served import served
 from tests.campaign.small import write_small

@@ -2,7 +2,7 @@
 
 import pytest
 
-pytest.importorskip("nicegui", reason="the dashboard needs NiceGUI: pip install 'seatrial[dashboard]'")
+pytest.importorskip("nicegui", reason="the dashboard needs NiceGUI: pip install -e '.[dashboard]'")
 
 from seatrial.apps.dashboard.model_queries import begun
 from seatrial.apps.dashboard.new_campaign_rows import field_of

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-pytest.importorskip("nicegui", reason="the dashboard needs NiceGUI: pip install 'seatrial[dashboard]'")
+pytest.importorskip("nicegui", reason="the dashboard needs NiceGUI: pip install -e '.[dashboard]'")
 
 from seatrial.apps.dashboard import model_queries, prediction_views, result_charts, result_plots
 from seatrial.apps.dashboard.charts import Curve, Panel, TimeChart, _series, legend_lines

@@ -5,7 +5,7 @@ import os
 
 import pytest
 
-pytest.importorskip("nicegui", reason="the dashboard needs NiceGUI: pip install 'seatrial[dashboard]'")
+pytest.importorskip("nicegui", reason="the dashboard needs NiceGUI: pip install -e '.[dashboard]'")
 
 from seatrial.apps.campaign_lock import Occupant
 from seatrial.apps.dashboard import app_context

@@ -6,7 +6,7 @@ import os
 
 import pytest
 
-pytest.importorskip("nicegui", reason="the dashboard needs NiceGUI: pip install 'seatrial[dashboard]'")
+pytest.importorskip("nicegui", reason="the dashboard needs NiceGUI: pip install -e '.[dashboard]'")
 
 import uvicorn
 

@@ -35,7 +35,7 @@ def serve(
     no_browser: Annotated[bool, typer.Option("--no-browser", help="Do not open a browser.")] = False,
 ) -> None:
     """Show campaigns in a browser, without internet."""
-    from seatrial.core.errors import InputError
+    from seatrial.core.errors import InputError, install_extra
 
     try:
         import nicegui  # noqa: F401
@@ -44,7 +44,7 @@ def serve(
             "seatrial serve",
             found="no NiceGUI in this environment",
             expected="the extra `dashboard`",
-            remedy='pip install "seatrial[dashboard]"; in a checkout pip install -e ".[dashboard]"',
+            remedy=install_extra("dashboard"),
         ) from cause
     from seatrial.apps.dashboard.request_guard import token_for
     from seatrial.apps.dashboard.server import serve as run_server

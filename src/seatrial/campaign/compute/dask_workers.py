@@ -22,7 +22,7 @@ from distributed.comm.core import CommClosedError
 from seatrial.campaign.compute.machine import environment, processor
 from seatrial.campaign.compute.workers import Done, OnProgress, Work, nobody
 from seatrial.core import engine
-from seatrial.core.errors import InputError, NumericalError, SeatrialError
+from seatrial.core.errors import InputError, NumericalError, SeatrialError, install_extra
 from seatrial.core.reporter import Reporter
 
 # What a process of the cluster runs: one piece of work, and what it reports sent on.
@@ -192,7 +192,7 @@ class DaskWorkers:
             who,
             found=f"no answer but {answer}",
             expected=f"a process in which seatrial {self.ours['seatrial']} can be imported",
-            remedy='install the same versions there: pip install "seatrial[cluster]"',
+            remedy=f"install the same versions there: {install_extra('cluster')}",
         )
 
     def _gone(self, kept: int, total: int) -> InputError:
@@ -356,7 +356,7 @@ def _stranger(who: str, other: dict[str, tuple[str, str]]) -> InputError:
         who,
         found=", ".join(f"{name} {theirs or 'not set'}" for name, (theirs, _) in other.items()),
         expected=", ".join(f"{name} {ours or 'not set'}" for name, (_, ours) in other.items()) + ", as here",
-        remedy='install the same versions there (`pip install "seatrial[cluster]"`), and let it import nothing before seatrial',
+        remedy=f"let it import nothing before seatrial, and install the same versions there: {install_extra('cluster')}",
     )
 
 

@@ -13,7 +13,7 @@ from typing import Any
 from seatrial.campaign.compute.workers import LocalWorkers, Workers
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.settings import SlurmJobs
-from seatrial.core.errors import InputError
+from seatrial.core.errors import InputError, install_extra
 from seatrial.core.reporter import SILENT, Reporter
 
 # Workers that SLURM starts: dask-jobqueue submits a job for each group of processes; the scheduler is a part of this
@@ -126,7 +126,7 @@ def _joined(place: str, asked: SlurmJobs | None, reporter: Reporter) -> Any:
             f"workers {place}",
             found=f"no package {cause.name}",
             expected="Dask, to reach other machines",
-            remedy='pip install "seatrial[cluster]"',
+            remedy=install_extra("cluster"),
         ) from cause
     found = _JOINED.get((place, asked))
     if found is None or not found.is_there:

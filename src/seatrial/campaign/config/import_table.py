@@ -9,7 +9,7 @@ from seatrial.campaign.config.file_keys import FileKeys
 from seatrial.campaign.config.schema import ColumnTable, FileTable, ImportTable, KeepTable
 from seatrial.campaign.config.settings import Imports, KeepRule, LogColumn, LogFile
 from seatrial.core.errors import InputError, nearest
-from seatrial.core.signals import signal_unit
+from seatrial.core.signals import is_thruster, signal_unit
 from seatrial.core.units import to_si
 from seatrial.logs.body_frame import SOURCES
 from seatrial.logs.keep import parse_condition
@@ -218,6 +218,14 @@ def _column(
             remedy='write column = "data[0]", or sum = "0.12 data[0] - 0.12 data[1]"',
         )
     parts = () if column.sum is None else parse_sum(column.sum, keys.where(f"{key}.sum"))
+    if len(parts) > 1 and column.curve is not None and is_thruster(name) and name[0] == "f":
+        raise InputError(
+            keys.where(f"{key}.curve"),
+            found=f"a curve of each column of {name}, whose columns are added up",
+            expected="one command of a thruster, of which a curve or a law makes its thrust",
+            remedy=f'give the thrusters a law, [vehicle.thrust_laws.NAME] with curve = "{column.curve}", and their channels '
+            f'unit = "{COMMAND}" without a curve: a law acts on the sum',
+        )
     written = column.sum or column.column or ""
     curve = column.curve if law is None else law.table or None
     return LogColumn(written, unit, column.scale, column.offset, curve, parts, law, column.between)

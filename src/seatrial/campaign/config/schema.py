@@ -46,7 +46,8 @@ class ThrustLawTable(Table):
     `curve` is a CSV of two columns with a header, the command and the thrust in N; in its place `polynomial` gives the thrust in N by
     powers of the command minus `neutral`, the constant first. Between the two commands of `dead_zone`, ends included, there is no
     thrust. Negative thrust is multiplied by `reverse`. `lag` is the time constant of the thrust. A channel f_1 in the unit "command" is
-    converted by the law of thruster 1.
+    converted by the law of thruster 1. Commands beyond the curve are refused, and so are those below 500 or above 2500 where a polynomial
+    has a `neutral` between 1000 and 2000, as one of pulse widths has.
     """
 
     curve: str | None = None
@@ -344,7 +345,8 @@ class ColumnTable(Table):
 
     In place of a column, `sum` is a sum of columns of the table with factors, such as "0.12 data[0] - 0.12 data[1]"; names with other
     signs than letters, digits and . _ / [ ] are written in single quotes. The curve is applied to each column. Forces of thrusters may be
-    in the unit "command", see `[vehicle.thrust_laws]`.
+    in the unit "command": `[vehicle.thrust_laws]` makes thrust of the column, or of the sum. `offset` is then in units of the command and
+    is added before the law, and `scale` multiplies the thrust.
 
     A control is held from each sample to the next, as a command is. `between = "line"` is for a control that was measured while it changed,
     such as the speed of a propeller: over each step it is the mean of the straight line between its samples. Where neither is said it is

@@ -229,7 +229,8 @@ class LogColumn:
     """Column that holds a channel, in a unit; multiplied by `scale`, then `offset` is added; `curve` names a table to read it off.
 
     Of a sum of columns, `column` is the sum as it was written, and `parts` are its factors and columns. `law` is that of a thruster, whose
-    commands the column holds. `between` says what a control does between its samples; None where that is not said.
+    command the column or the sum is, after `offset` is added; `scale` then multiplies the thrust. `between` says what a control does
+    between its samples; None where that is not said.
     """
 
     column: str

@@ -28,7 +28,7 @@ from seatrial.core.result_table import text_html
 from seatrial.core.signals import QUATERNION
 from seatrial.logs.align import align
 from seatrial.logs.body_frame import to_body
-from seatrial.logs.curve import CellCurve, Curve, read_curve
+from seatrial.logs.curve import CellCurve, Curve, check_within, read_curve
 from seatrial.logs.cut_record import cut
 from seatrial.logs.followed import follow
 from seatrial.logs.formats.protocol import NoColumn
@@ -375,9 +375,10 @@ def log_source(campaign: Campaign, file: LogFile, path: Path, index: int, roles:
             roles.get(name, "measurement"),
             scale=column.scale,
             offset=column.offset,
-            curve=_cell_curve(campaign, index, name, column),
+            curve=None if column.law else _cell_curve(campaign, index, name, column),
             parts=column.parts,
             between=column.between,
+            law=_law(campaign, index, name, column, column.law) if column.law else None,
         )
         for name, column in file.channels.items()
     }
@@ -398,17 +399,24 @@ def log_source(campaign: Campaign, file: LogFile, path: Path, index: int, roles:
     )
 
 
-def _cell_curve(campaign: Campaign, index: int, name: str, column: LogColumn) -> CellCurve | None:
-    """Return what the cells of a channel stand for: by its own curve, or by the law of a thruster.
+def _cell_curve(campaign: Campaign, index: int, name: str, column: LogColumn) -> Curve | None:
+    """Return the curve of a channel, or the table of its law.
 
     Raises:
-        InputError: a curve that cannot be read, or a table of thrust that turns back.
+        InputError: a curve that cannot be read.
     """
-    key = f"import.files[{index}].channels.{name}"
-    where = campaign.where(f"{key}.curve" if column.law is None else f"{key}.unit")
-    curve = read_curve(_curve(campaign, index, name, column.curve), where) if column.curve else None
-    if column.law is None:
-        return curve
+    where = campaign.where(f"import.files[{index}].channels.{name}.{'unit' if column.law else 'curve'}")
+    return read_curve(_curve(campaign, index, name, column.curve), where) if column.curve else None
+
+
+def _law(campaign: Campaign, index: int, name: str, column: LogColumn, law: ThrustLaw) -> CellCurve:
+    """Return the force of a channel's command by the law of its thruster.
+
+    Raises:
+        InputError: a table that cannot be read, or that turns back.
+    """
+    where = campaign.where(f"import.files[{index}].channels.{name}.unit")
+    curve = _cell_curve(campaign, index, name, column)
     if curve is not None and np.unique(np.sign(np.diff(curve.value))[np.diff(curve.value) != 0]).size > 1:
         back = int(np.flatnonzero(np.diff(np.sign(np.diff(curve.value))) != 0)[0]) + 1
         raise InputError(
@@ -417,12 +425,12 @@ def _cell_curve(campaign: Campaign, index: int, name: str, column: LogColumn) ->
             expected="thrust that only rises with the command, or only falls; flat stretches may lie between",
             remedy="smooth the measured points, or leave out the one that is wrong",
         )
-    return _Thrust(column.law, curve)
+    return _Thrust(law, curve)
 
 
 @dataclass(frozen=True)
 class _Thrust:
-    """The law of a thruster, with its table, as a curve of cells."""
+    """The law of a thruster, with its table, as a curve of commands."""
 
     law: ThrustLaw
     table: Curve | None
@@ -433,20 +441,29 @@ class _Thrust:
         return f"law of thrust, {self.table.name if self.table else 'polynomial'}"
 
     def __call__(self, cells: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return the thrust, N; NaN beyond the table."""
-        return self.law.thrust(cells, None if self.table is None else self.table(cells))
+        """Return the thrust, N; NaN beyond the table, and of no pulse width by a law for pulse widths."""
+        thrust = self.law.thrust(cells, None if self.table is None else self.table(cells))
+        lower, upper = self.law.pulses
+        return np.where(((cells < lower) | (cells > upper)) & ~self.law.is_dead(cells), np.nan, thrust)
 
     def check(self, cells: Float[np.ndarray, " n"], time: Float[np.ndarray, " n"], where: str) -> None:
-        """Refuse a command out of the dead zone that is beyond the table, or where a polynomial turns back; see `CellCurve`."""
+        """Refuse a command out of the dead zone that is beyond the law, or where a polynomial turns back; see `CellCurve`."""
         cells = np.where(self.law.is_dead(cells), np.nan, cells)
+        offset = (
+            "; a sum of commands needs the offset, in units of the command, that brings its neutral to that of the law"
+        )
         if self.table is not None:
-            self.table.check(cells, time, where)
+            self.table.check(cells, time, where, offset)
             return
         known = cells[np.isfinite(cells)]
-        tried = np.linspace(known.min(), known.max(), _TRIED) if known.size else known
+        called = f"the pulse widths, us, that a law with neutral = {self.law.neutral:g} is for"
+        table = "or give a table in place of the polynomial, [vehicle.thrust_laws.NAME] with curve, if it is for other commands"
+        check_within(cells, time, where, self.law.pulses, called, table + offset)
+        ends = (min(known.min(), self.law.neutral), max(known.max(), self.law.neutral)) if known.size else (0.0, 0.0)
+        tried = np.linspace(*ends, _TRIED) if known.size else known
         tried = tried[~self.law.is_dead(tried)]
         steps = np.diff(np.polynomial.polynomial.polyval(tried - self.law.neutral, self.law.polynomial))
-        if known.size and steps.min() < 0 < steps.max():
+        if steps.size and steps.min() < 0 < steps.max():
             at = tried[1 + int(np.flatnonzero(np.diff(np.sign(steps)))[0])]
             raise InputError(
                 where,

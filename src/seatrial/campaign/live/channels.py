@@ -16,7 +16,7 @@ from seatrial.core.signals import ANGLES, OVER_EARTH, QUATERNION, signal_unit
 from seatrial.logs.axes import from_axes
 from seatrial.logs.formats.protocol import LOG_TIME, ColumnInfo, clocks_among
 from seatrial.logs.formats.text_layout import WHITESPACE, signs_of
-from seatrial.logs.read import in_si
+from seatrial.logs.read import curved_cells, in_si
 from seatrial.logs.source import ColumnMap, LogSource, check_source, log_file, time_scale
 from seatrial.numerics.rotations import angles_of_quaternion, matrix_of_angles
 
@@ -132,14 +132,12 @@ class Channels:
                     values = np.where(np.isinf(values), np.nan, values)
                 return values
 
-            if (curve := column.curve) is not None:
-                for _, part in column.columns:
-                    numbers = cells_of(part)
-                    known = numbers[np.isfinite(numbers)]
-                    reached = np.isfinite(curve(known))
-                    if not reached.all():
-                        self.say(f"curve {name}", f"{name}: values beyond the ends of {curve.name} are left out")
-                    curve.check(known[reached], np.arange(known.size)[reached], f'{self.name}, column "{part}"')
+            for one in curved_cells(column, cells_of, self.name):
+                known = one.cells[np.isfinite(one.cells)]
+                reached = np.isfinite(one.curve(known))
+                if not reached.all():
+                    self.say(f"curve {name}", f"{name}: values beyond the ends of {one.curve.name} are left out")
+                one.curve.check(known[reached], np.arange(known.size)[reached], one.where)
             found[name] = in_si(source, name, cells_of)
         return from_axes(found, source.axes, self.name)
 

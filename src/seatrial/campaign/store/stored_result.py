@@ -220,11 +220,11 @@ def key_of(*parts: Any) -> str:
 def as_json(part: Any) -> Any:
     """Return a part of a configuration as JSON, so that parts of equal content are equal there.
 
-    Frozen dataclasses go by type and by the fields that they are compared by. Numbers go by twelve digits: a quantity that is written
-    in another unit differs in the sixteenth.
+    Frozen dataclasses go by type and by the fields that they are compared by. Numbers go by twelve digits, since a quantity that is written
+    in another unit differs in the sixteenth, and large ones by nine decimals: of seconds since 1970 every nanosecond counts.
     """
     if isinstance(part, float):
-        return float(f"{part:.11e}")
+        return round(part, 9) if abs(part) >= 1e3 else float(f"{part:.11e}")
     if is_dataclass(part) and not isinstance(part, type):
         content = {field.name: as_json(getattr(part, field.name)) for field in fields(part) if field.compare}
         return {"": type(part).__name__, **content}

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from seatrial.core.errors import InputError
+from seatrial.core.errors import InputError, install_extra
 from seatrial.export.trials.plain import trial_json
 from seatrial.export.trials.trial import NEUTRAL, Trial, value_at
 
@@ -78,5 +78,5 @@ def _library(module: str, folder: Path) -> Any:
             str(folder),
             found="rosbags, which writes ROS 2 bags, is not installed",
             expected="the extra `ros`",
-            remedy='pip install "seatrial[ros]"',
+            remedy=install_extra("ros"),
         ) from cause

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from seatrial.core.errors import InputError
+from seatrial.core.errors import InputError, install_extra
 from seatrial.logs.formats.unit_in_name import ENDINGS, name_and_units
 
 BLOCK_ROWS = 8192
@@ -213,7 +213,7 @@ def optional(module: str, extra: str, path: Path) -> Any:
             str(path),
             found=f"a log that {module.split('.')[0]} reads, which is not installed",
             expected=f"the extra `{extra}`",
-            remedy=f'pip install "seatrial[{extra}]"',
+            remedy=install_extra(extra),
         ) from cause
 
 
