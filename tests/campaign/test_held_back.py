@@ -11,6 +11,8 @@ from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.inference.judge_predictions import (
     _lacks,
+    _predict,
+    _score,
     _unseen,
     fit_complaints,
     held_back_alarms,
@@ -88,6 +90,18 @@ def test_a_slow_error_that_no_short_run_shows_alone_is_found_in_all_together(kno
     assert "residuals of u are correlated (" in said
     assert "; likewise " in said
     assert 'set estimation.residuals = "drifting"' in said
+
+
+def test_process_noise_that_correlates_a_free_simulation_is_no_finding(known):
+    """Under filter error the innovations are tested, not the residuals of a simulation without corrections."""
+    campaign, _, drawn = known
+    record = run(known, "2", WAVE, 3)
+    slow = replace(record, measurement=record.measurement + 0.05 * np.sin(0.3 * record.time)[:, None])
+    piece = _predict(campaign, drawn, slow)
+    assert not piece["filtered"]
+    assert _score(piece, 0).white < 1e-6
+    found = _score({**piece, "filtered": True}, 0)
+    assert (found.white, found.sd_factor) == (1.0, 1.0)
 
 
 @pytest.mark.parametrize("factor", [57.29578, 60.0, 1000.0])
