@@ -101,7 +101,15 @@ def write_summary(
     partners = [{**blank, "name": a, "unit": "", "partner": b, "correlation": r} for a, b, r in correlated]
     known = {"stage": "after", "structure": chosen, "parameters": partners, "directions": [], "verdict": []}
     known["symmetry"] = []
-    blank = {"name": "small", "structures": [], "verdicts": [], "cautions": [], "alarms": [], "usable": True}
+    blank = {
+        "name": "small",
+        "structures": [],
+        "verdicts": [],
+        "cautions": [],
+        "alarms": [],
+        "usable": True,
+        "choice_alarms": [],
+    }
     blank |= {"fits": [], "pooled": [], "baselines": []}
     content = {"chosen": chosen, "terms": list(terms), "coefficients": rows, "known": known}
     following = dict.fromkeys(NextTrial.__dataclass_fields__)

@@ -11,11 +11,14 @@ from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.inference.judge_predictions import (
     _lacks,
+    _predict,
+    _score,
     _unseen,
     fit_complaints,
     held_back_alarms,
     held_back_cautions,
     predict_held_back,
+    residual_doubt,
 )
 from seatrial.vehicles.simulate import simulate
 from tests.campaign.small import NO_X_U, write_small
@@ -65,10 +68,40 @@ def predicted(known, *records):
 
 
 def test_a_right_model_passes_and_is_no_alarm(known):
-    found, _ = predicted(known, run(known, "2", WAVE, 1), run(known, "3", WAVE[::-1], 2))
+    found, _ = predicted(known, run(known, "2", WAVE, 4), run(known, "3", WAVE[::-1], 2))
     assert [fit.level for fit in found.fits] == ["pass", "pass"]
     assert found.pooled[0].level == "pass"
     assert held_back_alarms(found.fits, found.pooled) == []
+
+
+def test_a_slow_error_that_no_short_run_shows_alone_is_found_in_all_together(known):
+    """White 0.05 with slow 0.017 m/s over 5 s in runs of 10 s: one alone is no finding, eight are; white runs are none."""
+    campaign, trials, drawn = known
+    rng, white, both = np.random.default_rng(146), [], []
+    for at in range(8):
+        record, slow = run(known, str(at), WAVE, 20 + at, samples=100), [rng.normal()]
+        for normal in rng.normal(size=99):
+            slow.append(np.exp(-0.02) * slow[-1] + np.sqrt(1 - np.exp(-0.04)) * normal)
+        white.append(record)
+        both.append(replace(record, measurement=record.measurement + 0.017 * np.array(slow)[:, None]))
+    assert residual_doubt(campaign, drawn, replace(trials, fit=tuple(white))) == ""
+    assert [residual_doubt(campaign, drawn, replace(trials, fit=(one,))) for one in both[:3]] == [""] * 3
+    said = residual_doubt(campaign, drawn, replace(trials, fit=tuple(both)))
+    assert "residuals of u are correlated (" in said
+    assert "; likewise " in said
+    assert 'set estimation.residuals = "drifting"' in said
+
+
+def test_process_noise_that_correlates_a_free_simulation_is_no_finding(known):
+    """Under filter error the innovations are tested, not the residuals of a simulation without corrections."""
+    campaign, _, drawn = known
+    record = run(known, "2", WAVE, 3)
+    slow = replace(record, measurement=record.measurement + 0.05 * np.sin(0.3 * record.time)[:, None])
+    piece = _predict(campaign, drawn, slow)
+    assert not piece["filtered"]
+    assert _score(piece, 0).white < 1e-6
+    found = _score({**piece, "filtered": True}, 0)
+    assert (found.white, found.sd_factor) == (1.0, 1.0)
 
 
 @pytest.mark.parametrize("factor", [57.29578, 60.0, 1000.0])

@@ -39,9 +39,10 @@ def fit(record, *, held_back=False, channel="u", coverage=0.9, variance=1.0, exp
         coverage=coverage,
         variance=variance,
         correlation=correlation,
-        second=0.0,
+        second=correlation**2,
         interval=0.1,
         white=white,
+        sd_factor=float(np.sqrt((1 + correlation) / (1 - correlation))),
         noise_share=0.1,
         noise_sd=0.02,
         correlation_time=0.0,
@@ -126,9 +127,11 @@ def test_what_could_not_be_judged_is_said_and_is_no_alarm():
     assert "too few to say whether the bands hold" in said
 
 
-def test_lines_say_worse_than_the_mean_where_a_percentage_would_be_negative():
+def test_lines_say_worse_than_the_mean_and_by_how_much_where_a_percentage_would_be_negative():
     lines = held_back_lines(HeldBack((fit("5", held_back=True, explained=-1.84),), (pooled(0.1),)))
-    assert lines[0] == "held-back run 5: u        caution; worse than the run's own mean, 90% inside the 90 % band"
+    assert (
+        lines[0] == "held-back run 5: u        caution; worse than the run's own mean (-184%), 90% inside the 90 % band"
+    )
     assert lines[1].startswith("held-back runs together: pass; ")
 
 

@@ -11,11 +11,13 @@ from seatrial.campaign.config.settings import Goal, Imports
 from seatrial.campaign.data import simulate as simulated
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.data.simulate import Chosen, add_trial, later_trials
+from seatrial.campaign.store.structures import IF_NOISE, undecided_words
 from seatrial.campaign.workflow import loop as sequence
-from seatrial.campaign.workflow.loop import OTHER_NOISE, run_sequence, summarise
+from seatrial.campaign.workflow.loop import run_sequence, summarise
 from seatrial.campaign.workflow.next_trial import Proposal, propose, settling
 from seatrial.core.errors import InputError
 from seatrial.report.sections.summary import answer, summary_section
+from seatrial.selection.verdict import OTHER_NOISE, select
 from tests.campaign.small import SMALL
 from tests.report.outcomes import make_outcome, make_pooled
 
@@ -151,6 +153,31 @@ def test_proposals_weigh_goal_doubt_and_gain(tmp_path):
     assert "would give little information" in propose(quiet).lines[-1]
 
 
+def test_residuals_that_contradict_the_noise_are_an_alarm_wherever_a_probability_is_printed(tmp_path):
+    """In the summary that the report, the dashboard and Compare draw, in the next trial, in the headline and in the printed objects."""
+    outcome = make_outcome(tmp_path)
+    chosen, optional = outcome.selection, tuple(outcome.selection.inclusion)
+    doubted = select(chosen.structures, chosen.evidences, optional, residuals="run 1: so slow; do")
+    alone = select(chosen.structures[:1], chosen.evidences[:1], (), residuals="run 1: so slow; do")
+    assert alone.alarms == ()
+    alarm = "the probabilities of models and terms mean nothing: run 1: so slow; do"
+    assert doubted.alarms[0] == alarm
+    assert not doubted.is_reliable
+    assert not doubted.is_settled
+    assert doubted.verdicts[-1] == OTHER_NOISE
+    assert alarm in repr(doubted)
+    assert undecided_words(doubted).endswith(IF_NOISE)
+    found = replace(outcome, selection=doubted)
+    summary = summarise(found)
+    assert alarm in summary["alarms"]
+    assert alarm in summary["choice_alarms"]
+    assert summary["usable"]
+    assert f"with probability {max(doubted.probability):.2f}{IF_NOISE}" in propose(found).standing[0]
+    assert propose(found).quoted == alarm
+    assert "The choice of the model is not reliable" in answer(found)
+    assert alarm not in summarise(outcome)["alarms"]
+
+
 def test_no_goal_is_met_by_standard_deviations_that_do_not_hold(tmp_path):
     """Correlated residuals of a fitted run disown them; one with model error counts in place of that within the model."""
     outcome = with_goal(make_outcome(tmp_path), Goal(shares={"X_u": 9.0}))
@@ -165,8 +192,6 @@ def test_no_goal_is_met_by_standard_deviations_that_do_not_hold(tmp_path):
     assert "Its stated ± do not hold, and which terms are needed may change" in answer(replace(outcome, fits=slow))
     assert "the model or its noise did not pass" in summary_section(replace(outcome, fits=slow))["passed"]
     assert summary_section(outcome)["passed"] == "No health check failed"
-    assert summarise(replace(outcome, fits=slow))["verdicts"][-1] == OTHER_NOISE
-    assert OTHER_NOISE not in summarise(outcome)["verdicts"]
     unmet = propose(with_goal(replace(outcome, fits=slow), Goal(shares={"X_u": 1e-3})))
     assert unmet.first[0].startswith("first correct what failed: run 1: so slow; likewise ")
     assert unmet.beside([unmet.quoted]).first == ("first correct what failed: see the caution about it",)

@@ -53,7 +53,9 @@ def test_a_model_that_is_clearly_worse_fails():
     found = compare("u", runs_of(), off(0.4), {"a lag": off(0.0), "the mean": off(1.0)})
     assert found.level == "fail"
     assert found.p_value < 1e-4
-    assert found.sentence.startswith("held-back runs: a lag predicts u better than the model (98% against 6")
+    assert found.sentence.startswith(
+        "held-back runs: a lag predicts u better than the model in 4 of 4 runs, by far (98% against 6"
+    )
     assert found.sentence.endswith("prefer it, or correct the model")
 
 
@@ -107,8 +109,24 @@ def test_few_effective_samples_are_no_proof_however_large_the_difference():
     )
     assert found.ours.crps > 4 * found.baselines[0].crps
     assert found.level == "caution"
-    assert "a lag predicts u no worse than the model" in found.sentence
-    assert "a difference that chance may make (p = " in found.sentence
+    assert "a lag predicts u better than the model in the only run, by far (" in found.sentence
+    assert "do not exclude chance (p = " in found.sentence
+    assert " for the best of 2 baselines): hold back more or longer runs" in found.sentence
+
+
+def test_the_runs_in_which_a_baseline_is_better_are_counted():
+    """By far in two of nine, though so seldom that chance is not excluded, and worse in seven; no probability of 1 is printed."""
+    runs, good, bad = runs_of(9), off(0.0, count=1), off(3.0, count=1)
+    ours, theirs = [*bad * 2, *good * 7], off(0.03, count=9)
+    found = compare("u", runs, ours, {"a lag": theirs, "the mean": off(1.5, count=9)})
+    assert found.level == "caution"
+    said = found.sentence
+    assert "a lag predicts u better than the model in 2 of 9 runs, by far, and worse in 7 (" in said
+    assert "no worse" not in said
+    assert "against worse than the runs' own means (-" in said
+    capped = compare("u", runs, ours, {"a lag": theirs} | {f"mean {k}": off(1.5, count=9) for k in range(20)})
+    assert capped.p_value == 1.0
+    assert "(p = " not in capped.sentence
 
 
 def test_what_diverges_loses():

@@ -112,6 +112,7 @@ def make_outcome(folder: Path, alarms: tuple[str, ...] = (), gain: float = 1.0) 
         "verdicts": list(selection.verdicts),
         "cautions": [f"held-back run {HELD} is predicted poorly: 40% of the variance of u explained"],
         "alarms": list(alarms),
+        "choice_alarms": [],
         "usable": not any(text.startswith(f"{chosen.structure.label}: ") for text in alarms),
         "next_trial": {"best": _next_trial(next_design)},
     }
@@ -262,7 +263,9 @@ def _fit(label: str, channel: str) -> Fit:
         numbers = {"explained": 0.4, "nrmse": 0.2254, "rmse": 0.03, "crps": 0.02, "log_score": 1.0, "noise_share": 0.1}
         numbers |= {"noise_sd": 0.02, "correlation_time": 0.0, "coefficient_share": 0.1}
         shape = {"coverage_50": 0.3, "coverage": 0.7, "variance": 2.2, "pit": (0.1,) * 10, "pit_distance": 0.02}
-        score = Score(150, 20.0, **numbers, **shape, correlation=0.9, second=0.8, interval=0.1, white=1e-9)
+        score = Score(
+            150, 20.0, **numbers, **shape, correlation=0.9, second=0.8, interval=0.1, white=1e-9, sd_factor=4.4
+        )
     verdict = judge_fit(score, channel, held_back, "white")
     return Fit(**vars(score), record=label, held_back=held_back, channel=channel, **verdict._asdict())
 

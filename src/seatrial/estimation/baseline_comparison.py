@@ -23,6 +23,8 @@ CHANCE = 0.05
 """Probability below which a difference is not put down to chance."""
 MUCH = 0.9
 """Share explained from which on tenths of a per cent are said."""
+FAR = 2.0
+"""Ratio of the CRPS from which one prediction is better by far."""
 FEWEST_RUNS = 3
 """Runs from which their own spread says what chance does."""
 
@@ -122,7 +124,9 @@ def compare(
     clear = own.diverges or own.crps > CLEAR * best.crps
     level: FitLevel = "pass" if not worse else "fail" if clear and p_value < CHANCE else "caution"
     simpler = best.words not in same_equations
-    return Comparison(channel, own, (best, *others), p_value, level, _said(channel, own, best, p_value, level, simpler))
+    by_run = _by_run(runs, ours, baselines[best.words])
+    sentence = _said(channel, own, best, p_value, len(scores), by_run, level, simpler)
+    return Comparison(channel, own, (best, *others), p_value, level, sentence)
 
 
 def _pooled(words: str, runs: Sequence[Run], predicted: Sequence[Predicted]) -> PooledScore:
@@ -178,8 +182,34 @@ def _chance(runs: Sequence[Run], first: Sequence[Predicted], second: Sequence[Pr
     return float(stdtr(freedom, -total / np.sqrt(variance))) if variance > 0 else 0.5
 
 
-def _said(channel: str, own: PooledScore, best: PooledScore, p_value: float, level: FitLevel, simpler: bool) -> str:
-    """Return what the comparison means."""
+def _by_run(runs: Sequence[Run], ours: Sequence[Predicted], theirs: Sequence[Predicted]) -> Float[np.ndarray, "runs 2"]:
+    """Return the mean CRPS of the model and of a baseline in each run that measures the channel."""
+    pairs = zip(_present(runs, ours), _present(runs, theirs), strict=True)
+    return np.array([[crps_normal(*own).mean(), crps_normal(*other).mean()] for own, other in pairs if own[0].size])
+
+
+def _in_runs(by_run: Float[np.ndarray, "runs 2"]) -> str:
+    """Say in how many runs the second of two predictions is better than the first, and whether by far."""
+    first, second = by_run[by_run[:, 1] < by_run[:, 0]].sum(axis=0)
+    better, count = int(np.sum(by_run[:, 1] < by_run[:, 0])), len(by_run)
+    far = ", by far" if first > FAR * second else ""
+    if count == 1:
+        return f" in the only run{far}"
+    worse = f"{',' if far else ''} and worse in {count - better}" if better < count else ""
+    return f" in {better} of {count} runs{far}{worse}"
+
+
+def _said(
+    channel: str,
+    own: PooledScore,
+    best: PooledScore,
+    p_value: float,
+    count: int,
+    by_run: Float[np.ndarray, "runs 2"],
+    level: FitLevel,
+    simpler: bool,
+) -> str:
+    """Return what the comparison with the best of so many baselines means; `by_run` has the CRPS of the model and of that one."""
     if own.diverges:
         other = (
             "as every baseline does"
@@ -197,14 +227,21 @@ def _said(channel: str, own: PooledScore, best: PooledScore, p_value: float, lev
     if min(best.explained, own.explained) < 0:
         shares = " against ".join(explained_short(one.explained, 2) for one in (best, own))
     scores = f"CRPS {best.crps * factor:.3g} against {own.crps * factor:.3g} {unit}"
-    chance = f", though chance may do as much (p = {p_value:.2g})" if p_value >= CHANCE else ""
     if level == "pass":
+        chance = f", though chance may do as much (p = {p_value:.2g})" if p_value >= CHANCE else ""
         beaten = f"held-back runs: the model predicts {channel} better than every baseline"
         return f"{beaten}{chance}; the best of them is {best.words} ({shares}, {scores})"
-    how = "no worse than the model" if chance else "better than the model"
-    result = f"held-back runs: {best.words} predicts {channel} {how} ({shares}, {scores})"
+    result = (
+        f"held-back runs: {best.words} predicts {channel} better than the model{_in_runs(by_run)} ({shares}, {scores})"
+    )
     if level == "caution":
-        little = f"a difference that chance may make (p = {p_value:.2g})" if chance else "though by little"
+        little = "though by little"
+        if p_value >= CHANCE:
+            of = f" for the best of {count} baselines" if count > 1 else ""
+            number = f" (p = {p_value:.2g}{of})" if p_value < 1 else ""
+            little = f"but so few independent samples do not exclude chance{number}"
+        if own.crps > CLEAR * best.crps:
+            return f"{result}, {little}: hold back more or longer runs, and look at the runs where the model is worse"
         if not simpler:
             return f"{result}, {little}: it predicts as well; it has the same equations, so it is no simpler model"
         return f"{result}, {little}: the model does not beat it; prefer the simpler model, or correct the model"

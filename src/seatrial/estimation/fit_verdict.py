@@ -34,8 +34,13 @@ SPREAD, BURST, TAME = 2.0, 4.0, 0.5
 """Variance of normalised residuals: 2 is errors 1.4 times those stated, 4 twice, 0.5 is 0.7 of them."""
 MISSHAPEN = 0.1
 """Distance of the transform from uniform: no probability that is stated is wrong by more than this."""
-CORRELATED, LIKELY = 0.1, 0.01
-"""Correlation of neighbours that changes standard deviations by a tenth, and p-value below which it is no chance."""
+UNDERSTATED, LIKELY = 1.1, 0.01
+"""Factor on standard deviations from which a correlation of residuals matters, and p-value below which it is no chance: of white
+residuals 0.5 % at most are called correlated (tests/estimation/test_integrated_correlation.py)."""
+FAINT = 0.1
+"""Correlation of neighbours below which only a sum over many lags shows one."""
+BEYOND_ONE_TIME = 2.0
+"""Sum of correlations over that of an autoregression with the same correlation of neighbours from which noise is a mixture."""
 MIXED = 3.0
 """Partial autocorrelation of order two, in its standard error 1 / sqrt(n), from which noise is said to be a mixture."""
 RARE = 0.00135
@@ -54,6 +59,7 @@ COLOURED, MIXED_COLOUR, BIASED = DISOWNING = (
     "biased through the autopilot",
 )
 """What verdicts are about that say that stated standard deviations are too small."""
+WORSE_THAN_MEAN, WORSE_THAN_MEANS = "worse than the run's own mean", "worse than the runs' own means"
 LACKS = ("a term", "a delay", "a model of the error")
 """What a model may lack that misses motion."""
 
@@ -108,12 +114,64 @@ def judge_fit(
         )
     if score.effective < FEWEST and score.variance < ONE_SAMPLE:
         return _few(score, channel, held_back, noise, feedback, lacks)
-    return (
-        _sizes(score, channel, held_back, outside)
-        or _motion(score, channel, held_back, lacks)
-        or _colour(score, channel, noise, feedback)
-        or _shape(score, channel)
-        or FitVerdict("pass", "", _praise(score, channel))
+    found = _sizes(score, channel, held_back, outside) or _motion(score, channel, held_back, lacks)
+    if found is None or (found.level == "unjudged" and not held_back):
+        found = residual_verdict(score, channel, held_back, noise, feedback) or found
+    return found or _shape(score, channel) or FitVerdict("pass", "", _praise(score, channel))
+
+
+def residual_verdict(score: Score, channel: str, held_back: bool, noise: "Noise", feedback: bool) -> FitVerdict | None:
+    """Say that residuals remember, by more than chance and by enough to matter; None where they do not. Arguments as `judge_fit`."""
+    # Standard deviations that are too large do less harm: more than usual has to speak for that.
+    chance = LIKELY if score.sd_factor > 1 else RARE
+    if score.white > chance or 1 / UNDERSTATED < score.sd_factor < UNDERSTATED:
+        return None
+    is_faint = abs(score.correlation) < FAINT
+    # A run that was not fitted shows the uncertainty of the coefficients, too, which is slow, and which the band contains; what was
+    # fitted to a run takes slow errors away.
+    if is_faint and (held_back or score.sd_factor < 1):
+        return None
+    lasting = ", and lasting" if is_faint else ""
+    result = f"residuals of {channel} are correlated ({score.correlation:+.2f} over {score.interval:.2g} s{lasting})"
+    if noise in ("coloured", "drifting"):
+        remedy = (
+            "look for a missing term"
+            if noise == "drifting"
+            else f"{slow_remedy('drifting', channel)}, or look for a missing term"
+        )
+        return FitVerdict(
+            "caution",
+            "correlated beyond the model",
+            f"{result} after the fitted correlation is taken out: they have more than one time scale, and stated standard "
+            "deviations are rough",
+            remedy,
+        )
+    if score.sd_factor < 1:
+        return FitVerdict(
+            "caution",
+            "opposite residuals",
+            f"{result}, so they are not white noise: neighbours have opposite errors, and the stated standard deviations are "
+            "too large",
+            "check whether the sensor or the import filtered or differenced the channel",
+        )
+    if feedback:
+        return FitVerdict(
+            "caution",
+            BIASED,
+            f"{result}: the autopilot puts these errors into the controls, which biases the coefficients, and more data do not help",
+            'set estimation.likelihood = "filter-error"',
+        )
+    # An autoregression, r_k = phi^k, has no partial autocorrelation of order two; white noise beside a slow error, r_k = a phi^k, has.
+    # Where a is small, that one is lost in the noise, but the sum of r_k is not.
+    partial = (score.second - score.correlation**2) / max(1 - score.correlation**2, 1e-3)
+    alone = 2 * score.correlation / max(1 - score.correlation, 1e-3)
+    mixed = partial > MIXED / np.sqrt(score.samples) or score.sd_factor**2 - 1 > BEYOND_ONE_TIME * alone
+    return FitVerdict(
+        "caution",
+        MIXED_COLOUR if mixed else COLOURED,
+        f"{result}, so they are not white noise: the stated standard deviations are too small, by a factor of about "
+        f"{score.sd_factor:.1f}",
+        slow_remedy("drifting" if mixed else "coloured", channel),
     )
 
 
@@ -123,9 +181,9 @@ def either(words: Sequence[str]) -> str:
 
 
 def explained_words(share: float, channel: str) -> str:
-    """Say what share of a channel's variance is explained; below nothing a percentage would mislead."""
+    """Say what share of a channel's variance is explained, below nothing in words and as a number."""
     if share < 0:
-        return f"{channel} is predicted {explained_share(share).replace('than', 'than by')}"
+        return f"{channel} is predicted {explained_share(share).replace('than', 'than by').replace('%)', '% of its variance explained)')}"
     return f"{explained_share(share)} of the variance of {channel} is explained"
 
 
@@ -135,9 +193,10 @@ def explained_short(share: float, runs: int = 1) -> str:
 
 
 def explained_share(share: float, runs: int = 1, digits: int = 0) -> str:
-    """Return the explained share of the variance of one run, or of several, for a table: of less than nothing, what that means."""
+    """Return the explained share of the variance of one run, or of several, for a table: of less than nothing, what that means, too."""
     if share < 0:
-        return "worse than the run's own mean" if runs == 1 else "worse than the runs' own means"
+        number = f"{share:.0%}" if share > -100 else f"{100 * share:.0e}%"
+        return f"{WORSE_THAN_MEAN if runs == 1 else WORSE_THAN_MEANS} ({number})"
     return f"{share:.{1 if share > 0.99 else digits}%}"
 
 
@@ -150,7 +209,7 @@ def _few(
     score: Score, channel: str, held_back: bool, noise: "Noise", feedback: bool, lacks: Sequence[str]
 ) -> FitVerdict:
     """Say that a run tells too little of its band, and what it shows nevertheless."""
-    if not held_back and (found := _colour(score, channel, noise, feedback)):
+    if not held_back and (found := residual_verdict(score, channel, held_back, noise, feedback)):
         return found
     motion = _motion(score, channel, held_back, lacks)
     worth = (
@@ -249,52 +308,6 @@ def _noise_words(score: Score, channel: str) -> str:
     factor, unit = shown_unit(channel)
     slow = f" with a correlation time of {score.correlation_time:.2g} s" if score.correlation_time else ""
     return f"{score.noise_sd * factor:.2g} {unit}{slow}"
-
-
-def _colour(score: Score, channel: str, noise: "Noise", feedback: bool) -> FitVerdict | None:
-    """Return the residuals that remember, by more than chance and by enough to matter."""
-    if score.white > LIKELY or abs(score.correlation) < CORRELATED:
-        return None
-    result = f"residuals of {channel} are correlated ({score.correlation:+.2f} over {score.interval:.2g} s)"
-    if noise in ("coloured", "drifting"):
-        remedy = (
-            "look for a missing term"
-            if noise == "drifting"
-            else f"{slow_remedy('drifting', channel)}, or look for a missing term"
-        )
-        return FitVerdict(
-            "caution",
-            "correlated beyond the model",
-            f"{result} after the fitted correlation is taken out: they have more than one time scale, and stated standard "
-            "deviations are rough",
-            remedy,
-        )
-    if score.correlation < 0:
-        return FitVerdict(
-            "caution",
-            "opposite residuals",
-            f"{result}, so they are not white noise: neighbours have opposite errors, and the stated standard deviations are "
-            "too large",
-            "check whether the sensor or the import filtered or differenced the channel",
-        )
-    if feedback:
-        return FitVerdict(
-            "caution",
-            BIASED,
-            f"{result}: the autopilot puts these errors into the controls, which biases the coefficients, and more data do not help",
-            'set estimation.likelihood = "filter-error"',
-        )
-    # An autoregression, r_k = phi^k, has no partial autocorrelation of order two; white noise beside a slow error, r_k = a phi^k, has.
-    partial = (score.second - score.correlation**2) / max(1 - score.correlation**2, 1e-3)
-    mixed = partial > MIXED / np.sqrt(score.samples)
-    phi = min(score.second / score.correlation if mixed else score.correlation, 0.999)
-    factor = np.sqrt(1 + 2 * min(score.correlation, phi) / (1 - phi))
-    return FitVerdict(
-        "caution",
-        MIXED_COLOUR if mixed else COLOURED,
-        f"{result}, so they are not white noise: the stated standard deviations are too small, by a factor of about {factor:.1f}",
-        slow_remedy("drifting" if mixed else "coloured", channel),
-    )
 
 
 def slow_remedy(kind: "Noise", channel: str) -> str:

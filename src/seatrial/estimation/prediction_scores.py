@@ -11,15 +11,26 @@ Scores of a predicted distribution once the measurement is known:
 
 That of a normal prediction has a closed form; Q is the Ljung-Box statistic where no sample is missing, and that of
 Stoffer and Toloi (Statistics and Probability Letters 13, 1992) where some are.
+
+Whether residuals are correlated by enough to matter is judged by their sum over many lags, not by one lag: a small slow part beside white
+noise hides in each r_k. The variance ratios of sums of q = 2, 4, 8 ... residuals,
+
+    V(q) = 1 + 2 sum_k<q (1 - k / q) (r_k - E r_k),    E r_k = -1 / (n - 1) of white noise about its own mean, per pair
+
+(Lo and MacKinlay, Rev. Financ. Stud. 1, 1988; several together: Chow and Denning, J. Econometrics 58, 1993) are compared with the
+chi-square law of their mean, 1, and of their variance in white noise, 4 sum_k (1 - k / q)^2 N_k / n^2. At the q whose V is farthest
+from 1 in standard deviations, 1 + 2 sum_k<q r_k estimates the integrated autocorrelation: the factor on the variance of what changes
+slowly.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
 from jaxtyping import Float, Int
-from scipy.special import chdtrc, ndtr, ndtri
+from scipy.special import chdtr, chdtrc, ndtr, ndtri
 
 from seatrial.core.result_table import text_html
 
@@ -27,6 +38,8 @@ BINS = 10
 """Bins of the histogram of the probability integral transform."""
 LONGEST_GAP = 1000
 """Intervals that a gap in a run counts as at most: no correlation is looked for across a longer one."""
+MIN_FREEDOM = 6.0
+"""Degrees of freedom of a variance ratio below which its window is too long for the runs."""
 DIVERGES = "the prediction diverges"
 LOG_2PI = float(np.log(2 * np.pi))
 
@@ -94,7 +107,9 @@ class Score:
         correlation: autocorrelation of what should be white, one interval apart.
         second: likewise, two intervals apart.
         interval: median time between measured samples, s.
-        white: p-value of the portmanteau test.
+        white: probability that white noise shows such variance ratios of sums, of either side.
+        sd_factor: factor by which standard deviations of what changes slowly are too small if the residuals are taken as white; below
+            1 where they are too large.
         noise_share: share of the measured variance that is noise of the size the fit found; 0 without a variance.
         noise_sd: standard deviation of that noise, in the channel's SI unit.
         correlation_time: of that noise, s; 0 where it is white.
@@ -118,6 +133,7 @@ class Score:
     second: float
     interval: float
     white: float
+    sd_factor: float
     noise_share: float
     noise_sd: float
     correlation_time: float
@@ -240,6 +256,56 @@ def lagged_products(time: Float[np.ndarray, " n"], residual: Float[np.ndarray, "
     return LaggedProducts(products, pairs.round())
 
 
+class IntegratedCorrelation(NamedTuple):
+    """Correlation of residuals over many lags.
+
+    Attributes:
+        p_value: probability that white noise shows variance ratios so far from 1, of either side; 1 where there is nothing to test.
+        sd_factor: square root of the integrated autocorrelation, 1 for white noise.
+    """
+
+    p_value: float
+    sd_factor: float
+
+
+def integrated_correlation(
+    runs: Sequence[tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]],
+) -> IntegratedCorrelation:
+    """Test whether sums of residuals vary as those of white noise, about the mean of each run.
+
+    Args:
+        runs: times, s, strictly increasing, and residuals at them, all present, of each run.
+    """
+    lagged = [
+        lagged_products(time, values - values.mean()) for time, values in runs if values.size >= 8 and _moves(values)
+    ]
+    total = sum(float(one.products[0]) for one in lagged)
+    longest = max((one.products.size for one in lagged), default=0)
+    excess, scatter = np.zeros(longest), np.zeros(longest)
+    for products, pairs in lagged:
+        n, square = pairs[0], products[0]
+        excess[: products.size] += (products + pairs * square / (n * (n - 1))) / total
+        scatter[: products.size] += pairs * (square / (n * total)) ** 2
+    tails, ratios, factors, window = [], [], [], 2
+    while window <= longest:
+        weight = 1 - np.arange(1, window) / window
+        variance = 4 * float(weight**2 @ scatter[1:window])
+        if variance > 2 / MIN_FREEDOM:
+            break
+        if variance > 0:
+            ratio, freedom = max(0.0, 1 + 2 * float(weight @ excess[1:window])), 2 / variance
+            tails.append(float((chdtrc if ratio > 1 else chdtr)(freedom, freedom * ratio)))
+            ratios.append((ratio - 1) / np.sqrt(variance))
+            factors.append(np.sqrt(max(0.0, 1 + 2 * float(excess[1:window].sum()))))
+        window *= 2
+    if not tails:
+        return IntegratedCorrelation(1.0, 1.0)
+    side = np.sign(ratios[int(np.argmin(tails))])
+    return IntegratedCorrelation(
+        min(1.0, 2 * len(tails) * min(tails)), float(factors[int(np.argmax(side * np.array(ratios)))])
+    )
+
+
 def score_channel(
     time: Float[np.ndarray, " n"],
     measured: Float[np.ndarray, " n"],
@@ -273,7 +339,8 @@ def score_channel(
     sd = np.hypot(motion_sd, noise_sd)
     z, explained = (measured - mean) / sd, explained_share(measured, mean)
     independent = effective_samples(time, z)
-    test = whiteness(time, z if slow is None else _innovations(time, z, slow))
+    new = new_residuals(time, z, slow)
+    test, integrated = whiteness(time, new), integrated_correlation([(time, new)])
     still = bool(np.isnan(explained))
     if shared is None:
         shared = float(np.mean((motion_sd / sd) ** 2)) ** 2
@@ -293,13 +360,21 @@ def score_channel(
         correlation=test.neighbours,
         second=test.second,
         interval=test.interval,
-        white=test.p_value,
+        white=integrated.p_value,
+        sd_factor=integrated.sd_factor,
         noise_share=0.0 if still else float(min(1.0, noise_sd**2 / measured.var())),
         noise_sd=noise_sd,
         correlation_time=slow.time if slow else 0.0,
         coefficient_share=float(np.mean((coefficient_sd / sd) ** 2)),
         missing="the measurement never changes" if still else "",
     )
+
+
+def new_residuals(
+    time: Float[np.ndarray, " n"], z: Float[np.ndarray, " n"], slow: SlowNoise | None
+) -> Float[np.ndarray, " n"]:
+    """Return what is new in normalised residuals, white where the noise is as it is modelled; all of them where that is white."""
+    return z if slow is None else _innovations(time, z, slow)
 
 
 def unscored(samples: int, why: str) -> Score:

@@ -6,14 +6,23 @@ from itertools import chain, combinations
 from typing import TYPE_CHECKING
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
 from seatrial.core.argument_checks import check_kind, check_mapping
-from seatrial.core.errors import InputError
+from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.reporter import Progress, check_progress, no_progress
 from seatrial.core.result_table import table_html, table_text
+from seatrial.estimation.fit_verdict import LIKELY as LIKELY_CORRELATED
+from seatrial.estimation.fit_verdict import UNDERSTATED
+from seatrial.estimation.mode import find_mode
+from seatrial.estimation.output_error import OutputError
 from seatrial.estimation.posterior import Posterior, as_key, check_posterior
+from seatrial.estimation.prediction import noise_sd, slow_noise
+from seatrial.estimation.prediction_scores import integrated_correlation, new_residuals
+from seatrial.estimation.replicate import motions
+from seatrial.estimation.sensor_errors import drift_name, drift_time_name
 from seatrial.estimation.trial_data import TrialData
 from seatrial.selection.combined_evidence import agreed_evidence
 from seatrial.selection.evidence import Evidence, EvidenceSettings
@@ -26,6 +35,10 @@ DECIDED, LIKELY = 0.95, 0.75
 EDGES = (1 - DECIDED, 1 - LIKELY, LIKELY, DECIDED)
 NOISY = 0.05
 """Monte Carlo error of a probability above which a verdict near an edge is withheld."""
+OTHER_NOISE = (
+    "these probabilities hold for the noise that is modelled, which the residuals contradict: correct the noise first"
+)
+"""What is said of probabilities where the residuals are correlated."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +54,9 @@ class Selection:
         inclusion_error: its Monte Carlo standard error.
         chosen: index of the most probable structure.
         verdicts: one sentence for each question.
-        alarms: evidences that are not to be trusted and on which a probability depends.
+        alarms: evidences that are not to be trusted and on which a probability depends, and residuals that contradict the noise.
+        residuals: why the residuals of the chosen structure are not the noise that all probabilities assume, and what to do; empty
+            where they may be.
     """
 
     structures: tuple[Structure, ...]
@@ -53,6 +68,7 @@ class Selection:
     chosen: int
     verdicts: tuple[str, ...]
     alarms: tuple[str, ...]
+    residuals: str = ""
 
     @property
     def undecided(self) -> dict[str, float]:
@@ -66,7 +82,7 @@ class Selection:
 
     @property
     def is_reliable(self) -> bool:
-        """Whether the evidences are good enough for the probability of the chosen structure."""
+        """Whether the evidences, and the model of the noise, are good enough for the probability of the chosen structure."""
         return not self.alarms and not _is_noisy(
             float(self.probability[self.chosen]), float(self.probability_error[self.chosen])
         )
@@ -74,7 +90,7 @@ class Selection:
     @property
     def is_settled(self) -> bool:
         """Whether the chosen structure stays far above every other, also if one evidence that is in doubt or noisy is wrong."""
-        if not self.alarms and not self.is_reliable:
+        if self.residuals or (not self.alarms and not self.is_reliable):
             return False
         rest = np.arange(self.probability.size) != self.chosen
         shifted = [one for i, doubt in enumerate(self._doubts) for one in _shifted(self._logs, i, doubt)]
@@ -142,6 +158,7 @@ def select(
     evidences: Sequence[Evidence],
     optional: Sequence[str],
     shortlist: Shortlist | None = None,
+    residuals: str = "",
 ) -> Selection:
     """Compare structures of equal prior probability.
 
@@ -152,6 +169,7 @@ def select(
         evidences: one for each.
         optional: terms that are in question.
         shortlist: where the candidates are what a screening left: its answer for terms in which they do not differ.
+        residuals: why those of the most probable structure are not the noise that is modelled; empty where they may be.
     """
     logs = np.array([evidence.log_value for evidence in evidences])
     errors = np.array([evidence.std_error for evidence in evidences])
@@ -177,6 +195,7 @@ def select(
             f"probabilities are among the {len(structures)} structures that were simulated, to which the screening gives "
             f"{shortlist.share:.2f} of all; raise structure.shortlist to simulate more"
         )
+    residuals = residuals if len(structures) > 1 else ""
     return Selection(
         tuple(structures),
         tuple(evidences),
@@ -185,15 +204,18 @@ def select(
         inclusion,
         inclusion_error,
         int(np.argmax(probability)),
-        tuple(verdicts),
-        evidence_alarms([structure.label for structure in structures], evidences),
+        (*verdicts, *([OTHER_NOISE] if residuals else [])),
+        selection_alarms([structure.label for structure in structures], evidences, residuals),
+        residuals,
     )
 
 
-def evidence_alarms(labels: Sequence[str], evidences: Sequence[Evidence]) -> tuple[str, ...]:
-    """Return a sentence about every evidence that is in doubt and could change a probability, by the labels of the structures."""
+def selection_alarms(labels: Sequence[str], evidences: Sequence[Evidence], residuals: str) -> tuple[str, ...]:
+    """Return a sentence about residuals that contradict the noise, and one about every evidence that is in doubt and could change a
+    probability, by the labels of the structures."""
+    noise = (f"the probabilities of models and terms mean nothing: {residuals}",) if residuals else ()
     logs = np.array([evidence.log_value for evidence in evidences])
-    return tuple(
+    return noise + tuple(
         f"the evidence of {label} is not reliable: {evidence.status}"
         for index, (label, evidence) in enumerate(zip(labels, evidences, strict=True))
         if _decides(logs, index, _doubt(evidence))
@@ -240,7 +262,42 @@ def compare(
     for posterior, own in zip(posteriors.values(), keys, strict=True):
         evidences.append(agreed_evidence(posterior, own, settings))
         progress(len(evidences), len(posteriors))
-    return select(structures, evidences, optional)
+    best = max(zip(evidences, posteriors.values(), strict=True), key=lambda pair: pair[0].log_value)[1]
+    return select(structures, evidences, optional, residuals=_residual_doubt(best, as_key(key)))
+
+
+def _residual_doubt(posterior: Posterior, key: jax.Array) -> str:
+    """Say why the residuals of a posterior of records, at its mode, are not the noise that is modelled; empty where they may be.
+
+    Those of filter error are not looked at: process noise correlates a simulation also where it is right.
+    """
+    likelihood, data = posterior.likelihood, posterior.data
+    if not isinstance(likelihood, OutputError):
+        return ""
+    try:
+        mode = find_mode(posterior, key)
+    except NumericalError:
+        return ""
+    values = {name: jnp.asarray(value) for name, value in zip(mode.names, mode.values, strict=True)}
+    shown = np.asarray(motions(likelihood, values, data, key))
+    for column, sensor in enumerate(likelihood.simulator.sensors):
+        sd, slow, runs = float(noise_sd(sensor, values)), slow_noise(sensor, values), []
+        for trial in range(len(likelihood.labels)):
+            time, measured = _measured(posterior, trial, sensor.channel)
+            there = np.asarray(data.channels[column].present[trial]) > 0
+            runs.append((time, new_residuals(time, (measured - shown[trial, there, column]) / sd, slow)))
+        found = integrated_correlation(runs)
+        if found.p_value < LIKELY_CORRELATED and found.sd_factor > UNDERSTATED:
+            remedy = (
+                "look for a missing term"
+                if sensor.noise == "drifting"
+                else f'give the sensor noise="drifting", and priors to {drift_name(sensor.channel)} and {drift_time_name(sensor.channel)}'
+            )
+            return (
+                f"residuals of {sensor.channel} are correlated, and the stated standard deviations are too small, by a factor of "
+                f"about {found.sd_factor:.1f}; {remedy}"
+            )
+    return ""
 
 
 def _check_same_data(posteriors: Mapping[str, Posterior]) -> None:

@@ -12,7 +12,7 @@ pytest.importorskip("nicegui", reason="the dashboard needs NiceGUI: pip install 
 from seatrial.apps.dashboard import model_queries, prediction_views, result_charts, result_plots
 from seatrial.apps.dashboard.charts import Curve, Panel, TimeChart, _series, legend_lines
 from seatrial.apps.dashboard.downsample import Envelope
-from seatrial.apps.dashboard.pages.compare import is_of_vehicle, joint_difference, shared_sides
+from seatrial.apps.dashboard.pages.compare import is_of_vehicle, joint_difference, shared_sides, side_by_side
 from seatrial.apps.dashboard.pages.results import by_origin
 from seatrial.apps.dashboard.view_models import FitAbout, Swept
 from seatrial.core.dataset_file import write_dataset
@@ -148,6 +148,23 @@ def test_noise_of_two_campaigns_is_no_contradiction():
     assert shared_sides(ours, per_mass) == []
     assert joint_difference(ours.coefficients[0], per_mass.coefficients[0]) is None
     assert not any(map(is_of_vehicle, ("sigma_u", "bias_u", "lag_u", "current[1]", "u_0[run 1]")))
+
+
+def test_compare_prints_why_a_probability_means_nothing():
+    def side(*alarms):
+        structure = SimpleNamespace(label="M-0", probability=0.99)
+        about = {
+            "chosen": "M-0",
+            "terms": ("X_u",),
+            "structures": (structure,),
+            "next_trial": SimpleNamespace(best=None),
+        }
+        return SimpleNamespace(coefficients=(), alarms=alarms, choice_alarms=alarms, cautions=(), **about)
+
+    html = side_by_side(side("residuals of u are <correlated>"), side(), "a", "b")
+    assert "residuals of u are &lt;correlated&gt;" in html
+    assert "alarms about it" in html
+    assert "alarms about it" not in side_by_side(side(), side(), "a", "b")
 
 
 def test_only_targets_that_can_hold_the_vehicle_are_offered(tmp_path):

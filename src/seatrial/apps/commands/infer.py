@@ -23,7 +23,7 @@ def estimate(
     by: Annotated[
         By,
         typer.Option(
-            help="chains: sample the whole posterior. mode, equation-error: first answers in about a second, not checked; "
+            help="chains: sample the whole posterior. mode, equation-error: first answers without chains, not checked; "
             "the mode is kept for a later campaign's known_from."
         ),
     ] = By.CHAINS,

@@ -52,7 +52,7 @@ def next_trial(
     by: Annotated[
         NextBy,
         typer.Option(
-            help="chains: run the whole loop. mode: answer in seconds from the posterior mode, while the boat waits."
+            help="chains: run the whole loop. mode: answer from the posterior mode, without chains, while the boat waits."
         ),
     ] = NextBy.CHAINS,
     quiet: Quiet = False,

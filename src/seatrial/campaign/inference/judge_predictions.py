@@ -20,7 +20,16 @@ from seatrial.core.dataset_file import open_dataset
 from seatrial.core.record import Record
 from seatrial.core.signals import ACTUAL
 from seatrial.estimation.filter_error import FilterError
-from seatrial.estimation.fit_verdict import DISOWNING, LEVELS, POOR, FitVerdict, explained_short, judge_fit, worst
+from seatrial.estimation.fit_verdict import (
+    DISOWNING,
+    LEVELS,
+    POOR,
+    FitVerdict,
+    explained_short,
+    judge_fit,
+    residual_verdict,
+    worst,
+)
 from seatrial.estimation.fitted_range import outside_fitted
 from seatrial.estimation.output_error import OutputError, initial_name
 from seatrial.estimation.pooled_coverage import (
@@ -32,7 +41,13 @@ from seatrial.estimation.pooled_coverage import (
     unjudged,
 )
 from seatrial.estimation.prediction import ANY, key_of_values, noise_sd, outputs_of_draws, slow_noise
-from seatrial.estimation.prediction_scores import DIVERGES, Score, score_channel
+from seatrial.estimation.prediction_scores import (
+    DIVERGES,
+    Score,
+    integrated_correlation,
+    new_residuals,
+    score_channel,
+)
 from seatrial.estimation.priors import Normal
 from seatrial.estimation.remedies import listed, with_advice
 from seatrial.estimation.sensor_errors import Noise
@@ -99,15 +114,13 @@ def predict_all(campaign: Campaign, estimate: Estimate, trials: Trials) -> tuple
     """
 
     def predict() -> Dataset:
-        records = [*trials.fit, *trials.predict]
+        records, count = [*trials.fit, *trials.predict], len(trials.fit)
         pieces = [_predict(campaign, estimate, record) for record in records]
         columns = {name: np.concatenate([piece[name] for piece in pieces]) for name in CURVES}
-        fits = [
-            fit
-            for index, (record, piece) in enumerate(zip(records, pieces, strict=True))
-            for fit in _fits(campaign, estimate, record, piece, trials.fit if index >= len(trials.fit) else None)
-        ]
-        pooled = _pooled(campaign, pieces[len(trials.fit) :], fits)
+        fits = _fitted(campaign, estimate, trials, pieces[:count])
+        for record, piece in zip(trials.predict, pieces[count:], strict=True):
+            fits += _fits(campaign, estimate, record, piece, trials.fit)
+        pooled = _pooled(campaign, pieces[count:], fits)
         lengths = [record.time.size for record in records]
         return Dataset(
             {
@@ -126,6 +139,11 @@ def predict_all(campaign: Campaign, estimate: Estimate, trials: Trials) -> tuple
         )
 
     return stored_predictions(campaign, estimate, trials).read_or_make(predict)
+
+
+def residual_doubt(campaign: Campaign, drawn: Drawn, trials: Trials) -> str:
+    """Say why the residuals of the fitted records are not the noise that is modelled; empty where they may be. Nothing is stored."""
+    return disowned(_fitted(campaign, drawn, trials, [_predict(campaign, drawn, record) for record in trials.fit]))
 
 
 def trial_verdicts(fits: Sequence[Fit]) -> dict[str, FitVerdict]:
@@ -275,6 +293,7 @@ def _predict(campaign: Campaign, drawn: Drawn, record: Record) -> dict[str, Any]
         "coefficient_sd": free.std(axis=0),
         "products": motion_products(outputs, sd, measured),
         "output": likelihood if isinstance(likelihood, OutputError) else likelihood.output,
+        "filtered": not isinstance(likelihood, OutputError),
         "values": {name: float(np.mean(column)) for name, column in values.items()},
     }
 
@@ -319,8 +338,39 @@ def _fits(
     return found
 
 
+def _fitted(campaign: Campaign, drawn: Drawn, trials: Trials, pieces: Sequence[Mapping[str, Any]]) -> list[Fit]:
+    """Every channel of the fitted records, scored and judged.
+
+    A correlation that each record alone is too short to show, and all together show, is a finding about each.
+    """
+    fits = [
+        fit
+        for record, piece in zip(trials.fit, pieces, strict=True)
+        for fit in _fits(campaign, drawn, record, piece, None)
+    ]
+    for column, channel in enumerate(campaign.channels):
+        of = channel, False, _noise(campaign, channel), bool(campaign.autopilot.loops)
+        own = [at for at, fit in enumerate(fits) if fit.channel == channel]
+        if len(own) < 2 or pieces[0]["filtered"] or any(residual_verdict(fits[at], *of) for at in own):
+            continue
+        together = integrated_correlation([_new_residuals(piece, column) for piece in pieces])
+        for at in own:
+            score = replace(fits[at], white=together.p_value, sd_factor=together.sd_factor)
+            found = residual_verdict(score, *of)
+            if found and score.level in ("pass", "unjudged"):
+                fits[at] = replace(score, **found._asdict())
+    return fits
+
+
+def _new_residuals(piece: Mapping[str, Any], column: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return when a channel was measured, s, and what is new in its normalised residuals."""
+    there = np.isfinite(piece["measured"][:, column]) & np.isfinite(piece["mean"][:, column])
+    time, measured, mean, sd = (piece[name][there] for name in ("time", "measured", "mean", "sd"))
+    return time, new_residuals(time, (measured - mean)[:, column] / sd[:, column], piece["slow"][column])
+
+
 def _score(piece: Mapping[str, Any], column: int) -> Score:
-    return score_channel(
+    score = score_channel(
         piece["time"],
         *(piece[name][:, column] for name in ("measured", "mean", "motion_sd")),
         noise_sd=float(piece["noise"][column]),
@@ -328,6 +378,8 @@ def _score(piece: Mapping[str, Any], column: int) -> Score:
         coefficient_sd=piece["coefficient_sd"][:, column],
         shared=shared_motion([piece["products"][column]]),
     )
+    # Process noise correlates the residuals of a free simulation, also where it is right; `filter_complaints` tests the innovations.
+    return replace(score, white=1.0, sd_factor=1.0) if piece["filtered"] else score
 
 
 def _is_lost(score: Score) -> bool:

@@ -1,7 +1,8 @@
 """First answers, before any chain: the posterior mode, or a regression of accelerations, of every candidate structure.
 
-Both take about a second. The mode's standard deviations are those of a normal posterior (Laplace); the regression needs no
-simulation and no prior, and is drawn aside by noise in the speed: `seatrial.estimation.equation_error` says by how much.
+Neither samples: they take seconds on a short log, and up to minutes on a long one or with many structures. The mode's standard deviations
+are those of a normal posterior (Laplace); the regression needs no simulation and no prior, and is drawn aside by noise in the speed:
+`seatrial.estimation.equation_error` says by how much.
 """
 
 from collections.abc import Mapping, Sequence

@@ -12,13 +12,16 @@ from seatrial.campaign.compute.shared_work import Study
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.estimate import estimate_key
+from seatrial.campaign.inference.judge_predictions import residual_doubt
 from seatrial.campaign.inference.posterior import random_key, widest
+from seatrial.campaign.inference.quick_estimates import draw_about_mode
 from seatrial.campaign.selection.screening import shortlist_of
 from seatrial.campaign.store.estimates import HasKey
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of, load_checkpoint, save_checkpoint
 from seatrial.campaign.store.structures import StoredSelection, read_selection
 from seatrial.core.argument_checks import check_kind
 from seatrial.core.reporter import SILENT, Progress, Reporter
+from seatrial.estimation.mode import find_mode
 from seatrial.estimation.remedies import listed
 from seatrial.sampling.nested import NestedRun
 from seatrial.sampling.tempered_smc import SMCResult, SMCSettings
@@ -39,7 +42,7 @@ from seatrial.selection.combined_evidence import (
 )
 from seatrial.selection.evidence import Evidence, EvidenceSettings
 from seatrial.selection.structures import Structure
-from seatrial.selection.verdict import Selection, evidence_alarms, select
+from seatrial.selection.verdict import Selection, select, selection_alarms
 
 
 def select_structure(campaign: Campaign, trials: Trials, reporter: Reporter = SILENT) -> Selection:
@@ -61,7 +64,9 @@ def select_structure(campaign: Campaign, trials: Trials, reporter: Reporter = SI
     check_kind(trials, Trials, "trials", "make them with `get_trials`")
 
     def compute() -> dict[str, Any]:
-        return _as_json(_select(campaign, trials, _evidences(campaign, trials, reporter)))
+        selection = _select(campaign, trials, _evidences(campaign, trials, reporter))
+        residuals = _residual_doubt(campaign, selection.structures[selection.chosen], trials)
+        return _as_json(selection) | {"residuals": residuals}
 
     selection = _selection(campaign, trials, stored_selection(campaign, trials).read_or_make(compute))
     # Also where it was there already: a kill may have come between writing it and this.
@@ -131,11 +136,11 @@ def stored_selection(campaign: Campaign, trials: HasKey) -> StoredResult[StoredS
     """Return where the selection is kept, and what it depends on."""
     keys = {structure.label: evidence_key(campaign, structure, trials) for structure in campaign.structures}
     read = partial(read_selection, made_by=f"seatrial select {campaign.folder}")
-    return StoredResult(Store(campaign.folder).selection, key_of("selection", keys), read)
+    return StoredResult(Store(campaign.folder).selection, key_of("selection with residuals", keys), read)
 
 
 def _selection(campaign: Campaign, trials: Trials, stored: StoredSelection) -> Selection:
-    return _select(campaign, trials, _as_stored(stored))
+    return _select(campaign, trials, _as_stored(stored), stored.residuals)
 
 
 def _as_stored(stored: StoredSelection) -> list[Evidence]:
@@ -146,13 +151,21 @@ def _as_stored(stored: StoredSelection) -> list[Evidence]:
 
 
 def stored_alarms(stored: StoredSelection) -> tuple[str, ...]:
-    """Return which evidences of a stored selection are not to be trusted; see `evidence_alarms`."""
-    return evidence_alarms([one.label for one in stored.structures], _as_stored(stored))
+    """Return why the probabilities of a stored selection are not to be trusted; see `selection_alarms`."""
+    residuals = stored.residuals if len(stored.structures) > 1 else ""
+    return selection_alarms([one.label for one in stored.structures], _as_stored(stored), residuals)
 
 
-def _select(campaign: Campaign, trials: Trials, evidences: list[Evidence]) -> Selection:
+def _select(campaign: Campaign, trials: Trials, evidences: list[Evidence], residuals: str = "") -> Selection:
     shortlist = shortlist_of(campaign, trials)
-    return select(campaign.structures, evidences, campaign.structure.optional, shortlist)
+    return select(campaign.structures, evidences, campaign.structure.optional, shortlist, residuals)
+
+
+def _residual_doubt(campaign: Campaign, structure: Structure, trials: Trials) -> str:
+    """Say why the residuals of a structure, at the mode, are not the noise that is modelled; empty where they may be."""
+    posterior = Study(campaign, trials.fit).posterior(structure)
+    mode = find_mode(posterior, random_key(campaign.seed, f"mode {structure.terms}"))
+    return residual_doubt(campaign, draw_about_mode(campaign.seed, structure, posterior, mode), trials)
 
 
 class _Part(NamedTuple):

@@ -59,6 +59,7 @@ class StoredSelection:
         inclusion_error: its Monte Carlo standard error.
         chosen: label of the most probable structure.
         verdicts: one sentence for each question.
+        residuals: why those of the chosen structure are not the noise that is modelled; empty where they may be.
     """
 
     structures: tuple[StoredStructure, ...]
@@ -66,6 +67,7 @@ class StoredSelection:
     inclusion_error: dict[str, float]
     chosen: str
     verdicts: tuple[str, ...]
+    residuals: str = ""
 
 
 @dataclass(frozen=True)
@@ -146,6 +148,8 @@ BETTER_EVIDENCE = "raise `particles`, `draws` or `repeats` in [selection], or na
 """What helps where an evidence is not reliable."""
 IF_RELIABLE = ", if the evidences were reliable"
 """What a probability needs that depends on one."""
+IF_NOISE = ", if the residuals were the noise that is modelled"
+"""What a probability needs where they are not."""
 
 
 @dataclass(frozen=True)
@@ -161,6 +165,7 @@ class Summary:
         verdicts: which terms the data support, in words.
         cautions: what to know before using the numbers.
         alarms: health checks that failed.
+        choice_alarms: those of them that are about the probabilities of models and terms.
         usable: whether none of these is about the chosen structure's numbers.
         known: what the data tell about each parameter.
         fits: how each channel of each record is predicted.
@@ -178,6 +183,7 @@ class Summary:
     verdicts: tuple[str, ...]
     cautions: tuple[str, ...]
     alarms: tuple[str, ...]
+    choice_alarms: tuple[str, ...]
     usable: bool
     known: Known
     fits: tuple[Fit, ...]
@@ -339,6 +345,8 @@ class Contenders:
         best, runner = self.labels
         if selection.is_settled:
             return f"these data have decided between {best} and {runner}; no trial is needed for that"
+        if selection.residuals:
+            return f"whether these data decide between {best} and {runner} cannot be said before the noise is right"
         if not selection.is_reliable:
             what = f"whether these data decide between {best} and {runner}"
             return f"{what} cannot be said before the evidence is reliable: {BETTER_EVIDENCE}"
@@ -358,12 +366,17 @@ def largest_of(values: np.ndarray) -> tuple[int, int]:
     return int(row), int(column)
 
 
+def condition_of(selection: "Selection") -> str:
+    """Say under which condition the probabilities hold; empty where nothing speaks against them."""
+    return IF_NOISE if selection.residuals else "" if selection.is_reliable else IF_RELIABLE
+
+
 def undecided_words(selection: "Selection") -> str:
     """Name the terms about which these data leave doubt."""
     doubtful = [f"{term} ({p:.2f})" for term, p in selection.undecided.items()]
+    unless = condition_of(selection)
     if not doubtful:
-        return "these data decide about every optional term"
-    unless = "" if selection.is_reliable else IF_RELIABLE
+        return f"these data decide about every optional term{unless}"
     return f"not decided: {', '.join(doubtful)}; in brackets the probability that it is needed{unless}"
 
 
@@ -403,6 +416,7 @@ def read_selection(path: Path, made_by: str) -> StoredSelection:
             content["inclusion_error"],
             content["chosen"],
             tuple(content["verdicts"]),
+            content["residuals"],
         )
 
 
@@ -424,6 +438,7 @@ def read_summary(path: Path, made_by: str) -> Summary:
             verdicts=tuple(content["verdicts"]),
             cautions=tuple(content["cautions"]),
             alarms=tuple(content["alarms"]),
+            choice_alarms=tuple(content["choice_alarms"]),
             usable=bool(content["usable"]),
             known=decode_known(content["known"]),
             fits=tuple(decode_fit(item) for item in content["fits"]),

@@ -29,10 +29,6 @@ from seatrial.core.reporter import SILENT, Reporter
 from seatrial.core.signals import signal_unit
 from seatrial.estimation.sensor_errors import noise_name
 
-OTHER_NOISE = (
-    "these probabilities hold for the noise that is modelled, which the residuals contradict: correct the noise first"
-)
-"""What is said of the verdicts where the residuals are correlated."""
 OF_NEXT_TRIAL = ("next", "contenders")
 """Steps without which all that was found so far still holds."""
 
@@ -131,9 +127,10 @@ def summarise(outcome: Outcome) -> dict[str, Any]:
         "terms": list(chosen.structure.terms),
         "coefficients": [_coefficient(chosen, name) for name in chosen.names],
         "structures": structure_rows(selection),
-        "verdicts": [*selection.verdicts, *([OTHER_NOISE] if outcome.disowned and selection.inclusion else [])],
+        "verdicts": list(selection.verdicts),
         "cautions": list(dict.fromkeys(cautions)),
         "alarms": [*outcome.own_alarms, *outcome.other_alarms],
+        "choice_alarms": outcome.choice_alarms,
         "usable": not outcome.own_alarms,
         "known": asdict(outcome.known),
         "fits": [fit.__dict__ for fit in outcome.fits],

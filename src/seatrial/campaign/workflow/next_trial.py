@@ -16,7 +16,7 @@ from seatrial.campaign.design.found_noise import noise_words
 from seatrial.campaign.design.sweep import Designs
 from seatrial.campaign.inference.judge_predictions import fitted_failures, held_back_alarms
 from seatrial.campaign.inference.quick_estimates import FirstAnswer
-from seatrial.campaign.store.structures import BETTER_EVIDENCE, IF_RELIABLE, Contenders
+from seatrial.campaign.store.structures import BETTER_EVIDENCE, Contenders, condition_of
 from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.estimation.remedies import listed, percent
 from seatrial.manoeuvres.family import design_words
@@ -90,6 +90,8 @@ def _failed(outcome: Outcome) -> str:
     goal, choice = outcome.campaign.goal, outcome.selection
     if outcome.own_alarms:
         return outcome.own_alarms[0]
+    if choice.residuals:
+        return choice.alarms[0]
     if (goal is None or goal.decided) and not choice.is_reliable and not choice.is_settled:
         return f"the evidence does not yet tell the models apart; {BETTER_EVIDENCE}"
     return outcome.disowned
@@ -217,7 +219,7 @@ def _in_doubt(outcome: Outcome) -> bool:
 
 def _standing(outcome: Outcome) -> tuple[str, ...]:
     trials, chosen = len(outcome.trials.fit), outcome.chosen.structure.label
-    unless = "" if outcome.selection.is_reliable or outcome.selection.is_settled else IF_RELIABLE
+    unless = "" if outcome.selection.is_settled else condition_of(outcome.selection)
     probability = f"{float(max(outcome.selection.probability)):.2f}{unless}"
     lines = [f"after {trials} trial{'s' * (trials != 1)}: {chosen} with probability {probability}"]
     known = _for_goal(outcome)

@@ -9,10 +9,11 @@ from markupsafe import Markup
 
 from seatrial.campaign.config.taken_as_exact import taken_as_exact
 from seatrial.campaign.inference.judge_predictions import held_back_alarms
-from seatrial.campaign.store.structures import IF_RELIABLE
+from seatrial.campaign.store.structures import condition_of
 from seatrial.campaign.workflow.next_trial import propose
 from seatrial.campaign.workflow.outcome import Outcome
-from seatrial.estimation.fit_verdict import explained_share
+from seatrial.estimation.baseline_comparison import CLEAR
+from seatrial.estimation.fit_verdict import WORSE_THAN_MEAN, explained_share
 from seatrial.estimation.remedies import listed
 from seatrial.report.drawing import (
     digits_of,
@@ -81,7 +82,8 @@ def summary_section(outcome: Outcome) -> dict[str, Any]:
         "has_wider": any(row["wider"] for row in (*rows, *others)),
         "models": _models(outcome),
         "advice": [sentence_of(outcome, line) for line in (*proposal.first, *proposal.advice)],
-        "unless": "" if outcome.selection.is_reliable or outcome.selection.is_settled else IF_RELIABLE,
+        "unless": "" if outcome.selection.is_settled else condition_of(outcome.selection),
+        "disowned": bool(outcome.disowned),
     }
 
 
@@ -134,13 +136,16 @@ def _basis(outcome: Outcome) -> str:
 
 def _unbeaten(outcome: Outcome) -> str:
     """Say which simpler model predicts the held-back runs as well; nothing where the model is better than all."""
-    channels: dict[str, list[str]] = {}
+    channels: dict[tuple[str, str], list[str]] = {}
     for one in outcome.compared:
         if one.level == "caution":
-            channels.setdefault(one.baselines[0].words, []).append(one.channel)
+            best = one.baselines[0]
+            much = one.ours.crps > CLEAR * best.crps
+            how = "better than this model, though that may be chance" if much else "as well as this model"
+            channels.setdefault((best.words, how), []).append(one.channel)
     said = (
-        f"{words[0].upper()}{words[1:]} predicts {listed(names)} of the held-back runs as well as this model. "
-        for words, names in channels.items()
+        f"{words[0].upper()}{words[1:]} predicts {listed(names)} of the held-back runs {how}. "
+        for (words, how), names in channels.items()
     )
     return "".join(said)
 
@@ -170,11 +175,12 @@ def _predicts(outcome: Outcome) -> str:
         f"{runs} held-back run{'s' * (runs > 1)}" if held_back else f"the run{'s' * (runs > 1)} that it was fitted to"
     )
     good = [fit.explained for fit in shown if fit.explained >= 0]
-    some = f" where it is not {explained_share(-1.0)}" if good and len(good) < len(shown) else ""
+    worst = min(fit.explained for fit in shown)
+    some = f" where it is not {WORSE_THAN_MEAN} ({worst:.0%} at worst)" if good and worst < 0 else ""
     said = (
         f"It explains {_span(good, explained_share)} of the variance of {what}{some}"
         if good
-        else f"It predicts {what} {explained_share(-1.0, runs)}"
+        else f"It predicts {what} {explained_share(worst, runs)}"
     )
     end = "" if held_back else "; no run was held back to test it"
     return f"{said}, and {_span([fit.coverage for fit in shown])} of the samples lie inside its 90 % band{end}."

@@ -122,10 +122,11 @@ def side_by_side(ours: Summary, theirs: Summary, here: str, there: str) -> Marku
         rows[is_judged].append(
             [name_cell, _judged(joint_difference(a, b)), *values] if is_judged else [name_cell, *values]
         )
-    head = [here, there, "unit"]
+    head, doubted = [here, there, "unit"], ours.choice_alarms or theirs.choice_alarms
     facts = [
         ["model", _model(ours), _model(theirs)],
         ["probability of it", *(_probability(one) for one in (ours, theirs))],
+        *([["alarms about it", *("; ".join(one.choice_alarms) for one in (ours, theirs))]] if doubted else []),
         ["information of the next trial", *(_promised(one.next_trial.best) for one in (ours, theirs))],
         ["alarms", *(str(len(one.alarms)) for one in (ours, theirs))],
         ["cautions", *(str(len(one.cautions)) for one in (ours, theirs))],
