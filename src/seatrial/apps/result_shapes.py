@@ -64,10 +64,14 @@ class Averaged(Named):
 
 
 class Known(Named):
-    """How well one parameter is known, SI: its standard deviation, over its value, over the prior's, and its closest companion."""
+    """How well one parameter is known, SI: its standard deviation, over its value, over the prior's, and its closest companion.
+
+    `model_error_sd` is that of `Parameter`; null of a design.
+    """
 
     value: Number
     sd: Number
+    model_error_sd: Number
     relative: Number
     left: Number
     partner: str
@@ -524,12 +528,16 @@ class Next(TypedDict):
 
 
 class Run(TypedDict):
-    """`run` and `report`: the chosen structure, what supports it, how it predicts, and what to run next."""
+    """`run` and `report`: the chosen structure, what supports it, how it predicts, and what to run next.
+
+    `quoted` says whose values to quote, with `model_error_sd` if it is not null: `chosen`, those of `parameters`, or `averaged`.
+    """
 
     chosen: str
     terms: list[str]
     parameters: list[Parameter]
     averaged: list[Averaged]
+    quoted: str
     structures: list[Structure]
     inclusion: list[Inclusion]
     verdicts: list[str]

@@ -30,7 +30,7 @@ def fits(found: Iterable[Any]) -> list[dict[str, Any]]:
 
 def known(found: Any) -> list[dict[str, Any]]:
     """Return what is known of each parameter."""
-    return [picked(one, shapes.Known) for one in found.parameters]
+    return [picked(one, shapes.Known, model_error_sd=one.wider or None) for one in found.parameters]
 
 
 def baselines(compared: Iterable[Any]) -> list[dict[str, Any]]:
@@ -273,6 +273,7 @@ def run(outcome: Any, proposal: Any, averaged: Sequence[Mapping[str, Any]]) -> d
         "terms": chosen.structure.terms,
         "parameters": parameters(chosen),
         "averaged": averaged,
+        "quoted": outcome.selection.quoted,
         **{key: value for key, value in selected(outcome.selection).items() if key != "chosen"},
         "fits": fits(outcome.fits),
         "baselines": baselines(outcome.compared),

@@ -137,6 +137,7 @@ def _tell_and_report(answer: Answer, outcome: Any, proposal: Any) -> Exit:
     from seatrial.campaign.inference.coefficient_csv import averaged_rows, write_averaged, write_coefficients
     from seatrial.campaign.inference.judge_predictions import fit_complaints
     from seatrial.campaign.store.estimates import with_model_error
+    from seatrial.campaign.store.structures import QUOTED
     from seatrial.report.page import write_report
 
     summary = outcome.summary
@@ -146,6 +147,12 @@ def _tell_and_report(answer: Answer, outcome: Any, proposal: Any) -> Exit:
         numbers = f"{factor * row['mean']:>12.5g} ± {factor * row['sd']:<10.3g} {unit}"
         more = with_model_error(row["model_error_sd"], row["model_error_cause"], factor)
         answer.say(f"  {row['name']:<16} {numbers}{more}")
+    if not outcome.own_alarms:
+        answer.say(f"  to quote: {QUOTED[summary['quoted']]}")
+        for row in summary["averaged"] if summary["quoted"] == "averaged" else ():
+            factor, unit = shown(row["name"], row["unit"])
+            sd = row["model_error_sd"] or row["sd"]
+            answer.say(f"    {row['name']:<14} {factor * row['mean']:>12.5g} ± {factor * sd:<10.3g} {unit}")
     for finding in outcome.wider_findings:
         answer.say(f"  {finding.sentence}")
     for fit in outcome.fits:
