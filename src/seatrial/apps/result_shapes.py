@@ -643,10 +643,30 @@ class Loss(TypedDict):
     largest: Number
 
 
+class ExportedCoefficient(Named):
+    """An estimated coefficient of an export, SI: `sd` within the exported model, the others as in `Parameter`."""
+
+    mean: Number
+    sd: Number
+    model_error_sd: Number
+
+
+class ExportedAverage(Named):
+    """A coefficient averaged over all structures, as in `Averaged`."""
+
+    mean: Number
+    sd: Number
+    model_error_sd: Number
+    inclusion: Number
+
+
 class Export(TypedDict, total=False):
-    """`export`: of a vehicle with what is lost, or of a trial."""
+    """`export`: of a vehicle with its estimated coefficients and what is lost, or of a trial; `quoted` as in `Run`, empty if not known."""
 
     target: str
+    coefficients: list[ExportedCoefficient]
+    averaged: list[ExportedAverage]
+    quoted: str
     loss: list[Loss]
     trial: str
     control: str

@@ -309,8 +309,21 @@ def vehicle(name: str, found: Any) -> dict[str, Any]:
 
 def exported(statement: Any) -> dict[str, Any]:
     """Return what a target keeps of a vehicle."""
+    from seatrial.core.coefficients import CoefficientName
+
     loss = [{"velocity": one.rate, "unit": one.unit, "largest": one.largest} for one in statement.loss]
-    return {"target": statement.target, "loss": loss}
+    found = statement.estimated
+
+    def unit(name: str) -> str:
+        return CoefficientName.parse(name).unit
+
+    coefficients = [
+        {"name": name, "unit": unit(name), "mean": mean, "sd": sd, "model_error_sd": found.model_error_sd.get(name)}
+        for name, mean, sd in zip(found.names, found.mean, found.sd, strict=True)
+    ]
+    averaged = [picked(one, shapes.ExportedAverage, unit=unit(one.name)) for one in found.averaged]
+    told = {"coefficients": coefficients, "averaged": averaged, "quoted": found.quoted}
+    return {"target": statement.target, **told, "loss": loss}
 
 
 def scores(result: Any) -> dict[str, Any]:
