@@ -90,6 +90,11 @@ class StoredCoefficient:
     model_error_sd: float | None = None
     model_error_cause: str = ""
 
+    @property
+    def judged_sd(self) -> float:
+        """Standard deviation by which values of different fits are compared: with model error if that is larger."""
+        return self.sd if self.model_error_sd is None else self.model_error_sd
+
     def in_unit(self, factor: float, unit: str) -> "StoredCoefficient":
         """Return it in another unit, of which there are `factor` in an SI unit."""
         wider = None if self.model_error_sd is None else factor * self.model_error_sd
