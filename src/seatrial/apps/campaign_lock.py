@@ -10,7 +10,7 @@ import socket
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +19,7 @@ from typing import Any
 from filelock import FileLock, Timeout
 
 from seatrial.core.errors import InputError
+from seatrial.core.reporter import Bar
 
 FILE_NAME = ".running.json"
 LOCK_NAME = ".running.lock"
@@ -42,7 +43,8 @@ class Occupant:
         host: on which it runs.
         command: as it was given.
         started: when, seconds since 1970.
-        work: pieces of work begun so far: title, done, total, what was done at its first report, and elapsed seconds since, of each.
+        work: pieces of work begun so far: title, done, total, what was done at its first report, elapsed seconds since, and, of a whole
+            run, the seconds that remain.
     """
 
     alive: bool
@@ -66,22 +68,23 @@ class Occupation:
         self.lock, self.path, self.notes = lock, path, path.open("wb")
         self.head = {"pid": os.getpid(), "host": socket.gethostname(), "command": command, "started": time.time()}
         self.work: list[dict[str, Any]] = []
+        self.began: dict[int, float] = {}
         self.guard, self.noted = threading.Lock(), 0.0
         self._note()
 
-    def progress(self, title: str) -> Callable[[int, int], None]:
+    def progress(self, title: str) -> Bar:
         """Begin a piece of work; call the result with (done, total), from any thread."""
-        piece = {"title": title, "done": 0, "total": 0, "begun_at": 0, "elapsed": 0.0}
-        began: float | None = None
+        piece = {"title": title, "done": 0, "total": 0, "begun_at": 0, "elapsed": 0.0, "seconds": None}
         with self.guard:
+            number = len(self.work)
             self.work.append(piece)
 
-        def told(done: int, total: int) -> None:
-            nonlocal began
+        def told(done: int, total: int, seconds: float | None = None, /) -> None:
             with self.guard:
-                if began is None:  # a piece may wait for others long before it begins
-                    began, piece["begun_at"] = time.monotonic(), int(done)
-                piece.update(done=int(done), total=int(total), elapsed=time.monotonic() - began)
+                if number not in self.began:  # a piece may wait for others long before it begins
+                    self.began[number], piece["begun_at"] = time.monotonic(), int(done)
+                piece.update(done=int(done), total=int(total), seconds=seconds)
+                piece["elapsed"] = time.monotonic() - self.began[number]
                 if done >= total or time.monotonic() - self.noted > EVERY:
                     self._note()
 
@@ -101,6 +104,10 @@ class Occupation:
     def _note(self) -> None:
         """Write the notes in place. A full disk must not end a long run for the sake of its progress bar."""
         self.noted = time.monotonic()
+        for number, began in self.began.items():
+            piece = self.work[number]
+            if piece["done"] < piece["total"]:  # its clock goes on between its reports
+                piece["elapsed"] = self.noted - began
         with suppress(OSError):
             self.notes.seek(0)
             self.notes.write(json.dumps({**self.head, "work": self.work}).encode())

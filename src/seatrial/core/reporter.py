@@ -13,6 +13,14 @@ Progress = Callable[[int, int], None]
 """Called with the work done and the work in all."""
 
 
+class Bar(Protocol):
+    """A `Progress` that may be given the remaining time, s, by a whole run: it knows steps that have not begun."""
+
+    def __call__(self, done: int, total: int, seconds: float | None = None, /) -> None:
+        """Take note of the work done and the work in all."""
+        ...
+
+
 class Reporter(Protocol):
     """Receives what happens."""
 
@@ -20,7 +28,7 @@ class Reporter(Protocol):
         """One line of result."""
         ...
 
-    def progress(self, title: str) -> Progress:
+    def progress(self, title: str) -> Bar:
         """Begin a long piece of work; call the result with (done, total)."""
         ...
 
@@ -31,9 +39,9 @@ class SilentReporter:
     def say(self, text: str) -> None:
         """See `Reporter.say`."""
 
-    def progress(self, title: str) -> Progress:
+    def progress(self, title: str) -> Bar:
         """See `Reporter.progress`."""
-        return lambda done, total: None
+        return lambda done, total, seconds=None, /: None
 
 
 ENOUGH = 0.02
@@ -51,6 +59,13 @@ def remaining(seconds: float, begun_at: int, done: int, total: int) -> float | N
     """
     made = done - begun_at
     return seconds * (total - done) / made if made > 0 and made >= ENOUGH * total else None
+
+
+def duration_text(seconds: float) -> str:
+    """Write a time as seconds, minutes or hours."""
+    if seconds < 90:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
 
 
 def no_progress(done: int, total: int) -> None:

@@ -17,16 +17,46 @@ class NextBy(StrEnum):
 
 
 def report(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
-    """Write report.html; compute what is missing first."""
+    """Write report.html; compute what is missing first.
+
+    After `estimate --by mode` it names the command that samples the chains instead of starting them.
+    """
 
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
         from seatrial.campaign.workflow.loop import run_loop
         from seatrial.campaign.workflow.next_trial import propose
 
+        _refuse_chains_unasked(campaign)
         outcome = run_loop(campaign, reporter)
         return _tell_and_report(answer, outcome, propose(outcome))
 
     with_campaign(folder, quiet, work, context, also="run")
+
+
+def _refuse_chains_unasked(campaign: Any) -> None:
+    """Refuse to sample where the user has asked for the posterior mode only, and say how long the chains would take.
+
+    Raises:
+        InputError: a mode is kept, and the posteriors are not current.
+    """
+    from seatrial.campaign.store.stored_result import Store
+    from seatrial.campaign.workflow.steps import LOOP, Workflow
+    from seatrial.campaign.workflow.whole_run import expected_seconds, size_of
+    from seatrial.core.errors import InputError
+    from seatrial.core.reporter import duration_text
+
+    flow, folder = Workflow(campaign), campaign.folder
+    if not Store(folder).mode.is_file() or flow.state("estimates") == "current" or flow.state("trials") != "current":
+        return
+    missing = [step.name for step in LOOP if step.stored and flow.state(step.name) != "current"]
+    seconds = sum(expected_seconds(missing, size_of(flow.get("candidates"), flow.get("trials"))).values())
+    raise InputError(
+        str(folder),
+        found="the posterior mode alone, of `estimate --by mode`",
+        expected="the whole posterior of every structure, which the report is made of",
+        remedy=f"`seatrial run {folder}` samples it and writes the report, in about {duration_text(seconds)} by the size of the "
+        "records and what such steps took on this machine",
+    )
 
 
 def run(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:

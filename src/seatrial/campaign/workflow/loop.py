@@ -24,7 +24,7 @@ from seatrial.campaign.store.stored_result import seal_of
 from seatrial.campaign.workflow.next_trial import Proposal, propose
 from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.campaign.workflow.steps import LOOP, Workflow, stored_summary
-from seatrial.campaign.workflow.whole_run import WholeRun
+from seatrial.campaign.workflow.whole_run import WholeRun, size_of
 from seatrial.core.argument_checks import check_kind
 from seatrial.core.errors import InputError
 from seatrial.core.reporter import SILENT, Reporter
@@ -58,15 +58,18 @@ def run_loop(campaign: Campaign, reporter: Reporter = SILENT) -> Outcome:
     standing = Workflow(campaign)
     whole = WholeRun(reporter, [step.name for step in LOOP if step.stored and standing.state(step.name) != "current"])
     flow, found, undesigned = Workflow(campaign, whole), {}, None
-    for step in LOOP:
-        whole.begin(step.name)
-        try:
-            found[step.name] = flow.get(step.name)
-        except InputError as error:
-            if step.name not in OF_NEXT_TRIAL:
-                raise
-            found[step.name], undesigned = None, error
-        whole.end()
+    with whole:
+        for step in LOOP:
+            whole.begin(step.name)
+            try:
+                found[step.name] = flow.get(step.name)
+            except InputError as error:
+                if step.name not in OF_NEXT_TRIAL:
+                    raise
+                found[step.name], undesigned = None, error
+            whole.end()
+            if step.name == "candidates":
+                whole.resize(size_of(found["candidates"], found["trials"]))
     screened, cautions = found["screening"]
     fits, predictions = found["predictions"]
     same = ("trials", "selection", "chosen", "filter", "known", "promised", "first", "next", "contenders")
