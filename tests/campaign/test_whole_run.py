@@ -66,10 +66,10 @@ def test_the_bar_follows_what_steps_took_before(clock):
 def test_a_step_is_as_slow_as_those_before_it(clock, tmp_path):
     """30 s took 120 s, or none, and weigh three times what is not known: a second takes 3.25, or 0.25.
 
-    What is over by 5.5 s takes 2.75 s more.
+    What lasts longer and reports nothing takes a quarter more, 0.2 + 1 / 0.95.
     """
     (tmp_path / "seatrial").mkdir()
-    for seconds, share in ((120.0, round(1000 * 128 / 152.5)), (0.0, round(1000 * 8 / 10.75))):
+    for seconds, share in ((120.0, round(1000 * 128 / 152.5)), (0.0, round(1000 / (0.2 + 1 / 0.95)))):
         (tmp_path / "seatrial" / "seconds.json").write_text('{"estimates": 30.0, "selection": 10.0}')
         told = Told()
         run = WholeRun(told, ["estimates", "selection"])
@@ -163,7 +163,23 @@ def test_the_remaining_time_never_stands_still(clock):
         run.show()
     assert np.all(np.diff(told.seconds[-60:]) != 0)
     assert min(told.seconds) >= 10.0
-    assert told.seconds[-1] > told.seconds[-40] + 10.0
+    assert told.seconds[-1] == pytest.approx(60.0 * (0.2 + 1 / 0.95 - 1.0) + 10.0)
+
+
+def test_a_part_that_reports_nothing_counts_down_and_never_ends(clock):
+    """Of 100 s half is done after 50 s; 20 s later 30 s remain, and 80 s later, when nothing was heard, a quarter of the 80 s."""
+    assert [remaining(50.0, 0, 50, 100, silent) for silent in (0.0, 20.0, 80.0)] == [50.0, 30.0, 20.0]
+    told = Told()
+    run = WholeRun(told, ["estimates", "next"])
+    run.begin("estimates")
+    part = run.progress("estimate M-0")
+    part(0, 100)
+    clock[0] = 50.0
+    part(50, 100)
+    for seconds in (70.0, 130.0, 400.0):
+        clock[0] = seconds
+        run.show()
+        assert told.seconds[-1] >= remaining(50.0, 0, 50, 100, seconds - 50.0)
 
 
 def test_a_run_is_watched_while_nothing_is_reported(monkeypatch, tmp_path):

@@ -66,7 +66,8 @@ class ConsoleReporter:
         def told(done: int, total: int, seconds: float | None = None, /) -> None:
             if not began:
                 began.append((time.monotonic(), done))
-            self.bars.update(task, completed=done, total=total, began=began[0], seconds=seconds)
+            now = time.monotonic()
+            self.bars.update(task, completed=done, total=total, began=began[0], heard=now, seconds=seconds)
 
         return told
 
@@ -76,10 +77,11 @@ class _Remaining(ProgressColumn):
 
     def render(self, task: Task) -> Text:
         """Return it; nothing before it is known and after the end."""
-        began, begun_at = task.fields.get("began", (0.0, 0))
         seconds = task.fields.get("seconds")
         if seconds is None and task.total:
-            seconds = remaining(time.monotonic() - began, begun_at, int(task.completed), int(task.total))
+            (began, begun_at), heard = task.fields["began"], task.fields["heard"]
+            silent = time.monotonic() - heard
+            seconds = remaining(heard - began, begun_at, int(task.completed), int(task.total), silent)
         return Text("" if seconds is None or task.finished else f"about {duration_text(seconds)} remaining")
 
 

@@ -48,17 +48,24 @@ ENOUGH = 0.02
 """Share of a piece of work from which its pace is believed: before, what was compiled weighs more."""
 
 
-def remaining(seconds: float, begun_at: int, done: int, total: int) -> float | None:
+SILENT_SHARE = 0.25
+"""Share of the time since the last report that is still expected at least: what took so long without a word is not over at once."""
+
+
+def remaining(seconds: float, begun_at: int, done: int, total: int, silent: float = 0.0) -> float | None:
     """Return the time that a piece of work still takes at its pace, s; None where that is not known yet.
 
     Args:
-        seconds: since its first report.
-        begun_at: work done at that.
+        seconds: from its first report to its last.
+        begun_at: work done at the first.
         done: work done.
         total: work in all.
+        silent: seconds since the last report.
     """
     made = done - begun_at
-    return seconds * (total - done) / made if made > 0 and made >= ENOUGH * total else None
+    if made <= 0 or made < ENOUGH * total:
+        return None
+    return max(seconds * (total - done) / made - silent, SILENT_SHARE * silent)
 
 
 def duration_text(seconds: float) -> str:

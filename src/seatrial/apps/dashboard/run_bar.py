@@ -67,7 +67,7 @@ def remaining_of(piece: Mapping[str, Any]) -> float | None:
     """Return the time that a piece of work of an occupant still takes, s, as it says or at its pace; None where that is not known yet."""
     if piece.get("seconds") is not None:
         return piece["seconds"]
-    return remaining(piece["elapsed"], piece["begun_at"], piece["done"], piece["total"])
+    return remaining(piece["elapsed"], piece["begun_at"], piece["done"], piece["total"], piece.get("silent", 0.0))
 
 
 class RunBar:

@@ -34,8 +34,8 @@ SHARE = 0.95
 PARTS = 1000
 EARLY = 0.1
 """Share of a step's own bars from which they say more of its time than what it took before."""
-OVERRUN = 0.5
-"""Time that a step may still take once it is longer than expected, as a share of what it is over."""
+UNTOLD = 0.2
+"""Likewise, more of a step whose bars say nothing."""
 EVERY = 1.0
 """Seconds between two looks while no step reports anything."""
 SIZED = ("estimates", "selection")
@@ -59,6 +59,7 @@ class WholeRun:
         self.size, self.expected = 1.0, expected_seconds(steps)
         self.tell = reporter.progress(TITLE) if len(steps) > 1 else None
         self.before, self.took, self.now, self.began, self.shown = 0.0, 0.0, "", time.monotonic(), 0
+        self.heard = self.began
         self.bars: dict[str, _Bar] = {}
         self.guard, self.is_over = threading.RLock(), threading.Event()
         self.show()
@@ -95,7 +96,9 @@ class WholeRun:
 
         def both(done: int, total: int, seconds: float | None = None, /) -> None:
             told(done, total, seconds)
-            bar.move(done, total)
+            with self.guard:
+                bar.move(done, total)
+                self.heard = bar.heard
             self.show()
 
         return both
@@ -132,13 +135,13 @@ class WholeRun:
         pace = (self.took + usual) / (self.before + usual)
         over = time.monotonic() - self.began if self.now in self.expected else 0.0
         share = sum(bar.share for bar in self.bars.values()) / len(self.bars) if over > 0 and self.bars else 0.0
-        here = pace * self.expected.get(self.now, 0.0)
-        here = max(here, over + OVERRUN * (over - here))
-        trust = share / (share + EARLY)
-        here = (1.0 - trust) * here + trust * (over / share if share > 0 else 0.0)
-        here = max([here, *(over + bar.remaining for bar in self.bars.values())])
+        trust, here = share / (share + EARLY), pace * self.expected.get(self.now, 0.0)
+        here = (1.0 - trust) * here + trust * ((self.heard - self.began) / share if share > 0 else 0.0)
+        # It is never over at once: the time that remains falls, and grows again if nothing is heard.
+        least = over * (1.0 / SHARE + UNTOLD * (1.0 - share))
+        here = max([here, least, *(over + bar.remaining for bar in self.bars.values())])
         later = pace * sum(seconds for step, seconds in self.expected.items() if step != self.now)
-        whole = self.took + max(here, over / SHARE) + later
+        whole = self.took + here + later
         self.shown = max(self.shown, round(PARTS * (self.took + over) / whole) if whole > 0 else PARTS)
         tell(self.shown, PARTS, whole - self.took - over)
 
@@ -147,12 +150,13 @@ class _Bar:
     """How far one piece of work has come, and since when it reports."""
 
     def __init__(self):
-        self.done, self.total, self.begun_at, self.since = 0, 1, 0, None
+        self.done, self.total, self.begun_at, self.since, self.heard = 0, 1, 0, None, 0.0
 
     def move(self, done: int, total: int) -> None:
         """Take note of the work done; the first report begins the count of its pace."""
+        self.heard = time.monotonic()
         if self.since is None:
-            self.begun_at, self.since = done, time.monotonic()
+            self.begun_at, self.since = done, self.heard
         self.done, self.total = done, max(total, 1)
 
     @property
@@ -165,7 +169,8 @@ class _Bar:
         """Seconds that its pace leaves, as its own line says; 0 if it is over or has no pace yet."""
         if self.since is None:
             return 0.0
-        return remaining(time.monotonic() - self.since, self.begun_at, self.done, self.total) or 0.0
+        silent = time.monotonic() - self.heard
+        return remaining(self.heard - self.since, self.begun_at, self.done, self.total, silent) or 0.0
 
 
 def size_of(campaign: "Campaign", trials: "Trials") -> float:

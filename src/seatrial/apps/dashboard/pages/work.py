@@ -206,7 +206,11 @@ def _state(job: Job) -> Markup:
 
 
 def _bar(piece: dict) -> Markup:
-    done, total, elapsed = int(piece["done"]), int(piece["total"]), float(piece["elapsed"])
+    done, total, elapsed = (
+        int(piece["done"]),
+        int(piece["total"]),
+        float(piece["elapsed"]) + float(piece.get("silent", 0.0)),
+    )
     share = min(1.0, done / total) if total else 0.0
     if total and done >= total:
         words = f"done in {duration_text(elapsed)}"
