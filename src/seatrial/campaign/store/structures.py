@@ -210,7 +210,7 @@ class Summary:
         next_trial: what to run next.
         seatrial_version: that wrote it.
         averaged: each parameter averaged over the structures.
-        quoted: whose values to quote, by `QUOTED`.
+        quoted: whose values to quote, by `QUOTED`; empty where an earlier version wrote it.
     """
 
     name: str
@@ -229,7 +229,7 @@ class Summary:
     next_trial: NextTrial
     seatrial_version: str
     averaged: tuple[StoredAverage, ...]
-    quoted: Literal["chosen", "averaged"]
+    quoted: Literal["chosen", "averaged", ""]
 
 
 SHOWN = 5
@@ -481,7 +481,7 @@ def read_summary(path: Path, made_by: str) -> Summary:
             next_trial=_decode_next(content["next_trial"]),
             seatrial_version=content["seatrial_version"],
             averaged=tuple(StoredAverage(**item) for item in content.get("averaged", ())),  # none of earlier versions
-            quoted=content.get("quoted", "chosen"),
+            quoted=content.get("quoted", ""),
         )
 
 

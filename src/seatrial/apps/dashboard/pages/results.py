@@ -170,7 +170,8 @@ def coefficients(summary: Summary, shown: Shown) -> Markup:
     """
     wider = any(row.model_error_sd is not None for row in summary.coefficients)
     is_averaged = summary.quoted == "averaged"
-    averages, bold = {row.name: row for row in summary.averaged}, _BOLD if summary.usable else _PLAIN
+    is_quoted, averages = summary.usable and bool(summary.quoted), {row.name: row for row in summary.averaged}
+    bold = _BOLD if is_quoted else _PLAIN
     rows = []
     for row in (one.in_unit(*shown(one.name, one.unit)) for one in summary.coefficients):
         own, average = Markup(with_sd(row.mean, row.sd)), averages.pop(row.name, None)
@@ -199,9 +200,9 @@ def coefficients(summary: Summary, shown: Shown) -> Markup:
             rows.append([_named(one.label, one.name), *cells])
     head = ["parameter", _WITHIN, *[_WITH_ERROR] * wider, *["averaged over all models"] * is_averaged]
     head += ["95 % interval, within the model", "prior sd", "unit", "sd / prior sd"]
-    words = Markup("<p><strong>Bold: the value to quote.</strong> It is {}.</p>").format(QUOTED[summary.quoted])
+    words = Markup("<p><strong>Bold: the value to quote.</strong> It is {}.</p>").format(QUOTED.get(summary.quoted, ""))
     caption = f"Parameters of {summary.chosen}: {' '.join(summary.terms)}"
-    return (words if summary.usable else Markup("")) + table(head, rows, caption, stacks=True)
+    return (words if is_quoted else Markup("")) + table(head, rows, caption, stacks=True)
 
 
 def _named(label: str, name: str) -> Markup:
