@@ -50,12 +50,14 @@ def _refuse_chains_unasked(campaign: Any) -> None:
         return
     missing = [step.name for step in LOOP if step.stored and flow.state(step.name) != "current"]
     seconds = sum(expected_seconds(missing, size_of(flow.get("candidates"), flow.get("trials"))).values())
+    words = f"`seatrial run {folder}` samples it and writes the report"
+    if campaign.is_simulated and campaign.goal is not None:  # that would run further trials too
+        words = f"`seatrial estimate {folder}` samples it and `seatrial report {folder}` then writes the report"
     raise InputError(
         str(folder),
         found="the posterior mode alone, of `estimate --by mode`",
         expected="the whole posterior of every structure, which the report is made of",
-        remedy=f"`seatrial run {folder}` samples it and writes the report, in about {duration_text(seconds)} by the size of the "
-        "records and what such steps took on this machine",
+        remedy=f"{words}, in about {duration_text(seconds)} by the size of the records and what such steps took on this machine",
     )
 
 
