@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import typer
 
+from seatrial.apps import console
 from seatrial.apps.cli import COMMANDS, main
 from seatrial.apps.console import ConsoleReporter
 from seatrial.apps.running import Exit, run_app, with_campaign
@@ -145,6 +146,16 @@ def test_piped_progress_is_one_line_for_each_piece_of_work(monkeypatch):
         report(done, 1000)
     assert said.getvalue().count("\n") == 1
     assert said.getvalue().startswith("estimate M-1: done in 0.0 s")
+
+
+def test_a_whole_run_prints_the_remaining_time_that_it_is_given(monkeypatch):
+    said = io.StringIO()
+    monkeypatch.setattr(sys, "stderr", said)
+    monkeypatch.setattr(console, "EVERY", 0.0)
+    report = ConsoleReporter().progress("whole run")
+    report(0, 1000, 30.0)
+    report(900, 1000, 1150.0)
+    assert said.getvalue().splitlines()[-1] == "whole run: 90% after 0 s, about 1150 s remaining"
 
 
 def test_work_on_a_campaign_begins_by_removing_what_a_killed_one_left(tmp_path):

@@ -7,11 +7,15 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from seatrial.apps.commands.loop import _refuse_chains_unasked
 from seatrial.campaign.config.load import check_text, load_campaign
 from seatrial.campaign.config.taken_as_exact import taken_as_exact
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.inference.quick_estimates import _smoothed, posterior_modes, regressions
 from seatrial.campaign.prior.cautions import file_cautions
+from seatrial.campaign.store.stored_result import Store
+from seatrial.campaign.workflow import whole_run
+from seatrial.campaign.workflow.steps import LOOP
 from seatrial.core.errors import InputError
 from seatrial.vehicles.simulate import simulate
 from tests.campaign.small import NO_X_U, write_small
@@ -42,6 +46,23 @@ def test_the_mode_and_its_spread(tmp_path):
     assert "no value moved much beyond its ±" in model_error
 
 
+def test_a_report_after_the_mode_names_the_command_that_samples(tmp_path, monkeypatch):
+    """Chains that took 6 000 s for the 6 000 samples times states of the demo campaign take 1 s for each here."""
+    campaign = load_campaign(write_small(tmp_path, *NO_X_U))
+    (record,) = get_trials(campaign).fit
+    _refuse_chains_unasked(campaign)  # nobody asked for the mode
+    monkeypatch.setattr(
+        whole_run, "learnt", lambda: dict.fromkeys((one.name for one in LOOP), 0.0) | {"estimates": 6000.0}
+    )
+    Store(tmp_path).mode.write_text("{}")
+    with pytest.raises(InputError) as refused:
+        _refuse_chains_unasked(campaign)
+    minutes = record.time.size * len(campaign.structures) / 60
+    assert refused.value.remedy.startswith(
+        f"`seatrial run {tmp_path}` samples it and writes the report, in about {minutes:.0f} min"
+    )
+
+
 def test_beside_a_second_standard_deviation_stands_what_makes_it_and_below_how_to_get_rid_of_it(small):
     """The second structure lacks X_u, which the first one has."""
     _, lacking = posterior_modes(*small)
@@ -50,7 +71,7 @@ def test_beside_a_second_standard_deviation_stands_what_makes_it_and_below_how_t
     assert "a force X_u" in drag
     remedy = lacking.wider_words[1]
     assert remedy.startswith("X_uabsu: most of the ± with model error is from ")
-    assert remedy.endswith("a force X_u; other structures have X_u: quote the averaged coefficients")
+    assert remedy.endswith("a force X_u; other structures have X_u: `seatrial select` gives their probabilities")
 
 
 DISTURBED = (

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from seatrial.campaign.config.load import load_campaign
+from seatrial.campaign.config.settings import Imports
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.inference.judge_predictions import (
     _lacks,
@@ -141,9 +142,11 @@ def test_two_runs_of_the_same_input_are_told(known):
 
 def test_one_run_that_is_fitted_leaves_the_bands_unjudged(known):
     campaign, trials, _ = known
-    imported = replace(campaign, imports=True)
-    (said,) = held_back_cautions(imported, replace(trials, predict=()))
-    assert "it is not known whether the stated bands hold" in said
+    for fit, remedy in ((("1",), "record another run, and name it in `predict`"), (("1", "2"), "move a run from fit")):
+        imported = replace(campaign, imports=Imports(fit, (), ()))
+        (said,) = held_back_cautions(imported, replace(trials, predict=()))
+        assert "it is not known whether the stated bands hold" in said
+        assert remedy in said
     assert held_back_cautions(campaign, replace(trials, predict=())) == []
 
 

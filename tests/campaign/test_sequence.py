@@ -8,6 +8,7 @@ import pytest
 
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.config.settings import Goal, Imports
+from seatrial.campaign.config.templates import init_campaign
 from seatrial.campaign.data import simulate as simulated
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.data.simulate import Chosen, add_trial, later_trials
@@ -176,6 +177,31 @@ def test_residuals_that_contradict_the_noise_are_an_alarm_wherever_a_probability
     assert propose(found).quoted == alarm
     assert "The choice of the model is not reliable" in answer(found)
     assert alarm not in summarise(outcome)["alarms"]
+
+
+def test_what_is_missing_stands_in_place_of_stop(tmp_path):
+    """No run was held back, of one that is fitted or of two; the goal is that of the template, as the loader reads it, or nearly."""
+    outcome = make_outcome(tmp_path)
+    alone = replace(outcome.trials, predict=())
+    for fit, remedy in ((("1",), "record another run, and name it in `predict`"), (("1", "2"), "move a run from fit")):
+        imports = replace(outcome.campaign.imports, fit=fit)
+        met = with_goal(replace(outcome, campaign=replace(outcome.campaign, imports=imports)), Goal({"X_u": 9.0}))
+        assert propose(met).lines[-1] == "stop: the goal is met: X_u to 900 %"
+        found = propose(replace(met, trials=alone))
+        assert found.trial is None
+        assert found.lines[-1].startswith(
+            "the goal is met: X_u to 900 %; before you stop, test the model, because no run"
+        )
+        assert remedy in found.lines[-1]
+    init_campaign(tmp_path / "own", "design")
+    example = load_campaign(tmp_path / "own").goal
+    for row in outcome.summary["coefficients"]:
+        row["sd"] = 1e-3 * abs(row["mean"])
+    told = propose(with_goal(outcome, example)).lines[-1]
+    assert told.startswith(
+        "the goal is met: X_uabsu to 3 %; before you stop, state in [goal] how well you need to know it"
+    )
+    assert propose(with_goal(outcome, replace(example, trials=6))).lines[-1] == "stop: the goal is met: X_uabsu to 3 %"
 
 
 def test_no_goal_is_met_by_standard_deviations_that_do_not_hold(tmp_path):

@@ -1,14 +1,19 @@
 """The vehicle of a campaign: posterior means with their covariance, and the rest from where it is said to come."""
 
+import json
+
 import numpy as np
 import pytest
 
 from seatrial.campaign.config.load import load_campaign
+from seatrial.campaign.store.stored_result import SEAL, Store, write_stamped_json
+from seatrial.campaign.store.structures import QUOTED
 from seatrial.core.dataset_file import open_dataset
 from seatrial.core.errors import InputError
 from seatrial.core.signals import RATES
 from seatrial.export.from_campaign import of_campaign
-from seatrial.export.write import of_catalogue
+from seatrial.export.targets.own_json import OwnJson
+from seatrial.export.write import of_catalogue, state
 from seatrial.vehicles.tether import Tether
 from tests.export.finished import finished
 
@@ -42,7 +47,18 @@ def test_estimates_are_the_posterior_s_means_and_covariance(tmp_path):
 
 
 def test_a_standard_deviation_with_model_error_goes_along_as_a_caution(tmp_path):
-    _, provenance = of_campaign(finished(tmp_path / "c", wider="X_u"))
+    folder = finished(tmp_path / "c", wider="X_u")
+    summary = Store(folder).summary
+    row = {"name": "X_u", "unit": "kg/s", "label": "", "mean": -1.0, "sd": 0.6, "lower_95": 0.0, "upper_95": 0.0}
+    row |= {"model_error_sd": 0.8, "model_error_cause": "a lag", "inclusion": 0.7}
+    content = json.loads(summary.read_text()) | {"averaged": [row], "quoted": "averaged"}
+    write_stamped_json(summary, {name: value for name, value in content.items() if name != SEAL}, "any")
+    vehicle, provenance = of_campaign(folder)
+    assert vehicle.estimated.model_error_sd == {"X_u": 0.5}
+    assert vehicle.estimated.averaged == (("X_u", -1.0, 0.6, 0.8, 0.7),)
+    lines = state(OwnJson(), vehicle, provenance).lines
+    assert any(line.startswith("  X_u = ") and line.endswith("kg/s, ± 0.5 with model error") for line in lines)
+    assert lines[lines.index(f"to quote: {QUOTED['averaged']}:") + 1] == "  X_u = -1 ± 0.8 kg/s"
     assert provenance.cautions == ("X_u has a standard deviation of 0.5 with model error, mostly a lag",)
 
 

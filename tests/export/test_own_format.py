@@ -2,16 +2,19 @@
 
 import csv
 import json
-from dataclasses import asdict
+from dataclasses import asdict, replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from seatrial.apps import results
 from seatrial.core.errors import InputError
 from seatrial.core.signals import RATES
 from seatrial.export.reading import read_exported
 from seatrial.export.targets.csv_table import CsvTable
 from seatrial.export.targets.own_json import OwnJson
+from seatrial.export.vehicle import AveragedCoefficient
 from tests.export.cases import PROVENANCE, own_force, published, rich, states, written
 
 
@@ -92,6 +95,40 @@ def test_parts_that_contradict_each_other_are_refused(keys, value, words, tmp_pa
     with pytest.raises(InputError, match=r"vehicle\.json") as error:
         read_exported(path)
     assert words in str(error.value)
+
+
+def test_model_error_and_averages_go_along_as_numbers(tmp_path):
+    """In JSON and back, in the table, and as `--json` prints them; a file of an earlier version lacks them."""
+    vehicle = published()
+    averaged = (
+        AveragedCoefficient("X_uabsu", -2.0, 0.6, 0.9, 1.0),
+        AveragedCoefficient("X_u", -0.5, 0.7, None, 0.3),
+    )
+    estimated = replace(vehicle.estimated, model_error_sd={"X_uabsu": 0.5}, averaged=averaged, quoted="averaged")
+    path, content = save(replace(vehicle, estimated=estimated), tmp_path)
+    again, _ = read_exported(path)
+    assert (again.estimated.model_error_sd, again.estimated.averaged) == ({"X_uabsu": 0.5}, averaged)
+    assert again.estimated.quoted == "averaged"
+    told = {row["name"]: row["model_error_sd"] for row in content["coefficients"]}
+    assert (told["X_uabsu"], told["T_nabsn"]) == (0.5, None)
+    assert "hold within the exported model" in content["estimated"]["uncertainty"]
+    text = written(CsvTable(), replace(vehicle, estimated=estimated))["coefficients.csv"]
+    assert "# sd and covariance hold within the exported model" in text
+    rows = {row["name"]: row for row in csv.DictReader(line for line in text.splitlines() if line[0] != "#")}
+    columns = ("model_error_sd", "averaged_mean", "averaged_sd", "averaged_model_error_sd", "source")
+    assert [rows["X_uabsu"][name] for name in columns] == ["0.5", "-2.0", "0.6", "0.9", "estimated"]
+    assert [rows["X_u"][name] for name in columns] == ["", "-0.5", "0.7", "", "in other models"]
+    printed = results.exported(SimpleNamespace(target="json", loss=(), estimated=estimated))
+    assert printed["coefficients"][0]["model_error_sd"] == 0.5
+    assert [(one["name"], one["unit"], one["mean"]) for one in printed["averaged"]] == [
+        ("X_uabsu", "kg/m", -2.0),
+        ("X_u", "kg/s", -0.5),
+    ]
+    for part in (content["estimated"], *content["coefficients"]):
+        for key in ("model_error_sd", "uncertainty", "quoted", "averaged"):
+            part.pop(key, None)
+    path.write_text(json.dumps(content))
+    assert read_exported(path)[0].estimated.model_error_sd == {}
 
 
 def test_keys_that_stand_twice_and_folders_are_refused(tmp_path):

@@ -6,11 +6,17 @@ from base64 import b64encode
 from dataclasses import replace
 from hashlib import sha256
 from html.parser import HTMLParser
+from itertools import takewhile
 
 import numpy as np
 import pytest
 
+from seatrial.apps.answer import Answer
+from seatrial.apps.commands.loop import _tell_and_report
 from seatrial.campaign.inference.judge_predictions import fit_complaints
+from seatrial.campaign.store.structures import QUOTED
+from seatrial.campaign.workflow.loop import summarise
+from seatrial.campaign.workflow.next_trial import propose
 from seatrial.estimation.fit_verdict import COLOURED
 from seatrial.report.drawing import digits_of, moments_of
 from seatrial.report.page import CONTENTS, render, write_report
@@ -18,7 +24,7 @@ from seatrial.report.sections.fits import fits_section
 from seatrial.report.sections.models import models_section
 from seatrial.report.sections.summary import answer, other_kinds
 from seatrial.selection.verdict import averaged
-from tests.report.outcomes import EVIL, FITTED, HELD, TRUE, make_compared, make_outcome, make_pooled
+from tests.report.outcomes import EVIL, FITTED, HELD, TRUE, make_compared, make_contenders, make_outcome, make_pooled
 
 VOID = {"meta", "link", "br", "img", "input", "hr"}
 
@@ -231,10 +237,65 @@ def test_what_is_no_coefficient_is_said_to_be_what_it_is():
 
 def test_the_average_stands_only_where_it_differs(outcome, html):
     page, alone = render(outcome), replace(outcome, selection=replace(outcome.selection, probability=np.eye(4)[0]))
-    assert "It, too, assumes that one of the models is right." in page
+    assert "a model without the coefficient counts as zero" in page
     said = render(alone)
     assert 'data-head="Averaged"' not in said
     assert "Averaged over all models, weighted by their probabilities, the values are the same." in said
+
+
+def bold_values(html):
+    """Heads and texts of the bold cells of the first screen's coefficients."""
+    table = html[html.index('id="summary"') : html.index('<details class="more">')]
+    found = re.findall(r'<td class="value" data-head="([^"]*)">(.*?)</td>', table)
+    return [(head, re.sub("<small.*?</small>", "", text)) for head, text in found]
+
+
+def test_the_bold_value_is_the_one_that_the_rule_names(tmp_path):
+    """The mixture by hand; with model error, of which the structures have 0.3 of the value, in X_tau_X and half of them in X_uabsu."""
+    made = make_outcome(tmp_path)
+    p = np.array([0.6, 0.3, 0.1, 0.0])
+    open_ = replace(made, selection=replace(made.selection, probability=p, probability_error=np.zeros(4)))
+    bold, digits = bold_values(render(open_)), digits_of(open_)
+    expected = []
+    for name in ("X_tau_X", "X_u", "X_uabsu"):
+        sums = {"sd": np.zeros(2), "model_error_sd": np.zeros(2)}
+        for weight, one in zip(p, made.estimates, strict=True):
+            if name in one.names:
+                row = one.data.sel(parameter=name)
+                mean, sd, wider = (float(row[key]) for key in ("mean", "sd", "model_error_sd"))
+                for key, size in (("sd", sd), ("model_error_sd", sd if np.isnan(wider) else wider)):
+                    sums[key] += weight * np.array([mean, mean**2 + size**2])
+        within, wide = (np.sqrt(second - first**2) for first, second in sums.values())
+        expected.append(("Averaged", digits[name].pair(sums["sd"][0], wide if wide > 1.5 * within else within)))
+    assert bold == expected
+    assert f"Bold: the value to quote.</strong> It is {QUOTED['averaged']}." in render(open_)
+    decided = render(replace(made, selection=replace(made.selection, probability=np.eye(4)[0])))
+    means = {row["name"]: (row["mean"], row["sd"]) for row in made.summary["coefficients"]}
+    assert bold_values(decided) == [
+        ("With model error", digits["X_tau_X"].pair(means["X_tau_X"][0], 0.3 * TRUE["X_tau_X"])),
+        *(("Chosen model", digits[name].pair(*means[name])) for name in ("X_u", "X_uabsu")),
+    ]
+    assert f"Bold: the value to quote.</strong> It is {QUOTED['chosen']}." in decided
+    alarm = render(alarmed(tmp_path / "alarmed", "M-0: the chains disagree about X_u (R-hat 1.03): run longer"))
+    assert "value to quote" not in alarm
+    assert bold_values(alarm) == []
+
+
+def test_the_terminal_says_which_value_to_quote(tmp_path, capsys):
+    made = make_outcome(tmp_path)
+    for p, quoted in (((0.6, 0.3, 0.1, 0.0), "averaged"), ((1.0, 0.0, 0.0, 0.0), "chosen")):
+        selection = replace(made.selection, probability=np.array(p), probability_error=np.zeros(4))
+        outcome = replace(made, selection=selection)
+        outcome = replace(outcome, summary=summarise(outcome) | {"next_trial": made.summary["next_trial"]})
+        answer = Answer("run")
+        _tell_and_report(answer, outcome, propose(outcome))
+        lines = capsys.readouterr().out.splitlines()
+        at = lines.index(f"  to quote: {QUOTED[quoted]}")
+        rows = [re.fullmatch(r"    (.*?) +\S+ ± (\S+) .*", line) for line in lines[at + 1 :]]
+        told = {row["name"]: row["model_error_sd"] or row["sd"] for row in outcome.summary["averaged"]}
+        expected = [[name, f"{sd:.3g}"] for name, sd in told.items()] if quoted == "averaged" else []
+        assert [list(row.groups()) for row in takewhile(bool, rows)] == expected
+        assert answer.told["result"]["quoted"] == quoted
 
 
 def test_other_models_have_their_model_error_too(outcome):
@@ -263,6 +324,27 @@ def test_a_caution_about_the_noise_is_told_once(outcome):
     html = render(replace(outcome, summary=summary, fits=fits))
     assert html.count("set estimation.residuals") == 1
     assert "most of the ± with model error is from blocks; set estimation.residuals" in render(outcome)
+
+
+def test_a_page_without_cautions_has_none_in_any_section(tmp_path):
+    """Cautions about the open question, the design and the parameters, in the summary and thus on every surface, or nowhere."""
+    made = make_outcome(tmp_path)
+    selection = replace(made.selection, probability=np.array([0.6, 0.3, 0.1, 0.0]))
+    (held_back,) = made.trials.predict
+    trials = replace(made.trials, predict=(replace(held_back, control=0.5 * held_back.control),))
+    made = replace(made, trials=trials, fits=(), pooled=(), compared=(), cross_validation=None, selection=selection)
+    quiet = [replace(one, left=0.1, correlation=0.2) for one in made.known.parameters]
+    known = replace(made.known, verdict=(), parameters=tuple(quiet))
+    promised = replace(made.known, stage="before", verdict=("X_u would be 0 ± 2",))
+    for nats, wider, count in ((5.0, 0.0, 0), (0.01, 0.0, 1), (0.01, 9.0, 2)):
+        unsure = replace(known, parameters=(replace(quiet[0], wider=wider), *quiet[1:]))
+        undecided = replace(made, known=unsure, contenders=make_contenders(made.campaign, selection, nats))
+        outcome = replace(undecided, first=made.next, promised=promised)
+        outcome = replace(outcome, summary=summarise(outcome))
+        html = render(outcome)
+        assert len(outcome.summary["cautions"]) == count
+        assert ("there is no caution" in html) == (count == 0) == ('<li class="caution">' not in html)
+        assert "No design of this family would decide" in html or nats > 3
 
 
 def test_what_is_folded_is_counted(tmp_path):

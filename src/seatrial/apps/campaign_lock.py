@@ -11,7 +11,7 @@ import socket
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,6 +21,7 @@ from filelock import FileLock, Timeout
 
 from seatrial.core.errors import InputError
 from seatrial.core.files import begin_file, open_regular
+from seatrial.core.reporter import Bar
 
 FILE_NAME = ".running.json"
 LOCK_NAME = ".running.lock"
@@ -46,7 +47,8 @@ class Occupant:
         host: on which it runs.
         command: as it was given.
         started: when, seconds since 1970.
-        work: pieces of work begun so far: title, done, total, what was done at its first report, and elapsed seconds since, of each.
+        work: pieces of work begun so far: title, done, total, what was done at its first report, elapsed seconds from that to its last
+            one, seconds since the last, and, of a whole run, the seconds that remain.
     """
 
     alive: bool
@@ -70,22 +72,25 @@ class Occupation:
         self.lock, self.path, self.notes = lock, path, begin_file(path)
         self.head = {"pid": os.getpid(), "host": socket.gethostname(), "command": command, "started": time.time()}
         self.work: list[dict[str, Any]] = []
+        self.began: list[float | None] = []
         self.guard, self.noted = threading.Lock(), 0.0
         self._note()
 
-    def progress(self, title: str) -> Callable[[int, int], None]:
+    def progress(self, title: str) -> Bar:
         """Begin a piece of work; call the result with (done, total), from any thread."""
-        piece = {"title": title, "done": 0, "total": 0, "begun_at": 0, "elapsed": 0.0}
-        began: float | None = None
+        piece = {"title": title, "done": 0, "total": 0, "begun_at": 0, "elapsed": 0.0, "silent": 0.0, "seconds": None}
         with self.guard:
+            number = len(self.work)
             self.work.append(piece)
+            self.began.append(None)
 
-        def told(done: int, total: int) -> None:
-            nonlocal began
+        def told(done: int, total: int, seconds: float | None = None, /) -> None:
             with self.guard:
+                began = self.began[number]
                 if began is None:  # a piece may wait for others long before it begins
-                    began, piece["begun_at"] = time.monotonic(), int(done)
-                piece.update(done=int(done), total=int(total), elapsed=time.monotonic() - began)
+                    began = self.began[number] = time.monotonic()
+                    piece["begun_at"] = int(done)
+                piece.update(done=int(done), total=int(total), seconds=seconds, elapsed=time.monotonic() - began)
                 if done >= total or time.monotonic() - self.noted > EVERY:
                     self._note()
 
@@ -105,6 +110,9 @@ class Occupation:
     def _note(self) -> None:
         """Write the notes in place. A full disk must not end a long run for the sake of its progress bar."""
         self.noted = time.monotonic()
+        for piece, began in zip(self.work, self.began, strict=True):
+            if began is not None and piece["done"] < piece["total"]:
+                piece["silent"] = self.noted - began - piece["elapsed"]
         with suppress(OSError):
             self.notes.seek(0)
             self.notes.write(json.dumps({**self.head, "work": self.work}).encode())

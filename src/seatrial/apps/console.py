@@ -6,10 +6,10 @@ from collections.abc import Callable
 from contextlib import contextmanager
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import BarColumn, Progress, ProgressColumn, Task, TaskProgressColumn, TextColumn, TimeElapsedColumn
+from rich.text import Text
 
-from seatrial.core.reporter import Progress as Report
-from seatrial.core.reporter import remaining
+from seatrial.core.reporter import Bar, duration_text, remaining
 from seatrial.core.visible import visible
 
 EVERY = 10.0
@@ -19,7 +19,7 @@ EVERY = 10.0
 class ConsoleReporter:
     """A `Reporter` on standard error; standard output is left to results. `also` is told of the same progress."""
 
-    def __init__(self, quiet: bool = False, also: Callable[[str], Report] | None = None):
+    def __init__(self, quiet: bool = False, also: Callable[[str], Bar] | None = None):
         self.quiet = quiet
         self.also = also
         self.console = Console(stderr=True, highlight=False)
@@ -28,8 +28,8 @@ class ConsoleReporter:
             BarColumn(),
             TaskProgressColumn(),
             TimeElapsedColumn(),
-            TextColumn("elapsed, remaining"),
-            TimeRemainingColumn(),
+            TextColumn("elapsed"),
+            _Remaining(),
             console=self.console,
             transient=False,
             disable=quiet or not self.console.is_terminal,
@@ -46,24 +46,44 @@ class ConsoleReporter:
         if not self.quiet:
             self.console.print(visible(text), markup=False, soft_wrap=True)
 
-    def progress(self, title: str) -> Report:
+    def progress(self, title: str) -> Bar:
         """See `Reporter.progress`."""
         shown = self._shown(visible(title))
         if self.also is None:
             return shown
         told = self.also(title)
 
-        def both(done: int, total: int) -> None:
-            shown(done, total)
-            told(done, total)
+        def both(done: int, total: int, seconds: float | None = None, /) -> None:
+            shown(done, total, seconds)
+            told(done, total, seconds)
 
         return both
 
-    def _shown(self, title: str) -> Report:
-        if self.console.is_terminal and not self.quiet:
-            task = self.bars.add_task(title, total=None)
-            return lambda done, total: self.bars.update(task, completed=done, total=total)
-        return _Lines(title, self.say)
+    def _shown(self, title: str) -> Bar:
+        if not self.console.is_terminal or self.quiet:
+            return _Lines(title, self.say)
+        task, began = self.bars.add_task(title, total=None), []
+
+        def told(done: int, total: int, seconds: float | None = None, /) -> None:
+            if not began:
+                began.append((time.monotonic(), done))
+            now = time.monotonic()
+            self.bars.update(task, completed=done, total=total, began=began[0], heard=now, seconds=seconds)
+
+        return told
+
+
+class _Remaining(ProgressColumn):
+    """The remaining time of a piece of work, as it says or at its pace, in the words of the lines and of the dashboard."""
+
+    def render(self, task: Task) -> Text:
+        """Return it; nothing before it is known and after the end."""
+        seconds = task.fields.get("seconds")
+        if seconds is None and task.total:
+            (began, begun_at), heard = task.fields["began"], task.fields["heard"]
+            silent = time.monotonic() - heard
+            seconds = remaining(heard - began, begun_at, int(task.completed), int(task.total), silent)
+        return Text("" if seconds is None or task.finished else f"about {duration_text(seconds)} remaining")
 
 
 class _Lines:
@@ -76,7 +96,7 @@ class _Lines:
         self.said = 0.0
         self.finished = False
 
-    def __call__(self, done: int, total: int) -> None:
+    def __call__(self, done: int, total: int, seconds: float | None = None, /) -> None:
         now = time.monotonic()
         if self.started is None:
             self.started, self.said, self.begun_at = now, now, done
@@ -86,7 +106,7 @@ class _Lines:
             self.say(f"{self.title}: done in {gone:.1f} s")
         elif now - self.said >= EVERY and not self.finished:
             self.said = now
-            seconds = remaining(gone, self.begun_at, done, total)
+            seconds = remaining(gone, self.begun_at, done, total) if seconds is None else seconds
             left = "" if seconds is None else f", about {seconds:.0f} s remaining"
             self.say(f"{self.title}: {done / max(total, 1):.0%} after {gone:.0f} s{left}")
 

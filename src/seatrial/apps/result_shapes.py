@@ -64,10 +64,14 @@ class Averaged(Named):
 
 
 class Known(Named):
-    """How well one parameter is known, SI: its standard deviation, over its value, over the prior's, and its closest companion."""
+    """How well one parameter is known, SI: its standard deviation, over its value, over the prior's, and its closest companion.
+
+    `model_error_sd` is that of `Parameter`; null of a design.
+    """
 
     value: Number
     sd: Number
+    model_error_sd: Number
     relative: Number
     left: Number
     partner: str
@@ -524,12 +528,16 @@ class Next(TypedDict):
 
 
 class Run(TypedDict):
-    """`run` and `report`: the chosen structure, what supports it, how it predicts, and what to run next."""
+    """`run` and `report`: the chosen structure, what supports it, how it predicts, and what to run next.
+
+    `quoted` says whose values to quote, with `model_error_sd` if it is not null: `chosen`, those of `parameters`, or `averaged`.
+    """
 
     chosen: str
     terms: list[str]
     parameters: list[Parameter]
     averaged: list[Averaged]
+    quoted: str
     structures: list[Structure]
     inclusion: list[Inclusion]
     verdicts: list[str]
@@ -635,10 +643,30 @@ class Loss(TypedDict):
     largest: Number
 
 
+class ExportedCoefficient(Named):
+    """An estimated coefficient of an export, SI: `sd` within the exported model, the others as in `Parameter`."""
+
+    mean: Number
+    sd: Number
+    model_error_sd: Number
+
+
+class ExportedAverage(Named):
+    """A coefficient averaged over all structures, as in `Averaged`."""
+
+    mean: Number
+    sd: Number
+    model_error_sd: Number
+    inclusion: Number
+
+
 class Export(TypedDict, total=False):
-    """`export`: of a vehicle with what is lost, or of a trial."""
+    """`export`: of a vehicle with its estimated coefficients and what is lost, or of a trial; `quoted` as in `Run`, empty if not known."""
 
     target: str
+    coefficients: list[ExportedCoefficient]
+    averaged: list[ExportedAverage]
+    quoted: str
     loss: list[Loss]
     trial: str
     control: str

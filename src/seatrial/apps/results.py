@@ -30,7 +30,7 @@ def fits(found: Iterable[Any]) -> list[dict[str, Any]]:
 
 def known(found: Any) -> list[dict[str, Any]]:
     """Return what is known of each parameter."""
-    return [picked(one, shapes.Known) for one in found.parameters]
+    return [picked(one, shapes.Known, model_error_sd=one.wider or None) for one in found.parameters]
 
 
 def baselines(compared: Iterable[Any]) -> list[dict[str, Any]]:
@@ -273,6 +273,7 @@ def run(outcome: Any, proposal: Any, averaged: Sequence[Mapping[str, Any]]) -> d
         "terms": chosen.structure.terms,
         "parameters": parameters(chosen),
         "averaged": averaged,
+        "quoted": outcome.selection.quoted,
         **{key: value for key, value in selected(outcome.selection).items() if key != "chosen"},
         "fits": fits(outcome.fits),
         "baselines": baselines(outcome.compared),
@@ -308,8 +309,21 @@ def vehicle(name: str, found: Any) -> dict[str, Any]:
 
 def exported(statement: Any) -> dict[str, Any]:
     """Return what a target keeps of a vehicle."""
+    from seatrial.core.coefficients import CoefficientName
+
     loss = [{"velocity": one.rate, "unit": one.unit, "largest": one.largest} for one in statement.loss]
-    return {"target": statement.target, "loss": loss}
+    found = statement.estimated
+
+    def unit(name: str) -> str:
+        return CoefficientName.parse(name).unit
+
+    coefficients = [
+        {"name": name, "unit": unit(name), "mean": mean, "sd": sd, "model_error_sd": found.model_error_sd.get(name)}
+        for name, mean, sd in zip(found.names, found.mean, found.sd, strict=True)
+    ]
+    averaged = [picked(one, shapes.ExportedAverage, unit=unit(one.name)) for one in found.averaged]
+    told = {"coefficients": coefficients, "averaged": averaged, "quoted": found.quoted}
+    return {"target": statement.target, **told, "loss": loss}
 
 
 def scores(result: Any) -> dict[str, Any]:

@@ -170,7 +170,7 @@ class _Rehearsal:
         self.look(0, 0)
         return self.look
 
-    def look(self, done: int, total: int) -> None:
+    def look(self, done: int, total: int, seconds: float | None = None, /) -> None:
         """Go on only while nothing is asked."""
         if self.is_stopped.is_set() or time.monotonic() > self.until:
             raise _Asked

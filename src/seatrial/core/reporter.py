@@ -13,6 +13,14 @@ Progress = Callable[[int, int], None]
 """Called with the work done and the work in all."""
 
 
+class Bar(Protocol):
+    """A `Progress` that may be given the remaining time, s, by a whole run: it knows steps that have not begun."""
+
+    def __call__(self, done: int, total: int, seconds: float | None = None, /) -> None:
+        """Take note of the work done and the work in all."""
+        ...
+
+
 class Reporter(Protocol):
     """Receives what happens."""
 
@@ -20,7 +28,7 @@ class Reporter(Protocol):
         """One line of result."""
         ...
 
-    def progress(self, title: str) -> Progress:
+    def progress(self, title: str) -> Bar:
         """Begin a long piece of work; call the result with (done, total)."""
         ...
 
@@ -31,26 +39,40 @@ class SilentReporter:
     def say(self, text: str) -> None:
         """See `Reporter.say`."""
 
-    def progress(self, title: str) -> Progress:
+    def progress(self, title: str) -> Bar:
         """See `Reporter.progress`."""
-        return lambda done, total: None
+        return lambda done, total, seconds=None, /: None
 
 
 ENOUGH = 0.02
 """Share of a piece of work from which its pace is believed: before, what was compiled weighs more."""
 
 
-def remaining(seconds: float, begun_at: int, done: int, total: int) -> float | None:
+SILENT_SHARE = 0.25
+"""Share of the time since the last report that is still expected at least: what took so long without a word is not over at once."""
+
+
+def remaining(seconds: float, begun_at: int, done: int, total: int, silent: float = 0.0) -> float | None:
     """Return the time that a piece of work still takes at its pace, s; None where that is not known yet.
 
     Args:
-        seconds: since its first report.
-        begun_at: work done at that.
+        seconds: from its first report to its last.
+        begun_at: work done at the first.
         done: work done.
         total: work in all.
+        silent: seconds since the last report.
     """
     made = done - begun_at
-    return seconds * (total - done) / made if made > 0 and made >= ENOUGH * total else None
+    if made <= 0 or made < ENOUGH * total:
+        return None
+    return max(seconds * (total - done) / made - silent, SILENT_SHARE * silent)
+
+
+def duration_text(seconds: float) -> str:
+    """Write a time as seconds, minutes or hours."""
+    if seconds < 90:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
 
 
 def no_progress(done: int, total: int) -> None:

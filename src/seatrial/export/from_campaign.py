@@ -17,14 +17,15 @@ from seatrial.campaign.config.vehicle import WholeVehicle
 from seatrial.campaign.inference.estimate import stored_estimates
 from seatrial.campaign.store.estimates import Estimate
 from seatrial.campaign.store.stored_result import Store
-from seatrial.campaign.store.structures import read_summary
+from seatrial.campaign.store.structures import Summary, read_summary
 from seatrial.campaign.workflow.steps import NotCurrent, Workflow
-from seatrial.core.coefficients import CoefficientName
+from seatrial.core.coefficients import CoefficientName, is_coefficient
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.signals import RATES
 from seatrial.estimation.simulation import CURRENT
 from seatrial.export.vehicle import (
     REST,
+    AveragedCoefficient,
     CoefficientEstimates,
     ExportedVehicle,
     ExportProvenance,
@@ -109,7 +110,9 @@ def _alone(campaign: Campaign, estimate: Estimate) -> tuple[ExportedVehicle, Exp
             expected="coefficients in newtons: a vehicle whose mass is known",
             remedy="give the mass, and the inertia of axes that turn, and estimate again",
         )
-    estimated = _estimated(estimate, structure)
+    estimated = _estimated(
+        estimate, structure, read_summary(Store(campaign.folder).summary, f"seatrial run {campaign.folder}")
+    )
     means = dict(zip(estimated.names, map(float, estimated.mean), strict=True))
     coefficients = {**hull.fixed, **means}
     common, beside = {"coefficients": coefficients, "estimated": estimated}, {}
@@ -248,11 +251,24 @@ def _limit_words(limited: Mapping[str, Limits], vehicle: ExportedVehicle) -> lis
     return [f"limits of {', '.join(told)}: those of its trials, [limits] of campaign.toml"] if told else []
 
 
-def _estimated(estimate: Estimate, structure: Structure) -> CoefficientEstimates:
+def _estimated(estimate: Estimate, structure: Structure, summary: Summary) -> CoefficientEstimates:
     names = tuple(term for term in structure.terms if term in estimate.names)
     draws = estimate.draws(names)
     covariance = np.cov(draws.T, bias=True).reshape(len(names), len(names))
-    return CoefficientEstimates(names, draws.mean(0), np.sqrt(np.diag(covariance)), covariance)
+    averaged = tuple(
+        AveragedCoefficient(one.name, one.mean, one.sd, one.model_error_sd, one.inclusion)
+        for one in summary.averaged
+        if is_coefficient(one.name)
+    )
+    return CoefficientEstimates(
+        names,
+        draws.mean(0),
+        np.sqrt(np.diag(covariance)),
+        covariance,
+        {name: wider for name in names if (wider := estimate.wider(name)) is not None},
+        averaged,
+        summary.quoted if averaged else "",
+    )
 
 
 def _current(estimate: Estimate) -> float:

@@ -11,11 +11,13 @@ from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError, located
 from seatrial.core.signals import RATES
 from seatrial.export.targets.own_json import FORMAT, described
-from seatrial.export.vehicle import CoefficientEstimates, ExportedVehicle, ExportProvenance
+from seatrial.export.vehicle import AveragedCoefficient, CoefficientEstimates, ExportedVehicle, ExportProvenance
 from seatrial.vehicles.actuators import Actuator
 from seatrial.vehicles.hull import Hull
 from seatrial.vehicles.thrusters import Thruster
 
+ADDED = ("model_error_sd", "uncertainty", "quoted", "averaged")
+"""Keys that files of earlier versions of the same format lack."""
 _ROUNDING = 1e-9
 """Relative difference that is rounding."""
 
@@ -122,6 +124,8 @@ def _check_agreement(result: Any, expected: Any, key: str) -> None:
     if isinstance(expected, dict) and isinstance(result, dict):
         for name, value in expected.items():
             if name not in result:
+                if name in ADDED:
+                    continue
                 raise _contradiction(f"{key}{name}", "nothing", repr(value))
             _check_agreement(result[name], value, f"{key}{name}.")
     elif isinstance(expected, list) and isinstance(result, list) and len(result) == len(expected):
@@ -156,7 +160,19 @@ def _estimated(table: dict[str, Any]) -> CoefficientEstimates:
     spread = np.sqrt(np.diag(covariance))
     if mean.shape != sd.shape or not np.allclose(spread, sd, rtol=1e-6) or not np.allclose(covariance, covariance.T):
         raise ValueError("a covariance that is not symmetric, or whose diagonal is not sd^2")
-    return CoefficientEstimates(names, mean, sd, covariance)
+    wider = zip(names, table.get("model_error_sd", [None] * len(names)), strict=True)
+    averaged = tuple(
+        AveragedCoefficient(
+            CoefficientName.parse(one["name"]).text,
+            _number(one["mean"]),
+            _number(one["sd"]),
+            None if one["model_error_sd"] is None else _number(one["model_error_sd"]),
+            _number(one["inclusion"]),
+        )
+        for one in table.get("averaged", ())
+    )
+    with_error = {name: _number(value) for name, value in wider if value is not None}
+    return CoefficientEstimates(names, mean, sd, covariance, with_error, averaged, str(table.get("quoted", "")))
 
 
 def _provenance(path: Path, content: dict[str, Any]) -> ExportProvenance:

@@ -9,7 +9,7 @@ from types import MappingProxyType
 from typing import NamedTuple, Protocol
 
 from seatrial.export.motion import Motion
-from seatrial.export.vehicle import ExportedVehicle, ExportProvenance
+from seatrial.export.vehicle import CoefficientEstimates, ExportedVehicle, ExportProvenance
 from seatrial.vehicles.actuators import Actuator
 
 
@@ -52,6 +52,7 @@ class Statement(NamedTuple):
         lines: all of it as text.
         growth: rate at which the vehicle itself leaves straight motion ahead without control, 1/s; negative where it returns.
         loss_in_current: as `loss`, in the current that was estimated; None where there was none.
+        estimated: which coefficients were estimated, and how well.
     """
 
     target: str
@@ -62,6 +63,7 @@ class Statement(NamedTuple):
     lines: tuple[str, ...]
     growth: float = 0.0
     loss_in_current: tuple[Change, ...] | None = None
+    estimated: CoefficientEstimates = CoefficientEstimates()
 
 
 class Exporter(Protocol):

@@ -7,6 +7,7 @@ from the coefficients or None in the hull, never zero by default.
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from math import isclose
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -24,18 +25,51 @@ from seatrial.vehicles.whole import whole_vehicle
 
 REST = "--rest"
 """The option that names a published vehicle for what a campaign does not know."""
+UNCERTAINTY = (
+    "sd and covariance hold within the exported model, as if its terms and noise were right; model_error_sd holds if they are not, and is "
+    "absent where it is not larger by more than a half; averaged values are over all models by their probabilities, where a model without "
+    "the coefficient counts as zero"
+)
+"""What the numbers of `CoefficientEstimates` mean, as the files say it."""
 SAME_MASS = 1e-3
 """Difference of two masses, as a share, up to which they are the same vehicle's."""
 
 
+class AveragedCoefficient(NamedTuple):
+    """A coefficient averaged over all structures by their probabilities, SI; a structure without it counts as zero.
+
+    `model_error_sd` is its standard deviation with model error, None where that is not larger by more than a half; `inclusion` the
+    probability of the structures that have it.
+    """
+
+    name: str
+    mean: float
+    sd: float
+    model_error_sd: float | None
+    inclusion: float
+
+
 @dataclass(frozen=True, eq=False)
 class CoefficientEstimates:
-    """What the data say: posterior mean, standard deviation and covariance of the coefficients, SI, in one order."""
+    """What the data say of the coefficients, SI.
+
+    Attributes:
+        names: of the coefficients of one structure, in the order of the arrays.
+        mean: of the posterior.
+        sd: its standard deviation, within the structure.
+        covariance: likewise.
+        model_error_sd: standard deviation with model error, by name, of those where it is larger by more than a half.
+        averaged: over all structures; none where there was one alone.
+        quoted: whose values to quote, `chosen` or `averaged`; empty if nothing says so.
+    """
 
     names: tuple[str, ...] = ()
     mean: Float[np.ndarray, " k"] = field(default_factory=lambda: np.zeros(0))
     sd: Float[np.ndarray, " k"] = field(default_factory=lambda: np.zeros(0))
     covariance: Float[np.ndarray, "k k"] = field(default_factory=lambda: np.zeros((0, 0)))
+    model_error_sd: Mapping[str, float] = field(default_factory=dict)
+    averaged: tuple[AveragedCoefficient, ...] = ()
+    quoted: str = ""
 
 
 @dataclass(frozen=True, eq=False)

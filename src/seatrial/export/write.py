@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from seatrial import __version__
+from seatrial.campaign.store.structures import QUOTED
 from seatrial.core.argument_checks import check_number
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError, nearest
@@ -60,7 +61,9 @@ def state(exporter: Exporter, vehicle: ExportedVehicle, provenance: ExportProven
     after = before if same else run_manoeuvre(carried.motion, carried.actuators, plan)
     loss = changes(vehicle, before, after)
     drifted = _loss_in_current(vehicle, carried, plan, provenance.current)
-    result = Statement(exporter.target, provenance, carried, loss, plan.words, (), growth_rate(own, plan), drifted)
+    result = Statement(
+        exporter.target, provenance, carried, loss, plan.words, (), growth_rate(own, plan), drifted, vehicle.estimated
+    )
     return result._replace(lines=tuple(_lines(vehicle, result, command_line(vehicle, carried, plan))))
 
 
@@ -182,9 +185,17 @@ def _lines(vehicle: ExportedVehicle, statement: Statement, commands: str) -> lis
     if provenance.structure:
         lines.append(f"structure: {provenance.structure}")
     estimated = vehicle.estimated
-    lines.append("estimated, mean ± standard deviation:" if estimated.names else "estimated: nothing, all is published")
+    heading = "estimated, mean ± standard deviation within the model:"
+    lines.append(heading if estimated.names else "estimated: nothing, all is published")
     for name, mean, sd in zip(estimated.names, estimated.mean, estimated.sd, strict=True):
-        lines.append(f"  {name} = {mean:.6g} ± {sd:.2g} {CoefficientName.parse(name).unit}")
+        wider = estimated.model_error_sd.get(name)
+        more = "" if wider is None else f", ± {wider:.2g} with model error"
+        lines.append(f"  {name} = {mean:.6g} ± {sd:.2g} {CoefficientName.parse(name).unit}{more}")
+    if estimated.quoted == "averaged":
+        lines.append(f"to quote: {QUOTED['averaged']}:")
+        for one in estimated.averaged:
+            sd, unit = one.model_error_sd or one.sd, CoefficientName.parse(one.name).unit
+            lines.append(f"  {one.name} = {one.mean:.6g} ± {sd:.2g} {unit}")
     for title, items in (
         ("dropped by the selection", provenance.dropped),
         ("taken from elsewhere", provenance.sources),

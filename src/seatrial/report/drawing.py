@@ -198,6 +198,12 @@ def sentence_of(outcome: "Outcome", text: str) -> Markup:
     return sentence_about(text, names_of(outcome), labels_of(outcome))
 
 
+def finding_of(outcome: "Outcome", text: str) -> dict[str, str | Markup]:
+    """Return a sentence as a finding of the page: a caution only if the summary counts it, so that no section has one of its own."""
+    kind = "caution" if text in outcome.summary["cautions"] else "finding"
+    return {"kind": kind, "text": sentence_of(outcome, text)}
+
+
 def _of_parameters(outcome: "Outcome", column: str) -> dict[str, str]:
     pairs = {}
     for estimate in outcome.estimates:

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain, combinations
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import jax
 import jax.numpy as jnp
@@ -95,6 +95,16 @@ class Selection:
         rest = np.arange(self.probability.size) != self.chosen
         shifted = [one for i, doubt in enumerate(self._doubts) for one in _shifted(self._logs, i, doubt)]
         return all(one[self.chosen] >= DECIDED * (one[self.chosen] + one[rest].max(initial=0.0)) for one in shifted)
+
+    @property
+    def is_decided(self) -> bool:
+        """Whether one structure holds so much of the probability that its values stand for all."""
+        return len(self.structures) == 1 or (self.is_settled and float(self.probability[self.chosen]) >= DECIDED)
+
+    @property
+    def quoted(self) -> Literal["chosen", "averaged"]:
+        """Whose values to quote: averaged ones if the structure is not decided and the probabilities can be relied on."""
+        return "averaged" if self.is_reliable and not self.is_decided else "chosen"
 
     def _reached(self, term: str) -> tuple[float, float]:
         """Return between which the probability of a term may lie, see `_range`."""

@@ -123,7 +123,7 @@ def test_piped_progress_tells_the_time_left_now_and_then(monkeypatch):
     reporter = ConsoleReporter()
     monkeypatch.setattr(reporter, "say", said.append)
     told = []
-    reporter.also = lambda title: lambda done, total: told.append((title, done, total))
+    reporter.also = lambda title: lambda done, total, seconds: told.append((title, done, total))
     report = reporter.progress("estimate M-1")
     for second in range(0, 41):
         clock[0] = float(second)

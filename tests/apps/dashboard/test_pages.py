@@ -33,7 +33,7 @@ from seatrial.apps.dashboard.pages.results import coefficients, estimated_html, 
 from seatrial.apps.dashboard.view_models import AxisAbout, EstimatedStructure, EstimatedValue, Swept, beside
 from seatrial.campaign.store.estimates import ModelErrorFinding
 from seatrial.campaign.store.stored_result import Store
-from seatrial.campaign.store.structures import StoredCoefficient, StoredMode
+from seatrial.campaign.store.structures import QUOTED, StoredAverage, StoredCoefficient, StoredMode
 from seatrial.core.display_units import shown_as_written
 from seatrial.core.errors import InputError
 from seatrial.logs.clock_shift import ClockShift
@@ -146,9 +146,46 @@ def test_what_is_left_of_a_prior_has_two_digits_however_little_that_is():
         StoredCoefficient(f"X_{i}", "kg/m", "X_{u}", **{**numbers, "sd": sd, "prior_sd": 10.0})
         for i, sd in enumerate((0.031, 0.99, 6.3))
     ]
-    summary: Any = SimpleNamespace(coefficients=rows, chosen="M-0", terms=("X_u",))
+    summary: Any = SimpleNamespace(
+        coefficients=rows, chosen="M-0", terms=("X_u",), averaged=(), quoted="chosen", usable=True
+    )
     html = coefficients(summary, shown_as_written({}))
     assert re.findall(r'data-head="sd / prior sd">([^<]*)<', html) == ["0.31 %", "9.9 %", "63 %"]
+
+
+@pytest.mark.parametrize(
+    ("quoted", "usable", "bold"),
+    [
+        ("chosen", True, ["−2.73 ± 0.26", "6.1 ± 1.0"]),
+        ("averaged", True, ["−2.88 ± 0.70", "5.0 ± 2.0", "1.0 ± 3.0"]),
+        ("averaged", False, []),
+        ("", True, []),
+    ],
+)
+def test_the_value_to_quote_is_the_only_bold_one(quoted, usable, bold):
+    """With model error where that is larger: 0.26 of the chosen model, 0.7 of the average; in the unit of the prior."""
+    numbers = dict.fromkeys(list(StoredCoefficient.__dataclass_fields__)[3:], 0.0) | {"model_error_cause": "X_u3"}
+    rows = [
+        StoredCoefficient(name, "kg/m", "X_{u}", **{**numbers, "mean": m, "sd": sd, "model_error_sd": wider})
+        for name, m, sd, wider in (("X_u", -2730.0, 110.0, 260.0), ("X_v", 6100.0, 1000.0, None))
+    ]
+    averages = [
+        StoredAverage(name, "kg/m", "X_{u}", m, sd, 0.0, 0.0, wider, "", inclusion)
+        for name, m, sd, wider, inclusion in (
+            ("X_u", -2880.0, 410.0, 700.0, 1.0),
+            ("X_v", 5000.0, 2000.0, None, 1.0),
+            ("X_w", 1000.0, 3000.0, None, 0.3),
+            ("X_r", 1000.0, 3000.0, None, 0.001),
+        )
+    ]
+    summary: Any = SimpleNamespace(
+        coefficients=rows, chosen="M-0", terms=("X_u",), averaged=averages, quoted=quoted, usable=usable
+    )
+    html = str(coefficients(summary, shown_as_written(dict.fromkeys(("X_u", "X_v", "X_w"), "t/m"))))
+    said, table = html[: html.index("<table")], html[html.index("<table") :]
+    assert re.findall("<strong>(.*?)</strong>", table) == bold
+    assert ("the value to quote" in said) == bool(bold)
+    assert not bold or QUOTED[quoted] in said
 
 
 def test_a_stored_mode_is_shown_with_its_model_error_in_the_unit_of_its_prior():

@@ -15,6 +15,7 @@ from seatrial.apps.dashboard.downsample import Envelope
 from seatrial.apps.dashboard.pages.compare import is_of_vehicle, joint_difference, shared_sides, side_by_side
 from seatrial.apps.dashboard.pages.results import by_origin
 from seatrial.apps.dashboard.view_models import FitAbout, Swept
+from seatrial.campaign.store.structures import StoredCoefficient
 from seatrial.core.dataset_file import write_dataset
 from seatrial.core.display_units import shown_as_written
 from seatrial.core.errors import InputError
@@ -134,9 +135,16 @@ def test_the_surface_leaves_out_what_breaks_a_limit_and_shows_no_foreign_markup(
 
 
 def test_noise_of_two_campaigns_is_no_contradiction():
-    def side(mean, noise, unit="kg/s"):
-        rows = (("X_u", mean, 0.1, unit), ("sigma_u", noise, 0.001, "m/s"))
-        return SimpleNamespace(coefficients=tuple(SimpleNamespace(name=n, mean=m, sd=s, unit=u) for n, m, s, u in rows))
+    blank = dict.fromkeys(list(StoredCoefficient.__dataclass_fields__)[3:], 0.0) | {"model_error_sd": None}
+
+    def side(mean, noise, unit="kg/s", wider=None):
+        rows = (("X_u", mean, 0.1, unit, wider), ("sigma_u", noise, 0.001, "m/s", None))
+        return SimpleNamespace(
+            coefficients=tuple(
+                StoredCoefficient(n, u, "", **{**blank, "mean": m, "sd": s, "model_error_sd": w})
+                for n, m, s, u, w in rows
+            )
+        )
 
     ours, theirs = side(-1.0, 0.05), side(-1.5, 0.08)
     (found,) = shared_sides(ours, theirs)
@@ -144,6 +152,12 @@ def test_noise_of_two_campaigns_is_no_contradiction():
     assert found.name == "X_u"
     assert found.at == pytest.approx((0.0, -apart))
     assert apart == pytest.approx(0.5 / np.hypot(0.1, 0.1))
+    wide = side(
+        -1.5, 0.08, wider=0.4
+    )  # its ± with model error: 1.2 joint standard deviations, where 3.5 would contradict
+    assert joint_difference(ours.coefficients[0], wide.coefficients[0]) == pytest.approx(0.5 / np.hypot(0.1, 0.4))
+    (found,) = shared_sides(ours, wide)
+    assert found.sd == pytest.approx((0.1 / np.hypot(0.1, 0.4), 0.4 / np.hypot(0.1, 0.4)))
     per_mass = side(-1.5, 0.08, "1/s")  # of a campaign whose mass is unknown
     assert shared_sides(ours, per_mass) == []
     assert joint_difference(ours.coefficients[0], per_mass.coefficients[0]) is None

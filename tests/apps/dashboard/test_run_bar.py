@@ -27,6 +27,13 @@ def test_the_whole_run_is_one_share():
     )
 
 
+def test_the_remaining_time_of_a_whole_run_is_what_it_says():
+    """At its pace 90 % after 156 s would leave 17 s, where the chains that are at work take 1 100 s more."""
+    running = job(("whole run", 900, 1000, 156.0), ("estimate M-0", 10, 100, 126.0))
+    running.occupant.work[0]["seconds"] = 1150.0
+    assert "about 19 min remaining" in standing_of(running, 1160.0).words
+
+
 def test_a_piece_that_takes_longer_than_was_expected_of_the_whole_run_is_told():
     """A third method for an evidence is not foreseen: the share of the whole run then stands still, and the bar says what is computed."""
     pieces = (

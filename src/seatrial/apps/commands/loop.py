@@ -17,16 +17,48 @@ class NextBy(StrEnum):
 
 
 def report(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
-    """Write report.html; compute what is missing first."""
+    """Write report.html; compute what is missing first.
+
+    After `estimate --by mode` it names the command that samples the chains instead of starting them.
+    """
 
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
         from seatrial.campaign.workflow.loop import run_loop
         from seatrial.campaign.workflow.next_trial import propose
 
+        _refuse_chains_unasked(campaign)
         outcome = run_loop(campaign, reporter)
         return _tell_and_report(answer, outcome, propose(outcome))
 
     with_campaign(folder, quiet, work, context, also="run")
+
+
+def _refuse_chains_unasked(campaign: Any) -> None:
+    """Refuse to sample where the user has asked for the posterior mode only, and say how long the chains would take.
+
+    Raises:
+        InputError: a mode is kept, and the posteriors are not current.
+    """
+    from seatrial.campaign.store.stored_result import Store
+    from seatrial.campaign.workflow.steps import LOOP, Workflow
+    from seatrial.campaign.workflow.whole_run import expected_seconds, size_of
+    from seatrial.core.errors import InputError
+    from seatrial.core.reporter import duration_text
+
+    flow, folder = Workflow(campaign), campaign.folder
+    if not Store(folder).mode.is_file() or flow.state("estimates") == "current" or flow.state("trials") != "current":
+        return
+    missing = [step.name for step in LOOP if step.stored and flow.state(step.name) != "current"]
+    seconds = sum(expected_seconds(missing, size_of(flow.get("candidates"), flow.get("trials"))).values())
+    words = f"`seatrial run {folder}` samples it and writes the report"
+    if campaign.is_simulated and campaign.goal is not None:  # that would run further trials too
+        words = f"`seatrial estimate {folder}` samples it and `seatrial report {folder}` then writes the report"
+    raise InputError(
+        str(folder),
+        found="the posterior mode alone, of `estimate --by mode`",
+        expected="the whole posterior of every structure, which the report is made of",
+        remedy=f"{words}, in about {duration_text(seconds)} by the size of the records and what such steps took on this machine",
+    )
 
 
 def run(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
@@ -137,6 +169,7 @@ def _tell_and_report(answer: Answer, outcome: Any, proposal: Any) -> Exit:
     from seatrial.campaign.inference.coefficient_csv import averaged_rows, write_averaged, write_coefficients
     from seatrial.campaign.inference.judge_predictions import fit_complaints
     from seatrial.campaign.store.estimates import with_model_error
+    from seatrial.campaign.store.structures import QUOTED
     from seatrial.report.page import write_report
 
     summary = outcome.summary
@@ -146,6 +179,12 @@ def _tell_and_report(answer: Answer, outcome: Any, proposal: Any) -> Exit:
         numbers = f"{factor * row['mean']:>12.5g} ± {factor * row['sd']:<10.3g} {unit}"
         more = with_model_error(row["model_error_sd"], row["model_error_cause"], factor)
         answer.say(f"  {row['name']:<16} {numbers}{more}")
+    if not outcome.own_alarms:
+        answer.say(f"  to quote: {QUOTED[summary['quoted']]}")
+        for row in summary["averaged"] if summary["quoted"] == "averaged" else ():
+            factor, unit = shown(row["name"], row["unit"])
+            sd = row["model_error_sd"] or row["sd"]
+            answer.say(f"    {row['name']:<14} {factor * row['mean']:>12.5g} ± {factor * sd:<10.3g} {unit}")
     for finding in outcome.wider_findings:
         answer.say(f"  {finding.sentence}")
     for fit in outcome.fits:

@@ -261,7 +261,9 @@ def sides_chart(sides: Sequence[Side], names: tuple[str, str]) -> ui.echart:
         series += [{**_whiskers(ends, shade), "name": name}, {**dots, "name": name, "color": colour(shade)}]
     options = {
         "grid": {"left": 10, "right": 20, "top": 34, "bottom": 44, "containLabel": True},
-        "xAxis": axis("distance from the first, joint sd", nameLocation="middle", nameGap=26, scale=True),
+        "xAxis": axis(
+            "distance from the first, joint sd; lines: 95 % intervals", nameLocation="middle", nameGap=26, scale=True
+        ),
         "yAxis": {**_categories([one.name for one in sides], ""), "inverse": True},
         "legend": {
             "top": 0,

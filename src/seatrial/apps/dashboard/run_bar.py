@@ -12,7 +12,7 @@ from seatrial.apps.dashboard.app_context import AppContext, markup, say
 from seatrial.apps.dashboard.jobs import Job
 from seatrial.campaign.workflow.whole_run import TITLE
 from seatrial.core.errors import SeatrialError
-from seatrial.core.reporter import remaining
+from seatrial.core.reporter import duration_text, remaining
 
 EVERY = 1.0
 """Seconds between looks at what is running."""
@@ -64,8 +64,10 @@ def standing_of(job: Job, now: float) -> Standing:
 
 
 def remaining_of(piece: Mapping[str, Any]) -> float | None:
-    """Return the time that a piece of work of an occupant still takes at its pace, s; None where that is not known yet."""
-    return remaining(piece["elapsed"], piece["begun_at"], piece["done"], piece["total"])
+    """Return the time that a piece of work of an occupant still takes, s, as it says or at its pace; None where that is not known yet."""
+    if piece.get("seconds") is not None:
+        return piece["seconds"]
+    return remaining(piece["elapsed"], piece["begun_at"], piece["done"], piece["total"], piece.get("silent", 0.0))
 
 
 class RunBar:
@@ -113,10 +115,3 @@ class RunBar:
                     say(error)
         self.context.glances.pop(self.folder, None)
         self._look()
-
-
-def duration_text(seconds: float) -> str:
-    """Write a time as seconds, minutes or hours."""
-    if seconds < 90:
-        return f"{seconds:.0f} s"
-    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"

@@ -10,6 +10,7 @@ import jax
 import numpy as np
 
 from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.config.settings import Imports
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.posterior import build_likelihood, build_parameters, first_sd, random_key, shared_model
 from seatrial.campaign.store.estimates import Drawn, Estimate, HasKey, OfStructure
@@ -209,8 +210,7 @@ def held_back_cautions(campaign: Campaign, trials: Trials) -> list[str]:
     """What held-back records cannot show: nothing where all imported ones were fitted, little where they repeat an input."""
     if campaign.imports is not None and not trials.predict:
         return [
-            "no run was held back, so it is not known whether the stated bands hold on new runs; "
-            "move a run from fit to predict in [import]"
+            f"no run was held back, so it is not known whether the stated bands hold on new runs; {hold_back_words(campaign.imports)}"
         ]
     return [
         f"held-back run {record.label} has the input of run {other.label}: a good prediction shows only that the vehicle repeats "
@@ -219,6 +219,13 @@ def held_back_cautions(campaign: Campaign, trials: Trials) -> list[str]:
         for other in trials.fit
         if np.array_equal(record.control, other.control)
     ]
+
+
+def hold_back_words(imports: Imports) -> str:
+    """Say how to hold a run back: the only one that is fitted cannot be moved."""
+    if len(imports.fit) > 1:
+        return "move a run from fit to predict in [import]"
+    return "record another run, and name it in `predict` of [import]"
 
 
 def _is_alarm(fit: Fit) -> bool:

@@ -106,7 +106,9 @@ def _is_elsewhere(posterior: Posterior, effect: Effect) -> bool:
 def _remedy(posterior: Posterior, effects: Sequence[Effect]) -> str:
     """Return what can be done about some effects, each thing once."""
     elsewhere = [one.of for one in effects if _is_elsewhere(posterior, one)]
-    ways = [f"other structures have {listed(elsewhere)}: quote the averaged coefficients"] if elsewhere else []
+    ways = (
+        [f"other structures have {listed(elsewhere)}: `seatrial select` gives their probabilities"] if elsewhere else []
+    )
     leads = [one.of for one in effects if one.kind == "command lead"]
     ways += [way for one in effects if not _is_elsewhere(posterior, one) for way in _ways(one, leads)]
     return "; or ".join(dict.fromkeys(ways))

@@ -314,6 +314,11 @@ class Known:
         return [item.name for item in self.parameters if item.is_unsure]
 
     @property
+    def cautions(self) -> tuple[str, ...]:
+        """Parameters that are not known separately, or only if the model is right; empty if each is known."""
+        return self.verdict or ((self.separately,) if self.unsure else ())
+
+    @property
     def separately(self) -> str:
         """What is said where no verdict is: each parameter is known, within the model alone if its error leaves one unknown."""
         if not self.unsure:

@@ -4,7 +4,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -92,6 +92,11 @@ class StoredCoefficient:
     model_error_sd: float | None = None
     model_error_cause: str = ""
 
+    @property
+    def judged_sd(self) -> float:
+        """Standard deviation by which values of different fits are compared: with model error if that is larger."""
+        return self.sd if self.model_error_sd is None else self.model_error_sd
+
     def in_unit(self, factor: float, unit: str) -> "StoredCoefficient":
         """Return it in another unit, of which there are `factor` in an SI unit."""
         wider = None if self.model_error_sd is None else factor * self.model_error_sd
@@ -100,6 +105,35 @@ class StoredCoefficient:
         }
         ends = {name: factor * getattr(self, name) for name in ("lower_95", "upper_95")}
         return replace(self, **scaled, **ends, model_error_sd=wider, unit=unit)
+
+
+@dataclass(frozen=True)
+class StoredAverage:
+    """One parameter averaged over all structures by their probabilities, SI; a structure without it counts as zero.
+
+    Attributes:
+        name: of the parameter.
+        unit: SI unit.
+        label: in LaTeX.
+        mean: of the mixture.
+        sd: likewise, within the structures.
+        lower_95: begin of its shortest 95 % interval.
+        upper_95: its end.
+        model_error_sd: standard deviation with model error; None where it is not larger by more than a half.
+        model_error_cause: what makes most of that.
+        inclusion: probability of the structures that have it.
+    """
+
+    name: str
+    unit: str
+    label: str
+    mean: float
+    sd: float
+    lower_95: float
+    upper_95: float
+    model_error_sd: float | None
+    model_error_cause: str
+    inclusion: float
 
 
 @dataclass(frozen=True)
@@ -144,6 +178,13 @@ class NextTrial:
     best: BestDesign | None
 
 
+QUOTED = {
+    "chosen": "that of the chosen model, with the ± with model error if that is larger",
+    "averaged": "the average over all models, because the data do not decide between them, with the ± with model error if that is larger",
+}
+"""Which value of a coefficient to quote, by `Selection.quoted`: the same words on every surface."""
+RARE = 0.01
+"""Probability below which a term that the chosen model lacks is not worth a row."""
 BETTER_EVIDENCE = "raise `particles`, `draws` or `repeats` in [selection], or narrow the priors"
 """What helps where an evidence is not reliable."""
 IF_RELIABLE = ", if the evidences were reliable"
@@ -173,6 +214,8 @@ class Summary:
         baselines: how the model stands beside simple predictors on the held-back records, channel by channel.
         next_trial: what to run next.
         seatrial_version: that wrote it.
+        averaged: each parameter averaged over the structures.
+        quoted: whose values to quote, by `QUOTED`; empty where an earlier version wrote it.
     """
 
     name: str
@@ -191,6 +234,8 @@ class Summary:
     baselines: tuple[Comparison, ...]
     next_trial: NextTrial
     seatrial_version: str
+    averaged: tuple[StoredAverage, ...]
+    quoted: Literal["chosen", "averaged", ""]
 
 
 SHOWN = 5
@@ -319,6 +364,10 @@ class Contenders:
         """Samples of one manoeuvre."""
         return self.data.isel(sample=np.flatnonzero(self.data["which"].values == manoeuvre))
 
+    def cautions(self, selection: "Selection") -> list[str]:
+        """Return that no design would decide between the two, if these data have not; empty if one would, or nothing is open."""
+        return [] if selection.is_settled or self.nats > ENOUGH else [self.trial_words(selection)]
+
     def lines(self, selection: "Selection") -> list[str]:
         """What the runner-up would change, what is undecided, and which trial would decide, in words."""
         return [self.difference_words(), undecided_words(selection), self.trial_words(selection)]
@@ -446,6 +495,8 @@ def read_summary(path: Path, made_by: str) -> Summary:
             baselines=tuple(decode_comparison(item) for item in content["baselines"]),
             next_trial=_decode_next(content["next_trial"]),
             seatrial_version=content["seatrial_version"],
+            averaged=tuple(StoredAverage(**item) for item in content.get("averaged", ())),  # none of earlier versions
+            quoted=content.get("quoted", ""),
         )
 
 

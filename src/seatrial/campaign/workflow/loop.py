@@ -1,6 +1,7 @@
 """The whole loop: design, simulate or import, estimate, select, and say what to run next; once, or trial after trial."""
 
 from dataclasses import asdict, replace
+from math import isnan
 from typing import Any
 
 from seatrial.campaign.config.campaign import Campaign
@@ -8,6 +9,7 @@ from seatrial.campaign.data.check import record_doubts
 from seatrial.campaign.data.simulate import add_trial
 from seatrial.campaign.design.sweep import Designs
 from seatrial.campaign.inference.baselines import compare_with_baselines, comparison_cautions
+from seatrial.campaign.inference.coefficient_csv import averaged_rows
 from seatrial.campaign.inference.cross_validation import current_cross_validation
 from seatrial.campaign.inference.filter_trace import filter_complaints
 from seatrial.campaign.inference.judge_predictions import (
@@ -22,7 +24,7 @@ from seatrial.campaign.store.stored_result import seal_of
 from seatrial.campaign.workflow.next_trial import Proposal, propose
 from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.campaign.workflow.steps import LOOP, Workflow, stored_summary
-from seatrial.campaign.workflow.whole_run import WholeRun
+from seatrial.campaign.workflow.whole_run import WholeRun, size_of
 from seatrial.core.argument_checks import check_kind
 from seatrial.core.errors import InputError
 from seatrial.core.reporter import SILENT, Reporter
@@ -52,15 +54,18 @@ def run_loop(campaign: Campaign, reporter: Reporter = SILENT) -> Outcome:
     standing = Workflow(campaign)
     whole = WholeRun(reporter, [step.name for step in LOOP if step.stored and standing.state(step.name) != "current"])
     flow, found, undesigned = Workflow(campaign, whole), {}, None
-    for step in LOOP:
-        whole.begin(step.name)
-        try:
-            found[step.name] = flow.get(step.name)
-        except InputError as error:
-            if step.name not in OF_NEXT_TRIAL:
-                raise
-            found[step.name], undesigned = None, error
-        whole.end()
+    with whole:
+        for step in LOOP:
+            whole.begin(step.name)
+            try:
+                found[step.name] = flow.get(step.name)
+            except InputError as error:
+                if step.name not in OF_NEXT_TRIAL:
+                    raise
+                found[step.name], undesigned = None, error
+            whole.end()
+            if step.name == "candidates":
+                whole.resize(size_of(found["candidates"], found["trials"]))
     screened, cautions = found["screening"]
     fits, predictions = found["predictions"]
     same = ("trials", "selection", "chosen", "filter", "known", "promised", "first", "next", "contenders")
@@ -115,8 +120,11 @@ def summarise(outcome: Outcome) -> dict[str, Any]:
     campaign, chosen, selection = outcome.campaign, outcome.chosen, outcome.selection
     records = [*outcome.trials.fit, *outcome.trials.predict]
     # In order of gravity: what touches the values that are printed, then the records, then what nothing rests on.
+    # Every surface takes its cautions from here, so that one that prints none has none further down.
     cautions = [*fit_complaints(outcome.fits, outcome.pooled), *comparison_cautions(outcome.compared)]
-    cautions += [*(effect.sentence for effect in chosen.left_out), *chosen.cautions]
+    cautions += [*(effect.sentence for effect in chosen.left_out), *chosen.cautions, *outcome.known.cautions]
+    cautions += [] if outcome.contenders is None else outcome.contenders.cautions(selection)
+    cautions += [] if outcome.cross_validation is None else outcome.cross_validation.complaints()
     cautions += [text for record in records for text in record_doubts(campaign, record)]
     cautions += held_back_cautions(campaign, outcome.trials)
     cautions += filter_complaints(outcome.filter, _fitted_noise(outcome))
@@ -126,6 +134,8 @@ def summarise(outcome: Outcome) -> dict[str, Any]:
         "chosen": chosen.structure.label,
         "terms": list(chosen.structure.terms),
         "coefficients": [_coefficient(chosen, name) for name in chosen.names],
+        "averaged": [_averaged(outcome, row) for row in averaged_rows(outcome.estimates, selection)],
+        "quoted": selection.quoted,
         "structures": structure_rows(selection),
         "verdicts": list(selection.verdicts),
         "cautions": list(dict.fromkeys(cautions)),
@@ -165,6 +175,17 @@ def _best_design(designs: Designs) -> dict[str, Any]:
         "sd_before": dict(zip(designs.names, map(float, designs.sd_before), strict=True)),
         "sd_after": dict(zip(designs.names, map(float, sweep.final_sd[row, column]), strict=True)),
     }
+
+
+def _averaged(outcome: Outcome, row: dict[str, Any]) -> dict[str, Any]:
+    """Return a row of `averaged_rows` as the summary keeps it."""
+    label = next(
+        str(one.data.sel(parameter=row["name"])["label"].values)
+        for one in outcome.estimates
+        if row["name"] in one.names
+    )
+    wider = row["model_error_sd"]
+    return {**row, "label": label, "model_error_sd": None if isnan(wider) else wider}
 
 
 def _coefficient(estimate: Estimate, name: str) -> dict[str, Any]:

@@ -11,10 +11,11 @@ import numpy as np
 import scipy
 
 from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.config.new_campaign import is_example
 from seatrial.campaign.data.simulate import Chosen, chosen_of
 from seatrial.campaign.design.found_noise import noise_words
 from seatrial.campaign.design.sweep import Designs
-from seatrial.campaign.inference.judge_predictions import fitted_failures, held_back_alarms
+from seatrial.campaign.inference.judge_predictions import fitted_failures, held_back_alarms, hold_back_words
 from seatrial.campaign.inference.quick_estimates import FirstAnswer
 from seatrial.campaign.store.structures import BETTER_EVIDENCE, Contenders, condition_of
 from seatrial.campaign.workflow.outcome import Outcome
@@ -105,7 +106,10 @@ def _weighed(outcome: Outcome, standing: tuple[str, ...]) -> Proposal:
             why = "no trial yet: the goal is met only if the stated ± hold, and the residuals say that they do not"
             return Proposal(None, standing, (), why=why, quoted=outcome.disowned)
         if not counting:
-            return Proposal(None, standing, (f"stop: the goal is met: {_goal_words(outcome)}",))
+            words = f"the goal is met: {_goal_words(outcome)}"
+            missing = before_stop(outcome.campaign, bool(outcome.trials.predict))
+            said = (f"{words}; before you stop, {'; and '.join(missing)}",) if missing else (f"stop: {words}",)
+            return Proposal(None, standing, said)
         if len(outcome.trials.fit) >= goal.trials:
             trials = f"{goal.trials} trial{'s are' if goal.trials != 1 else ' is'}"
             return Proposal(None, standing, (f"stop: {trials} run, which is all that [goal] asks for",))
@@ -122,6 +126,21 @@ def _weighed(outcome: Outcome, standing: tuple[str, ...]) -> Proposal:
                 outcome.next, found.decisive, _known(outcome), _noise(outcome), standing, promise, _within(outcome)
             )
     return _most_informative(outcome.next, _known(outcome), _noise(outcome), standing, counting, _within(outcome))
+
+
+def before_stop(campaign: Campaign, is_tested: bool) -> list[str]:
+    """Return what is missing before a goal that is met is a reason to stop.
+
+    Args:
+        campaign: configuration.
+        is_tested: whether a run was held back. Of simulated trials none is: the vehicle is known.
+    """
+    missing = []
+    if campaign.imports is not None and not is_tested:
+        missing.append(f"test the model, because no run was held back: {hold_back_words(campaign.imports)}")
+    if campaign.goal is not None and is_example(campaign.goal):
+        missing.append("state in [goal] how well you need to know it: this goal is the example of the template")
+    return missing
 
 
 def propose_by_mode(campaign: Campaign, first: FirstAnswer, designs: Designs, trials: int) -> Proposal:
@@ -142,11 +161,11 @@ def propose_by_mode(campaign: Campaign, first: FirstAnswer, designs: Designs, tr
         standing.append(f"{name} is known to {_beside_wanted(sd / abs(mean), sd / ratio / abs(mean))} wanted")
     counting = goal is not None and goal.only_trials
     if goal is not None and not (unmet or goal.decided or counting):
-        return Proposal(
-            None,
-            tuple(standing),
-            ("stop: the posterior mode meets the goal; confirm it by `seatrial next` without --by",),
-        )
+        confirm = "confirm it by `seatrial next` without --by"
+        missing = before_stop(campaign, campaign.imports is not None and bool(campaign.imports.predict))
+        said = f"before you stop, {'; and '.join([*missing, confirm])}" if missing else confirm
+        stop = "" if missing else "stop: "
+        return Proposal(None, tuple(standing), (f"{stop}the posterior mode meets the goal; {said}",))
     assert first.drawn is not None
     return _most_informative(designs, known, noise_words(campaign, first.drawn), tuple(standing), counting)
 

@@ -5,7 +5,7 @@ of the campaign file and of the keys of what the step needs.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import lru_cache, partial
 from importlib import import_module
 from pathlib import Path
@@ -239,7 +239,8 @@ def stored_summary(flow: Workflow) -> StoredResult[Summary]:
         except NotCurrent:
             keys.append(None)
     read = partial(read_summary, made_by=f"seatrial run {campaign.folder}")
-    key = key_of("summary", keys, campaign.name, campaign.prior_units, campaign.goal)
+    layout = [field.name for field in fields(Summary)]
+    key = key_of("summary", layout, keys, campaign.name, campaign.prior_units, campaign.goal)
     return StoredResult(Store(campaign.folder).summary, key, read)
 
 

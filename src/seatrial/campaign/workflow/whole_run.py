@@ -2,13 +2,19 @@
 
 import json
 import os
+import threading
 import time
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from seatrial.core.engine import cache_directory
-from seatrial.core.reporter import Progress, Reporter
+from seatrial.core.reporter import Bar, Reporter, remaining
+
+if TYPE_CHECKING:
+    from seatrial.campaign.config.campaign import Campaign
+    from seatrial.campaign.data.import_logs import Trials
 
 TITLE = "whole run"
 USUAL = {
@@ -28,8 +34,14 @@ SHARE = 0.95
 PARTS = 1000
 EARLY = 0.1
 """Share of a step's own bars from which they say more of its time than what it took before."""
-SURE = 0.02
-"""Share of one bar from which its own pace is believed."""
+UNTOLD = 0.2
+"""Likewise, more of a step whose bars say nothing."""
+EVERY = 1.0
+"""Seconds between two looks while no step reports anything."""
+SIZED = ("estimates", "selection")
+"""Steps whose time grows with the work of a likelihood."""
+DEMO = 6000
+"""Samples times states of the demo campaign, over its four structures."""
 UNSURE = 0.25
 """Share of the whole run that the pace of its steps has to outweigh: short steps say little about long ones."""
 
@@ -44,45 +56,70 @@ class WholeRun:
 
     def __init__(self, reporter: Reporter, steps: Sequence[str]):
         self.reporter = reporter
-        known = learnt()
-        self.expected = {step: known.get(step, USUAL.get(step, LEAST)) for step in steps}
+        self.size, self.expected = 1.0, expected_seconds(steps)
         self.tell = reporter.progress(TITLE) if len(steps) > 1 else None
         self.before, self.took, self.now, self.began, self.shown = 0.0, 0.0, "", time.monotonic(), 0
+        self.heard = self.began
         self.bars: dict[str, _Bar] = {}
+        self.guard, self.is_over = threading.RLock(), threading.Event()
         self.show()
+
+    def __enter__(self) -> "WholeRun":
+        """Show from here on how the time goes by, also while a step reports nothing."""
+        if self.tell is not None:
+            threading.Thread(target=self._watch, daemon=True).start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.is_over.set()
+
+    def _watch(self) -> None:
+        while not self.is_over.wait(EVERY):
+            self.show()
+
+    def resize(self, size: float) -> None:
+        """Expect steps to take longer by the work of a likelihood, of which `size_of` says how large it is."""
+        with self.guard:
+            for step in self.expected.keys() & set(SIZED):
+                self.expected[step] *= size / self.size
+            self.size = size
 
     def say(self, text: str) -> None:
         """See `Reporter.say`."""
         self.reporter.say(text)
 
-    def progress(self, title: str) -> Progress:
+    def progress(self, title: str) -> Bar:
         """See `Reporter.progress`."""
         told = self.reporter.progress(title)
+        with self.guard:
+            bar = self.bars[title] = _Bar()
 
-        bar = self.bars[title] = _Bar()
-
-        def both(done: int, total: int) -> None:
-            told(done, total)
-            bar.move(done / max(total, 1))
+        def both(done: int, total: int, seconds: float | None = None, /) -> None:
+            told(done, total, seconds)
+            with self.guard:
+                bar.move(done, total)
+                self.heard = bar.heard
             self.show()
 
         return both
 
     def begin(self, step: str) -> None:
         """Say which step is made now."""
-        self.now, self.began, self.bars = step, time.monotonic(), {}
+        with self.guard:
+            self.now, self.began, self.bars = step, time.monotonic(), {}
 
     def end(self) -> None:
         """Say that it is made, and learn how long it took."""
-        if self.now in self.expected:
-            seconds = time.monotonic() - self.began
-            self.before, self.took = self.before + self.expected.pop(self.now), self.took + seconds
-            learn(self.now, seconds)
-        self.now = ""
+        with self.guard:
+            if self.now in self.expected:
+                seconds = time.monotonic() - self.began
+                self.before, self.took = self.before + self.expected.pop(self.now), self.took + seconds
+                learn(self.now, seconds / (self.size if self.now in SIZED else 1.0))
+            self.now = ""
         self.show()
 
     def show(self) -> None:
-        """Show how far the run has come.
+        """Show how far the run has come, and the time that remains.
 
         A step is as much slower than expected as those before it were; the farther it is, the more its own bars say of how long it takes,
         and no less remains of it than of any one of them. Where a step turns out to be longer than it was, the bar waits: it never goes
@@ -90,44 +127,67 @@ class WholeRun:
         """
         if self.tell is None:
             return
+        with self.guard:
+            self._show(self.tell)
+
+    def _show(self, tell: Bar) -> None:
         usual = UNSURE * (self.before + sum(self.expected.values()))
         pace = (self.took + usual) / (self.before + usual)
         over = time.monotonic() - self.began if self.now in self.expected else 0.0
         share = sum(bar.share for bar in self.bars.values()) / len(self.bars) if over > 0 and self.bars else 0.0
-        here = pace * self.expected.get(self.now, 0.0)
-        trust = share / (share + EARLY)
-        here = (1.0 - trust) * here + trust * (over / share if share > 0 else 0.0)
-        here = max([here, *(over + bar.remaining for bar in self.bars.values())])
+        trust, here = share / (share + EARLY), pace * self.expected.get(self.now, 0.0)
+        here = (1.0 - trust) * here + trust * ((self.heard - self.began) / share if share > 0 else 0.0)
+        # It is never over at once: the time that remains falls, and grows again if nothing is heard.
+        least = over * (1.0 / SHARE + UNTOLD * (1.0 - share))
+        here = max([here, least, *(over + bar.remaining for bar in self.bars.values())])
         later = pace * sum(seconds for step, seconds in self.expected.items() if step != self.now)
-        whole = self.took + max(here, over / SHARE) + later
+        whole = self.took + here + later
         self.shown = max(self.shown, round(PARTS * (self.took + over) / whole) if whole > 0 else PARTS)
-        self.tell(self.shown, PARTS)
+        tell(self.shown, PARTS, whole - self.took - over)
 
 
 class _Bar:
-    """How far one piece of work has come, and since when it moves."""
+    """How far one piece of work has come, and since when it reports."""
 
     def __init__(self):
-        self.share, self.at_first, self.since = 0.0, 0.0, 0.0
+        self.done, self.total, self.begun_at, self.since, self.heard = 0, 1, 0, None, 0.0
 
-    def move(self, share: float) -> None:
-        """Take note of a share; the first above 0 begins the count of its pace."""
-        self.share = share
-        if share > 0.0 and not self.since:
-            self.at_first, self.since = share, time.monotonic()
+    def move(self, done: int, total: int) -> None:
+        """Take note of the work done; the first report begins the count of its pace."""
+        self.heard = time.monotonic()
+        if self.since is None:
+            self.begun_at, self.since = done, self.heard
+        self.done, self.total = done, max(total, 1)
+
+    @property
+    def share(self) -> float:
+        """Share of its work that is done."""
+        return self.done / self.total
 
     @property
     def remaining(self) -> float:
-        """Seconds that its pace leaves, the less the earlier it is; 0 where it is over or has no pace."""
-        moved = self.share - self.at_first
-        if moved <= 0.0:
+        """Seconds that its pace leaves, as its own line says; 0 if it is over or has no pace yet."""
+        if self.since is None:
             return 0.0
-        trust = self.share / (self.share + SURE)
-        return trust * (time.monotonic() - self.since) * (1.0 - self.share) / moved
+        silent = time.monotonic() - self.heard
+        return remaining(self.heard - self.since, self.begun_at, self.done, self.total, silent) or 0.0
+
+
+def size_of(campaign: "Campaign", trials: "Trials") -> float:
+    """Return the work of one likelihood of every structure, in that of the demo campaign: samples times states."""
+    samples = sum(record.time.size for record in trials.fit)
+    return len(campaign.structures) * len(campaign.model(campaign.full).states) * samples / DEMO
+
+
+def expected_seconds(steps: Sequence[str], size: float = 1.0) -> dict[str, float]:
+    """Return how long steps take on this machine by what they took before, for a likelihood of such a size."""
+    known = learnt()
+    seconds = {step: known.get(step, USUAL.get(step, LEAST)) for step in steps}
+    return {step: one * (size if step in SIZED else 1.0) for step, one in seconds.items()}
 
 
 def learnt() -> dict[str, float]:
-    """Return the seconds that each step took on this machine, as far as it has been made; an unreadable file knows nothing."""
+    """Return the seconds that each step took on this machine for a likelihood of size 1; an unreadable file knows nothing."""
     try:
         kept = json.loads(_place().read_text(encoding="utf-8"))
         return {str(step): float(seconds) for step, seconds in kept.items()}

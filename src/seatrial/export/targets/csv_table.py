@@ -10,8 +10,11 @@ from seatrial.core.signals import signal_unit
 from seatrial.export.motion import motion_of
 from seatrial.export.stability import check_stable
 from seatrial.export.target import Carried, Statement
-from seatrial.export.vehicle import ExportedVehicle
+from seatrial.export.vehicle import UNCERTAINTY, AveragedCoefficient, ExportedVehicle
 from seatrial.vehicles.hull import Hull
+
+_AVERAGED = ("averaged_mean", "averaged_sd", "averaged_model_error_sd")
+"""Columns of the average over all models."""
 
 
 @dataclass(frozen=True)
@@ -33,23 +36,32 @@ class CsvTable:
         """See `Exporter`."""
         estimated = vehicle.estimated
         known = dict(zip(estimated.names, range(len(estimated.names)), strict=True))
-        rows = [
-            [name, repr(float(value)), "", vehicle.unit(name), "given", *("" for _ in known)]
-            if name not in known
-            else [
-                name,
-                repr(float(value)),
-                repr(float(estimated.sd[known[name]])),
-                vehicle.unit(name),
-                "estimated",
-                *(repr(float(entry)) for entry in estimated.covariance[known[name]]),
-            ]
-            for name, value in vehicle.coefficients.items()
-        ]
-        body = [[name, repr(value), "", unit, "body", *("" for _ in known)] for name, value, unit in body_rows(vehicle)]
-        head = ["name", "value", "sd", "unit", "source", *(f"covariance with {name}" for name in known)]
-        text = "".join(f"# {line}\n" for line in statement.lines) + _csv([head, *rows, *body])
+        averages = {one.name: one for one in estimated.averaged}
+        rows = []
+        for name, value in vehicle.coefficients.items():
+            if name not in known:
+                rows.append([name, repr(float(value)), "", vehicle.unit(name), "given"])
+                continue
+            numbers = [estimated.model_error_sd.get(name), *_of_average(averages.pop(name, None))]
+            entries = [*numbers, *estimated.covariance[known[name]]]
+            sd = repr(float(estimated.sd[known[name]]))
+            rows.append([name, repr(float(value)), sd, vehicle.unit(name), "estimated", *map(_number, entries)])
+        for name, one in averages.items():
+            rows.append([name, "", "", vehicle.unit(name), "in other models", "", *map(_number, _of_average(one))])
+        body = [[name, repr(value), "", unit, "body"] for name, value, unit in body_rows(vehicle)]
+        head = ["name", "value", "sd", "unit", "source", "model_error_sd", *_AVERAGED]
+        head += [f"covariance with {name}" for name in known]
+        full = [row + [""] * (len(head) - len(row)) for row in (*rows, *body)]
+        text = "".join(f"# {line}\n" for line in (*statement.lines, UNCERTAINTY)) + _csv([head, *full])
         return {"coefficients.csv": text}
+
+
+def _of_average(one: AveragedCoefficient | None) -> tuple[float | None, ...]:
+    return (None,) * len(_AVERAGED) if one is None else (one.mean, one.sd, one.model_error_sd)
+
+
+def _number(value: float | None) -> str:
+    return "" if value is None else repr(float(value))
 
 
 def body_rows(vehicle: ExportedVehicle) -> list[tuple[str, float, str]]:

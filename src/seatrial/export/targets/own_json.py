@@ -14,7 +14,7 @@ from seatrial.core.signals import RATES, signal_unit
 from seatrial.export.motion import motion_of
 from seatrial.export.stability import check_stable
 from seatrial.export.target import Carried, Statement
-from seatrial.export.vehicle import ExportedVehicle
+from seatrial.export.vehicle import UNCERTAINTY, ExportedVehicle
 from seatrial.vehicles.actuators import Actuator
 
 FORMAT = 1
@@ -94,6 +94,7 @@ def described(vehicle: ExportedVehicle) -> dict[str, Any]:
                 "name": name,
                 "value": float(value),
                 "sd": float(sd[name]) if name in sd else None,
+                "model_error_sd": estimated.model_error_sd.get(name),
                 "unit": vehicle.unit(name),
                 "source": "estimated" if name in sd else "given",
             }
@@ -104,6 +105,10 @@ def described(vehicle: ExportedVehicle) -> dict[str, Any]:
             "mean": estimated.mean.tolist(),
             "sd": estimated.sd.tolist(),
             "covariance": estimated.covariance.tolist(),
+            "model_error_sd": [estimated.model_error_sd.get(name) for name in estimated.names],
+            "uncertainty": UNCERTAINTY,
+            "quoted": estimated.quoted,
+            "averaged": [{**one._asdict(), "unit": vehicle.unit(one.name)} for one in estimated.averaged],
             "units": [vehicle.unit(name) for name in estimated.names],
         },
         "matrices": {

@@ -6,13 +6,13 @@ import numpy as np
 
 from seatrial.campaign.selection.evidence import agreement_counts
 from seatrial.campaign.store.estimates import Estimate
-from seatrial.campaign.store.structures import ENOUGH
 from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.estimation.row_fit import SCREENING
 from seatrial.report.drawing import (
     digits_of,
     draw,
     factors_of,
+    finding_of,
     labels_of,
     model_html,
     moments_of,
@@ -88,13 +88,10 @@ def _contenders(outcome: Outcome) -> dict[str, Any]:
     if found is None:
         return {}
     item = contenders_figure(found, names_of(outcome), outcome.trials.fit)
-    said = [
-        ("finding", found.difference_words()),
-        ("finding" if found.nats > ENOUGH else "caution", found.trial_words(outcome.selection)),
-    ]
+    said = found.difference_words(), found.trial_words(outcome.selection)
     return {
         "decided": outcome.selection.is_settled,
-        "findings": [{"kind": kind, "text": sentence_of(outcome, text)} for kind, text in said],
+        "findings": [finding_of(outcome, text) for text in said],
         "figure": draw(
             item.figure, f"terms-{item.name}", item.heading, name_html(item.caption, labels_of(outcome)), item.heading
         ),
@@ -107,7 +104,7 @@ def _screening(outcome: Outcome) -> dict[str, Any]:
         return {}
     return {
         "count": screened.data.attrs["count"],
-        "cautions": [{"kind": "caution", "text": sentence_of(outcome, text)} for text in screened.cautions],
+        "cautions": [finding_of(outcome, text) for text in screened.cautions],
         "note": sentence_of(outcome, SCREENING),
         "figures": [
             draw(item.figure, f"terms-{item.name}", item.heading, item.caption, item.heading)
@@ -121,11 +118,9 @@ def _left_out(outcome: Outcome) -> dict[str, Any]:
     found = outcome.cross_validation
     if found is None:
         return {}
-    alarms = found.alarms
-    said = [("alarm" if line in alarms else "finding", line) for line in found.headline()]
-    said += [("caution", text) for text in found.complaints()]
+    said, alarms = (*found.headline(), *found.complaints()), found.alarms
     return {
-        "findings": [{"kind": kind, "text": sentence_of(outcome, text)} for kind, text in said],
+        "findings": [finding_of(outcome, text) | ({"kind": "alarm"} if text in alarms else {}) for text in said],
         "lines": [] if found.recommended is None else list(found.recommended.lines),
         "heads": found.heads(),
         "rows": [[sentence_of(outcome, row[0]).rstrip("."), *row[1:]] for row in found.rows()],

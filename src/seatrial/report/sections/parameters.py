@@ -14,9 +14,9 @@ from seatrial.report.drawing import (
     digits_of,
     draw,
     factors_of,
+    finding_of,
     labels_of,
     model_said,
-    sentence_of,
     truth_of,
     unit_row,
     units_of,
@@ -103,12 +103,8 @@ def correlation(draws: np.ndarray) -> np.ndarray:
 
 
 def verdict_of(outcome: Outcome, known: Known) -> list[dict[str, Any]]:
-    """Sentences as findings of the page; one that all is well where there are none."""
-    found = [("caution", text) for text in known.verdict] or [
-        ("caution" if known.unsure else "finding", known.separately)
-    ]
-    found += [("finding", text) for text in known.symmetry]
-    return [{"kind": kind, "text": sentence_of(outcome, text)} for kind, text in found]
+    """Sentences as findings of the page; one that all is well if there are none. Those of a design are no cautions: data followed it."""
+    return [finding_of(outcome, text) for text in (*(known.verdict or (known.separately,)), *known.symmetry)]
 
 
 def _row(outcome: Outcome, item: dict[str, Any], known: KnownParameter) -> dict[str, Any]:

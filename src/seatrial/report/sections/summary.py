@@ -1,15 +1,17 @@
 """The first screen: the answer in a sentence, the values, which model, what next and what is wrong."""
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from math import isnan
 from typing import Any
 
 import numpy as np
 from markupsafe import Markup
 
 from seatrial.campaign.config.taken_as_exact import taken_as_exact
+from seatrial.campaign.inference.coefficient_csv import averaged_rows
 from seatrial.campaign.inference.judge_predictions import held_back_alarms
-from seatrial.campaign.store.structures import condition_of
+from seatrial.campaign.store.structures import QUOTED, RARE, condition_of
 from seatrial.campaign.workflow.next_trial import propose
 from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.estimation.baseline_comparison import CLEAR
@@ -20,19 +22,15 @@ from seatrial.report.drawing import (
     factors_of,
     labels_of,
     model_html,
-    moments_of,
     sentence_of,
     truth_of,
     unit_row,
 )
 from seatrial.report.labels import label_html, name_html
 from seatrial.report.numbers import DASH, percent, probability, typeset
-from seatrial.selection.verdict import DECIDED, averaged
 
 MOST_MODELS = 5
 """Models that the first screen names."""
-RARE = 0.01
-"""Probability below which a term that the chosen model lacks is not worth a row."""
 KINDS = {
     "sigma": "noise",
     "tau": "noise",
@@ -72,7 +70,8 @@ def summary_section(outcome: Outcome) -> dict[str, Any]:
         "others": others,
         "other_kinds": other_kinds([row["name"] for row in others]),
         "several": len(outcome.estimates) > 1,
-        "has_average": any(row["average"] != row["value"] for row in rows),
+        "has_average": any(row["differs"] or row["quoted"] == "average" for row in rows),
+        "quoted": "" if outcome.own_alarms else QUOTED[outcome.selection.quoted],
         "value_head": "Chosen model" if len(outcome.estimates) > 1 else "Value ± sd",
         "has_truth": bool(truth_of(outcome)),
         "taken_as_exact": sentence_of(outcome, text) if (text := taken_as_exact(outcome.campaign)) else "",
@@ -157,7 +156,7 @@ def _found(outcome: Outcome) -> Markup:
             "give{} the coefficients below; only one model was fitted, so the need for its terms was not tested."
         ).format(verb)
     name = model_html(outcome, outcome.chosen.structure.label)
-    if outcome.selection.is_settled and outcome.selection.probability[outcome.selection.chosen] >= DECIDED:
+    if outcome.selection.is_decided:
         return Markup("support{} one model of {}, <strong>{}</strong>.").format(verb, count, name)
     return Markup("favour{} <strong>{}</strong> among {} models, but do{} not decide.").format(
         verb, name, count, "es" if verb else ""
@@ -217,8 +216,7 @@ def other_kinds(names: Sequence[str]) -> str:
 
 def _rows(outcome: Outcome) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """Return a row of each coefficient, and of each other parameter."""
-    chosen, moments = outcome.chosen, [moments_of(outcome, estimate) for estimate in outcome.estimates]
-    means = averaged(moments, outcome.selection.probability)
+    chosen, means = outcome.chosen, {row["name"]: row for row in averaged_rows(outcome.estimates, outcome.selection)}
     terms, inclusion = chosen.structure.terms, outcome.selection.inclusion
     lacking = [name for name in means if name not in chosen.names and inclusion.get(name, 0.0) >= RARE]
     vehicle = [*(name for name in chosen.names if name in terms), *lacking]
@@ -226,20 +224,31 @@ def _rows(outcome: Outcome) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]
     return [_row(outcome, name, means[name]) for name in vehicle], [_row(outcome, name, means[name]) for name in others]
 
 
-def _row(outcome: Outcome, name: str, average: tuple[float, float]) -> dict[str, Any]:
+def _row(outcome: Outcome, name: str, average: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a row of the table; `quoted` names the cell of the value to quote, and is empty if there is none."""
     digits, item = (
         digits_of(outcome)[name],
         next((row for row in outcome.summary["coefficients"] if row["name"] == name), None),
     )
     truth, wider = truth_of(outcome), outcome.chosen.wider(name) if item else None
     factor = factors_of(outcome)[name]
+    quoted = "average" if outcome.selection.quoted == "averaged" else "value" if wider is None else "wider"
+    value = digits.pair(factor * item["mean"], factor * item["sd"]) if item else ""
+    wider_text = "" if wider is None else f"± {digits.bare(factor * wider)}"
+    if item and wider is not None and quoted == "wider":
+        wider_text = digits.pair(factor * item["mean"], factor * wider)
+    within = digits.pair(factor * average["mean"], factor * average["sd"])
+    wide = factor * average["model_error_sd"]
     return {
         "name": name,
         **unit_row(outcome, name),
-        "value": digits.pair(factor * item["mean"], factor * item["sd"]) if item else "",
-        "wider": f"± {digits.bare(factor * wider)}" if wider is not None else "",
+        "quoted": "" if outcome.own_alarms else quoted,
+        "value": value,
+        "wider": wider_text,
         "cause": name_html(outcome.chosen.wider_cause(name), labels_of(outcome)),
-        "average": digits.pair(*average),
+        "average": within if isnan(wide) else digits.pair(factor * average["mean"], wide),
+        "average_is_wider": not isnan(wide),
+        "differs": within != value,
         "truth": digits.bare(truth[name]) if name in truth else "",
         "outside": bool(
             item and name in truth and not factor * item["lower_95"] <= truth[name] <= factor * item["upper_95"]

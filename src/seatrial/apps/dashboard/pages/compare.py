@@ -1,4 +1,7 @@
-"""Two campaigns side by side: each coefficient, and its difference in joint standard deviations, (a - b) / sqrt(sd_a^2 + sd_b^2)."""
+"""Two campaigns side by side: each coefficient, and its difference in joint standard deviations, (a - b) / sqrt(sd_a^2 + sd_b^2).
+
+Each sd is the one with model error if that is larger: two models that are wrong do not contradict each other within their errors.
+"""
 
 from dataclasses import replace
 from math import hypot
@@ -31,7 +34,8 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
     others = [name for name in there if Store(context.campaign_paths.folder(name)).summary.is_file()]
     with section(
         "Two campaigns side by side",
-        "Beyond 3 joint standard deviations two coefficients contradict each other, if both campaigns had the same vehicle and water. "
+        "Beyond 3 joint standard deviations two coefficients contradict each other, if both campaigns had the same vehicle and water; "
+        "each ± is with model error if that is larger. "
         "Noise, bias and current belong to the sensors and the day: they are listed, not judged.",
     ):
         if not Store(folder).summary.is_file():
@@ -93,8 +97,9 @@ def shared_sides(ours: Summary, theirs: Summary) -> list[Side]:
     for row in ours.coefficients:
         apart = joint_difference(row, other.get(row.name))
         if apart is not None and is_of_vehicle(row.name):
-            joint = hypot(row.sd, other[row.name].sd)
-            found.append(Side(row.name, (0.0, -apart), (row.sd / joint, other[row.name].sd / joint)))
+            own, others = row.judged_sd, other[row.name].judged_sd
+            joint = hypot(own, others)
+            found.append(Side(row.name, (0.0, -apart), (own / joint, others / joint)))
     return found
 
 
@@ -158,12 +163,12 @@ def joint_difference(a: StoredCoefficient | None, b: StoredCoefficient | None) -
     """
     if a is None or b is None or a.unit != b.unit:
         return None
-    joint = hypot(a.sd, b.sd)
+    joint = hypot(a.judged_sd, b.judged_sd)
     return (a.mean - b.mean) / joint if joint > 0 else None
 
 
 def _value(row: StoredCoefficient | None) -> str:
-    return "not in its model" if row is None else with_sd(row.mean, row.sd)
+    return "not in its model" if row is None else with_sd(row.mean, row.judged_sd)
 
 
 def _model(summary: Summary) -> str:

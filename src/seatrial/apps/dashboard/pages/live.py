@@ -11,8 +11,8 @@ from markupsafe import Markup
 from nicegui import ui
 
 from seatrial.apps.dashboard.app_context import AppContext, markup
-from seatrial.apps.dashboard.run_bar import duration_text
 from seatrial.campaign.live.session_files import last_look
+from seatrial.core.reporter import duration_text
 
 EVERY = 1.0
 """Seconds between looks."""

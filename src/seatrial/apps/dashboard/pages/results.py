@@ -20,6 +20,9 @@ from seatrial.campaign.store.estimates import ModelErrorFinding
 from seatrial.campaign.store.predictions import Predictions
 from seatrial.campaign.store.stored_result import Store
 from seatrial.campaign.store.structures import (
+    QUOTED,
+    RARE,
+    StoredAverage,
     StoredCoefficient,
     StoredMode,
     StoredSelection,
@@ -145,6 +148,7 @@ _TITLE = {
     "cautions": "What to know before using them",
 }
 
+_BOLD, _PLAIN = Markup("<strong>{}</strong>"), Markup("{}")
 _WITHIN, _WITH_ERROR = "mean ± sd, within the model", "with model error"
 _USABLE = "What failed, but not for the coefficients of the chosen model"
 
@@ -162,24 +166,54 @@ def names_and_labels(summary: Summary) -> tuple[dict[str, str], dict[str, str]]:
 
 def coefficients(summary: Summary, shown: Shown) -> Markup:
     """The table of coefficients of the chosen structure, in the units in which they are `shown`; with model error where that makes a ±
-    much wider.
+    much wider. The value to quote is bold; if that is the average, coefficients that the structure lacks have a row too.
     """
     wider = any(row.model_error_sd is not None for row in summary.coefficients)
-    rows = [
-        [
-            label_html(row.label) + Markup(" <small>{}</small>").format(row.name),
-            with_sd(row.mean, row.sd),
-            *([_wider(row.model_error_sd, row.model_error_cause)] if wider else []),
+    is_averaged = summary.quoted == "averaged"
+    is_quoted, averages = summary.usable and bool(summary.quoted), {row.name: row for row in summary.averaged}
+    bold = _BOLD if is_quoted else _PLAIN
+    rows = []
+    for row in (one.in_unit(*shown(one.name, one.unit)) for one in summary.coefficients):
+        own, average = Markup(with_sd(row.mean, row.sd)), averages.pop(row.name, None)
+        more = _wider(row.model_error_sd, row.model_error_cause)
+        if not is_averaged and row.model_error_sd is None:
+            own = bold.format(own)
+        elif not is_averaged:
+            quoted = bold.format(with_sd(row.mean, row.model_error_sd))
+            more = Markup("{} <small>{}</small>").format(quoted, row.model_error_cause)
+        mean = "" if average is None else _averaged(average, shown, bold)
+        shrunk = percent(row.sd / row.prior_sd) if row.prior_sd else ""
+        cells = [
+            own,
+            *[more] * wider,
+            *[mean] * is_averaged,
             interval(row),
             short(row.prior_sd),
             unit_html(row.unit),
-            percent(row.sd / row.prior_sd) if row.prior_sd else "",
+            shrunk,
         ]
-        for row in (one.in_unit(*shown(one.name, one.unit)) for one in summary.coefficients)
-    ]
-    with_error = [_WITH_ERROR] if wider else []
-    head = ["parameter", _WITHIN, *with_error, "95 % interval, within the model", "prior sd", "unit", "sd / prior sd"]
-    return table(head, rows, f"Parameters of {summary.chosen}: {' '.join(summary.terms)}", stacks=True)
+        rows.append([_named(row.label, row.name), *cells])
+    for one in averages.values() if is_averaged else ():
+        if one.inclusion >= RARE:
+            unit = unit_html(shown(one.name, one.unit)[1])
+            cells = ["not in it", *[""] * wider, _averaged(one, shown, bold), "", "", unit, ""]
+            rows.append([_named(one.label, one.name), *cells])
+    head = ["parameter", _WITHIN, *[_WITH_ERROR] * wider, *["averaged over all models"] * is_averaged]
+    head += ["95 % interval, within the model", "prior sd", "unit", "sd / prior sd"]
+    words = Markup("<p><strong>Bold: the value to quote.</strong> It is {}.</p>").format(QUOTED.get(summary.quoted, ""))
+    caption = f"Parameters of {summary.chosen}: {' '.join(summary.terms)}"
+    return (words if is_quoted else Markup("")) + table(head, rows, caption, stacks=True)
+
+
+def _named(label: str, name: str) -> Markup:
+    return label_html(label) + Markup(" <small>{}</small>").format(name)
+
+
+def _averaged(row: StoredAverage, shown: Shown, bold: Markup) -> Markup:
+    """Return an averaged value with the ± that counts: with model error if that is larger."""
+    factor = shown(row.name, row.unit)[0]
+    pair = bold.format(with_sd(factor * row.mean, factor * (row.model_error_sd or row.sd)))
+    return pair if row.model_error_sd is None else pair + Markup(" <small>with model error</small>")
 
 
 def estimated_html(found: Sequence[EstimatedStructure]) -> Markup:
@@ -225,7 +259,7 @@ def _of_structure(one: EstimatedStructure) -> Markup:
     wider = any(row.wider is not None for row in one.values)
     cells = [
         [
-            label_html(row.label) + Markup(" <small>{}</small>").format(row.name),
+            _named(row.label, row.name),
             with_sd(row.mean, row.sd),
             *([_wider(row.wider, row.cause)] if wider else []),
             unit_html(row.unit),

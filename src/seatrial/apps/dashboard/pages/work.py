@@ -14,9 +14,10 @@ from seatrial.apps.dashboard.command_options import STARTED, CommandOption, Valu
 from seatrial.apps.dashboard.jobs import Job
 from seatrial.apps.dashboard.page_layout import LOOK, button, link, section
 from seatrial.apps.dashboard.pages.overview import LEGEND, steps_html
-from seatrial.apps.dashboard.run_bar import duration_text, remaining_of
+from seatrial.apps.dashboard.run_bar import remaining_of
 from seatrial.campaign.workflow.whole_run import TITLE
 from seatrial.core.errors import InputError, SeatrialError
+from seatrial.core.reporter import duration_text
 
 EVERY = 0.25
 """Seconds between looks at a command at work."""
@@ -205,7 +206,11 @@ def _state(job: Job) -> Markup:
 
 
 def _bar(piece: dict) -> Markup:
-    done, total, elapsed = int(piece["done"]), int(piece["total"]), float(piece["elapsed"])
+    done, total, elapsed = (
+        int(piece["done"]),
+        int(piece["total"]),
+        float(piece["elapsed"]) + float(piece.get("silent", 0.0)),
+    )
     share = min(1.0, done / total) if total else 0.0
     if total and done >= total:
         words = f"done in {duration_text(elapsed)}"
