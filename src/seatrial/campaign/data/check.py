@@ -24,6 +24,7 @@ from seatrial.core.signals import HELD, QUATERNION, RATES
 from seatrial.design.prior_belief import draw_values
 from seatrial.design.trial_plan import TrialPlan
 from seatrial.estimation.excitation_checks import check_excitation, check_signs
+from seatrial.estimation.feedback_check import closed_loop, find_feedback, not_judged_in_loop
 from seatrial.estimation.first_guess import first_guess
 from seatrial.estimation.motion_checks import (
     SUMMED,
@@ -267,9 +268,10 @@ def _judge(campaign: Campaign, record: Record) -> RecordJudgement:
     mounting = _mounting(campaign, body, judged.findings) if is_real else []
     turned = {one.signal for one in mounting}
     moved = [one for one in judged.findings if one.check != "axes" or one.signal not in turned] + mounting
+    findings += closed_loop(judged.feedback)
     wrong = [one for one in moved if one.level == "fail"]
     late = [one for one in moved if one.check == "timing" and one.level == "caution"]
-    findings += [*moved, *check_thrusters(campaign, body, _named([*wrong, *late]))]
+    findings += [*moved, *check_thrusters(campaign, body, _named([*wrong, *late]), judged.feedback)]
     if turns:
         value = "not judged, nor size and timing; errors of all rates add up in it"
         findings.append(RecordFinding(ATTITUDE, "direction", "note", value, "the rates are judged"))
@@ -297,11 +299,12 @@ def _named(findings: Sequence[RecordFinding]) -> str:
 
 
 class _Directions(NamedTuple):
-    """Findings about channels; and the channels of which the priors allow no verdict: rates and speeds, and what errors add up in."""
+    """Findings about channels; those of which the priors allow no verdict: rates and speeds, and what errors add up in; closed loops."""
 
     findings: list[RecordFinding]
     unsaid: list[str]
     summed: list[str]
+    feedback: Mapping[str, Sequence[str]]
 
 
 def _mounting(campaign: Campaign, body: Record, said: Sequence[RecordFinding]) -> list[RecordFinding]:
@@ -314,7 +317,9 @@ def _directions(
     campaign: Campaign, record: Record, motion: _Motion, names: Sequence[str], doubted: Collection[str] = ()
 ) -> _Directions:
     """Judge direction, size, timing and axes of some channels; of those that are `doubted` by the trim, that tells the unit better."""
-    found, driving = _Directions([], [], []), tuple(campaign.model(campaign.full).controls)
+    expected = {name: motion.expected[:, index] for index, name in enumerate(motion.measured)}
+    found = _Directions([], [], [], find_feedback(record, campaign.noise, expected))
+    driving = tuple(campaign.model(campaign.full).controls)
     files, mirrored = _other_files(record, driving), mirrored_thrusters(campaign)
     places = {name: index for index, name in enumerate(motion.measured) if name in names and name not in QUATERNION}
     for name, index in places.items():
@@ -345,7 +350,7 @@ def _directions(
         if len(said) > 1:
             shown = np.column_stack([motion.measured[name] for name in said])
             found.findings.extend(check_turn(said, shown, motion.expected[:, [places[name] for name in said]]))
-    return found
+    return found._replace(findings=not_judged_in_loop(found.findings, found.feedback))
 
 
 def _other_files(record: Record, controls: Collection[str]) -> dict[str, str]:
