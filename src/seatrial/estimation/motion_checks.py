@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from seatrial.core.signals import ANGLES, POSITIONS
 from seatrial.estimation.record_checks import SPIKE, RecordFinding, RecordLevel, unit_guess
-from seatrial.estimation.remedies import listed
+from seatrial.estimation.remedies import delay_prior, listed
 from seatrial.estimation.timing_check import Timing, find_timing
 
 OPPOSED, RELATED = -0.4, 0.5
@@ -323,7 +323,7 @@ def _timing_remedy(late: float, has_delay: bool, file: str) -> str:
     clock = f", or `shift` of {file} is too large" if file else ""
     if has_delay:
         return f"the delay is estimated: check that its prior, [prior.delay], includes this value{clock}"
-    return f"give the delay a prior, [prior.delay], unless the vehicle is slower than the priors say{clock}"
+    return f"give the delay a prior, [prior.delay] with {delay_prior(late)}, unless the vehicle is slower than the priors say{clock}"
 
 
 def _late(seconds: float) -> str:

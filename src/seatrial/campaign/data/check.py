@@ -240,12 +240,15 @@ def _judge(campaign: Campaign, record: Record) -> RecordJudgement:
     measured = motion.measured
     weight = np.column_stack([np.isfinite(column) / campaign.noise[name] for name, column in measured.items()])
     plan = replace(alone, weight=filled(weight, control.shape[0], 0.0))
+    heavy = {sensor.channel for sensor in campaign.sensor_models if sensor.noise == "heavy"}
     findings = [
         finding
         for name, column in measured.items()
-        for finding in check_samples(name, column, campaign.noise[name], ATTITUDE if name in QUATERNION else name)
+        for finding in check_samples(
+            name, column, campaign.noise[name], ATTITUDE if name in QUATERNION else name, name in heavy
+        )
     ]
-    findings += [*empty_cells(record), *unused_channels(record, campaign.channels)]
+    findings += [*empty_cells(record), *unused_channels(campaign, record)]
     driven = {name: record.channel(name) for name in alone.model.controls}
     findings += check_signs(plan.names, {**driven, **measured}, campaign.noise)
     findings += _stated(campaign, record)
