@@ -136,12 +136,15 @@ def _whole_vehicle(
     sought = {CoefficientName.parse(term) for term in terms}
     known = {**body.hull.fixed, **body.coefficients, **table.fixed}
     fixed = {name: value for name, value in known.items() if CoefficientName.parse(name) not in sought}
-    controls = controls_of(body.thrusters, (*sought, *map(CoefficientName.parse, fixed)))
+    moves = tuple(body.moves if table.moves is None else table.moves)
+    named = (*sought, *map(CoefficientName.parse, fixed))
+    controls, acting = controls_of(body.thrusters, named), controls_of(body.thrusters, named, moves)
     actuators = _actuators(table, keys, body, thruster_lags(table, keys, controls))
+    actuators = {name: one for name, one in actuators.items() if name in acting or name not in controls}
     return WholeVehicle(
         body,
         replace(body.hull, fixed=fixed, trim={**body.hull.trim, **_trim(table, keys)}, tether=_tether(table, keys)),
-        tuple(body.moves if table.moves is None else table.moves),
+        moves,
         tuple(table.given),
         tuple(table.positions),
         tuple(angles),

@@ -12,6 +12,7 @@ import numpy as np
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.vehicle import WholeVehicle
 from seatrial.campaign.inference.posterior import initial_state
+from seatrial.core.coefficients import CoefficientName
 from seatrial.core.record import Record
 from seatrial.core.signals import HELD, RATES, thruster_controls
 from seatrial.estimation.feedback_check import not_judged_in_loop
@@ -21,7 +22,7 @@ from seatrial.estimation.record_checks import RecordFinding, not_judged_yet
 from seatrial.estimation.symmetry import mirror_of
 from seatrial.vehicles.hull import AXES
 from seatrial.vehicles.model import VehicleModel
-from seatrial.vehicles.thrusters import allocation
+from seatrial.vehicles.thrusters import allocation, controls_of
 
 SMALL = 1e-9
 """Share of the largest entry below which a force or moment is none."""
@@ -76,13 +77,19 @@ def mirrored_thrusters(campaign: Campaign) -> dict[str, tuple[str, ...]]:
     vehicle = campaign.vehicle
     if not isinstance(vehicle, WholeVehicle) or not vehicle.body.thrusters:
         return {}
-    matrix, controls = allocation(vehicle.body.thrusters), campaign.model(campaign.full).controls
+    matrix, controls = allocation(vehicle.body.thrusters), all_thrusters(campaign, vehicle)
     drives = {rate: np.where(np.abs(row) < SMALL, 0.0, row) for rate, row in zip(RATES, matrix, strict=True)}
     return {
-        rate: tuple(name for name, push in zip(controls, row, strict=False) if push)
+        rate: tuple(name for name, push in zip(controls, row, strict=True) if push)
         for rate, row in drives.items()
         if row.min() < 0 < row.max()
     }
+
+
+def all_thrusters(campaign: Campaign, vehicle: WholeVehicle) -> tuple[str, ...]:
+    """Return the controls of all thrusters, of which the model has those that push along or about an axis that moves."""
+    terms = (*campaign.full.terms, *vehicle.hull.fixed)
+    return controls_of(vehicle.body.thrusters, map(CoefficientName.parse, terms))
 
 
 def check_thrusters(
