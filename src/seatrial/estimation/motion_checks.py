@@ -19,6 +19,8 @@ OPPOSED, RELATED = -0.4, 0.5
 """Correlation with the expected motion below which a channel goes the other way, and from which size and delay can be told."""
 SIZE, WRONG = 3.0, 30.0
 """Ratio to the expected motion, or its inverse, from which a unit is doubted, and from which it is wrong."""
+RARE = 0.1
+"""Share of the vehicles drawn from the priors that may move less, or further, than a record whose units are not doubted."""
 SUMMED = (*POSITIONS, *ANGLES)
 """Channels in which the errors of velocities, and the net weight, add up over time."""
 ALIKE = 0.5
@@ -98,8 +100,9 @@ def check_motion(
     ]
     there = np.isfinite(measured)
     ratio = float(np.std(measured[there]) / max(np.std(expected[there]), 1e-300))
-    limits = f"between 1/{SIZE:g} and {SIZE:g}"
-    level = _size_level(ratio, 1.0, 1.0)
+    limits = f"between 1/{SIZE:g} and {SIZE:g}, or as vehicles of the priors"
+    least, greatest = np.quantile(np.std(vehicles[:, there], axis=1), (RARE, 1 - RARE)) / np.std(expected[there])
+    level = "pass" if least <= ratio <= greatest else _size_level(ratio, 1.0, 1.0)
     value, told = f"{ratio:.3g} times the motion expected", (name, *controls)
     remedy = f"{unit_guess(told, ratio, OTHER)}check the units of {listed(told)} in the channel map, and the priors"
     remedy = "" if level == "pass" else "see its trim, which tells the unit better" if by_trim else remedy

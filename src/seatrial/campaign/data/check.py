@@ -17,7 +17,7 @@ from seatrial.campaign.data.record_cautions import empty_cells, record_cautions,
 from seatrial.campaign.data.thruster_check import check_thrusters, mirrored_thrusters
 from seatrial.campaign.inference.posterior import initial_state, random_key
 from seatrial.core.batching import bucket_length, filled
-from seatrial.core.display_units import shown_unit
+from seatrial.core.display_units import plain, shown_unit
 from seatrial.core.programs import program
 from seatrial.core.record import SIMULATED, Record
 from seatrial.core.signals import HELD, QUATERNION, RATES
@@ -389,7 +389,7 @@ def _steps(
     names = ", ".join(campaign.channels[index] for index, far in zip(rates, off, strict=True) if not far <= COARSE)
     if not names or not np.isfinite(shown).all():
         return []
-    differ = f"differs by up to {off.max():.2g} times the noise" if np.isfinite(off).all() else "does not run away"
+    differ = f"differs by up to {plain(off.max())} times the noise" if np.isfinite(off).all() else "does not run away"
     value = f"in steps half as long the simulated motion {differ}"
     remedy = f'the simulation\'s steps of {usual:.2g} s are too long for so quick a vehicle: step = "{usual / 4:.2g} s" under [import]'
     return [RecordFinding(names, "step", "caution", value, f"under {COARSE:g}", remedy)]
