@@ -8,7 +8,10 @@ MEANINGS: dict[str, dict[str, tuple[str, str]]] = {
     "VehicleTable": {
         "catalogue": ("", "name of a published vehicle; `seatrial vehicle` lists them"),
         "name": ("", "name of a vehicle that is described here"),
-        "mass": ("mass", 'dry mass; with `"unknown"` every coefficient is per unit of effective mass'),
+        "mass": (
+            "mass",
+            'dry mass; with `"unknown"` coefficients are per unit of effective mass, and `moves` may list the axes that have terms',
+        ),
         "inertia": ("inertia", "moments of inertia I_xx, I_yy, I_zz about the body's origin"),
         "products": ("inertia", "products of inertia I_xy, I_yz, I_xz"),
         "centre_of_gravity": ("length", "its place forward, starboard and down of the body's origin"),

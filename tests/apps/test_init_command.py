@@ -70,6 +70,21 @@ def test_a_published_vehicle_brings_its_priors_and_trim(monkeypatch, capsys, tmp
     assert made.family.trim == pytest.approx(1194 / 30 * 3.141592653589793)
 
 
+@pytest.mark.parametrize(
+    "vehicle",
+    [
+        "--mass '30 kg' --seek 'Z_wabsw -60 to -10' --known 'Z_tau_Z 1' --control 'tau_Z 0 N, -20 to 20 N'",
+        "--vehicle bluerov2_heavy --seek Z_wabsw --control 'f_5 0 N, -20 to 20 N'",
+    ],
+)
+def test_a_depth_that_is_measured_is_simulated(monkeypatch, capsys, tmp_path, vehicle):
+    said = shlex.split(f"{vehicle} --moves w --sensor 'z 0.01 m, 5 Hz'")
+    code, out, err = run(monkeypatch, capsys, "init", tmp_path / "heave", *said)
+    assert code in (Exit.OK, None), out + err
+    made = load_campaign(tmp_path / "heave")
+    assert made.model(made.full).states == ("w", "z")
+
+
 def test_every_control_keeps_the_range_that_was_said(monkeypatch, capsys, tmp_path):
     more = (
         "--known 'X_tau_X 1' --moves u,r --inertia '1, 5, 5 kg m^2' --seek 'N_ur -9 to 0' --seek 'N_uudelta_r -9 to 0'"

@@ -133,6 +133,60 @@ def test_a_start_from_rest_is_noted_by_check_alone(tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("column", "unit", "scale", "remedy"),
+    [
+        ("SOG_kn", "m/s", 1.0, 'unit = "kn"'),
+        ("SOG_kn", "m/s", 0.514444, ""),
+        ("SOG_kn", "kn", 1.02, ""),
+        ("speed [cm/s]", "m/s", 1.0, 'unit = "cm/s"'),
+        ("SOG", "m/s", 1.0, ""),
+    ],
+)
+def test_the_unit_that_the_name_of_a_column_states(tmp_path, column, unit, scale, remedy):
+    """A factor of 1.94 alone is within what the priors allow; a remedy that is followed leaves no caution."""
+    text = CAMPAIGN.replace('column = "speed", unit = "m/s"', f'column = "{column}", unit = "{unit}"')
+    write(tmp_path / "a", str(scale), text)
+    log, campaign = tmp_path / "a" / "one.csv", tmp_path / "a" / "campaign.toml"
+    log.write_text(log.read_text().replace("force,speed", f"force,{column}"))
+
+    def told():
+        loaded = load_campaign(tmp_path / "a")
+        return [text for text in record_doubts(loaded, get_trials(loaded).fit[0]) if "the unit of column" in text]
+
+    assert [f"set {remedy} there" in text for text in told()] == ([True] if remedy else [])
+    campaign.write_text(campaign.read_text().replace(f'unit = "{unit}"', remedy or f'unit = "{unit}"'))
+    assert told() == []
+
+
+def feedback(seed):
+    """Commands that a controller computes from the measured speed, which a random walk of force drives; both are logged at once."""
+    random, u, rows = np.random.default_rng(seed), 0.5, []
+    push = np.cumsum(0.6 * random.normal(size=600))
+    for k in range(600):
+        shown = u + NOISE * random.normal()
+        force = np.clip(40.0 * (0.5 - shown), -15.0, 15.0)
+        rows.append((0.1 * k, force, shown))
+        for _ in range(10):
+            u += 0.01 * (force - 6.0 * u * abs(u) + push[k]) / 30.0
+    return rows
+
+
+def test_commands_that_are_computed_from_the_motion_cast_no_doubt_on_signs(tmp_path):
+    """By their correlation of -1 the sign would be reversed."""
+    write(tmp_path / "a")
+    rows = feedback(0)
+    assert np.corrcoef(np.array(rows)[:, 1:].T)[0, 1] < -0.999
+    with (tmp_path / "a" / "one.csv").open("w", newline="") as file:
+        csv.writer(file).writerows([("t", "force", "speed"), *rows])
+    result = CliRunner().invoke(app, ["check", str(tmp_path / "a"), "--quiet"])
+    assert result.exit_code == 0, result.output
+    assert "note    tau_X      closed loop: it is computed from u" in result.output
+    assert "note    u          direction: correlation -0." in result.output
+    assert "scale = -1" not in result.output
+    assert "before its command" not in result.output
+
+
+@pytest.mark.parametrize(
     ("shift", "told"),
     [
         (0.0, "timing (within "),

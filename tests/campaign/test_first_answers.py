@@ -11,11 +11,13 @@ from seatrial.apps.commands.loop import _refuse_chains_unasked
 from seatrial.campaign.config.load import check_text, load_campaign
 from seatrial.campaign.config.taken_as_exact import taken_as_exact
 from seatrial.campaign.data.import_logs import get_trials
-from seatrial.campaign.inference.quick_estimates import _smoothed, posterior_modes, regressions
+from seatrial.campaign.inference.quick_estimates import _smoothed, keep_mode, posterior_modes, regressions
 from seatrial.campaign.prior.cautions import file_cautions
+from seatrial.campaign.store.predictions import read_predictions
 from seatrial.campaign.store.stored_result import Store
 from seatrial.campaign.workflow import whole_run
 from seatrial.campaign.workflow.steps import LOOP
+from seatrial.core.dataset_file import open_dataset
 from seatrial.core.errors import InputError
 from seatrial.vehicles.simulate import simulate
 from tests.campaign.small import NO_X_U, write_small
@@ -129,8 +131,15 @@ def test_the_mode_predicts_what_was_held_back(tmp_path):
     campaign = load_campaign(write_small(tmp_path, *NO_X_U))
     trials = get_trials(campaign)
     (record,) = trials.fit
-    (answer,) = posterior_modes(campaign, replace(trials, predict=(replace(record, label="2"),)))
+    trials = replace(trials, predict=(replace(record, label="2"),))
+    (answer,) = posterior_modes(campaign, trials)
     assert answer.held_back is not None
+    keep_mode(campaign, trials, answer)
+    kept = read_predictions(Store(tmp_path).mode_predictions)
+    assert (kept.records, kept.held_back, kept.channels) == (("2",), ("2",), ("u",))
+    assert (kept.fits, kept.pooled) == (answer.held_back.fits, answer.held_back.pooled)
+    curves = open_dataset(Store(tmp_path).mode_predictions)
+    np.testing.assert_array_equal(curves["mean"].values, np.asarray(answer.held_back.curves[0]["mean"]))
     (fit,) = answer.held_back.fits
     values = {name: pairs[0][0] for name, _, pairs in answer.rows}
     model = campaign.model(answer.structure)

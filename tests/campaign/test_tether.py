@@ -170,7 +170,7 @@ def test_refusals(tmp_path, what):
 
 
 def test_a_campaign_without_axes_that_move_has_no_tether(tmp_path):
-    with pytest.raises(InputError, match=r"(?s)key vehicle\.tether.*`moves` beside it"):
+    with pytest.raises(InputError, match=r"(?s)key vehicle\.tether.*of which `moves` says what is modelled"):
         load_campaign(
             write_small(
                 tmp_path,

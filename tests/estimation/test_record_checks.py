@@ -99,6 +99,16 @@ def test_the_unit_of_a_control_explains_a_size_as_well(factor, words):
     assert words in size.remedy
 
 
+@pytest.mark.parametrize(("widest", "level"), [(8.0, "pass"), (1.5, "caution")])
+def test_a_size_that_wide_priors_allow_is_no_doubt_of_a_unit(widest, level):
+    """4.4 is the ratio of a pound-force to a newton, and within what vehicles of the wide priors show."""
+    wide = np.geomspace(1 / widest, widest, 21)[:, None] * EXPECTED
+    found = check_motion("u", TIME, 4.4 * EXPECTED, EXPECTED, wide, controls=("tau_X",))
+    (size,) = [finding for finding in found if finding.check == "size"]
+    assert size.level == level
+    assert ("pounds-force" in size.remedy) == (level == "caution")
+
+
 def test_a_fin_beyond_a_quarter_turn_is_in_degrees():
     (found,) = check_angle("delta_r", 14.3 * EXPECTED / np.abs(EXPECTED).max(), 180 / np.pi, "deg")
     assert (found.signal, found.check, found.level) == ("delta_r", "size", "caution")

@@ -357,4 +357,16 @@ def test_samples_that_a_grid_moves_by_more_than_their_noise_are_told(tmp_path, n
     ]
     told = [text for text in align(tables, step=0.1).provenance.options["cautions"] if "blurs the record" in text]
     assert len(told) == is_told
+    assert not any("e+" in text for text in told)
     assert not any("blurs" in text for text in align(tables).provenance.options["cautions"])
+
+
+def test_an_even_log_is_not_blurred_by_a_step_of_several_of_its_own(tmp_path):
+    """Four of its steps: each instant has as many samples before as after it, but for the first."""
+    at = 0.05 * np.arange(2000)
+    quiet = np.sin(0.2 * at) + 1e-5 * np.random.default_rng(1).normal(size=at.size)
+    tables = [
+        read_log(column(tmp_path, f"{name}.csv", [f"{t:.2f}" for t in at], name, values, role))
+        for name, values, role in (("tau_X", np.zeros(at.size), "control"), ("u", quiet, "measurement"))
+    ]
+    assert not any("blurs" in text for text in align(tables, step=0.2).provenance.options["cautions"])

@@ -214,8 +214,8 @@ def test_netcdf_units_groups_and_elements(tmp_path):
     raw = read_columns(LogFile(written.path), "time", ["wrench[2]"])
     np.testing.assert_array_equal(raw.columns["wrench[2]"], 3 * SURGE)
     channels = {"u": ColumnMap("speed", "kn", "measurement")}
-    notes = read_log(LogSource(written.path, None, None, channels, table="time")).notes
-    assert any('the log states the unit "m/s", the map says "kn"' in note for note in notes)
+    (told,) = read_log(LogSource(written.path, None, None, channels, table="time")).cautions
+    assert 'column "speed" is "kn" in the map, and the log states "m/s": set unit = "m/s" there' in told
 
 
 def test_parquet_gaps_and_nested_columns(tmp_path):

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from seatrial.core.errors import InputError
-from seatrial.core.signals import RATES
+from seatrial.core.signals import RATES, thruster_controls
 from seatrial.vehicles.catalogue import load_vehicle
 from seatrial.vehicles.hull import added_mass_matrix, rigid_mass_matrix
 from seatrial.vehicles.tether import LINEAR, QUADRATIC, Tether
@@ -43,7 +43,9 @@ def rates(vehicle, moves=RATES, values=(), unknowns=(), speeds=SPEEDS, **options
         "theta": -0.1,
     }
     state = tuple(known[name] for name in model.states)
-    found = model.derivative({**vehicle.coefficients, **dict(values)}, state, tuple(FORCES))
+    forces = dict(zip(thruster_controls(len(FORCES), commanded_force=True), FORCES, strict=True))
+    control = tuple(forces[name] for name in model.controls)
+    found = model.derivative({**vehicle.coefficients, **dict(values)}, state, control)
     return np.array(found, float)[: len(moves)]
 
 

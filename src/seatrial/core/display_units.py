@@ -20,6 +20,11 @@ Shown = Callable[[str, str], tuple[float, str]]
 """Gives of a parameter's name and SI unit the factor from SI to the unit in which it is shown, and that unit."""
 
 
+def plain(value: float) -> str:
+    """Return a positive number in two digits, or as a whole number from 10 up, where two digits would need a power of ten."""
+    return f"{value:.0f}" if value >= 10 else f"{value:.2g}"
+
+
 def shown_as_written(written: Mapping[str, str]) -> Shown:
     """Return how parameters are shown: in the unit that was written for them, else in SI.
 

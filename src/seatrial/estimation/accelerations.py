@@ -25,6 +25,7 @@ import numpy as np
 import scipy
 from jaxtyping import Array, Float
 
+from seatrial.core.display_units import plain
 from seatrial.core.errors import InputError
 from seatrial.core.programs import program
 
@@ -253,5 +254,5 @@ def _innovation_complaints(z: np.ndarray) -> list[str]:
         )
     size = float(np.sqrt(np.mean(z**2)))
     if abs(np.log(size)) > max(np.log(1.2), CHANCE / np.sqrt(2 * z.size)):
-        said.append(f"the innovations are {size:.2g} times as large as expected from the given noise")
+        said.append(f"the innovations are {plain(size)} times as large as expected from the given noise")
     return said

@@ -322,7 +322,8 @@ def slow_remedy(kind: "Noise", channel: str) -> str:
     return (
         'set estimation.residuals = "drifting", white noise on a slow error, and for each channel add sections of the size and of the '
         f"correlation time of the slow one, here [prior.{drift_name(channel)}], for example with {SIZE_PRIOR}, and "
-        f"[prior.{drift_time_name(channel)}], in s, up to three times the duration of a run, for example with {DRIFT_TIME_PRIOR}"
+        f"[prior.{drift_time_name(channel)}], in s, up to three times the duration of a run, for example with {DRIFT_TIME_PRIOR}, "
+        f"in place of [prior.{correlation_name(channel)}] where there is one"
     )
 
 

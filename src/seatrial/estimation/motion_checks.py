@@ -12,13 +12,15 @@ from jaxtyping import Float
 
 from seatrial.core.signals import ANGLES, POSITIONS
 from seatrial.estimation.record_checks import SPIKE, RecordFinding, RecordLevel, unit_guess
-from seatrial.estimation.remedies import listed
+from seatrial.estimation.remedies import delay_prior, listed
 from seatrial.estimation.timing_check import Timing, find_timing
 
 OPPOSED, RELATED = -0.4, 0.5
 """Correlation with the expected motion below which a channel goes the other way, and from which size and delay can be told."""
 SIZE, WRONG = 3.0, 30.0
 """Ratio to the expected motion, or its inverse, from which a unit is doubted, and from which it is wrong."""
+RARE = 0.1
+"""Share of the vehicles drawn from the priors that may move less, or further, than a record whose units are not doubted."""
 SUMMED = (*POSITIONS, *ANGLES)
 """Channels in which the errors of velocities, and the net weight, add up over time."""
 ALIKE = 0.5
@@ -98,8 +100,9 @@ def check_motion(
     ]
     there = np.isfinite(measured)
     ratio = float(np.std(measured[there]) / max(np.std(expected[there]), 1e-300))
-    limits = f"between 1/{SIZE:g} and {SIZE:g}"
-    level = _size_level(ratio, 1.0, 1.0)
+    limits = f"between 1/{SIZE:g} and {SIZE:g}, or as vehicles of the priors"
+    least, greatest = np.quantile(np.std(vehicles[:, there], axis=1), (RARE, 1 - RARE)) / np.std(expected[there])
+    level = "pass" if least <= ratio <= greatest else _size_level(ratio, 1.0, 1.0)
     value, told = f"{ratio:.3g} times the motion expected", (name, *controls)
     remedy = f"{unit_guess(told, ratio, OTHER)}check the units of {listed(told)} in the channel map, and the priors"
     remedy = "" if level == "pass" else "see its trim, which tells the unit better" if by_trim else remedy
@@ -323,7 +326,7 @@ def _timing_remedy(late: float, has_delay: bool, file: str) -> str:
     clock = f", or `shift` of {file} is too large" if file else ""
     if has_delay:
         return f"the delay is estimated: check that its prior, [prior.delay], includes this value{clock}"
-    return f"give the delay a prior, [prior.delay], unless the vehicle is slower than the priors say{clock}"
+    return f"give the delay a prior, [prior.delay] with {delay_prior(late)}, unless the vehicle is slower than the priors say{clock}"
 
 
 def _late(seconds: float) -> str:

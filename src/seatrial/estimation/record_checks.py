@@ -262,7 +262,9 @@ def unlike_trim(name: str, trim: float, ratio: float, when: str) -> RecordFindin
     return RecordFinding(name, "trim", "caution", value, limit, remedy)
 
 
-def check_samples(name: str, values: Float[np.ndarray, " n"], noise: float, sensor: str) -> list[RecordFinding]:
+def check_samples(
+    name: str, values: Float[np.ndarray, " n"], noise: float, sensor: str, is_heavy: bool = False
+) -> list[RecordFinding]:
     """Return the samples that stand out from both of their sides, alone or up to three together.
 
     Args:
@@ -270,6 +272,7 @@ def check_samples(name: str, values: Float[np.ndarray, " n"], noise: float, sens
         values: SI, NaN where not measured.
         noise: standard deviation of the sensor, SI; neighbours of a steep but quiet signal differ by less.
         sensor: whose channel it is, as the campaign names it.
+        is_heavy: whether its residuals have heavy tails, which tolerate such samples.
     """
     x = values[np.isfinite(values)]
     if x.size < 25:
@@ -278,6 +281,9 @@ def check_samples(name: str, values: Float[np.ndarray, " n"], noise: float, sens
     limit = f"usual: under {SPIKES:.1%} beyond {SPIKE:g} robust standard deviations"
     if share < SPIKES:
         return [RecordFinding(name, "outliers", "pass", f"{share:.2%} of the samples", limit)]
+    if is_heavy:
+        value = f"{share:.2%} of the samples, which heavy residuals tolerate"
+        return [RecordFinding(name, "outliers", "note", value, limit)]
     remedy = f'residuals = "heavy" under [sensors.{sensor}] tolerates them; look at the raw plot first'
     return [RecordFinding(name, "outliers", "caution", f"{share:.2%} of the samples", limit, remedy)]
 

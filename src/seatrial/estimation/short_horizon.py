@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from seatrial.core.batching import bucket_length, filled
+from seatrial.core.display_units import plain
 from seatrial.core.programs import program
 from seatrial.core.record import Record
 from seatrial.core.signals import RATES
@@ -67,7 +68,7 @@ class ShortHorizon:
         )
         if not self.is_good:
             return f"short horizons are predicted little better, so errors that add up do not explain it: {ahead}"
-        grown = f", a small error grows {self.growth:.2g} times along it" if np.isfinite(self.growth) else ""
+        grown = f", a small error grows {plain(self.growth)} times along it" if np.isfinite(self.growth) else ""
         why = f"the vehicle leaves its course by itself{grown}" if self.leaves else "errors add up along the run"
         return f"{why}: {ahead}"
 

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from seatrial.core.display_units import plain
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.files import sha256_of_json
 from seatrial.core.record import Channel, Provenance, Record, Role, make_record
@@ -35,6 +36,9 @@ _MOST_STAMPS = 0.98
 _FEWEST_STAMPS = 10
 _BLURRED = 0.3
 """By how much moved samples may be off, in units of their noise: from here on they are told. It adds 4 % to that noise."""
+
+_ENDS = 2
+"""Instants at the ends of a record."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -429,13 +433,14 @@ def _place(
     column[used] = values[firsts] + np.add.reduceat(deviation, firsts) / counts
     met, usual = int((counts > 1).sum()), float(np.median(counts))
     moved = np.add.reduceat((instants[index] - time)[near], firsts) / counts
+    moved = moved[1:-1] if moved.size > _ENDS else moved  # at an end there are samples on one side alone
     blur = float(np.sqrt(np.mean(moved**2) * usual)) * _rate_over_noise(time[near], values)
     return (
         column,
         f"{values.size} samples, moved by at most {shift[near].max():.3g} s"
         + (f"; {met} instants hold the mean of two or more" if met else "")
         + (f"; {doubled.sum()} midway between two instants were left out" if doubled.any() else ""),
-        f"is moved in time by up to {np.abs(moved).max():.2g} s, in which it changes by {blur:.1g} of its noise"
+        f"is moved in time by up to {np.abs(moved).max():.2g} s, which changes it by {plain(blur)} times its noise"
         if blur > _BLURRED and np.abs(moved).max() > slack
         else "",
         usual,

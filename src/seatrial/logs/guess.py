@@ -443,7 +443,24 @@ def _of_quaternion(table: TableSummary, column: ColumnSummary) -> Guess | None:
 def unit_by_name(column: str, channel: str) -> tuple[str, float] | None:
     """Return the unit that the name of a column ends with and the factor to it; None where it ends with none of the channel's kind."""
     units = name_and_units(column.lower().replace(" ", "_")).units
-    return next(filter(None, (_fitting(unit, channel) for unit in units)), None)
+    return next(filter(None, (known_unit(unit, channel) for unit in units)), None)
+
+
+def known_unit(unit: str, channel: str) -> tuple[str, float] | None:
+    """Return the unit that seatrial knows and the factor to it, None where it has another dimension."""
+    unit = _SPELLING.get(unit, unit)
+    if channel == "n":
+        unit = _REVOLUTIONS.get(unit.lower(), unit)
+    for text, scale in (
+        (unit, 1.0),
+        *(((unit[1:], factor),) if (factor := {"c": 1e-2, "m": 1e-3, "d": 1e-1}.get(unit[:1])) else ()),
+    ):
+        try:
+            to_si(1.0, text, signal_unit(channel), channel)
+        except InputError:
+            continue
+        return text, scale
+    return None
 
 
 def _unit(channel: str, column: ColumnSummary, hinted: Sequence[str]) -> tuple[str, float, str] | None:
@@ -451,7 +468,7 @@ def _unit(channel: str, column: ColumnSummary, hinted: Sequence[str]) -> tuple[s
     stated = () if column.unit is None else (column.unit,)
     for units, source in ((stated, "the log states its unit"), (hinted, "its unit by the name")):
         if units:
-            fitting = next(filter(None, (_fitting(unit, channel) for unit in units)), None)
+            fitting = next(filter(None, (known_unit(unit, channel) for unit in units)), None)
             return None if fitting is None else (*fitting, source)
     size = max(abs(column.least), abs(column.greatest))
     if channel in ("phi", "theta", "psi", "delta_r", "delta_s"):
@@ -468,23 +485,6 @@ def _unit(channel: str, column: ColumnSummary, hinted: Sequence[str]) -> tuple[s
     if signal_unit(channel) == str(SPEED) and size > FASTEST:
         return "cm/s", 1.0, f"centimetres by its range, as {size:.3g} m/s is beyond any vehicle: or mm/s, km/h, kn?"
     return _text_unit(channel), 1.0, "its unit is not known: SI"
-
-
-def _fitting(unit: str, channel: str) -> tuple[str, float] | None:
-    """Return the unit that seatrial knows and the factor to it, None where it has another dimension."""
-    unit = _SPELLING.get(unit, unit)
-    if channel == "n":
-        unit = _REVOLUTIONS.get(unit.lower(), unit)
-    for text, scale in (
-        (unit, 1.0),
-        *(((unit[1:], factor),) if (factor := {"c": 1e-2, "m": 1e-3, "d": 1e-1}.get(unit[:1])) else ()),
-    ):
-        try:
-            to_si(1.0, text, signal_unit(channel), channel)
-        except InputError:
-            continue
-        return text, scale
-    return None
 
 
 def _text_unit(channel: str) -> str:

@@ -1,5 +1,6 @@
 """Read the mapped columns of a log into SI: all of them, or an error that says what is at fault, whatever the format."""
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from decimal import Decimal, DecimalException
@@ -15,6 +16,7 @@ from seatrial.logs.axes import from_axes
 from seatrial.logs.formats.protocol import LogFormat, NoColumn, RawTable, TableInfo, unit_in_name
 from seatrial.logs.formats.registry import catalogue, format_of, hash_of_log, pick, read_columns, stream
 from seatrial.logs.formats.text_layout import signs_of
+from seatrial.logs.guess import known_unit, unit_by_name
 from seatrial.logs.measured_control import half_a_step_matters, looks_measured, mean_to_next
 from seatrial.logs.source import (
     ColumnMap,
@@ -31,6 +33,8 @@ from seatrial.logs.source import (
 from seatrial.logs.summary import clock_summary, disagreement
 from seatrial.logs.time_stamps import check_unit, checked_time, elapsed, unit_doubt
 
+SAME_UNIT = 0.02
+"""Share by which the unit of a map, or unit times scale, may differ from the one that the log or the name of the column states."""
 _LAYOUT = {"delimiter": None, "skip_rows": 0, "header_rows": 1, "names": None, "encoding": "utf-8"}
 
 
@@ -69,16 +73,13 @@ def read_log(source: LogSource) -> LogTable:
             raise _no_number(
                 next((part for part, one in cells.items() if np.isnan(one).all()), ""), column, info, where
             )
-        stated = info.unit(column.column) if info and not column.parts else None
-        if stated not in (None, column.unit):
-            notes.append(f'{name}: the log states the unit "{stated}", the map says "{column.unit}"')
     mapped = from_axes(mapped, source.axes, str(source.path))
     channels = tuple(Channel(name, signal_unit(name), column.role) for name, column in source.channels.items())
     used = replace(source, table=info.name if info else None, time_column=read.clock, time_unit=read.clock_unit)
     options = source_options(used) | (text_options(source) if format_of(source.path).is_text else {})
     options |= {"empty": empties} if empties else {}
     epoch = read.epoch + Decimal(f"{source.shift:.9f}")
-    cautions = (*_other_unit(read, source.path.name), *_other_clocks(read, source))
+    cautions = (*_other_unit(read, source.path.name), *_other_units(source, info), *_other_clocks(read, source))
     table = LogTable(
         read.time,
         epoch,
@@ -283,6 +284,26 @@ def _other_clocks(read: "Stamped", source: LogSource) -> tuple[str, ...]:
         return ()
     remedy = 'name the right one by time = { column = "…" } under [[import.files]]'
     return (f"{read.where}: {doubt}; the time is {read.clock}: {remedy}",)
+
+
+def _other_units(source: LogSource, info: TableInfo | None) -> Iterator[str]:
+    """Say which columns have another unit by what the log states, or by their names, than by the map."""
+    for name, column in source.channels.items():
+        if column.parts or column.curve is not None:
+            continue
+        stated = info.unit(column.column) if info else None
+        other = known_unit(stated, name) if stated else unit_by_name(column.column, name)
+        if other is None:
+            continue
+        unit, factor = other
+        mapped, right = si_factor(source, name), factor * to_si(1.0, unit, signal_unit(name), source.path.name)
+        if not any(math.isclose(one, right, rel_tol=SAME_UNIT) for one in (mapped, mapped * abs(column.scale))):
+            says = "the log states" if stated else "its name says"
+            scale = f" and scale = {math.copysign(factor, column.scale):g}" if factor != 1.0 else ""
+            yield (
+                f'channel "{name}" of {source.path.name}: the unit of column "{column.column}" is "{column.unit}" in the map, and {says} '
+                f'"{stated or unit}": set unit = "{unit}"{scale} there, unless the log is wrong'
+            )
 
 
 def _check_layout(source: LogSource, form: LogFormat) -> None:

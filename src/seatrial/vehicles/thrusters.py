@@ -17,7 +17,7 @@ from jaxtyping import Bool, Float
 from seatrial.core.array_module import array_module
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError
-from seatrial.core.signals import is_thruster, signal_unit, thruster_controls
+from seatrial.core.signals import RATES, is_thruster, signal_unit, thruster_controls
 from seatrial.numerics.rotations import cross, dot, total
 from seatrial.vehicles.model import Unknown
 
@@ -25,6 +25,8 @@ PULSE_WIDTHS = (500.0, 2500.0)
 """Pulse widths that a speed controller may be sent, us: 800 to 2200 at most by ArduPilot, a margin on either side."""
 NEUTRAL_PULSE_WIDTHS = (1000.0, 2000.0)
 """Neutral commands of a polynomial that is one of pulse widths, us."""
+NO_PUSH = 1e-9
+"""Share of the largest force or moment of a thruster, per m, up to which it has none along or about an axis."""
 
 
 @dataclass(frozen=True)
@@ -141,9 +143,20 @@ def allocation(thrusters: Sequence[Thruster]) -> Float[np.ndarray, "6 n"]:
     return np.array([thruster.column for thruster in thrusters]).reshape(-1, 6).T
 
 
-def controls_of(thrusters: Sequence[Thruster], named: Iterable[CoefficientName]) -> tuple[str, ...]:
-    """Return the controls of thrusters: their speeds if a term of T has the speed n, their forces if not."""
-    return thruster_controls(len(thrusters), not any(one.axis == "T" and "n" in one.signals for one in named))
+def controls_of(
+    thrusters: Sequence[Thruster], named: Iterable[CoefficientName], moves: Sequence[str] = ()
+) -> tuple[str, ...]:
+    """Return the controls of thrusters: their speeds if a term of T has the speed n, their forces if not.
+
+    Args:
+        thrusters: all of a vehicle.
+        named: terms of its model.
+        moves: velocities that are modelled, where only thrusters that push along or about one of them count; none for all thrusters.
+    """
+    names = thruster_controls(len(thrusters), not any(one.axis == "T" and "n" in one.signals for one in named))
+    axes = [RATES.index(rate) for rate in moves] or [*range(len(RATES))]
+    pushes = (max(abs(one.column[i]) for i in axes) > NO_PUSH * max(map(abs, one.column)) for one in thrusters)
+    return tuple(name for name, is_pushing in zip(names, pushes, strict=True) if is_pushing)
 
 
 def thrust_unknowns(controls: Sequence[str], thrusters: Sequence[Thruster]) -> tuple[Unknown, ...]:

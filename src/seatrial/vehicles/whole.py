@@ -96,7 +96,9 @@ def forces_of(
     for product in constant:
         sums.setdefault(product, [])
     columns = [tuple(share * x for x in thruster.column) for thruster in thrusters]
-    names = controls_of(thrusters, named)
+    pushing = controls_of(thrusters, named, freedom.moves)
+    named_thrusters = zip(thrusters, controls_of(thrusters, named), columns, strict=True)
+    acting = [(thruster, control, column) for thruster, control, column in named_thrusters if control in pushing]
 
     def forces(values: Mapping[str, Any], known: Mapping[str, Any], velocity: tuple) -> list[Any]:
         results: list[Any] = [0.0] * 6
@@ -107,7 +109,7 @@ def forces_of(
             axis = AXES.index(name.axis)
             scale = total((constant.get(name, 0.0), *(times(factor, values[text]) for factor, text in parts)))
             results[axis] = total((results[axis], times(scale, made[name.key])))
-        for thruster, control, column in zip(thrusters, names, columns, strict=True):
+        for thruster, control, column in acting:
             push = beyond_dead_zone(values, control, known[control])
             if thrust:
                 local = {**known, control[0]: push, "u": times(inflow, thruster.inflow(velocity))}
@@ -419,7 +421,7 @@ def _controls(
     used -= {"n", "f"} if thrusters else set()
     plain = (name for name in SIGNALS if name in used and name not in (*states, *RATES, *ANGLES))
     given = (name for name in SIGNALS if name in freedom.given)
-    return (*given, *plain, *controls_of(thrusters, named))
+    return (*given, *plain, *controls_of(thrusters, named, freedom.moves))
 
 
 def _constants(

@@ -26,7 +26,7 @@ def test_coloured_noise_and_back(tmp_path):
     assert all(f"{line}\n" in text for line in COMMENTED.splitlines())
 
     text = with_noise(tmp_path, text, {"": "white"})
-    with pytest.raises(InputError, match="white residuals have no correlation time"):
+    with pytest.raises(InputError, match=r"remove \[prior.tau_u\], of coloured residuals: those of u are white"):
         check(str(tmp_path), text)
     text = with_priors(tmp_path, text, [], ["tau_u"])
     check(str(tmp_path), text)

@@ -147,7 +147,7 @@ def _trim(campaign: Any, run: str | None, start: str | None, end: str | None, re
 def _say_trials(answer: Answer, trials: Any, campaign: Any, accelerations: str | None = None) -> Exit:
     from seatrial.campaign.data.record_cautions import record_cautions, unused_channels
 
-    unused = (one for record in (*trials.fit, *trials.predict) for one in unused_channels(record, campaign.channels))
+    unused = (one for record in (*trials.fit, *trials.predict) for one in unused_channels(campaign, record))
     for text in dict.fromkeys(f"{one.value}: {one.remedy}" for one in unused):
         answer.caution(text)
     for record in (*trials.fit, *trials.predict):

@@ -14,7 +14,7 @@ from seatrial.campaign.config.file_keys import FileKeys
 from seatrial.campaign.config.idle_keys import check_idle_keys
 from seatrial.campaign.config.import_table import read_imports
 from seatrial.campaign.config.named_files import find
-from seatrial.campaign.config.nuisance_parameters import check_disturbances, nuisances
+from seatrial.campaign.config.nuisance_parameters import check_disturbances, may_vary, nuisances
 from seatrial.campaign.config.priors import read_priors
 from seatrial.campaign.config.schema import (
     CampaignFile,
@@ -43,12 +43,13 @@ from seatrial.campaign.config.vehicle import CampaignVehicle, WholeVehicle
 from seatrial.campaign.config.vehicle_table import read_vehicle
 from seatrial.campaign.store.stored_result import FILE_NAME, campaign_folder
 from seatrial.core.argument_checks import check_path
+from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError, located, nearest
 from seatrial.core.signals import ANGLES, PROPULSION, QUATERNION, signal_unit, thruster_controls
 from seatrial.selection.structures import Structure
 from seatrial.vehicles.model import VehicleModel
-from seatrial.vehicles.thrusters import ThrustLaw
+from seatrial.vehicles.thrusters import ThrustLaw, controls_of
 
 FEWEST_DRAWS = 20
 """Draws that are kept of a chain: its first tenth is held against its last half."""
@@ -136,7 +137,10 @@ def _campaign(file: CampaignFile, keys: FileKeys) -> Campaign:
             design = replace(design, own=own)
         if file.power is not None or design.per == "joule":
             power = read_power(file.power, keys, file.design.control)
-    recorded = (*commands, *model.channel_units())
+    # A log may have columns of thrusters that push along no axis of the model.
+    named = map(CoefficientName.parse, (*terms, *vehicle.hull.fixed))
+    thrusters = controls_of(vehicle.body.thrusters, named) if isinstance(vehicle, WholeVehicle) else ()
+    recorded = dict.fromkeys((*commands, *model.channel_units(), *thrusters))
     campaign = Campaign(
         name=file.campaign.name,
         seed=file.campaign.seed,
@@ -153,7 +157,7 @@ def _campaign(file: CampaignFile, keys: FileKeys) -> Campaign:
         goal=None if file.goal is None else _goal(file.goal, keys, units),
         plan=PlanSettings() if file.plan is None else _plan(file.plan, keys, is_power_known=file.power is not None),
         truth=file.truth,
-        imports=None if file.imported is None else read_imports(file.imported, keys, recorded, _laws(vehicle)),
+        imports=None if file.imported is None else read_imports(file.imported, keys, tuple(recorded), _laws(vehicle)),
         process_noise=process_noise,
         estimation=estimation,
         selection=SelectionSettings(file.selection.particles, file.selection.repeats, file.selection.draws),
@@ -218,14 +222,16 @@ def _process_noise(
 def _estimation(
     table: EstimationTable, keys: FileKeys, known: Collection[str], model: VehicleModel, measured: Collection[str]
 ) -> EstimationSettings:
-    """Read how coefficients, which are `known`, are estimated from the channels that are `measured`."""
+    """Read how coefficients, which are `known`, and other unknowns of the model are estimated from the channels that are `measured`."""
+    allowed = tuple(dict.fromkeys([*known, *(one.name for one in may_vary(model))]))
     for name in table.varying:
-        if name not in known:
+        if name not in allowed:
             raise InputError(
                 keys.where("estimation.varying"),
                 found=f'"{name}"',
-                expected="a coefficient: " + ", ".join(known),
-                remedy=nearest(name, known),
+                expected="a coefficient, or an unknown of the vehicle that has a prior and either sign: "
+                + ", ".join(allowed),
+                remedy=nearest(name, allowed),
             )
     if (kept := table.draws // table.thin) < FEWEST_DRAWS:
         raise InputError(

@@ -9,7 +9,7 @@ from math import ceil, floor, log10
 from seatrial.campaign.config.new_campaign import EXAMPLES, OWN, PUBLISHED, Control, NewCampaign, Sought
 from seatrial.campaign.store.stored_result import FILE_NAME
 from seatrial.core.errors import InputError
-from seatrial.core.signals import PROPULSION, signal_unit
+from seatrial.core.signals import POSITIONS, PROPULSION, signal_unit
 from seatrial.core.units import quantity, to_si
 
 SURGE = "_surge"
@@ -119,6 +119,9 @@ def _vehicle(new: NewCampaign) -> list[str]:
     trim += [f"{one.name} = {_text(one.trim)}" for one in new.controls]
     trim = [] if new.vehicle.endswith(SURGE) else [f"trim = {{ {', '.join(trim)} }}"]
     moves = [f"moves = {_list(new.moves)}"] * bool(new.moves and (new.vehicle or new.moves != ("u",)))
+    places = [one.name for one in new.sensors if one.name in POSITIONS]
+    is_whole = moves or (new.vehicle and not new.vehicle.endswith(SURGE))
+    moves += [f"positions = {_list(places)}"] * bool(places and is_whole)
     if new.vehicle:
         return [
             "# Other coefficients keep their published values. Those that are estimated without a prior in this file get a prior about the",

@@ -25,7 +25,7 @@ from seatrial.estimation.sensor_errors import (
     noise_name,
 )
 from seatrial.estimation.simulation import CURRENT
-from seatrial.vehicles.model import VehicleModel
+from seatrial.vehicles.model import Unknown, VehicleModel
 
 DOF = LogUniform(1.5, 200.0)
 """Prior of degrees of freedom where none is given: from tails without a variance to the normal."""
@@ -100,10 +100,9 @@ def nuisances(
         model: vehicle.
         stated: names that have a prior in the file, among which a delay and disturbances may be.
     """
-    units = {term.text: model.unit_of(term) for term in model.coefficients}
-    for name in varying(estimation, model):
-        label, because = CoefficientName.parse(name).label, f'estimation.varying has "{name}"'
-        yield Nuisance(spread_name(name), units[name], rf"s_{{{label}}}", None, because, _SIZE)
+    for one in varying(estimation, model):
+        because = f'estimation.varying has "{one.name}"'
+        yield Nuisance(spread_name(one.name), one.unit, rf"s_{{{one.label}}}", None, because, _SIZE)
     if "delay" in stated:
         yield Nuisance("delay", "s", r"t_{\mathrm{delay}}")
     if estimation.current != "none":
@@ -162,21 +161,22 @@ def check_disturbances(
             )
 
 
-def varying(estimation: EstimationSettings, model: VehicleModel) -> tuple[str, ...]:
-    """Return the coefficients of a model that vary between trials."""
-    return tuple(term.text for term in model.coefficients if term.text in estimation.varying)
+def varying(estimation: EstimationSettings, model: VehicleModel) -> tuple[Unknown, ...]:
+    """Return the coefficients and other unknowns of a model that vary between trials."""
+    return tuple(one for one in may_vary(model) if one.name in estimation.varying)
 
 
-def deviations(names: tuple[str, ...], labels: tuple[str, ...]) -> list[Parameter]:
-    """How far each trial's coefficients lie from the common ones, in units of their spread."""
+def may_vary(model: VehicleModel) -> tuple[Unknown, ...]:
+    """Return what may lie about a common value in each trial: coefficients, and unknowns such as `net_weight` that may have either sign."""
+    terms = (Unknown(term.text, model.unit_of(term), term.label, 0.0) for term in model.coefficients)
+    return (*terms, *(one for one in model.unknowns if one.signed))
+
+
+def deviations(varying: tuple[Unknown, ...], labels: tuple[str, ...]) -> list[Parameter]:
+    """How far each trial's unknowns lie from the common ones, in units of their spread."""
     return [
-        Parameter(
-            deviation_name(name, label),
-            "1",
-            rf"\delta_{{{CoefficientName.parse(name).label}}}[{label}]",
-            Normal(0.0, 1.0),
-        )
-        for name in names
+        Parameter(deviation_name(one.name, label), "1", rf"\delta_{{{one.label}}}[{label}]", Normal(0.0, 1.0))
+        for one in varying
         for label in labels
     ]
 

@@ -9,6 +9,7 @@ from seatrial.campaign.config.campaign import no_prior
 from seatrial.campaign.config.file_keys import FileKeys
 from seatrial.campaign.config.nuisance_parameters import Nuisance, no_nuisance_prior
 from seatrial.campaign.config.schema import PriorTable
+from seatrial.campaign.config.settings import Residuals
 from seatrial.core.coefficients import AXES, CoefficientName
 from seatrial.core.errors import InputError, located, nearest
 from seatrial.core.units import to_si
@@ -24,7 +25,8 @@ from seatrial.estimation.priors import (
     restricted,
     truncated_normal,
 )
-from seatrial.estimation.sensor_errors import correlation_name, noise_name
+from seatrial.estimation.remedies import listed
+from seatrial.estimation.sensor_errors import correlation_name, dof_name, drift_name, drift_time_name, noise_name
 from seatrial.vehicles.tether import TETHER
 
 _BOUNDS = ("lower", "upper")
@@ -43,6 +45,13 @@ _KINDS: dict[str, tuple[tuple[str, ...], int, Callable[..., Prior]]] = {
 }
 """Distribution to the numbers it needs, how many bounds it may have beside them (one at least), and what makes it."""
 
+_OF_NOISE: dict[Callable[[str], str], Residuals] = {
+    correlation_name: "coloured",
+    dof_name: "heavy",
+    drift_name: "drifting",
+    drift_time_name: "drifting",
+}
+"""Names of parameters of the noise of a channel, and the residuals that have them."""
 _CALLED = {"location": "mean", "scale": "sd"}
 """Arguments of a truncated normal by their keys."""
 
@@ -108,20 +117,25 @@ def _check_used(tables: Mapping[str, PriorTable], keys: FileKeys, terms: Sequenc
     """Check that something uses every prior: a term, the delay, or what else is unknown."""
     allowed = tuple(dict.fromkeys((*terms, "delay", *unknown)))
     channels = [one.removeprefix(noise_name("")) for one in unknown if one.startswith(noise_name(""))]
-    for name in tables:
-        if name not in allowed:
-            raise InputError(
-                keys.where(f"prior.{name}"),
-                found=f'"{name}", which nothing uses',
-                expected="one of " + ", ".join(sorted(allowed)),
-                remedy=_unused_remedy(name, channels, allowed),
-            )
+    unused = [name for name in tables if name not in allowed]
+    if unused:
+        raise InputError(
+            keys.where(f"prior.{unused[0]}"),
+            found=f'"{unused[0]}", which nothing uses',
+            expected="one of " + ", ".join(sorted(allowed)),
+            remedy=_unused_remedy(unused, channels, allowed),
+        )
 
 
-def _unused_remedy(name: str, channels: Sequence[str], allowed: Sequence[str]) -> str:
-    """Say what to do with a prior that nothing uses; all that is used has a prior, so that none is meant for a term without one."""
-    if name in map(correlation_name, channels):
-        return "remove it: white residuals have no correlation time"
+def _unused_remedy(unused: Sequence[str], channels: Sequence[str], allowed: Sequence[str]) -> str:
+    """Say what to do with priors that nothing uses; all that is used has a prior, so that none is meant for a term without one."""
+    name = unused[0]
+    of_noise = {of(channel): (channel, kind) for of, kind in _OF_NOISE.items() for channel in channels}
+    if name in of_noise:
+        channel = of_noise[name][0]
+        kind = next((kind for one, (of, kind) in of_noise.items() if of == channel and one in allowed), "white")
+        tables = [f"[prior.{one}]" for one in unused if one in of_noise]
+        return f"remove {listed(tables)}, of {of_noise[name][1]} residuals: those of {channel} are {kind}"
     if name in TETHER:
         return "add [vehicle.tether] to a vehicle that says what `moves`"
     with suppress(InputError):

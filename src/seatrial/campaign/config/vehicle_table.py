@@ -1,5 +1,6 @@
 """Reads `[vehicle]`: by its axes or as a whole, a published one or one by hand, as the table says."""
 
+import json
 import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
@@ -11,7 +12,9 @@ from seatrial.campaign.config.vehicle import AxesVehicle, CampaignVehicle, Whole
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError, located, nearest
 from seatrial.core.signals import SIGNALS, SPEEDS, is_signal, signal_unit
+from seatrial.estimation.remedies import listed
 from seatrial.vehicles.actuators import Actuator
+from seatrial.vehicles.axis_equation import RATE_OF
 from seatrial.vehicles.catalogue import PublishedVehicle, load_surge, load_vehicle, surge_names
 from seatrial.vehicles.hull import Hull, whole_hull
 from seatrial.vehicles.surge import SurgeHull, surge_vehicle
@@ -64,15 +67,25 @@ def read_vehicle(
                 expected="a signal",
                 remedy=nearest(name, SIGNALS),
             )
-    if table.moves is not None or (table.catalogue is not None and table.catalogue not in surge_names()):
+    is_by_axes = table.moves is None and (table.catalogue is None or table.catalogue in surge_names())
+    if not is_by_axes and (table.catalogue is not None or table.mass != "unknown"):
         return _whole_vehicle(table, keys, terms, angles, stated)
-    others = sorted(table.model_fields_set - set(BY_AXES))
+    moves = [RATE_OF[axis] for axis in axes_of(terms)]
+    others = sorted(table.model_fields_set - {*BY_AXES, "moves"})
     if others:
+        is_body = table.catalogue is None and table.mass not in (None, "unknown")
         raise InputError(
             keys.where(f"vehicle.{others[0]}"),
             found=", ".join(others),
-            expected="`moves` beside it: what of a whole vehicle is modelled",
-            remedy='add moves = ["u", "w", "q"], or remove it',
+            expected="a whole vehicle: a body with a mass, of which `moves` says what is modelled",
+            remedy=(f"add moves = {json.dumps(moves)}, or " if is_body else "") + f"remove {listed(others)}",
+        )
+    if table.moves is not None and {*table.moves} != {*moves}:
+        raise InputError(
+            keys.where("vehicle.moves"),
+            found=f'{json.dumps(table.moves)} with mass = "unknown"',
+            expected=f"{json.dumps(moves)}, the axes that have terms: each is estimated per unit of its inertia",
+            remedy=f"write moves = {json.dumps(moves)}, or name terms of the other axes under [structure]",
         )
     return _axes_vehicle(table, keys, terms)
 
@@ -123,12 +136,15 @@ def _whole_vehicle(
     sought = {CoefficientName.parse(term) for term in terms}
     known = {**body.hull.fixed, **body.coefficients, **table.fixed}
     fixed = {name: value for name, value in known.items() if CoefficientName.parse(name) not in sought}
-    controls = controls_of(body.thrusters, (*sought, *map(CoefficientName.parse, fixed)))
+    moves = tuple(body.moves if table.moves is None else table.moves)
+    named = (*sought, *map(CoefficientName.parse, fixed))
+    controls, acting = controls_of(body.thrusters, named), controls_of(body.thrusters, named, moves)
     actuators = _actuators(table, keys, body, thruster_lags(table, keys, controls))
+    actuators = {name: one for name, one in actuators.items() if name in acting or name not in controls}
     return WholeVehicle(
         body,
         replace(body.hull, fixed=fixed, trim={**body.hull.trim, **_trim(table, keys)}, tether=_tether(table, keys)),
-        tuple(body.moves if table.moves is None else table.moves),
+        moves,
         tuple(table.given),
         tuple(table.positions),
         tuple(angles),
@@ -166,12 +182,12 @@ def _tether(table: VehicleTable, keys: FileKeys) -> Tether | None:
 
 
 def _by_hand(table: VehicleTable, keys: FileKeys) -> Hull:
-    if table.mass is None or table.mass == "unknown":
+    if table.mass is None:
         raise InputError(
             keys.where("vehicle.mass"),
-            found="nothing" if table.mass is None else '"unknown" together with `moves`',
+            found="nothing",
             expected='for example "30.5 kg": a whole vehicle is a body with a mass',
-            remedy="without `moves`, axes are estimated one by one per unit of an unknown inertia",
+            remedy='write mass = "unknown" to estimate axes one by one per unit of an unknown inertia',
         )
 
     def three(key: str, unit: str) -> list[float] | None:

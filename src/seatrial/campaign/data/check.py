@@ -17,13 +17,14 @@ from seatrial.campaign.data.record_cautions import empty_cells, record_cautions,
 from seatrial.campaign.data.thruster_check import check_thrusters, mirrored_thrusters
 from seatrial.campaign.inference.posterior import initial_state, random_key
 from seatrial.core.batching import bucket_length, filled
-from seatrial.core.display_units import shown_unit
+from seatrial.core.display_units import plain, shown_unit
 from seatrial.core.programs import program
 from seatrial.core.record import SIMULATED, Record
 from seatrial.core.signals import HELD, QUATERNION, RATES
 from seatrial.design.prior_belief import draw_values
 from seatrial.design.trial_plan import TrialPlan
 from seatrial.estimation.excitation_checks import check_excitation, check_signs
+from seatrial.estimation.feedback_check import closed_loop, find_feedback, not_judged_in_loop
 from seatrial.estimation.first_guess import first_guess
 from seatrial.estimation.motion_checks import (
     SUMMED,
@@ -239,12 +240,15 @@ def _judge(campaign: Campaign, record: Record) -> RecordJudgement:
     measured = motion.measured
     weight = np.column_stack([np.isfinite(column) / campaign.noise[name] for name, column in measured.items()])
     plan = replace(alone, weight=filled(weight, control.shape[0], 0.0))
+    heavy = {sensor.channel for sensor in campaign.sensor_models if sensor.noise == "heavy"}
     findings = [
         finding
         for name, column in measured.items()
-        for finding in check_samples(name, column, campaign.noise[name], ATTITUDE if name in QUATERNION else name)
+        for finding in check_samples(
+            name, column, campaign.noise[name], ATTITUDE if name in QUATERNION else name, name in heavy
+        )
     ]
-    findings += [*empty_cells(record), *unused_channels(record, campaign.channels)]
+    findings += [*empty_cells(record), *unused_channels(campaign, record)]
     driven = {name: record.channel(name) for name in alone.model.controls}
     findings += check_signs(plan.names, {**driven, **measured}, campaign.noise)
     findings += _stated(campaign, record)
@@ -267,9 +271,10 @@ def _judge(campaign: Campaign, record: Record) -> RecordJudgement:
     mounting = _mounting(campaign, body, judged.findings) if is_real else []
     turned = {one.signal for one in mounting}
     moved = [one for one in judged.findings if one.check != "axes" or one.signal not in turned] + mounting
+    findings += closed_loop(judged.feedback)
     wrong = [one for one in moved if one.level == "fail"]
     late = [one for one in moved if one.check == "timing" and one.level == "caution"]
-    findings += [*moved, *check_thrusters(campaign, body, _named([*wrong, *late]))]
+    findings += [*moved, *check_thrusters(campaign, body, _named([*wrong, *late]), judged.feedback)]
     if turns:
         value = "not judged, nor size and timing; errors of all rates add up in it"
         findings.append(RecordFinding(ATTITUDE, "direction", "note", value, "the rates are judged"))
@@ -297,11 +302,12 @@ def _named(findings: Sequence[RecordFinding]) -> str:
 
 
 class _Directions(NamedTuple):
-    """Findings about channels; and the channels of which the priors allow no verdict: rates and speeds, and what errors add up in."""
+    """Findings about channels; those of which the priors allow no verdict: rates and speeds, and what errors add up in; closed loops."""
 
     findings: list[RecordFinding]
     unsaid: list[str]
     summed: list[str]
+    feedback: Mapping[str, Sequence[str]]
 
 
 def _mounting(campaign: Campaign, body: Record, said: Sequence[RecordFinding]) -> list[RecordFinding]:
@@ -314,7 +320,9 @@ def _directions(
     campaign: Campaign, record: Record, motion: _Motion, names: Sequence[str], doubted: Collection[str] = ()
 ) -> _Directions:
     """Judge direction, size, timing and axes of some channels; of those that are `doubted` by the trim, that tells the unit better."""
-    found, driving = _Directions([], [], []), tuple(campaign.model(campaign.full).controls)
+    expected = {name: motion.expected[:, index] for index, name in enumerate(motion.measured)}
+    found = _Directions([], [], [], find_feedback(record, campaign.noise, expected))
+    driving = tuple(campaign.model(campaign.full).controls)
     files, mirrored = _other_files(record, driving), mirrored_thrusters(campaign)
     places = {name: index for index, name in enumerate(motion.measured) if name in names and name not in QUATERNION}
     for name, index in places.items():
@@ -345,7 +353,7 @@ def _directions(
         if len(said) > 1:
             shown = np.column_stack([motion.measured[name] for name in said])
             found.findings.extend(check_turn(said, shown, motion.expected[:, [places[name] for name in said]]))
-    return found
+    return found._replace(findings=not_judged_in_loop(found.findings, found.feedback))
 
 
 def _other_files(record: Record, controls: Collection[str]) -> dict[str, str]:
@@ -381,7 +389,7 @@ def _steps(
     names = ", ".join(campaign.channels[index] for index, far in zip(rates, off, strict=True) if not far <= COARSE)
     if not names or not np.isfinite(shown).all():
         return []
-    differ = f"differs by up to {off.max():.2g} times the noise" if np.isfinite(off).all() else "does not run away"
+    differ = f"differs by up to {plain(off.max())} times the noise" if np.isfinite(off).all() else "does not run away"
     value = f"in steps half as long the simulated motion {differ}"
     remedy = f'the simulation\'s steps of {usual:.2g} s are too long for so quick a vehicle: step = "{usual / 4:.2g} s" under [import]'
     return [RecordFinding(names, "step", "caution", value, f"under {COARSE:g}", remedy)]

@@ -1,7 +1,6 @@
 """What a user must know about a record before believing what is fitted to it."""
 
-from collections.abc import Collection
-
+from seatrial.campaign.config.campaign import Campaign
 from seatrial.core.display_units import shown_unit
 from seatrial.core.record import SIMULATED, Record
 from seatrial.core.signals import RATES
@@ -44,13 +43,14 @@ def empty_cells(record: Record) -> list[RecordFinding]:
     ]
 
 
-def unused_channels(record: Record, used: Collection[str]) -> list[RecordFinding]:
-    """Say which velocities a log gives, and no sensor of the campaign uses.
+def unused_channels(campaign: Campaign, record: Record) -> list[RecordFinding]:
+    """Say which velocities a log gives, and neither a sensor of the campaign nor its model, where they are given, uses.
 
     Args:
+        campaign: the campaign.
         record: of logs.
-        used: channels that have a sensor.
     """
+    used = {*campaign.channels, *campaign.model(campaign.full).controls}
     mapped = [name for file in record.provenance.options.get("files", ()) for name in file["channels"]]
     return [
         RecordFinding(

@@ -4,7 +4,7 @@ The last is a gain of each thruster by least squares on the measured motion: nea
 propeller or a direction is turned round.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,15 +12,17 @@ import numpy as np
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.vehicle import WholeVehicle
 from seatrial.campaign.inference.posterior import initial_state
+from seatrial.core.coefficients import CoefficientName
 from seatrial.core.record import Record
 from seatrial.core.signals import HELD, RATES, thruster_controls
+from seatrial.estimation.feedback_check import not_judged_in_loop
 from seatrial.estimation.first_guess import fit_motion
 from seatrial.estimation.priors import Normal, Prior
 from seatrial.estimation.record_checks import RecordFinding, not_judged_yet
 from seatrial.estimation.symmetry import mirror_of
 from seatrial.vehicles.hull import AXES
 from seatrial.vehicles.model import VehicleModel
-from seatrial.vehicles.thrusters import allocation
+from seatrial.vehicles.thrusters import allocation, controls_of
 
 SMALL = 1e-9
 """Share of the largest entry below which a force or moment is none."""
@@ -75,22 +77,31 @@ def mirrored_thrusters(campaign: Campaign) -> dict[str, tuple[str, ...]]:
     vehicle = campaign.vehicle
     if not isinstance(vehicle, WholeVehicle) or not vehicle.body.thrusters:
         return {}
-    matrix, controls = allocation(vehicle.body.thrusters), campaign.model(campaign.full).controls
+    matrix, controls = allocation(vehicle.body.thrusters), all_thrusters(campaign, vehicle)
     drives = {rate: np.where(np.abs(row) < SMALL, 0.0, row) for rate, row in zip(RATES, matrix, strict=True)}
     return {
-        rate: tuple(name for name, push in zip(controls, row, strict=False) if push)
+        rate: tuple(name for name, push in zip(controls, row, strict=True) if push)
         for rate, row in drives.items()
         if row.min() < 0 < row.max()
     }
 
 
-def check_thrusters(campaign: Campaign, record: Record, wrong: str = "") -> list[RecordFinding]:
+def all_thrusters(campaign: Campaign, vehicle: WholeVehicle) -> tuple[str, ...]:
+    """Return the controls of all thrusters, of which the model has those that push along or about an axis that moves."""
+    terms = (*campaign.full.terms, *vehicle.hull.fixed)
+    return controls_of(vehicle.body.thrusters, map(CoefficientName.parse, terms))
+
+
+def check_thrusters(
+    campaign: Campaign, record: Record, wrong: str = "", feedback: Mapping[str, Sequence[str]] | None = None
+) -> list[RecordFinding]:
     """Judge the thrusters by one record; nothing where there are none, or where no velocity is measured.
 
     Args:
         campaign: whose vehicle has them.
         record: whose sensors look along the body.
         wrong: what is to be corrected first, in words: gains of such a record would accuse the thrusters instead.
+        feedback: controls that are computed from measured channels, and these channels: their gains are biased.
     """
     vehicle = campaign.vehicle
     if not isinstance(vehicle, WholeVehicle) or not vehicle.body.thrusters:
@@ -112,7 +123,7 @@ def check_thrusters(campaign: Campaign, record: Record, wrong: str = "") -> list
     if wrong:
         names = [name for name in thruster_controls(len(vehicle.body.thrusters), True) if name in record.controls]
         return [*findings, not_judged_yet(", ".join(names), "thruster", wrong)]
-    return [*findings, *_gains(campaign, vehicle, record)]
+    return [*findings, *not_judged_in_loop(_gains(campaign, vehicle, record), feedback or {})]
 
 
 def model_with_gains(

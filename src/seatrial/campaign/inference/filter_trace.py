@@ -13,6 +13,7 @@ from seatrial.campaign.store.estimates import Estimate, OfStructure
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.dataset import Dataset
 from seatrial.core.dataset_file import open_dataset
+from seatrial.core.display_units import plain
 from seatrial.core.gaussian import Gaussian
 from seatrial.core.record import Record
 from seatrial.core.state_space import StateSpace
@@ -65,8 +66,8 @@ def filter_complaints(dataset: Dataset, fitted: Sequence[float] = ()) -> list[st
         beyond = np.sqrt(ratio) / np.exp(np.mean(np.log(fitted))) if fitted else 1.0
         if not 1 / EXPLAINED < beyond < EXPLAINED:
             said.append(
-                f"{found}, and {beyond:.2g} times what the fit finds: the filter is linearised about wide priors, and knows no fitted lag "
-                "or start; do not use its traces, and leave [sensors] as it is"
+                f"{found}, and {plain(beyond)} times what the fit finds: the filter is linearised about wide priors, and knows no fitted "
+                "lag or start; do not use its traces, and leave [sensors] as it is"
             )
         else:
             times = f"multiply the noise in [sensors] by about {np.sqrt(ratio):.2g}"

@@ -54,6 +54,7 @@ from seatrial.estimation.remedies import listed, with_advice
 from seatrial.estimation.sensor_errors import Noise
 from seatrial.estimation.short_horizon import ShortHorizon, short_horizons
 from seatrial.estimation.trial_data import TrialData
+from seatrial.selection.structures import Structure
 
 N_DRAWS = 200
 MOST_NAMED = 6
@@ -117,27 +118,11 @@ def predict_all(campaign: Campaign, estimate: Estimate, trials: Trials) -> tuple
     def predict() -> Dataset:
         records, count = [*trials.fit, *trials.predict], len(trials.fit)
         pieces = [_predict(campaign, estimate, record) for record in records]
-        columns = {name: np.concatenate([piece[name] for piece in pieces]) for name in CURVES}
         fits = _fitted(campaign, estimate, trials, pieces[:count])
         for record, piece in zip(trials.predict, pieces[count:], strict=True):
             fits += _fits(campaign, estimate, record, piece, trials.fit)
-        pooled = _pooled(campaign, pieces[count:], fits)
-        lengths = [record.time.size for record in records]
-        return Dataset(
-            {
-                "time": ("sample", columns["time"], {"unit": "s"}),
-                "record": ("sample", np.repeat(np.arange(len(records)), lengths)),
-                **{name: (("sample", "channel"), columns[name]) for name in CURVES[1:]},
-            },
-            coords={"channel": list(campaign.channels)},
-            attrs={
-                "records": json.dumps([record.label for record in records]),
-                "held_back": json.dumps([record.label for record in trials.predict]),
-                "structure": estimate.structure.label,
-                "fits": json.dumps([fit.__dict__ for fit in fits]),
-                "pooled": json.dumps([one.__dict__ for one in pooled]),
-            },
-        )
+        predicted = HeldBack(tuple(fits), _pooled(campaign, pieces[count:], fits), tuple(pieces))
+        return _dataset(campaign.channels, estimate.structure, records, trials.predict, predicted)
 
     return stored_predictions(campaign, estimate, trials).read_or_make(predict)
 
@@ -145,6 +130,49 @@ def predict_all(campaign: Campaign, estimate: Estimate, trials: Trials) -> tuple
 def residual_doubt(campaign: Campaign, drawn: Drawn, trials: Trials) -> str:
     """Say why the residuals of the fitted records are not the noise that is modelled; empty where they may be. Nothing is stored."""
     return disowned(_fitted(campaign, drawn, trials, [_predict(campaign, drawn, record) for record in trials.fit]))
+
+
+def keep_held_back(
+    campaign: Campaign, structure: Structure, records: Sequence[Record], key: str, predicted: HeldBack
+) -> None:
+    """Keep how a mode predicts the records that were not fitted, as `predict_all` keeps the predictions of chains.
+
+    Args:
+        campaign: the campaign.
+        structure: of the mode.
+        records: that were not fitted, one at least.
+        key: what the mode depends on.
+        predicted: of `predict_held_back`.
+    """
+    kept = StoredResult(Store(campaign.folder).mode_predictions, key_of("held back", key), read_predictions)
+    kept.read_or_make(lambda: _dataset(campaign.channels, structure, records, records, predicted))
+
+
+def _dataset(
+    channels: Sequence[str],
+    structure: Structure,
+    records: Sequence[Record],
+    held_back: Sequence[Record],
+    predicted: HeldBack,
+) -> Dataset:
+    """Return what is kept of predictions: `CURVES` of all records, one after another, and what was found of them."""
+    pieces = predicted.curves
+    columns = {name: np.concatenate([piece[name] for piece in pieces]) for name in CURVES}
+    return Dataset(
+        {
+            "time": ("sample", columns["time"], {"unit": "s"}),
+            "record": ("sample", np.repeat(np.arange(len(records)), [record.time.size for record in records])),
+            **{name: (("sample", "channel"), columns[name]) for name in CURVES[1:]},
+        },
+        coords={"channel": list(channels)},
+        attrs={
+            "records": json.dumps([record.label for record in records]),
+            "held_back": json.dumps([record.label for record in held_back]),
+            "structure": structure.label,
+            "fits": json.dumps([fit.__dict__ for fit in predicted.fits]),
+            "pooled": json.dumps([one.__dict__ for one in predicted.pooled]),
+        },
+    )
 
 
 def trial_verdicts(fits: Sequence[Fit]) -> dict[str, FitVerdict]:

@@ -8,7 +8,7 @@ from seatrial.estimation.fit_verdict import either
 from seatrial.estimation.omitted_effects import Omitted, OmittedEffects
 from seatrial.estimation.output_error import OutputError
 from seatrial.estimation.posterior import Posterior
-from seatrial.estimation.remedies import listed
+from seatrial.estimation.remedies import delay_prior, listed
 from seatrial.estimation.robust_errors import RobustErrors
 from seatrial.selection.structures import Structure
 
@@ -110,18 +110,20 @@ def _remedy(posterior: Posterior, effects: Sequence[Effect]) -> str:
         [f"other structures have {listed(elsewhere)}: `seatrial select` gives their probabilities"] if elsewhere else []
     )
     leads = [one.of for one in effects if one.kind == "command lead"]
-    ways += [way for one in effects if not _is_elsewhere(posterior, one) for way in _ways(one, leads)]
+    is_body = not posterior.likelihood.model.per_unit_mass
+    ways += [way for one in effects if not _is_elsewhere(posterior, one) for way in _ways(one, leads, is_body)]
     return "; or ".join(dict.fromkeys(ways))
 
 
-def _ways(effect: Effect, leads: Sequence[str]) -> tuple[str, ...]:
-    """Return what can be done about an effect; of leads of several commands in one sentence."""
-    of, delay = effect.of, "give `delay` a prior, [prior.delay]"
+def _ways(effect: Effect, leads: Sequence[str], is_body: bool) -> tuple[str, ...]:
+    """Return what can be done about an effect; of leads of several commands in one sentence, and of lags where a body has actuators."""
+    of, delay = effect.of, f"give `delay` a prior, [prior.delay] with {delay_prior()}"
     match effect.kind:
         case "force":
             return (f"add {of} to structure.optional, with a prior",)
         case "command lag":
-            return f"state it in [vehicle.actuators.{of}]", delay
+            stated = f'if [vehicle] has `moves`, add [vehicle.actuators.{of}] with its lag, for example lag = "0.3 s"'
+            return (stated, delay) if is_body else (delay,)
         case "delay":
             return (delay,)
         case "command lead":

@@ -144,7 +144,7 @@ def build_likelihood(
         "delay": campaign.has_delay,
         "current": table.current != "none",
         "own": campaign.own,
-        "varying": varying(campaign.estimation, model),
+        "varying": tuple(one.name for one in varying(campaign.estimation, model)),
         "starts_over_ground": table.initial != "trim",
     }
     _check_turns(model, records, campaign.channels)

@@ -18,12 +18,18 @@ from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.estimate import estimate_key, prior_curves
 from seatrial.campaign.inference.identifiability import symmetry_of
-from seatrial.campaign.inference.judge_predictions import N_DRAWS, HeldBack, held_back_lines, predict_held_back
+from seatrial.campaign.inference.judge_predictions import (
+    N_DRAWS,
+    HeldBack,
+    held_back_lines,
+    keep_held_back,
+    predict_held_back,
+)
 from seatrial.campaign.inference.long_steps import long_steps
 from seatrial.campaign.inference.omitted_effects import causes_of, findings_of, left_out
 from seatrial.campaign.inference.posterior import is_whole, random_key
 from seatrial.campaign.inference.prior_and_record import check_prior_of
-from seatrial.campaign.store.estimates import HasKey, with_model_error
+from seatrial.campaign.store.estimates import with_model_error
 from seatrial.campaign.store.stored_result import Store, key_of, write_stamped_json
 from seatrial.core.errors import NumericalError
 from seatrial.core.record import Record
@@ -165,8 +171,8 @@ def best_mode(found: Sequence[FirstAnswer]) -> FirstAnswer:
     return max(there, key=lambda one: one.log_evidence or 0.0)
 
 
-def keep_mode(campaign: Campaign, trials: HasKey, best: FirstAnswer) -> None:
-    """Keep the mode of the most probable structure, so that a later campaign can take it over by `known_from`, and a page show it."""
+def keep_mode(campaign: Campaign, trials: Trials, best: FirstAnswer) -> None:
+    """Keep the mode of the most probable structure for a later campaign, by `known_from`, or a page, and how it predicts held-back runs."""
     assert best.drawn is not None
     found = {name: pair for name, _, (pair,) in best.rows}
     matrix = np.corrcoef(best.drawn.draws(tuple(found)).T)
@@ -180,6 +186,8 @@ def keep_mode(campaign: Campaign, trials: HasKey, best: FirstAnswer) -> None:
     }
     key = key_of("mode", estimate_key(campaign, best.structure, trials))
     write_stamped_json(Store(campaign.folder).mode, told, key)
+    if best.held_back is not None and trials.predict:
+        keep_held_back(campaign, best.structure, trials.predict, key, best.held_back)
 
 
 def regressions(campaign: Campaign, trials: Trials, window: float | None = None) -> list[FirstAnswer]:

@@ -9,7 +9,7 @@ from seatrial.campaign.config.vehicle import WholeVehicle
 from seatrial.campaign.design.prior_state_space import prior_draws
 from seatrial.campaign.prior.predictive import most_have, steady_motion
 from seatrial.core.coefficients import CoefficientName
-from seatrial.core.display_units import shown_unit
+from seatrial.core.display_units import plain, shown_unit
 from seatrial.core.term_checks import terms_that_may_be_one
 from seatrial.vehicles.hull import Hull
 
@@ -72,7 +72,7 @@ def _limits_out_of_reach(campaign: Campaign) -> list[str]:
             usual, beside = (trim, "the trim") if trim else (abs(other or 0.0), "the other limit")
             if bound is not None and usual > 0 and abs(bound) > FAR * usual:
                 found.append(
-                    f"the {key} limit of {name} is {bound * factor:.3g} {unit}, {abs(bound) / usual:.1g} times {beside}: it limits "
+                    f"the {key} limit of {name} is {bound * factor:.3g} {unit}, {plain(abs(bound) / usual)} times {beside}: it limits "
                     "nothing. Correct the number or its unit"
                 )
     return found

@@ -162,6 +162,11 @@ class Store:
         return self.results / "predictions.nc"
 
     @property
+    def mode_predictions(self) -> Path:
+        """Held-back records, as the posterior mode predicts them."""
+        return self.results / "mode_predictions.nc"
+
+    @property
     def baselines(self) -> Path:
         """Held-back records as baselines predict them."""
         return self.results / "baselines.nc"
