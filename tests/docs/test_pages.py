@@ -1,6 +1,9 @@
 """What the README, the citation file and the written reference promise about their own form."""
 
+import os
 import re
+import shutil
+import subprocess
 import sys
 import tomllib
 from pathlib import Path
@@ -64,6 +67,65 @@ def test_the_validation_page_counts_what_the_benchmark_shows():
         assert re.search(rf"{line} \| {task} of {total} \|", page), (line, task, total)
     assert f"| {fits} of {judged};" in page
     assert f"{best[0]} of {total} channels" in (ROOT / "README.md").read_text()
+
+
+WRITTEN = [ROOT / "Makefile", ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+STARTED = sorted(
+    {name for path in WRITTEN for name in re.findall(r"\bpython (-m studies\.\w+|\w+/[\w/]+\.py)", path.read_text())}
+)
+"""Scripts of the pages, from the root of the repository."""
+MEASUREMENTS = """
+import sys, run
+path = list(sys.path)
+for one in run.MEASUREMENTS:
+    sys.path[:] = path  # each has a process of its own
+    module, function = one.split(".")
+    getattr(run.import_module(module), function)
+"""
+
+
+@pytest.fixture(scope="module")
+def clone(tmp_path_factory):
+    """What git has of the repository, as it lies here."""
+    folder = tmp_path_factory.mktemp("clone") / "seatrial"
+    listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True)
+    if listed.returncode:
+        pytest.skip("this is no clone of the repository")
+    for name in filter(None, listed.stdout.split("\0")):
+        if (ROOT / name).is_file():
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(ROOT / name, folder / name)
+    return folder
+
+
+def started(clone, *words, within="."):
+    """Run Python where only the package is installed; return what went wrong."""
+    environment = {**os.environ, "PYTHONPATH": str(clone / "src")}
+    run = subprocess.run(
+        [sys.executable, *words], cwd=clone / within, env=environment, capture_output=True, text=True, timeout=300
+    )
+    return run.returncode and run.stderr[-2000:]
+
+
+def test_every_measurement_of_the_benchmarks_starts(clone):
+    assert not started(clone, "-c", MEASUREMENTS, within="benchmarks")
+
+
+@pytest.mark.proof
+@pytest.mark.parametrize("script", STARTED)
+def test_every_script_of_the_pages_starts(clone, script):
+    """With `--help` if it has options; else it is read up to its main function, without which it would take long."""
+    if script.startswith("-m"):
+        assert not started(clone, *script.split(), "--help")
+        return
+    text = (clone / script).read_text()
+    if "argparse" in text:
+        assert not started(clone, script, "--help")
+    elif "__main__" in text:
+        code = f"import runpy; runpy.run_path({str(clone / script)!r})"
+        assert not started(clone, "-c", code, within=Path(script).parent)
+    else:
+        compile(text, script, "exec")  # `examples/run_all.py` runs it
 
 
 def test_messages_of_the_troubleshooting_page_are_those_of_the_code():
