@@ -2,7 +2,6 @@
 
 import os
 import re
-import shutil
 import subprocess
 import sys
 import tomllib
@@ -82,20 +81,6 @@ for one in run.MEASUREMENTS:
     module, function = one.split(".")
     getattr(run.import_module(module), function)
 """
-
-
-@pytest.fixture(scope="module")
-def clone(tmp_path_factory):
-    """What git has of the repository, as it lies here."""
-    folder = tmp_path_factory.mktemp("clone") / "seatrial"
-    listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True)
-    if listed.returncode:
-        pytest.skip("this is no clone of the repository")
-    for name in filter(None, listed.stdout.split("\0")):
-        if (ROOT / name).is_file():
-            (folder / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(ROOT / name, folder / name)
-    return folder
 
 
 def started(clone, *words, within="."):
