@@ -1,5 +1,7 @@
 """The posterior of the paper's Table III, for this package and, in plain numbers, for other programs."""
 
+import sys
+from pathlib import Path
 from typing import NamedTuple
 
 import jax
@@ -12,6 +14,8 @@ from seatrial.estimation.posterior import Posterior
 from seatrial.sampling.diagnostics import diagnose
 from seatrial.sampling.run import ChainSettings
 from seatrial.sampling.sampler import SAMPLERS, sample
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
 from studies.remus100.trial import STEP, paper_posterior, paper_trial
 from studies.remus100.vehicle_file import paper_reading
 

@@ -1,6 +1,9 @@
 """Settings of every test: hypothesis draws the same examples each time and keeps nothing on disk; files may lie anywhere."""
 
 import gc
+import shutil
+import subprocess
+from pathlib import Path
 
 import pytest
 from hypothesis import settings
@@ -25,6 +28,20 @@ def programs():
         return sum(counts()) - before
 
     return made_by
+
+
+@pytest.fixture(scope="session")
+def clone(tmp_path_factory):
+    """A copy of what git has of the repository: without a build, an environment or outputs."""
+    root, folder = Path(__file__).parents[1], tmp_path_factory.mktemp("clone") / "seatrial"
+    listed = subprocess.run(["git", "ls-files", "-z"], cwd=root, capture_output=True, text=True)
+    if listed.returncode:
+        pytest.skip("this is no clone of the repository")
+    for name in filter(None, listed.stdout.split("\0")):
+        if (root / name).is_file():
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(root / name, folder / name)
+    return folder
 
 
 @pytest.fixture(autouse=True)

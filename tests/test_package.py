@@ -1,8 +1,11 @@
+import os
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
+import pandas
 import pytest
 
 import seatrial
@@ -55,3 +58,39 @@ for module in pkgutil.walk_packages(seatrial.__path__, "seatrial."):
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr[-1500:]
+
+
+def python_of(version):
+    """Return an interpreter of a version; without one the test is skipped."""
+    code = "import sys; print('%d.%d' % sys.version_info[:2])"
+    kept = sorted((Path.home() / ".pyenv" / "versions").glob(f"{version}.*/bin/python3"))
+    for place in filter(None, (shutil.which(f"python{version}"), *kept)):
+        if subprocess.run([place, "-c", code], capture_output=True, text=True).stdout.strip() == version:
+            return place
+    pytest.skip(f"there is no Python {version} here: no python{version} on PATH, nor under ~/.pyenv/versions")
+
+
+@pytest.fixture(scope="module")
+def coefficients_here(tmp_path_factory):
+    """The demonstration as the Python of these tests runs it."""
+    folder = tmp_path_factory.mktemp("demo") / "remus100"
+    for command in ("init", "run"):
+        words, plain = [sys.executable, "-m", "seatrial", command, folder], {**os.environ, "XLA_FLAGS": ""}
+        subprocess.run(words, check=True, capture_output=True, env=plain)
+    return pandas.read_csv(folder / "results" / "coefficients.csv")
+
+
+@pytest.mark.proof
+@pytest.mark.parametrize("version", ["3.12", "3.13"])
+def test_other_pythons_run_the_demonstration_and_the_quick_tests(version, clone, coefficients_here):
+    """In an environment of the locked packages, which make sets up as it does for a user; numbers are the same but for rounding."""
+    outer = ("PYTHONPATH", "VIRTUAL_ENV", "MAKEFLAGS", "MFLAGS", "MAKELEVEL")
+    environment = {name: value for name, value in os.environ.items() if name not in outer} | {"XLA_FLAGS": ""}
+    demo = f"outputs/demo-{version}"
+    chosen = [f"PYTHON={python_of(version)}", f"VENV=.venv-{version}", f"DEMO={demo}"]
+    for target in ("run", "quick"):
+        done = subprocess.run(["make", *chosen, target], cwd=clone, env=environment, capture_output=True, text=True)
+        assert done.returncode == 0, (done.stdout + done.stderr)[-3000:]
+    theirs = pandas.read_csv(clone / demo / "results" / "coefficients.csv")
+    columns = ["structure", "name", "unit", "mean", "sd", "probability"]
+    pandas.testing.assert_frame_equal(theirs[columns], coefficients_here[columns], rtol=1e-6)

@@ -18,6 +18,7 @@ from seatrial.apps.cli import app
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.config.settings import Goal
 from seatrial.campaign.data.import_logs import import_trials
+from seatrial.campaign.live.advice import Adviser
 from seatrial.campaign.live.channels import Arrival
 from seatrial.campaign.live.gates import ClockGate, Notes, ValueGate
 from seatrial.campaign.live.innovations import InnovationMemory, discounted
@@ -148,6 +149,24 @@ def test_the_advice_of_a_trial_that_meets_its_goal_rests_or_is_of_another_vehicl
     looks = feed(other, n, u + 0.3 * np.sin(2 * np.pi * np.arange(700) / 9))
     assert looks[-1].kind == "wrong"
     assert "innovations of u are" in looks[-1].advice
+
+
+def advised(adviser, time, rms=1.0, doubts=()):
+    """Return the kind of advice about a coefficient that is known better than its goal."""
+    memory, known, goal = SimpleNamespace(count=np.array([100])), np.array([0.1]), np.array([0.2])
+    return adviser._advise(time, memory, np.array([rms]), known, goal, 9.0, doubts)[0]
+
+
+def test_a_goal_is_held_from_the_last_doubt_on():
+    adviser = Adviser(SimpleNamespace(names=("X_u",)), ("u",), Goal(sds={"X_u": 0.2}), 4.0, {})
+    kinds = [advised(adviser, time, doubts=("check u",) * (time <= 5)) for time in range(11)]
+    assert kinds == ["check"] * 6 + ["go on"] * 4 + ["stop"]
+
+
+def test_a_model_is_wrong_from_one_limit_on_and_until_a_lower_one():
+    adviser = Adviser(SimpleNamespace(names=("X_u",)), ("u",), Goal(sds={"X_u": 0.2}), 0.0, {})
+    kinds = [advised(adviser, time, rms) for time, rms in enumerate((2.1, 2.3, 2.1, 1.9, 2.1))]
+    assert kinds == ["stop", "wrong", "wrong", "stop", "stop"]
 
 
 def test_clock_jumps_repeats_and_drop_outs():

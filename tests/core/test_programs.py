@@ -18,6 +18,7 @@ from seatrial.core.program_store import NoKey, key_of
 from seatrial.core.programs import counts
 from seatrial.estimation.posterior import Parameter, Posterior
 from seatrial.estimation.priors import Normal, Uniform
+from seatrial.vehicles.simulate import _trajectory, simulate
 from seatrial.vehicles.surge import SurgeHull, surge_vehicle
 
 TOY = """
@@ -295,11 +296,19 @@ def linked(path):
 
 
 def shared(path):
-    path.chmod(0o666)
+    path.chmod(0o606)
+
+
+def shared_with_group(path):
+    path.chmod(0o660)
 
 
 def shared_folder(path):
-    path.parent.chmod(0o777)
+    path.parent.chmod(0o707)
+
+
+def folder_shared_with_group(path):
+    path.parent.chmod(0o770)
 
 
 def linked_folder(path):
@@ -326,7 +335,9 @@ def without_machine_code(path):
         exchanged,
         linked,
         shared,
+        shared_with_group,
         shared_folder,
+        folder_shared_with_group,
         linked_folder,
         replaced_by_folder,
         without_machine_code,
@@ -458,12 +469,32 @@ def test_equal_contents_have_one_key():
     )
 
 
-def test_a_law_of_the_users_own_has_no_key_though_it_is_equal_to_ours():
-    ours = surge()
-    theirs = replace(ours, derivative=lambda params, state, control: (0.0,))
-    assert theirs == ours
+def test_a_law_of_the_users_own_has_no_key():
     with pytest.raises(NoKey):
-        key_of(theirs)
+        key_of(replace(surge(), derivative=lambda params, state, control: (0.0,)))
+
+
+def slowed(model, factor):
+    """Return a vehicle of the same names whose rates are smaller."""
+
+    def derivative(params, state, control):
+        return tuple(factor * rate for rate in model.derivative(params, state, control))
+
+    return replace(model, derivative=derivative)
+
+
+def test_two_vehicles_of_the_same_names_have_programs_of_their_own(toy, done, monkeypatch):
+    monkeypatch.setattr(program_store, "_VERSIONED", (*program_store._VERSIONED, "tests"))
+    params, control, step = {"X_u": -1.0, "X_uabsu": -2.0, "T_nabsn": 1e-3}, np.full((9, 1), 90.0), np.full(9, 0.1)
+    for outcome in ((0, 3), (3, 0)):
+        models = surge(), slowed(surge(), 0.5), slowed(surge(), 0.25)
+        speeds = [simulate(model, params, control, step, [0.0])[1:, 0] for model in models]
+        assert done() == outcome
+        for i, mass in enumerate((30.0, 60.0, 120.0)):
+            twin = surge_vehicle(SurgeHull("twin", mass), ("X_u", "X_uabsu", "T_nabsn"))
+            np.testing.assert_allclose(speeds[i], simulate(twin, params, control, step, [0.0])[1:, 0], rtol=1e-12)
+        _trajectory.cache_clear()
+        done()
 
 
 @pytest.mark.parametrize(

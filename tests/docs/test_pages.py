@@ -1,6 +1,8 @@
 """What the README, the citation file and the written reference promise about their own form."""
 
+import os
 import re
+import subprocess
 import sys
 import tomllib
 from collections import Counter
@@ -116,6 +118,51 @@ def test_pages_count_the_verdicts_and_name_the_paper_that_they_judge():
     for name, counts in pages.items():
         text = " ".join((ROOT / name).read_text().split())
         assert (name, counts in text, title in text) == (name, True, True)
+
+
+WRITTEN = [ROOT / "Makefile", ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+STARTED = sorted(
+    {name for path in WRITTEN for name in re.findall(r"\bpython (-m studies\.\w+|\w+/[\w/]+\.py)", path.read_text())}
+)
+"""Scripts of the pages, from the root of the repository."""
+MEASUREMENTS = """
+import sys, run
+path = list(sys.path)
+for one in run.MEASUREMENTS:
+    sys.path[:] = path  # each has a process of its own
+    module, function = one.split(".")
+    getattr(run.import_module(module), function)
+"""
+
+
+def started(clone, *words, within="."):
+    """Run Python where only the package is installed; return what went wrong."""
+    environment = {**os.environ, "PYTHONPATH": str(clone / "src")}
+    run = subprocess.run(
+        [sys.executable, *words], cwd=clone / within, env=environment, capture_output=True, text=True, timeout=300
+    )
+    return run.returncode and run.stderr[-2000:]
+
+
+def test_every_measurement_of_the_benchmarks_starts(clone):
+    assert not started(clone, "-c", MEASUREMENTS, within="benchmarks")
+
+
+@pytest.mark.proof
+@pytest.mark.parametrize("script", STARTED)
+def test_every_script_of_the_pages_starts(clone, script):
+    """With `--help` if it has options; else it is read up to its main function, without which it would take long."""
+    if script.startswith("-m"):
+        assert not started(clone, *script.split(), "--help")
+        return
+    text = (clone / script).read_text()
+    if "argparse" in text:
+        assert not started(clone, script, "--help")
+    elif "__main__" in text:
+        code = f"import runpy; runpy.run_path({str(clone / script)!r})"
+        assert not started(clone, "-c", code, within=Path(script).parent)
+    else:
+        compile(text, script, "exec")  # `examples/run_all.py` runs it
 
 
 def test_messages_of_the_troubleshooting_page_are_those_of_the_code():

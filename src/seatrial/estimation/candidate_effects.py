@@ -178,7 +178,7 @@ def _pushed(model: VehicleModel, effects: tuple[Effect, ...]) -> VehicleModel:
             pushes[name] = before + params[_omitted(Effect("force", force.text, ""))] * force.regressor(signals, trim)
         return model.derivative({**params, **pushes}, state, control)
 
-    return replace(model, derivative=derivative, constants=(*model.constants, ("omitted", float(len(effects)))))
+    return replace(model, derivative=derivative)
 
 
 def _early(control: Float[Array, " n"], step: Float[Array, " n"], lead: Any) -> Float[Array, " n"]:

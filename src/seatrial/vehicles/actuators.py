@@ -16,7 +16,7 @@ import jax.numpy as jnp
 from seatrial.core.argument_checks import check_kind, check_number, check_order
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.signals import ACTUAL
-from seatrial.vehicles.model import Follow, Params, Unknown, VehicleModel
+from seatrial.vehicles.model import Follow, Params, Unknown, VehicleModel, cached_model
 
 
 @dataclass(frozen=True)
@@ -53,6 +53,7 @@ def lags_of(control: str) -> tuple[str, ...]:
     return (f"lag_{control}", *([f"lag_{shared}"] if shared else []))
 
 
+@cached_model
 def with_actuators(model: VehicleModel, actuators: Mapping[str, Actuator], unknown: Sequence[str] = ()) -> VehicleModel:
     """Put actuators before controls of a vehicle; its other controls act at once.
 
@@ -64,6 +65,7 @@ def with_actuators(model: VehicleModel, actuators: Mapping[str, Actuator], unkno
     Raises:
         InputError: no such control.
     """
+    actuators = dict(actuators)
     for name, actuator in actuators.items():
         _check(model, name, actuator)
     lagging = tuple(name for name in model.controls if name in actuators and actuators[name].time_constant > 0)

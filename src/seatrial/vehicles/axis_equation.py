@@ -5,7 +5,7 @@ forces enter as known terms: m (du/dt - v r) = X is the axis X with inertia m an
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import isfinite
 
 import numpy as np
@@ -14,7 +14,7 @@ from jaxtyping import Float
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError
 from seatrial.core.term_checks import check_each_once, check_trim
-from seatrial.vehicles.model import Params, VehicleModel, outside_force
+from seatrial.vehicles.model import Params, VehicleModel, cached_model, outside_force
 
 RATE_OF = {"X": "u", "Y": "v", "Z": "w", "K": "p", "M": "q", "N": "r"}
 """The velocity whose rate each axis governs."""
@@ -146,6 +146,7 @@ def _check_term(name: CoefficientName, axis: str, trim: Mapping[str, float], pla
 # speed of a ship in a zigzag, whose own equation is not sought.
 
 
+@cached_model
 def axes_vehicle(name: str, equations: Sequence[AxisEquation], per_unit_inertia: bool = True) -> VehicleModel:
     """Build a vehicle whose free coefficients are the terms of its equations.
 
@@ -157,7 +158,7 @@ def axes_vehicle(name: str, equations: Sequence[AxisEquation], per_unit_inertia:
     Raises:
         InputError: no equation, two of one axis, or a term with an acceleration.
     """
-    equations = tuple(equations)
+    equations = tuple(replace(equation, trim=dict(equation.trim)) for equation in equations)
     rates = tuple(equation.rate for equation in equations)
     place = f"vehicle {name}"
     if not rates or len(set(rates)) < len(rates):

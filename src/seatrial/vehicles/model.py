@@ -1,8 +1,10 @@
 """A vehicle model: named states, controls and coefficients, and the state's time derivative as a pure function."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, fields, is_dataclass
+from functools import lru_cache, wraps
+from threading import RLock
+from typing import Any, ParamSpec
 
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.result_table import text_html
@@ -39,7 +41,9 @@ class Unknown:
 
 @dataclass(frozen=True)
 class VehicleModel:
-    """Continuous-time dynamics; models of the same equations are equal and hash alike, so compiled functions are shared.
+    """Continuous-time dynamics, by which compiled code is found again: models are equal if their functions are the same objects.
+
+    What builds models is a `cached_model`, so that equal parts give equal models, which share what is compiled.
 
     Attributes:
         name: short name.
@@ -64,11 +68,11 @@ class VehicleModel:
     coefficients: tuple[CoefficientName, ...]
     constants: tuple[tuple[str, float], ...]
     per_unit_mass: bool
-    derivative: Derivative = field(compare=False, repr=False)
-    views: Mapping[str, View] = field(default_factory=dict, compare=False, repr=False)
+    derivative: Derivative = field(repr=False)
+    views: Mapping[str, View] = field(default_factory=dict, hash=False, repr=False)
     pushed: tuple[str, ...] = ()
     unknowns: tuple[Unknown, ...] = ()
-    late: tuple[Follow, ...] = field(default=(), compare=False, repr=False)
+    late: tuple[Follow, ...] = field(default=(), repr=False)
 
     def __repr__(self) -> str:
         """Print what moves, what drives it, and what is open."""
@@ -110,6 +114,53 @@ class VehicleModel:
         if channel in self.views:
             return self.views[channel](params, state, control)
         return self.derivative(params, state, control)[self.states.index(channel.removesuffix("dot"))]
+
+
+Parts = ParamSpec("Parts")
+MAX_MODELS = 1024
+"""Models that a builder remembers: more structures than a selection compiles, some 30 kB each."""
+
+
+def cached_model(build: Callable[Parts, VehicleModel]) -> Callable[Parts, VehicleModel]:
+    """Decorate what builds a model: equal arguments give the same model, and thus the same functions.
+
+    Arguments are compared by their content, in its order, and functions among them by identity. A `CoefficientName` counts with its text,
+    by which a derivative asks for its value. What the model's functions read later must be a copy: the caller may change a mapping.
+    """
+    lock = RLock()
+
+    @lru_cache(maxsize=MAX_MODELS)
+    def build_once(call: _Call) -> VehicleModel:
+        return build(*call.args, **call.options)
+
+    @wraps(build)
+    def built(*args: Parts.args, **options: Parts.kwargs) -> VehicleModel:
+        with lock:  # or two threads at once would each have functions of their own
+            return build_once(_Call(_content((args, options)), args, options))
+
+    return built
+
+
+@dataclass(frozen=True)
+class _Call:
+    """Arguments, compared by their content alone."""
+
+    content: Any
+    args: tuple[Any, ...] = field(compare=False)
+    options: Mapping[str, Any] = field(compare=False)
+
+
+def _content(value: Any) -> Any:
+    """Return what a value is made of, in a form that can be hashed."""
+    if isinstance(value, CoefficientName):
+        return value.text  # of which the rest follows
+    if hasattr(value, "tolist"):  # an array or a number of NumPy or JAX
+        value = value.tolist()
+    if is_dataclass(value) and not isinstance(value, type):
+        return type(value), *(_content(getattr(value, one.name)) for one in fields(value))
+    if isinstance(value, Mapping):
+        return tuple((name, _content(part)) for name, part in value.items())
+    return tuple(map(_content, value)) if isinstance(value, tuple | list) else value
 
 
 def outside_force(axis: str) -> str:

@@ -21,7 +21,7 @@ from seatrial.vehicles.actuators import Actuator
 from seatrial.vehicles.attitude import Attitude, Kind, attitude_states, position_rates
 from seatrial.vehicles.coriolis import matrix_products
 from seatrial.vehicles.hull import AXES, GRAVITY, Hull, rigid_mass_matrix, whole_hull
-from seatrial.vehicles.model import Params, VehicleModel
+from seatrial.vehicles.model import Params, VehicleModel, cached_model
 
 NOTES = """REMUS 100 of T. I. Fossen's Python Vehicle Simulator (MIT licence), by lift, drag and cross-flow of shapes.
 The simulator's text gives 31.9 kg, its spheroid 31.03 kg. Its integrator is Euler's; its speed of advance is that over ground,
@@ -85,6 +85,7 @@ def spheroid_hull() -> Hull:
     )
 
 
+@cached_model
 def remus100_fossen(attitude: Kind = "quaternion", positions: tuple[str, ...] = ()) -> VehicleModel:
     """Build the vehicle, whose controls are n (rad/s), delta_r and delta_s (rad); it has no free coefficient.
 

@@ -10,6 +10,7 @@ Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control, 2nd ed., 2021
 """
 
 from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import jax
@@ -44,7 +45,7 @@ from seatrial.vehicles.hull import (
     net_and_righting,
     rigid_mass_matrix,
 )
-from seatrial.vehicles.model import Params, VehicleModel, outside_force
+from seatrial.vehicles.model import Params, VehicleModel, cached_model, outside_force
 from seatrial.vehicles.thrusters import Thruster, beyond_dead_zone, controls_of, real_thrust, thrust_unknowns
 from seatrial.vehicles.whole_checks import check_has_state, check_whole
 
@@ -269,7 +270,7 @@ def whole_vehicle(
         attitude,
         tuple(name for name in POSITIONS if name in positions),
         tuple(name for name in ANGLES if name in angles),
-        current,
+        tuple(current) if isinstance(current, list) else current,
     )
     check_whole(hull, terms, (moves, given, positions, angles, current), added_coriolis, thrusters, unknowns)
     free = tuple(CoefficientName.parse(term) for term in terms if term not in hull.fixed)
@@ -287,7 +288,7 @@ def assemble(
     thrusters: tuple[Thruster, ...] = (),
     unknowns: tuple[str, ...] = (),
 ) -> VehicleModel:
-    """Build the model from parts that have been checked.
+    """Build the model from parts that have been checked; equal equations are the same functions, whatever else differs in the hull.
 
     Args:
         hull: rigid body, weight, buoyancy, fixed coefficients and trim.
@@ -298,7 +299,23 @@ def assemble(
         unknowns: see `whole_vehicle`.
     """
     fixed = {name: value for name, value in hull.fixed.items() if acts(CoefficientName.parse(name), freedom, thrusters)}
-    named = free + tuple(CoefficientName.parse(name) for name in fixed)
+    trimmed = {signal for name in (*free, *map(CoefficientName.parse, fixed)) for signal in name.trim_signals}
+    trim = {name: value for name, value in hull.trim.items() if name in trimmed}
+    bare = replace(hull, name="", fixed=fixed, trim=trim)
+    return replace(_assembled(bare, free, freedom, added_coriolis, thrusters, unknowns), name=hull.name)
+
+
+@cached_model
+def _assembled(
+    hull: Hull,
+    free: tuple[CoefficientName, ...],
+    freedom: Freedom,
+    added_coriolis: AddedCoriolis,
+    thrusters: tuple[Thruster, ...],
+    unknowns: tuple[str, ...],
+) -> VehicleModel:
+    """Build the model of a hull that has nothing without a part in the motion; arguments as `assemble`."""
+    fixed, named = hull.fixed, free + tuple(CoefficientName.parse(name) for name in hull.fixed)
     inertial = [name for name in free if name.is_added_mass]
     moving = [RATES.index(rate) for rate in freedom.moves]
     mass = rigid_mass_matrix(hull) + added_mass_matrix(fixed)
@@ -372,7 +389,7 @@ def assemble(
         *(SPECIFIC_FORCE if hull.mass is not None and len(moving) > 1 else ()),
         *(() if moving else HELD),
     )
-    constants = _constants(hull, fixed, named, freedom, added_coriolis, thrusters)
+    constants = _constants(hull, freedom, added_coriolis, thrusters)
     pulled = () if hull.tether is None else hull.tether.unknowns
     return VehicleModel(
         hull.name,
@@ -425,17 +442,11 @@ def _controls(
 
 
 def _constants(
-    hull: Hull,
-    fixed: Mapping[str, float],
-    named: Sequence[CoefficientName],
-    freedom: Freedom,
-    added_coriolis: AddedCoriolis,
-    thrusters: Sequence[Thruster],
+    hull: Hull, freedom: Freedom, added_coriolis: AddedCoriolis, thrusters: Sequence[Thruster]
 ) -> tuple[tuple[str, float], ...]:
-    """Return everything else that enters the equations, by which models are told apart."""
+    """Return everything else that enters the equations."""
     current = freedom.current if isinstance(freedom.current, tuple) else ()
     matrix = rigid_mass_matrix(hull)
-    trimmed = {signal for name in named for signal in name.trim_signals}
     tether = () if hull.tether is None else (*hull.tether.point, hull.tether.linear, hull.tether.quadratic)
     vectors = (("righting", hull.righting), *(((f"thruster {i}", t.column)) for i, t in enumerate(thrusters, 1)))
     return (
@@ -447,6 +458,6 @@ def _constants(
         ("automatic coriolis", float(added_coriolis == "automatic")),
         *((f"current {i}", x) for i, x in enumerate(current)),
         *((f"tether {i}", x) for i, x in enumerate(tether)),
-        *fixed.items(),
-        *((f"trim {name}", hull.trim[name]) for name in hull.trim if name in trimmed),
+        *hull.fixed.items(),
+        *((f"trim {name}", value) for name, value in hull.trim.items()),
     )

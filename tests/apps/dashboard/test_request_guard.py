@@ -76,6 +76,9 @@ def test_two_hosts_are_none():
     [
         ("http://127.0.0.1:8080", 200),
         ("http://127.0.0.1:3000", 403),
+        ("http://127.0.0.1:80801", 403),
+        ("http://127.0.0.1:80", 403),
+        ("http://127.0.0.1:8080.evil.example", 403),
         ("http://localhost:8080", 403),
         ("https://evil.example", 403),
         ("null", 403),

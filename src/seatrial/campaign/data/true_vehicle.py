@@ -38,7 +38,7 @@ from seatrial.manoeuvres.pilot import Moment, Pilot
 from seatrial.manoeuvres.relay import Relay, read_relay_family
 from seatrial.manoeuvres.schedule import Schedule
 from seatrial.vehicles.actuators import Actuator, with_actuators
-from seatrial.vehicles.model import VehicleModel
+from seatrial.vehicles.model import VehicleModel, cached_model
 
 FIRST = "trial"
 """Label of the first trial of a campaign; those decided later are `trial-2`, `trial-3` and so on."""
@@ -155,6 +155,7 @@ def shaken_vehicle(
     return TrueVehicle(replace(simulator, model=moved), values, start, trim, where, autopilot, shaken)
 
 
+@cached_model
 def with_process_noise(model: VehicleModel, states: Sequence[str]) -> VehicleModel:
     """Return the vehicle with a further control for each of some states, which is added to its rate of change."""
     if not states:
