@@ -10,12 +10,14 @@ import numpy as np
 from jaxtyping import Float
 
 from seatrial.core.argument_checks import check_kind, check_mapping
-from seatrial.core.errors import InputError
+from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.reporter import Progress, check_progress, no_progress
 from seatrial.core.result_table import table_html, table_text
+from seatrial.estimation.mode import Mode, higher_mode
 from seatrial.estimation.posterior import Posterior, as_key, check_posterior
+from seatrial.estimation.remedies import listed
 from seatrial.estimation.trial_data import TrialData
-from seatrial.selection.combined_evidence import agreed_evidence
+from seatrial.selection.combined_evidence import Gathering, Keys, find_own_mode, gather, keys_of
 from seatrial.selection.evidence import Evidence, EvidenceSettings
 from seatrial.selection.structures import Structure
 
@@ -63,6 +65,21 @@ class Selection:
             for term, p in self.inclusion.items()
             if _is_noisy(p, self.inclusion_error[term]) or not _is_decided(p, self._reached(term))
         }
+
+    @property
+    def cautions(self) -> list[str]:
+        """Which verdicts change within what a check does not resolve, and which parameters lie at a bound of their prior."""
+        blunt = blunt_deciders(self.structures, self.evidences, [*self.inclusion])
+        said = [
+            f"the verdict on {listed(terms)} would change if the evidence of {self.structures[index].label} were wrong by less than its "
+            f"check resolves, {self.evidences[index].resolution:.2g} nat: raise `particles` or `repeats`"
+            for index, terms in blunt.items()
+        ]
+        labels: dict[str, list[str]] = {}
+        for structure, evidence in zip(self.structures, self.evidences, strict=True):
+            for sentence in evidence.diagnostics.get("at_bounds", ()):
+                labels.setdefault(sentence, []).append(structure.label)
+        return said + [f"{', '.join(of)}: {sentence}" for sentence, of in labels.items()]
 
     @property
     def is_reliable(self) -> bool:
@@ -118,7 +135,7 @@ class Selection:
 
     @property
     def _remarks(self) -> list[str]:
-        return [*self.verdicts, *self.alarms]
+        return [*self.verdicts, *self.alarms, *self.cautions]
 
     __repr__ = table_text
     _repr_html_ = table_html
@@ -200,6 +217,27 @@ def evidence_alarms(labels: Sequence[str], evidences: Sequence[Evidence]) -> tup
     )
 
 
+def blunt_deciders(
+    structures: Sequence[Structure], evidences: Sequence[Evidence], optional: Sequence[str]
+) -> dict[int, list[str]]:
+    """Return the structures on which a verdict depends within what the check of their evidence does not resolve, and these terms.
+
+    Args:
+        structures: candidates.
+        evidences: one for each.
+        optional: terms that are in question.
+    """
+    logs = np.array([evidence.log_value for evidence in evidences])
+    found: dict[int, list[str]] = {}
+    for index, evidence in enumerate(evidences):
+        doubts = [(evidence.resolution or 0.0) * (index == place) for place in range(len(evidences))]
+        for term in optional:
+            low, high = _range(logs, doubts, np.array([term in one.terms for one in structures], float))
+            if np.searchsorted(EDGES, low) != np.searchsorted(EDGES, high):
+                found.setdefault(index, []).append(term)
+    return found
+
+
 def compare(
     posteriors: Mapping[str, Posterior],
     settings: EvidenceSettings = EvidenceSettings(),
@@ -236,11 +274,32 @@ def compare(
     structures = [Structure(label, posterior.names) for label, posterior in posteriors.items()]
     shared = set.intersection(*(set(structure.terms) for structure in structures))
     optional = [name for name in dict.fromkeys(chain(*(one.terms for one in structures))) if name not in shared]
-    evidences, keys = [], jax.random.split(as_key(key), len(posteriors))
-    for posterior, own in zip(posteriors.values(), keys, strict=True):
-        evidences.append(agreed_evidence(posterior, own, settings))
+    evidences, keys = [], [keys_of(own) for own in jax.random.split(as_key(key), len(posteriors))]
+    modes = _exchanged([*posteriors.values()], keys)
+    gatherings = [Gathering(settings.repeats, mode) for mode in modes]
+    for posterior, gathering, own in zip(posteriors.values(), gatherings, keys, strict=True):
+        gather(posterior, gathering, own, settings)
+        evidences.append(gathering.evidence())
         progress(len(evidences), len(posteriors))
+    for index in blunt_deciders(structures, evidences, optional):
+        if gatherings[index].sharpen():
+            gather([*posteriors.values()][index], gatherings[index], keys[index], settings)
+            evidences[index] = gatherings[index].evidence()
     return select(structures, evidences, optional)
+
+
+def _exchanged(posteriors: Sequence[Posterior], keys: Sequence[Keys]) -> list[Mode | None]:
+    """Return the mode of each posterior, or a higher one to which those of the others lead; None where none was found."""
+    modes: list[Mode | None] = []
+    for posterior, own in zip(posteriors, keys, strict=True):
+        try:
+            modes.append(find_own_mode(posterior, own.importance))
+        except NumericalError:
+            modes.append(None)
+    for index, posterior in enumerate(posteriors):
+        others = [mode for place, mode in enumerate(modes) if place != index and mode is not None]
+        modes[index] = higher_mode(posterior, modes[index], others) or modes[index]
+    return modes
 
 
 def _check_same_data(posteriors: Mapping[str, Posterior]) -> None:

@@ -120,7 +120,7 @@ def summarise(outcome: Outcome) -> dict[str, Any]:
     records = [*outcome.trials.fit, *outcome.trials.predict]
     # In order of gravity: what touches the values that are printed, then the records, then what nothing rests on.
     cautions = [*fit_complaints(outcome.fits, outcome.pooled), *comparison_cautions(outcome.compared)]
-    cautions += [*(effect.sentence for effect in chosen.left_out), *chosen.cautions]
+    cautions += [*(effect.sentence for effect in chosen.left_out), *chosen.cautions, *outcome.selection.cautions]
     cautions += [text for record in records for text in record_doubts(campaign, record)]
     cautions += held_back_cautions(campaign, outcome.trials)
     cautions += filter_complaints(outcome.filter, _fitted_noise(outcome))
