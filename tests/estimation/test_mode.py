@@ -10,7 +10,7 @@ import seatrial as st
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.record import Channel, Provenance, make_record
 from seatrial.estimation import mode as module
-from seatrial.estimation.mode import find_mode, follow, higher_mode
+from seatrial.estimation.mode import draw_about, find_mode, follow, higher_mode
 from seatrial.estimation.posterior import values_of
 from seatrial.estimation.priors import LogNormal, LogUniform, Normal, Uniform
 from seatrial.estimation.trial_data import first_samples, stack_trials
@@ -371,3 +371,21 @@ def test_a_curvature_that_no_equation_can_be_solved_with_ends_the_search_in_word
 
     with pytest.raises(NumericalError, match="curvature breaks down near"):
         follow(expand_at, np.zeros(3), str)
+
+
+def test_draws_about_a_normal_mode_are_those_of_numpy():
+    mode = find_mode(linear_gaussian(3).posterior, KEY)
+    drawn = draw_about(linear_gaussian(3).posterior, mode, 50, np.random.default_rng(5))
+    expected = np.random.default_rng(5).multivariate_normal(mode.z, mode.cov, 50, method="eigh")
+    assert drawn == pytest.approx(expected, abs=1e-12)
+
+
+def test_draws_of_a_size_that_is_open_from_below_do_not_leave_what_the_data_allow():
+    """A half-normal of 1e-4 in the size: one value in two million is above 5e-4; the logarithm is as wide as its prior."""
+    target = posterior({"s": LogUniform(1e-8, 1.0)}, lambda v, data: -0.5 * (v["s"] / 1e-4) ** 2)
+    mode = find_mode(target, KEY)
+    drawn = values_of(target, draw_about(target, mode, 1000, np.random.default_rng(1)))
+    symmetric = values_of(target, np.random.default_rng(1).multivariate_normal(mode.z, mode.cov, 1000))
+    assert symmetric.max() > 4e-3
+    assert drawn.max() < 1e-3
+    assert drawn.min() == pytest.approx(symmetric.min(), rel=0.9)

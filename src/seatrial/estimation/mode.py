@@ -15,6 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 import scipy
 from jaxtyping import Array, Float, Int
+from scipy.special import ndtr, ndtri
 
 from seatrial.core.argument_checks import check_count, check_numbers
 from seatrial.core.coefficients import is_coefficient
@@ -56,6 +57,9 @@ NOISE_ROUNDS, LEAST_SHARE = 4, 1e-3
 """Looks at what a start leaves over, and the least share of the variance of the noise that one of them leaves."""
 FOLLOWED, ROUNDS = 3, 3
 """Peaks along the delay, or modes of other structures, that are followed each time, and times."""
+REACH, FALL = 2.0 * 0.7 ** np.arange(16), 6.0
+"""Standard deviations at which the normal approximation is compared with the density, the largest first; and the fall, nats, up to which
+it holds there: at two it would be 2."""
 HIGHER_TOP = 0.1
 """Nats above a mode that neither rounding nor the end of a climb explains."""
 
@@ -266,6 +270,28 @@ def _first_part(posterior: Posterior) -> Posterior | None:
     if any(part < EXCITED * whole for part, whole in moves):
         return None
     return replace(posterior, data=first_samples(data, length))
+
+
+def draw_about(posterior: Posterior, mode: Mode, count: int, random: np.random.Generator) -> Float[np.ndarray, "n d"]:
+    """Return draws of z from the normal approximation, cut along its axes on a side where the density falls much faster.
+
+    The data may exclude a size from above and leave it open from below, down to the bound of its prior: its logarithm then has the spread
+    of the prior, and a symmetric normal would reach values that the data exclude.
+    """
+    values, vectors = np.linalg.eigh(mode.cov)
+    factor = vectors * np.sqrt(np.abs(values))
+    sides = np.concatenate([factor.T, -factor.T])
+    points = mode.z + REACH[:, None, None] * sides
+    drop = mode.log_density - _heights(posterior, points.reshape(-1, mode.z.size)).reshape(points.shape[:2])
+    holds = drop <= FALL
+    reach = np.where(holds[0], np.inf, np.where(holds.any(0), REACH[np.argmax(holds, 0)], REACH[-1]))
+    if DELAY in posterior.present_names:  # between the peaks along a delay the density falls and rises again
+        reach[np.tile(np.abs(vectors[posterior.names.index(DELAY)]) > 0.5, 2)] = np.inf
+    steps = random.standard_normal((count, mode.z.size))
+    above, below = np.split(ndtr(reach) - 0.5, 2)
+    share = 2.0 * np.where(steps > 0, above, below)
+    cut = np.sign(steps) * ndtri(0.5 + share * (ndtr(np.abs(steps)) - 0.5))
+    return mode.z + np.where(share < 1.0, cut, steps) @ factor.T
 
 
 def climb(posterior: Posterior, start: Float[np.ndarray, " d"]) -> Mode:

@@ -28,6 +28,8 @@ BINS = 10
 LONGEST_GAP = 1000
 """Intervals that a gap in a run counts as at most: no correlation is looked for across a longer one."""
 DIVERGES = "the prediction diverges"
+BEYOND = 1e6
+"""Largest prediction, over the largest measurement, that is no divergence."""
 LOG_2PI = float(np.log(2 * np.pi))
 
 
@@ -268,9 +270,9 @@ def score_channel(
     time, measured, mean, motion_sd = (column[present] for column in (time, measured, mean, motion_sd))
     if not measured.size:
         return unscored(0, "nothing was measured")
-    if not np.isfinite(mean).all():
-        return unscored(int(measured.size), DIVERGES)
     sd = np.hypot(motion_sd, noise_sd)
+    if diverges(measured, mean, sd):
+        return unscored(int(measured.size), DIVERGES)
     z, explained = (measured - mean) / sd, explained_share(measured, mean)
     independent = effective_samples(time, z)
     test = whiteness(time, z if slow is None else _innovations(time, z, slow))
@@ -300,6 +302,20 @@ def score_channel(
         coefficient_share=float(np.mean((coefficient_sd / sd) ** 2)),
         missing="the measurement never changes" if still else "",
     )
+
+
+def diverges(measured: Float[np.ndarray, " n"], mean: Float[np.ndarray, " n"], sd: Float[np.ndarray, " n"]) -> bool:
+    """Return whether a prediction is not finite, or so far beyond all that was measured that it overflows as its run goes on.
+
+    Args:
+        measured: all present.
+        mean: predicted.
+        sd: its standard deviation, noise included.
+    """
+    if not (np.isfinite(mean).all() and np.isfinite(sd).all()):
+        return True
+    size = float(np.abs(measured).max(initial=0.0))
+    return bool(size > 0.0 and max(np.abs(mean).max(), sd.max()) > BEYOND * size)
 
 
 def unscored(samples: int, why: str) -> Score:

@@ -35,7 +35,7 @@ from seatrial.estimation.equation_error import (
     measured_accelerations,
     smoothed_accelerations,
 )
-from seatrial.estimation.mode import Mode, find_mode
+from seatrial.estimation.mode import Mode, draw_about, find_mode
 from seatrial.estimation.posterior import Posterior, values_of
 from seatrial.estimation.prior_checks import prior_contradictions
 from seatrial.estimation.robust_errors import robust_errors
@@ -265,8 +265,7 @@ def draw_about_mode(
     """Draw so often from the normal approximation about the mode of a posterior; both as they were found, before `Mode.only`."""
     key = random_key(seed, f"about the mode {structure.terms}")
     random = np.random.default_rng(np.asarray(jax.random.key_data(key)))
-    z = random.multivariate_normal(mode.z, mode.cov, count, method="eigh")
-    values = values_of(posterior, z)[:, posterior.places]
+    values = values_of(posterior, draw_about(posterior, mode, count, random))[:, posterior.places]
     return NormalPosterior(structure, posterior.present_names, values)
 
 
