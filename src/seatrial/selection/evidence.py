@@ -65,8 +65,8 @@ class Evidence:
 
     @property
     def check_words(self) -> str:
-        """How far the value is confirmed: another method that misses the same part of the posterior confirms it all the same."""
-        return f"the check resolves {self.resolution:.2g} nat: part of the posterior that holds less may be missed"
+        """What the check resolves: methods that both miss a part of the posterior that holds less, or the same part, agree."""
+        return f"the check resolves {self.resolution:.2g} nat"
 
     __repr__ = table_text
     _repr_html_ = table_html
