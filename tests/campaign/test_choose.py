@@ -1,20 +1,26 @@
 """The route of `seatrial select` where the evidence of its structures is known."""
 
 from collections import deque
+from dataclasses import replace
 from pathlib import Path
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy import stats
 
 from seatrial.campaign.compute.shared_work import Study
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.selection import evidence
 from seatrial.campaign.selection.evidence import agreement_counts, agreement_words, select_structure
+from seatrial.estimation.priors import Normal, Uniform
 from seatrial.sampling.nested import NestedRun
+from seatrial.selection import combined_evidence
 from seatrial.selection.combined_evidence import EvidenceRun, NestedRepeat, Piece, Weighed
 from seatrial.selection.evidence import Evidence
 from tests.campaign.small import write_small
+from tests.estimation_cases import posterior
 from tests.selection.targets import far_peaks, one_peak, peaks, spike_on_slab
 
 
@@ -46,6 +52,25 @@ def test_a_structure_that_is_hopelessly_behind_is_given_up(tmp_path, monkeypatch
         "Importance sampling and tempered SMC agree on 1 of 2 evidences; 1 is so far behind that one repeat of tempered SMC was enough."
     )
     assert (found.alarms, found.chosen) == ((), 0)
+
+
+def test_a_structure_is_no_lower_than_one_that_it_contains(tmp_path, monkeypatch):
+    """Only the structure without X_u is told of the narrow peak, 40 nats high; by itself the full one ends at a bound of X_u."""
+
+    def ridge(values, data):
+        extra, drag = values.get("X_u", 0.0), values["X_uabsu"]
+        sharp = 40.0 - 0.5 * (((drag + 2.0) / 1e-4) ** 2 + (extra / 1e-4) ** 2)
+        return jnp.logaddexp(sharp, -0.5 * ((drag - 1.0) ** 2 + (extra + 5.0) ** 2))
+
+    drag, extra = Normal(0.0, 5.0), Uniform(-5.0, 1.0)
+    full = posterior({"X_uabsu": drag, "X_u": extra}, ridge)
+    without = replace(posterior({"X_uabsu": drag}, ridge), guess=np.array([-2.0]))
+    monkeypatch.setattr(combined_evidence, "NESTED_UP_TO", 0)  # it would miss the peak too, for half a minute
+    found = selection_of(tmp_path, monkeypatch, full, without)
+    width, density = np.log(1e-4 * np.sqrt(2 * np.pi)), stats.norm(0.0, 5.0).logpdf(-2.0)
+    exact = [40.0 + 2 * width + density - np.log(6.0), 40.0 + width + density]
+    assert [one.log_value for one in found.evidences] == pytest.approx(exact, abs=0.05)
+    assert "one of them misses part of the posterior" in found.alarms[0]
 
 
 @pytest.mark.proof

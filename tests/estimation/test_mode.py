@@ -10,9 +10,9 @@ import seatrial as st
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.record import Channel, Provenance, make_record
 from seatrial.estimation import mode as module
-from seatrial.estimation.mode import find_mode, follow
+from seatrial.estimation.mode import draw_about, find_mode, follow, higher_mode
 from seatrial.estimation.posterior import values_of
-from seatrial.estimation.priors import LogNormal, Normal, Uniform
+from seatrial.estimation.priors import LogNormal, LogUniform, Normal, Uniform
 from seatrial.estimation.trial_data import first_samples, stack_trials
 from tests.estimation_cases import GOLDEN_LOG_EVIDENCE, THRUST_UNIT, golden_posterior, linear_gaussian, posterior
 
@@ -183,6 +183,51 @@ def test_a_peak_that_is_told_of(near, found):
     assert mode.values == pytest.approx([found], abs=1.1e-5 if found == TWO_SD else 1e-6)
 
 
+def ridge(values, data):
+    """A broad peak at the lower bound of N_rdot, and one of 20 nats more where N_rdot is 0 and N_r -2, a thousandth as wide."""
+    extra, drag = values.get("N_rdot", 0.0), values["N_r"]
+    sharp = 20.0 - 0.5 * (((drag + 2.0) / 1e-4) ** 2 + (extra / 1e-4) ** 2)
+    return jnp.logaddexp(sharp, -0.5 * ((drag - 1.0) ** 2 + (extra + 5.0) ** 2))
+
+
+def test_a_structure_is_no_lower_than_the_mode_of_one_that_it_contains():
+    """With the further term at zero, it has the density of the other and the prior density of that term."""
+    drag, extra = Normal(0.0, 5.0), Uniform(-5.0, 1.0)
+    wide, small = (posterior({"N_r": drag, **more}, ridge) for more in ({"N_rdot": extra}, {}))
+    stuck, peak = find_mode(wide, KEY), find_mode(small, KEY, near={"N_r": -2.0})
+    assert stuck.log_density < peak.log_density - 10.0
+    better = higher_mode(wide, stuck, [peak])
+    assert better.by_name == pytest.approx({"N_r": -2.0, "N_rdot": 0.0}, abs=1e-6)
+    # z of a uniform has 1 / sqrt(12) of the width as its unit.
+    assert better.log_density == pytest.approx(peak.log_density - 0.5 * np.log(12.0), abs=1e-6)
+    assert higher_mode(wide, better, [peak]) is None
+    assert higher_mode(wide, stuck, []) is None
+    # The other way round too, as of a term at zero nothing is lost.
+    assert higher_mode(small, find_mode(small, KEY), [better]).values == pytest.approx(peak.values, abs=1e-6)
+    assert higher_mode(wide, None, [peak]).z == pytest.approx(better.z, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("prior", "centre", "sd", "bound"),
+    [
+        (Uniform(-5.0, 1.0), -9.0, 1.0, "-5"),
+        (Uniform(0.02, 0.2), 0.0205, 1e-5, "0.02"),  # beside its bound, though the posterior does not reach it
+        (Uniform(-5.0, 0.0), -0.01, 1e-3, ""),  # ten standard deviations on the physical side of 0
+        (Uniform(-5.0, 0.0), 0.1, 0.1, "0"),
+        (Uniform(-5.0, 1.0), 0.0, 1.0, ""),
+        (Normal(0.0, 1.0), 9.0, 0.1, ""),
+        (LogNormal(3.0, 10.0), 3.0, 0.1, ""),
+        (LogUniform(1e-5, 1.0), 1e-6, 1e-5, "1e-05"),
+        (LogUniform(1e-5, 1.0), 1e-3, 1e-4, ""),
+    ],
+)
+def test_a_parameter_at_a_bound_of_its_prior_is_named(prior, centre, sd, bound):
+    mode = find_mode(posterior({"X_u": prior}, lambda v, data: -0.5 * ((v["X_u"] - centre) / sd) ** 2), KEY)
+    said = [f"X_u lies at the bound {bound} 1 of its prior"] if bound else []
+    assert [sentence.split(":")[0] for _, sentence in mode.at_bounds] == said
+    assert ("lies at the bound" in repr(mode)) == bool(bound)
+
+
 def test_what_is_not_told_is_taken_from_the_middle_of_the_prior():
     def peak(values, data):
         return 20.0 - 0.5 * ((values["a"] - 7.0) / 1e-5) ** 2 - 0.5 * values["b"] ** 2
@@ -314,3 +359,33 @@ def test_a_climb_far_below_a_known_top_is_given_up():
 
     follow(expand_at, np.zeros(1), str, tops=[(np.array([50.0]), 1e6)])
     assert len(looks) <= module.PATIENCE + 4
+
+
+def test_a_curvature_that_no_equation_can_be_solved_with_ends_the_search_in_words():
+    """By its eigenvalues, rounded, this one is positive, and by its factors singular; as where a density rises without bound."""
+    singular = np.outer([6.0, 5.0, 6.0], [6.0, 5.0, 6.0])
+    assert np.linalg.eigvalsh(singular)[0] > 0
+
+    def expand_at(z):
+        return SimpleNamespace(value=float(z[0]), gradient=np.array([1.0, 0.0, 0.0]), hessian=-singular)
+
+    with pytest.raises(NumericalError, match="curvature breaks down near"):
+        follow(expand_at, np.zeros(3), str)
+
+
+def test_draws_about_a_normal_mode_are_those_of_numpy():
+    mode = find_mode(linear_gaussian(3).posterior, KEY)
+    drawn = draw_about(linear_gaussian(3).posterior, mode, 50, np.random.default_rng(5))
+    expected = np.random.default_rng(5).multivariate_normal(mode.z, mode.cov, 50, method="eigh")
+    assert drawn == pytest.approx(expected, abs=1e-12)
+
+
+def test_draws_of_a_size_that_is_open_from_below_do_not_leave_what_the_data_allow():
+    """A half-normal of 1e-4 in the size: one value in two million is above 5e-4; the logarithm is as wide as its prior."""
+    target = posterior({"s": LogUniform(1e-8, 1.0)}, lambda v, data: -0.5 * (v["s"] / 1e-4) ** 2)
+    mode = find_mode(target, KEY)
+    drawn = values_of(target, draw_about(target, mode, 1000, np.random.default_rng(1)))
+    symmetric = values_of(target, np.random.default_rng(1).multivariate_normal(mode.z, mode.cov, 1000))
+    assert symmetric.max() > 4e-3
+    assert drawn.max() < 1e-3
+    assert drawn.min() == pytest.approx(symmetric.min(), rel=0.9)

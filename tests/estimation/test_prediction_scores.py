@@ -2,12 +2,15 @@
 
 from dataclasses import replace
 
+import jax
 import numpy as np
 import pytest
 from scipy import stats
 
 from seatrial.estimation.fit_verdict import FitVerdict, judge_fit, worst
-from seatrial.estimation.prediction_scores import SlowNoise, score_channel
+from seatrial.estimation.prediction import within_bounds
+from seatrial.estimation.prediction_scores import DIVERGES, SlowNoise, score_channel
+from seatrial.estimation.priors import Normal, Uniform
 
 TIME = np.arange(1200) * 0.05
 MOTION = np.sin(0.4 * TIME)
@@ -331,3 +334,30 @@ def test_gaps_are_left_out():
     assert found == third
     assert found.samples == 400
     assert found.interval == pytest.approx(0.15)
+
+
+def test_what_a_run_draws_of_its_own_stays_inside_the_prior_of_its_coefficient():
+    """X_u = -1 with a spread of 2 has its bound 0 at half a spread: the normal that is cut there, and no other draw is changed."""
+    count = 4000
+    known = {"X_u": np.full(count, -1.0), "spread_X_u": np.full(count, 2.0)}
+    priors, key = {"X_u": Uniform(-50.0, 0.0)}, jax.random.key(2)
+    drawn = Normal(0.0, 1.0).draw(key, (count,))
+    cut = within_bounds("dev_X_u[any]", drawn, known, priors, key)
+    inside = np.asarray(drawn) < 0.5
+    assert np.array_equal(cut[inside], np.asarray(drawn)[inside])
+    assert stats.kstest(cut, stats.truncnorm(-24.5, 0.5).cdf).pvalue > 0.01
+    assert within_bounds("bias_u[any]", drawn, known, priors, key) == pytest.approx(np.asarray(drawn))
+    at_bound = within_bounds("dev_X_u[any]", drawn, {**known, "X_u": np.full(count, -1e-15)}, priors, key)
+    assert np.isfinite(at_bound).all()
+    assert (at_bound <= 1e-12).all()
+
+
+@pytest.mark.parametrize(("far", "missing"), [(1e3, ""), (1e7, DIVERGES), (3.6e50, DIVERGES), (np.inf, DIVERGES)])
+def test_a_prediction_that_goes_far_beyond_what_was_measured_diverges(far, missing):
+    """Also where its band is as wide, so that all measurements lie inside."""
+    time = np.arange(40.0)
+    measured = np.sin(time)
+    for mean, sd in ((far, 0.1), (0.0, far)):
+        score = score_channel(time, measured, np.full(40, mean), np.full(40, sd), noise_sd=0.1)
+        assert score.missing == missing
+    assert (judge_fit(score, "u", True, "white").level == "fail") == bool(missing)

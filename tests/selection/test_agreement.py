@@ -23,7 +23,7 @@ from seatrial.selection.combined_evidence import (
     do,
     judge,
 )
-from seatrial.selection.evidence import Evidence, EvidenceSettings
+from seatrial.selection.evidence import Evidence, EvidenceSettings, combine_runs
 from seatrial.selection.importance import FREE
 from tests.estimation_cases import linear_gaussian
 from tests.selection.targets import far_peaks, one_peak, peaks, spike_on_slab, wide_regression
@@ -191,6 +191,25 @@ def test_nested_sampling_is_asked_once_where_tempered_smc_does_not_confirm(late)
     evidence = gathering.evidence()
     assert (evidence.log_value, evidence.status) == (0.7, "")
     assert "tempered SMC is not counted (repeats differ by 1.4 nats" in evidence.diagnostics["notes"][0]
+
+
+def test_repeats_are_added_where_a_verdict_depends_on_what_they_do_not_resolve():
+    """The error of repeats goes with the root of their number; four times those asked for are the most."""
+    gathering, pairs = Gathering(2), numbered(*[0.66, 0.74] * 4)
+    gathering.begin()
+    for one in (*pairs[:2], IMPORTANCE):
+        gathering.add(one)
+    error = combine_runs([one.smc for one in pairs[:2]]).std_error
+    evidence = gathering.evidence()
+    assert evidence.resolution == pytest.approx(3.0 * np.hypot(error, IMPORTANCE.evidence.std_error))
+    assert f"the check resolves {evidence.resolution:.2g} nat" in repr(evidence)
+    assert gathering.sharpen()
+    wanted = min(8, int(np.ceil(2 * (error / 0.1) ** 2)))
+    assert gathering.begin() == [Piece("smc", repeat) for repeat in range(2, wanted)]
+    for one in pairs[2:wanted]:
+        assert gathering.add(one) is None
+    assert gathering.evidence().resolution < evidence.resolution
+    assert not gathering.sharpen() or gathering.asked <= 8
 
 
 def test_nested_sampling_is_not_begun_in_many_parameters():

@@ -291,7 +291,16 @@ def test_complaints(k_hat, ess, words):
     assert bool(words) == bool(said)
 
 
-def test_few_draws_are_reported():
+def test_more_is_drawn_where_too_few_draws_count():
+    target, exact = linear(2)
+    found = importance_evidence(target, KEY, settings=ImportanceSettings(draws=256))
+    assert (found.status, found.diagnostics["ess"] >= 400) == ("", True)
+    assert 512 < found.diagnostics["draws"] < 1024
+    assert abs(found.log_value - exact) < 4 * found.std_error
+
+
+def test_few_draws_are_reported(monkeypatch):
+    monkeypatch.setattr(importance, "MOST_DRAWS", 1.0)
     assert (
         "effective draws"
         in importance_evidence(PAIR.posterior, KEY, settings=ImportanceSettings(draws=128, pilot=128)).status
@@ -364,9 +373,9 @@ def test_the_proposal_is_refitted_until_enough_draws_count(monkeypatch, efficien
     monkeypatch.setattr(importance, "weigh", canned)
     monkeypatch.setattr(importance, "refit", lambda proposals, weights, edges: proposals)
     mode = find_mode(PAIR.posterior, KEY)
-    found = importance_sample(PAIR.posterior, KEY, mode, ImportanceSettings(300, 100, 2), [mode] * (modes - 1))
+    found = importance_sample(PAIR.posterior, KEY, mode, ImportanceSettings(1000, 100, 2), [mode] * (modes - 1))
     assert (found.refits, found.modes) == (refits, modes)
-    assert [n for n, _ in asked] == [100] * (refits + 1) + [300]
+    assert [n for n, _ in asked] == [100] * (refits + 1) + [1000]
     assert asked[0][1] == [1 / modes] * modes
 
 

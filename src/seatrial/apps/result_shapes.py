@@ -157,12 +157,16 @@ class Estimate(TypedDict, total=False):
 
 
 class Structure(TypedDict):
-    """One candidate with its evidence, nats, and its probability; each with its Monte Carlo standard error."""
+    """One candidate with its evidence, nats, and its probability; each with its Monte Carlo standard error.
+
+    The resolution is the smallest difference, nats, that the check of the evidence would have noticed; null without a check.
+    """
 
     label: str
     terms: list[str]
     log_evidence: Number
     log_evidence_error: Number
+    log_evidence_resolution: Number
     probability: Number
     probability_error: Number
     method: str

@@ -89,6 +89,7 @@ def selected(selection: Any) -> dict[str, Any]:
             terms=structure.terms,
             log_evidence=evidence.log_value,
             log_evidence_error=evidence.std_error,
+            log_evidence_resolution=evidence.resolution,
             probability=probability,
             probability_error=error,
         )

@@ -15,7 +15,7 @@ from scipy.special import stdtr
 
 from seatrial.core.display_units import shown_unit
 from seatrial.estimation.fit_verdict import FitLevel, explained_short
-from seatrial.estimation.prediction_scores import LOG_2PI, crps_normal, effective_samples
+from seatrial.estimation.prediction_scores import LOG_2PI, crps_normal, diverges, effective_samples
 
 CLEAR = 1.1
 """Ratio of the CRPS from which a baseline is clearly better."""
@@ -131,7 +131,7 @@ def compare(
 
 def _pooled(words: str, runs: Sequence[Run], predicted: Sequence[Predicted]) -> PooledScore:
     measured, mean, sd = (np.concatenate(column) for column in zip(*_present(runs, predicted), strict=True))
-    if not (np.isfinite(mean).all() and np.isfinite(sd).all()):
+    if diverges(measured, mean, sd):
         return PooledScore(words, 0.0, 0.0, 0.0, diverges=True)
     total = sum(
         float(np.sum((one.measured - np.nanmean(one.measured)) ** 2, where=np.isfinite(one.measured)))

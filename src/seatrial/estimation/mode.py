@@ -15,8 +15,10 @@ import jax.numpy as jnp
 import numpy as np
 import scipy
 from jaxtyping import Array, Float, Int
+from scipy.special import ndtr, ndtri
 
 from seatrial.core.argument_checks import check_count, check_numbers
+from seatrial.core.coefficients import is_coefficient
 from seatrial.core.errors import NumericalError
 from seatrial.core.programs import program
 from seatrial.core.result_table import table_html, table_text
@@ -25,6 +27,7 @@ from seatrial.estimation.filter_error import FilterError
 from seatrial.estimation.information import expand_likelihood
 from seatrial.estimation.output_error import OutputError
 from seatrial.estimation.posterior import Posterior, as_key, check_posterior, values_of
+from seatrial.estimation.prior_bounds import bound_complaint
 from seatrial.estimation.sensor_errors import noise_name
 from seatrial.estimation.slopes import likelihood_slopes
 from seatrial.estimation.trial_data import first_samples
@@ -53,7 +56,12 @@ PATIENCE, LEAST_GAIN = 5, 0.2
 NOISE_ROUNDS, LEAST_SHARE = 4, 1e-3
 """Looks at what a start leaves over, and the least share of the variance of the noise that one of them leaves."""
 FOLLOWED, ROUNDS = 3, 3
-"""Peaks along the delay that are followed each time, and times."""
+"""Peaks along the delay, or modes of other structures, that are followed each time, and times."""
+REACH, FALL = 2.0 * 0.7 ** np.arange(16), 6.0
+"""Standard deviations at which the normal approximation is compared with the density, the largest first; and the fall, nats, up to which
+it holds there: at two it would be 2."""
+HIGHER_TOP = 0.1
+"""Nats above a mode that neither rounding nor the end of a climb explains."""
 
 
 class Mode(NamedTuple):
@@ -70,6 +78,7 @@ class Mode(NamedTuple):
         flat: whether a direction had no curvature, so that its variance was set to the prior's.
         names: of the parameters.
         units: theirs, SI.
+        at_bounds: those that lie at a bound of their prior, each by name with the sentence that says so.
     """
 
     z: Float[np.ndarray, " d"]
@@ -82,6 +91,7 @@ class Mode(NamedTuple):
     flat: bool
     names: tuple[str, ...] = ()
     units: tuple[str, ...] = ()
+    at_bounds: tuple[tuple[str, str], ...] = ()
 
     @property
     def by_name(self) -> dict[str, float]:
@@ -106,6 +116,7 @@ class Mode(NamedTuple):
             self.flat,
             tuple(self.names[i] for i in at),
             tuple(self.units[i] for i in at),
+            self.at_bounds,
         )
 
     def expected(self, known: Mapping[str, float]) -> dict[str, float]:
@@ -130,7 +141,8 @@ class Mode(NamedTuple):
 
     @property
     def _remarks(self) -> list[str]:
-        return ["a direction has no curvature: its variance is the prior's"] if self.flat else []
+        flat = ["a direction has no curvature: its variance is the prior's"] if self.flat else []
+        return [*flat, *(sentence for _, sentence in self.at_bounds)]
 
     __repr__ = table_text
     _repr_html_ = table_html
@@ -182,6 +194,42 @@ def find_mode(
     return _along_delay(posterior, mode) if DELAY in posterior.present_names else mode
 
 
+def higher_mode(posterior: Posterior, known: Mode | None, others: Sequence[Mode]) -> Mode | None:
+    """Return a mode that is higher than the one known, above a mode of another structure; None where there is none.
+
+    A structure that contains another has at least the density of the other's mode with its further terms at zero. That place is
+    therefore looked at, and the best of all such places are climbed from.
+
+    Args:
+        posterior: of one structure.
+        known: its highest mode known, None where none is.
+        others: modes of structures that share parameters with it, of the same names.
+    """
+    starts = np.concatenate([np.empty((0, posterior.dim)), *(_completed(posterior, one) for one in others)])
+    if not len(starts):
+        return None
+    heights, best = _heights(posterior, starts), known
+    for place in _best(heights)[:FOLLOWED]:
+        tops = [] if best is None else [(best.z, best.log_density)]
+        if best is not None and heights[place] <= best.log_density and rises(posterior, starts[place], best.z):
+            continue
+        with suppress(NumericalError):
+            z, log_density = _climb(posterior, starts[place], tops)
+            if best is None or log_density > best.log_density + HIGHER_TOP:
+                best = _about(posterior, z, log_density)
+    if best is known or best is None:
+        return None
+    return _along_delay(posterior, best) if DELAY in posterior.present_names else best
+
+
+def _completed(posterior: Posterior, other: Mode) -> Float[np.ndarray, "n d"]:
+    """Return where a mode of another structure lies: what it lacks at zero, what is absent here left out, and what then is expected."""
+    absent = [name for name in other.names if name not in posterior.present_names]
+    values = {name: 0.0 for name in posterior.present_names if is_coefficient(name)} | other.by_name
+    moved = other.expected(dict.fromkeys(absent, 0.0)) if absent else {}
+    return np.concatenate([_inside(posterior, values), *([_inside(posterior, values | moved)] if moved else [])])
+
+
 def _highest(
     posterior: Posterior, candidates: Float[np.ndarray, "n d"], tries: int
 ) -> tuple[Float[np.ndarray, " d"], float]:
@@ -224,6 +272,28 @@ def _first_part(posterior: Posterior) -> Posterior | None:
     return replace(posterior, data=first_samples(data, length))
 
 
+def draw_about(posterior: Posterior, mode: Mode, count: int, random: np.random.Generator) -> Float[np.ndarray, "n d"]:
+    """Return draws of z from the normal approximation, cut along its axes on a side where the density falls much faster.
+
+    The data may exclude a size from above and leave it open from below, down to the bound of its prior: its logarithm then has the spread
+    of the prior, and a symmetric normal would reach values that the data exclude.
+    """
+    values, vectors = np.linalg.eigh(mode.cov)
+    factor = vectors * np.sqrt(np.abs(values))
+    sides = np.concatenate([factor.T, -factor.T])
+    points = mode.z + REACH[:, None, None] * sides
+    drop = mode.log_density - _heights(posterior, points.reshape(-1, mode.z.size)).reshape(points.shape[:2])
+    holds = drop <= FALL
+    reach = np.where(holds[0], np.inf, np.where(holds.any(0), REACH[np.argmax(holds, 0)], REACH[-1]))
+    if DELAY in posterior.present_names:  # between the peaks along a delay the density falls and rises again
+        reach[np.tile(np.abs(vectors[posterior.names.index(DELAY)]) > 0.5, 2)] = np.inf
+    steps = random.standard_normal((count, mode.z.size))
+    above, below = np.split(ndtr(reach) - 0.5, 2)
+    share = 2.0 * np.where(steps > 0, above, below)
+    cut = np.sign(steps) * ndtri(0.5 + share * (ndtr(np.abs(steps)) - 0.5))
+    return mode.z + np.where(share < 1.0, cut, steps) @ factor.T
+
+
 def climb(posterior: Posterior, start: Float[np.ndarray, " d"]) -> Mode:
     """Follow one start to the mode above it.
 
@@ -260,6 +330,13 @@ def _about(posterior: Posterior, z: np.ndarray, log_density: float) -> Mode:
     there = _expand(posterior, z)
     precision = -0.5 * (there.hessian + there.hessian.T)
     cov, log_volume, flat = _invert(precision)
+    sd = np.abs(there.slope) * np.sqrt(np.diag(cov))
+    complaints = [
+        (one.name, bound_complaint(one, value, spread))
+        for one, value, spread in zip(
+            posterior.present_parameters, there.values[posterior.places], sd[posterior.places], strict=True
+        )
+    ]
     return Mode(
         z,
         precision,
@@ -267,10 +344,11 @@ def _about(posterior: Posterior, z: np.ndarray, log_density: float) -> Mode:
         log_density,
         log_density + 0.5 * posterior.dim * np.log(2 * np.pi) + log_volume,
         there.values,
-        np.abs(there.slope) * np.sqrt(np.diag(cov)),
+        sd,
         flat,
         posterior.names,
         tuple(parameter.unit for parameter in posterior.parameters),
+        tuple((name, sentence) for name, sentence in complaints if sentence),
     )
 
 
@@ -530,16 +608,29 @@ def follow(
         if known or gain < np.finfo(float).eps * abs(there.value):
             raise StopIteration
 
+    latest = start
+
+    def height(z: np.ndarray) -> float:
+        nonlocal latest
+        latest = z
+        return -expand(tuple(z)).value if is_smooth(z) else 1e100
+
     # The derivatives at a step that is refused are asked for all the same, and not used.
-    result = scipy.optimize.minimize(
-        lambda z: -expand(tuple(z)).value if is_smooth(z) else 1e100,
-        start,
-        method="trust-exact",
-        jac=lambda z: -expand(tuple(z)).gradient if is_smooth(z) else np.zeros(z.size),
-        hess=lambda z: -expand(tuple(z)).hessian if is_smooth(z) else np.eye(z.size),
-        callback=stop_if_there,
-        options={"gtol": 1e-6, "maxiter": most},
-    )
+    try:
+        result = scipy.optimize.minimize(
+            height,
+            start,
+            method="trust-exact",
+            jac=lambda z: -expand(tuple(z)).gradient if is_smooth(z) else np.zeros(z.size),
+            hess=lambda z: -expand(tuple(z)).hessian if is_smooth(z) else np.eye(z.size),
+            callback=stop_if_there,
+            options={"gtol": 1e-6, "maxiter": most},
+        )
+    except np.linalg.LinAlgError as error:
+        raise NumericalError(
+            f"the posterior density has no maximum that can be computed: its curvature breaks down near {words(latest)}, where the "
+            "density may rise without bound. Write parameters that share a spread as mean + spread * z, or bound the spread away from 0"
+        ) from error
     return result.x, -float(result.fun)
 
 

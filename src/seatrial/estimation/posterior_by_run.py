@@ -29,7 +29,7 @@ from seatrial.estimation.mode import Mode, expand_prior
 from seatrial.estimation.output_error import OutputError
 from seatrial.estimation.pooled_coverage import RunResiduals, run_residuals
 from seatrial.estimation.posterior import Parameter, Posterior, check_posterior
-from seatrial.estimation.prediction import ANY, noise_sd, outputs_of_draws, prior_of_unseen, slow_noise
+from seatrial.estimation.prediction import ANY, noise_sd, outputs_of_draws, prior_of_unseen, slow_noise, within_bounds
 from seatrial.estimation.prediction_scores import Score, score_channel
 from seatrial.estimation.slopes import likelihood_slopes
 from seatrial.sampling.target import AT_ONCE, LANES
@@ -216,12 +216,14 @@ def predict_run(
     z = np.concatenate([shared, np.zeros((n, runs.own.shape[1]))], 1)
     table = np.asarray(one.constrain(z))
     known = {parameter.name: table[:, i] for i, parameter in enumerate(one.parameters[:k])}
+    priors = {parameter.name: parameter.prior for parameter in one.parameters[:k]}
     first = dict(zip(one.likelihood.model.states, np.asarray(one.data.initial)[0], strict=True))
     values: dict[str, Any] = dict(known)
     for index, parameter in enumerate(one.parameters[k:], k):
         here = one.present is None or one.present[index] > 0
-        drawn = prior_of_unseen(parameter, first, known).draw(jax.random.fold_in(key, index), (n,))
-        values[parameter.name] = np.asarray(drawn) if here else np.zeros(n)
+        its = jax.random.fold_in(key, index)
+        drawn = prior_of_unseen(parameter, first, known).draw(its, (n,))
+        values[parameter.name] = within_bounds(parameter.name, drawn, known, priors, its) if here else np.zeros(n)
     shown = np.asarray(outputs_of_draws(one.likelihood)(values, one.data, key))
     output = one.likelihood if isinstance(one.likelihood, OutputError) else one.likelihood.output
     step = np.asarray(one.data.step)[0]

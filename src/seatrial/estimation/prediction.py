@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
+from scipy.special import ndtr, ndtri
 
 from seatrial.core.argument_checks import check_count, check_kind
 from seatrial.core.errors import InputError
@@ -17,10 +18,10 @@ from seatrial.core.record import Record
 from seatrial.core.result_table import table_html, table_text
 from seatrial.core.signals import signal_unit
 from seatrial.estimation.filter_error import FilterError
-from seatrial.estimation.output_error import OutputError
+from seatrial.estimation.output_error import OutputError, is_deviation, of_deviation, spread_name
 from seatrial.estimation.posterior import Parameter, Posterior, as_key, check_posterior
 from seatrial.estimation.prediction_scores import Score, SlowNoise, score_channel
-from seatrial.estimation.priors import Normal
+from seatrial.estimation.priors import Normal, Prior
 from seatrial.estimation.record_posterior import start_of
 from seatrial.estimation.replicate import motions, replicate
 from seatrial.estimation.sensor_errors import (
@@ -278,14 +279,14 @@ def _values_of(
     """Return the values of every parameter under each draw, those of one trial under the label `ANY`."""
     labels, count = posterior.likelihood.labels, len(next(iter(known.values())))
     own = label if label in labels else labels[0]
-    values = {}
+    values, priors = {}, {parameter.name: parameter.prior for parameter in posterior.parameters}
     for index, parameter in enumerate(posterior.parameters):
         name, is_own = _anonymous(parameter.name, own)
         if name is None:
             continue
         if is_own and own != label:
-            prior = prior_of_unseen(parameter, first, known)
-            values[name] = prior.draw(jax.random.fold_in(key_of_values(key, count), index), (count,))
+            prior, its = prior_of_unseen(parameter, first, known), jax.random.fold_in(key_of_values(key, count), index)
+            values[name] = within_bounds(name, prior.draw(its, (count,)), known, priors, its)
         else:
             values[name] = known[parameter.name]
     return values
@@ -297,6 +298,31 @@ def _anonymous(name: str, label: str) -> tuple[str | None, bool]:
     if not bracket:
         return name, False
     return (f"{base}[{ANY}]" if of == f"{label}]" else None), True
+
+
+def within_bounds(
+    name: str, drawn: Any, known: Mapping[str, Any], priors: Mapping[str, Prior], key: jax.Array
+) -> Float[np.ndarray, " draws"]:
+    """Return draws of a parameter of a trial that was not fitted, those of a deviation cut where its coefficient has no prior density.
+
+    A deviation that leads beyond a bound is drawn again from the normal between the bounds: all follow the normal that is cut there.
+
+    Args:
+        name: of the parameter, which ends in the label of the trial.
+        drawn: from its prior, shape (draws,).
+        known: draws of all trials' parameters by name.
+        priors: of these.
+        key: random key of the draws.
+    """
+    if not is_deviation(name):
+        return np.asarray(drawn)
+    varying, _ = of_deviation(name)
+    spread = np.maximum(np.asarray(known[spread_name(varying)]), np.finfo(float).tiny)
+    low, high = (ndtr((bound - np.asarray(known[varying])) / spread) for bound in priors[varying].bounds)
+    share = np.asarray(jax.random.uniform(jax.random.fold_in(key, 1), spread.shape, minval=1e-12))
+    probability = ndtr(np.asarray(drawn))
+    inside = (low <= probability) & (probability <= high)
+    return np.where(inside, drawn, ndtri(low + share * (high - low)))
 
 
 def prior_of_unseen(parameter: Parameter, first: Mapping[str, float], known: Mapping[str, np.ndarray]) -> Any:

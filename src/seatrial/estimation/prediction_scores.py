@@ -41,6 +41,8 @@ LONGEST_GAP = 1000
 MIN_FREEDOM = 6.0
 """Degrees of freedom of a variance ratio below which its window is too long for the runs."""
 DIVERGES = "the prediction diverges"
+BEYOND = 1e6
+"""Largest prediction, over the largest measurement, that is no divergence."""
 LOG_2PI = float(np.log(2 * np.pi))
 
 
@@ -334,9 +336,9 @@ def score_channel(
     time, measured, mean, motion_sd = (column[present] for column in (time, measured, mean, motion_sd))
     if not measured.size:
         return unscored(0, "nothing was measured")
-    if not np.isfinite(mean).all():
-        return unscored(int(measured.size), DIVERGES)
     sd = np.hypot(motion_sd, noise_sd)
+    if diverges(measured, mean, sd):
+        return unscored(int(measured.size), DIVERGES)
     z, explained = (measured - mean) / sd, explained_share(measured, mean)
     independent = effective_samples(time, z)
     new = new_residuals(time, z, slow)
@@ -375,6 +377,20 @@ def new_residuals(
 ) -> Float[np.ndarray, " n"]:
     """Return what is new in normalised residuals, white where the noise is as it is modelled; all of them where that is white."""
     return z if slow is None else _innovations(time, z, slow)
+
+
+def diverges(measured: Float[np.ndarray, " n"], mean: Float[np.ndarray, " n"], sd: Float[np.ndarray, " n"]) -> bool:
+    """Return whether a prediction is not finite, or so far beyond all that was measured that it overflows as its run goes on.
+
+    Args:
+        measured: all present.
+        mean: predicted.
+        sd: its standard deviation, noise included.
+    """
+    if not (np.isfinite(mean).all() and np.isfinite(sd).all()):
+        return True
+    size = float(np.abs(measured).max(initial=0.0))
+    return bool(size > 0.0 and max(np.abs(mean).max(), sd.max()) > BEYOND * size)
 
 
 def unscored(samples: int, why: str) -> Score:

@@ -1,7 +1,7 @@
 """What every estimate must answer: does the prior hold the data's answer, do the data say more, and where can nothing be said?"""
 
 from collections.abc import Callable, Mapping
-from math import isfinite, sqrt
+from math import isfinite
 
 import numpy as np
 import scipy
@@ -14,15 +14,12 @@ from seatrial.estimation.identifiability import identifiability_of_fit
 from seatrial.estimation.information import slopes_of_present
 from seatrial.estimation.mode import Mode
 from seatrial.estimation.posterior import Parameter, Posterior, values_of
-from seatrial.estimation.priors import LogUniform
+from seatrial.estimation.prior_bounds import DECIDES, EDGE, leaning_bounds, scaled_bounds
 from seatrial.sampling.target import AT_ONCE, evaluate
 
-EDGE = 0.02
 GAIN = 10.0
 HUGE = 1000.0
 """Gain beyond a bound, nats, from which a slip in the log or its map is likelier than a prior that is too narrow."""
-LEANING = 0.1
-"""Share of the posterior that may lie within `EDGE` of a bound."""
 FAR = 4.0
 """Standard deviations from the middle of a prior without bounds beyond which it says the opposite of the data."""
 FLAT = 1e-9
@@ -73,12 +70,14 @@ def information_complaints(
         draws: posterior draws in the parameters' own units.
         at: operating point, signal name to SI value, at which sums of force coefficients have a meaning.
     """
-    said = identifiability_of_fit(posterior, mode, draws, at).cautions() + [
-        f"the posterior of {parameter.name} is cut off at the bound {parameter.said(bound)} of its prior ({share:.0%} of it within "
-        f"{EDGE:.0%} of the width): the prior decides as much as the data; widen it, or give a reason for the bound"
-        for parameter, column in zip(posterior.present_parameters, draws.T, strict=True)
-        for bound, share in _leaning(parameter, column)
-    ]
+    said, at_bounds = identifiability_of_fit(posterior, mode, draws, at).cautions(), dict(mode.at_bounds)
+    for parameter, column in zip(posterior.present_parameters, draws.T, strict=True):
+        leaning = [
+            f"the posterior of {parameter.name} is cut off at the bound {parameter.said(bound)} of its prior ({share:.0%} of it within "
+            f"{EDGE:.0%} of the width): {DECIDES}"
+            for bound, share in leaning_bounds(parameter, column)
+        ]
+        said += leaning or filter(None, [at_bounds.get(parameter.name)])
     return said + prior_contradictions(posterior, mode) + _lost_region(posterior)
 
 
@@ -136,31 +135,13 @@ def _where(posterior: Posterior, values: Float[np.ndarray, "n d"], lost: Bool[np
     return f", nearly always with {parameter.name} {'above' if above else 'below'} {parameter.said(edge)}"
 
 
-def _scaled_bounds(parameter: Parameter) -> tuple[Callable, Callable, np.ndarray, float]:
-    """Map to the scale on which widths are measured, its inverse, the bounds on it and the width; scales are logarithmic."""
-    there, back = (np.log, np.exp) if isinstance(parameter.prior, LogUniform) else (np.asarray, np.asarray)
-    bounds = there(np.asarray(parameter.prior.bounds, float))
-    width = bounds[1] - bounds[0]
-    return there, back, bounds, float(width if np.isfinite(width) else sqrt(12.0) * parameter.prior.sd)
-
-
 def _suspect_bounds(parameter: Parameter, value: float) -> list[tuple[float, float]]:
     """Bounds near which the mode lies, each with a point a tenth of the width beyond it; sizes have no point below 0."""
-    there, back, bounds, width = _scaled_bounds(parameter)
+    there, back, bounds, width = scaled_bounds(parameter)
     near = [(at, sign) for at, sign in zip(bounds, (-1.0, 1.0), strict=True) if abs(there(value) - at) <= EDGE * width]
     pairs = [(float(back(at)), float(back(at + sign * 0.1 * width))) for at, sign in near]
     size = parameter.prior.bounds[0] >= 0 and not is_coefficient(parameter.name)
     return [(bound, beyond) for bound, beyond in pairs if not (size and beyond <= 0)]
-
-
-def _leaning(parameter: Parameter, draws: Float[np.ndarray, " n"]) -> list[tuple[float, float]]:
-    """Bounds of a box against which much of the posterior lies, nearer than its own spread, each with that share."""
-    there, back, bounds, width = _scaled_bounds(parameter)
-    if not np.isfinite(bounds).all():
-        return []
-    off = [(float(back(at)), np.abs(there(draws) - at)) for at in bounds]
-    near = min(EDGE * width, float(np.std(there(draws))))
-    return [(bound, float(np.mean(x <= EDGE * width))) for bound, x in off if np.mean(x <= near) > LEANING]
 
 
 def _gain_beyond(posterior: Posterior, values: Float[np.ndarray, " d"], index: int, beyond: float) -> float:

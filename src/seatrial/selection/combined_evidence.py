@@ -152,6 +152,8 @@ BLUNT = 0.5
 """Joint error, nats, of a check: what it then still finds, 1.5 nats, moves odds between structures by a factor of four."""
 MOST_REPEATS = 4
 """Repeats of tempered SMC at most, in those asked for."""
+SHARP = 0.1
+"""Error of tempered SMC, nats, down to which repeats are added where a verdict depends on what it does not resolve."""
 HOPELESS = 50.0
 """Nats behind the best structure from which one is given up: it then has a probability below 1e-21."""
 NESTED_RUNS, NESTED_LIVE, NESTED_MOVES = 4, 200, 4
@@ -179,11 +181,13 @@ HIGHER = 3.0
 
 
 class Piece(NamedTuple):
-    """A repeat of tempered SMC or of nested sampling; or importance sampling, with the first repeat's particles if there are any."""
+    """A repeat of tempered SMC or of nested sampling; or importance sampling, with the first repeat's particles if there are any, and
+    the mode if it is known."""
 
     method: Method
     repeat: int = 0
     first: "EvidenceRun | None" = None
+    mode: Mode | None = None
 
 
 class EvidenceRun(NamedTuple):
@@ -204,12 +208,13 @@ class NestedRepeat(NamedTuple):
 
 
 class Weighed(NamedTuple):
-    """Evidence by a method, None where it failed, and why; what the first repeat's particles say against all methods."""
+    """Evidence by a method, None where it failed, and why; what the first repeat's particles say against all methods; the highest mode."""
 
     method: Method
     evidence: Evidence | None
     failure: str | None = None
     alarms: tuple[str, ...] = ()
+    mode: Mode | None = None
 
 
 class Keys(NamedTuple):
@@ -224,6 +229,7 @@ def agreed_evidence(
     keys: Keys | jax.Array | int = 0,
     settings: EvidenceSettings = EvidenceSettings(),
     progress: Progress = no_progress,
+    mode: Mode | None = None,
 ) -> Evidence:
     """Return the evidence by importance sampling, checked by tempered SMC, and by nested sampling where that does not confirm it.
 
@@ -235,10 +241,12 @@ def agreed_evidence(
         settings: repeats of tempered SMC that are asked for, and their size; more are made while they check too bluntly; and draws of the
             importance sampling.
         progress: called with the work done and the work in all, in thousandths of a piece.
+        mode: of the posterior, from which importance sampling begins; looked for where not given.
 
     Returns:
         The chosen evidence. Its diagnostics hold `methods`: value, error, status, difference from the chosen and that in joint
-        errors for each; `checks`, how many healthy methods confirm it; and `notes`, what is known of those that do not although
+        errors for each; `checks`, how many healthy methods confirm it; `resolution`, the smallest
+        difference, nats, that these would have noticed, None without a check; and `notes`, what is known of those that do not although
         another does. Its status is empty only if one at least confirms it and none finds more.
 
     Raises:
@@ -247,8 +255,19 @@ def agreed_evidence(
     """
     check_posterior(posterior)
     check_kind(settings, EvidenceSettings, "settings", "leave them out, or write EvidenceSettings(repeats=4)")
-    keys = keys if isinstance(keys, Keys) else Keys(*split(as_key(keys)))
-    gathering = Gathering(settings.repeats)
+    gathering = Gathering(settings.repeats, mode)
+    gather(posterior, gathering, keys_of(keys), settings, progress)
+    return gathering.evidence()
+
+
+def gather(
+    posterior: Posterior,
+    gathering: "Gathering",
+    keys: Keys,
+    settings: EvidenceSettings,
+    progress: Progress = no_progress,
+) -> None:
+    """Do one after another all pieces of an evidence that are still to be done; arguments and errors as `agreed_evidence`."""
     waiting = gathering.begin()
     done = 0
     while waiting:
@@ -261,7 +280,11 @@ def agreed_evidence(
         waiting = [following, *waiting] if following else waiting
         done += 1
         progress(FINE * done, FINE * (done + len(waiting)))
-    return gathering.evidence()
+
+
+def keys_of(keys: Keys | jax.Array | int) -> Keys:
+    """Return the random keys of an evidence, of one key or of a seed where they are not given."""
+    return keys if isinstance(keys, Keys) else Keys(*split(as_key(keys)))
 
 
 def do(
@@ -288,25 +311,24 @@ class Gathering:
     """What has been found for one evidence, and what is still to be done for it.
 
     Attributes:
-        asked: repeats of tempered SMC asked for; with 0 importance sampling is done alone, for a value that decides nothing.
+        most: repeats of tempered SMC at most.
+        asked: of these, those asked for; with 0 importance sampling is done alone, for a value that decides nothing.
         runs: repeats that are there, by number; what is known before `begin` is not done again.
         nested: those of nested sampling.
         weighed: what the other methods found, by method.
         behind: nats behind the best structure, of one that is given up; 0 of any other.
+        mode: from which importance sampling begins; None where it is to look for one.
+        compared: whether its mode has been compared with those of the other structures; before, nothing is decided by it.
     """
 
-    def __init__(self, asked: int):
-        self.asked = asked
+    def __init__(self, asked: int, mode: Mode | None = None, compared: bool = True):
+        self.asked, self.mode, self.compared = asked, mode, compared
+        self.most = MOST_REPEATS * asked
         self.runs: dict[int, EvidenceRun] = {}
         self.nested: dict[int, NestedRun] = {}
         self.weighed: dict[Method, Weighed] = {}
         self.behind = 0.0
         self._begun: set[tuple[Method, int]] = set()
-
-    @property
-    def most(self) -> int:
-        """Repeats at most."""
-        return MOST_REPEATS * self.asked
 
     def begin(self, most: int | None = None) -> list[Piece]:
         """Return all that can be done at once, of the repeats that are asked for so many at most; what was begun is not begun again."""
@@ -344,12 +366,27 @@ class Gathering:
         self.behind = best - self.first[1] if self.first is not None and self.first[1] < best - HOPELESS else 0.0
         return self.behind > 0.0
 
+    def sharpen(self) -> bool:
+        """Ask for as many more repeats as bring their error to `SHARP`, as far as there may be so many; returns whether there are more."""
+        runs = [run.smc for run in self._in_order() if run.smc is not None]
+        if len(runs) < 2 or (found := combine_runs(runs)).status:
+            return False
+        before, wanted = self.asked, int(np.ceil(len(runs) * (found.std_error / SHARP) ** 2))
+        self.asked = min(self.most, max(before, wanted))
+        return self.asked > max(before, len(runs))
+
+    def weigh_again(self, mode: Mode) -> None:
+        """Let importance sampling begin again, from a mode that is higher than the one it found."""
+        self.mode = mode
+        del self.weighed["importance"]
+        self._begun.remove(("importance", 0))
+
     def evidence(self) -> Evidence:
         """Return the evidence once all is there."""
         if "importance" not in self.weighed:
             raise RuntimeError("importance sampling has not been done yet")
         if self.behind and (own := self.weighed["importance"].evidence) is not None:
-            alone = judge({"importance": own}, {}, alone=True)
+            alone = judge({"importance": own}, {}, alone=True, at_bounds=self._at_bounds)
             note = f"tempered SMC, run once, finds it {self.behind:.0f} nats behind the best or more, too"
             return replace(alone, diagnostics={**alone.diagnostics, "notes": [note]})
         found: dict[Method, Evidence] = {
@@ -366,18 +403,24 @@ class Gathering:
             raise NumericalError("; ".join(failed.values()))
         evidences = {name: found[name] for name in PREFERRED if name in found}
         failed = {name: failed[name] for name in PREFERRED if name in failed}
-        return judge(evidences, failed, self.weighed["importance"].alarms, alone=not self.asked)
+        alarms = self.weighed["importance"].alarms
+        return judge(evidences, failed, alarms, alone=not self.asked, at_bounds=self._at_bounds)
+
+    @property
+    def _at_bounds(self) -> list[str]:
+        mode = self.weighed["importance"].mode
+        return [] if mode is None else [sentence for _, sentence in mode.at_bounds]
 
     def _following(self) -> Piece | None:
         """Importance sampling once a first repeat is there, more repeats while they check too bluntly, then nested sampling if need be."""
         if ("importance", 0) not in self._begun and (0 in self.runs or not self.asked):
-            return self._begin(Piece("importance", first=self.runs.get(0)))
+            return self._begin(Piece("importance", first=self.runs.get(0), mode=self.mode))
         there = self._in_order()
         if not self.asked or len(there) < self.asked:
             return None
         if not _settled(there) and len(there) < self.most:
             piece = Piece("smc", len(there))
-        elif "importance" in self.weighed and "nested" not in self.weighed and self._is_unconfirmed():
+        elif self._is_weighed and "nested" not in self.weighed and self._is_unconfirmed():
             if len(self.nested) == NESTED_RUNS:
                 self.weighed["nested"] = Weighed("nested", combine_nested([*self.nested.values()], NESTED_LIVE))
                 return None
@@ -385,6 +428,10 @@ class Gathering:
         else:
             return None
         return None if (piece.method, piece.repeat) in self._begun else self._begin(piece)
+
+    @property
+    def _is_weighed(self) -> bool:
+        return self.compared and "importance" in self.weighed
 
     def _is_unconfirmed(self) -> bool:
         try:
@@ -405,7 +452,11 @@ class Gathering:
 
 
 def judge(
-    evidences: Mapping[Method, Evidence], failed: Mapping[Method, str], alarms: Sequence[str] = (), alone: bool = False
+    evidences: Mapping[Method, Evidence],
+    failed: Mapping[Method, str],
+    alarms: Sequence[str] = (),
+    alone: bool = False,
+    at_bounds: Sequence[str] = (),
 ) -> Evidence:
     """Choose the first healthy evidence, or the first if none is, and say what speaks against it.
 
@@ -417,9 +468,10 @@ def judge(
         failed: why other methods gave none.
         alarms: what else is known against the result.
         alone: whether no other method was asked.
+        at_bounds: which parameters have their mode at a bound of their prior.
     """
     value = value_of({name: {"status": one.status} for name, one in evidences.items()})
-    chosen, table, checks, higher, against = evidences[value], {}, 0, [], []
+    chosen, table, checks, higher, against, resolved = evidences[value], {}, 0, [], [], []
     for name, one in evidences.items():
         difference = one.log_value - chosen.log_value
         joint = float(np.hypot(np.nan_to_num(one.std_error), np.nan_to_num(chosen.std_error)))
@@ -443,6 +495,7 @@ def judge(
             against.append(f"{one.method} checks to {joint:.2f} nats only: use more particles or draws")
         elif not one.status:
             checks += 1
+            resolved.append(max(ALARM * joint, FLOOR))
     against += [f"{CALLED[name]} failed: {why}" for name, why in failed.items()]
     if value != next(iter(evidences)) or failed:
         against.append(f"the value is that of {chosen.method}")
@@ -450,7 +503,13 @@ def judge(
     if not checks and not alone:
         said.append("no healthy independent method confirms the value")
     notes = [_note(name, table[name]) for name in table if name != value] if checks else []
-    diagnostics = chosen.diagnostics | {"methods": table, "checks": checks, "notes": list(filter(None, notes))}
+    diagnostics = chosen.diagnostics | {
+        "at_bounds": [*at_bounds],
+        "methods": table,
+        "checks": checks,
+        "resolution": min(resolved, default=None),
+        "notes": list(filter(None, notes)),
+    }
     return Evidence(chosen.log_value, chosen.std_error, chosen.method, diagnostics, "; ".join(said))
 
 
@@ -479,13 +538,19 @@ def _weigh(posterior: Posterior, piece: Piece, key: jax.Array, draws: int) -> We
     sets = () if piece.first is None or first is None else (piece.first.cold, first.particles)
     known, evidence, failure = [], None, None
     try:
-        mode = find_mode(posterior, split(key, 3)[0])
+        mode = find_own_mode(posterior, key) if piece.mode is None else piece.mode
         known = [mode, *further_modes(posterior, mode, sets)]
         evidence = importance_evidence(posterior, key, mode, ImportanceSettings(draws), known[1:])
     except NumericalError as error:
         failure = str(error)
     alarms = _higher(posterior, *sets, [mode.log_density for mode in known]) if sets else ()
-    return Weighed("importance", evidence, failure, tuple(alarms))
+    highest = max(known, key=lambda mode: mode.log_density, default=None)
+    return Weighed("importance", evidence, failure, tuple(alarms), highest)
+
+
+def find_own_mode(posterior: Posterior, key: jax.Array) -> Mode:
+    """Find the mode from which importance sampling of such a key begins where none is known; errors as `find_mode`."""
+    return find_mode(posterior, split(key, 3)[0])
 
 
 def _nested(posterior: Posterior, repeat: int, key: jax.Array, progress: Progress) -> NestedRepeat:

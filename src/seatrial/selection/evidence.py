@@ -41,11 +41,18 @@ class Evidence:
     diagnostics: dict[str, Any] = field(default_factory=dict)
     status: str = ""
 
+    @property
+    def resolution(self) -> float | None:
+        """Smallest difference, nats, that the methods which confirm the value would have noticed; None where none confirms it."""
+        return self.diagnostics.get("resolution")
+
     def summary(self) -> "DataFrame":
-        """Return a table of one row: log evidence and its standard error, nats, method, and what is wrong with it."""
+        """Return a table of one row: log evidence and its standard error, nats, the difference that its check resolves, method, and
+        what is wrong with it."""
         from pandas import DataFrame
 
-        row = {"log_value": self.log_value, "std_error": self.std_error, "method": self.method, "status": self.status}
+        row = {"log_value": self.log_value, "std_error": self.std_error, "resolution": self.resolution}
+        row |= {"method": self.method, "status": self.status}
         return DataFrame([row], index=["evidence"])
 
     @property
@@ -54,7 +61,12 @@ class Evidence:
 
     @property
     def _remarks(self) -> list[str]:
-        return [self.status] if self.status else []
+        return [*([self.status] if self.status else []), *([self.check_words] if self.resolution else [])]
+
+    @property
+    def check_words(self) -> str:
+        """What the check resolves: methods that both miss a part of the posterior that holds less, or the same part, agree."""
+        return f"the check resolves {self.resolution:.2g} nat"
 
     __repr__ = table_text
     _repr_html_ = table_html

@@ -42,6 +42,8 @@ FREE = np.array([[-np.inf, np.inf]])
 """Edges of components of which none is cut."""
 GOOD = 0.5
 """Efficiency at which the proposal is not refitted any more, unless the tail of the weights is too heavy."""
+MARGIN, MOST_DRAWS = 1.5, 16.0
+"""Where too few draws count: so many times what would just be enough, and times the draws asked for at most, are drawn again."""
 MAX_K_HAT = 0.7
 """Pareto shape of the weights above which their mean is not to be trusted (Vehtari et al., JMLR 25, 2024)."""
 
@@ -84,7 +86,7 @@ class ImportanceSettings:
     """Size of a run.
 
     Attributes:
-        draws: fresh draws of the final estimate.
+        draws: fresh draws of the final estimate; more of them where too few count.
         pilot: draws of each trial of a proposal.
         refits: how often the proposal may be refitted.
     """
@@ -137,6 +139,9 @@ def importance_sample(
             break
         proposals = refit(proposals, weights, edges)
     weights = weigh(target, proposals, key, settings.draws)
+    if weights.ess < MIN_ESS and weights.k_hat <= MAX_K_HAT:
+        more = min(MARGIN * MIN_ESS / weights.ess, MOST_DRAWS)
+        weights = weigh(target, proposals, fold_in(key, 1), int(np.ceil(more * settings.draws)))
     return weights._replace(z=np.asarray(coupled(target, weights.z)), refits=done, modes=len(modes))
 
 

@@ -16,15 +16,16 @@ from seatrial.core.reporter import Progress, check_progress, no_progress
 from seatrial.core.result_table import table_html, table_text
 from seatrial.estimation.fit_verdict import LIKELY as LIKELY_CORRELATED
 from seatrial.estimation.fit_verdict import UNDERSTATED
-from seatrial.estimation.mode import find_mode
+from seatrial.estimation.mode import Mode, higher_mode
 from seatrial.estimation.output_error import OutputError
 from seatrial.estimation.posterior import Posterior, as_key, check_posterior
 from seatrial.estimation.prediction import noise_sd, slow_noise
 from seatrial.estimation.prediction_scores import integrated_correlation, new_residuals
+from seatrial.estimation.remedies import listed
 from seatrial.estimation.replicate import motions
 from seatrial.estimation.sensor_errors import drift_name, drift_time_name
 from seatrial.estimation.trial_data import TrialData
-from seatrial.selection.combined_evidence import agreed_evidence
+from seatrial.selection.combined_evidence import Gathering, Keys, find_own_mode, gather, keys_of
 from seatrial.selection.evidence import Evidence, EvidenceSettings
 from seatrial.selection.structures import Structure
 
@@ -79,6 +80,21 @@ class Selection:
             for term, p in self.inclusion.items()
             if _is_noisy(p, self.inclusion_error[term]) or not _is_decided(p, self._reached(term))
         }
+
+    @property
+    def cautions(self) -> list[str]:
+        """Which verdicts change within what a check does not resolve, and which parameters lie at a bound of their prior."""
+        blunt = blunt_deciders(self.structures, self.evidences, [*self.inclusion])
+        said = [
+            f"the verdict on {listed(terms)} would change if the evidence of {self.structures[index].label} were wrong by less than its "
+            f"check resolves, {self.evidences[index].resolution:.2g} nat: raise `particles` or `repeats`"
+            for index, terms in blunt.items()
+        ]
+        labels: dict[str, list[str]] = {}
+        for structure, evidence in zip(self.structures, self.evidences, strict=True):
+            for sentence in evidence.diagnostics.get("at_bounds", ()):
+                labels.setdefault(sentence, []).append(structure.label)
+        return said + [f"{', '.join(of)}: {sentence}" for sentence, of in labels.items()]
 
     @property
     def is_reliable(self) -> bool:
@@ -144,7 +160,7 @@ class Selection:
 
     @property
     def _remarks(self) -> list[str]:
-        return [*self.verdicts, *self.alarms]
+        return [*self.verdicts, *self.alarms, *self.cautions]
 
     __repr__ = table_text
     _repr_html_ = table_html
@@ -232,6 +248,27 @@ def selection_alarms(labels: Sequence[str], evidences: Sequence[Evidence], resid
     )
 
 
+def blunt_deciders(
+    structures: Sequence[Structure], evidences: Sequence[Evidence], optional: Sequence[str]
+) -> dict[int, list[str]]:
+    """Return the structures on which a verdict depends within what the check of their evidence does not resolve, and these terms.
+
+    Args:
+        structures: candidates.
+        evidences: one for each.
+        optional: terms that are in question.
+    """
+    logs = np.array([evidence.log_value for evidence in evidences])
+    found: dict[int, list[str]] = {}
+    for index, evidence in enumerate(evidences):
+        doubts = [(evidence.resolution or 0.0) * (index == place) for place in range(len(evidences))]
+        for term in optional:
+            low, high = _range(logs, doubts, np.array([term in one.terms for one in structures], float))
+            if np.searchsorted(EDGES, low) != np.searchsorted(EDGES, high):
+                found.setdefault(index, []).append(term)
+    return found
+
+
 def compare(
     posteriors: Mapping[str, Posterior],
     settings: EvidenceSettings = EvidenceSettings(),
@@ -268,25 +305,29 @@ def compare(
     structures = [Structure(label, posterior.names) for label, posterior in posteriors.items()]
     shared = set.intersection(*(set(structure.terms) for structure in structures))
     optional = [name for name in dict.fromkeys(chain(*(one.terms for one in structures))) if name not in shared]
-    evidences, keys = [], jax.random.split(as_key(key), len(posteriors))
-    for posterior, own in zip(posteriors.values(), keys, strict=True):
-        evidences.append(agreed_evidence(posterior, own, settings))
+    evidences, keys = [], [keys_of(own) for own in jax.random.split(as_key(key), len(posteriors))]
+    modes = _exchanged([*posteriors.values()], keys)
+    gatherings = [Gathering(settings.repeats, mode) for mode in modes]
+    for posterior, gathering, own in zip(posteriors.values(), gatherings, keys, strict=True):
+        gather(posterior, gathering, own, settings)
+        evidences.append(gathering.evidence())
         progress(len(evidences), len(posteriors))
-    best = max(zip(evidences, posteriors.values(), strict=True), key=lambda pair: pair[0].log_value)[1]
-    return select(structures, evidences, optional, residuals=_residual_doubt(best, as_key(key)))
+    for index in blunt_deciders(structures, evidences, optional):
+        if gatherings[index].sharpen():
+            gather([*posteriors.values()][index], gatherings[index], keys[index], settings)
+            evidences[index] = gatherings[index].evidence()
+    best = max(range(len(evidences)), key=lambda index: evidences[index].log_value)
+    residuals = _residual_doubt([*posteriors.values()][best], modes[best], as_key(key))
+    return select(structures, evidences, optional, residuals=residuals)
 
 
-def _residual_doubt(posterior: Posterior, key: jax.Array) -> str:
+def _residual_doubt(posterior: Posterior, mode: Mode | None, key: jax.Array) -> str:
     """Say why the residuals of a posterior of records, at its mode, are not the noise that is modelled; empty where they may be.
 
     Those of filter error are not looked at: process noise correlates a simulation also where it is right.
     """
     likelihood, data = posterior.likelihood, posterior.data
-    if not isinstance(likelihood, OutputError):
-        return ""
-    try:
-        mode = find_mode(posterior, key)
-    except NumericalError:
+    if mode is None or not isinstance(likelihood, OutputError):
         return ""
     values = {name: jnp.asarray(value) for name, value in zip(mode.names, mode.values, strict=True)}
     shown = np.asarray(motions(likelihood, values, data, key))
@@ -308,6 +349,20 @@ def _residual_doubt(posterior: Posterior, key: jax.Array) -> str:
                 f"about {found.sd_factor:.1f}; {remedy}"
             )
     return ""
+
+
+def _exchanged(posteriors: Sequence[Posterior], keys: Sequence[Keys]) -> list[Mode | None]:
+    """Return the mode of each posterior, or a higher one to which those of the others lead; None where none was found."""
+    modes: list[Mode | None] = []
+    for posterior, own in zip(posteriors, keys, strict=True):
+        try:
+            modes.append(find_own_mode(posterior, own.importance))
+        except NumericalError:
+            modes.append(None)
+    for index, posterior in enumerate(posteriors):
+        others = [mode for place, mode in enumerate(modes) if place != index and mode is not None]
+        modes[index] = higher_mode(posterior, modes[index], others) or modes[index]
+    return modes
 
 
 def _check_same_data(posteriors: Mapping[str, Posterior]) -> None:

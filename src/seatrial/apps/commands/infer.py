@@ -101,7 +101,7 @@ def select(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None
         never = [term for term in campaign.rules.never if term in campaign.structure.optional]
         if never:
             cautions = [*cautions, f"the rules leave out {', '.join(never)}: no structure has it"]
-        return answer.finish(list(selection.alarms), cautions)
+        return answer.finish(list(selection.alarms), [*cautions, *selection.cautions])
 
     with_campaign(folder, quiet, work, context)
 
@@ -197,6 +197,7 @@ def _by_chains(campaign: Any, reporter: Any, answer: Answer) -> Exit:
     labels = [item.structure.label for item in estimates]
     unseen, doubts = _judge_unseen(answer, flow.get("baselines"), labels, evidences, held_back)
     doubts += held_back_cautions(campaign, trials)
+    doubts += [f"{item.structure.label}: {text}" for item in estimates[1:] for text in item.at_bounds]
     return answer.finish(alarms + unseen, [*doubts, *(text for text in estimates[0].cautions if text not in said)])
 
 

@@ -14,6 +14,7 @@ from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.error_models import ErrorModel, Scale, error_models, scale_of, with_error_model
 from seatrial.campaign.inference.estimate import estimate_key
+from seatrial.campaign.inference.modes import structure_modes
 from seatrial.campaign.inference.posterior import random_key, widest
 from seatrial.campaign.store.cross_validation import (
     OWN,
@@ -28,7 +29,6 @@ from seatrial.campaign.store.estimates import HasKey
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.reporter import SILENT, Progress, Reporter
-from seatrial.estimation.mode import find_mode
 from seatrial.selection.leave_one_run_out import LEAST_RUNS, LeaveOneRunOut, leave_one_run_out, mean_score
 from seatrial.selection.structures import Structure
 
@@ -155,7 +155,9 @@ def _candidate(study: Study, structure: Structure, error: ErrorModel, progress: 
     )
     try:
         posterior = study.posterior(structure)
-        mode = find_mode(posterior, random_key(campaign.seed, f"mode {structure.terms}"))
+        mode = study.once("modes", lambda: structure_modes(study))[structure]
+        if isinstance(mode, NumericalError):
+            raise mode
         leave_key = random_key(campaign.seed, f"leave out {structure.terms}")
         left = leave_one_run_out(posterior, leave_key, mode, progress=progress)
     except NumericalError as failure:

@@ -16,6 +16,7 @@ from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.settings import EstimationSettings
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.long_steps import long_steps
+from seatrial.campaign.inference.modes import structure_modes
 from seatrial.campaign.inference.omitted_effects import causes_of, findings_of, left_out, tried_effects
 from seatrial.campaign.inference.posterior import is_whole, random_key, widest
 from seatrial.campaign.inference.prior_and_record import check_prior_of
@@ -23,10 +24,11 @@ from seatrial.campaign.store.estimates import Estimate, HasKey, LeftOut, read_es
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of, load_checkpoint, save_checkpoint
 from seatrial.core.argument_checks import check_kind
 from seatrial.core.dataset import Dataset
+from seatrial.core.errors import NumericalError
 from seatrial.core.programs import program
 from seatrial.core.random_keys import fold_in
 from seatrial.core.reporter import SILENT, Progress, Reporter
-from seatrial.estimation.mode import Mode, find_mode
+from seatrial.estimation.mode import Mode
 from seatrial.estimation.noncentred import in_posterior, uncouple
 from seatrial.estimation.posterior import Posterior
 from seatrial.estimation.prior_checks import information_complaints
@@ -53,7 +55,7 @@ CHECKPOINT_EVERY = 5
 def estimate_key(campaign: Campaign, structure: Structure, trials: HasKey) -> str:
     """Key of one structure's posterior."""
     return key_of(
-        "posterior, with findings about model error and the effects tried",
+        "posterior, with findings about model error and bounds, and the effects tried",
         *(trials.key, structure.terms, campaign.vehicle),
         *(campaign.priors, campaign.sensors, campaign.estimation, campaign.seed),
     )
@@ -107,25 +109,30 @@ def estimate_all(campaign: Campaign, trials: Trials, reporter: Reporter = SILENT
         def on_progress(index: int, done: int, total: int) -> None:
             shown[index](done, total)
 
+        study, workers = Study(campaign, trials.fit), workers_of(campaign, reporter)
+        # Of all structures, also those that are there: each mode depends on the others', and must not on what was kept.
+        modes = structure_modes(study, workers)
         begun = [
-            _Begun(one, load_checkpoint(store.checkpoint(f"posterior-{one.label}"), checkpoint_keys[one]))
+            _Begun(one, modes[one], load_checkpoint(store.checkpoint(f"posterior-{one.label}"), checkpoint_keys[one]))
             for one in missing
         ]
-        workers_of(campaign, reporter).run(_advance, Study(campaign, trials.fit), begun, done, on_progress)
+        workers.run(_advance, study, begun, done, on_progress)
     return [result.read(result.path) for result in kept.values()]
 
 
 class _Begun(NamedTuple):
-    """A structure whose chains are to begin, or to go on from arrays of their run."""
+    """A structure with its mode, whose chains are to begin, or to go on from arrays of their run."""
 
     structure: Structure
+    mode: Mode | NumericalError
     run: dict[str, np.ndarray] | None
 
 
 class _Unended(NamedTuple):
-    """A structure and its chains' run so far, with the iterations done and in all."""
+    """A structure with its mode and its chains' run so far, with the iterations done and in all."""
 
     structure: Structure
+    mode: Mode | NumericalError
     run: dict[str, np.ndarray]
     done: int
     total: int
@@ -140,7 +147,9 @@ class _Ended(NamedTuple):
 def _advance(study: Study, item: _Begun | _Unended, report: Progress) -> _Ended | _Unended:
     """Run the chains of one structure to the next checkpoint, or to their end."""
     campaign, structure = study.campaign, item.structure
-    posterior, mode, robust, target, there = study.once(("mode", structure.terms), lambda: _prepare(study, structure))
+    posterior, mode, robust, target, there = study.once(
+        ("mode", structure.terms), lambda: _prepare(study, structure, item.mode)
+    )
     table = campaign.estimation
     sampler = SAMPLERS[table.sampler]
     settings = ChainSettings(table.chains, table.warmup, table.lengths[-1], table.thin)
@@ -157,7 +166,7 @@ def _advance(study: Study, item: _Begun | _Unended, report: Progress) -> _Ended 
         )  # before each block: whether chains that are as long as asked for go on is not known yet
         run = sampler.advance_chains(target, run, draw_key, settings)
         if run.iteration // BLOCK % CHECKPOINT_EVERY == 0 and run.iteration < total:
-            return _Unended(structure, arrays_of_run(run), run.iteration, total)
+            return _Unended(structure, item.mode, arrays_of_run(run), run.iteration, total)
     doubts = long_steps(posterior, mode, study.records)
     mode = mode.only(posterior.places)
     missing = left_out(posterior, structure, robust.omitted)
@@ -173,10 +182,13 @@ def _enough(target: Target, sampler: Sampler, run: Run, table: EstimationSetting
     return None if made < table.lengths[-1] and asks_for_more(diagnose(draws.values)) else draws
 
 
-def _prepare(study: Study, structure: Structure) -> tuple[Posterior, Mode, RobustErrors, Target, Mode]:
+def _prepare(
+    study: Study, structure: Structure, mode: Mode | NumericalError
+) -> tuple[Posterior, Mode, RobustErrors, Target, Mode]:
     """Posterior and mode of a structure, what leaving out data does to it, and both in the coordinates in which it is sampled."""
     campaign, posterior = study.campaign, study.posterior(structure)
-    mode = find_mode(posterior, random_key(campaign.seed, f"mode {structure.terms}"))
+    if isinstance(mode, NumericalError):
+        raise mode
     own = mode.only(posterior.places)
     if is_whole(campaign, structure):
         check_prior_of(study, posterior, own)
@@ -241,6 +253,7 @@ def _dataset(
             "laplace_log_evidence": mode.log_evidence,
             "alarms": json.dumps(complaints(names, health) + complaints_of_draws(draws)),
             "cautions": json.dumps(cautions),
+            "at_bounds": json.dumps([sentence for _, sentence in mode.at_bounds]),
         },
     )
 

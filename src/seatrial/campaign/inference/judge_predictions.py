@@ -41,7 +41,7 @@ from seatrial.estimation.pooled_coverage import (
     shared_motion,
     unjudged,
 )
-from seatrial.estimation.prediction import ANY, key_of_values, noise_sd, outputs_of_draws, slow_noise
+from seatrial.estimation.prediction import ANY, key_of_values, noise_sd, outputs_of_draws, slow_noise, within_bounds
 from seatrial.estimation.prediction_scores import (
     DIVERGES,
     Score,
@@ -297,9 +297,9 @@ def _predict(campaign: Campaign, drawn: Drawn, record: Record) -> dict[str, Any]
     key = random_key(campaign.seed, f"predict {record.label}")
     starts = {initial_name(state, ANY): first_sd(campaign.noise, state) for state in model.states}
     values = {}
-    there = {one.name for one in build_parameters(campaign, campaign.model(drawn.structure), [anonymous])}
+    priors = {one.name: one.prior for one in build_parameters(campaign, campaign.model(drawn.structure), [anonymous])}
     for index, parameter in enumerate(build_parameters(campaign, model, [anonymous])):
-        if parameter.name not in there:
+        if parameter.name not in priors:
             values[parameter.name] = np.zeros(len(table))
             continue
         name, prior = parameter.name.replace(f"[{ANY}]", f"[{record.label}]"), parameter.prior
@@ -309,7 +309,7 @@ def _predict(campaign: Campaign, drawn: Drawn, record: Record) -> dict[str, Any]
         if parameter.name in starts:
             prior = Normal(prior.mean, starts[parameter.name])
         own = jax.random.fold_in(key_of_values(key, len(table)), index)
-        values[parameter.name] = prior.draw(own, (len(table),))
+        values[parameter.name] = within_bounds(parameter.name, prior.draw(own, (len(table),)), known, priors, own)
     outputs = _outputs(likelihood, values, data, key, record)
     free = outputs if isinstance(likelihood, OutputError) else _outputs(likelihood.output, values, data, key, record)
     noise = np.column_stack([noise_sd(sensor, values) for sensor in campaign.sensor_models])

@@ -26,6 +26,7 @@ from seatrial.campaign.inference.judge_predictions import (
     predict_held_back,
 )
 from seatrial.campaign.inference.long_steps import long_steps
+from seatrial.campaign.inference.modes import exchange_modes
 from seatrial.campaign.inference.omitted_effects import causes_of, findings_of, left_out
 from seatrial.campaign.inference.posterior import is_whole, random_key
 from seatrial.campaign.inference.prior_and_record import check_prior_of
@@ -41,7 +42,7 @@ from seatrial.estimation.equation_error import (
     measured_accelerations,
     smoothed_accelerations,
 )
-from seatrial.estimation.mode import Mode, find_mode
+from seatrial.estimation.mode import Mode, draw_about, find_mode
 from seatrial.estimation.posterior import Posterior, values_of
 from seatrial.estimation.prior_checks import prior_contradictions
 from seatrial.estimation.robust_errors import robust_errors
@@ -148,15 +149,15 @@ def posterior_modes(campaign: Campaign, trials: Trials, reporter: Reporter = SIL
     """
     study = Study(campaign, trials.fit)
 
-    def answer(structure: Structure, largest: Mode | None = None) -> tuple[FirstAnswer, Mode | None]:
-        return _mode(study, structure, trials, reporter.progress(f"mode {structure.label}"), largest)
+    def search(structure: Structure, largest: Mode | NumericalError | None = None) -> Mode | NumericalError:
+        return _search(study, structure, reporter.progress(f"mode {structure.label}"), largest)
 
     begin = max(campaign.structures, key=lambda structure: len(structure.terms))
     others = [structure for structure in campaign.structures if structure is not begin]
-    first, largest = answer(begin)
-    found = run_side_by_side([partial(answer, structure, largest) for structure in others])
-    answers = {begin: first} | {structure: one for structure, (one, _) in zip(others, found, strict=True)}
-    return [answers[structure] for structure in campaign.structures]
+    largest = search(begin)
+    found = run_side_by_side([partial(search, structure, largest) for structure in others])
+    modes = exchange_modes(study, {begin: largest, **dict(zip(others, found, strict=True))})
+    return run_side_by_side([partial(_answer, study, one, trials, modes[one]) for one in campaign.structures])
 
 
 def best_mode(found: Sequence[FirstAnswer]) -> FirstAnswer:
@@ -206,20 +207,28 @@ def regressions(campaign: Campaign, trials: Trials, window: float | None = None)
     return [_regression(campaign, structure, trials, None if measured else width) for structure in campaign.structures]
 
 
-def _mode(
-    study: Study, structure: Structure, trials: Trials, progress: Progress, largest: Mode | None
-) -> tuple[FirstAnswer, Mode | None]:
-    """Return the answer of one structure and its mode with what is absent; it is looked for near that of the largest one."""
-    campaign, posterior = study.campaign, study.posterior(structure)
-    absent = [name for name in largest.names if name not in posterior.present_names] if largest else []
-    near = largest.expected(dict.fromkeys(absent, 0.0)) if largest else None
+def _search(
+    study: Study, structure: Structure, progress: Progress, largest: Mode | NumericalError | None
+) -> Mode | NumericalError:
+    """Return the mode of one structure with what is absent, looked for near that of the largest one; or why there is none."""
+    posterior, near = study.posterior(structure), None
+    if isinstance(largest, Mode):
+        absent = [name for name in largest.names if name not in posterior.present_names]
+        near = largest.expected(dict.fromkeys(absent, 0.0))
     progress(0, 1)
     try:
-        whole = find_mode(posterior, random_key(campaign.seed, f"mode {structure.terms}"), near=near)
+        return find_mode(posterior, random_key(study.campaign.seed, f"mode {structure.terms}"), near=near)
     except NumericalError as error:
-        return FirstAnswer(structure, alarm=f"{structure.label}: {error}"), None
+        return error
     finally:
         progress(1, 1)
+
+
+def _answer(study: Study, structure: Structure, trials: Trials, whole: Mode | NumericalError) -> FirstAnswer:
+    """Return the answer of one structure, of its mode with what is absent."""
+    campaign, posterior = study.campaign, study.posterior(structure)
+    if isinstance(whole, NumericalError):
+        return FirstAnswer(structure, alarm=f"{structure.label}: {whole}")
     robust = robust_errors(posterior, whole) if len(campaign.structures) <= MOST_ROBUST else None
     drawn, more = (draw_about_mode(campaign.seed, structure, posterior, whole, n) for n in (N_DRAWS, DESIGNED_FROM))
     mode = whole.only(posterior.places)
@@ -233,6 +242,7 @@ def _mode(
     missing = left_out(posterior, structure, robust.omitted) if robust else ()
     cautions = (
         [flat] * mode.flat
+        + [sentence for _, sentence in mode.at_bounds]
         + prior_contradictions(posterior, mode)
         + (long_steps(posterior, whole, study.records) if robust else [])
         + [one.sentence for one in missing]
@@ -241,7 +251,7 @@ def _mode(
     held_back = predict_held_back(campaign, drawn, trials)
     told = {name: robust.wider(name, sd) for name, _, ((_, sd),) in rows} if robust else {}
     wider = {name: sd for name, sd in told.items() if sd is not None}
-    answer = FirstAnswer(
+    return FirstAnswer(
         structure,
         rows,
         ("mode",),
@@ -256,7 +266,6 @@ def _mode(
         symmetry=symmetry_of(campaign, more, lambda: prior_curves(posterior)),
         shown={name: campaign.shown(name, unit) for name, unit, _ in rows},
     )
-    return answer, whole
 
 
 def draw_about_mode(
@@ -265,8 +274,7 @@ def draw_about_mode(
     """Draw so often from the normal approximation about the mode of a posterior; both as they were found, before `Mode.only`."""
     key = random_key(seed, f"about the mode {structure.terms}")
     random = np.random.default_rng(np.asarray(jax.random.key_data(key)))
-    z = random.multivariate_normal(mode.z, mode.cov, count, method="eigh")
-    values = values_of(posterior, z)[:, posterior.places]
+    values = values_of(posterior, draw_about(posterior, mode, count, random))[:, posterior.places]
     return NormalPosterior(structure, posterior.present_names, values)
 
 

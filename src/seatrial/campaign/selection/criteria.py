@@ -159,7 +159,7 @@ def _compute(campaign: Campaign, estimate: Estimate, trials: Trials) -> Dataset:
     try:
         table = pointwise_log_likelihood(posterior, draws)
         found = [
-            *_at_maximum(posterior, random_key(campaign.seed, f"mode {estimate.structure.terms}")),
+            *_at_maximum(posterior, random_key(campaign.seed, f"mode {estimate.structure.terms}"), estimate),
             waic(table),
             psis_loo(table),
         ]
@@ -169,8 +169,8 @@ def _compute(campaign: Campaign, estimate: Estimate, trials: Trials) -> Dataset:
     return _dataset(found, refused).assign_attrs(deviance=json.dumps([tuple(one) for one in deviance]))
 
 
-def _at_maximum(posterior: Posterior, key: Array) -> list[PredictiveCriterion]:
-    mode = find_mode(posterior, key)
+def _at_maximum(posterior: Posterior, key: Array, estimate: Estimate) -> list[PredictiveCriterion]:
+    mode = find_mode(posterior, key, near=dict(zip(estimate.names, estimate.data["mode"].values, strict=True)))
     best = maximise_likelihood(posterior, mode).values
     density = pointwise_log_likelihood(posterior, best[None, None])[0, 0]
     return [aic(density, posterior.dim), bic(density, posterior.dim)]

@@ -9,10 +9,12 @@ import numpy as np
 
 from seatrial.campaign.compute.place import workers_of
 from seatrial.campaign.compute.shared_work import Study
+from seatrial.campaign.compute.workers import Workers
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.estimate import estimate_key
 from seatrial.campaign.inference.judge_predictions import residual_doubt
+from seatrial.campaign.inference.modes import exchange_modes
 from seatrial.campaign.inference.posterior import random_key, widest
 from seatrial.campaign.inference.quick_estimates import draw_about_mode
 from seatrial.campaign.selection.screening import shortlist_of
@@ -20,6 +22,7 @@ from seatrial.campaign.store.estimates import HasKey
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of, load_checkpoint, save_checkpoint
 from seatrial.campaign.store.structures import StoredSelection, read_selection
 from seatrial.core.argument_checks import check_kind
+from seatrial.core.errors import NumericalError
 from seatrial.core.reporter import SILENT, Progress, Reporter
 from seatrial.estimation.mode import find_mode
 from seatrial.estimation.remedies import listed
@@ -42,7 +45,7 @@ from seatrial.selection.combined_evidence import (
 )
 from seatrial.selection.evidence import Evidence, EvidenceSettings
 from seatrial.selection.structures import Structure
-from seatrial.selection.verdict import Selection, select, selection_alarms
+from seatrial.selection.verdict import Selection, blunt_deciders, select, selection_alarms
 
 
 def select_structure(campaign: Campaign, trials: Trials, reporter: Reporter = SILENT) -> Selection:
@@ -95,7 +98,7 @@ def agreement_words(evidence: Evidence) -> str:
         if agrees(one)
     ]
     said = f"by {CALLED[value]}, " + (
-        f"with which {' and '.join(agree)} agree{'s' * (len(agree) == 1)}"
+        f"with which {' and '.join(agree)} agree{'s' * (len(agree) == 1)}; {evidence.check_words}"
         if agree
         else "which no other method confirms"
     )
@@ -125,9 +128,9 @@ def agreement_counts(labels: Sequence[str], evidences: Sequence[Evidence]) -> st
 def evidence_key(campaign: Campaign, structure: Structure, trials: HasKey) -> str:
     """Key of one structure's evidence."""
     name = (
-        "evidence by agreement, the hopeless given up"
+        "evidence by agreement, modes exchanged, checked as sharply as it decides, the hopeless given up"
         if len(campaign.structures) > 1
-        else "evidence by importance sampling"
+        else "evidence by importance sampling, with bounds"
     )
     return key_of(name, estimate_key(campaign, structure, trials), campaign.selection)
 
@@ -176,7 +179,10 @@ class _Part(NamedTuple):
 
 
 def _evidences(campaign: Campaign, trials: Trials, reporter: Reporter) -> list[Evidence]:
-    """All pieces of all evidences side by side; what each adds up to is `agreed_evidence`, but for structures that are given up first."""
+    """All pieces of all evidences side by side; what each adds up to is `agreed_evidence`, but for structures that are given up first.
+
+    What decides comes after the modes were exchanged, also of a run that goes on: what is kept of it must not change its outcome.
+    """
     kept = [_Kept(campaign, one, evidence_key(campaign, one, trials), reporter) for one in campaign.structures]
     of = {one.structure.label: one for one in kept}
     doing: list[_Part] = []
@@ -197,11 +203,34 @@ def _evidences(campaign: Campaign, trials: Trials, reporter: Reporter) -> list[E
     workers, study = workers_of(campaign, reporter), Study(campaign, trials.fit)
     doing[:] = [_Part(one.structure, piece) for one in kept for piece in one.gathering.begin(1)]
     workers.run(_compute, study, [*doing], done, on_progress)
+    again = _exchange(study, workers, kept)
+    doing[:] = [_Part(one.structure, piece) for one in again for piece in one.gathering.begin(1)]
+    workers.run(_compute, study, [*doing], done, on_progress)
+    for one in kept:
+        one.gathering.compared = True
     best = max((first[0] for one in kept if (first := one.gathering.first) is not None), default=-np.inf)
     left = [one for one in kept if not one.give_up(best)]
     doing[:] = [_Part(one.structure, piece) for one in left for piece in one.gathering.begin()]
     workers.run(_compute, study, [*doing], done, on_progress)
+    evidences = [one.gathering.evidence() for one in kept]
+    blunt = blunt_deciders(campaign.structures, evidences, campaign.structure.optional)
+    sharpened = [one for index, one in enumerate(kept) if index in blunt and one.gathering.sharpen()]
+    if not sharpened:
+        return evidences
+    doing[:] = [_Part(one.structure, piece) for one in sharpened for piece in one.gathering.begin()]
+    workers.run(_compute, study, [*doing], done, on_progress)
     return [one.gathering.evidence() for one in kept]
+
+
+def _exchange(study: Study, workers: Workers, kept: Sequence["_Kept"]) -> list["_Kept"]:
+    """Give each structure the higher mode to which those of others lead, and return those that have to be weighed again for it."""
+    weighed = {one.structure: one.gathering.weighed["importance"] for one in kept}
+    modes = {structure: one.mode or NumericalError(one.failure or "") for structure, one in weighed.items()}
+    better = exchange_modes(study, modes, workers)
+    again = [one for one in kept if better[one.structure] is not modes[one.structure]]
+    for one in again:
+        one.gathering.weigh_again(better[one.structure])
+    return again
 
 
 def _compute(study: Study, part: _Part, report: Progress) -> EvidenceRun | NestedRepeat | Weighed:
@@ -218,7 +247,7 @@ class _Kept:
     def __init__(self, campaign: Campaign, structure: Structure, key: str, reporter: Reporter):
         self.campaign, self.structure, self.reporter = campaign, structure, reporter
         self.third: Progress | None = None
-        self.gathering = Gathering(campaign.selection.repeats if len(campaign.structures) > 1 else 0)
+        self.gathering = Gathering(campaign.selection.repeats if len(campaign.structures) > 1 else 0, compared=False)
         self.shares = np.zeros(self.gathering.most)
         self.progress = reporter.progress(f"evidence {structure.label}: {' '.join(structure.terms)}")
         self.checkpoint_key = key_of("repeat", key, widest(campaign.structures).terms)

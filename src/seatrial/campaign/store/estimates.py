@@ -99,6 +99,11 @@ class Estimate:
         return json.loads(self.data.attrs["cautions"])
 
     @property
+    def at_bounds(self) -> list[str]:
+        """Which parameters have their mode at a bound of their prior."""
+        return json.loads(self.data.attrs["at_bounds"])
+
+    @property
     def left_out(self) -> tuple["LeftOut", ...]:
         """Effects that the structure lacks and its coefficients hide, the most harmful first."""
         return tuple(LeftOut(**item) for item in json.loads(self.data.attrs["left_out"]))
