@@ -3,6 +3,7 @@
 import re
 import tomllib
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,11 +11,15 @@ import pytest
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.check import check_records
 from seatrial.campaign.data.import_logs import get_trials
+from seatrial.campaign.inference import prior_and_record
 from seatrial.campaign.inference.omitted_effects import _ways
 from seatrial.campaign.inference.posterior import build_posterior
 from seatrial.core.errors import InputError
 from seatrial.estimation.candidate_effects import candidate_effects
 from seatrial.estimation.fit_verdict import slow_remedy
+from seatrial.estimation.posterior import Parameter
+from seatrial.estimation.prior_checks import _remedy
+from seatrial.estimation.priors import LogUniform
 from tests.campaign.small import SMALL
 from tests.campaign.test_check import CAMPAIGN, MUTE, feedback, speed, write
 from tests.campaign.yaw_campaign import write_yaw
@@ -120,6 +125,25 @@ def test_the_remedy_of_correlated_residuals(tmp_path, kind):
         text = without(text, ["tau_u"])
     assert f'estimation.residuals = "{kind}"' in said
     assert load(tmp_path, text) is None
+
+
+@pytest.mark.parametrize(("at", "is_fault"), [(0, False), (1, True)])
+def test_no_fault_of_a_record_is_blamed_for_a_noise_that_is_small(tmp_path, monkeypatch, at, is_fault):
+    """Followed, the remedy leaves room below the value that the data ask for."""
+    prior = LogUniform(1e-5, 0.2)
+    remedy = _remedy(Parameter("sigma_r", "rad/s", "s", prior), prior.bounds[at], 29.0)
+
+    def refuse(posterior, mode, where):
+        raise InputError("prior.sigma_r", found="a bound", expected="none", remedy=remedy)
+
+    monkeypatch.setattr(prior_and_record, "check_prior_contains_data", refuse)
+    monkeypatch.setattr(prior_and_record, "likely_causes", lambda campaign, records: ["a step that blurs"])
+    with pytest.raises(InputError) as caught:
+        prior_and_record.check_prior_of(
+            SimpleNamespace(campaign=SimpleNamespace(where_of_prior=str), records=()), None, None
+        )
+    assert ("a step that blurs" in caught.value.remedy) == is_fault
+    assert is_fault or remedy.startswith("widen [prior.sigma_r]: its lower bound to 1e-06 rad/s")
 
 
 def test_axes_of_an_unknown_mass_are_those_that_move(tmp_path):

@@ -87,6 +87,8 @@ def _remedy(parameter: Parameter, bound: float, gain: float) -> str:
         return 'set estimation.residuals = "white" and remove this prior: the residuals have no memory'
     if kind == "lag" and bound == parameter.prior.bounds[0]:
         return f"set sensors.{channel}.lag = false and remove this prior: {channel} is shown without delay"
+    if kind == "sigma" and bound == parameter.prior.bounds[0]:
+        return f"widen [prior.{parameter.name}]: its lower bound to {parameter.said(bound / 10)}, as the noise of {channel} is smaller"
     if kind == "sigma" and bound == parameter.prior.bounds[1]:
         return (
             f"the model misses {channel} by more than the sensor's noise can explain: check units, signs, the channel map, how the sensor "

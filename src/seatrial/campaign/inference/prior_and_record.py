@@ -12,11 +12,13 @@ def check_prior_of(study: Study, posterior: Posterior, mode: Mode) -> None:
     """Check that the priors of a campaign contain what its records say; arguments as `check_prior_contains_data`.
 
     Raises:
-        InputError: naming the parameter, and first of its remedies what `seatrial check` finds.
+        InputError: naming the parameter, and first of its remedies what `seatrial check` finds, where a fault of a record may be the cause.
     """
     try:
         check_prior_contains_data(posterior, mode, study.campaign.where_of_prior)
     except InputError as error:
+        if "check" not in error.remedy:  # no fault of a record makes a noise small, or a lag none
+            raise
         try:
             causes = likely_causes(study.campaign, study.records)
         except SeatrialError:  # of a record that cannot be judged nothing is added
