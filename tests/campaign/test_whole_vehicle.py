@@ -204,7 +204,7 @@ def test_what_an_earlier_campaign_found_of_thrusters_and_balance_is_sought_again
         (("published_to", 'known_from = ["../none"]\npublished_to'), "vehicle.known_from"),
         (('"M_uw", "M_uudelta_s"', '"M_uw", "N_uudelta_r"'), "N_uudelta_r"),
         (('published_to = "20 %"', ""), "a prior of M_u"),
-        (('catalogue = "remus100_prestero"', 'mass = "unknown"'), "together with `moves`"),
+        (('catalogue = "remus100_prestero"', 'mass = "unknown"'), "a whole vehicle: a body with a mass"),
         (('moves = ["w", "q"]', 'moves = ["w", "yaw"]'), "moves"),
     ],
 )

@@ -99,6 +99,10 @@ def test_the_section_says_what_was_left_out(outcome):
     )
     counted = models_section(replace(outcome, selection=some))["agreement"]
     assert counted.endswith(f"agree on 3 of 4 evidences; nested sampling decided that of {some.structures[1].label}.")
-    cautious = models_section(replace(outcome, screened=make_screened("<b>rows</b> follow one another")))["screening"]
-    assert cautious["cautions"][-1]["kind"] == "caution"
-    assert "&lt;b&gt;rows&lt;/b&gt; follow one another" in cautious["cautions"][-1]["text"]
+    text = "<b>rows</b> follow one another"
+    counted = outcome.summary | {"cautions": [text]}
+    for summary, kind in ((counted, "caution"), (outcome.summary, "finding")):
+        doubted = replace(outcome, screened=make_screened(text), summary=summary)
+        finding = models_section(doubted)["screening"]["cautions"][-1]
+        assert finding["kind"] == kind
+        assert "&lt;b&gt;rows&lt;/b&gt; follow one another" in finding["text"]

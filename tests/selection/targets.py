@@ -49,6 +49,14 @@ def one_peak():
     return peaks((0.7, 0.7))
 
 
+def unlike_peaks(d=4, half=12.0):
+    """Three normal peaks far inside a box, of which the narrow one holds a fifth of Z: all methods miss it."""
+    centres = np.random.default_rng(1).uniform(-7.0, 7.0, (3, d))
+    data = (centres, np.array([0.15, 1.0, 0.4]), np.log([0.2, 0.5, 0.3]))
+    target = posterior({f"x{i}": Uniform(-half, half) for i in range(d)}, _mixture, tuple(map(jnp.asarray, data)))
+    return target, -d * float(np.log(2 * half))
+
+
 def spike_on_slab(d=10, spike=0.01, slab=0.1, away=0.031, weight=100.0):
     """Skilling's phase transition in the unit cube: a spike of 100 times the evidence inside a slab (Bayesian Analysis 1, 2006)."""
     data = (np.stack([np.full(d, away), np.zeros(d)]), np.array([spike, slab]), np.log([weight, 1.0]))

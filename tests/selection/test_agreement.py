@@ -26,7 +26,7 @@ from seatrial.selection.combined_evidence import (
 from seatrial.selection.evidence import Evidence, EvidenceSettings, combine_runs
 from seatrial.selection.importance import FREE
 from tests.estimation_cases import linear_gaussian
-from tests.selection.targets import far_peaks, one_peak, peaks, spike_on_slab, wide_regression
+from tests.selection.targets import far_peaks, one_peak, peaks, spike_on_slab, unlike_peaks, wide_regression
 from tests.selection.test_evidence import parabola, runs
 
 KEYS = Keys(*jax.random.split(jax.random.key(1)))
@@ -45,6 +45,16 @@ def test_agreement_on_a_known_evidence():
     assert found.status == ""
     assert (found.diagnostics["checks"], found.diagnostics["modes"]) == (1, 1)
     assert abs(found.log_value - exact) < 4 * found.std_error < 0.05
+
+
+@pytest.mark.proof
+def test_a_peak_that_all_methods_miss_lies_within_what_the_check_resolves():
+    """The narrow peak holds a fifth of Z, log 0.8 = -0.22; no particle meets it, and the check says how little it shows."""
+    target, exact = unlike_peaks()
+    found = agreed_evidence(target, 0)
+    assert found.log_value - exact == pytest.approx(np.log(0.8), abs=4 * found.std_error)
+    assert found.std_error < 0.01
+    assert 0.5 < found.resolution < 2.0
 
 
 def test_draws_of_the_importance_sampling_are_those_asked_for():

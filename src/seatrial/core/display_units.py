@@ -21,8 +21,8 @@ Shown = Callable[[str, str], tuple[float, str]]
 
 
 def plain(value: float) -> str:
-    """Return a positive number in two digits, or as a whole number from 10 up, where two digits would need a power of ten."""
-    return f"{value:.0f}" if value >= 10 else f"{value:.2g}"
+    """Return a positive number in two digits, and from 10 to a million as a whole number, where two digits would need a power of ten."""
+    return f"{value:.0f}" if 10 <= value < 1e6 else f"{value:.2g}"
 
 
 def shown_as_written(written: Mapping[str, str]) -> Shown:

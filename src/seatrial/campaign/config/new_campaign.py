@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any, TypeVar
 
-from seatrial.campaign.config.settings import Goal
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.signals import ANGLES, CONTROLS, RATES, TRACKS, is_signal, is_thruster, signal_unit
@@ -135,12 +134,6 @@ PUBLISHED = NewCampaign(
     limits=(Bound("u", lower="0.8 m/s"),),
 )
 """A published vehicle in sway and yaw."""
-
-
-def is_example(goal: Goal) -> bool:
-    """Return whether a goal is that of `OWN`, with which the forms begin: nobody may have chosen it."""
-    shares = {name: float(text.removesuffix("%")) / 100.0 for name, text in OWN.goal}
-    return goal == Goal(shares, trials=OWN.trials)
 
 
 def new_campaign(said: Mapping[str, Any]) -> NewCampaign:

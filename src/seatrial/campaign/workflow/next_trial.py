@@ -11,7 +11,8 @@ import numpy as np
 import scipy
 
 from seatrial.campaign.config.campaign import Campaign
-from seatrial.campaign.config.new_campaign import is_example
+from seatrial.campaign.config.new_campaign import OWN
+from seatrial.campaign.config.settings import Goal
 from seatrial.campaign.data.simulate import Chosen, chosen_of
 from seatrial.campaign.design.found_noise import noise_words
 from seatrial.campaign.design.sweep import Designs
@@ -138,7 +139,8 @@ def before_stop(campaign: Campaign, is_tested: bool) -> list[str]:
     missing = []
     if campaign.imports is not None and not is_tested:
         missing.append(f"test the model, because no run was held back: {hold_back_words(campaign.imports)}")
-    if campaign.goal is not None and is_example(campaign.goal):
+    example = Goal({name: float(share.removesuffix("%")) / 100.0 for name, share in OWN.goal}, trials=OWN.trials)
+    if campaign.goal == example:
         missing.append("state in [goal] how well you need to know it: this goal is the example of the template")
     return missing
 
