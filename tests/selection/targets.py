@@ -53,8 +53,16 @@ def unlike_peaks(d=4, half=12.0):
     """Three normal peaks far inside a box, of which the narrow one holds a fifth of Z: all methods miss it."""
     centres = np.random.default_rng(1).uniform(-7.0, 7.0, (3, d))
     data = (centres, np.array([0.15, 1.0, 0.4]), np.log([0.2, 0.5, 0.3]))
-    target = posterior({f"x{i}": Uniform(-half, half) for i in range(d)}, _mixture, tuple(map(jnp.asarray, data)))
+    target = posterior({f"x{i}": Uniform(-half, half) for i in range(d)}, _three, tuple(map(jnp.asarray, data)))
     return target, -d * float(np.log(2 * half))
+
+
+def _three(values, data):
+    centres, sd, log_weight = data
+    first = _mixture(values, (centres[:2], sd[:2], log_weight[:2]))
+    return jnp.logaddexp(
+        first, _mixture(values, (centres[2:].repeat(2, 0), sd[2:].repeat(2), log_weight[2:].repeat(2) - jnp.log(2.0)))
+    )
 
 
 def spike_on_slab(d=10, spike=0.01, slab=0.1, away=0.031, weight=100.0):
