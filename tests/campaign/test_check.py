@@ -184,6 +184,8 @@ def test_commands_that_are_computed_from_the_motion_cast_no_doubt_on_signs(tmp_p
     assert "note    u          direction: correlation -0." in result.output
     assert "scale = -1" not in result.output
     assert "before its command" not in result.output
+    assert "changes at nearly every sample" not in result.output
+    assert 'write between = "held", not "line"' in result.output
 
 
 @pytest.mark.parametrize(

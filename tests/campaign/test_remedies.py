@@ -101,6 +101,10 @@ WRONG = {
         UNKNOWN.replace("[vehicle]\n", '[vehicle]\nmoves = ["u", "r"]\n'),
         [(r'write moves = \["u"\]', lambda text, _: text.replace('["u", "r"]', '["u"]'))],
     ),
+    "an added mass beside an unknown mass, which would scale every coefficient": (
+        UNKNOWN.replace("[vehicle]\n", "[vehicle]\nfixed = { X_udot = -1.0 }\n"),
+        [("remove X_udot from `fixed`", lambda text, _: text.replace("fixed = { X_udot = -1.0 }\n", ""))],
+    ),
 }
 
 
@@ -328,7 +332,7 @@ def test_a_sensor_that_is_added_uses_its_channel(tmp_path):
 
 
 def test_a_control_that_changes_at_each_sample_is_measured_or_a_command(tmp_path):
-    log = feedback(0)
+    log = [(time, 5.0 + 3.0 * np.sin(0.7 * float(time)), speed) for time, _, speed in feedback(0)]
     (told,) = [remedy for one, _, remedy in doubts(tmp_path, CAMPAIGN, log) if one == "record"]
     for way in ("line", "held"):
         assert f'between = "{way}"' in told

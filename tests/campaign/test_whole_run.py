@@ -36,6 +36,20 @@ def clock(monkeypatch, tmp_path):
     return now
 
 
+def test_steps_that_took_no_time_before_end_in_no_error(clock):
+    """As `first` and `promised` of a campaign that designs nothing."""
+    learn("first", 0.0)
+    learn("promised", 0.0)
+    told = Told()
+    run = WholeRun(told, ["first", "promised"])
+    run.begin("first")
+    clock[0] = 2.0
+    run.end()
+    run.begin("promised")
+    run.end()
+    assert told.shown[TITLE][-1] == (1000, 1000)
+
+
 def test_the_bar_follows_what_steps_took_before(clock):
     for _ in range(2):
         learn("estimates", 30.0)

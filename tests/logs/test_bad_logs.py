@@ -186,7 +186,7 @@ def test_wrong_time_unit_is_recognised(tmp_path, step, unit, meant):
 
 
 STAMPS = {
-    "leap second": ("2016-12-31T23:59:60Z", "remove every row"),
+    "leap second": ("2016-12-31T23:59:60Z", "import two runs, before and after it"),
     "no day": ("2016-02-30T00:00:00Z", "correct the stamp"),
     "no instant": ("NaT", "remove the row"),
     "another zone": ("2016-12-31T23:59:59+01:00", "correct the stamp"),

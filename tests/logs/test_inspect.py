@@ -720,11 +720,13 @@ def test_two_thrusters_by_one_letter(tmp_path, left, right):
         "RC_CHANNELS_OVERRIDE.chan{}_raw",
         "RCIN.C{}",
         "rc_override_{}",
+        "rc_override_{}, from 0",
         "input_rc.values[{}]",
     ],
 )
 def test_radio_control_is_of_axes_and_of_no_thruster(tmp_path, name):
-    first = 0 if "[" in name else 1
+    name, _, begins = name.partition(", from ")
+    first = 0 if "[" in name or begins else 1
     columns = [name.format(first + k) for k in range(8)]
     ends = [(1400.0, 1600.0)] * 8
     if name == "channels[{}]":  # only the topic tells
@@ -750,6 +752,7 @@ NOTHING = {
     "a gain": ("pid_gains.p", (0.0, 1.0)),
     "a command": ("/cmd_vel/linear.x", (0.0, 1.0)),
     "whole numbers of no unit": ("thruster_1", (-40.0, 40.0)),
+    "beyond the force of a thruster": ("motor_0", (0.5, 2999.5)),
     "parts of a quaternion": ("orientation.x,orientation.y,orientation.z", *[(-0.5, 0.5)] * 3),
 }
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
+import seatrial as st
 from seatrial.core.errors import NumericalError
 from seatrial.estimation.mode import Mode, climb, find_mode
 from seatrial.estimation.priors import Normal, Uniform, half_normal
@@ -392,3 +393,35 @@ def test_proposal_without_draws_keeps_its_place_and_half_of_its_share():
     z = np.random.default_rng(1).normal(size=(400, 1))
     found = refit(pair, Weights(z, np.zeros(400), np.full(400, -np.log(400)), 0.1, 400.0))
     assert [one.share for one in found] == pytest.approx([0.75, 0.25])
+
+
+@pytest.mark.parametrize("narrowest", [1.0, 1e-3, 1e-14])
+def test_a_proposal_exists_where_its_covariance_is_singular_by_rounding(narrowest):
+    """Near a spread of 0 precisions reach 1e28, of which Cholesky's factorisation of the covariance finds no root."""
+    rng = np.random.default_rng(3)
+    turned, _ = np.linalg.qr(rng.normal(size=(5, 5)))
+    sd = np.geomspace(narrowest, 1.0, 5)
+    mode = Mode(np.zeros(5), turned / sd**2 @ turned.T, turned * sd**2 @ turned.T, 0.0, 0.0, np.zeros(5), sd, False)
+    factor = laplace_proposal(mode).factor
+    assert np.array_equal(factor, np.tril(factor))
+    assert (np.diagonal(factor) > 0).all()
+    if narrowest > 1e-4:
+        np.testing.assert_allclose(factor @ factor.T, mode.cov, rtol=0, atol=1e-10)
+
+
+@pytest.mark.proof
+def test_centred_schools_end_in_a_value_with_what_speaks_against_it():
+    """Rubin 1981: the density rises without bound where the spread of the schools goes to 0."""
+    effect, sd = jnp.array([28.0, 8, -3, 7, -1, 1, 18, 12]), jnp.array([15.0, 10, 16, 11, 9, 11, 10, 18])
+
+    def log_density(values):
+        school = jnp.stack([values[f"school_{i}"] for i in range(8)])
+        between = jnp.sum(-0.5 * ((school - values["mean"]) / values["spread"]) ** 2 - jnp.log(values["spread"]))
+        return between - 0.5 * jnp.sum(((effect - school) / sd) ** 2)
+
+    priors = {f"school_{i}": st.Uniform(-100.0, 100.0) for i in range(8)}
+    priors |= {"mean": st.Normal(0.0, 5.0), "spread": st.Uniform(0.0, 50.0)}
+    small = st.EvidenceSettings(repeats=2, smc=st.SMCSettings(particles=256))
+    found = st.evidence(st.posterior_of_density(log_density, priors), 1, small)
+    assert np.isfinite(found.log_value)
+    assert found.status != ""

@@ -74,7 +74,10 @@ def find_feedback(
 def closed_loop(feedback: Mapping[str, Sequence[str]]) -> list[RecordFinding]:
     """Return the note about each control that is computed from measured channels."""
     limit = "the noise of the sensor is in the command"
-    remedy = "disturbances move the vehicle and the command alike: a run whose commands are set beforehand tells more"
+    remedy = (
+        'it is a command: write between = "held", not "line". Disturbances move the vehicle and the command alike: a run whose commands '
+        "are set beforehand tells more"
+    )
     return [
         RecordFinding(control, LOOP, "note", f"it is computed from {listed(channels)}", limit, remedy)
         for control, channels in feedback.items()

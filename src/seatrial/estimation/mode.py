@@ -98,6 +98,12 @@ class Mode(NamedTuple):
         """The mode by parameter name, SI."""
         return dict(zip(self.names, map(float, self.values), strict=True))
 
+    @property
+    def scale(self) -> Float[np.ndarray, "d d"]:
+        """Lower triangle L of the covariance L L', also where rounding has made the covariance singular."""
+        values, vectors = np.linalg.eigh(self.cov)
+        return triangular_root(vectors * np.sqrt(np.maximum(values, np.finfo(float).tiny)))
+
     def only(self, at: Int[np.ndarray, " k"]) -> "Mode":
         """Return the mode without the parameters that are absent, of which the density is the standard normal one.
 
@@ -638,6 +644,18 @@ def _point(posterior: Posterior, z: np.ndarray) -> str:
     """Return the values of the parameters there, in words."""
     values = values_of(posterior, z)[posterior.places]
     return ", ".join(f"{name} = {value:.4g}" for name, value in zip(posterior.present_names, values, strict=True))
+
+
+def triangular_root(rows: Float[np.ndarray, "d m"]) -> Float[np.ndarray, "d d"]:
+    """Return the lower triangle L of L L' = A A', by rotations.
+
+    Cholesky's factorisation of A A' fails where its condition number exceeds 1e16, as it does near a spread of 0; that of A is its root.
+
+    Args:
+        rows: A, of at least as many columns as rows.
+    """
+    factor = np.linalg.qr(rows.T, mode="r").T
+    return factor * np.where(np.diagonal(factor) < 0.0, -1.0, 1.0)
 
 
 def _invert(precision: np.ndarray) -> tuple[np.ndarray, float, bool]:

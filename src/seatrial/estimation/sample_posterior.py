@@ -125,7 +125,7 @@ def _sample_small(name: str, posterior: Posterior, key: jax.Array) -> Draws:
 def spread_starts(target: Target, mode: Mode, chains: int, key: jax.Array) -> np.ndarray:
     """Positions spread wider than the normal approximation, so that R-hat can see chains that do not meet, shape (chains, d)."""
     noise = np.random.default_rng(np.asarray(jax.random.key_data(key))).standard_normal((chains, target.dim))
-    starts = mode.z + SPREAD * noise @ np.linalg.cholesky(mode.cov).T
+    starts = mode.z + SPREAD * noise @ mode.scale.T
     finite = np.isfinite(evaluate(target, starts))
     return np.where(finite[:, None], starts, mode.z)
 

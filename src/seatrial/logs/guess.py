@@ -86,6 +86,8 @@ _WHOLE = ("value", "data")
 """Names of the only column of a table."""
 _PER_CENT, _PULSE = 100.0, (900.0, 2100.0)
 """Size of a full command in per cent, and the range of pulse widths, µs."""
+_LARGEST_FORCE = 500.0
+"""Size up to which numbers of a thruster in no stated unit may be newtons: beyond it they are as likely a speed of rotation."""
 _BODY = ("u", "v", "w")
 FASTEST = 25.0
 """Speed beyond that of any vehicle, m/s."""
@@ -233,8 +235,10 @@ def remarks(found: Sequence[Guess], tables: Sequence[TableSummary]) -> tuple[str
 def _sticks(table: TableSummary) -> str:
     """Name the columns that hold commands of axes, as a radio control sends them; empty where there are none."""
     numbers = {column.name: rc_channel(_named(table.info), table.info.kind, column.name) for column in table.columns}
+    known = {name: number for name, number in numbers.items() if number is not None}
+    first = 0 if 0 in known.values() else 1
     axes = ", ".join(
-        f"{name} {RC_AXES[number - 1]}" for name, number in numbers.items() if number and number <= len(RC_AXES)
+        f"{name} {RC_AXES[number - first]}" for name, number in known.items() if number - first < len(RC_AXES)
     )
     if not axes:
         return ""
@@ -366,7 +370,9 @@ def _force_or_command(column: ColumnSummary, is_force: bool) -> tuple[str, float
         return "N", 1.0, "newtons by the name"
     if size <= _UNIT or size == _PER_CENT or _PULSE[0] <= column.least <= column.greatest <= _PULSE[1]:
         return COMMAND, 1.0, "[vehicle.thrust_laws] makes thrust of it"
-    return None if all(end.is_integer() for end in ends) else ("N", 1.0, "newtons by its range: or per cent?")
+    if size > _LARGEST_FORCE or all(end.is_integer() for end in ends):
+        return None
+    return "N", 1.0, "newtons by its range: or per cent?"
 
 
 def _by_name(table: TableSummary, column: ColumnSummary) -> Guess | None:

@@ -33,6 +33,8 @@ from seatrial.logs.source import (
 from seatrial.logs.summary import clock_summary, disagreement
 from seatrial.logs.time_stamps import check_unit, checked_time, elapsed, unit_doubt
 
+LOOKS_MEASURED = "it changes at nearly every sample, as what is measured does"
+"""What is said of a control that may be measured."""
 SAME_UNIT = 0.02
 """Share by which the unit of a map, or unit times scale, may differ from the one that the log or the name of the column states."""
 _LAYOUT = {"delimiter": None, "skip_rows": 0, "header_rows": 1, "names": None, "encoding": "utf-8"}
@@ -188,7 +190,7 @@ def _measured(source: LogSource, table: LogTable) -> Iterator[str]:
             continue
         if half_a_step_matters(table.columns[name]) and looks_measured(table.time, table.columns[name]):
             yield (
-                f'channel "{name}" of {table.place}: it changes at nearly every sample, as what is measured does, and is '
+                f'channel "{name}" of {table.place}: {LOOKS_MEASURED}, and is '
                 'held from each sample to the next, which makes it half a sample late: add between = "line" to this channel, or between = '
                 '"held" if it is a command'
             )

@@ -253,7 +253,7 @@ def maximise_likelihood(posterior: Posterior, mode: Mode) -> Maximum:
     Raises:
         NumericalError: the likelihood is zero at the mode.
     """
-    scale = np.linalg.cholesky(mode.cov)
+    scale = mode.scale
 
     def fall(x: np.ndarray) -> tuple[float, np.ndarray]:
         slope, value = map(np.asarray, _slope_and_value(posterior, jnp.asarray(mode.z + scale @ x)))

@@ -23,7 +23,7 @@ from scipy.special import gammaln, log_expit, logsumexp, stdtr, stdtrit
 
 from seatrial.core.errors import NumericalError
 from seatrial.core.random_keys import fold_in, split
-from seatrial.estimation.mode import Mode, find_mode
+from seatrial.estimation.mode import Mode, find_mode, triangular_root
 from seatrial.estimation.noncentred import Uncoupled, coupled, uncouple, uncoupled_mode
 from seatrial.estimation.posterior import Posterior
 from seatrial.estimation.priors.box import CORNER
@@ -192,7 +192,7 @@ def laplace_proposal(mode: Mode, edges: Float[np.ndarray, "d 2"] = FREE) -> Prop
         edges: of each component, of `edges_of`.
     """
     values, vectors = np.linalg.eigh(mode.precision)
-    factor = np.linalg.cholesky((vectors / np.maximum(values, 1.0)) @ vectors.T)
+    factor = triangular_root(vectors / np.sqrt(np.maximum(values, 1.0)))
     slope = np.exp(_log_slopes(mode.z, edges))
     on_line = ProposalComponent(straightened(mode.z, edges), slope[:, None] * factor)
     return _cut(ProposalComponent(mode.z, factor), on_line, edges)
@@ -301,9 +301,10 @@ def _refitted(
     centre = share @ place
     spread = place - centre
     trust, doubt = 1.0 / float(share @ share), centre.size + 2.0
-    old = proposal.factor @ proposal.factor.T
-    cov = (trust * (spread.T * share) @ spread + doubt * old) / (trust + doubt)
-    return ProposalComponent(centre, np.linalg.cholesky(cov))
+    fresh = np.sqrt(trust / (trust + doubt) * share) * spread.T
+    return ProposalComponent(
+        centre, triangular_root(np.hstack([fresh, np.sqrt(doubt / (trust + doubt)) * proposal.factor]))
+    )
 
 
 def _complaints(weights: Weights) -> list[str]:
@@ -330,7 +331,7 @@ def _order(proposal: ProposalComponent) -> tuple[Int[np.ndarray, " d"], Float[np
     if not leaning.size:
         return everything, proposal.factor
     order = np.concatenate([leaning, np.setdiff1d(everything, leaning)])
-    return order, np.linalg.cholesky((proposal.factor @ proposal.factor.T)[np.ix_(order, order)])
+    return order, triangular_root(proposal.factor[order])
 
 
 def _steps(proposal: ProposalComponent, z: Float[np.ndarray, "n d"]) -> Float[np.ndarray, "d n"]:

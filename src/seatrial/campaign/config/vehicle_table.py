@@ -106,6 +106,14 @@ def _axes_vehicle(table: VehicleTable, keys: FileKeys, terms: Sequence[str]) -> 
         )
     else:
         mass = None if table.mass == "unknown" else _positive(keys, table.mass, "kg", "vehicle.mass")
+        added = [name for name in table.fixed if CoefficientName.parse(name).is_added_mass]
+        if mass is None and added:
+            raise InputError(
+                keys.where(f"vehicle.fixed.{added[0]}"),
+                found=f'{table.fixed[added[0]]:g} kg with mass = "unknown"',
+                expected="no added mass: coefficients are estimated per unit of the effective mass, which contains it",
+                remedy=f"remove {added[0]} from `fixed`, or state the mass",
+            )
         hull = SurgeHull(table.name or "vehicle", mass, table.thrust_deduction, table.fixed, _trim(table, keys))
         found = AxesVehicle(hull, axes)
     if found.hull.mass is not None and not found.is_surge:

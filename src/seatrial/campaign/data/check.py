@@ -290,7 +290,7 @@ def _judge(campaign: Campaign, record: Record) -> RecordJudgement:
     else:
         mean = np.array([float(prior.mean) for prior in priors])
         findings += _excitation(plan, priors, mean, control)
-    return RecordJudgement(record, tuple(findings), tuple(record_cautions(record)))
+    return RecordJudgement(record, tuple(findings), tuple(record_cautions(record, judged.feedback)))
 
 
 def _named(findings: Sequence[RecordFinding]) -> str:

@@ -1,19 +1,32 @@
 """What a user must know about a record before believing what is fitted to it."""
 
+from collections.abc import Collection
+
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.core.display_units import shown_unit
 from seatrial.core.record import SIMULATED, Record
 from seatrial.core.signals import RATES
 from seatrial.estimation.record_checks import RecordFinding
+from seatrial.logs.read import LOOKS_MEASURED
 
 _DONE = {"control": "each holds the value before it", "measurement": "they are left out; the other rows are used"}
 """What is done with empty cells, by the role of their channel."""
 
 
-def record_cautions(record: Record) -> list[str]:
-    """Holes in its channels, and controls of whole real trials that never move, in words."""
+def record_cautions(record: Record, computed: Collection[str] = ()) -> list[str]:
+    """Return the holes in its channels, and the controls of whole real trials that never move, in words.
+
+    Args:
+        record: a record.
+        computed: controls that are computed from the motion: they change at each sample, and are commands all the same.
+    """
     whole = record.provenance.source != SIMULATED and "piece" not in record.provenance.options
-    said = [f"run {record.label}, {text}" for text in record.cautions]
+    commands = tuple(f'channel "{name}" of ' for name in computed)
+    said = [
+        f"run {record.label}, {text}"
+        for text in record.cautions
+        if not (text.startswith(commands) and LOOKS_MEASURED in text)
+    ]
     for name in record.controls if whole else ():
         column = record.channel(name)
         if column.min() == column.max():

@@ -132,7 +132,8 @@ class WholeRun:
 
     def _show(self, tell: Bar) -> None:
         usual = UNSURE * (self.before + sum(self.expected.values()))
-        pace = (self.took + usual) / (self.before + usual)
+        # Steps that took no time on this machine say nothing of a pace.
+        pace = (self.took + usual) / (self.before + usual) if self.before + usual > 0.0 else 1.0
         over = time.monotonic() - self.began if self.now in self.expected else 0.0
         share = sum(bar.share for bar in self.bars.values()) / len(self.bars) if over > 0 and self.bars else 0.0
         trust, here = share / (share + EARLY), pace * self.expected.get(self.now, 0.0)

@@ -46,7 +46,10 @@ _LONGEST_LINE = 1 << 24
 _LONGEST_STAMP = 40
 _LARGEST_STAMP = 2.0**62
 _NO_STAMP = "correct the stamp, remove the row, or map another clock"
-_NO_DATE = "correct the stamp or remove the row; of a leap second (23:59:60) remove every row, or map a clock that counts seconds"
+_NO_DATE = (
+    "correct the stamp or remove the row; of a leap second (23:59:60) map a clock that counts seconds, or import two runs, before and "
+    "after it"
+)
 _SPACES = re.compile(r"[ \t]+")
 _GZIP = b"\x1f\x8b"
 _MAGIC = {
