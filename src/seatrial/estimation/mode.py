@@ -654,7 +654,7 @@ def triangular_root(rows: Float[np.ndarray, "d m"]) -> Float[np.ndarray, "d d"]:
     Args:
         rows: A, of at least as many columns as rows.
     """
-    factor = np.linalg.qr(rows.T, mode="r").T
+    factor = np.asarray(np.linalg.qr(rows.T, mode="r")).T
     return factor * np.where(np.diagonal(factor) < 0.0, -1.0, 1.0)
 
 
