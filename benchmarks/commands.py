@@ -52,8 +52,6 @@ RECORDS = {
 }
 """Examples that are fitted: the length of their record, s, and what each command may take: processor seconds with caches full and empty,
 and MB with full ones."""
-THINKING = 60.0
-"""Seconds for which a page is looked at before the click that is called warm."""
 LOOP_PROGRAMS = 40
 """Programs of the whole loop, whatever the number of structures."""
 MORE_TERMS = ("X_u3", "X_du2", "T_n", "X_u2")
@@ -202,19 +200,16 @@ def _make_record(example: str, duration: int, folder: Path) -> None:
 
 
 def _click(base: Path) -> None:
-    """Have a session of the dashboard make the design of a new campaign: as it was opened, and when it had been looked at."""
+    """Have a session of the dashboard make the design of a new campaign, with empty caches and with those that were left."""
     from seatrial.apps.session import Session
 
     for kind, goal in (("empty caches", CLICK_GOALS[1]), ("full caches", CLICK_GOALS[0])):
         folder = base / f"click-{kind[:5].strip()}"
         _run(["init", str(folder)], base / "click-cache")
         os.environ |= _environment(base / "click-cache")
-        session = Session(folder, outlives=True)
-        if kind == "full caches":
-            session.get_ready()
-            time.sleep(THINKING)
+        session = Session()
         began = time.monotonic()
-        session.start(["design", str(folder)])
+        session.start(["design", str(folder)], folder / "log")
         code = session.code(None)
         wall = time.monotonic() - began
         session.close()

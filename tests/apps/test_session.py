@@ -6,7 +6,6 @@ import sys
 import time
 from pathlib import Path
 
-import jax
 import pytest
 import xarray as xr
 
@@ -14,22 +13,19 @@ from seatrial.apps.campaign_lock import occupant_of
 from seatrial.apps.dashboard.jobs import KEPT, Jobs, log_of
 from seatrial.apps.running import Exit
 from seatrial.apps.session import Session, how_it_ended
-from seatrial.apps.session_worker import _Rehearsal
-from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.store.stored_result import Store
-from seatrial.campaign.workflow.steps import Workflow
 from tests.campaign.small import NO_X_U, write_small
 
 PARENT = """
 import os, sys, time
 from pathlib import Path
 from seatrial.apps.session import Session
-session = Session(Path(sys.argv[1]), outlives=sys.argv[2] == "outlives", prepares=False)
-if sys.argv[3] == "works":
+session = Session()
+if sys.argv[2] == "works":
     session.start(["estimate", sys.argv[1]], Path(sys.argv[1]) / "log")
-part = Path(sys.argv[4] + ".part")
+part = Path(sys.argv[3] + ".part")
 part.write_text(str(session.process.pid))
-os.replace(part, sys.argv[4])
+os.replace(part, sys.argv[3])
 time.sleep(120)
 """
 
@@ -53,7 +49,7 @@ def everything(folder: Path) -> dict[str, bytes]:
 def test_a_command_runs_as_if_alone_and_compiles_once(monkeypatch, tmp_path):
     folder = write_small(tmp_path / "boat", *NO_X_U)
     monkeypatch.setenv("JAX_LOG_COMPILES", "1")
-    session = Session(folder, outlives=True, prepares=False)
+    session = Session()
     log = tmp_path / "log"
 
     def design():
@@ -81,7 +77,7 @@ def test_a_command_runs_as_if_alone_and_compiles_once(monkeypatch, tmp_path):
 
 def test_errors_end_a_command_and_an_interrupt_its_process_and_nothing_is_lost(tmp_path):
     folder, log = write_small(tmp_path / "boat", *NO_X_U), tmp_path / "log"
-    session = Session(folder, outlives=True, prepares=False)
+    session = Session()
 
     def run(*words):
         log.unlink(missing_ok=True)
@@ -111,8 +107,7 @@ def test_errors_end_a_command_and_an_interrupt_its_process_and_nothing_is_lost(t
 
 
 def test_a_process_that_has_grown_ends_after_its_command(tmp_path):
-    folder = write_small(tmp_path)
-    small = Session(folder, outlives=True, prepares=False, memory=1)
+    small = Session(memory=1)
     small.start(["vehicle"], tmp_path / "log")
     assert small.code(60) == Exit.OK
     assert not small.is_usable
@@ -122,7 +117,7 @@ def test_a_process_that_has_grown_ends_after_its_command(tmp_path):
 
 def test_a_process_that_is_killed_is_told_and_replaced(tmp_path):
     folder = write_small(tmp_path)
-    jobs = Jobs(prepares=False)
+    jobs = Jobs()
     jobs.start(folder, "prior")
     first = jobs.sessions[folder]
     first.kill()
@@ -142,12 +137,8 @@ def test_each_campaign_has_its_own_process_and_few_wait(tmp_path, monkeypatch):
     class Idle:
         is_usable, is_busy, is_closed = True, False, False
 
-        def __init__(self, folder, **settings):
-            self.folder = folder
+        def __init__(self):
             made.append(self)
-
-        def get_ready(self):
-            pass
 
         def close(self):
             self.is_closed = True
@@ -155,58 +146,28 @@ def test_each_campaign_has_its_own_process_and_few_wait(tmp_path, monkeypatch):
     monkeypatch.setattr("seatrial.apps.dashboard.jobs.Session", Idle)
     jobs, folders = Jobs(), [tmp_path / name for name in "abc"]
     for folder in folders:
-        jobs.get_ready(folder)
+        jobs.session_of(folder)
     made[1].is_busy = True
-    jobs.get_ready(folders[0])
-    assert [one.folder for one in made] == [*folders, folders[0]]
+    jobs.session_of(folders[0])
     assert [one.is_closed for one in made] == [True, False, False, False]
+    assert list(jobs.sessions) == [*folders[1:], folders[0]]
     assert len(jobs.sessions) == KEPT + 1
 
 
-def test_a_rehearsal_compiles_the_next_step_and_leaves_nothing(tmp_path, caplog):
-    folder, scratch = (
-        write_small(tmp_path / "boat", *NO_X_U, ('sample_time = "0.1 s"', 'sample_time = "0.2 s"')),
-        tmp_path / "scratch",
-    )
-    scratch.mkdir()
-    before = everything(folder)
-    rehearsal = _Rehearsal(folder, scratch)
-    rehearsal.begin()
-    rehearsal.stop()
-    until(lambda: not rehearsal.is_at_it)
-    assert not rehearsal.rehearsed
-    rehearsal.begin()
-    until(lambda: not rehearsal.is_at_it, 300)
-    assert [step for _, step in rehearsal.rehearsed] == ["design"]
-    assert everything(folder) == before
-    assert list(scratch.iterdir()) == []
-    with jax.log_compiles():
-        assert not makes_programs(caplog.text)
-        Workflow(load_campaign(folder)).get("design")
-        assert not makes_programs(caplog.text)
-        jax.jit(lambda x: x + 3.25)(1.0)
-        assert makes_programs(caplog.text)
-    assert Store(folder).design.is_file()
-
-
-@pytest.mark.parametrize(("kind", "works"), [("outlives", "idle"), ("ends", "idle"), ("ends", "works")])
-def test_a_process_ends_with_the_one_that_asked(tmp_path, kind, works):
-    folder = write_small(tmp_path / "boat")
-    command = [sys.executable, "-c", PARENT, str(folder), kind, works, str(tmp_path / "child")]
+def test_a_process_without_work_ends_with_the_one_that_started_it(tmp_path):
+    command = [sys.executable, "-c", PARENT, str(tmp_path), "idle", str(tmp_path / "child")]
     parent = subprocess.Popen(command)
     until((tmp_path / "child").exists)
     child = int((tmp_path / "child").read_text())
-    if works == "works":
-        until(lambda: occupant_of(folder) is not None)
     parent.kill()
     parent.wait()
     until(lambda: not os.path.exists(f"/proc/{child}"), 30)
 
 
 @pytest.mark.thorough
-def test_a_command_outlives_the_one_that_asked(tmp_path):
+def test_a_command_at_work_outlives_the_process_that_started_it(tmp_path):
     folder = write_small(tmp_path / "boat", *NO_X_U)
-    command = [sys.executable, "-c", PARENT, str(folder), "outlives", "works", str(tmp_path / "child")]
+    command = [sys.executable, "-c", PARENT, str(folder), "works", str(tmp_path / "child")]
     parent = subprocess.Popen(command)
     until(lambda: occupant_of(folder) is not None)
     child = int((tmp_path / "child").read_text())

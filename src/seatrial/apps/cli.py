@@ -46,10 +46,8 @@ COMMANDS = {
     "report": Command("loop:report", "the page of results"),
     "run": Command("loop:run", "the whole loop, with the report"),
     "benchmark": Command("benchmark:benchmark"),
-    "shell": Command("shell:shell"),
     "serve": Command("serve:serve"),
     "export": Command("export:export", "the estimated vehicle as files for a simulator"),
-    "completion": Command("completion:completion"),
 }
 """By name, in the order in which they are listed. To add a command, see the table of CONTRIBUTING."""
 
@@ -83,7 +81,6 @@ class _Group(TyperGroup):
 app = typer.Typer(
     cls=_Group,
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
     help="Identify the dynamics of underwater vehicles: design a trial, estimate the coefficients, select the terms that the data "

@@ -31,9 +31,9 @@ Json = Annotated[
         "--json", help="Print one JSON document instead of lines; seatrial/apps/results.schema.json lists its keys."
     ),
 ]
-INTERACTIVE = ("shell", "serve")
+INTERACTIVE = ("serve",)
 """Commands that go on until they are left: they have neither a result nor `--quiet`."""
-NO_RESULT = (*INTERACTIVE, "completion", "live")
+NO_RESULT = (*INTERACTIVE, "live")
 """Commands without a document at the end; `live` prints a line of JSON each time instead."""
 
 

@@ -19,7 +19,7 @@ def served(folder: Path, *options: str, kill: bool = False) -> Iterator[tuple[st
 
     Args:
         folder: to serve.
-        options: of the command; campaigns are not got ready beside what is tested.
+        options: of the command.
         kill: whether the process is killed at the end instead of interrupted.
     """
     command = [
@@ -31,7 +31,6 @@ def served(folder: Path, *options: str, kill: bool = False) -> Iterator[tuple[st
         "--port",
         "0",
         "--no-browser",
-        "--cold",
         *options,
     ]
     log = folder.parent / f"{folder.name}-serve.log"

@@ -159,7 +159,7 @@ def test_stopping_interrupts_whoever_is_at_work(tmp_path, other):
 @pytest.mark.proof
 def test_a_command_that_fails_says_why_in_its_output(tmp_path):
     (tmp_path / "campaign.toml").write_text("[campaign]\nname = 3\n")
-    jobs = Jobs(prepares=False)
+    jobs = Jobs()
     jobs.start(tmp_path, "design")
     assert jobs.look(tmp_path).running
     jobs.sessions[tmp_path].code(120)

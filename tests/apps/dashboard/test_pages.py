@@ -84,7 +84,7 @@ def test_a_control_of_a_log_is_not_called_commanded(tmp_path, imported, label):
 
 
 def test_the_last_check_is_seen_whatever_was_started_since(tmp_path):
-    jobs = Jobs(prepares=False)
+    jobs = Jobs()
     for age, (command, output) in enumerate([("check", "record 1: pass"), ("prior", "steady speed")]):
         log = log_of(tmp_path, command)
         log.parent.mkdir(exist_ok=True)

@@ -59,7 +59,7 @@ def test_neither_a_page_nor_a_command_reads_a_curve_outside(tmp_path, monkeypatc
 
     with pytest.raises(PlainError, match="which lies outside"):
         asyncio.run(shown())
-    jobs = Jobs(prepares=False)
+    jobs = Jobs()
     jobs.start(folder, "import")
     jobs.sessions[folder].code(120)
     output = jobs.look(folder).output

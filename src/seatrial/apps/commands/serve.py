@@ -28,10 +28,6 @@ def serve(
             metavar="DIR", help="Another folder that campaigns may read, such as the one with the logs; repeatable."
         ),
     ] = None,
-    cold: Annotated[
-        bool,
-        typer.Option("--cold", help="Do not prepare the next step in the background while a campaign is open."),
-    ] = False,
     no_browser: Annotated[bool, typer.Option("--no-browser", help="Do not open a browser.")] = False,
 ) -> None:
     """Show campaigns in a browser, without internet."""
@@ -49,4 +45,4 @@ def serve(
     from seatrial.apps.dashboard.request_guard import token_for
     from seatrial.apps.dashboard.server import serve as run_server
 
-    run_server(folder, host, port, token_for(host, token), browser=not no_browser, also=also or (), prepares=not cold)
+    run_server(folder, host, port, token_for(host, token), browser=not no_browser, also=also or ())

@@ -67,20 +67,10 @@ class Job:
 
 
 class Jobs:
-    """Starts and stops commands.
+    """Starts and stops commands."""
 
-    Args:
-        prepares: whether the process of a campaign that is looked at gets its next step ready.
-    """
-
-    def __init__(self, prepares: bool = True):
-        self.prepares = prepares
+    def __init__(self):
         self.sessions: OrderedDict[Path, Session] = OrderedDict()
-
-    def get_ready(self, folder: Path) -> None:
-        """Have the next step of a campaign made ready, in the background."""
-        if self.prepares:
-            self._session(folder).get_ready()
 
     def start(self, folder: Path, command: str, *options: str) -> None:
         """Start a command on a campaign.
@@ -118,7 +108,7 @@ class Jobs:
         line = [command, str(folder), *options]
         with begin_file(log) as stream:
             stream.write(visible(f"$ seatrial {shlex.join(line)}\n").encode())
-        self._session(folder).start(line, log)
+        self.session_of(folder).start(line, log)
 
     def stop(self, folder: Path) -> None:
         """Interrupt the command at work, as Ctrl-C does; it ends at once and can be resumed.
@@ -157,13 +147,13 @@ class Jobs:
             session.close()
         self.sessions.clear()
 
-    def _session(self, folder: Path) -> Session:
-        """The process of a campaign; of those without work only the latest are kept."""
+    def session_of(self, folder: Path) -> Session:
+        """Return the process of a campaign; of those without work only the latest are kept."""
         there = self.sessions.get(folder)
         if there is None or not there.is_usable:
             if there is not None:
                 there.close()
-            self.sessions[folder] = Session(folder, outlives=True, prepares=self.prepares)
+            self.sessions[folder] = Session()
         self.sessions.move_to_end(folder)
         idle = [one for one, session in self.sessions.items() if not session.is_busy]
         for one in idle[:-KEPT]:
@@ -178,8 +168,6 @@ class Jobs:
         if words := how_it_ended(code):
             with open_regular(_latest_log(folder), "ab") as stream:
                 stream.write(f"{words}\n".encode())
-        if not session.is_usable:
-            self.get_ready(folder)
         return True
 
 

@@ -77,7 +77,6 @@ def serve(
     token: str | None,
     browser: bool,
     also: Sequence[Path] = (),
-    prepares: bool = True,
 ) -> None:
     """Serve a folder until interrupted; it is made if only its parent exists.
 
@@ -90,7 +89,6 @@ def serve(
         token: that every request has to show; None for none.
         browser: whether one is opened.
         also: further folders that campaigns may read.
-        prepares: whether the next step of a campaign that is looked at is got ready in the background.
 
     Raises:
         InputError: no such folder and no parent of it, or an address that cannot be listened on.
@@ -98,7 +96,7 @@ def serve(
     if not folder.exists() and folder.parent.is_dir():
         folder.mkdir()
         echo(f"{folder} was not there: it was made, for new campaigns")
-    context = AppContext(CampaignPaths.of(folder), jobs=Jobs(prepares))
+    context = AppContext(CampaignPaths.of(folder), jobs=Jobs())
     others = [CampaignPaths.of(other).root for other in also]
     keep_within([context.campaign_paths.root, *others])
     here = _listen(host, port)
@@ -239,7 +237,6 @@ def _add_view(context: AppContext, view: str, make: Callable[..., Awaitable[None
             missing_page(context, error)
             return
         with frame(context, view, campaign, folder):
-            ui.timer(SETTLED, lambda: context.jobs.get_ready(folder), once=True)
             ui.timer(SETTLED, lambda: context.read_ahead(folder), once=True)
             try:
                 await make(context, campaign, folder)

@@ -113,7 +113,6 @@ class FileForm:
                 ui.run_javascript(_MARK.format(line=line[1]))
             return
         is_new, self.seen = text != self.seen, text
-        self.context.jobs.get_ready(self.folder)
         with self.said:
             if is_new:
                 words = '<p class="done" role="status">Saved. Results made before may be stale now: <a href="{}">run again</a>.</p>'

@@ -353,7 +353,6 @@ class Limits:
             except (SeatrialError, OSError) as error:
                 say(error)
                 return
-            self.context.jobs.get_ready(self.folder)
             self.seen = text
             self.fields = [(name, bound, (form.value or "").strip(), form) for name, bound, _, form in self.fields]
             markup(

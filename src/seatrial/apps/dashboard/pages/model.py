@@ -218,7 +218,6 @@ class ModelForm:
             "Saved in campaign.toml. Results made before are stale now" if text != self.seen else "Nothing was changed"
         )
         self.seen, self.first = text, self._state()
-        self.context.jobs.get_ready(self.folder)
         with self.said:
             html = '<p class="done" role="status">{}: <a href="{}">run it again</a>.</p>'
             if words.startswith("Saved"):
