@@ -3,7 +3,7 @@
     thrust step | turn | heave | roll release:  largest |target - kept| of each channel over 60 s, or over the span that means something
 
 What the export keeps is `Exporter.carries`; what it loses is stated by the export itself, and stands beside the difference. A driver of
-a target (`gz.py`, `uuv.py`, ...) builds a `Twin` from the exported files and calls `run`. `python release/simulators/laboratory.py`
+a target (`gz.py`, `stonefish.py`, ...) builds a `Twin` from the exported files and calls `run`. `python release/simulators/laboratory.py`
 prints the table of all results, and with `--write` puts it into docs/export.md. None of it runs in CI: the targets' sources stay outside.
 """
 

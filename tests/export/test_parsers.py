@@ -1,6 +1,6 @@
 """Files of vehicles read by the parsers that the simulators use, where these are installed: nothing in them is unknown or misplaced.
 
-For Gazebo libsdformat (Debian: libsdformat-dev, g++, pkg-config), for UUV Simulator urdfdom (liburdfdom-tools).
+For Gazebo libsdformat (Debian: libsdformat-dev, g++, pkg-config).
 """
 
 import re
@@ -10,7 +10,6 @@ import subprocess
 import pytest
 
 from seatrial.export.targets.gz import Gz
-from seatrial.export.targets.uuv import Uuv
 from tests.export.cases import published, rich, written
 
 PARSE = r"""
@@ -72,13 +71,3 @@ def test_sdf_is_read_without_complaint(parser, tmp_path):
                 assert [line for line in found if version >= 13 or "Element[fluid_added_mass]" not in line] == []
     bad = written(Gz(), published())["model.sdf"].replace("<mass>", "<weight>1</weight><mass>", 1)
     assert any("weight" in line for line in complaints(program, tmp_path / "bad.sdf", bad))
-
-
-@pytest.mark.skipif(shutil.which("check_urdf") is None, reason="no check_urdf: URDF is not read by its own parser")
-@pytest.mark.parametrize("vehicle", VEHICLES)
-def test_urdf_is_read(vehicle, tmp_path):
-    path = tmp_path / "vehicle.urdf"
-    path.write_text(written(Uuv(), VEHICLES[vehicle]())["vehicle.urdf"])
-    found = subprocess.run(["check_urdf", path], capture_output=True, text=True, check=False)
-    assert found.returncode == 0, found.stdout + found.stderr
-    assert "Successfully Parsed" in found.stdout

@@ -43,29 +43,6 @@ def gz(exporter, vehicle, folder):
     return accelerate
 
 
-def uuv(exporter, vehicle, folder):
-    """Its thrusters alone, in forward, port, up: what drags the hull has no sign of a command."""
-    root = ElementTree.fromstring(written(exporter, vehicle)["vehicle.urdf"])
-    joints = {joint.get("name"): joint for joint in root.findall("joint")}
-    mass = np.diag(vehicle.rigid_mass + vehicle.added_mass)
-
-    def accelerate(nu, phi, theta, commands):
-        force = np.zeros(6)
-        for plugin in root.findall(".//plugin[thrusterID]"):
-            joint = joints[plugin.findtext("jointName")]
-            axis, place = (np.array(joint.find(key).get("xyz").split(), float) for key in ("axis", "origin"))
-            x = commands.get("n", commands.get(f"f_{int(plugin.findtext('thrusterID')) + 1}"))
-            if plugin.findtext("conversion/type") == "Basic":
-                x = float(plugin.findtext("conversion/rotorConstant")) * x * abs(x)
-            else:
-                ends = ("inputValues", "outputValues")
-                x = np.interp(x, *(np.array(plugin.findtext(f"conversion/{key}").split(), float) for key in ends))
-            force += x * np.concatenate([axis, np.cross(place, axis)])
-        return SIGN * force / mass
-
-    return accelerate
-
-
 def stonefish(exporter, vehicle, folder):
     """Its thrusters and rudders alone, in forward, starboard, down: what drags and turns the box has no sign of a command."""
     root = ElementTree.fromstring(written(exporter, vehicle)["vehicle.scn"])
@@ -138,7 +115,6 @@ def table(exporter, vehicle, folder):
 
 TWINS = {
     "gz": gz,
-    "uuv": uuv,
     "stonefish": stonefish,
     "fossen": fossen,
     "holoocean": holoocean,

@@ -33,7 +33,7 @@ def export_to(
 
     Args:
         what: a vehicle; a finished campaign, or its folder; or the name of a published vehicle.
-        to: `gz`, `uuv`, `stonefish`, `fossen`, `holoocean`, `json` or `csv`.
+        to: `gz`, `stonefish`, `fossen`, `holoocean`, `json` or `csv`.
         folder: where its files are written.
         draws: of a posterior of a vehicle's coefficients, whose means take the places of its own values.
         structure: of a campaign, label of another structure than the chosen one.

@@ -23,7 +23,6 @@ from seatrial.export.targets.gz import Gz
 from seatrial.export.targets.holoocean import HoloOcean
 from seatrial.export.targets.own_json import OwnJson
 from seatrial.export.targets.stonefish import Stonefish
-from seatrial.export.targets.uuv import Uuv
 from seatrial.export.vehicle import ExportedVehicle, ExportProvenance, of_published
 from seatrial.vehicles.catalogue import load_vehicle, vehicle_names
 
@@ -36,7 +35,6 @@ _NOTHING = 1e-9
 """Share of a velocity's range, or m/s and rad/s, below which a difference is rounding."""
 EXPORTERS: dict[str, Callable[..., Exporter]] = {
     "gz": Gz,
-    "uuv": Uuv,
     "stonefish": Stonefish,
     "fossen": Fossen,
     "holoocean": HoloOcean,

@@ -10,7 +10,7 @@ from seatrial.apps import results
 from seatrial.apps.answer import Answer, Exit, current_answer
 from seatrial.apps.running import Quiet, watched
 
-_TARGETS = "<gz|uuv|stonefish|fossen|holoocean|json|csv|mavlink|ros2|mcap>"
+_TARGETS = "<gz|stonefish|fossen|holoocean|json|csv|mavlink|ros2|mcap>"
 _TRIALS = "csv, json, mavlink, ros2 or mcap"
 
 

@@ -15,7 +15,6 @@ from seatrial.campaign.store.stored_result import Store
 
 TARGETS = {
     "gz": "vehicle: Gazebo (gz-sim)",
-    "uuv": "vehicle: UUV Simulator",
     "stonefish": "vehicle: Stonefish",
     "fossen": "vehicle: Fossen's Python simulator",
     "holoocean": "vehicle: HoloOcean",
