@@ -30,13 +30,13 @@ from seatrial.sampling.diagnostics import complaints, diagnose
 from seatrial.sampling.run import ChainSettings
 from seatrial.sampling.sampler import SAMPLERS, sample
 from seatrial.sampling.target import evaluate
-from seatrial.selection.bridge import bridge_evidence
 from seatrial.selection.combined_evidence import Keys, agreed_evidence
 from seatrial.selection.evidence import Evidence, EvidenceSettings, smc_evidence
 from seatrial.selection.importance import ImportanceSettings, importance_evidence
 from seatrial.selection.nested import nested_evidence
-from seatrial.selection.prior_monte_carlo import prior_evidence
 from seatrial.selection.savage_dickey import savage_dickey
+from studies.remus100.bridge import bridge_evidence
+from studies.remus100.prior_monte_carlo import prior_evidence
 
 HERE = Path(__file__).parent
 FOLDER = HERE.parent / "outputs" / "evidence"

@@ -18,12 +18,12 @@ from seatrial.report.numbers import plain
 from seatrial.sampling.run import ChainSettings
 from seatrial.sampling.sampler import SAMPLERS, sample
 from seatrial.sampling.tempered_smc import SMCSettings
-from seatrial.selection.bridge import bridge_evidence
 from seatrial.selection.evidence import Evidence, EvidenceSettings, smc_evidence
 from seatrial.selection.importance import ImportanceSettings, importance_evidence
 from seatrial.selection.nested import nested_evidence
-from seatrial.selection.prior_monte_carlo import MIN_ESS, ListingOne, listing_one
+from studies.remus100.bridge import bridge_evidence
 from studies.remus100.panels import COLUMN, PAGE, TEXT, key, name_axes, panels, symbol, with_unit
+from studies.remus100.prior_monte_carlo import MIN_ESS, ListingOne, listing_one
 from studies.remus100.study import Item, Number, Study, Verdict, trial_settings
 from studies.remus100.trial import around, paper_posterior, paper_trial, wide
 from studies.remus100.vehicle_file import Reading

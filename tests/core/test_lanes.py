@@ -16,13 +16,13 @@ from seatrial.filters.unscented import UnscentedKalmanFilter
 from seatrial.sampling.target import evaluate
 from seatrial.sampling.tempered_smc import SMCSettings, sample_tempered_smc
 from seatrial.selection.criteria import deviances
-from seatrial.selection.prior_monte_carlo import log_likelihoods
 from seatrial.vehicles.catalogue import load_vehicle
 from seatrial.vehicles.simulate import simulate
+from studies.remus100.prior_monte_carlo import log_likelihoods
+from studies.remus100.tests.test_prior_monte_carlo import surge
 from tests.cases import RPM
 from tests.design.test_sweep import SHORT, paper_space
 from tests.estimation_cases import short_posterior
-from tests.selection.test_prior_monte_carlo import surge
 
 KEY = jax.random.key(5)
 SAMPLES = 1000

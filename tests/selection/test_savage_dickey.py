@@ -5,8 +5,8 @@ from scipy import stats
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.estimation.priors import Uniform
 from seatrial.selection.savage_dickey import _tail, savage_dickey
+from studies.remus100.tests.test_bridge import exact_draws
 from tests.estimation_cases import linear_gaussian, posterior
-from tests.selection.test_bridge import exact_draws
 
 
 def nested_pair(d, seed=1):

@@ -9,7 +9,7 @@ from seatrial.estimation.mode import find_mode
 from seatrial.sampling.run import ChainSettings
 from seatrial.sampling.sampler import SAMPLERS, sample
 from seatrial.sampling.target import evaluate
-from seatrial.selection.bridge import _complaints, bridge_evidence
+from studies.remus100.bridge import _complaints, bridge_evidence
 from tests.estimation_cases import linear_gaussian
 from tests.selection.test_evidence import box
 

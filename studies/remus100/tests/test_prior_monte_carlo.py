@@ -7,8 +7,8 @@ from scipy.special import logsumexp
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.estimation.output_error import output_error
 from seatrial.estimation.priors import Normal, Uniform
-from seatrial.selection import prior_monte_carlo as early_stop
-from seatrial.selection.prior_monte_carlo import (
+from studies.remus100 import prior_monte_carlo as early_stop
+from studies.remus100.prior_monte_carlo import (
     MARGIN,
     _pool,
     _refusal,
