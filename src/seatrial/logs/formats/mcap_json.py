@@ -9,11 +9,10 @@ bluerobotics/mavlink-server, src/lib/drivers/zenoh/json.rs.
 
 import json
 import struct
-import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -34,7 +33,7 @@ from seatrial.logs.formats.protocol import (
 )
 
 _MAGIC = b"\x89MCAP0\r\n"
-_HEADER, _FOOTER, _CHANNEL, _MESSAGE, _CHUNK = 0x01, 0x02, 0x04, 0x05, 0x06
+_HEADER = 0x01
 _LONGEST = 1 << 30
 """Bytes of a record, or of a chunk unpacked; more is damage."""
 _LOOKED_AT = 20
@@ -168,86 +167,51 @@ def _flat(value: Any, name: str = "", depth: int = 0) -> Iterator[tuple[str, flo
 
 
 def _messages(log: LogFile, end: _End) -> Iterator[_Message]:
-    """Yield the messages of a file in its order.
+    """Yield the messages of a file in its order, to its last whole record.
 
     Raises:
-        InputError: a compression that is not known, or a library that is missing.
+        InputError: the library is missing.
         ValueError: damage.
     """
+    mcap = optional("mcap.stream_reader", "ros", log.path)
+    errors = optional("mcap.exceptions", "ros", log.path)
     channels: dict[int, _Channel] = {}
     size = max(log.path.stat().st_size, 1)
     with log.path.open("rb") as stream:
-        stream.seek(len(_MAGIC))
-        for kind, record in _records(stream):
-            if kind == _FOOTER:
-                end.is_whole = True
-                return
-            done = min(stream.tell() / size, 1.0)
-            if kind == _CHUNK:
-                for inner, content in _inside(_unpacked(record, log)):
-                    yield from _message(inner, content, channels, done)
-            else:
-                yield from _message(kind, record, channels, done)
+        records = mcap.StreamReader(stream, emit_chunks=True, record_size_limit=_LONGEST).records
+        try:
+            for record in records:
+                done = min(stream.tell() / size, 1.0)
+                for one in _contents(record, mcap, errors):
+                    if isinstance(one, mcap.Channel):
+                        channels[one.id] = _Channel(one.topic, one.message_encoding)
+                    elif isinstance(one, mcap.Message) and one.channel_id in channels and one.log_time < 2**63:
+                        yield _Message(channels[one.channel_id], one.log_time, one.data, done)
+            end.is_whole = True
+        except (errors.McapError, struct.error) as damage:
+            # A file that ends inside a record was cut off while it was written.
+            if stream.read(1) or not isinstance(damage, errors.EndOfFile | struct.error):
+                raise ValueError(str(damage)) from damage
 
 
-def _message(kind: int, record: bytes, channels: dict[int, _Channel], done: float) -> Iterator[_Message]:
-    if kind == _CHANNEL:
-        number, _ = struct.unpack_from("<HH", record)
-        topic, at = _string(record, 4)
-        channels[number] = _Channel(topic, _string(record, at)[0])
-    elif kind == _MESSAGE:
-        number, _, time, _ = struct.unpack_from("<HIQQ", record)
-        if number in channels and time < 2**63:
-            yield _Message(channels[number], time, record[22:], done)
+def _contents(record: Any, mcap: Any, errors: Any) -> Sequence[Any]:
+    """Return the records inside a chunk; of another record itself.
 
-
-def _records(stream: BinaryIO) -> Iterator[tuple[int, bytes]]:
-    """Yield whole records; a last one that is cut off ends them."""
-    while len(head := stream.read(9)) == 9:
-        kind, length = struct.unpack("<BQ", head)
-        if length > _LONGEST:
-            raise ValueError(f"a record of {length} bytes")
-        record = stream.read(length)
-        if len(record) < length:
-            return
-        yield kind, record
-
-
-def _inside(data: bytes) -> Iterator[tuple[int, bytes]]:
-    at = 0
-    while at + 9 <= len(data):
-        kind, length = struct.unpack_from("<BQ", data, at)
-        at += 9
-        if at + length > len(data):
-            raise ValueError("a record that is longer than its chunk")
-        yield kind, data[at : at + length]
-        at += length
-
-
-def _unpacked(record: bytes, log: LogFile) -> bytes:
-    _, _, size, _ = struct.unpack_from("<QQQI", record)
-    compression, at = _string(record, 28)
-    (length,) = struct.unpack_from("<Q", record, at)
-    data = record[at + 8 : at + 8 + length]
-    if size > _LONGEST:
-        raise ValueError(f"a chunk of {size} bytes")
-    if not compression:
-        return data
-    if compression == "zstd":
-        zstd = optional("compression.zstd" if sys.version_info >= (3, 14) else "backports.zstd", "ros", log.path)
-        unpacked = zstd.decompress(data)
-    elif compression == "lz4":
-        unpacked = optional("lz4.frame", "ros", log.path).decompress(data)
-    else:
-        raise ValueError(f'chunks compressed by "{compression}"')
-    if len(unpacked) != size:
-        raise ValueError(f"a chunk of {len(unpacked)} bytes where {size} are stated")
-    return unpacked
-
-
-def _string(record: bytes, at: int) -> tuple[str, int]:
-    (length,) = struct.unpack_from("<I", record, at)
-    return record[at + 4 : at + 4 + length].decode(), at + 4 + length
+    Raises:
+        ValueError: a chunk that is larger unpacked than memory allows, or that does not hold what it states.
+    """
+    if not isinstance(record, mcap.Chunk):
+        return (record,)
+    if record.uncompressed_size > _LONGEST:
+        raise ValueError(f"a chunk of {record.uncompressed_size} bytes")
+    if record.compression not in ("", "zstd", "lz4"):
+        raise ValueError(f'chunks compressed by "{record.compression}"')
+    try:
+        return mcap.breakup_chunk(record, validate_crc=True)
+    except errors.EndOfFile as damage:
+        raise ValueError("a record that is longer than its chunk") from damage
+    except RuntimeError as damage:  # of both libraries of compression
+        raise ValueError(f"a chunk that cannot be unpacked: {damage}") from damage
 
 
 FORMAT = LogFormat("an MCAP file of JSON messages", (".mcap",), _recognises, _catalogue, _blocks, memory=_MEMORY)
