@@ -33,7 +33,7 @@ UNGIVEN = {
     "lag_u": ("lag = true", "", "sensors.u.lag"),
     "tau_u": ('residuals = "coloured"', "", "coloured"),
     "current": ("", 'current = "own"', "estimation.current"),
-    "process_u": ("", 'likelihood = "filter-error"', "filter-error"),
+    "process_u": ("", 'likelihood = "filter-error"', "estimation.likelihood"),
     "spread_X_uabsu": ("", 'varying = ["X_uabsu"]', "estimation.varying"),
 }
 

@@ -1,50 +1,34 @@
-"""From a vehicle, records and priors to a posterior: whatever has a prior is unknown, and says what is modelled.
+"""From a vehicle, records and priors to a posterior: whatever has a prior is unknown (`seatrial.estimation.unknowns`)."""
 
-X_u, T_nabsn, …          a coefficient of the vehicle            sigma_u          the noise of a sensor, always needed
-tau_u, dof_u             where its noise is coloured, heavy      bias_u, lag_u    where the sensor has them
-delay                    between command and action, s           current          of the water along the course, m/s
-process_u                process noise of a state, of all or of none: a filter then integrates it out
-disturbance_X            a force that no term makes, its standard deviation, and disturbance_time_X, its correlation time, s: a filter
-                         integrates it out too, and process noise is then of any states or none
-spread_X_u               X_u differs between trials, by so much  u_0              the initial state of each trial, all states or none
-"""
-
-from collections.abc import Collection, Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from seatrial.core.argument_checks import check_each_of, check_kind, check_names, check_numbers, check_sequence, shown
-from seatrial.core.coefficients import CoefficientName
 from seatrial.core.engine import check_precision
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.record import Record
-from seatrial.core.signals import ACTUAL, ANGLES, QUATERNION, RATES, signal_label, signal_unit
+from seatrial.core.signals import ACTUAL, ANGLES, QUATERNION, RATES
 from seatrial.estimation.delayed_control import DELAY
-from seatrial.estimation.disturbance import disturbance_name, disturbance_time_name, disturbed_axes
+from seatrial.estimation.disturbance import disturbed_axes
 from seatrial.estimation.filter_error import FilterError, filter_error, process_name
 from seatrial.estimation.first_guess import first_guess
 from seatrial.estimation.output_error import (
     OutputError,
-    deviation_name,
     output_error,
     own_name,
     spread_name,
 )
 from seatrial.estimation.posterior import Parameter, Posterior, check_priors
-from seatrial.estimation.priors import Normal, Prior
+from seatrial.estimation.priors import Prior
 from seatrial.estimation.sensor_errors import (
     Sensor,
-    bias_name,
-    correlation_name,
-    dof_name,
-    drift_name,
-    drift_time_name,
-    lag_name,
     noise_name,
 )
 from seatrial.estimation.simulation import CURRENT
 from seatrial.estimation.trial_data import TrialData
+from seatrial.estimation.unknowns import Unknown, deviations, may_vary, unknowns_of
 from seatrial.numerics.rotations import quaternion_of_angles
 from seatrial.vehicles.model import VehicleModel
 
@@ -96,7 +80,7 @@ def make_posterior(
     own = check_names(own, "own", "bias_u")
     check_numbers(start_sd, "start_sd", known=model.states, above=0.0)
     labels, stated = [record.label for record in records], {name.partition("[")[0] for name in priors}
-    unknown = _unknowns(model, chosen, stated)
+    unknown = unknowns_of(model, chosen, stated)
     each = (*own, *(one.name for one in unknown if one.is_initial))
     _check_signs(priors, unknown)
     _check_priors(priors, unknown, own, [own_name(name, label) for label in labels for name in each])
@@ -111,7 +95,7 @@ def make_posterior(
         sizes,
         starts,
         own=own,
-        varying=[term.text for term in model.coefficients if spread_name(term.text) in priors],
+        varying=[one.name for one in may_vary(model) if spread_name(one.name) in priors],
         free_initial=free,
         starts_over_ground=start is None or "u" not in start,
     )
@@ -237,76 +221,8 @@ def likelihood_of(
     return output_error(model, records, sensors, starts, free_initial=free_initial, **options)
 
 
-class _Unknown(NamedTuple):
-    """Something that may have a prior: its name, SI unit, label (LaTeX), whether it is an initial state, one for each trial, and whether it
-    may be below 0."""
-
-    name: str
-    unit: str
-    label: str
-    is_initial: bool = False
-    signed: bool = False
-
-
-def _unknowns(model: VehicleModel, sensors: Sequence[Sensor], stated: Collection[str]) -> list[_Unknown]:
-    """Return everything that needs a prior: coefficients, sensors, and what the names of priors ask for, in the order of the report."""
-    terms = [_Unknown(term.text, model.unit_of(term), term.label, signed=True) for term in model.coefficients]
-    found = list(terms)
-    found += [
-        _Unknown(spread_name(term.name), term.unit, rf"s_{{{term.label}}}")
-        for term in terms
-        if spread_name(term.name) in stated
-    ]
-    if DELAY in stated:
-        found.append(_Unknown(DELAY, "s", r"t_{\mathrm{delay}}"))
-    if CURRENT in stated:
-        found.append(_Unknown(CURRENT, "m/s", r"u_{\mathrm{current}}", signed=True))
-    found += [_of_sensor(sensor, name) for sensor in sensors for name in sensor.parameters]
-    disturbed = disturbed_axes(stated, model)
-    for axis in disturbed:
-        unit = model.unit_of(CoefficientName.parse(f"{axis}_0"))
-        found.append(_Unknown(disturbance_name(axis), unit, rf"s_{{d,{axis}}}"))
-        found.append(_Unknown(disturbance_time_name(axis), "s", rf"\tau_{{d,{axis}}}"))
-    noisy = noisy_states(stated, model)
-    found += [_Unknown(process_name(state), signal_unit(state), rf"q_{{{signal_label(state)}}}") for state in noisy]
-    # A filter takes initial states as uncertain anyway.
-    if disturbed or noisy:
-        return found
-    if any(f"{state}_0" in stated for state in model.states):
-        found += [
-            _Unknown(f"{state}_0", signal_unit(state), f"{signal_label(state)}_0", True, True) for state in model.states
-        ]
-    return found
-
-
-def noisy_states(stated: Collection[str], model: VehicleModel) -> tuple[str, ...]:
-    """Return the states whose process noise is asked for by some names: all or none of them, but those that are named beside a disturbance.
-
-    Args:
-        stated: names of what has a prior or a value.
-        model: vehicle.
-    """
-    named = tuple(state for state in model.states if process_name(state) in stated)
-    return named if disturbed_axes(stated, model) or not named else model.states
-
-
-def _of_sensor(sensor: Sensor, name: str) -> _Unknown:
-    channel = sensor.channel
-    unit, label = signal_unit(channel), signal_label(channel)
-    known = {
-        noise_name(channel): (unit, rf"\sigma_{{{label}}}"),
-        correlation_name(channel): ("s", rf"\tau_{{{label}}}"),
-        dof_name(channel): ("1", rf"\nu_{{{label}}}"),
-        drift_name(channel): (unit, rf"\sigma_{{\mathrm{{drift}},{label}}}"),
-        drift_time_name(channel): ("s", rf"\tau_{{\mathrm{{drift}},{label}}}"),
-        bias_name(channel): (unit, rf"b_{{{label}}}"),
-        lag_name(channel): ("s", rf"t_{{\mathrm{{lag}},{label}}}"),
-    }
-    return _Unknown(name, *known[name], signed=name == bias_name(channel))
-
-
 def _parameters(
-    unknown: Sequence[_Unknown], priors: Mapping[str, Prior], labels: Sequence[str], own: Sequence[str]
+    unknown: Sequence[Unknown], priors: Mapping[str, Prior], labels: Sequence[str], own: Sequence[str]
 ) -> list[Parameter]:
     """Return all parameters: one for all trials, or one for each under its label; then deviations, then initial states."""
     shared, initial = [one for one in unknown if not one.is_initial], [one for one in unknown if one.is_initial]
@@ -315,24 +231,14 @@ def _parameters(
         if one.name in own:
             found += [_of_trial(one, label, priors) for label in labels]
         else:
-            found.append(Parameter(one.name, one.unit, one.label, priors[one.name]))
-    varying = [one.name.removeprefix(spread_name("")) for one in shared if one.name.startswith(spread_name(""))]
-    found += [
-        Parameter(
-            deviation_name(name, label),
-            "1",
-            rf"\delta_{{{CoefficientName.parse(name).label}}}[{label}]",
-            Normal(0.0, 1.0),
-        )
-        for name in varying
-        for label in labels
-    ]
+            found.append(one.parameter(priors[one.name]))
+    names = {one.name for one in shared}
+    found += deviations([one for one in shared if spread_name(one.name) in names], labels)
     return found + [_of_trial(one, label, priors) for label in labels for one in initial]
 
 
-def _of_trial(one: _Unknown, label: str, priors: Mapping[str, Prior]) -> Parameter:
-    name = own_name(one.name, label)
-    return Parameter(name, one.unit, f"{one.label}[{label}]", priors[name] if name in priors else priors[one.name])
+def _of_trial(one: Unknown, label: str, priors: Mapping[str, Prior]) -> Parameter:
+    return one.of_trial(label, priors.get(own_name(one.name, label)) or priors[one.name])
 
 
 _OF_SENSORS = {
@@ -346,7 +252,7 @@ _OF_SENSORS = {
 
 
 def _check_priors(
-    priors: Mapping[str, Prior], unknown: Sequence[_Unknown], own: Sequence[str], of_trials: Sequence[str]
+    priors: Mapping[str, Prior], unknown: Sequence[Unknown], own: Sequence[str], of_trials: Sequence[str]
 ) -> None:
     needed = {one.name: one.unit for one in unknown}
     parts = {name: [part for part in of_trials if part.partition("[")[0] == name] for name in needed}
@@ -371,7 +277,7 @@ def _check_priors(
                 )
 
 
-def _check_signs(priors: Mapping[str, Prior], unknown: Sequence[_Unknown]) -> None:
+def _check_signs(priors: Mapping[str, Prior], unknown: Sequence[Unknown]) -> None:
     """Refuse priors that give values below 0 more than a trace of probability, of what has no sign."""
     unsigned = {one.name for one in unknown if not one.signed}
     for name, prior in priors.items():

@@ -21,13 +21,13 @@ from seatrial.estimation.posterior import as_key
 from seatrial.estimation.record_posterior import (
     check_model,
     likelihood_of,
-    noisy_states,
     start_of,
     stated_sensors,
 )
 from seatrial.estimation.replicate import replicate
 from seatrial.estimation.sensor_errors import Sensor, bias_name, correlation_name, dof_name, drift_time_name
 from seatrial.estimation.simulation import CURRENT
+from seatrial.estimation.unknowns import noisy_states
 from seatrial.manoeuvres.schedule import Schedule
 from seatrial.vehicles.model import VehicleModel
 

@@ -38,7 +38,6 @@ from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.load import check_text, load_campaign
 from seatrial.campaign.config.new_campaign import new_campaign
 from seatrial.campaign.config.new_campaign_file import campaign_text, option_of, told_by_options
-from seatrial.campaign.config.nuisance_parameters import Nuisance, of_sensor
 from seatrial.campaign.config.sensor_table import ATTITUDE
 from seatrial.campaign.config.settings import Residuals
 from seatrial.campaign.config.templates import template_text
@@ -69,6 +68,7 @@ from seatrial.design.integrals import motion_signals
 from seatrial.design.safety import judge_safety
 from seatrial.design.sweep import Sweep
 from seatrial.estimation.sensor_errors import correlation_name, drift_name, drift_time_name
+from seatrial.estimation.unknowns import Unknown, unknowns_of_sensor
 from seatrial.export.from_campaign import of_campaign
 from seatrial.export.target import Exporter
 from seatrial.export.trials.trial import read_trial
@@ -209,12 +209,12 @@ def _sensor_noise(campaign: Campaign, name: str, table: dict[str, Any]) -> Senso
         unknown[kind] = tuple(
             _noise_prior(one, sensor.channel)
             for sensor in sensors
-            for one in of_sensor(sensor, campaign.noise[sensor.channel])
+            for one in unknowns_of_sensor(sensor, campaign.noise[sensor.channel])
         )
     return SensorNoise(name, str(table.get("residuals", "")), unknown)
 
 
-def _noise_prior(one: Nuisance, channel: str) -> NoisePrior:
+def _noise_prior(one: Unknown, channel: str) -> NoisePrior:
     means = {
         correlation_name(channel): f"correlation time of the errors of {channel} [s]",
         drift_name(channel): f"size of the slow error of {channel} [{one.unit}]",

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from seatrial.campaign.config.nuisance_parameters import Nuisance, no_nuisance_prior, nuisances
+from seatrial.campaign.config.assumed_unknowns import assumed_unknowns, no_unknown_prior
 from seatrial.campaign.config.sensor_table import ATTITUDE
 from seatrial.campaign.config.settings import (
     AutopilotSettings,
@@ -40,6 +40,7 @@ from seatrial.estimation.filter_error import process_name
 from seatrial.estimation.priors import Prior
 from seatrial.estimation.sensor_errors import Sensor, bias_name
 from seatrial.estimation.simulation import CURRENT
+from seatrial.estimation.unknowns import Unknown, unknowns_of
 from seatrial.manoeuvres.autopilot import Autopilot
 from seatrial.manoeuvres.family import Family
 from seatrial.manoeuvres.manoeuvre import Limits
@@ -251,16 +252,17 @@ class Campaign:
         """Prior of every coefficient of a model, SI; errors as `prior`."""
         return tuple(self.prior(term.text) for term in model.coefficients)
 
-    def nuisances(self, model: VehicleModel) -> list[tuple[Nuisance, Prior]]:
+    def other_unknowns(self, model: VehicleModel) -> list[tuple[Unknown, Prior]]:
         """Unknowns of a model beside coefficients and initial states, each with its prior.
 
         Raises:
             InputError: a prior that is missing.
         """
-        every = list(nuisances(self.estimation, self.sensor_models, self.noise, model, self.priors))
+        assumed = assumed_unknowns(self.estimation, model, self.priors)
+        every = unknowns_of(model, self.sensor_models, assumed, self.noise)[len(model.coefficients) :]
         found = [(one, prior) for one in every if (prior := self.priors.get(one.name, one.default)) is not None]
         if missing := [one for one in every if one.name not in self.priors and one.default is None]:
-            raise no_nuisance_prior(self.where, missing)
+            raise no_unknown_prior(self.where, missing)
         return found
 
     @property

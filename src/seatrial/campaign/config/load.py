@@ -6,6 +6,7 @@ from math import inf
 from pathlib import Path
 from textwrap import indent
 
+from seatrial.campaign.config.assumed_unknowns import assumed_unknowns, check_disturbances
 from seatrial.campaign.config.autopilot_table import read_autopilot
 from seatrial.campaign.config.campaign import Campaign, sensor_models
 from seatrial.campaign.config.design_table import check_utility, read_design, read_limits, read_own, read_power
@@ -14,7 +15,6 @@ from seatrial.campaign.config.file_keys import FileKeys
 from seatrial.campaign.config.idle_keys import check_idle_keys
 from seatrial.campaign.config.import_table import read_imports
 from seatrial.campaign.config.named_files import find
-from seatrial.campaign.config.nuisance_parameters import check_disturbances, may_vary, nuisances
 from seatrial.campaign.config.priors import read_priors
 from seatrial.campaign.config.schema import (
     CampaignFile,
@@ -47,6 +47,7 @@ from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError, located, nearest
 from seatrial.core.signals import ANGLES, PROPULSION, QUATERNION, signal_unit, thruster_controls
+from seatrial.estimation.unknowns import may_vary, unknowns_of
 from seatrial.selection.structures import Structure
 from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.thrusters import ThrustLaw, controls_of
@@ -115,9 +116,10 @@ def _campaign(file: CampaignFile, keys: FileKeys) -> Campaign:
     estimation = _estimation(file.estimation, keys, units, model, sensors)
     noise = {channel: sensor.noise for channel, sensor in sensors.items()}
     check_disturbances(tables, estimation.likelihood, model, keys.where)
-    unknown = nuisances(estimation, sensor_models(sensors, estimation.residuals), noise, model, tables)
+    assumed = assumed_unknowns(estimation, model, tables)
+    unknown = unknowns_of(model, sensor_models(sensors, estimation.residuals), assumed, noise)[len(units) :]
     inertia = 1.0 if vehicle.hull.mass is None else vehicle.hull.mass
-    priors = read_priors(tables, keys, units, tuple(unknown), rules.never, inertia)
+    priors = read_priors(tables, keys, units, unknown, rules.never, inertia)
     process_noise = _process_noise(file.filter, keys, units, model)
     _check_source(file, keys, model)
     autopilot, design, power = AutopilotSettings(), None, None

@@ -5,9 +5,9 @@ from contextlib import contextmanager, suppress
 from math import inf, isfinite
 from typing import Any
 
+from seatrial.campaign.config.assumed_unknowns import no_unknown_prior
 from seatrial.campaign.config.campaign import no_prior
 from seatrial.campaign.config.file_keys import FileKeys
-from seatrial.campaign.config.nuisance_parameters import Nuisance, no_nuisance_prior
 from seatrial.campaign.config.schema import PriorTable
 from seatrial.campaign.config.settings import Residuals
 from seatrial.core.coefficients import AXES, CoefficientName
@@ -27,6 +27,7 @@ from seatrial.estimation.priors import (
 )
 from seatrial.estimation.remedies import listed
 from seatrial.estimation.sensor_errors import correlation_name, dof_name, drift_name, drift_time_name, noise_name
+from seatrial.estimation.unknowns import Unknown
 from seatrial.vehicles.tether import TETHER
 
 _BOUNDS = ("lower", "upper")
@@ -60,7 +61,7 @@ def read_priors(
     tables: Mapping[str, PriorTable],
     keys: FileKeys,
     units: Mapping[str, str],
-    unknown: Sequence[Nuisance],
+    unknown: Sequence[Unknown],
     never: Sequence[str],
     inertia: float,
 ) -> dict[str, Prior]:
@@ -80,7 +81,7 @@ def read_priors(
     if missing := {name: unit for name, unit in units.items() if name not in tables}:
         raise no_prior(keys.where, missing, [other for other in tables if other not in units])
     if needed := [one for one in unknown if one.default is None and one.name not in tables]:
-        raise no_nuisance_prior(keys.where, needed)
+        raise no_unknown_prior(keys.where, needed)
     found = {
         name: read_prior(tables[name], unit, keys.where(f"prior.{name}"), name=name, inertia=inertia)
         for name, unit in (*units.items(), *((one.name, one.unit) for one in unknown))

@@ -7,8 +7,8 @@ from dataclasses import replace
 import jax
 import numpy as np
 
+from seatrial.campaign.config.assumed_unknowns import varying
 from seatrial.campaign.config.campaign import Campaign
-from seatrial.campaign.config.nuisance_parameters import deviations, varying
 from seatrial.campaign.config.vehicle import first_measured, level_start
 from seatrial.core.errors import InputError, located
 from seatrial.core.random_keys import seeded_key
@@ -21,6 +21,7 @@ from seatrial.estimation.output_error import OutputError, initial_name, output_e
 from seatrial.estimation.posterior import Parameter, Posterior
 from seatrial.estimation.priors import Normal
 from seatrial.estimation.trial_data import TrialData
+from seatrial.estimation.unknowns import deviations
 from seatrial.selection.structures import Structure
 from seatrial.vehicles.model import VehicleModel
 
@@ -119,9 +120,9 @@ def build_parameters(campaign: Campaign, model: VehicleModel, records: Sequence[
     parameters = [
         Parameter(term.text, model.unit_of(term), term.label, campaign.prior(term.text)) for term in model.coefficients
     ]
-    for nuisance, prior in campaign.nuisances(model):
-        one_each = nuisance.name in own
-        parameters += [nuisance.of_trial(label, prior) for label in labels] if one_each else [nuisance.parameter(prior)]
+    for unknown, prior in campaign.other_unknowns(model):
+        each = unknown.name in own
+        parameters += [unknown.of_trial(label, prior) for label in labels] if each else [unknown.parameter(prior)]
     parameters += deviations(varying(campaign.estimation, model), labels)
     if campaign.estimation.free_initial:
         starts = [initial_state(campaign, model, record) for record in records]

@@ -332,5 +332,5 @@ def ignored(campaign: Campaign, structure: Structure) -> str:
     """Unknowns of the campaign that a regression takes as zero."""
     kinds = (noise_name, dof_name, correlation_name, drift_name, drift_time_name)
     noise = {kind(channel) for channel in campaign.channels for kind in kinds}
-    names = [one.name for one, _ in campaign.nuisances(campaign.model(structure)) if one.name not in noise]
+    names = [one.name for one, _ in campaign.other_unknowns(campaign.model(structure)) if one.name not in noise]
     return f"a regression of accelerations ignores {', '.join(names)}, which biases its values" if names else ""
