@@ -35,6 +35,8 @@ from seatrial.selection.evidence import Evidence, EvidenceSettings, smc_evidence
 from seatrial.selection.importance import ImportanceSettings, importance_evidence
 from seatrial.selection.nested import nested_evidence
 from seatrial.selection.savage_dickey import savage_dickey
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
 from studies.remus100.bridge import bridge_evidence
 from studies.remus100.prior_monte_carlo import prior_evidence
 
