@@ -8,7 +8,7 @@ from paper_problem import Problem, agree_in_moments, near, paper_problem, worst_
 from reference import as_c, load
 from timing import Ratio, Row, agree, alternate, row
 
-from seatrial.estimation.mode import Mode, find_mode
+from seatrial.estimation.posterior.mode import Mode, find_mode
 from seatrial.sampling.run import ChainSettings
 
 WARMUP, DRAWS = 50_000, 50_000

@@ -9,7 +9,7 @@ import numpy as np
 from timing import Row
 
 import seatrial as st
-from seatrial.estimation.posterior import Posterior
+from seatrial.estimation.posterior.posterior import Posterior
 
 FREE = {
     **{"X_uabsu": -3.4, "T_nabsn": 6.9e-4, "K_pabsp": -0.13},

@@ -8,7 +8,7 @@ from our_chains import fitting, timed
 from paper_problem import paper_problem
 from timing import Ratio, Row, alternate, row
 
-from seatrial.estimation.mode import find_mode
+from seatrial.estimation.posterior.mode import find_mode
 from seatrial.sampling.diagnostics import MAX_R_HAT, MIN_ESS, diagnose
 from seatrial.sampling.names import DEFAULT
 

@@ -33,8 +33,8 @@ from seatrial.campaign.store.stored_result import Store
 from seatrial.core import batching as lanes
 from seatrial.core.engine import cores as usable_cores
 from seatrial.design.sweep import sweep_family
-from seatrial.estimation.calibration import DRAWS
-from seatrial.estimation.mode import find_mode
+from seatrial.estimation.diagnostics.calibration import DRAWS
+from seatrial.estimation.posterior.mode import find_mode
 from seatrial.sampling.diagnostics import diagnose
 from seatrial.sampling.run import ChainSettings
 from seatrial.sampling.sampler import SAMPLERS, sample

@@ -9,11 +9,11 @@ import numpy as np
 from problems import ENTRY, RPM, SIGMA, TRIM, trial, vehicle
 
 from seatrial.core.record import Channel, Provenance, Record, make_record
-from seatrial.estimation.output_error import initial_name, output_error, own_name
-from seatrial.estimation.posterior import Parameter, Posterior
+from seatrial.estimation.posterior.output_error import initial_name, output_error, own_name
+from seatrial.estimation.posterior.posterior import Parameter, Posterior
 from seatrial.estimation.priors import Normal, Prior, Uniform
-from seatrial.estimation.sensor_errors import Sensor
-from seatrial.estimation.simulation import CURRENT
+from seatrial.estimation.simulation.sensor_errors import Sensor
+from seatrial.estimation.simulation.simulator import CURRENT
 from seatrial.vehicles.simulate import simulate
 
 STEP = 0.04

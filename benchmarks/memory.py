@@ -5,7 +5,7 @@ import jax.numpy as jnp
 from joint_problem import joint_posterior
 from timing import Ratio, Row
 
-from seatrial.estimation.posterior import Posterior
+from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.sampling.nuts import forward_is_cheaper, log_density_for_gradients
 
 GROUP, KIB = "memory of one gradient beyond the data, 4 parameters", 1024.0

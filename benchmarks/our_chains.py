@@ -9,9 +9,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from seatrial.estimation.mode import Mode
-from seatrial.estimation.posterior import Posterior
-from seatrial.estimation.sample_posterior import spread_starts
+from seatrial.estimation.posterior.mode import Mode
+from seatrial.estimation.posterior.posterior import Posterior
+from seatrial.estimation.posterior.sample_posterior import spread_starts
 from seatrial.sampling.run import BLOCK, ChainSettings
 from seatrial.sampling.sampler import SAMPLERS, sample
 

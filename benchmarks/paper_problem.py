@@ -9,8 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 from timing import agree
 
-from seatrial.estimation.mode import Mode
-from seatrial.estimation.posterior import Posterior
+from seatrial.estimation.posterior.mode import Mode
+from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.sampling.diagnostics import diagnose
 from seatrial.sampling.run import ChainSettings
 from seatrial.sampling.sampler import SAMPLERS, sample

@@ -14,7 +14,7 @@ from paper_problem import Problem, agree_in_moments, near, paper_problem, worst_
 from timing import Ratio, Row, agree
 from tools import ask
 
-from seatrial.estimation.mode import Mode, find_mode
+from seatrial.estimation.posterior.mode import Mode, find_mode
 from seatrial.sampling.names import DEFAULT
 from seatrial.sampling.run import ChainSettings
 from seatrial.sampling.sampler import SAMPLERS

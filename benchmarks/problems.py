@@ -10,7 +10,7 @@ import numpy as np
 from seatrial.core.gaussian import independent
 from seatrial.core.record import Channel, Provenance, Record, make_record
 from seatrial.core.state_space import StateSpace
-from seatrial.estimation.output_error import output_error
+from seatrial.estimation.posterior.output_error import output_error
 from seatrial.manoeuvres.family import Family
 from seatrial.vehicles.catalogue import load_surge
 from seatrial.vehicles.discretise import discretise

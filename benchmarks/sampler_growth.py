@@ -7,8 +7,8 @@ from our_chains import fitting, timed
 from paper_problem import worst_ess
 from timing import Row, alternate, row
 
-from seatrial.estimation.mode import Mode, find_mode
-from seatrial.estimation.posterior import Posterior
+from seatrial.estimation.posterior.mode import Mode, find_mode
+from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.sampling.names import DEFAULT
 
 STEPS = 6_000

@@ -8,7 +8,7 @@ import numpy as np
 from joint_problem import joint_posterior
 from timing import Ratio, Row
 
-from seatrial.estimation.mode import find_mode
+from seatrial.estimation.posterior.mode import find_mode
 from seatrial.sampling.diagnostics import diagnose
 from seatrial.sampling.run import ChainSettings
 from seatrial.sampling.sampler import SAMPLERS, sample

@@ -17,7 +17,7 @@ from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.inference.calibration import calibrate
 from seatrial.core.files import write_text
-from seatrial.estimation.calibration import DRAWS, Calibration
+from seatrial.estimation.diagnostics.calibration import DRAWS, Calibration
 from seatrial.report.drawing import draw_svg
 from seatrial.report.figures.style import BAND, BLUE, INK, ORANGE, POINT, SMALL, own_settings, style_axes
 from seatrial.sampling.names import DEFAULT, METHODS

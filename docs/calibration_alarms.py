@@ -3,7 +3,7 @@
 import numpy as np
 from scipy import stats
 
-from seatrial.estimation.calibration import DRAWS, Calibration
+from seatrial.estimation.diagnostics.calibration import DRAWS, Calibration
 
 REPLICATES = 400
 QUANTITIES = (1, 5, 28, 100)

@@ -5,8 +5,8 @@ import numpy as np
 from scipy import stats
 
 from seatrial.core.record import Channel, Provenance, make_record
-from seatrial.estimation.calibration import DRAWS, Calibration
-from seatrial.estimation.equation_error import fit_equation_error, measured_accelerations
+from seatrial.estimation.diagnostics.calibration import DRAWS, Calibration
+from seatrial.estimation.regression.equation_error import fit_equation_error, measured_accelerations
 from seatrial.vehicles.catalogue import load_surge
 from seatrial.vehicles.simulate import simulate
 from seatrial.vehicles.surge import surge_vehicle

@@ -23,7 +23,7 @@ from evidence_report import DEFAULT, Case, Run, failures, score_figure, tables
 from seatrial.core.errors import NumericalError
 from seatrial.core.files import write_json, write_text
 from seatrial.core.reporter import run_side_by_side
-from seatrial.estimation.posterior import Posterior
+from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.report.drawing import draw_svg
 from seatrial.report.figures.style import own_settings
 from seatrial.sampling.diagnostics import complaints, diagnose

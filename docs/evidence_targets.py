@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from scipy import integrate, stats
 
-from seatrial.estimation.posterior import Parameter, Posterior
+from seatrial.estimation.posterior.posterior import Parameter, Posterior
 from seatrial.estimation.priors import LogNormal, LogUniform, Normal, Prior, Uniform
 
 

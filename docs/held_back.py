@@ -17,10 +17,10 @@ import numpy as np
 
 import seatrial as st
 from seatrial.core.files import write_text
-from seatrial.estimation.mode import Mode
-from seatrial.estimation.pooled_coverage import RunResiduals, pooled_verdict, run_residuals
-from seatrial.estimation.posterior import Posterior, values_of
-from seatrial.estimation.robust_errors import robust_errors
+from seatrial.estimation.diagnostics.robust_errors import robust_errors
+from seatrial.estimation.posterior.mode import Mode
+from seatrial.estimation.posterior.posterior import Posterior, values_of
+from seatrial.estimation.prediction.pooled_coverage import RunResiduals, pooled_verdict, run_residuals
 from seatrial.sampling.run import Draws
 from seatrial.selection.importance import ImportanceSettings, importance_sample
 

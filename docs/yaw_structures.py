@@ -19,11 +19,11 @@ import numpy as np
 import seatrial
 from seatrial.core.files import write_text
 from seatrial.core.record import Channel, Provenance, Record, make_record
-from seatrial.estimation.mode import find_mode
-from seatrial.estimation.output_error import output_error
-from seatrial.estimation.posterior import Parameter, Posterior
+from seatrial.estimation.posterior.mode import find_mode
+from seatrial.estimation.posterior.output_error import output_error
+from seatrial.estimation.posterior.posterior import Parameter, Posterior
 from seatrial.estimation.priors import LogUniform, Normal
-from seatrial.estimation.sensor_errors import Sensor
+from seatrial.estimation.simulation.sensor_errors import Sensor
 from seatrial.selection.library import TermLibrary, term_library
 from seatrial.selection.rules import compile_rules, parse_rules
 from seatrial.selection.screening import Screening, TermPrior, screen

@@ -48,28 +48,30 @@ EQUIVALENT: dict[str, str] = {
     "first = autopilot.controls(begin, tuple(column[1] for column in columns))": "what the first step replaces",
     "src/seatrial/export/manoeuvre.py, _steady: top = next((top for top in 10.0 ** np.arange(0.0, 7.0) if surge(speed, top) > 0), None)"
     " => top = next((top for top in 15.0 ** np.arange(0.0, 7.0) if surge(speed, top) > 0), None)": "another bracket of the same root",
-    "src/seatrial/estimation/replicate.py, replicate: noise_keys = jax.random.split(keys[1], (len(output.labels), len(data.channels))) "
-    "=> noise_keys = jax.random.split(keys[2], (len(output.labels), len(data.channels)))": "an index beyond two keys is that of the last",
-    "src/seatrial/estimation/combinations.py, _best: while len(members) > 2: => while len(members) >= 2:": "one parameter within 5 % of "
-    "two is no better than the best alone, and then the sum of least variance is taken of all",
+    "src/seatrial/estimation/posterior/replicate.py, replicate: noise_keys = "
+    "jax.random.split(keys[1], (len(output.labels), len(data.channels))) => "
+    "noise_keys = jax.random.split(keys[2], (len(output.labels), len(data.channels)))": "an index beyond two keys is that of the last",
+    "src/seatrial/estimation/diagnostics/combinations.py, _best: while len(members) > 2: => "
+    "while len(members) >= 2:": "one parameter within 5 % of two is "
+    "no better than the best alone, and then the sum of least variance is taken of all",
     "src/seatrial/estimation/priors/truncated.py, TruncatedNormal.draw: inside = jnp.nextafter(self.lower + margin, inf), "
     "jnp.nextafter(self.upper - margin, -inf) => inside = jnp.nextafter(self.lower + margin, inf), "
     "jnp.nextafter(self.upper + margin, -inf)": "a margin that one draw in 1e12 reaches",
-    "src/seatrial/estimation/profile.py, climb: damping[row] = max(damping[row] / 10, 1e-6) => "
+    "src/seatrial/estimation/posterior/profile.py, climb: damping[row] = max(damping[row] / 10, 1e-6) => "
     "damping[row] = max((damping[row]), 1e-6)": "another damping of the same climb",
-    "src/seatrial/estimation/equation_error.py, _regress: z = phi if speed is trial.speed else "
+    "src/seatrial/estimation/regression/equation_error.py, _regress: z = phi if speed is trial.speed else "
     "np.asarray(_regressors(model, np.asarray(speed), control)[1]) => z = "
     "(np.asarray(_regressors(model, np.asarray(speed), control)[1]))": "the same regressors, computed twice",
-    "src/seatrial/estimation/sensor_errors.py, lags_before: safe = jnp.where(small, 1.0, r) => safe = jnp.where(small, 1.5, r)": "what "
-    "stands in for a divisor where the quotient is not used",
-    "src/seatrial/estimation/rows.py, _depth: return int((row - column).max(initial=0)) + 1 => "
+    "src/seatrial/estimation/simulation/sensor_errors.py, lags_before: safe = jnp.where(small, 1.0, r) => "
+    "safe = jnp.where(small, 1.5, r)": "what stands in for a divisor where the quotient is not used",
+    "src/seatrial/estimation/regression/rows.py, _depth: return int((row - column).max(initial=0)) + 1 => "
     "return int((row - column).max(initial=0)) + 2": "one diagonal more, of zeros",
-    "src/seatrial/estimation/delayed_control.py, delay_control: here, before = (from_on(xp.maximum(start, 0)) for start in "
+    "src/seatrial/estimation/simulation/delayed_control.py, delay_control: here, before = (from_on(xp.maximum(start, 0)) for start in "
     "(first, first - 1)) => here, before = (from_on(xp.maximum(start, 1)) for start in (first, first - 1))": "the first value is "
     "there once more than is read",
-    "src/seatrial/estimation/sensor_errors.py, Sensor.show: if memory is not None and lag is not None: => "
+    "src/seatrial/estimation/simulation/sensor_errors.py, Sensor.show: if memory is not None and lag is not None: => "
     "if memory is not None or lag is not None:": "a sensor has both or neither",
-    "src/seatrial/estimation/delayed_control.py, delay_control.from_on: return held[start : start + n] if xp is np else "
+    "src/seatrial/estimation/simulation/delayed_control.py, delay_control.from_on: return held[start : start + n] if xp is np else "
     "jax.lax.dynamic_slice(held, (start,), (n,)) => return (jax.lax.dynamic_slice(held, (start,), (n,)))": "the same slice by JAX",
     "src/seatrial/design/utility_agreement.py, _spearman: return np.divide((a * b).sum(1), scale, out=np.full(len(a), np.nan), "
     "where=scale > 0) => return np.divide((a * b).sum(1), scale, out=np.full(len(a), np.nan), where=scale > 1)": "ranks of five designs "
@@ -81,7 +83,7 @@ EQUIVALENT: dict[str, str] = {
     "nothing is predicted",
     'studies/remus100/prior_monte_carlo.py, _begin: filled = jnp.pad(draws, ((0, -draws.shape[0] % size), (0, 0)), mode="edge") '
     '=> filled = jnp.pad(draws, ((0, -draws.shape[0] % size), (0, 1)), mode="edge")': "a column more, which no likelihood reads",
-    "src/seatrial/estimation/regressor_noise.py, _at: trial, signals={**trial.signals, **{name: trial.signals[name] + times * e "
+    "src/seatrial/estimation/regression/regressor_noise.py, _at: trial, signals={**trial.signals, **{name: trial.signals[name] + times * e "
     "for name, e in noise.items()}} => trial, signals={**trial.signals, **{name: trial.signals[name] - times * e "
     "for name, e in noise.items()}}": "each noise is added and subtracted anyway, and the mean of both taken",
     "src/seatrial/export/from_campaign.py, _with_rest: if not same_mass(alone.hull, published.hull): => "
@@ -95,7 +97,8 @@ EQUIVALENT: dict[str, str] = {
     "cold = sample_cold(posterior, smc, fold_in(key, 2), settings.smc)": "another stream of random numbers",
     "src/seatrial/filters/unscented.py, UnscentedKalmanFilter.predict: tuple(plus(p, dot(noise[i], noise[j])) for j, p in "
     "enumerate(row[: i + 1])) => tuple(plus(p, dot(noise[j], noise[i])) for j, p in enumerate(row[: i + 1]))": "a product of the same two",
-    "src/seatrial/estimation/mode.py, _profile: for reach in NEAR * np.sqrt(mode.cov[at, at]) * 2.0 ** np.arange(DOUBLINGS + 1): => "
+    "src/seatrial/estimation/posterior/mode.py, _profile: "
+    "for reach in NEAR * np.sqrt(mode.cov[at, at]) * 2.0 ** np.arange(DOUBLINGS + 1): => "
     "for reach in NEAR * np.sqrt(mode.cov[at, at]) * 3.0 ** np.arange(DOUBLINGS + 1):": "other ends beyond which nothing is left",
 }
 """Mutants that no test can kill, by what `python release/mutate.py --list` prints, and why."""

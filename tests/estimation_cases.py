@@ -12,8 +12,8 @@ import numpy as np
 from scipy import stats
 
 from seatrial.core.record import Record, make_record
-from seatrial.estimation.output_error import output_error
-from seatrial.estimation.posterior import Parameter, Posterior
+from seatrial.estimation.posterior.output_error import output_error
+from seatrial.estimation.posterior.posterior import Parameter, Posterior
 from seatrial.estimation.priors import Normal, Uniform
 from tests.cases import CHANNELS, PROVENANCE, TRUTH, U0, naive_rk4, paper_model, surge_rate
 

@@ -25,15 +25,15 @@ _HOME = {
     "NumericalError": "seatrial.core.errors",
     "make_record": "seatrial.logs.record_of_columns:record_of_columns",
     "InputError": "seatrial.core.errors",
-    "find_mode": "seatrial.estimation.mode",
-    "sample": "seatrial.estimation.sample_posterior",
-    "NestedSettings": "seatrial.estimation.sample_posterior",
+    "find_mode": "seatrial.estimation.posterior.mode",
+    "sample": "seatrial.estimation.posterior.sample_posterior",
+    "NestedSettings": "seatrial.estimation.posterior.sample_posterior",
     "ChainSettings": "seatrial.sampling.run",
     "Draws": "seatrial.sampling.run",
     "SMCSettings": "seatrial.sampling.tempered_smc",
-    "posterior_of_density": "seatrial.estimation.posterior",
-    "Posterior": "seatrial.estimation.posterior",
-    "Mode": "seatrial.estimation.mode",
+    "posterior_of_density": "seatrial.estimation.posterior.posterior",
+    "Posterior": "seatrial.estimation.posterior.posterior",
+    "Mode": "seatrial.estimation.posterior.mode",
     "Normal": "seatrial.estimation.priors",
     "LogNormal": "seatrial.estimation.priors",
     "Uniform": "seatrial.estimation.priors",
@@ -53,21 +53,21 @@ _HOME = {
     "Family": "seatrial.manoeuvres.family",
     "Limits": "seatrial.manoeuvres.manoeuvre",
     "Schedule": "seatrial.manoeuvres.schedule",
-    "simulate": "seatrial.estimation.simulated_record",
-    "Sensor": "seatrial.estimation.sensor_errors",
+    "simulate": "seatrial.estimation.posterior.simulated_record",
+    "Sensor": "seatrial.estimation.simulation.sensor_errors",
     "read_log": "seatrial.logs.record_of_log:record_of_log",
     "Channel": "seatrial.core.record",
     "Provenance": "seatrial.core.record",
-    "make_posterior": "seatrial.estimation.record_posterior",
-    "predict": "seatrial.estimation.prediction",
-    "Prediction": "seatrial.estimation.prediction",
+    "make_posterior": "seatrial.estimation.posterior.record_posterior",
+    "predict": "seatrial.estimation.prediction.prediction",
+    "Prediction": "seatrial.estimation.prediction.prediction",
     "design_trial": "seatrial.design.trial_design",
     "TrialDesign": "seatrial.design.trial_design",
     "export_vehicle": "seatrial.export.to_target:export_to",
     "Campaign": "seatrial.campaign.config.campaign",
     "Prior": "seatrial.estimation.priors",
     "EngineWarning": "seatrial.core.engine",
-    "profile_likelihood": "seatrial.estimation.profile",
+    "profile_likelihood": "seatrial.estimation.posterior.profile",
     "inspect_log": "seatrial.logs.inspect",
     "predict_from_prior": "seatrial.campaign.prior.predictive",
     "to_arviz": "seatrial.arviz_tree",
@@ -160,15 +160,15 @@ if TYPE_CHECKING:
     from seatrial.core.errors import InputError, NumericalError, SeatrialError
     from seatrial.core.record import Channel, Provenance, Record
     from seatrial.design.trial_design import TrialDesign, design_trial
-    from seatrial.estimation.mode import Mode, find_mode
-    from seatrial.estimation.posterior import Posterior, posterior_of_density
-    from seatrial.estimation.prediction import Prediction, predict
+    from seatrial.estimation.posterior.mode import Mode, find_mode
+    from seatrial.estimation.posterior.posterior import Posterior, posterior_of_density
+    from seatrial.estimation.posterior.profile import profile_likelihood
+    from seatrial.estimation.posterior.record_posterior import make_posterior
+    from seatrial.estimation.posterior.sample_posterior import NestedSettings, sample
+    from seatrial.estimation.posterior.simulated_record import simulate
+    from seatrial.estimation.prediction.prediction import Prediction, predict
     from seatrial.estimation.priors import LogNormal, LogUniform, Normal, Prior, Uniform, half_normal, truncated_normal
-    from seatrial.estimation.profile import profile_likelihood
-    from seatrial.estimation.record_posterior import make_posterior
-    from seatrial.estimation.sample_posterior import NestedSettings, sample
-    from seatrial.estimation.sensor_errors import Sensor
-    from seatrial.estimation.simulated_record import simulate
+    from seatrial.estimation.simulation.sensor_errors import Sensor
     from seatrial.export.to_target import export_to as export_vehicle
     from seatrial.logs.inspect import inspect_log
     from seatrial.logs.record_of_columns import record_of_columns as make_record

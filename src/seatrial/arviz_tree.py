@@ -15,9 +15,9 @@ from seatrial.core.argument_checks import check_count, check_each_of, check_kind
 from seatrial.core.errors import InputError
 from seatrial.core.record import Record
 from seatrial.core.signals import signal_unit
-from seatrial.estimation.pointwise import pointwise_log_likelihood
-from seatrial.estimation.posterior import Posterior
-from seatrial.estimation.prediction import replicate_record
+from seatrial.estimation.posterior.pointwise import pointwise_log_likelihood
+from seatrial.estimation.posterior.posterior import Posterior
+from seatrial.estimation.prediction.prediction import replicate_record
 from seatrial.sampling.run import Draws
 
 if TYPE_CHECKING:

@@ -20,9 +20,9 @@ from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError, nearest
 from seatrial.design.sweep import Sweep
 from seatrial.design.trial_design import TrialDesign
-from seatrial.estimation.mode import Mode
-from seatrial.estimation.posterior import check_priors
-from seatrial.estimation.prediction import Prediction
+from seatrial.estimation.posterior.mode import Mode
+from seatrial.estimation.posterior.posterior import check_priors
+from seatrial.estimation.prediction.prediction import Prediction
 from seatrial.estimation.priors import Prior, prior_curve
 from seatrial.report.drawing import prior_panels, prior_spreads, record_curves, signal_axis
 from seatrial.report.figures.checks import draw_motions, prior_motions

@@ -15,7 +15,7 @@ from jaxtyping import Float
 from scipy.special import expit, logsumexp
 
 from seatrial.core.errors import InputError, NumericalError
-from seatrial.estimation.posterior import Posterior
+from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.sampling.diagnostics import MIN_ESS
 from seatrial.sampling.target import evaluate
 from seatrial.selection.evidence import Evidence

@@ -12,9 +12,9 @@ import xarray as xr
 from jaxtyping import Float
 
 from seatrial.core.normal import normal_density
-from seatrial.estimation.mode import find_mode
-from seatrial.estimation.pointwise import pointwise_log_likelihood, thin_draws
-from seatrial.estimation.posterior import Posterior
+from seatrial.estimation.posterior.mode import find_mode
+from seatrial.estimation.posterior.pointwise import pointwise_log_likelihood, thin_draws
+from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.report.figures.style import BLUE, INK, MUTED, ORANGE, PURPLE, limit_ticks, thin
 from seatrial.sampling import adaptive_metropolis
 from seatrial.sampling.diagnostics import diagnose, geweke_scores, printed_geweke_scores

@@ -10,8 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
-from seatrial.estimation.mode import find_mode
-from seatrial.estimation.posterior import Posterior
+from seatrial.estimation.posterior.mode import find_mode
+from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.estimation.priors import Uniform
 from seatrial.report.figures.style import BLUE, DOTS, INK, MUTED, ORANGE, PURPLE, limit_ticks
 from seatrial.report.numbers import plain

@@ -14,7 +14,7 @@ import xarray as xr
 
 from seatrial.design.fisher import fisher_information
 from seatrial.design.sweep import sweep_family
-from seatrial.estimation.mode import find_mode
+from seatrial.estimation.posterior.mode import find_mode
 from seatrial.filters.square_root import SquareRootUnscentedKalmanFilter
 from seatrial.manoeuvres.family import Family
 from seatrial.numerics.integrate import euler_step

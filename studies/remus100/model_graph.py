@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from seatrial.core.coefficients import CoefficientName
-from seatrial.estimation.posterior import Parameter, Posterior
+from seatrial.estimation.posterior.posterior import Parameter, Posterior
 from seatrial.estimation.priors import LogUniform, Uniform
 from seatrial.report.figures.style import BAND, BLUE, INK, MUTED, PAPER, POINT
 from seatrial.report.labels import label_mathtext

@@ -24,11 +24,11 @@ from seatrial.core.batching import lanes_at_once, map_lanes
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.programs import program
 from seatrial.core.reporter import Progress, no_progress
-from seatrial.estimation.noise_models import White
-from seatrial.estimation.output_error import OutputError
-from seatrial.estimation.posterior import Posterior
-from seatrial.estimation.sensor_errors import noise_name
-from seatrial.estimation.trial_data import TrialData
+from seatrial.estimation.posterior.output_error import OutputError
+from seatrial.estimation.posterior.posterior import Posterior
+from seatrial.estimation.simulation.noise_models import White
+from seatrial.estimation.simulation.sensor_errors import noise_name
+from seatrial.estimation.simulation.trial_data import TrialData
 from seatrial.sampling.diagnostics import MIN_ESS
 from seatrial.sampling.target import LANES
 from seatrial.selection.evidence import Evidence

@@ -12,8 +12,8 @@ from jaxtyping import Float
 
 from seatrial.core.record import Channel, Provenance, Record, make_record
 from seatrial.core.signals import signal_unit
-from seatrial.estimation.output_error import output_error
-from seatrial.estimation.posterior import Parameter, Posterior
+from seatrial.estimation.posterior.output_error import output_error
+from seatrial.estimation.posterior.posterior import Parameter, Posterior
 from seatrial.estimation.priors import Prior, Uniform
 from seatrial.manoeuvres.family import Family
 from seatrial.vehicles.simulate import simulate

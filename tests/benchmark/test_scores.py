@@ -12,7 +12,7 @@ from seatrial.benchmark.scores import binomial_range, pool, score_run
 from seatrial.benchmark.tasks import MOST_STEPS, RUN, SHORT, STEP, leads, stretches
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.core.record import Channel, Provenance, make_record
-from seatrial.estimation.prediction_scores import DIVERGES
+from seatrial.estimation.prediction.prediction_scores import DIVERGES
 
 
 def record(u, step=0.5, label="run"):

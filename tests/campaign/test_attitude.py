@@ -9,7 +9,7 @@ from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.inference.posterior import build_posterior, initial_state
 from seatrial.campaign.inference.quick_estimates import posterior_modes
 from seatrial.core.errors import InputError
-from seatrial.estimation.first_guess import first_guess
+from seatrial.estimation.posterior.first_guess import first_guess
 from seatrial.vehicles.simulate import simulate
 
 INERTIA, WEIGHT = np.array([0.4, 0.6, 0.6]), 100.0

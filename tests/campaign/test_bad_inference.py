@@ -12,9 +12,9 @@ from seatrial.apps.running import Exit
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.inference.posterior import build_posterior
 from seatrial.core.errors import InputError, NumericalError
-from seatrial.estimation import mode as mode_module
-from seatrial.estimation.mode import find_mode
-from seatrial.estimation.prior_checks import check_prior_contains_data, information_complaints
+from seatrial.estimation.diagnostics.prior_checks import check_prior_contains_data, information_complaints
+from seatrial.estimation.posterior import mode as mode_module
+from seatrial.estimation.posterior.mode import find_mode
 from seatrial.estimation.priors import LogNormal, Normal, Uniform, half_normal
 from seatrial.sampling.diagnostics import ChainHealth, complaints
 from tests.campaign.small import write_small

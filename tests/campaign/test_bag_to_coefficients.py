@@ -13,7 +13,7 @@ from scipy import stats
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.inference.posterior import build_posterior, random_key
-from seatrial.estimation.mode import find_mode
+from seatrial.estimation.posterior.mode import find_mode
 
 pytestmark = pytest.mark.proof
 EXAMPLE = Path(__file__).parents[2] / "examples" / "thruster_rov"

@@ -17,8 +17,8 @@ from seatrial.campaign.inference.posterior import build_posterior, initial_state
 from seatrial.campaign.prior.predictive import speeds
 from seatrial.campaign.selection.runner_up import noise_of
 from seatrial.core.errors import InputError
-from seatrial.estimation.identifiability import identifiability_of_fit
-from seatrial.estimation.mode import find_mode
+from seatrial.estimation.diagnostics.identifiability import identifiability_of_fit
+from seatrial.estimation.posterior.mode import find_mode
 from seatrial.manoeuvres.schedule import schedule_of
 from tests.campaign.small import write_summary
 

@@ -13,7 +13,7 @@ from seatrial.campaign.inference.calibration import calibrate
 from seatrial.campaign.store.calibration import Calibrated
 from seatrial.campaign.store.stored_result import Store
 from seatrial.core.errors import InputError
-from seatrial.estimation.calibration import DRAWS, Calibration
+from seatrial.estimation.diagnostics.calibration import DRAWS, Calibration
 from seatrial.report.figure_files import write_calibration_picture
 from tests.campaign.small import write_small
 

@@ -15,7 +15,7 @@ from seatrial.campaign.inference.baselines import (
 )
 from seatrial.campaign.store.results import Results
 from seatrial.campaign.workflow.steps import Workflow
-from seatrial.estimation.baselines import BASELINES
+from seatrial.estimation.prediction.baselines import BASELINES
 from tests.campaign.small import write_small
 from tests.campaign.yaw_campaign import write_yaw
 

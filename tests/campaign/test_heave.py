@@ -8,7 +8,7 @@ from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.data.thruster_check import mirrored_thrusters
 from seatrial.campaign.inference.posterior import build_posterior, random_key
 from seatrial.core.errors import InputError
-from seatrial.estimation.mode import find_mode
+from seatrial.estimation.posterior.mode import find_mode
 
 MASS, ADDED, DRAG, NOISE, STEP, COUNT = 11.0, 14.0, -60.0, 0.01, 0.1, 300
 WEIGHTS = {"a": 2.0, "b": 6.0, "c": -3.0}

@@ -9,8 +9,8 @@ import pytest
 from seatrial.campaign.inference.identifiability import _known
 from seatrial.campaign.store.estimates import BY_ITSELF, decode_known
 from seatrial.core.display_units import shown_as_written
-from seatrial.estimation.identifiability import identify
-from seatrial.estimation.posterior import Parameter
+from seatrial.estimation.diagnostics.identifiability import identify
+from seatrial.estimation.posterior.posterior import Parameter
 from seatrial.estimation.priors import Normal
 
 AT = {"u": 1.5}

@@ -11,11 +11,11 @@ from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.inference.posterior import build_posterior
 from seatrial.campaign.inference.quick_estimates import posterior_modes
 from seatrial.core.errors import InputError
-from seatrial.estimation.identifiability import identify
-from seatrial.estimation.information import likelihood_information
-from seatrial.estimation.mounts import Mount
-from seatrial.estimation.sensor_errors import Sensor
-from seatrial.estimation.simulation import Simulator, samples_remembered
+from seatrial.estimation.diagnostics.identifiability import identify
+from seatrial.estimation.posterior.information import likelihood_information
+from seatrial.estimation.simulation.mounts import Mount
+from seatrial.estimation.simulation.sensor_errors import Sensor
+from seatrial.estimation.simulation.simulator import Simulator, samples_remembered
 
 MASS, I_Z = 20.0, 1.5
 TRUTH = {"X_uabsu": -18.0, "Y_vabsv": -30.0, "N_r": -2.0}

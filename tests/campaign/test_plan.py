@@ -15,7 +15,7 @@ from seatrial.campaign.design.prior_state_space import prior_draws
 from seatrial.campaign.rehearsal.run import known_after
 from seatrial.campaign.rehearsal.vehicles import Vehicle, run_trial
 from seatrial.core.errors import InputError
-from seatrial.estimation.sensor_errors import noise_name
+from seatrial.estimation.simulation.sensor_errors import noise_name
 from tests.campaign.small import write_small
 
 POSSIBLE = (

@@ -15,9 +15,9 @@ from seatrial.campaign.inference.judge_predictions import (
     trial_verdicts,
 )
 from seatrial.campaign.store.predictions import Fit, decode_fit
-from seatrial.estimation.fit_verdict import judge_fit
-from seatrial.estimation.pooled_coverage import pooled_verdict, run_residuals
-from seatrial.estimation.prediction_scores import Score
+from seatrial.estimation.prediction.fit_verdict import judge_fit
+from seatrial.estimation.prediction.pooled_coverage import pooled_verdict, run_residuals
+from seatrial.estimation.prediction.prediction_scores import Score
 
 NUMBERS = {
     "nrmse": 0.5,

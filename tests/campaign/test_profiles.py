@@ -12,7 +12,7 @@ from seatrial.campaign.store.estimates import read_profiles
 from seatrial.campaign.store.stored_result import write_stamped_json
 from seatrial.core.errors import InputError
 from seatrial.core.reporter import SilentReporter
-from seatrial.estimation.profile import Profile
+from seatrial.estimation.posterior.profile import Profile
 from tests.campaign.small import NO_X_U, write_small
 from tests.report.test_profile_picture import profile
 

@@ -15,10 +15,10 @@ from seatrial.campaign.inference import prior_and_record
 from seatrial.campaign.inference.omitted_effects import _ways
 from seatrial.campaign.inference.posterior import build_posterior
 from seatrial.core.errors import InputError
-from seatrial.estimation.candidate_effects import candidate_effects
-from seatrial.estimation.fit_verdict import slow_remedy
-from seatrial.estimation.posterior import Parameter
-from seatrial.estimation.prior_checks import _remedy
+from seatrial.estimation.diagnostics.candidate_effects import candidate_effects
+from seatrial.estimation.diagnostics.prior_checks import _remedy
+from seatrial.estimation.posterior.posterior import Parameter
+from seatrial.estimation.prediction.fit_verdict import slow_remedy
 from seatrial.estimation.priors import LogUniform
 from tests.campaign.small import SMALL
 from tests.campaign.test_check import CAMPAIGN, MUTE, feedback, speed, write

@@ -12,10 +12,10 @@ from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.inference import posterior as posteriors
 from seatrial.campaign.inference.posterior import build_posterior, shared_model
 from seatrial.campaign.inference.quick_estimates import posterior_modes
-from seatrial.estimation.information import likelihood_information
-from seatrial.estimation.mode import find_mode
-from seatrial.estimation.noncentred import coupled, uncouple
-from seatrial.estimation.posterior import named_draws
+from seatrial.estimation.posterior.information import likelihood_information
+from seatrial.estimation.posterior.mode import find_mode
+from seatrial.estimation.posterior.noncentred import coupled, uncouple
+from seatrial.estimation.posterior.posterior import named_draws
 from seatrial.sampling.run import unnamed_draws
 from seatrial.selection.importance import importance_evidence
 from tests.campaign.small import write_small

@@ -8,9 +8,9 @@ from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.data.true_vehicle import true_vehicle
 from seatrial.campaign.inference.posterior import build_posterior, initial_state, random_key
 from seatrial.core.errors import InputError
-from seatrial.estimation.first_guess import first_guess
-from seatrial.estimation.identifiability import identifiability_of_fit
-from seatrial.estimation.mode import find_mode
+from seatrial.estimation.diagnostics.identifiability import identifiability_of_fit
+from seatrial.estimation.posterior.first_guess import first_guess
+from seatrial.estimation.posterior.mode import find_mode
 from tests.campaign.small import write_small, write_summary
 from tests.campaign.test_thrusters import CAMPAIGN, INERTIA, MASS, PLACES, PUSHES, TRUTH, law
 

@@ -12,9 +12,9 @@ from seatrial.campaign.inference.posterior import build_posterior, initial_state
 from seatrial.campaign.inference.quick_estimates import posterior_modes
 from seatrial.campaign.prior.predictive import predict_from_prior
 from seatrial.core.errors import InputError
-from seatrial.estimation.first_guess import first_guess
-from seatrial.estimation.identifiability import identifiability_of_fit
-from seatrial.estimation.mode import find_mode
+from seatrial.estimation.diagnostics.identifiability import identifiability_of_fit
+from seatrial.estimation.posterior.first_guess import first_guess
+from seatrial.estimation.posterior.mode import find_mode
 from seatrial.manoeuvres.family import Family
 from seatrial.manoeuvres.schedule import read_rows
 from seatrial.vehicles.thrusters import ThrustLaw

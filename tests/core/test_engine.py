@@ -80,7 +80,8 @@ def test_configure_is_told_and_obeyed(tmp_path, first):
 
 
 @pytest.mark.parametrize(
-    "use", ["seatrial.load_campaign", pytest.param("import seatrial.estimation.mode", marks=pytest.mark.proof)]
+    "use",
+    ["seatrial.load_campaign", pytest.param("import seatrial.estimation.posterior.mode", marks=pytest.mark.proof)],
 )
 def test_what_computes_computes_in_double_precision(tmp_path, use):
     assert run_python(f"import seatrial; {use}; {ONES}", tmp_path) == "float64"

@@ -9,8 +9,8 @@ from seatrial.core import batching as lanes
 from seatrial.core import engine
 from seatrial.core.batching import backend, lanes_at_once, map_in_step, map_lanes
 from seatrial.design.sweep import in_blocks, sweep_family
-from seatrial.estimation.pointwise import pointwise_log_likelihood
-from seatrial.estimation.slopes import likelihood_slopes
+from seatrial.estimation.posterior.pointwise import pointwise_log_likelihood
+from seatrial.estimation.posterior.slopes import likelihood_slopes
 from seatrial.filters.square_root import LargeUnscentedKalmanFilter
 from seatrial.filters.unscented import UnscentedKalmanFilter
 from seatrial.sampling.target import evaluate

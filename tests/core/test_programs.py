@@ -16,7 +16,7 @@ import pytest
 from seatrial.core import engine, program_store, programs
 from seatrial.core.program_store import NoKey, key_of
 from seatrial.core.programs import counts
-from seatrial.estimation.posterior import Parameter, Posterior
+from seatrial.estimation.posterior.posterior import Parameter, Posterior
 from seatrial.estimation.priors import Normal, Uniform
 from seatrial.vehicles.simulate import _trajectory, simulate
 from seatrial.vehicles.surge import SurgeHull, surge_vehicle

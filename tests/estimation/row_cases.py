@@ -7,7 +7,7 @@ import numpy as np
 from scipy.linalg import expm
 
 from seatrial.core.record import Channel, make_record
-from seatrial.estimation.weak_form import weak_trials
+from seatrial.estimation.regression.weak_form import weak_trials
 from seatrial.vehicles.axis_equation import axis_equation
 from tests.cases import DEDUCTION, MASS, PROVENANCE, TRUTH
 from tests.estimation_cases import SIGMA, golden_motion, make_trial, naive_speed

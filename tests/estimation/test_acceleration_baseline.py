@@ -8,8 +8,8 @@ from scipy.integrate import solve_ivp
 
 from seatrial.core.errors import NumericalError
 from seatrial.core.record import Channel, Provenance, make_record
-from seatrial.estimation.acceleration_baseline import acceleration_baseline
-from seatrial.estimation.baselines import fit_baselines
+from seatrial.estimation.prediction.acceleration_baseline import acceleration_baseline
+from seatrial.estimation.prediction.baselines import fit_baselines
 from seatrial.vehicles.axis_equation import axes_vehicle, axis_equation
 from tests.cases import TRUTH, paper_model
 from tests.estimation_cases import golden_motion, make_trial

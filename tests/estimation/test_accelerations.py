@@ -7,7 +7,7 @@ import pytest
 from scipy.interpolate import make_smoothing_spline
 
 from seatrial.core.errors import InputError
-from seatrial.estimation.accelerations import _innovation_complaints, smooth
+from seatrial.estimation.regression.accelerations import _innovation_complaints, smooth
 
 
 class Dense(NamedTuple):

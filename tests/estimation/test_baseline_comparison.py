@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import scipy
 
-from seatrial.estimation.baseline_comparison import Predicted, Run, compare
+from seatrial.estimation.prediction.baseline_comparison import Predicted, Run, compare
 
 TIME = np.arange(400) * 0.1
 MOTION = np.sin(0.5 * TIME)

@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from seatrial.estimation.calibration import DRAWS, Calibration, _shape, ranks_of, spread_evenly, stays_within
+from seatrial.estimation.diagnostics.calibration import (
+    DRAWS,
+    Calibration,
+    _shape,
+    ranks_of,
+    spread_evenly,
+    stays_within,
+)
 
 REPLICATES = 400
 

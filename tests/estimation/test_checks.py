@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from seatrial.core.errors import InputError
-from seatrial.estimation.mode import find_mode
-from seatrial.estimation.prior_checks import _gain_beyond, check_prior_contains_data, information_complaints
+from seatrial.estimation.diagnostics.prior_checks import _gain_beyond, check_prior_contains_data, information_complaints
+from seatrial.estimation.posterior.mode import find_mode
 from seatrial.estimation.priors import LogUniform, Normal, Uniform
 from tests.estimation_cases import posterior
 

@@ -8,12 +8,12 @@ from scipy import stats
 
 from seatrial.core.errors import InputError
 from seatrial.core.record import Channel, make_record
-from seatrial.estimation.disturbance import over_step
-from seatrial.estimation.filter_error import filter_error
+from seatrial.estimation.posterior.filter_error import filter_error
+from seatrial.estimation.posterior.record_posterior import make_posterior
+from seatrial.estimation.posterior.replicate import replicate
+from seatrial.estimation.posterior.simulated_record import simulate
 from seatrial.estimation.priors import LogUniform, Normal, Uniform
-from seatrial.estimation.record_posterior import make_posterior
-from seatrial.estimation.replicate import replicate
-from seatrial.estimation.simulated_record import simulate
+from seatrial.estimation.simulation.disturbance import over_step
 from seatrial.filters.extended import ExtendedKalmanFilter, LargeExtendedKalmanFilter
 from seatrial.filters.square_root import LargeUnscentedKalmanFilter, SquareRootUnscentedKalmanFilter
 from seatrial.filters.unscented import UnscentedKalmanFilter

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from seatrial.core.errors import InputError, NumericalError
-from seatrial.estimation.equation_error import (
+from seatrial.estimation.regression.equation_error import (
     MOVED,
     Accelerations,
     _complaint,

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from seatrial.core.record import Channel, Provenance, make_record
-from seatrial.estimation.feedback_check import find_feedback, not_judged_in_loop
-from seatrial.estimation.record_checks import RecordFinding
+from seatrial.estimation.diagnostics.feedback_check import find_feedback, not_judged_in_loop
+from seatrial.estimation.diagnostics.record_checks import RecordFinding
 
 STEP, COUNT, NOISE = 0.1, 1000, 0.02
 TIME = STEP * np.arange(COUNT)

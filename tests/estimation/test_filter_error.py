@@ -7,9 +7,9 @@ import pytest
 from scipy import stats
 
 from seatrial.core.errors import InputError
-from seatrial.estimation.filter_error import filter_error
-from seatrial.estimation.output_error import output_error
-from seatrial.estimation.sensor_errors import Sensor
+from seatrial.estimation.posterior.filter_error import filter_error
+from seatrial.estimation.posterior.output_error import output_error
+from seatrial.estimation.simulation.sensor_errors import Sensor
 from seatrial.filters.square_root import SquareRootUnscentedKalmanFilter
 from tests.cases import MASS, TRUTH, U0, paper_model, surge_rate
 from tests.estimation_cases import make_trial, naive_speed

@@ -7,12 +7,12 @@ from scipy.integrate import solve_ivp
 
 from seatrial.core.record import Channel, Provenance, make_record
 from seatrial.core.signals import signal_unit
-from seatrial.estimation.first_guess import _inside, first_guess
-from seatrial.estimation.mode import climb, find_mode
-from seatrial.estimation.output_error import output_error
-from seatrial.estimation.posterior import Parameter, Posterior
+from seatrial.estimation.posterior.first_guess import _inside, first_guess
+from seatrial.estimation.posterior.mode import climb, find_mode
+from seatrial.estimation.posterior.output_error import output_error
+from seatrial.estimation.posterior.posterior import Parameter, Posterior
 from seatrial.estimation.priors import LogUniform, Normal, Uniform
-from seatrial.estimation.sensor_errors import Sensor
+from seatrial.estimation.simulation.sensor_errors import Sensor
 from seatrial.sampling.target import evaluate
 from seatrial.vehicles.axis_equation import axes_vehicle, axis_equation
 from seatrial.vehicles.surge import SurgeHull, surge_vehicle

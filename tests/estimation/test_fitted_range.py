@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from seatrial.core.record import Channel, Provenance, make_record
-from seatrial.estimation.fitted_range import outside_fitted
+from seatrial.estimation.prediction.fitted_range import outside_fitted
 
 TIME = np.arange(500) * 0.1
 CHANNELS = (

@@ -7,8 +7,8 @@ import pytest
 
 from seatrial.core.coefficients import CoefficientName
 from seatrial.design.fisher import fisher_information
-from seatrial.estimation.combinations import Combination, Unknown, known_combinations, null_combinations
-from seatrial.estimation.identifiability import (
+from seatrial.estimation.diagnostics.combinations import Combination, Unknown, known_combinations, null_combinations
+from seatrial.estimation.diagnostics.identifiability import (
     Group,
     Identifiability,
     _expected_cov,
@@ -16,13 +16,13 @@ from seatrial.estimation.identifiability import (
     identifiability_of_fit,
     identify,
 )
-from seatrial.estimation.information import expand_likelihood, is_noise, likelihood_information
-from seatrial.estimation.mode import find_mode
-from seatrial.estimation.output_error import output_error
-from seatrial.estimation.posterior import Parameter
+from seatrial.estimation.posterior.information import expand_likelihood, is_noise, likelihood_information
+from seatrial.estimation.posterior.mode import find_mode
+from seatrial.estimation.posterior.output_error import output_error
+from seatrial.estimation.posterior.posterior import Parameter
+from seatrial.estimation.prediction.remedies import listed, measured, percent, what_separates
 from seatrial.estimation.priors import Normal, Uniform
-from seatrial.estimation.remedies import listed, measured, percent, what_separates
-from seatrial.estimation.sensor_errors import Sensor
+from seatrial.estimation.simulation.sensor_errors import Sensor
 from seatrial.numerics.integrate import rk4_step
 from seatrial.vehicles.surge import SurgeHull, surge_vehicle
 from tests.cases import DEDUCTION, MASS, TRUTH, U0, paper_model

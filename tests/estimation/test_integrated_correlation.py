@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from seatrial.estimation.fit_verdict import LIKELY, UNDERSTATED, judge_fit
-from seatrial.estimation.prediction_scores import integrated_correlation, score_channel, whiteness
+from seatrial.estimation.prediction.fit_verdict import LIKELY, UNDERSTATED, judge_fit
+from seatrial.estimation.prediction.prediction_scores import integrated_correlation, score_channel, whiteness
 
 
 def even(seconds, step=0.1):

@@ -6,8 +6,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from seatrial.estimation.delayed_control import delay_control
-from seatrial.estimation.screening_delay import delayed, likely_delay
+from seatrial.estimation.regression.screening_delay import delayed, likely_delay
+from seatrial.estimation.simulation.delayed_control import delay_control
 from tests.estimation.row_cases import SURGE, surge_record
 
 

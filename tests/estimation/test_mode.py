@@ -9,11 +9,11 @@ import pytest
 import seatrial as st
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.record import Channel, Provenance, make_record
-from seatrial.estimation import mode as module
-from seatrial.estimation.mode import draw_about, find_mode, follow, higher_mode
-from seatrial.estimation.posterior import values_of
+from seatrial.estimation.posterior import mode as module
+from seatrial.estimation.posterior.mode import draw_about, find_mode, follow, higher_mode
+from seatrial.estimation.posterior.posterior import values_of
 from seatrial.estimation.priors import LogNormal, LogUniform, Normal, Uniform
-from seatrial.estimation.trial_data import first_samples, stack_trials
+from seatrial.estimation.simulation.trial_data import first_samples, stack_trials
 from tests.estimation_cases import GOLDEN_LOG_EVIDENCE, THRUST_UNIT, golden_posterior, linear_gaussian, posterior
 
 KEY = jax.random.key(0)

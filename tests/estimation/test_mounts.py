@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from seatrial.estimation.mounts import Mount
+from seatrial.estimation.simulation.mounts import Mount
 from seatrial.numerics.integrate import rk4_step
 from seatrial.vehicles.catalogue import load_vehicle
 

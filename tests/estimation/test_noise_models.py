@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from seatrial.estimation.noise_models import Coloured, Drifting, Heavy, White
-from seatrial.estimation.trial_data import FOREVER, channel_data
+from seatrial.estimation.simulation.noise_models import Coloured, Drifting, Heavy, White
+from seatrial.estimation.simulation.trial_data import FOREVER, channel_data
 
 
 @pytest.mark.parametrize("complete", [True, False])

@@ -5,13 +5,13 @@ import pytest
 from scipy import stats
 
 from seatrial.core.record import Channel, make_record
-from seatrial.estimation.effect_fit import Fit, Linearisation, whiten
-from seatrial.estimation.mode import find_mode
-from seatrial.estimation.omitted_effects import half_width, omitted_effects, score_effects
-from seatrial.estimation.posterior import posterior_of_density
+from seatrial.estimation.diagnostics.effect_fit import Fit, Linearisation, whiten
+from seatrial.estimation.diagnostics.omitted_effects import half_width, omitted_effects, score_effects
+from seatrial.estimation.posterior.mode import find_mode
+from seatrial.estimation.posterior.posterior import posterior_of_density
+from seatrial.estimation.posterior.record_posterior import make_posterior
 from seatrial.estimation.priors import LogUniform, Normal, Uniform
-from seatrial.estimation.record_posterior import make_posterior
-from seatrial.estimation.sensor_errors import Sensor
+from seatrial.estimation.simulation.sensor_errors import Sensor
 from seatrial.vehicles.axis_equation import axes_vehicle, axis_equation
 from seatrial.vehicles.surge import surge_vehicle
 from tests.cases import PROVENANCE

@@ -7,8 +7,8 @@ import pytest
 from scipy import stats
 
 from seatrial.core.errors import InputError
-from seatrial.estimation.output_error import _check_even, output_error
-from seatrial.estimation.sensor_errors import Sensor
+from seatrial.estimation.posterior.output_error import _check_even, output_error
+from seatrial.estimation.simulation.sensor_errors import Sensor
 from tests.cases import TRUTH, U0, naive_rk4, paper_model, surge_rate
 from tests.estimation_cases import SIGMA, golden_motion, make_trial, naive_midpoint, naive_speed
 

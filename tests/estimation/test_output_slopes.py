@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from seatrial.core.signals import QUATERNION
-from seatrial.estimation.information import _simulated_data, expand_likelihood
-from seatrial.estimation.output_error import output_error
-from seatrial.estimation.posterior import Parameter, Posterior
+from seatrial.estimation.posterior.information import _simulated_data, expand_likelihood
+from seatrial.estimation.posterior.output_error import output_error
+from seatrial.estimation.posterior.posterior import Parameter, Posterior
+from seatrial.estimation.posterior.simulated_record import simulate
+from seatrial.estimation.posterior.slopes import likelihood_slopes
 from seatrial.estimation.priors import Normal
-from seatrial.estimation.sensor_errors import Sensor
-from seatrial.estimation.simulated_record import simulate
-from seatrial.estimation.slopes import likelihood_slopes
+from seatrial.estimation.simulation.sensor_errors import Sensor
 from seatrial.manoeuvres.schedule import Schedule
 from seatrial.vehicles.actuators import Actuator, with_actuators
 from seatrial.vehicles.catalogue import load_vehicle

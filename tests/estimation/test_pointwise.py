@@ -7,10 +7,10 @@ import pytest
 from scipy import stats
 
 from seatrial.core.errors import InputError
-from seatrial.estimation.output_error import output_error
-from seatrial.estimation.pointwise import MAX_ENTRIES, pointwise_log_likelihood, thin_draws
+from seatrial.estimation.posterior.output_error import output_error
+from seatrial.estimation.posterior.pointwise import MAX_ENTRIES, pointwise_log_likelihood, thin_draws
 from seatrial.estimation.priors import Normal
-from seatrial.estimation.sensor_errors import Sensor
+from seatrial.estimation.simulation.sensor_errors import Sensor
 from tests.cases import TRUTH, U0, paper_model, surge_rate
 from tests.estimation_cases import linear_gaussian, make_trial, naive_speed, posterior
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from seatrial.estimation.pooled_coverage import (
+from seatrial.estimation.prediction.pooled_coverage import (
     band_factor,
     pooled_verdict,
     probability_of_so_few,

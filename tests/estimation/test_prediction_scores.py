@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from seatrial.estimation.fit_verdict import FitVerdict, judge_fit, worst
-from seatrial.estimation.prediction import within_bounds
-from seatrial.estimation.prediction_scores import DIVERGES, SlowNoise, score_channel
+from seatrial.estimation.prediction.fit_verdict import FitVerdict, judge_fit, worst
+from seatrial.estimation.prediction.prediction import within_bounds
+from seatrial.estimation.prediction.prediction_scores import DIVERGES, SlowNoise, score_channel
 from seatrial.estimation.priors import Normal, Uniform
 
 TIME = np.arange(1200) * 0.05

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
 
-from seatrial.estimation.mode import find_mode
-from seatrial.estimation.priors import Normal, Uniform
-from seatrial.estimation.profile import (
+from seatrial.estimation.posterior.mode import find_mode
+from seatrial.estimation.posterior.profile import (
     CLOSE,
     CROSSING,
     DROP,
@@ -23,6 +22,7 @@ from seatrial.estimation.profile import (
     climb,
     profile_likelihood,
 )
+from seatrial.estimation.priors import Normal, Uniform
 from tests.estimation_cases import golden_posterior, linear_gaussian, posterior, short_posterior
 
 KEY = jax.random.key(0)

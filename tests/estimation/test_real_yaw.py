@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from seatrial.core.record import Channel, Provenance, make_record
-from seatrial.estimation.row_fit import fit_rows, independent_rows
-from seatrial.estimation.rows import whitened_rows
-from seatrial.estimation.weak_form import weak_trials
+from seatrial.estimation.regression.row_fit import fit_rows, independent_rows
+from seatrial.estimation.regression.rows import whitened_rows
+from seatrial.estimation.regression.weak_form import weak_trials
 from seatrial.vehicles.axis_equation import axis_equation
 
 DATA = Path(os.environ.get("SEATRIAL_DATA", Path(__file__).parents[2] / "../shared/data")) / "kvlcc2_hsva"

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from seatrial.estimation.excitation_checks import check_excitation, check_signs
-from seatrial.estimation.motion_checks import (
+from seatrial.estimation.diagnostics.excitation_checks import check_excitation, check_signs
+from seatrial.estimation.diagnostics.motion_checks import (
     _correlation,
     best_lag,
     check_motion,
@@ -12,7 +12,7 @@ from seatrial.estimation.motion_checks import (
     check_turn,
     says_direction,
 )
-from seatrial.estimation.record_checks import (
+from seatrial.estimation.diagnostics.record_checks import (
     _scatter,
     _standing_out,
     check_angle,

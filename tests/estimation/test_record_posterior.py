@@ -14,9 +14,9 @@ import seatrial as st
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.inference.posterior import build_posterior
-from seatrial.estimation.prediction import noise_sd, slow_noise
-from seatrial.estimation.prediction_scores import SlowNoise
-from seatrial.estimation.simulated_record import _would_act
+from seatrial.estimation.posterior.simulated_record import _would_act
+from seatrial.estimation.prediction.prediction import noise_sd, slow_noise
+from seatrial.estimation.prediction.prediction_scores import SlowNoise
 from tests.campaign.small import write_small
 
 RPM = 2 * np.pi / 60

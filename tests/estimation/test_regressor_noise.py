@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from seatrial.core.errors import InputError
-from seatrial.estimation.regressor_noise import LEVELS, _extrapolation, regressor_noise_bias
-from seatrial.estimation.rows import whitened_rows
-from seatrial.estimation.weak_form import pointwise_trials, weak_trials
+from seatrial.estimation.regression.regressor_noise import LEVELS, _extrapolation, regressor_noise_bias
+from seatrial.estimation.regression.rows import whitened_rows
+from seatrial.estimation.regression.weak_form import pointwise_trials, weak_trials
 from seatrial.vehicles.axis_equation import axis_equation
 from tests.cases import surge_rate
 from tests.estimation.row_cases import SHIP_EQUATIONS, SURGE, TRUE, driven_ship, exact_speed, noisy_surge, ship_record

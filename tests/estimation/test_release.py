@@ -5,7 +5,7 @@ import pytest
 
 from seatrial.core.record import Channel, Provenance, make_record
 from seatrial.core.signals import signal_unit
-from seatrial.estimation.first_guess import fit_motion
+from seatrial.estimation.posterior.first_guess import fit_motion
 from seatrial.estimation.priors import Normal
 from seatrial.numerics.rotations import quaternion_of_angles
 from seatrial.vehicles.catalogue import load_vehicle

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from seatrial.estimation.filter_error import filter_error
-from seatrial.estimation.output_error import output_error
-from seatrial.estimation.replicate import motions, replicate
-from seatrial.estimation.sensor_errors import Sensor
+from seatrial.estimation.posterior.filter_error import filter_error
+from seatrial.estimation.posterior.output_error import output_error
+from seatrial.estimation.posterior.replicate import motions, replicate
+from seatrial.estimation.simulation.sensor_errors import Sensor
 from tests.cases import TRUTH, U0, paper_model
 from tests.estimation.test_filter_error import LINEAR, MEASURED, REV, SPEED, TIME, N, dense, record
 from tests.estimation_cases import make_trial, naive_speed

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from seatrial.estimation.candidate_effects import Effect
-from seatrial.estimation.mode import find_mode
-from seatrial.estimation.omitted_effects import OmittedEffects
-from seatrial.estimation.posterior import posterior_of_density
+from seatrial.estimation.diagnostics.candidate_effects import Effect
+from seatrial.estimation.diagnostics.omitted_effects import OmittedEffects
+from seatrial.estimation.diagnostics.robust_errors import Pieces, RobustErrors, jackknife, robust_errors
+from seatrial.estimation.posterior.mode import find_mode
+from seatrial.estimation.posterior.posterior import posterior_of_density
+from seatrial.estimation.posterior.record_posterior import make_posterior
 from seatrial.estimation.priors import Normal, Uniform, truncated_normal
-from seatrial.estimation.record_posterior import make_posterior
-from seatrial.estimation.robust_errors import Pieces, RobustErrors, jackknife, robust_errors
 from seatrial.vehicles.surge import surge_vehicle
 from tests.estimation_cases import make_trial
 from tests.selection.run_cases import (

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from seatrial.core.errors import InputError
-from seatrial.estimation.row_fit import fit_rows, independent_rows
-from seatrial.estimation.rows import check_regressors, row_covariances, sensor_noise, solve, whitened_rows
-from seatrial.estimation.weak_form import RawRows, pointwise_trials, raw_rows, weak_trials
+from seatrial.estimation.regression.row_fit import fit_rows, independent_rows
+from seatrial.estimation.regression.rows import check_regressors, row_covariances, sensor_noise, solve, whitened_rows
+from seatrial.estimation.regression.weak_form import RawRows, pointwise_trials, raw_rows, weak_trials
 from seatrial.vehicles.axis_equation import axis_equation
 from tests.cases import U0
 from tests.estimation.row_cases import (

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import integrate, stats
 
-from seatrial.estimation.prediction_scores import (
+from seatrial.estimation.prediction.prediction_scores import (
     SlowNoise,
     _innovations,
     coverage,

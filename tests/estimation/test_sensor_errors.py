@@ -7,8 +7,8 @@ from scipy import stats
 from scipy.integrate import solve_ivp
 
 from seatrial.core.errors import InputError
-from seatrial.estimation.output_error import output_error
-from seatrial.estimation.sensor_errors import Sensor, lags_before
+from seatrial.estimation.posterior.output_error import output_error
+from seatrial.estimation.simulation.sensor_errors import Sensor, lags_before
 from tests.cases import TRUTH, U0, paper_model
 from tests.estimation_cases import make_trial, naive_speed
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from seatrial.core.record import Channel, Provenance, make_record
-from seatrial.estimation.sensor_errors import Sensor
-from seatrial.estimation.short_horizon import short_horizons
-from seatrial.estimation.simulation import Simulator
+from seatrial.estimation.prediction.short_horizon import short_horizons
+from seatrial.estimation.simulation.sensor_errors import Sensor
+from seatrial.estimation.simulation.simulator import Simulator
 from seatrial.vehicles.surge import SurgeHull, surge_vehicle
 
 STEP, MASS = 0.1, 2.0

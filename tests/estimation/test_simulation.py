@@ -2,9 +2,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from seatrial.estimation.delayed_control import delay_control
-from seatrial.estimation.sensor_errors import Sensor
-from seatrial.estimation.simulation import Feedback, Simulator
+from seatrial.estimation.simulation.delayed_control import delay_control
+from seatrial.estimation.simulation.sensor_errors import Sensor
+from seatrial.estimation.simulation.simulator import Feedback, Simulator
 from seatrial.manoeuvres.pilot import Moment
 from seatrial.vehicles.actuators import Actuator, with_actuators
 from seatrial.vehicles.surge import SurgeHull, surge_vehicle

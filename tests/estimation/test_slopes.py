@@ -5,16 +5,16 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from seatrial.estimation.filter_error import filter_error
-from seatrial.estimation.information import expand_likelihood
-from seatrial.estimation.mode import find_mode
-from seatrial.estimation.posterior import Parameter, Posterior
-from seatrial.estimation.prediction import outputs_of_draws
+from seatrial.estimation.posterior.filter_error import filter_error
+from seatrial.estimation.posterior.information import expand_likelihood
+from seatrial.estimation.posterior.mode import find_mode
+from seatrial.estimation.posterior.posterior import Parameter, Posterior
+from seatrial.estimation.posterior.record_posterior import make_posterior
+from seatrial.estimation.posterior.replicate import replicate
+from seatrial.estimation.posterior.simulated_record import simulate
+from seatrial.estimation.posterior.slopes import likelihood_slopes
+from seatrial.estimation.prediction.prediction import outputs_of_draws
 from seatrial.estimation.priors import LogUniform, Normal, Uniform
-from seatrial.estimation.record_posterior import make_posterior
-from seatrial.estimation.replicate import replicate
-from seatrial.estimation.simulated_record import simulate
-from seatrial.estimation.slopes import likelihood_slopes
 from seatrial.filters.extended import LargeExtendedKalmanFilter
 from seatrial.manoeuvres.schedule import Schedule
 from tests.cases import N0, U0, paper_model

@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import multivariate_normal, norm
 
 from seatrial.core.coefficients import CoefficientName
-from seatrial.estimation.symmetry import MIRRORS, TURNED, PriorCurve, Symmetry, restrictions_of, symmetries
+from seatrial.estimation.diagnostics.symmetry import MIRRORS, TURNED, PriorCurve, Symmetry, restrictions_of, symmetries
 from seatrial.vehicles.catalogue import load_vehicle
 from seatrial.vehicles.thrusters import Thruster
 

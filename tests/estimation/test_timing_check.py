@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from seatrial.estimation.motion_checks import check_motion
-from seatrial.estimation.timing_check import APART, EXPLAINED, _columns, _gridded, _left, find_timing
+from seatrial.estimation.diagnostics.motion_checks import check_motion
+from seatrial.estimation.diagnostics.timing_check import APART, EXPLAINED, _columns, _gridded, _left, find_timing
 
 STEP = 0.2
 TIME = np.arange(-200, 800) * STEP

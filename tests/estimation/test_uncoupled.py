@@ -5,11 +5,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from seatrial.estimation.mode import find_mode
-from seatrial.estimation.noncentred import Uncoupled, coupled, in_posterior, uncouple
-from seatrial.estimation.posterior import Parameter, Posterior
+from seatrial.estimation.posterior.mode import find_mode
+from seatrial.estimation.posterior.noncentred import Uncoupled, coupled, in_posterior, uncouple
+from seatrial.estimation.posterior.posterior import Parameter, Posterior
+from seatrial.estimation.posterior.sample_posterior import spread_starts
 from seatrial.estimation.priors import Normal, half_normal
-from seatrial.estimation.sample_posterior import spread_starts
 from seatrial.sampling.diagnostics import diagnose
 from seatrial.sampling.run import ChainSettings
 from seatrial.sampling.sampler import SAMPLERS, sample

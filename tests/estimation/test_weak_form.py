@@ -5,7 +5,13 @@ import pytest
 
 from seatrial.core.errors import InputError
 from seatrial.core.record import Channel, make_record
-from seatrial.estimation.weak_form import bump_windows, pointwise_trials, raw_rows, weak_trials, where_measured
+from seatrial.estimation.regression.weak_form import (
+    bump_windows,
+    pointwise_trials,
+    raw_rows,
+    weak_trials,
+    where_measured,
+)
 from seatrial.vehicles.axis_equation import axis_equation
 from tests.cases import PROVENANCE
 from tests.estimation.row_cases import SHIP, SHIP_CHANNELS, SHIP_EQUATIONS, SHIP_TRUE, ship_motion, ship_record

@@ -21,10 +21,10 @@ from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.record import Channel, Provenance, Record, make_record
 from seatrial.design.sweep import Sweep
-from seatrial.estimation.baseline_comparison import Comparison, Predicted, Run, compare
-from seatrial.estimation.fit_verdict import judge_fit
-from seatrial.estimation.pooled_coverage import Pooled, pooled_verdict, run_residuals
-from seatrial.estimation.prediction_scores import Score, unscored
+from seatrial.estimation.prediction.baseline_comparison import Comparison, Predicted, Run, compare
+from seatrial.estimation.prediction.fit_verdict import judge_fit
+from seatrial.estimation.prediction.pooled_coverage import Pooled, pooled_verdict, run_residuals
+from seatrial.estimation.prediction.prediction_scores import Score, unscored
 from seatrial.selection.evidence import Evidence
 from seatrial.selection.structures import Structure
 from seatrial.selection.verdict import Selection, select

@@ -17,7 +17,7 @@ from seatrial.campaign.inference.judge_predictions import fit_complaints
 from seatrial.campaign.store.structures import QUOTED
 from seatrial.campaign.workflow.loop import summarise
 from seatrial.campaign.workflow.next_trial import propose
-from seatrial.estimation.fit_verdict import COLOURED
+from seatrial.estimation.prediction.fit_verdict import COLOURED
 from seatrial.report.drawing import digits_of, moments_of
 from seatrial.report.page import CONTENTS, render, write_report
 from seatrial.report.sections.fits import fits_section

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from seatrial.estimation.profile import DROP, Profile
+from seatrial.estimation.posterior.profile import DROP, Profile
 from seatrial.report.drawing import draw_svg
 from seatrial.report.figures.posterior import Panel, profile_figure
 

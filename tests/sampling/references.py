@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.scipy.special import ndtr
 
-from seatrial.estimation.posterior import Posterior
+from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.estimation.priors import LogNormal, Normal, Uniform, truncated_normal
 from seatrial.numerics.integrate import rk4_step
 from tests.estimation_cases import posterior

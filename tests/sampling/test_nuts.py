@@ -3,7 +3,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from seatrial.estimation.mode import find_mode
+from seatrial.estimation.posterior.mode import find_mode
 from seatrial.estimation.priors import Normal
 from seatrial.sampling import nuts
 from seatrial.sampling import nuts as gradient

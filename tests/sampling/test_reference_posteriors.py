@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from arviz_stats.base.array import array_stats
 
-from seatrial.estimation.mode import find_mode
-from seatrial.estimation.sample_posterior import spread_starts
+from seatrial.estimation.posterior.mode import find_mode
+from seatrial.estimation.posterior.sample_posterior import spread_starts
 from seatrial.sampling.diagnostics import MIN_ESS, diagnose
 from seatrial.sampling.run import ChainSettings
 from seatrial.sampling.sampler import SAMPLERS, sample

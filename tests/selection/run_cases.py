@@ -3,8 +3,8 @@
 import numpy as np
 from scipy import stats
 
+from seatrial.estimation.posterior.record_posterior import make_posterior
 from seatrial.estimation.priors import Normal, half_normal
-from seatrial.estimation.record_posterior import make_posterior
 from seatrial.vehicles.surge import SurgeHull, surge_vehicle
 from tests.cases import DEDUCTION, MASS, naive_rk4
 from tests.estimation_cases import make_trial

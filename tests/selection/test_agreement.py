@@ -8,7 +8,7 @@ from scipy import stats
 from scipy.optimize import brentq
 
 from seatrial.core.errors import NumericalError
-from seatrial.estimation.mode import Mode
+from seatrial.estimation.posterior.mode import Mode
 from seatrial.sampling.target import evaluate
 from seatrial.sampling.tempered_smc import SMCResult, SMCSettings
 from seatrial.selection import combined_evidence as agreement

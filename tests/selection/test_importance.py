@@ -6,7 +6,7 @@ from scipy import stats
 
 import seatrial as st
 from seatrial.core.errors import NumericalError
-from seatrial.estimation.mode import Mode, climb, find_mode
+from seatrial.estimation.posterior.mode import Mode, climb, find_mode
 from seatrial.estimation.priors import Normal, Uniform, half_normal
 from seatrial.sampling.target import evaluate
 from seatrial.selection import importance

@@ -9,10 +9,10 @@ import pytest
 from scipy import stats
 
 from seatrial.core.errors import InputError, NumericalError
-from seatrial.estimation.output_error import output_error
-from seatrial.estimation.pointwise import pointwise_log_likelihood
+from seatrial.estimation.posterior.output_error import output_error
+from seatrial.estimation.posterior.pointwise import pointwise_log_likelihood
 from seatrial.estimation.priors import Normal, Uniform
-from seatrial.estimation.sensor_errors import Sensor
+from seatrial.estimation.simulation.sensor_errors import Sensor
 from seatrial.selection.criteria import mean_error
 from seatrial.selection.importance import ImportanceSettings, importance_evidence, importance_sample
 from seatrial.selection.leave_future_out import _complaints, block_edges, compare_futures, leave_future_out, past_of

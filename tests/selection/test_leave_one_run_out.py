@@ -8,9 +8,9 @@ import pytest
 from scipy import stats
 
 from seatrial.core.errors import InputError
-from seatrial.estimation.mode import find_mode
-from seatrial.estimation.posterior import posterior_of_density
-from seatrial.estimation.posterior_by_run import (
+from seatrial.estimation.posterior.mode import find_mode
+from seatrial.estimation.posterior.posterior import posterior_of_density
+from seatrial.estimation.prediction.posterior_by_run import (
     BELIEVED,
     _expand_own,
     expand_runs,

@@ -12,8 +12,8 @@ from seatrial.benchmark.peers import fit_n4sid, fit_sindy
 from seatrial.benchmark.tasks import Stretch
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.record import Record
-from seatrial.estimation.acceleration_baseline import acceleration_baseline
-from seatrial.estimation.baselines import BASELINES, Baseline
+from seatrial.estimation.prediction.acceleration_baseline import acceleration_baseline
+from seatrial.estimation.prediction.baselines import BASELINES, Baseline
 
 HISTORY = 30.0
 """Time before a stretch whose controls a baseline is given, s: delays reach back."""
@@ -26,7 +26,7 @@ def fit_accelerations(problem: Problem) -> Fitted:
 
 
 def fit_baseline(baseline: Baseline, problem: Problem) -> Fitted:
-    """Fit a baseline of `seatrial.estimation.baselines`; errors as `Baseline.fit`."""
+    """Fit a baseline of `seatrial.estimation.prediction.baselines`; errors as `Baseline.fit`."""
     fitted = baseline.fit(problem.records, problem.channels, problem.controls)
     columns = [problem.channels.index(channel) for channel in fitted.channels]
 

@@ -22,7 +22,6 @@ from seatrial.benchmark.method import Fitted, Predicted, Problem
 from seatrial.benchmark.tasks import Stretch
 from seatrial.campaign.compute.shared_work import Study
 from seatrial.campaign.config.campaign import Campaign
-from seatrial.campaign.config.vehicle import first_measured, level_start
 from seatrial.campaign.inference.cross_validation import best_campaign, cross_validate
 from seatrial.campaign.inference.posterior import (
     build_likelihood,
@@ -36,14 +35,15 @@ from seatrial.core.batching import bucket_length
 from seatrial.core.errors import NumericalError
 from seatrial.core.programs import program
 from seatrial.core.record import Record
-from seatrial.estimation.delayed_control import delay_control
-from seatrial.estimation.filter_error import FilterError
-from seatrial.estimation.mode import find_mode
-from seatrial.estimation.output_error import OutputError, initial_name
-from seatrial.estimation.prediction import ANY, noise_sd, slow_noise
+from seatrial.estimation.posterior.filter_error import FilterError
+from seatrial.estimation.posterior.mode import find_mode
+from seatrial.estimation.posterior.output_error import OutputError, initial_name
+from seatrial.estimation.posterior.replicate import motions
+from seatrial.estimation.prediction.prediction import ANY, noise_sd, slow_noise
 from seatrial.estimation.priors import Normal
-from seatrial.estimation.replicate import motions
-from seatrial.estimation.trial_data import TrialData
+from seatrial.estimation.simulation.delayed_control import delay_control
+from seatrial.estimation.simulation.starts import first_measured, level_start
+from seatrial.estimation.simulation.trial_data import TrialData
 
 RUN_DRAWS, STRETCH_DRAWS = 200, 40
 """Draws that are simulated over a whole run, and over each of its stretches."""

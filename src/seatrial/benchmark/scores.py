@@ -2,7 +2,7 @@
 
 Pooled over runs the explained share is 1 - sum SSE / sum SST, each run about its own mean; CRPS, log score and coverage are means over
 samples. A coverage is held against the binomial distribution of as many samples as the errors are worth
-(`seatrial.estimation.prediction_scores.effective_samples`); below ten of these it cannot be judged.
+(`seatrial.estimation.prediction.prediction_scores.effective_samples`); below ten of these it cannot be judged.
 """
 
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ import numpy as np
 import scipy
 from jaxtyping import Float
 
-from seatrial.estimation.prediction_scores import DIVERGES, LOG_2PI, coverage, crps_normal, effective_samples
+from seatrial.estimation.prediction.prediction_scores import DIVERGES, LOG_2PI, coverage, crps_normal, effective_samples
 
 FEWEST_EFFECTIVE = 10.0
 """Effective samples below which a coverage is not judged."""

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from seatrial.core.programs import program
-from seatrial.estimation.information import coefficient_information
+from seatrial.estimation.posterior.information import coefficient_information
 from seatrial.vehicles.model import VehicleModel
 
 

@@ -18,7 +18,7 @@ from seatrial.design.cost import TrialCost
 from seatrial.design.integrals import joint_move, joint_start, signals_at
 from seatrial.design.motion_limits import MotionLimit, limit_integrals
 from seatrial.design.trial_plan import TrialPlan
-from seatrial.estimation.information import controls_of, information_loop
+from seatrial.estimation.posterior.information import controls_of, information_loop
 from seatrial.numerics.integrate import time_loop
 
 

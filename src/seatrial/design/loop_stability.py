@@ -19,7 +19,7 @@ from seatrial.core.errors import InputError
 from seatrial.core.programs import program
 from seatrial.design.sweep import in_blocks
 from seatrial.design.trial_plan import TrialPlan
-from seatrial.estimation.information import fed_back
+from seatrial.estimation.posterior.information import fed_back
 from seatrial.manoeuvres.autopilot import GAINS, Autopilot, LoopMemory, Memory
 from seatrial.manoeuvres.pilot import Moment, close_loop
 from seatrial.numerics.integrate import rk4_for_slopes

@@ -13,9 +13,9 @@ from seatrial.core.gaussian import Gaussian
 from seatrial.core.result_table import table_html, table_text
 from seatrial.design.prior_belief import coefficient_space, normal_belief, normal_of
 from seatrial.design.sweep import Sweep, sweep_family
-from seatrial.estimation.posterior import check_priors
+from seatrial.estimation.posterior.posterior import check_priors
+from seatrial.estimation.posterior.simulated_record import checked_rates
 from seatrial.estimation.priors import Prior
-from seatrial.estimation.simulated_record import checked_rates
 from seatrial.manoeuvres.family import Family, design_words
 from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.manoeuvres.schedule import Schedule

@@ -14,7 +14,7 @@ from jaxtyping import Array, Float, Int
 from seatrial.core.array_module import array_module
 from seatrial.core.programs import program
 from seatrial.core.pytrees import compiled_tree
-from seatrial.estimation.information import coefficient_information, fed_back
+from seatrial.estimation.posterior.information import coefficient_information, fed_back
 from seatrial.manoeuvres.autopilot import Autopilot
 from seatrial.manoeuvres.pilot import Moment, close_loop
 from seatrial.numerics.integrate import Look, Move, State, time_loop

@@ -22,7 +22,7 @@ from seatrial.campaign.workflow.steps import NotCurrent, Workflow
 from seatrial.core.coefficients import CoefficientName, is_coefficient
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.signals import RATES
-from seatrial.estimation.simulation import CURRENT
+from seatrial.estimation.simulation.simulator import CURRENT
 from seatrial.export.vehicle import (
     REST,
     AveragedCoefficient,

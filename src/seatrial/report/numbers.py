@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from markupsafe import Markup, escape
 
-from seatrial.estimation import remedies
+from seatrial.estimation.prediction import remedies
 
 MINUS = "\u2212"
 DASH = "\u2013"

@@ -31,9 +31,9 @@ from seatrial.core.errors import NumericalError
 from seatrial.core.pytrees import compiled_tree
 from seatrial.core.random_keys import fold_in, split
 from seatrial.core.reporter import Progress, no_progress
-from seatrial.estimation.mode import Mode, climb, find_mode, rises
-from seatrial.estimation.posterior import Posterior, as_key, check_posterior
-from seatrial.estimation.remedies import listed
+from seatrial.estimation.posterior.mode import Mode, climb, find_mode, rises
+from seatrial.estimation.posterior.posterior import Posterior, as_key, check_posterior
+from seatrial.estimation.prediction.remedies import listed
 from seatrial.sampling.nested import NestedRun, sample_nested
 from seatrial.sampling.target import Target, evaluate
 from seatrial.sampling.tempered_smc import SMCResult, SMCSettings, Start, prior_particles, sample_tempered_smc

@@ -22,8 +22,8 @@ from scipy.special import logsumexp
 from seatrial.core.batching import map_lanes
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.programs import program
-from seatrial.estimation.mode import Mode
-from seatrial.estimation.posterior import Posterior
+from seatrial.estimation.posterior.mode import Mode
+from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.sampling.target import LANES
 from seatrial.selection.importance import MAX_K_HAT
 

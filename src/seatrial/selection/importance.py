@@ -23,9 +23,9 @@ from scipy.special import gammaln, log_expit, logsumexp, stdtr, stdtrit
 
 from seatrial.core.errors import NumericalError
 from seatrial.core.random_keys import fold_in, split
-from seatrial.estimation.mode import Mode, find_mode, triangular_root
-from seatrial.estimation.noncentred import Uncoupled, coupled, uncouple, uncoupled_mode
-from seatrial.estimation.posterior import Posterior
+from seatrial.estimation.posterior.mode import Mode, find_mode, triangular_root
+from seatrial.estimation.posterior.noncentred import Uncoupled, coupled, uncouple, uncoupled_mode
+from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.estimation.priors.box import CORNER
 from seatrial.sampling.diagnostics import MIN_ESS
 from seatrial.sampling.target import Target, evaluate

@@ -23,7 +23,7 @@ from scipy.special import logsumexp
 
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.record import Record
-from seatrial.estimation.posterior import Posterior
+from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.sampling.diagnostics import MIN_ESS
 from seatrial.selection.criteria import (
     Comparison,

@@ -23,10 +23,10 @@ from scipy.special import logsumexp
 
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.reporter import Progress, no_progress
-from seatrial.estimation.mode import Mode, find_mode, follow
-from seatrial.estimation.pooled_coverage import Pooled, pooled_verdict
-from seatrial.estimation.posterior import Posterior, as_key
-from seatrial.estimation.posterior_by_run import (
+from seatrial.estimation.posterior.mode import Mode, find_mode, follow
+from seatrial.estimation.posterior.posterior import Posterior, as_key
+from seatrial.estimation.prediction.pooled_coverage import Pooled, pooled_verdict
+from seatrial.estimation.prediction.posterior_by_run import (
     RunExpansion,
     RunPosteriors,
     expand_runs,
@@ -36,7 +36,7 @@ from seatrial.estimation.posterior_by_run import (
     split_runs,
     weigh_runs,
 )
-from seatrial.estimation.prediction_scores import Score
+from seatrial.estimation.prediction.prediction_scores import Score
 from seatrial.selection.importance import MAX_K_HAT, ProposalComponent, Weights, draw_mixture, log_mixture, refit
 
 LEAST_RUNS = 3

@@ -11,7 +11,7 @@ import numpy as np
 
 from seatrial.core.errors import NumericalError
 from seatrial.core.reporter import Progress, no_progress
-from seatrial.estimation.posterior import Posterior
+from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.sampling.nested import NestedRun, batch_of, sample_nested
 from seatrial.selection.evidence import Evidence
 

@@ -19,7 +19,7 @@ from jaxtyping import Float
 from scipy.special import gammaln
 
 from seatrial.core.errors import InputError, NumericalError, nearest
-from seatrial.estimation.posterior import Posterior
+from seatrial.estimation.posterior.posterior import Posterior
 
 Shape = Literal["kernel", "normal", "t"]
 MIN_NEAR = 100.0

@@ -15,9 +15,9 @@ from jaxtyping import Float, UInt64
 
 from seatrial.core.errors import InputError
 from seatrial.core.record import Record
-from seatrial.estimation.regressor_noise import RegressorBias, regressor_noise_bias
-from seatrial.estimation.row_fit import RowFit, independent_rows
-from seatrial.estimation.rows import WhitenedRows
+from seatrial.estimation.regression.regressor_noise import RegressorBias, regressor_noise_bias
+from seatrial.estimation.regression.row_fit import RowFit, independent_rows
+from seatrial.estimation.regression.rows import WhitenedRows
 from seatrial.selection.rules import CompiledRules
 from seatrial.selection.subsets.average import SubsetPosterior
 from seatrial.selection.subsets.conjugate import Prior, evidence_of, physical_prior, unit_information

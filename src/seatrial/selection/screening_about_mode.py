@@ -16,9 +16,9 @@ import numpy as np
 from jaxtyping import Float
 
 from seatrial.core.errors import InputError
-from seatrial.estimation.information import likelihood_information, slopes_of_present
-from seatrial.estimation.mode import Mode
-from seatrial.estimation.posterior import Posterior
+from seatrial.estimation.posterior.information import likelihood_information, slopes_of_present
+from seatrial.estimation.posterior.mode import Mode
+from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.selection.rules import CompiledRules
 from seatrial.selection.screening import SCALES, Sensitivity, sensitivity
 from seatrial.selection.subsets.average import SubsetPosterior

@@ -14,17 +14,17 @@ from seatrial.core.argument_checks import check_kind, check_mapping
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.reporter import Progress, check_progress, no_progress
 from seatrial.core.result_table import table_html, table_text
-from seatrial.estimation.fit_verdict import LIKELY as LIKELY_CORRELATED
-from seatrial.estimation.fit_verdict import UNDERSTATED
-from seatrial.estimation.mode import Mode, higher_mode
-from seatrial.estimation.output_error import OutputError
-from seatrial.estimation.posterior import Posterior, as_key, check_posterior
-from seatrial.estimation.prediction import noise_sd, slow_noise
-from seatrial.estimation.prediction_scores import integrated_correlation, new_residuals
-from seatrial.estimation.remedies import listed
-from seatrial.estimation.replicate import motions
-from seatrial.estimation.sensor_errors import drift_name, drift_time_name
-from seatrial.estimation.trial_data import TrialData
+from seatrial.estimation.posterior.mode import Mode, higher_mode
+from seatrial.estimation.posterior.output_error import OutputError
+from seatrial.estimation.posterior.posterior import Posterior, as_key, check_posterior
+from seatrial.estimation.posterior.replicate import motions
+from seatrial.estimation.prediction.fit_verdict import LIKELY as LIKELY_CORRELATED
+from seatrial.estimation.prediction.fit_verdict import UNDERSTATED
+from seatrial.estimation.prediction.prediction import noise_sd, slow_noise
+from seatrial.estimation.prediction.prediction_scores import integrated_correlation, new_residuals
+from seatrial.estimation.prediction.remedies import listed
+from seatrial.estimation.simulation.sensor_errors import drift_name, drift_time_name
+from seatrial.estimation.simulation.trial_data import TrialData
 from seatrial.selection.combined_evidence import Gathering, Keys, find_own_mode, gather, keys_of
 from seatrial.selection.evidence import Evidence, EvidenceSettings
 from seatrial.selection.structures import Structure

@@ -5,7 +5,7 @@ import pytest
 from scipy import stats
 
 from seatrial.core.errors import InputError, NumericalError
-from seatrial.estimation.mode import find_mode
+from seatrial.estimation.posterior.mode import find_mode
 from seatrial.sampling.run import ChainSettings
 from seatrial.sampling.sampler import SAMPLERS, sample
 from seatrial.sampling.target import evaluate

@@ -5,7 +5,7 @@ import pytest
 from scipy.special import logsumexp
 
 from seatrial.core.errors import InputError, NumericalError
-from seatrial.estimation.output_error import output_error
+from seatrial.estimation.posterior.output_error import output_error
 from seatrial.estimation.priors import Normal, Uniform
 from studies.remus100 import prior_monte_carlo as early_stop
 from studies.remus100.prior_monte_carlo import (

@@ -67,8 +67,8 @@ from seatrial.core.usual_priors import DRIFT_TIMES, SIZES, TIMES
 from seatrial.design.integrals import motion_signals
 from seatrial.design.safety import judge_safety
 from seatrial.design.sweep import Sweep
-from seatrial.estimation.sensor_errors import correlation_name, drift_name, drift_time_name
-from seatrial.estimation.unknowns import Unknown, unknowns_of_sensor
+from seatrial.estimation.posterior.unknowns import Unknown, unknowns_of_sensor
+from seatrial.estimation.simulation.sensor_errors import correlation_name, drift_name, drift_time_name
 from seatrial.export.from_campaign import of_campaign
 from seatrial.export.target import Exporter
 from seatrial.export.trials.trial import read_trial

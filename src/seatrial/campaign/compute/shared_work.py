@@ -10,7 +10,7 @@ from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.inference.posterior import build_posterior, narrow_posterior, widest
 from seatrial.core.engine import cores
 from seatrial.core.record import Record
-from seatrial.estimation.posterior import Posterior
+from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.selection.structures import Structure
 
 Built = TypeVar("Built")

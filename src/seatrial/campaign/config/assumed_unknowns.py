@@ -5,12 +5,12 @@ from collections.abc import Callable, Collection, Sequence
 from seatrial.campaign.config.settings import EstimationSettings
 from seatrial.core.errors import InputError
 from seatrial.core.usual_priors import DRIFT_TIME_PRIOR, SIZE_PRIOR, TIME_PRIOR
-from seatrial.estimation.delayed_control import DELAY
-from seatrial.estimation.disturbance import AXES, disturbance_name, disturbance_time_name
-from seatrial.estimation.filter_error import process_name
-from seatrial.estimation.output_error import spread_name
-from seatrial.estimation.simulation import CURRENT
-from seatrial.estimation.unknowns import Unknown, may_vary
+from seatrial.estimation.posterior.filter_error import process_name
+from seatrial.estimation.posterior.output_error import spread_name
+from seatrial.estimation.posterior.unknowns import Unknown, may_vary
+from seatrial.estimation.simulation.delayed_control import DELAY
+from seatrial.estimation.simulation.disturbance import AXES, disturbance_name, disturbance_time_name
+from seatrial.estimation.simulation.simulator import CURRENT
 from seatrial.vehicles.model import VehicleModel
 
 

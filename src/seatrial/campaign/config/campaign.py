@@ -27,7 +27,7 @@ from seatrial.campaign.config.settings import (
 )
 from seatrial.campaign.config.templates import EXAMPLE_VEHICLE
 from seatrial.campaign.config.toml import key_lines, key_place
-from seatrial.campaign.config.vehicle import CampaignVehicle, level_start
+from seatrial.campaign.config.vehicle import CampaignVehicle
 from seatrial.campaign.store.stored_result import FILE_NAME
 from seatrial.core.display_units import Shown, shown_as_written, shown_unit
 from seatrial.core.errors import InputError, located
@@ -36,11 +36,12 @@ from seatrial.design.motion_limits import MotionLimit
 from seatrial.design.prior_belief import ACTUATOR_SD
 from seatrial.design.stated_prediction import Prediction, prediction
 from seatrial.design.sweep import Trim
-from seatrial.estimation.filter_error import process_name
+from seatrial.estimation.posterior.filter_error import process_name
+from seatrial.estimation.posterior.unknowns import Unknown, unknowns_of
 from seatrial.estimation.priors import Prior
-from seatrial.estimation.sensor_errors import Sensor, bias_name
-from seatrial.estimation.simulation import CURRENT
-from seatrial.estimation.unknowns import Unknown, unknowns_of
+from seatrial.estimation.simulation.sensor_errors import Sensor, bias_name
+from seatrial.estimation.simulation.simulator import CURRENT
+from seatrial.estimation.simulation.starts import level_start
 from seatrial.manoeuvres.autopilot import Autopilot
 from seatrial.manoeuvres.family import Family
 from seatrial.manoeuvres.manoeuvre import Limits

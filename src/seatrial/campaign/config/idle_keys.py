@@ -7,7 +7,7 @@ from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.schema import CampaignFile
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError
-from seatrial.estimation.simulation import CURRENT
+from seatrial.estimation.simulation.simulator import CURRENT
 from seatrial.selection.structures import MAX_STRUCTURES
 from seatrial.vehicles.hull import Hull
 from seatrial.vehicles.tether import LINEAR, TETHER

@@ -47,7 +47,7 @@ from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError, located, nearest
 from seatrial.core.signals import ANGLES, PROPULSION, QUATERNION, signal_unit, thruster_controls
-from seatrial.estimation.unknowns import may_vary, unknowns_of
+from seatrial.estimation.posterior.unknowns import may_vary, unknowns_of
 from seatrial.selection.structures import Structure
 from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.thrusters import ThrustLaw, controls_of

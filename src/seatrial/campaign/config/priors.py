@@ -13,7 +13,8 @@ from seatrial.campaign.config.settings import Residuals
 from seatrial.core.coefficients import AXES, CoefficientName
 from seatrial.core.errors import InputError, located, nearest
 from seatrial.core.units import to_si
-from seatrial.estimation.mounts import LATE, MOST_LATE
+from seatrial.estimation.posterior.unknowns import Unknown
+from seatrial.estimation.prediction.remedies import listed
 from seatrial.estimation.priors import (
     LogNormal,
     LogUniform,
@@ -25,9 +26,14 @@ from seatrial.estimation.priors import (
     restricted,
     truncated_normal,
 )
-from seatrial.estimation.remedies import listed
-from seatrial.estimation.sensor_errors import correlation_name, dof_name, drift_name, drift_time_name, noise_name
-from seatrial.estimation.unknowns import Unknown
+from seatrial.estimation.simulation.mounts import LATE, MOST_LATE
+from seatrial.estimation.simulation.sensor_errors import (
+    correlation_name,
+    dof_name,
+    drift_name,
+    drift_time_name,
+    noise_name,
+)
 from seatrial.vehicles.tether import TETHER
 
 _BOUNDS = ("lower", "upper")

@@ -9,7 +9,7 @@ from seatrial.campaign.config.schema import MountTable, SensorTable, VehicleTabl
 from seatrial.campaign.config.settings import SensorSettings
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.signals import ANGLES, POSITIONS, QUATERNION, SPECIFIC_FORCE, signal_unit
-from seatrial.estimation.mounts import MOST_LATE, MOUNTED, TURN, Mount, mount_names
+from seatrial.estimation.simulation.mounts import MOST_LATE, MOUNTED, TURN, Mount, mount_names
 from seatrial.vehicles.model import VehicleModel
 
 ATTITUDE = "attitude"

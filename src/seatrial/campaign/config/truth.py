@@ -12,10 +12,10 @@ from seatrial.campaign.config.vehicle import WholeVehicle
 from seatrial.core.coefficients import is_coefficient
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.signals import ACTUAL
-from seatrial.estimation.delayed_control import DELAY
-from seatrial.estimation.filter_error import process_name
-from seatrial.estimation.mounts import mount_names
-from seatrial.estimation.sensor_errors import (
+from seatrial.estimation.posterior.filter_error import process_name
+from seatrial.estimation.simulation.delayed_control import DELAY
+from seatrial.estimation.simulation.mounts import mount_names
+from seatrial.estimation.simulation.sensor_errors import (
     bias_name,
     correlation_name,
     dof_name,
@@ -24,7 +24,7 @@ from seatrial.estimation.sensor_errors import (
     lag_name,
     noise_name,
 )
-from seatrial.estimation.simulation import CURRENT
+from seatrial.estimation.simulation.simulator import CURRENT
 from seatrial.vehicles.model import VehicleModel
 
 KINDS = (correlation_name, dof_name, drift_name)

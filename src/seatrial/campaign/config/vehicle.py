@@ -9,12 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, Protocol
 
-import numpy as np
-
 from seatrial.core.coefficients import CoefficientName
-from seatrial.core.record import Record
-from seatrial.core.signals import ACTUAL, ANGLES, QUATERNION
-from seatrial.numerics.rotations import quaternion_of_angles
 from seatrial.selection.structures import Structure
 from seatrial.vehicles.actuators import Actuator
 from seatrial.vehicles.axis_equation import RATE_OF, AxisEquation, axes_vehicle, axis_equation
@@ -172,26 +167,3 @@ class WholeVehicle:
 
 
 # Where a vehicle's states are at the start of a trial: at trim, or where first measured.
-
-
-def level_start(model: VehicleModel, known: Mapping[str, float]) -> tuple[float, ...]:
-    """Every state from values of signals, SI, 0 where nothing is known: an actuator from its command, a quaternion also from angles."""
-    parts = quaternion_of_angles(*(known.get(angle, 0.0) for angle in ANGLES))
-    if set(QUATERNION) <= set(known):
-        parts = tuple(known[name] for name in QUATERNION)
-    turned = dict(zip(QUATERNION, (np.array(parts) / np.linalg.norm(parts)).tolist(), strict=True))
-    return tuple(
-        turned[state] if state in turned else known.get(state, known.get(state.removesuffix(ACTUAL), 0.0))
-        for state in model.states
-    )
-
-
-def first_measured(record: Record) -> dict[str, float]:
-    """First value of every channel of a record that has one, and of every control, SI."""
-    found = {}
-    for name in (*record.controls, *record.measured):
-        column = record.channel(name)
-        finite = np.flatnonzero(np.isfinite(column))
-        if finite.size:
-            found[name] = float(column[finite[0]])
-    return found

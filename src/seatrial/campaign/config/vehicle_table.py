@@ -12,7 +12,7 @@ from seatrial.campaign.config.vehicle import AxesVehicle, CampaignVehicle, Whole
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError, located, nearest
 from seatrial.core.signals import SIGNALS, SPEEDS, is_signal, signal_unit
-from seatrial.estimation.remedies import listed
+from seatrial.estimation.prediction.remedies import listed
 from seatrial.vehicles.actuators import Actuator
 from seatrial.vehicles.axis_equation import RATE_OF
 from seatrial.vehicles.catalogue import PublishedVehicle, load_surge, load_vehicle, surge_names

@@ -10,7 +10,7 @@ from seatrial.core.errors import InputError, nearest
 from seatrial.core.files import write_text
 from seatrial.core.record import Record
 from seatrial.core.signals import RATES, is_signal, signal_unit
-from seatrial.estimation.accelerations import Smoothed, smooth
+from seatrial.estimation.regression.accelerations import Smoothed, smooth
 
 RATE = "dot"
 """Ending of a channel's rate: `udot` is that of `u`."""

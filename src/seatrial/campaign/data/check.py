@@ -10,7 +10,6 @@ from jaxtyping import Array
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.sensor_table import ATTITUDE
-from seatrial.campaign.config.vehicle import first_measured, level_start
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.data.mount_check import SENSORS, along_body, check_mounts
 from seatrial.campaign.data.record_cautions import empty_cells, record_cautions, unused_channels
@@ -23,10 +22,9 @@ from seatrial.core.record import SIMULATED, Record
 from seatrial.core.signals import HELD, QUATERNION, RATES
 from seatrial.design.prior_belief import draw_values
 from seatrial.design.trial_plan import TrialPlan
-from seatrial.estimation.excitation_checks import check_excitation, check_signs
-from seatrial.estimation.feedback_check import closed_loop, find_feedback, not_judged_in_loop
-from seatrial.estimation.first_guess import first_guess
-from seatrial.estimation.motion_checks import (
+from seatrial.estimation.diagnostics.excitation_checks import check_excitation, check_signs
+from seatrial.estimation.diagnostics.feedback_check import closed_loop, find_feedback, not_judged_in_loop
+from seatrial.estimation.diagnostics.motion_checks import (
     SUMMED,
     check_motion,
     check_range,
@@ -36,8 +34,7 @@ from seatrial.estimation.motion_checks import (
     not_judged_sum,
     says_direction,
 )
-from seatrial.estimation.priors import Prior
-from seatrial.estimation.record_checks import (
+from seatrial.estimation.diagnostics.record_checks import (
     RecordFinding,
     RecordLevel,
     check_angle,
@@ -46,7 +43,10 @@ from seatrial.estimation.record_checks import (
     check_trim,
     not_judged_yet,
 )
-from seatrial.estimation.remedies import listed
+from seatrial.estimation.posterior.first_guess import first_guess
+from seatrial.estimation.prediction.remedies import listed
+from seatrial.estimation.priors import Prior
+from seatrial.estimation.simulation.starts import first_measured, level_start
 from seatrial.vehicles.model import VehicleModel
 
 GRAVEST: tuple[RecordLevel, ...] = ("fail", "caution", "note", "pass")

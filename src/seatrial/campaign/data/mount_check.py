@@ -10,9 +10,9 @@ from seatrial.campaign.data.thruster_check import model_with_gains
 from seatrial.campaign.inference.posterior import initial_state
 from seatrial.core.record import Record
 from seatrial.core.signals import RATES
-from seatrial.estimation.first_guess import Turn, turn_of_sensor
-from seatrial.estimation.mounts import TURN, Mount
-from seatrial.estimation.record_checks import RecordFinding
+from seatrial.estimation.diagnostics.record_checks import RecordFinding
+from seatrial.estimation.posterior.first_guess import Turn, turn_of_sensor
+from seatrial.estimation.simulation.mounts import TURN, Mount
 from seatrial.numerics.rotations import matrix_of_angles
 
 SENSORS = (RATES[:3], RATES[3:])

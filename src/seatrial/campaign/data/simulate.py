@@ -30,7 +30,7 @@ from seatrial.core.record_file import read_record, record_dataset
 from seatrial.core.reporter import SILENT, Reporter
 from seatrial.core.signals import signal_unit
 from seatrial.design.sweep import Sweep
-from seatrial.estimation.simulation import CURRENT
+from seatrial.estimation.simulation.simulator import CURRENT
 from seatrial.manoeuvres.family import Family
 from seatrial.manoeuvres.manoeuvre import Manoeuvre
 from seatrial.manoeuvres.relay import read_relay_family

@@ -15,11 +15,11 @@ from seatrial.campaign.inference.posterior import initial_state
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.record import Record
 from seatrial.core.signals import HELD, RATES, thruster_controls
-from seatrial.estimation.feedback_check import not_judged_in_loop
-from seatrial.estimation.first_guess import fit_motion
+from seatrial.estimation.diagnostics.feedback_check import not_judged_in_loop
+from seatrial.estimation.diagnostics.record_checks import RecordFinding, not_judged_yet
+from seatrial.estimation.diagnostics.symmetry import mirror_of
+from seatrial.estimation.posterior.first_guess import fit_motion
 from seatrial.estimation.priors import Normal, Prior
-from seatrial.estimation.record_checks import RecordFinding, not_judged_yet
-from seatrial.estimation.symmetry import mirror_of
 from seatrial.vehicles.hull import AXES
 from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.thrusters import allocation, controls_of

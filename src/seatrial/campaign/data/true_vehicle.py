@@ -19,10 +19,10 @@ from seatrial.campaign.config.truth import actuator_lag, true_coefficients
 from seatrial.core.errors import InputError
 from seatrial.core.programs import program
 from seatrial.core.signals import ACTUAL
-from seatrial.estimation.delayed_control import DELAY
-from seatrial.estimation.filter_error import process_name
-from seatrial.estimation.replicate import draw_noise
-from seatrial.estimation.sensor_errors import (
+from seatrial.estimation.posterior.filter_error import process_name
+from seatrial.estimation.posterior.replicate import draw_noise
+from seatrial.estimation.simulation.delayed_control import DELAY
+from seatrial.estimation.simulation.sensor_errors import (
     Sensor,
     bias_name,
     correlation_name,
@@ -31,8 +31,8 @@ from seatrial.estimation.sensor_errors import (
     lag_name,
     noise_name,
 )
-from seatrial.estimation.simulation import CURRENT, Feedback, Simulator, samples_remembered
-from seatrial.estimation.trial_data import ChannelData, channel_data
+from seatrial.estimation.simulation.simulator import CURRENT, Feedback, Simulator, samples_remembered
+from seatrial.estimation.simulation.trial_data import ChannelData, channel_data
 from seatrial.manoeuvres.autopilot import Autopilot
 from seatrial.manoeuvres.pilot import Moment, Pilot
 from seatrial.manoeuvres.relay import Relay, read_relay_family

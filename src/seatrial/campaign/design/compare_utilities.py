@@ -22,7 +22,7 @@ from seatrial.design.expected_gain import GainSettings, importance_gain
 from seatrial.design.fisher_utilities import find_criterion
 from seatrial.design.prior_belief import draw_values, prior_cov
 from seatrial.design.robust import local_utility, utility_table
-from seatrial.estimation.filter_error import process_name
+from seatrial.estimation.posterior.filter_error import process_name
 from seatrial.manoeuvres.family import design_words
 
 FISHER = ("fisher-d", "fisher-a", "fisher-e", "fisher-me")

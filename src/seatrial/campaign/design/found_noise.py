@@ -14,9 +14,9 @@ import numpy as np
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.store.estimates import Drawn
 from seatrial.core.display_units import shown_unit
-from seatrial.estimation.prediction import noise_sd, slow_noise
-from seatrial.estimation.remedies import listed
-from seatrial.estimation.sensor_errors import noise_name
+from seatrial.estimation.prediction.prediction import noise_sd, slow_noise
+from seatrial.estimation.prediction.remedies import listed
+from seatrial.estimation.simulation.sensor_errors import noise_name
 
 TOLD = 1.3
 """Ratio of the two standard deviations from which on a reader is told."""

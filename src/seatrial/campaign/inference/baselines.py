@@ -12,9 +12,9 @@ from seatrial.campaign.store.estimates import HasKey
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.dataset import Dataset
 from seatrial.core.reporter import SILENT, Reporter
-from seatrial.estimation.acceleration_baseline import WORDS, acceleration_baseline
-from seatrial.estimation.baseline_comparison import Comparison, Predicted, Run, compare
-from seatrial.estimation.baselines import BASELINES, FittedBaseline, fit_baselines
+from seatrial.estimation.prediction.acceleration_baseline import WORDS, acceleration_baseline
+from seatrial.estimation.prediction.baseline_comparison import Comparison, Predicted, Run, compare
+from seatrial.estimation.prediction.baselines import BASELINES, FittedBaseline, fit_baselines
 
 NOTHING_HELD_BACK = "no run is held back, so no simpler model could be compared"
 

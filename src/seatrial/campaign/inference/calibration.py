@@ -24,10 +24,10 @@ from seatrial.core.dataset import Dataset
 from seatrial.core.errors import NumericalError
 from seatrial.core.programs import program
 from seatrial.core.reporter import SILENT, Progress, Reporter
-from seatrial.estimation.calibration import ranks_of, spread_evenly
-from seatrial.estimation.posterior import Posterior
-from seatrial.estimation.replicate import replicate
-from seatrial.estimation.sample_posterior import Draw, find_method
+from seatrial.estimation.diagnostics.calibration import ranks_of, spread_evenly
+from seatrial.estimation.posterior.posterior import Posterior
+from seatrial.estimation.posterior.replicate import replicate
+from seatrial.estimation.posterior.sample_posterior import Draw, find_method
 from seatrial.sampling.run import Mixing
 from seatrial.sampling.target import VECTOR
 
@@ -60,7 +60,7 @@ def calibrate(
         campaign: configuration.
         trials: records, of which inputs, times and gaps are used.
         replicates: how many.
-        method: see `seatrial.estimation.sample_posterior`.
+        method: see `seatrial.estimation.posterior.sample_posterior`.
         reporter: receives what happens.
 
     Raises:

@@ -25,7 +25,7 @@ from seatrial.campaign.store.estimates import Estimate
 from seatrial.campaign.store.stored_result import Store
 from seatrial.core.display_units import Shown
 from seatrial.core.files import write_text
-from seatrial.estimation.robust_errors import TELLING
+from seatrial.estimation.diagnostics.robust_errors import TELLING
 from seatrial.selection.verdict import Selection, averaged
 
 OF_STRUCTURES = (

@@ -15,10 +15,10 @@ from seatrial.campaign.config.priors import prior_of_keys
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.record import Record
 from seatrial.core.signals import RATES, signal_unit
-from seatrial.estimation.disturbance import AXES, disturbance_name, disturbance_time_name
-from seatrial.estimation.filter_error import process_name
-from seatrial.estimation.output_error import spread_name
-from seatrial.estimation.sensor_errors import correlation_name, drift_name, drift_time_name
+from seatrial.estimation.posterior.filter_error import process_name
+from seatrial.estimation.posterior.output_error import spread_name
+from seatrial.estimation.simulation.disturbance import AXES, disturbance_name, disturbance_time_name
+from seatrial.estimation.simulation.sensor_errors import correlation_name, drift_name, drift_time_name
 from seatrial.selection.structures import Structure
 from seatrial.vehicles.model import VehicleModel, outside_force
 

@@ -28,13 +28,13 @@ from seatrial.core.errors import NumericalError
 from seatrial.core.programs import program
 from seatrial.core.random_keys import fold_in
 from seatrial.core.reporter import SILENT, Progress, Reporter
-from seatrial.estimation.mode import Mode
-from seatrial.estimation.noncentred import in_posterior, uncouple
-from seatrial.estimation.posterior import Posterior
-from seatrial.estimation.prior_checks import information_complaints
+from seatrial.estimation.diagnostics.prior_checks import information_complaints
+from seatrial.estimation.diagnostics.robust_errors import RobustErrors, robust_errors
+from seatrial.estimation.posterior.mode import Mode
+from seatrial.estimation.posterior.noncentred import in_posterior, uncouple
+from seatrial.estimation.posterior.posterior import Posterior
+from seatrial.estimation.posterior.sample_posterior import spread_starts
 from seatrial.estimation.priors import prior_curve
-from seatrial.estimation.robust_errors import RobustErrors, robust_errors
-from seatrial.estimation.sample_posterior import spread_starts
 from seatrial.sampling.diagnostics import asks_for_more, complaints, diagnose
 from seatrial.sampling.run import (
     BLOCK,

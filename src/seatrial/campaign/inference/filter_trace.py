@@ -18,8 +18,8 @@ from seatrial.core.gaussian import Gaussian
 from seatrial.core.record import Record
 from seatrial.core.state_space import StateSpace
 from seatrial.design.prior_belief import STATE_SD
-from seatrial.estimation.delayed_control import delay_control
 from seatrial.estimation.priors import Prior
+from seatrial.estimation.simulation.delayed_control import delay_control
 from seatrial.filters.run import FilterTrace, run_filter
 from seatrial.filters.square_root import unscented_filter
 from seatrial.vehicles.discretise import discretise

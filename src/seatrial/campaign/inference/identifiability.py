@@ -20,11 +20,11 @@ from seatrial.campaign.store.estimates import Direction, Drawn, Estimate, Known,
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.coefficients import CoefficientName
 from seatrial.design.sweep import Sweep
-from seatrial.estimation.identifiability import Identifiability, identifiability_of_design, identify
-from seatrial.estimation.information import likelihood_information
-from seatrial.estimation.output_error import is_deviation
-from seatrial.estimation.posterior import Parameter
-from seatrial.estimation.symmetry import PriorCurve, symmetries
+from seatrial.estimation.diagnostics.identifiability import Identifiability, identifiability_of_design, identify
+from seatrial.estimation.diagnostics.symmetry import PriorCurve, symmetries
+from seatrial.estimation.posterior.information import likelihood_information
+from seatrial.estimation.posterior.output_error import is_deviation
+from seatrial.estimation.posterior.posterior import Parameter
 
 NAMED = 0.1
 """Share of the largest move from which a parameter is named in a direction."""

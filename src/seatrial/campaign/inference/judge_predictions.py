@@ -20,8 +20,9 @@ from seatrial.core.dataset import Dataset
 from seatrial.core.dataset_file import open_dataset
 from seatrial.core.record import Record
 from seatrial.core.signals import ACTUAL
-from seatrial.estimation.filter_error import FilterError
-from seatrial.estimation.fit_verdict import (
+from seatrial.estimation.posterior.filter_error import FilterError
+from seatrial.estimation.posterior.output_error import OutputError, initial_name
+from seatrial.estimation.prediction.fit_verdict import (
     DISOWNING,
     LEVELS,
     POOR,
@@ -31,9 +32,8 @@ from seatrial.estimation.fit_verdict import (
     residual_verdict,
     worst,
 )
-from seatrial.estimation.fitted_range import outside_fitted
-from seatrial.estimation.output_error import OutputError, initial_name
-from seatrial.estimation.pooled_coverage import (
+from seatrial.estimation.prediction.fitted_range import outside_fitted
+from seatrial.estimation.prediction.pooled_coverage import (
     Pooled,
     motion_products,
     pooled_verdict,
@@ -41,19 +41,26 @@ from seatrial.estimation.pooled_coverage import (
     shared_motion,
     unjudged,
 )
-from seatrial.estimation.prediction import ANY, key_of_values, noise_sd, outputs_of_draws, slow_noise, within_bounds
-from seatrial.estimation.prediction_scores import (
+from seatrial.estimation.prediction.prediction import (
+    ANY,
+    key_of_values,
+    noise_sd,
+    outputs_of_draws,
+    slow_noise,
+    within_bounds,
+)
+from seatrial.estimation.prediction.prediction_scores import (
     DIVERGES,
     Score,
     integrated_correlation,
     new_residuals,
     score_channel,
 )
+from seatrial.estimation.prediction.remedies import listed, with_advice
+from seatrial.estimation.prediction.short_horizon import ShortHorizon, short_horizons
 from seatrial.estimation.priors import Normal
-from seatrial.estimation.remedies import listed, with_advice
-from seatrial.estimation.sensor_errors import Noise
-from seatrial.estimation.short_horizon import ShortHorizon, short_horizons
-from seatrial.estimation.trial_data import TrialData
+from seatrial.estimation.simulation.sensor_errors import Noise
+from seatrial.estimation.simulation.trial_data import TrialData
 from seatrial.selection.structures import Structure
 
 N_DRAWS = 200

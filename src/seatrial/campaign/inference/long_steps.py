@@ -5,9 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from seatrial.core.record import SIMULATED, Record
-from seatrial.estimation.mode import Mode
-from seatrial.estimation.posterior import Posterior
-from seatrial.estimation.step_shift import shorter_step, step_shift, step_words
+from seatrial.estimation.posterior.mode import Mode
+from seatrial.estimation.posterior.posterior import Posterior
+from seatrial.estimation.posterior.step_shift import shorter_step, step_shift, step_words
 
 
 def long_steps(posterior: Posterior, mode: Mode, records: Sequence[Record]) -> list[str]:

@@ -12,7 +12,7 @@ from seatrial.campaign.compute.workers import LocalWorkers, Workers
 from seatrial.campaign.inference.posterior import random_key
 from seatrial.core.errors import NumericalError
 from seatrial.core.reporter import Progress
-from seatrial.estimation.mode import Mode, find_mode, higher_mode
+from seatrial.estimation.posterior.mode import Mode, find_mode, higher_mode
 from seatrial.selection.structures import Structure
 
 HERE = LocalWorkers()

@@ -3,13 +3,13 @@
 from collections.abc import Iterable, Mapping, Sequence
 
 from seatrial.campaign.store.estimates import LeftOut, ModelErrorFinding
-from seatrial.estimation.candidate_effects import Effect
-from seatrial.estimation.fit_verdict import either
-from seatrial.estimation.omitted_effects import Omitted, OmittedEffects
-from seatrial.estimation.output_error import OutputError
-from seatrial.estimation.posterior import Posterior
-from seatrial.estimation.remedies import delay_prior, listed
-from seatrial.estimation.robust_errors import RobustErrors
+from seatrial.estimation.diagnostics.candidate_effects import Effect
+from seatrial.estimation.diagnostics.omitted_effects import Omitted, OmittedEffects
+from seatrial.estimation.diagnostics.robust_errors import RobustErrors
+from seatrial.estimation.posterior.output_error import OutputError
+from seatrial.estimation.posterior.posterior import Posterior
+from seatrial.estimation.prediction.fit_verdict import either
+from seatrial.estimation.prediction.remedies import delay_prior, listed
 from seatrial.selection.structures import Structure
 
 MATTERS, SURE = 1.0, 3.0

@@ -9,19 +9,19 @@ import numpy as np
 
 from seatrial.campaign.config.assumed_unknowns import varying
 from seatrial.campaign.config.campaign import Campaign
-from seatrial.campaign.config.vehicle import first_measured, level_start
 from seatrial.core.errors import InputError, located
 from seatrial.core.random_keys import seeded_key
 from seatrial.core.record import Record
 from seatrial.core.signals import ACTUAL, ANGLES, QUATERNION, signal_unit
-from seatrial.estimation.disturbance import disturbed_axes
-from seatrial.estimation.filter_error import FilterError, filter_error
-from seatrial.estimation.first_guess import first_guess
-from seatrial.estimation.output_error import OutputError, initial_name, output_error
-from seatrial.estimation.posterior import Parameter, Posterior
+from seatrial.estimation.posterior.filter_error import FilterError, filter_error
+from seatrial.estimation.posterior.first_guess import first_guess
+from seatrial.estimation.posterior.output_error import OutputError, initial_name, output_error
+from seatrial.estimation.posterior.posterior import Parameter, Posterior
+from seatrial.estimation.posterior.unknowns import deviations
 from seatrial.estimation.priors import Normal
-from seatrial.estimation.trial_data import TrialData
-from seatrial.estimation.unknowns import deviations
+from seatrial.estimation.simulation.disturbance import disturbed_axes
+from seatrial.estimation.simulation.starts import first_measured, level_start
+from seatrial.estimation.simulation.trial_data import TrialData
 from seatrial.selection.structures import Structure
 from seatrial.vehicles.model import VehicleModel
 

@@ -3,9 +3,9 @@
 from seatrial.campaign.compute.shared_work import Study
 from seatrial.campaign.data.check import likely_causes
 from seatrial.core.errors import InputError, SeatrialError
-from seatrial.estimation.mode import Mode
-from seatrial.estimation.posterior import Posterior
-from seatrial.estimation.prior_checks import check_prior_contains_data
+from seatrial.estimation.diagnostics.prior_checks import check_prior_contains_data
+from seatrial.estimation.posterior.mode import Mode
+from seatrial.estimation.posterior.posterior import Posterior
 
 
 def check_prior_of(study: Study, posterior: Posterior, mode: Mode) -> None:

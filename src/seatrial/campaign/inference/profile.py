@@ -17,9 +17,9 @@ from seatrial.campaign.store.estimates import HasKey, read_profiles
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.reporter import SILENT, Reporter
-from seatrial.estimation.mode import find_mode
-from seatrial.estimation.posterior import Posterior
-from seatrial.estimation.profile import Profile, profile_likelihood
+from seatrial.estimation.posterior.mode import find_mode
+from seatrial.estimation.posterior.posterior import Posterior
+from seatrial.estimation.posterior.profile import Profile, profile_likelihood
 from seatrial.sampling.target import VECTOR
 from seatrial.selection.structures import Structure
 

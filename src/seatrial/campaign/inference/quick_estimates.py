@@ -2,7 +2,7 @@
 
 Neither samples: they take seconds on a short log, and up to minutes on a long one or with many structures. The mode's standard deviations
 are those of a normal posterior (Laplace); the regression needs no simulation and no prior, and is drawn aside by noise in the speed:
-`seatrial.estimation.equation_error` says by how much.
+`seatrial.estimation.regression.equation_error` says by how much.
 """
 
 from collections.abc import Mapping, Sequence
@@ -35,18 +35,18 @@ from seatrial.campaign.store.stored_result import Store, key_of, write_stamped_j
 from seatrial.core.errors import NumericalError
 from seatrial.core.record import Record
 from seatrial.core.reporter import SILENT, Progress, Reporter, run_side_by_side
-from seatrial.estimation.equation_error import (
+from seatrial.estimation.diagnostics.prior_checks import prior_contradictions
+from seatrial.estimation.diagnostics.robust_errors import robust_errors
+from seatrial.estimation.posterior.mode import Mode, draw_about, find_mode
+from seatrial.estimation.posterior.posterior import Posterior, values_of
+from seatrial.estimation.regression.equation_error import (
     Accelerations,
     Regression,
     fit_equation_error,
     measured_accelerations,
     smoothed_accelerations,
 )
-from seatrial.estimation.mode import Mode, draw_about, find_mode
-from seatrial.estimation.posterior import Posterior, values_of
-from seatrial.estimation.prior_checks import prior_contradictions
-from seatrial.estimation.robust_errors import robust_errors
-from seatrial.estimation.sensor_errors import (
+from seatrial.estimation.simulation.sensor_errors import (
     correlation_name,
     dof_name,
     drift_name,

@@ -17,12 +17,12 @@ from jaxtyping import Array, Float
 from scipy.special import ndtr
 
 from seatrial.campaign.config.campaign import Campaign
-from seatrial.campaign.config.vehicle import level_start
 from seatrial.campaign.inference.filter_trace import prior_belief
 from seatrial.campaign.inference.posterior import first_sd
 from seatrial.core.gaussian import Gaussian
 from seatrial.core.programs import program
 from seatrial.core.state_space import StateSpace
+from seatrial.estimation.simulation.starts import level_start
 from seatrial.filters.belief import Filter
 from seatrial.filters.square_root import unscented_filter
 from seatrial.vehicles.discretise import discretise

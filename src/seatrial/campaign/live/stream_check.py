@@ -14,7 +14,7 @@ from seatrial.campaign.data.check import motion_findings
 from seatrial.core.batching import bucket_length
 from seatrial.core.record import Channel, Provenance, Record
 from seatrial.core.signals import signal_unit
-from seatrial.estimation.record_checks import RecordFinding
+from seatrial.estimation.diagnostics.record_checks import RecordFinding
 from seatrial.logs.measured_control import looks_measured
 
 APART = 0.1

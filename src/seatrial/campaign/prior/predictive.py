@@ -31,11 +31,11 @@ from seatrial.core.record import Record
 from seatrial.core.reporter import SILENT, Reporter
 from seatrial.core.result_table import text_html
 from seatrial.core.signals import HELD, QUATERNION, RATES
-from seatrial.estimation.delayed_control import delay_control
-from seatrial.estimation.output_error import initial_name, own_name
+from seatrial.estimation.posterior.output_error import initial_name, own_name
 from seatrial.estimation.priors import Prior, physical_support
-from seatrial.estimation.sensor_errors import bias_name, noise_name
-from seatrial.estimation.simulation import CURRENT
+from seatrial.estimation.simulation.delayed_control import delay_control
+from seatrial.estimation.simulation.sensor_errors import bias_name, noise_name
+from seatrial.estimation.simulation.simulator import CURRENT
 from seatrial.manoeuvres.family import Family
 from seatrial.manoeuvres.manoeuvre import Limits, Manoeuvre, check_limits
 from seatrial.manoeuvres.schedule import schedule_of

@@ -32,8 +32,8 @@ from seatrial.core.dataset import Dataset
 from seatrial.core.errors import InputError
 from seatrial.core.record import Record
 from seatrial.core.reporter import SILENT, Reporter, run_side_by_side
-from seatrial.estimation.disturbance import disturbance_name
-from seatrial.estimation.mode import find_mode
+from seatrial.estimation.posterior.mode import find_mode
+from seatrial.estimation.simulation.disturbance import disturbance_name
 from seatrial.manoeuvres.family import Family
 
 DOUBLET = "repeated-doublet"

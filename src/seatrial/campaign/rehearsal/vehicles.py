@@ -22,11 +22,11 @@ from seatrial.core.record import Channel, Provenance, Record, make_record
 from seatrial.core.signals import signal_unit
 from seatrial.design.sweep import in_blocks
 from seatrial.design.trial_plan import TrialPlan
-from seatrial.estimation.output_error import OutputError, initial_name
-from seatrial.estimation.posterior import Posterior
-from seatrial.estimation.replicate import replicate
-from seatrial.estimation.sensor_errors import noise_name
-from seatrial.estimation.trial_data import FOREVER
+from seatrial.estimation.posterior.output_error import OutputError, initial_name
+from seatrial.estimation.posterior.posterior import Posterior
+from seatrial.estimation.posterior.replicate import replicate
+from seatrial.estimation.simulation.sensor_errors import noise_name
+from seatrial.estimation.simulation.trial_data import FOREVER
 from seatrial.manoeuvres.schedule import Schedule
 
 TRIES = 200

@@ -23,9 +23,9 @@ from seatrial.campaign.store.structures import StoredCriteria, read_criteria
 from seatrial.core.dataset import Dataset
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.reporter import SILENT, Progress, Reporter, no_progress, run_side_by_side
-from seatrial.estimation.mode import find_mode
-from seatrial.estimation.pointwise import pointwise_log_likelihood, thin_draws
-from seatrial.estimation.posterior import Posterior
+from seatrial.estimation.posterior.mode import find_mode
+from seatrial.estimation.posterior.pointwise import pointwise_log_likelihood, thin_draws
+from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.selection.criteria import (
     SMALL_DIFFERENCE,
     DevianceCriteria,

@@ -24,8 +24,8 @@ from seatrial.campaign.store.structures import StoredSelection, read_selection
 from seatrial.core.argument_checks import check_kind
 from seatrial.core.errors import NumericalError
 from seatrial.core.reporter import SILENT, Progress, Reporter
-from seatrial.estimation.mode import find_mode
-from seatrial.estimation.remedies import listed
+from seatrial.estimation.posterior.mode import find_mode
+from seatrial.estimation.prediction.remedies import listed
 from seatrial.sampling.nested import NestedRun
 from seatrial.sampling.tempered_smc import SMCResult, SMCSettings
 from seatrial.selection.combined_evidence import (

@@ -26,12 +26,12 @@ from seatrial.core.programs import program
 from seatrial.core.reporter import SILENT, Reporter
 from seatrial.core.signals import RATES
 from seatrial.design.sweep import Sweep, in_blocks
-from seatrial.estimation.filter_error import FilterError
-from seatrial.estimation.output_error import OutputError
-from seatrial.estimation.prediction import noise_sd, slow_noise
-from seatrial.estimation.sensor_errors import Sensor
-from seatrial.estimation.simulation import Simulator
-from seatrial.estimation.trial_data import TrialData
+from seatrial.estimation.posterior.filter_error import FilterError
+from seatrial.estimation.posterior.output_error import OutputError
+from seatrial.estimation.prediction.prediction import noise_sd, slow_noise
+from seatrial.estimation.simulation.sensor_errors import Sensor
+from seatrial.estimation.simulation.simulator import Simulator
+from seatrial.estimation.simulation.trial_data import TrialData
 from seatrial.manoeuvres.family import design_words
 from seatrial.selection.structures import Structure
 from seatrial.selection.verdict import Selection

@@ -14,9 +14,9 @@ from seatrial.campaign.store.structures import Screened, read_screening
 from seatrial.core.dataset import Dataset
 from seatrial.core.errors import InputError
 from seatrial.core.reporter import SILENT, Reporter
-from seatrial.estimation.mode import find_mode
-from seatrial.estimation.screening_delay import delayed, likely_delay
-from seatrial.estimation.weak_form import FEWEST, where_measured
+from seatrial.estimation.posterior.mode import find_mode
+from seatrial.estimation.regression.screening_delay import delayed, likely_delay
+from seatrial.estimation.regression.weak_form import FEWEST, where_measured
 from seatrial.selection.screening import Screening, TermPrior, screen
 from seatrial.selection.screening_about_mode import ModeScreening, screen_about_mode
 from seatrial.selection.structures import count_structures, label_structures

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from seatrial.core.dataset_file import open_dataset
-from seatrial.estimation.baseline_comparison import Comparison, PooledScore, Predicted
+from seatrial.estimation.prediction.baseline_comparison import Comparison, PooledScore, Predicted
 
 
 @dataclass(frozen=True, eq=False)

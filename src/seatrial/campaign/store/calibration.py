@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from seatrial.core.dataset_file import open_dataset
-from seatrial.estimation.calibration import DRAWS, Calibration
+from seatrial.estimation.diagnostics.calibration import DRAWS, Calibration
 
 MANY_REFUSED = 0.05
 """Share of the prior beyond which a reader is told."""

@@ -16,7 +16,7 @@ from seatrial.core.dataset_file import open_dataset
 from seatrial.core.display_units import Shown
 from seatrial.core.errors import InputError
 from seatrial.core.result_table import table_html, table_text
-from seatrial.estimation.remedies import listed, measured, percent
+from seatrial.estimation.prediction.remedies import listed, measured, percent
 from seatrial.selection.structures import Structure
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ VAIN = 10.0
 """Standard deviation over the value from which a percentage says nothing."""
 BY_ITSELF = "each parameter is known separately"
 UNSURE = 0.5
-"""Share of a coefficient that its ± with model error may be for it to be called known: `VAGUE` of `estimation/identifiability.py`."""
+"""Share of a coefficient that its ± with model error may be for it to be called known: `VAGUE` of `identifiability.py`."""
 
 
 class HasKey(Protocol):
@@ -176,7 +176,7 @@ class Estimate:
     def own_values(self) -> list[tuple[str, str, float, float, str]]:
         """Of each value that varies between trials: its name, the trial, its mean, standard deviation and SI unit."""
         found = []
-        from seatrial.estimation.output_error import deviation_name, is_deviation, of_deviation, spread_name
+        from seatrial.estimation.posterior.output_error import deviation_name, is_deviation, of_deviation, spread_name
 
         for name, label in map(of_deviation, filter(is_deviation, self.names)):
             common, spread, deviation = self.draws([name, spread_name(name), deviation_name(name, label)]).T
@@ -389,7 +389,7 @@ class LeftOut:
 
 @dataclass(frozen=True, eq=False)
 class StoredProfile:
-    """Profile likelihood of one parameter; the attributes are those of `seatrial.estimation.profile.Profile`."""
+    """Profile likelihood of one parameter; the attributes are those of `seatrial.estimation.posterior.profile.Profile`."""
 
     name: str
     unit: str

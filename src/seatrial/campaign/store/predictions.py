@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from seatrial.core.dataset_file import stored, text_of
-from seatrial.estimation.fit_verdict import FitLevel, FitVerdict
-from seatrial.estimation.pooled_coverage import Pooled
-from seatrial.estimation.prediction_scores import Score
-from seatrial.estimation.remedies import with_advice
+from seatrial.estimation.prediction.fit_verdict import FitLevel, FitVerdict
+from seatrial.estimation.prediction.pooled_coverage import Pooled
+from seatrial.estimation.prediction.prediction_scores import Score
+from seatrial.estimation.prediction.remedies import with_advice
 
 
 @dataclass(frozen=True, kw_only=True)

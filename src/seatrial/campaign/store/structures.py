@@ -15,8 +15,8 @@ from seatrial.campaign.store.stored_result import decoding, read_json
 from seatrial.core.dataset import Dataset
 from seatrial.core.dataset_file import open_dataset
 from seatrial.core.display_units import shown_unit
-from seatrial.estimation.baseline_comparison import Comparison
-from seatrial.estimation.pooled_coverage import Pooled
+from seatrial.estimation.prediction.baseline_comparison import Comparison
+from seatrial.estimation.prediction.pooled_coverage import Pooled
 
 if TYPE_CHECKING:
     from seatrial.selection.verdict import Selection
@@ -275,7 +275,7 @@ class Screened:
 
     def lines(self) -> list[str]:
         """What was found, in words."""
-        from seatrial.estimation.row_fit import SCREENING
+        from seatrial.estimation.regression.row_fit import SCREENING
 
         data, optional = self.data, self.optional
         narrow, wide = (data["inclusion_at"].sel(scale=factor, term=optional).values for factor in (0.3, 3.0))

@@ -29,7 +29,7 @@ from seatrial.core.argument_checks import check_kind
 from seatrial.core.errors import InputError
 from seatrial.core.reporter import SILENT, Reporter
 from seatrial.core.signals import signal_unit
-from seatrial.estimation.sensor_errors import noise_name
+from seatrial.estimation.simulation.sensor_errors import noise_name
 
 OF_NEXT_TRIAL = ("next", "contenders")
 """Steps without which all that was found so far still holds."""

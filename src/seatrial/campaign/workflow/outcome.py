@@ -15,8 +15,8 @@ from seatrial.campaign.store.estimates import Estimate, Known, ModelErrorFinding
 from seatrial.campaign.store.predictions import Fit
 from seatrial.campaign.store.structures import Contenders, Screened
 from seatrial.core.dataset import Dataset
-from seatrial.estimation.baseline_comparison import Comparison
-from seatrial.estimation.pooled_coverage import Pooled
+from seatrial.estimation.prediction.baseline_comparison import Comparison
+from seatrial.estimation.prediction.pooled_coverage import Pooled
 from seatrial.selection.verdict import DECIDED, Selection
 
 

@@ -10,7 +10,6 @@ from jaxtyping import Float
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.load import load_campaign
-from seatrial.campaign.config.vehicle import level_start
 from seatrial.campaign.design.schedule import damaged_about, find_schedules, read_about
 from seatrial.campaign.inference.posterior import random_key
 from seatrial.campaign.workflow.steps import LOOP, Workflow
@@ -18,6 +17,7 @@ from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.signals import SET, SIGNALS, signal_unit
+from seatrial.estimation.simulation.starts import level_start
 from seatrial.export.from_campaign import stored_estimate
 from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.manoeuvres.schedule import read_rows

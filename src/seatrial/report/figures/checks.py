@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from seatrial.estimation.calibration import BINS, DRAWS, Calibration
+from seatrial.estimation.diagnostics.calibration import BINS, DRAWS, Calibration
 from seatrial.report.figures.fit import Driven
 from seatrial.report.figures.style import (
     BAND,

@@ -10,10 +10,10 @@ from seatrial.campaign.store.predictions import Fit
 from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.core.display_units import shown_unit
 from seatrial.core.record import Record
-from seatrial.estimation.baseline_comparison import Comparison, PooledScore
-from seatrial.estimation.fit_verdict import FEWEST, LEVELS, NARROW, POOR, FitVerdict, explained_share
-from seatrial.estimation.pooled_coverage import Pooled
-from seatrial.estimation.remedies import count_below
+from seatrial.estimation.prediction.baseline_comparison import Comparison, PooledScore
+from seatrial.estimation.prediction.fit_verdict import FEWEST, LEVELS, NARROW, POOR, FitVerdict, explained_share
+from seatrial.estimation.prediction.pooled_coverage import Pooled
+from seatrial.estimation.prediction.remedies import count_below
 from seatrial.report.drawing import draw, model_said, record_curves
 from seatrial.report.figures.fit import record_fit, record_residuals
 from seatrial.report.labels import sentence_html

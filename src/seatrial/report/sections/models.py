@@ -7,7 +7,7 @@ import numpy as np
 from seatrial.campaign.selection.evidence import agreement_counts
 from seatrial.campaign.store.estimates import Estimate
 from seatrial.campaign.workflow.outcome import Outcome
-from seatrial.estimation.row_fit import SCREENING
+from seatrial.estimation.regression.row_fit import SCREENING
 from seatrial.report.drawing import (
     digits_of,
     draw,

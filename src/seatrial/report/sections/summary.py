@@ -14,9 +14,9 @@ from seatrial.campaign.inference.judge_predictions import held_back_alarms
 from seatrial.campaign.store.structures import QUOTED, RARE, condition_of
 from seatrial.campaign.workflow.next_trial import propose
 from seatrial.campaign.workflow.outcome import Outcome
-from seatrial.estimation.baseline_comparison import CLEAR
-from seatrial.estimation.fit_verdict import WORSE_THAN_MEAN, explained_share
-from seatrial.estimation.remedies import listed
+from seatrial.estimation.prediction.baseline_comparison import CLEAR
+from seatrial.estimation.prediction.fit_verdict import WORSE_THAN_MEAN, explained_share
+from seatrial.estimation.prediction.remedies import listed
 from seatrial.report.drawing import (
     digits_of,
     factors_of,

@@ -23,7 +23,7 @@ from seatrial.campaign.store.stored_result import Store
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import Shown, shown_as_written
 from seatrial.core.errors import SeatrialError
-from seatrial.estimation.remedies import listed
+from seatrial.estimation.prediction.remedies import listed
 from seatrial.report.numbers import percent, short, unit_html
 
 UNTAUGHT = 0.999

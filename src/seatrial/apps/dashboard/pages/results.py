@@ -34,8 +34,8 @@ from seatrial.campaign.store.structures import (
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import Shown, shown_as_written
 from seatrial.core.errors import InputError, SeatrialError
-from seatrial.estimation.fit_verdict import explained_share
-from seatrial.estimation.remedies import listed
+from seatrial.estimation.prediction.fit_verdict import explained_share
+from seatrial.estimation.prediction.remedies import listed
 from seatrial.report.labels import label_html, name_html, sentence_about
 from seatrial.report.numbers import Digits, percent, probability, short, times_ten, typeset, unit_html, with_sd
 from seatrial.selection.structures import Structure, structure_names

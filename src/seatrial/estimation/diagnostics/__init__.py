@@ -1,0 +1,1 @@
+"""Whether records, errors and coefficients may be believed."""

@@ -1,0 +1,164 @@
+"""What every estimate must answer: does the prior hold the data's answer, do the data say more, and where can nothing be said?"""
+
+from collections.abc import Callable, Mapping
+from math import isfinite
+
+import numpy as np
+import scipy
+from jaxtyping import Bool, Float
+
+from seatrial.core.coefficients import is_coefficient
+from seatrial.core.errors import InputError
+from seatrial.core.random_keys import seeded_key
+from seatrial.estimation.diagnostics.identifiability import identifiability_of_fit
+from seatrial.estimation.posterior.information import slopes_of_present
+from seatrial.estimation.posterior.mode import Mode
+from seatrial.estimation.posterior.posterior import Parameter, Posterior, values_of
+from seatrial.estimation.posterior.prior_bounds import DECIDES, EDGE, leaning_bounds, scaled_bounds
+from seatrial.sampling.target import AT_ONCE, evaluate
+
+GAIN = 10.0
+HUGE = 1000.0
+"""Gain beyond a bound, nats, from which a slip in the log or its map is likelier than a prior that is too narrow."""
+FAR = 4.0
+"""Standard deviations from the middle of a prior without bounds beyond which it says the opposite of the data."""
+FLAT = 1e-9
+"""Least curvature of the likelihood, over that of each parameter alone, along which other parameters are followed."""
+SOME = 0.01
+"""Share of the prior without a finite likelihood of which a reader is told."""
+APART = 0.25
+"""Difference of mean ranks, 0.5 at most, from which a parameter is said to set what is lost apart."""
+
+
+def check_prior_contains_data(posterior: Posterior, mode: Mode, where: Callable[[str], str]) -> None:
+    """Refuse a prior against whose bound the data push.
+
+    A mode within 2 % of a bound is suspect, in shares of the width, or where one side is open of that of a uniform of the same
+    standard deviation; if a step of a tenth of the width beyond the bound, the other parameters following
+    along the ridge of the likelihood, makes the data more likely by over 10 nats, the prior excludes them.
+
+    Args:
+        posterior: of a model with every term in question. One that lacks a real term calls it noise or lets others stand for it, which may
+            push these against a bound; its evidence judges it.
+        mode: its mode, of the parameters that are present.
+        where: names what states a prior, by its key, for the error.
+
+    Raises:
+        InputError: naming the parameter, its bound and the gain beyond it.
+    """
+    for index, parameter in enumerate(posterior.present_parameters):
+        for bound, beyond in _suspect_bounds(parameter, float(mode.values[index])):
+            gain = _gain_beyond(posterior, mode.values, index, beyond)
+            if gain > GAIN:
+                raise InputError(
+                    where(f"prior.{parameter.name}"),
+                    found=f"the data push {parameter.name} against its bound {parameter.said(bound)}; beyond it, "
+                    f"at {parameter.said(beyond)}, they are {'over 10 000' if gain > 1e4 else f'{gain:.0f}'} nats more likely",
+                    expected="a prior that contains what the data say",
+                    remedy=_remedy(parameter, bound, gain),
+                )
+
+
+def information_complaints(
+    posterior: Posterior, mode: Mode, draws: Float[np.ndarray, "n d"], at: Mapping[str, float] | None = None
+) -> list[str]:
+    """Say which parameters the data cannot inform or inform only together, where prior and data disagree, and where there is no model.
+
+    Args:
+        posterior: posterior.
+        mode: its mode, of the parameters that are present.
+        draws: posterior draws in the parameters' own units.
+        at: operating point, signal name to SI value, at which sums of force coefficients have a meaning.
+    """
+    said, at_bounds = identifiability_of_fit(posterior, mode, draws, at).cautions(), dict(mode.at_bounds)
+    for parameter, column in zip(posterior.present_parameters, draws.T, strict=True):
+        leaning = [
+            f"the posterior of {parameter.name} is cut off at the bound {parameter.said(bound)} of its prior ({share:.0%} of it within "
+            f"{EDGE:.0%} of the width): {DECIDES}"
+            for bound, share in leaning_bounds(parameter, column)
+        ]
+        said += leaning or filter(None, [at_bounds.get(parameter.name)])
+    return said + prior_contradictions(posterior, mode) + _lost_region(posterior)
+
+
+def _remedy(parameter: Parameter, bound: float, gain: float) -> str:
+    kind, _, channel = parameter.name.partition("_")
+    if kind == "tau" and bound == parameter.prior.bounds[0]:
+        return 'set estimation.residuals = "white" and remove this prior: the residuals have no memory'
+    if kind == "lag" and bound == parameter.prior.bounds[0]:
+        return f"set sensors.{channel}.lag = false and remove this prior: {channel} is shown without delay"
+    if kind == "sigma" and bound == parameter.prior.bounds[0]:
+        return f"widen [prior.{parameter.name}]: its lower bound to {parameter.said(bound / 10)}, as the noise of {channel} is smaller"
+    if kind == "sigma" and bound == parameter.prior.bounds[1]:
+        return (
+            f"the model misses {channel} by more than the sensor's noise can explain: check units, signs, the channel map, how the sensor "
+            f'is mounted, and {channel} for outliers (residuals = "heavy" tolerates them), then the other priors; widen this one, '
+            f"[prior.{parameter.name}], only if {channel} is that noisy"
+        )
+    checks = 'units, signs, clocks (a control that was measured: between = "line"), the channel map, and the masses under [vehicle]'
+    if gain > HUGE:
+        return f"check {checks} first: `seatrial check` compares the log with the model; widen the prior only if they are right"
+    return f"widen the prior, or check {checks}"
+
+
+def prior_contradictions(posterior: Posterior, mode: Mode) -> list[str]:
+    """Return the priors without bounds that the data pull far from their middle; z is standard normal under them."""
+    return [
+        f"prior and data contradict each other about {parameter.name}: the data pull it to {parameter.said(value)}, where its "
+        "prior has less than one chance in 10 000; the result is a compromise: widen the prior, or check units and signs"
+        for parameter, value, z in zip(posterior.present_parameters, mode.values, mode.z, strict=True)
+        if not all(map(isfinite, parameter.prior.bounds)) and abs(z) > FAR
+    ]
+
+
+def _lost_region(posterior: Posterior) -> list[str]:
+    """Return where the prior allows values whose likelihood is not finite: how much of it, and the parameter that sets it apart."""
+    z = np.asarray(posterior.sample_prior(seeded_key(0), AT_ONCE))
+    lost = ~np.isfinite(evaluate(posterior, z))
+    if not SOME < lost.mean() < 1.0:
+        return []
+    values = values_of(posterior, z)[:, posterior.places]
+    example = ", ".join(f"{name} = {x:.4g}" for name, x in zip(posterior.present_names, values[lost][0], strict=True))
+    return [
+        f"the model cannot be simulated in {lost.mean():.0%} of the prior, for example at {example}{_where(posterior, values, lost)}; "
+        "such values count as impossible: narrow the prior if that is not meant"
+    ]
+
+
+def _where(posterior: Posterior, values: Float[np.ndarray, "n d"], lost: Bool[np.ndarray, " n"]) -> str:
+    """Return the parameter that best sets apart what is lost, if one does: its chance to be the larger in a pair, one lost, one not."""
+    ranks = scipy.stats.rankdata(values, axis=0)
+    apart = (ranks[lost].mean(0) - ranks[~lost].mean(0)) / lost.size
+    worst = int(np.argmax(np.abs(apart)))
+    if abs(apart[worst]) < APART:
+        return ""
+    parameter, column, above = posterior.present_parameters[worst], values[lost, worst], apart[worst] > 0
+    edge = np.quantile(column, 0.05 if above else 0.95)
+    return f", nearly always with {parameter.name} {'above' if above else 'below'} {parameter.said(edge)}"
+
+
+def _suspect_bounds(parameter: Parameter, value: float) -> list[tuple[float, float]]:
+    """Bounds near which the mode lies, each with a point a tenth of the width beyond it; sizes have no point below 0."""
+    there, back, bounds, width = scaled_bounds(parameter)
+    near = [(at, sign) for at, sign in zip(bounds, (-1.0, 1.0), strict=True) if abs(there(value) - at) <= EDGE * width]
+    pairs = [(float(back(at)), float(back(at + sign * 0.1 * width))) for at, sign in near]
+    size = parameter.prior.bounds[0] >= 0 and not is_coefficient(parameter.name)
+    return [(bound, beyond) for bound, beyond in pairs if not (size and beyond <= 0)]
+
+
+def _gain_beyond(posterior: Posterior, values: Float[np.ndarray, " d"], index: int, beyond: float) -> float:
+    """Return the gain in log-likelihood of moving one parameter, the others following where the likelihood is quadratic."""
+    move = np.zeros(values.size)
+    move[index] = beyond - values[index]
+    others = np.arange(values.size) != index
+    here = slopes_of_present(posterior, values)
+    hessian = -here.information
+    candidates = [values + move]
+    if np.isfinite(hessian).all():
+        size = np.sqrt(np.abs(np.diag(hessian)))[others]
+        scale = np.outer(size, size)
+        curvature = np.divide(-hessian[np.ix_(others, others)], scale, out=np.zeros_like(scale), where=scale > 0)
+        if np.linalg.eigvalsh(curvature).min(initial=1.0) > FLAT:
+            follow = np.linalg.solve(curvature, hessian[others, index] / size) / size * move[index]
+            candidates.append(candidates[0] + np.insert(follow, index, 0.0))
+    return max(float(slopes_of_present(posterior, one).value) for one in candidates) - float(here.value)

@@ -1,0 +1,1 @@
+"""Priors and likelihoods as one density: its mode, its draws, and what they predict."""

@@ -1,0 +1,666 @@
+"""The fast answer: posterior mode by trust-region Newton, and the normal approximation there.
+
+A likelihood of records is climbed with its information in place of second derivatives (Gauss and Newton's method), and expanded exactly
+at the mode alone.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from functools import lru_cache, partial
+from typing import TYPE_CHECKING, NamedTuple, Protocol
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import scipy
+from jaxtyping import Array, Float, Int
+from scipy.special import ndtr, ndtri
+
+from seatrial.core.argument_checks import check_count, check_numbers
+from seatrial.core.coefficients import is_coefficient
+from seatrial.core.errors import NumericalError
+from seatrial.core.programs import program
+from seatrial.core.result_table import table_html, table_text
+from seatrial.estimation.posterior.filter_error import FilterError
+from seatrial.estimation.posterior.information import expand_likelihood
+from seatrial.estimation.posterior.output_error import OutputError
+from seatrial.estimation.posterior.posterior import Posterior, as_key, check_posterior, values_of
+from seatrial.estimation.posterior.prior_bounds import bound_complaint
+from seatrial.estimation.posterior.slopes import likelihood_slopes
+from seatrial.estimation.simulation.delayed_control import DELAY
+from seatrial.estimation.simulation.sensor_errors import noise_name
+from seatrial.estimation.simulation.trial_data import first_samples
+from seatrial.sampling.target import AT_ONCE, LANES, evaluate
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+FLAT = 1e-2
+"""Curvature in unconstrained space, where every prior has unit spread, that would make the posterior ten times wider than its prior."""
+FARTHEST, NEAR = 3.0, 12.0
+"""How far a delay is looked for: in standard deviations of its prior, and closer in those of the posterior about the mode."""
+DOUBLINGS, NOTHING = 3, 1e-4
+"""Times that the closer look is widened at most, until the density at its ends is such a share of that at the mode."""
+PRIOR_DRAWS, PRIOR_DRAWS_OF_FILTER = 512, 64
+"""Prior draws among which a search begins; fewer of a filter, each of which costs ten simulations."""
+LONG, PARTS, EXCITED = 8192, 8, 0.5
+"""Samples of a trial from which the mode of its first such part is found first, as with wrong coefficients a long simulation goes astray;
+and the share of their standard deviation over all trials that the controls must reach in it."""
+INSIDE = 2.0
+"""Standard deviations of z within which a start keeps where a prior has bounds: at the bound itself z is infinite."""
+SAME_TOP, NEAR_TOP = 0.01, 1.0
+"""A top is known where a Newton step that gains less than so many nats ends beside it, squared and in standard deviations."""
+PATIENCE, LEAST_GAIN = 5, 0.2
+"""A climb is given up whose last steps closed less than such a share of what a known top is higher."""
+NOISE_ROUNDS, LEAST_SHARE = 4, 1e-3
+"""Looks at what a start leaves over, and the least share of the variance of the noise that one of them leaves."""
+FOLLOWED, ROUNDS = 3, 3
+"""Peaks along the delay, or modes of other structures, that are followed each time, and times."""
+REACH, FALL = 2.0 * 0.7 ** np.arange(16), 6.0
+"""Standard deviations at which the normal approximation is compared with the density, the largest first; and the fall, nats, up to which
+it holds there: at two it would be 2."""
+HIGHER_TOP = 0.1
+"""Nats above a mode that neither rounding nor the end of a climb explains."""
+
+
+class Mode(NamedTuple):
+    """Posterior mode in unconstrained space and the Laplace approximation about it.
+
+    Attributes:
+        z: mode, shape (d,).
+        precision: negative Hessian of the log posterior density, shape (d, d); along a delay, what its profile is worth.
+        cov: its inverse, shape (d, d).
+        log_density: unnormalised log posterior density at the mode.
+        log_evidence: Laplace approximation of the log evidence.
+        values: the mode in the parameters' own units, shape (d,).
+        sd: delta-method standard deviations of `values`, shape (d,).
+        flat: whether a direction had no curvature, so that its variance was set to the prior's.
+        names: of the parameters.
+        units: theirs, SI.
+        at_bounds: those that lie at a bound of their prior, each by name with the sentence that says so.
+    """
+
+    z: Float[np.ndarray, " d"]
+    precision: Float[np.ndarray, "d d"]
+    cov: Float[np.ndarray, "d d"]
+    log_density: float
+    log_evidence: float
+    values: Float[np.ndarray, " d"]
+    sd: Float[np.ndarray, " d"]
+    flat: bool
+    names: tuple[str, ...] = ()
+    units: tuple[str, ...] = ()
+    at_bounds: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def by_name(self) -> dict[str, float]:
+        """The mode by parameter name, SI."""
+        return dict(zip(self.names, map(float, self.values), strict=True))
+
+    @property
+    def scale(self) -> Float[np.ndarray, "d d"]:
+        """Lower triangle L of the covariance L L', also where rounding has made the covariance singular."""
+        values, vectors = np.linalg.eigh(self.cov)
+        return triangular_root(vectors * np.sqrt(np.maximum(values, np.finfo(float).tiny)))
+
+    def only(self, at: Int[np.ndarray, " k"]) -> "Mode":
+        """Return the mode without the parameters that are absent, of which the density is the standard normal one.
+
+        Args:
+            at: places of those that are present, `Posterior.places`.
+        """
+        absent, block = self.z.size - at.size, np.ix_(at, at)
+        return Mode(
+            self.z[at],
+            self.precision[block],
+            self.cov[block],
+            self.log_density + 0.5 * absent * float(np.log(2 * np.pi)),
+            self.log_evidence,
+            self.values[at],
+            self.sd[at],
+            self.flat,
+            tuple(self.names[i] for i in at),
+            tuple(self.units[i] for i in at),
+            self.at_bounds,
+        )
+
+    def expected(self, known: Mapping[str, float]) -> dict[str, float]:
+        """Return the values that the normal approximation expects of the other parameters if those of some are known, SI, by name."""
+        at = [i for i, name in enumerate(self.names) if name in known]
+        rest = [i for i, name in enumerate(self.names) if name not in known]
+        slope = self.sd / np.sqrt(np.diag(self.cov))
+        cov = self.cov * np.outer(slope, slope)
+        off = np.array([known[self.names[i]] for i in at]) - self.values[at]
+        values = self.values[rest] + cov[np.ix_(rest, at)] @ np.linalg.lstsq(cov[np.ix_(at, at)], off)[0]
+        return dict(zip((self.names[i] for i in rest), map(float, values), strict=True))
+
+    def summary(self) -> "DataFrame":
+        """Return a table with a row for each parameter: unit, value at the mode, and standard deviation of the normal approximation."""
+        from pandas import DataFrame
+
+        return DataFrame({"unit": self.units, "mode": self.values, "sd": self.sd}, index=list(self.names))
+
+    @property
+    def _heading(self) -> str:
+        return f"Posterior mode, log evidence about {self.log_evidence:.2f}"
+
+    @property
+    def _remarks(self) -> list[str]:
+        flat = ["a direction has no curvature: its variance is the prior's"] if self.flat else []
+        return [*flat, *(sentence for _, sentence in self.at_bounds)]
+
+    __repr__ = table_text
+    _repr_html_ = table_html
+
+
+def find_mode(
+    posterior: Posterior,
+    key: jax.Array | int = 0,
+    starts: int | None = None,
+    tries: int = 3,
+    near: Mapping[str, float] | None = None,
+) -> Mode:
+    """Maximise the posterior density from the best of many prior draws, and from the best of them moved to the posterior's guess.
+
+    Commands are held or joined by straight lines between their samples, so that the density has a peak about every one of them along a
+    delay. The delay is therefore looked through over its prior before the highest peak is taken, and its standard deviation is that of
+    the profile over all of them.
+
+    Args:
+        posterior: density to maximise.
+        key: random key of the prior draws, or a seed.
+        starts: prior draws that are evaluated; None for 512, or 64 of a filter-error likelihood, whose density costs ten times more.
+        tries: of these, how many of the best are followed to their maximum. One from which the density only rises on the
+            straight way to a maximum already found is not: it has nothing else to show.
+        near: values by name, SI, near which there may be a mode; they take the place of one of the draws. What lies outside its prior
+            is moved inside, and what is not told is taken from the middle of its prior.
+
+    Returns:
+        the mode, and the normal approximation about it.
+
+    Raises:
+        InputError: no posterior, sizes that are none, or in `near` a name of no parameter or something else than a number.
+        NumericalError: no prior draw has a finite likelihood, or no maximum was found.
+    """
+    check_posterior(posterior)
+    if starts is None:
+        starts = PRIOR_DRAWS_OF_FILTER if isinstance(posterior.likelihood, FilterError) else PRIOR_DRAWS
+    check_count(starts, "starts", remedy="take some hundreds")
+    check_count(tries, "tries", remedy="leave it out, or follow a few")
+    candidates = np.array(posterior.sample_prior(as_key(key), starts))
+    candidates[-1] = 0.0  # the middle of the prior
+    if near is not None:
+        inside = _inside(posterior, check_numbers(near, "near", known=posterior.names))
+        candidates[: len(inside)] = inside
+    z, log_density = _highest(posterior, candidates, tries)
+    if not np.isfinite(log_density):
+        raise NumericalError("the search for the posterior mode left the region of finite likelihood; narrow the prior")
+    mode = _about(posterior, z, log_density)
+    return _along_delay(posterior, mode) if DELAY in posterior.present_names else mode
+
+
+def higher_mode(posterior: Posterior, known: Mode | None, others: Sequence[Mode]) -> Mode | None:
+    """Return a mode that is higher than the one known, above a mode of another structure; None where there is none.
+
+    A structure that contains another has at least the density of the other's mode with its further terms at zero. That place is
+    therefore looked at, and the best of all such places are climbed from.
+
+    Args:
+        posterior: of one structure.
+        known: its highest mode known, None where none is.
+        others: modes of structures that share parameters with it, of the same names.
+    """
+    starts = np.concatenate([np.empty((0, posterior.dim)), *(_completed(posterior, one) for one in others)])
+    if not len(starts):
+        return None
+    heights, best = _heights(posterior, starts), known
+    for place in _best(heights)[:FOLLOWED]:
+        tops = [] if best is None else [(best.z, best.log_density)]
+        if best is not None and heights[place] <= best.log_density and rises(posterior, starts[place], best.z):
+            continue
+        with suppress(NumericalError):
+            z, log_density = _climb(posterior, starts[place], tops)
+            if best is None or log_density > best.log_density + HIGHER_TOP:
+                best = _about(posterior, z, log_density)
+    if best is known or best is None:
+        return None
+    return _along_delay(posterior, best) if DELAY in posterior.present_names else best
+
+
+def _completed(posterior: Posterior, other: Mode) -> Float[np.ndarray, "n d"]:
+    """Return where a mode of another structure lies: what it lacks at zero, what is absent here left out, and what then is expected."""
+    absent = [name for name in other.names if name not in posterior.present_names]
+    values = {name: 0.0 for name in posterior.present_names if is_coefficient(name)} | other.by_name
+    moved = other.expected(dict.fromkeys(absent, 0.0)) if absent else {}
+    return np.concatenate([_inside(posterior, values), *([_inside(posterior, values | moved)] if moved else [])])
+
+
+def _highest(
+    posterior: Posterior, candidates: Float[np.ndarray, "n d"], tries: int
+) -> tuple[Float[np.ndarray, " d"], float]:
+    """Return the highest maximum above the guess and the best candidates; that of a long record begins at that of its first part."""
+    part = _first_part(posterior)
+    if part is not None:
+        with suppress(NumericalError):  # a part that leads nowhere: all of the record is searched
+            return _climb(posterior, _with_noise(posterior, _highest(part, candidates, tries)[0]))
+    drawn = _best(_heights(posterior, candidates))[:tries]
+    followed = [*_guessed(posterior, candidates), *candidates[drawn]]
+    if not followed:
+        raise NumericalError(
+            f"none of {len(candidates)} draws from the prior gives a finite likelihood: under this prior the model diverges, for example "
+            f"at {_point(posterior, candidates[0])}. Narrow the prior to damping that dissipates (negative coefficients), or check units."
+        )
+    results: list[tuple[np.ndarray, float]] = []
+    lost = None
+    for start in (_with_noise(posterior, one) for one in followed):
+        if not any(rises(posterior, start, top) for top, _ in results):
+            try:
+                results.append(_climb(posterior, start, results))
+            except NumericalError as error:
+                lost = error
+    if lost is not None and not results:
+        raise lost
+    return max(results, key=lambda pair: pair[1])
+
+
+def _first_part(posterior: Posterior) -> Posterior | None:
+    """Return the posterior of the first part of long trials in which every control moves about as much as in all of them; None without."""
+    data = posterior.data
+    if not isinstance(posterior.likelihood, OutputError | FilterError) or data.step.shape[1] < LONG:
+        return None
+    length = data.step.shape[1] // PARTS
+    inside = np.asarray(data.step) > 0  # what fills up a trial takes no time
+    columns = [np.asarray(column) for column in data.control]
+    moves = [(column[:, :length][inside[:, :length]].std(), column[inside].std()) for column in columns]
+    if any(part < EXCITED * whole for part, whole in moves):
+        return None
+    return replace(posterior, data=first_samples(data, length))
+
+
+def draw_about(posterior: Posterior, mode: Mode, count: int, random: np.random.Generator) -> Float[np.ndarray, "n d"]:
+    """Return draws of z from the normal approximation, cut along its axes on a side where the density falls much faster.
+
+    The data may exclude a size from above and leave it open from below, down to the bound of its prior: its logarithm then has the spread
+    of the prior, and a symmetric normal would reach values that the data exclude.
+    """
+    values, vectors = np.linalg.eigh(mode.cov)
+    factor = vectors * np.sqrt(np.abs(values))
+    sides = np.concatenate([factor.T, -factor.T])
+    points = mode.z + REACH[:, None, None] * sides
+    drop = mode.log_density - _heights(posterior, points.reshape(-1, mode.z.size)).reshape(points.shape[:2])
+    holds = drop <= FALL
+    reach = np.where(holds[0], np.inf, np.where(holds.any(0), REACH[np.argmax(holds, 0)], REACH[-1]))
+    if DELAY in posterior.present_names:  # between the peaks along a delay the density falls and rises again
+        reach[np.tile(np.abs(vectors[posterior.names.index(DELAY)]) > 0.5, 2)] = np.inf
+    steps = random.standard_normal((count, mode.z.size))
+    above, below = np.split(ndtr(reach) - 0.5, 2)
+    share = 2.0 * np.where(steps > 0, above, below)
+    cut = np.sign(steps) * ndtri(0.5 + share * (ndtr(np.abs(steps)) - 0.5))
+    return mode.z + np.where(share < 1.0, cut, steps) @ factor.T
+
+
+def climb(posterior: Posterior, start: Float[np.ndarray, " d"]) -> Mode:
+    """Follow one start to the mode above it.
+
+    Raises:
+        NumericalError: the log-likelihood has no finite derivative on the way.
+    """
+    return _about(posterior, *_climb(posterior, start))
+
+
+def rises(posterior: Posterior, start: Float[np.ndarray, " d"], end: Float[np.ndarray, " d"]) -> bool:
+    """Return whether the density never falls on the straight way, looked at in as many places as are computed at once.
+
+    Args:
+        posterior: whose density is followed.
+        start: where the way begins, z, shape (d,).
+        end: where it ends, z, shape (d,).
+    """
+    way = np.linspace(0.0, 1.0, _at_once(posterior))[:, None]
+    height = _heights(posterior, start + way * (end - start))
+    return bool(np.isfinite(height).all() and (np.diff(height) > 0).all())
+
+
+def _at_once(posterior: Posterior) -> int:
+    """Return how many densities are computed at once."""
+    return LANES if isinstance(posterior.likelihood, FilterError) else AT_ONCE
+
+
+def _heights(posterior: Posterior, z: Float[np.ndarray, "n d"]) -> Float[np.ndarray, " n"]:
+    return evaluate(posterior, z, _at_once(posterior))
+
+
+def _about(posterior: Posterior, z: np.ndarray, log_density: float) -> Mode:
+    """Normal approximation about a mode."""
+    there = _expand(posterior, z)
+    precision = -0.5 * (there.hessian + there.hessian.T)
+    cov, log_volume, flat = _invert(precision)
+    sd = np.abs(there.slope) * np.sqrt(np.diag(cov))
+    complaints = [
+        (one.name, bound_complaint(one, value, spread))
+        for one, value, spread in zip(
+            posterior.present_parameters, there.values[posterior.places], sd[posterior.places], strict=True
+        )
+    ]
+    return Mode(
+        z,
+        precision,
+        cov,
+        log_density,
+        log_density + 0.5 * posterior.dim * np.log(2 * np.pi) + log_volume,
+        there.values,
+        sd,
+        flat,
+        posterior.names,
+        tuple(parameter.unit for parameter in posterior.parameters),
+        tuple((name, sentence) for name, sentence in complaints if sentence),
+    )
+
+
+def _along_delay(posterior: Posterior, mode: Mode) -> Mode:
+    """Return the highest peak along the delay, its spread along it that of all peaks."""
+    at = posterior.names.index(DELAY)
+    for _ in range(ROUNDS):
+        better = _higher_peak(posterior, mode, at)
+        if better is None:
+            break
+        mode = better
+    return _with_profile(posterior, mode, at)
+
+
+def _ridge(mode: Mode, at: int, to: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n d"]:
+    """Return positions with one component as stated and the others as the normal approximation expects them then."""
+    return mode.z + (to - mode.z[at])[:, None] * (mode.cov[:, at] / mode.cov[at, at])
+
+
+def _higher_peak(posterior: Posterior, mode: Mode, at: int) -> Mode | None:
+    """Follow the highest peaks along one component, near the mode and over the whole prior; None where none is higher."""
+    reach = NEAR * np.sqrt(mode.cov[at, at])
+    near = mode.z[at] + np.linspace(-reach, reach, AT_ONCE)
+    points = _ridge(mode, at, np.sort(np.concatenate([near, np.linspace(-FARTHEST, FARTHEST, AT_ONCE)])))
+    heights = _heights(posterior, points)
+    middle = heights[1:-1]
+    peaks = 1 + np.flatnonzero((middle > heights[:-2]) & (middle >= heights[2:]))
+    best, ends = mode, [mode.z]
+    for peak in peaks[np.argsort(-heights[peaks])][:FOLLOWED]:
+        if not any(rises(posterior, points[peak], end) for end in ends):
+            z, log_density = _climb(posterior, points[peak])
+            ends.append(z)
+            if log_density > best.log_density + 1e-6:
+                best = _about(posterior, z, log_density)
+    return None if best is mode else best
+
+
+def _profile(posterior: Posterior, mode: Mode, at: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return places along one component to where nothing is left of the density, and the density there over that at the mode."""
+    for reach in NEAR * np.sqrt(mode.cov[at, at]) * 2.0 ** np.arange(DOUBLINGS + 1):
+        to = mode.z[at] + np.linspace(-reach, reach, AT_ONCE)
+        weight = np.exp(_heights(posterior, _ridge(mode, at, to)) - mode.log_density)
+        if weight[0] + weight[-1] < NOTHING:
+            break
+    return to, weight
+
+
+def _with_profile(posterior: Posterior, mode: Mode, at: int) -> Mode:
+    """Return the normal approximation whose variance along one component, and log evidence, are those of its profile."""
+    sd = np.sqrt(mode.cov[at, at])
+    to, weight = _profile(posterior, mode, at)
+    area = float(np.trapezoid(weight, to))
+    spread = float(np.trapezoid(weight * (to - mode.z[at]) ** 2, to)) / area
+    along = mode.cov[:, at] / mode.cov[at, at]
+    cov = mode.cov + (spread - sd**2) * np.outer(along, along)
+    slope = mode.sd / np.sqrt(np.diag(mode.cov))
+    return mode._replace(
+        cov=cov,
+        precision=np.linalg.inv(cov),
+        log_evidence=mode.log_evidence + float(np.log(area / (np.sqrt(2 * np.pi) * sd))),
+        sd=slope * np.sqrt(np.diag(cov)),
+    )
+
+
+def _inside(posterior: Posterior, values: Mapping[str, float]) -> np.ndarray:
+    """Return where parameters have such values, moved inside their bounds, shape (1, d), in the middle of the prior where one is not told;
+    none where one has no place."""
+    told = np.array([values.get(name, np.nan) for name in posterior.names])
+    low, high = np.array([parameter.prior.bounds for parameter in posterior.parameters], float).T
+    z = np.asarray(posterior.unconstrain(np.clip(told, np.nextafter(low, np.inf), np.nextafter(high, -np.inf))))[None]
+    z = np.where(np.isfinite(high - low), z.clip(-INSIDE, INSIDE), z)
+    z = np.where(np.isnan(told), 0.0, z)
+    return z[np.isfinite(z).all(1)]
+
+
+def _best(densities: np.ndarray) -> np.ndarray:
+    """Places of the finite densities, the largest first."""
+    order = np.argsort(-densities)
+    return order[np.isfinite(densities[order])]
+
+
+def _guessed(posterior: Posterior, candidates: np.ndarray) -> np.ndarray:
+    """Return the best candidate with what the posterior guesses in place of what was drawn, shape (1, d); none without a guess."""
+    if posterior.guess is None or np.isnan(posterior.guess).all():
+        return candidates[:0]
+    known = ~np.isnan(posterior.guess)
+    z = np.asarray(posterior.unconstrain(np.where(known, posterior.guess, values_of(posterior, candidates[0]))))
+    moved = np.where(known, z, candidates)
+    return moved[_best(_heights(posterior, moved))[:1]]
+
+
+def _with_noise(posterior: Posterior, start: np.ndarray) -> np.ndarray:
+    """Return a start with the size of each noise at what the motion there leaves over, as long as the likelihood rises.
+
+    n samples with a sum of squares S have the slope g = -n / sigma + S / sigma^3, so that S / n = sigma^2 (1 + sigma g / n): exact for
+    white noise about a simulation, and nearer in every round for other noise.
+    """
+    likelihood, data = posterior.likelihood, posterior.data
+    if not isinstance(likelihood, OutputError | FilterError):
+        return start
+    count = {
+        noise_name(name): np.asarray(one.present).sum()
+        for name, one in zip(likelihood.channels, data.channels, strict=True)
+    }
+    at = [i for i in posterior.places if posterior.names[i] in count]
+    samples = np.array([count[posterior.names[i]] for i in at])
+    best, highest, moved = start, -np.inf, start
+    for _ in range(NOISE_ROUNDS):
+        values = values_of(posterior, moved)
+        value, gradient, _ = map(np.asarray, likelihood_slopes(posterior, values))
+        share = 1.0 + values[at] * gradient[at] / samples
+        if not (value > highest and np.isfinite(share).all()):
+            break
+        best, highest = moved, value
+        values[at] *= np.sqrt(share.clip(LEAST_SHARE))
+        moved = best.copy()
+        moved[at] = _inside(posterior, dict(zip(posterior.names, values, strict=True)))[0, at]
+    return best
+
+
+class _Expansion(NamedTuple):
+    """What is needed of one point.
+
+    Attributes:
+        value: log density.
+        gradient: of the log density, shape (d,).
+        hessian: of the log density, shape (d, d).
+        values: of the parameters in their own units, shape (d,).
+        slope: derivative of each value with respect to its own z, shape (d,).
+    """
+
+    value: float
+    gradient: Float[np.ndarray, " d"]
+    hessian: Float[np.ndarray, "d d"]
+    values: Float[np.ndarray, " d"]
+    slope: Float[np.ndarray, " d"]
+
+
+def _expand(posterior: Posterior, z: Float[np.ndarray, " d"], climbing: bool = False) -> _Expansion:
+    """Return the expansion at a point: that of the likelihood in the parameters' own units, by the chain rule, and the prior's.
+
+    Each value depends on its own z alone, and taking derivatives of that together with the simulation would be most of the compiling.
+
+    Args:
+        posterior: to expand.
+        z: point.
+        climbing: whether minus the information will do for the Hessian of the likelihood.
+    """
+    prior, values, slope, curvature = (np.asarray(one) for one in expand_prior(posterior, z))
+    if climbing:
+        value, gradient, information = map(np.asarray, likelihood_slopes(posterior, values))
+        hessian = -information
+    else:
+        value, gradient, hessian = expand_likelihood(posterior, values)
+    return _Expansion(
+        float(prior[0].sum() + value),
+        prior[1] + slope * gradient,
+        np.diag(prior[2] + curvature * gradient) + np.outer(slope, slope) * hessian,
+        values,
+        slope,
+    )
+
+
+@program
+def expand_prior(posterior: Posterior, z: Array) -> tuple[Array, Array, Array, Array]:
+    """Return log prior densities with two derivatives, shape (3, d), and values with two derivatives, shape (d,) each."""
+    prior, value = posterior.log_priors, posterior.constrain
+    along = jnp.ones_like(z)
+
+    def slope(function: Callable[[Array], Array]) -> Callable[[Array], Array]:
+        return lambda x: jax.jvp(function, (x,), (along,))[1]
+
+    return (
+        jnp.stack([prior(z), slope(prior)(z), slope(slope(prior))(z)]),
+        value(z),
+        slope(value)(z),
+        slope(slope(value))(z),
+    )
+
+
+def _climb(
+    posterior: Posterior, start: np.ndarray, tops: Sequence[tuple[np.ndarray, float]] = ()
+) -> tuple[np.ndarray, float]:
+    return follow(lambda z: _expand(posterior, z, climbing=True), start, partial(_point, posterior), tops=tops)
+
+
+class Expanded(Protocol):
+    """A log density at one point, with its gradient, shape (d,), and Hessian, shape (d, d)."""
+
+    @property
+    def value(self) -> float:
+        """Log density."""
+        ...
+
+    @property
+    def gradient(self) -> Float[np.ndarray, " d"]:
+        """Its gradient."""
+        ...
+
+    @property
+    def hessian(self) -> Float[np.ndarray, "d d"]:
+        """Its Hessian."""
+        ...
+
+
+def follow(
+    expand_at: Callable[[np.ndarray], Expanded],
+    start: Float[np.ndarray, " d"],
+    words: Callable[[np.ndarray], str],
+    most: int = 300,
+    tops: Sequence[tuple[np.ndarray, float]] = (),
+) -> tuple[Float[np.ndarray, " d"], float]:
+    """Follow one start to its maximum; steps that end where the density is zero or has no derivative are refused by the trust region.
+
+    It ends where what is left to climb is lost in the rounding of the density, on the slope of a top that is known, or where it would not
+    come as high in many more steps.
+
+    Args:
+        expand_at: expansion of the log density at a point.
+        start: where it begins, shape (d,).
+        words: names a point, for the error.
+        most: steps.
+        tops: maxima that are known, each with the log density there; one whose slope is reached is not climbed again.
+
+    Returns:
+        where it ended, shape (d,), and the log density there.
+
+    Raises:
+        NumericalError: the density has no finite derivative at the start.
+    """
+    expand = lru_cache(maxsize=2)(lambda z: expand_at(np.array(z)))
+
+    def is_smooth(z: np.ndarray) -> bool:
+        there = expand(tuple(z))
+        return all(np.isfinite(one).all() for one in (there.value, there.gradient, there.hessian))
+
+    if not is_smooth(start):
+        raise NumericalError(
+            f"the log-likelihood has no finite derivative at {words(start)}; narrow the priors around there"
+        )
+
+    heights: list[float] = []
+    highest = max((height for _, height in tops), default=-np.inf)
+
+    def stop_if_there(intermediate_result: scipy.optimize.OptimizeResult) -> None:
+        there = expand(tuple(intermediate_result.x))
+        heights.append(there.value)
+        if len(heights) > PATIENCE and there.value - heights[-1 - PATIENCE] < LEAST_GAIN * (highest - there.value):
+            raise StopIteration
+        curvature = -there.hessian
+        if np.linalg.eigvalsh(curvature)[0] <= 0:
+            return
+        step = np.linalg.solve(curvature, there.gradient)
+        gain = 0.5 * there.gradient @ step
+        missed = [top - intermediate_result.x - step for top, _ in tops]
+        known = any(off @ curvature @ off < SAME_TOP for off in missed) and gain < NEAR_TOP
+        if known or gain < np.finfo(float).eps * abs(there.value):
+            raise StopIteration
+
+    latest = start
+
+    def height(z: np.ndarray) -> float:
+        nonlocal latest
+        latest = z
+        return -expand(tuple(z)).value if is_smooth(z) else 1e100
+
+    # The derivatives at a step that is refused are asked for all the same, and not used.
+    try:
+        result = scipy.optimize.minimize(
+            height,
+            start,
+            method="trust-exact",
+            jac=lambda z: -expand(tuple(z)).gradient if is_smooth(z) else np.zeros(z.size),
+            hess=lambda z: -expand(tuple(z)).hessian if is_smooth(z) else np.eye(z.size),
+            callback=stop_if_there,
+            options={"gtol": 1e-6, "maxiter": most},
+        )
+    except np.linalg.LinAlgError as error:
+        raise NumericalError(
+            f"the posterior density has no maximum that can be computed: its curvature breaks down near {words(latest)}, where the "
+            "density may rise without bound. Write parameters that share a spread as mean + spread * z, or bound the spread away from 0"
+        ) from error
+    return result.x, -float(result.fun)
+
+
+def _point(posterior: Posterior, z: np.ndarray) -> str:
+    """Return the values of the parameters there, in words."""
+    values = values_of(posterior, z)[posterior.places]
+    return ", ".join(f"{name} = {value:.4g}" for name, value in zip(posterior.present_names, values, strict=True))
+
+
+def triangular_root(rows: Float[np.ndarray, "d m"]) -> Float[np.ndarray, "d d"]:
+    """Return the lower triangle L of L L' = A A', by rotations.
+
+    Cholesky's factorisation of A A' fails where its condition number exceeds 1e16, as it does near a spread of 0; that of A is its root.
+
+    Args:
+        rows: A, of at least as many columns as rows.
+    """
+    factor = np.asarray(np.linalg.qr(rows.T, mode="r")).T
+    return factor * np.where(np.diagonal(factor) < 0.0, -1.0, 1.0)
+
+
+def _invert(precision: np.ndarray) -> tuple[np.ndarray, float, bool]:
+    """Inverse, half its log-determinant, and whether a direction without curvature was given unit precision, the prior's order."""
+    values, vectors = np.linalg.eigh(precision)
+    flat = bool((values <= FLAT).any())
+    values = np.where(values <= FLAT, 1.0, values)
+    return (vectors / values) @ vectors.T, -0.5 * float(np.log(values).sum()), flat

@@ -1,0 +1,270 @@
+"""From a vehicle, records and priors to a posterior: whatever has a prior is unknown (`seatrial.estimation.posterior.unknowns`)."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from seatrial.core.argument_checks import check_each_of, check_kind, check_names, check_numbers, check_sequence, shown
+from seatrial.core.engine import check_precision
+from seatrial.core.errors import InputError, nearest
+from seatrial.core.record import Record
+from seatrial.estimation.posterior.filter_error import FilterError, filter_error, process_name
+from seatrial.estimation.posterior.first_guess import first_guess
+from seatrial.estimation.posterior.output_error import (
+    OutputError,
+    output_error,
+    own_name,
+    spread_name,
+)
+from seatrial.estimation.posterior.posterior import Parameter, Posterior, check_priors
+from seatrial.estimation.posterior.unknowns import Unknown, deviations, may_vary, unknowns_of
+from seatrial.estimation.priors import Prior
+from seatrial.estimation.simulation.delayed_control import DELAY
+from seatrial.estimation.simulation.disturbance import disturbed_axes
+from seatrial.estimation.simulation.sensor_errors import (
+    Sensor,
+    noise_name,
+)
+from seatrial.estimation.simulation.simulator import CURRENT
+from seatrial.estimation.simulation.starts import start_of
+from seatrial.estimation.simulation.trial_data import TrialData
+from seatrial.vehicles.model import VehicleModel
+
+_A_RECORD = "give one, or a list of them, of `read_log`, `make_record` or `simulate`"
+SURE = 4.0
+"""Standard deviations of a prior above 0, from which its values below 0, one in thirty thousand, do not matter."""
+UNSEEN_SD = 1.0
+"""Standard deviation of a state at the start where no sensor shows it, in its own unit."""
+
+
+def make_posterior(
+    model: VehicleModel,
+    records: Record | Sequence[Record],
+    priors: Mapping[str, Prior],
+    sensors: Sequence[Sensor | str] | None = None,
+    *,
+    start: Mapping[str, float] | None = None,
+    start_sd: Mapping[str, float] | None = None,
+    own: Sequence[str] = (),
+) -> Posterior:
+    """Build the posterior of everything that has a prior, given one record or several that are fitted jointly.
+
+    Args:
+        model: vehicle; its coefficients are unknown, all others are part of it.
+        records: trials, each with a label of its own.
+        priors: of each unknown by name, SI: coefficients of the vehicle; `sigma_u`, `tau_u`, `dof_u`, `bias_u` and `lag_u` of a
+            sensor; `delay`, `current`, `process_u`, `disturbance_X` with `disturbance_time_X`, `spread_X_u` and `u_0`. What each
+            trial has of its own may have a prior of its own, as `u_0[trial]`.
+        sensors: measured channels; a name alone is a sensor of white noise. All channels of the first record where not given.
+        start: state at the first sample, as far as it is known better than by its first measurement; signal name to SI value.
+        start_sd: where a filter is used, how well each state is known at the start, SI; where not given, as well as its sensor's noise is
+            large by the mean of its prior, and 1 for a state that nothing measures.
+        own: unknowns of which each trial has its own, such as `bias_u` or `current`.
+
+    Returns:
+        a posterior whose parameters have the names of the priors; those of one trial end in its label, as `u_0[trial]`.
+
+    Raises:
+        InputError: an unknown without a prior, a prior that nothing uses, a channel or control that a record lacks, or a velocity of
+            which nothing says where it starts; a prior that allows values below 0 of a noise, a time or another size.
+    """
+    check_precision()
+    check_model(model)
+    records = [records] if isinstance(records, Record) else list(check_each_of(records, Record, "records", _A_RECORD))
+    if not records:
+        raise InputError("records", found="none", expected="one record at least", remedy=_A_RECORD)
+    chosen = sensors_of(model, records, sensors)
+    check_priors(priors)
+    own = check_names(own, "own", "bias_u")
+    check_numbers(start_sd, "start_sd", known=model.states, above=0.0)
+    labels, stated = [record.label for record in records], {name.partition("[")[0] for name in priors}
+    unknown = unknowns_of(model, chosen, stated)
+    each = (*own, *(one.name for one in unknown if one.is_initial))
+    _check_signs(priors, unknown)
+    _check_priors(priors, unknown, own, [own_name(name, label) for label in labels for name in each])
+    sizes = {name: priors[name].mean if name in priors else np.nan for name in stated}
+    sizes |= {noise_name(state): sd for state, sd in (start_sd or {}).items()}
+    free = f"{model.states[0]}_0" in stated
+    starts = [start_of(model, record, start, free) for record in records]
+    likelihood, data = likelihood_of(
+        model,
+        records,
+        chosen,
+        sizes,
+        starts,
+        own=own,
+        varying=[one.name for one in may_vary(model) if spread_name(one.name) in priors],
+        free_initial=free,
+        starts_over_ground=start is None or "u" not in start,
+    )
+    parameters = tuple(_parameters(unknown, priors, labels, own))
+    guess = None
+    if model.states != ("u",):
+        found = first_guess(model, records, starts, priors)
+        guess = np.array([found.get(parameter.name, np.nan) for parameter in parameters])
+    return Posterior(parameters, likelihood, data, guess)
+
+
+def check_model(model: VehicleModel) -> None:
+    """Check that a vehicle has been built.
+
+    Raises:
+        InputError: it has not, or is none.
+    """
+    check_kind(
+        model, VehicleModel, "model", 'build it of a vehicle: load_vehicle("remus100_surge").build(free=["X_u"])'
+    )
+
+
+def sensors_of(
+    model: VehicleModel, records: Sequence[Record], sensors: Sequence[Sensor | str] | None
+) -> tuple[Sensor, ...]:
+    """Return the sensors: as given, or all channels of the first record that the vehicle has.
+
+    Raises:
+        InputError: a channel that the vehicle does not have, or none at all.
+    """
+    if sensors is not None:
+        return stated_sensors(model, sensors)
+    known = model.channel_units()
+    measured = [name for name in records[0].measured if name in known]
+    if not measured:
+        raise InputError(
+            f'record "{records[0].label}"',
+            found="no channel that the vehicle has",
+            expected="one of " + ", ".join(known),
+            remedy="measure one of them, or choose another vehicle",
+        )
+    return stated_sensors(model, measured)
+
+
+def stated_sensors(model: VehicleModel, sensors: Sequence[Sensor | str]) -> tuple[Sensor, ...]:
+    """Return sensors as stated, each of another channel; a name alone is a sensor of white noise.
+
+    Raises:
+        InputError: none, something that is neither, a channel that the vehicle does not have, or one twice.
+    """
+    known, example = model.channel_units(), 'write for example ["u"] or [Sensor("u", bias=True)]'
+    asked = check_sequence(sensors, "sensors", example)
+    chosen = check_each_of([Sensor(one) if isinstance(one, str) else one for one in asked], Sensor, "sensors", example)
+    if not chosen:
+        raise InputError("sensors", found="none", expected="one of " + ", ".join(known), remedy=example)
+    for sensor in chosen:
+        if sensor.channel not in known or [one.channel for one in chosen].count(sensor.channel) > 1:
+            raise InputError(
+                "sensors",
+                found=f'channel "{sensor.channel}"' + " twice" * (sensor.channel in known),
+                expected="each once, of " + ", ".join(known),
+                remedy="leave one out" if sensor.channel in known else nearest(sensor.channel, known),
+            )
+    return chosen
+
+
+def likelihood_of(
+    model: VehicleModel,
+    records: Sequence[Record],
+    sensors: Sequence[Sensor],
+    values: Mapping[str, float],
+    starts: Sequence[Sequence[float]],
+    *,
+    free_initial: bool = False,
+    **options: Any,
+) -> tuple[OutputError | FilterError, TrialData]:
+    """Return the likelihood in which everything of `values` is a parameter, and its data.
+
+    Args:
+        model: vehicle.
+        records: trials.
+        sensors: measured channels.
+        values: of the parameters, SI, of which the size of a sensor's noise says how well a start is known.
+        starts: state at the first sample of each trial.
+        free_initial: whether the starts are parameters; a filter takes them as uncertain anyway.
+        options: `own`, `varying` and `starts_over_ground` of `output_error`.
+
+    Raises:
+        InputError: as `output_error` and `filter_error`.
+    """
+    options |= {"delay": DELAY in values, "current": CURRENT in values}
+    disturbed = disturbed_axes(values, model)
+    if disturbed or any(process_name(state) in values for state in model.states):
+        spread = [float(values.get(noise_name(state), UNSEEN_SD)) for state in model.states]
+        return filter_error(model, records, sensors, starts, spread, disturbed=disturbed, **options)
+    return output_error(model, records, sensors, starts, free_initial=free_initial, **options)
+
+
+def _parameters(
+    unknown: Sequence[Unknown], priors: Mapping[str, Prior], labels: Sequence[str], own: Sequence[str]
+) -> list[Parameter]:
+    """Return all parameters: one for all trials, or one for each under its label; then deviations, then initial states."""
+    shared, initial = [one for one in unknown if not one.is_initial], [one for one in unknown if one.is_initial]
+    found = []
+    for one in shared:
+        if one.name in own:
+            found += [_of_trial(one, label, priors) for label in labels]
+        else:
+            found.append(one.parameter(priors[one.name]))
+    names = {one.name for one in shared}
+    found += deviations([one for one in shared if spread_name(one.name) in names], labels)
+    return found + [_of_trial(one, label, priors) for label in labels for one in initial]
+
+
+def _of_trial(one: Unknown, label: str, priors: Mapping[str, Prior]) -> Parameter:
+    return one.of_trial(label, priors.get(own_name(one.name, label)) or priors[one.name])
+
+
+_OF_SENSORS = {
+    "tau": 'noise="coloured"',
+    "dof": 'noise="heavy"',
+    "drift": 'noise="drifting"',
+    "bias": "bias=True",
+    "lag": "lag=True",
+}
+"""What gives a sensor a parameter of that kind."""
+
+
+def _check_priors(
+    priors: Mapping[str, Prior], unknown: Sequence[Unknown], own: Sequence[str], of_trials: Sequence[str]
+) -> None:
+    needed = {one.name: one.unit for one in unknown}
+    parts = {name: [part for part in of_trials if part.partition("[")[0] == name] for name in needed}
+    there = {name for name, own in parts.items() if name in priors or (own and all(part in priors for part in own))}
+    missing = {name: unit for name, unit in needed.items() if name not in there}
+    if missing:
+        raise InputError(
+            "priors",
+            found="none of " + ", ".join(missing),
+            expected="a prior of " + ", ".join(f"{name} ({unit})" for name, unit in missing.items()),
+            remedy=f'for example priors["{next(iter(missing))}"] = Uniform(lower, upper)',
+        )
+    shared = [one.name for one in unknown if not one.is_initial]
+    for where, names, allowed in (("priors", priors, [*needed, *of_trials]), ("own", own, shared)):
+        for name in names:
+            if name not in allowed:
+                raise InputError(
+                    where,
+                    found=f'"{name}", which nothing uses',
+                    expected="among " + ", ".join(allowed),
+                    remedy=_where_from(name, allowed),
+                )
+
+
+def _check_signs(priors: Mapping[str, Prior], unknown: Sequence[Unknown]) -> None:
+    """Refuse priors that give values below 0 more than a trace of probability, of what has no sign."""
+    unsigned = {one.name for one in unknown if not one.signed}
+    for name, prior in priors.items():
+        if name.partition("[")[0] in unsigned and prior.bounds[0] < 0 and prior.mean < SURE * prior.sd:
+            raise InputError(
+                f'priors["{name}"]',
+                found=f"{shown(prior)}, which allows values below 0",
+                expected="a prior of values above 0: noises and times have no sign",
+                remedy="for example LogUniform(lower, upper) or half_normal(scale, lower=0.0)",
+            )
+
+
+def _where_from(name: str, allowed: Sequence[str]) -> str:
+    """Return what would make a parameter of a name that nothing uses."""
+    kind, _, channel = name.partition("_")
+    if kind in _OF_SENSORS and noise_name(channel) in allowed:
+        return f'make it Sensor("{channel}", {_OF_SENSORS[kind]}), or leave {name} out'
+    return nearest(name, allowed)

@@ -1,0 +1,1 @@
+"""How well records that were not fitted are predicted, beside simple baselines."""

@@ -1,0 +1,401 @@
+"""Baselines: simple predictors that a model has to beat on runs that were not fitted.
+
+    persistence    y(t) = y(0)
+    mean           y(t) = the mean of the fitted runs
+    lag            T y' = sum_j K_j c_j(t - d) - y + b            each velocity by itself, all controls that move
+    nomoto         T r' = K delta(t - d) - r + b                  Nomoto et al., Int. Shipbuilding Progress 4, 1957, first order
+    nomoto-2       two lags of delta in parallel                  the same, second order; the poles are real
+    norrbin        T r' = K delta(t - d) - r - a r^3 + b          Norrbin, SSPA report B 104-3, 1963
+
+Each is fitted by least squares of its open-loop simulation, never one step ahead, and states one standard deviation of noise for each
+channel: the root mean square of what that simulation leaves. Every run is simulated from its first measurement and its controls alone.
+
+    fitted = BASELINES["lag"].fit(records, ["u", "r"], ["n", "delta_r"])
+    fitted.predict(record)             # shape (samples, channels of fitted.channels)
+    fitted.score(record)["u"].crps
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+from jaxtyping import Float
+
+from seatrial.core.errors import InputError, NumericalError
+from seatrial.core.record import Record
+from seatrial.core.signals import OVER_GROUND, RATES
+from seatrial.estimation.prediction.cubic_lag import fit_cubic
+from seatrial.estimation.prediction.lag_response import Lags, Run, fit_lags
+from seatrial.estimation.prediction.prediction_scores import Score, score_channel, unscored
+
+VELOCITIES = (*RATES, *OVER_GROUND)
+"""Channels that a lag predicts."""
+RUDDERS = ("delta_r", "tau_N")
+"""Controls that are taken to steer where a vehicle has them; otherwise the one that explains the yaw rate best."""
+ROWS_EACH = 5
+"""Measured samples for each unknown, below which nothing is fitted."""
+SMALLEST = 1e-9
+"""Least standard deviation that is stated, in ranges of the channel: records without noise are fitted to rounding."""
+
+
+class Law(Protocol):
+    """What predicts one channel."""
+
+    def simulate(self, run: Run, start: int = 0) -> Float[np.ndarray, " n"]:
+        """Return the channel at every sample, from its first measurement at or after `start`."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class FittedBaseline:
+    """A baseline that was fitted; m channels.
+
+    Attributes:
+        name: of the baseline.
+        channels: what it predicts, of those that were asked for.
+        noise_sd: standard deviation of a measurement about the prediction, SI, shape (m,).
+        parameters: value of each parameter, SI, by a name such as `T[r]` or `K[r, delta_r]`.
+        simulate: means of a run from a sample on, SI, shape (n, m).
+    """
+
+    name: str
+    channels: tuple[str, ...]
+    noise_sd: Float[np.ndarray, " m"]
+    parameters: Mapping[str, float]
+    simulate: Callable[[Record, int], Float[np.ndarray, "n m"]] = field(repr=False)
+
+    def predict(self, record: Record, start: int = 0) -> Float[np.ndarray, "n m"]:
+        """Predict a run open loop, from its controls and the first measurement of each channel at or after a sample.
+
+        Args:
+            record: run, with the controls that were fitted.
+            start: index of the sample that the simulation starts from; earlier controls are known, earlier measurements are not used.
+
+        Returns:
+            means in the order of `channels`, SI, NaN before `start`, and where a channel has no measurement to start from.
+
+        Raises:
+            InputError: a control that the record lacks, or a start beyond its end.
+        """
+        if not 0 <= start < record.time.size:
+            raise InputError(
+                f'record "{record.label}"',
+                found=f"start {start}",
+                expected=f"the index of one of its {record.time.size} samples",
+                remedy="give a smaller start",
+            )
+        means = self.simulate(record, start)
+        means[:start] = np.nan
+        return means
+
+    def score(self, record: Record, start: int = 0) -> dict[str, Score]:
+        """Score the prediction of each channel of a run, as `score_channel` does."""
+        means = self.predict(record, start)
+        return {
+            channel: _scored(record, channel, means[:, column], float(self.noise_sd[column]), start)
+            for column, channel in enumerate(self.channels)
+        }
+
+
+@dataclass(frozen=True)
+class Baseline:
+    """A way to predict.
+
+    Attributes:
+        name: short.
+        words: what it is in a sentence, such as "a linear Nomoto model".
+        why_not: of records, channels and controls, why it cannot be fitted to them; empty where it can.
+        fit_checked: fits it, where it can be.
+    """
+
+    name: str
+    words: str
+    why_not: Callable[[Sequence[Record], Sequence[str], Sequence[str]], str]
+    fit_checked: Callable[[Sequence[Record], Sequence[str], Sequence[str]], FittedBaseline] = field(repr=False)
+
+    def fits(self, records: Sequence[Record], channels: Sequence[str], controls: Sequence[str]) -> bool:
+        """Return whether it can be fitted."""
+        return not self.why_not(records, channels, controls)
+
+    def fit(self, records: Sequence[Record], channels: Sequence[str], controls: Sequence[str]) -> FittedBaseline:
+        """Fit it to some runs.
+
+        Args:
+            records: runs, of any length and step; measurements may have gaps.
+            channels: measured channels to predict; what it cannot predict is left out of the result's `channels`.
+            controls: channels that drive the vehicle, with a value at every sample.
+
+        Raises:
+            InputError: it cannot be fitted, for the reason that `why_not` gives.
+            NumericalError: what was fitted cannot be used, which only `seatrial.estimation.prediction.acceleration_baseline` may find.
+        """
+        reason = self.why_not(records, channels, controls)
+        if reason:
+            raise InputError(
+                f"baseline {self.name}",
+                found=reason,
+                expected=f"runs to which {self.words} can be fitted",
+                remedy="choose another baseline, or other runs",
+            )
+        return self.fit_checked(records, channels, controls)
+
+
+def fit_baselines(
+    records: Sequence[Record],
+    channels: Sequence[str],
+    controls: Sequence[str],
+    baselines: Sequence[Baseline] | None = None,
+) -> tuple[list[FittedBaseline], dict[str, str]]:
+    """Fit every baseline that applies.
+
+    Args:
+        records: runs to fit.
+        channels: measured channels to predict.
+        controls: channels that drive the vehicle.
+        baselines: those that are tried; all of `BASELINES` if None.
+
+    Returns:
+        those that were fitted, and by name why others were not, or could not be used.
+    """
+    fitted, refused = [], {}
+    for baseline in BASELINES.values() if baselines is None else baselines:
+        reason = baseline.why_not(records, channels, controls)
+        if reason:
+            refused[baseline.name] = reason
+            continue
+        try:
+            fitted.append(baseline.fit_checked(records, channels, controls))
+        except NumericalError as error:
+            refused[baseline.name] = str(error)
+    return fitted, refused
+
+
+def noise_of(
+    records: Sequence[Record], channels: Sequence[str], simulate: Callable[[Record, int], np.ndarray]
+) -> Float[np.ndarray, " m"]:
+    """Return the root mean square of what the simulation of the fitted runs leaves of each channel, SI, shape (m,)."""
+    squares, count, extent = np.zeros(len(channels)), np.zeros(len(channels)), np.zeros((2, len(channels)))
+    extent[0], extent[1] = np.inf, -np.inf
+    for record in records:
+        measured = np.column_stack([_measured(record, channel) for channel in channels])
+        left = measured - simulate(record, 0)
+        there = np.isfinite(left)
+        squares += np.where(there, left**2, 0.0).sum(0)
+        count += there.sum(0)
+        known = np.isfinite(measured)
+        extent[0] = np.minimum(extent[0], np.where(known, measured, np.inf).min(0))
+        extent[1] = np.maximum(extent[1], np.where(known, measured, -np.inf).max(0))
+    return np.maximum(np.sqrt(squares / count), SMALLEST * (extent[1] - extent[0]))
+
+
+# What each of them is.
+
+
+def _hold_refused(records: Sequence[Record], channels: Sequence[str], controls: Sequence[str]) -> str:
+    return _refused(records, channels, lambda channel: True, 1, "channel")
+
+
+def _hold(records: Sequence[Record], channels: Sequence[str], controls: Sequence[str]) -> FittedBaseline:
+    chosen = _fitted_channels(records, channels, lambda channel: True, 1)
+
+    def simulate(record: Record, start: int) -> np.ndarray:
+        return np.column_stack([np.full(record.time.size, _first(record, channel, start)) for channel in chosen])
+
+    return FittedBaseline("persistence", chosen, noise_of(records, chosen, simulate), {}, simulate)
+
+
+def _mean(records: Sequence[Record], channels: Sequence[str], controls: Sequence[str]) -> FittedBaseline:
+    chosen = _fitted_channels(records, channels, lambda channel: True, 1)
+    means = [float(np.nanmean(np.concatenate([_measured(one, channel) for one in records]))) for channel in chosen]
+
+    def simulate(record: Record, start: int) -> np.ndarray:
+        return np.tile(means, (record.time.size, 1))
+
+    parameters = {f"mean[{channel}]": value for channel, value in zip(chosen, means, strict=True)}
+    return FittedBaseline("mean", chosen, noise_of(records, chosen, simulate), parameters, simulate)
+
+
+def _lag_refused(records: Sequence[Record], channels: Sequence[str], controls: Sequence[str]) -> str:
+    moving = _moving(records, controls)
+    return _refused(records, channels, _is_velocity, 3 + len(moving), "velocity") or _still(records, controls)
+
+
+def _lag(records: Sequence[Record], channels: Sequence[str], controls: Sequence[str]) -> FittedBaseline:
+    moving = _moving(records, controls)
+    chosen = _fitted_channels(records, channels, _is_velocity, 3 + len(moving))
+    laws = {channel: fit_lags(_runs(records, channel, moving)) for channel in chosen}
+    parameters = {}
+    for channel, law in laws.items():
+        gains = {f"K[{channel}, {control}]": float(gain) for control, gain in zip(moving, law.gains[0], strict=True)}
+        parameters |= {
+            f"T[{channel}]": law.time_constants[0],
+            **gains,
+            f"d[{channel}]": law.delay,
+            f"b[{channel}]": law.offset,
+        }
+    return _of_laws("lag", laws, moving, parameters, records)
+
+
+def _yaw_refused(unknowns: int) -> Callable[[Sequence[Record], Sequence[str], Sequence[str]], str]:
+    return lambda records, channels, controls: (
+        _refused(records, channels, lambda channel: channel == "r", unknowns, "yaw rate r") or _still(records, controls)
+    )
+
+
+def _nomoto(records: Sequence[Record], channels: Sequence[str], controls: Sequence[str]) -> FittedBaseline:
+    rudder, law = _steered(records, controls)
+    parameters = {"T": law.time_constants[0], "K": float(law.gains[0, 0]), "d": law.delay, "b": law.offset}
+    return _of_laws("nomoto", {"r": law}, (rudder,), parameters, records)
+
+
+def _nomoto_second(records: Sequence[Record], channels: Sequence[str], controls: Sequence[str]) -> FittedBaseline:
+    rudder, _ = _steered(records, controls)
+    law = fit_lags(_runs(records, "r", (rudder,)), order=2)
+    (t1, t2), (k1, k2) = law.time_constants, law.gains[:, 0].tolist()
+    parameters = {"T1": t1, "T2": t2, "K": k1 + k2, "K T3": k1 * t2 + k2 * t1, "d": law.delay, "b": law.offset}
+    return _of_laws("nomoto-2", {"r": law}, (rudder,), parameters, records)
+
+
+def _norrbin(records: Sequence[Record], channels: Sequence[str], controls: Sequence[str]) -> FittedBaseline:
+    rudder, linear = _steered(records, controls)
+    law = fit_cubic(_runs(records, "r", (rudder,)), linear)
+    parameters = {
+        "K/T": law.gain,
+        "1/T": law.linear,
+        "a/T": law.cubic,
+        "d": law.delay,
+        "b/T": law.offset,
+    }
+    return _of_laws("norrbin", {"r": law}, (rudder,), parameters, records)
+
+
+BASELINES = {
+    one.name: one
+    for one in (
+        Baseline("persistence", "the first measurement, held", _hold_refused, _hold),
+        Baseline("mean", "the mean of the fitted runs", _hold_refused, _mean),
+        Baseline("lag", "a first-order lag of the controls", _lag_refused, _lag),
+        Baseline("nomoto", "a linear Nomoto model", _yaw_refused(4), _nomoto),
+        Baseline("nomoto-2", "a second-order Nomoto model", _yaw_refused(6), _nomoto_second),
+        Baseline("norrbin", "a cubic Nomoto model", _yaw_refused(5), _norrbin),
+    )
+}
+"""Baselines that need no vehicle, by name."""
+
+
+def _is_velocity(channel: str) -> bool:
+    return channel in VELOCITIES
+
+
+def _steered(records: Sequence[Record], controls: Sequence[str]) -> tuple[str, Lags]:
+    """Return the control that steers, and the first-order lag of the yaw rate behind it."""
+    moving = _moving(records, controls)
+    named = [name for name in RUDDERS if name in moving]
+    tried = {name: fit_lags(_runs(records, "r", (name,))) for name in (named[:1] or moving)}
+
+    def left(name: str) -> float:
+        runs = _runs(records, "r", (name,))
+        return sum(float(np.nansum((run.measured - tried[name].simulate(run)) ** 2)) for run in runs)
+
+    best = min(tried, key=left)
+    return best, tried[best]
+
+
+def _of_laws(
+    name: str,
+    laws: Mapping[str, Law],
+    controls: Sequence[str],
+    parameters: Mapping[str, float],
+    records: Sequence[Record],
+) -> FittedBaseline:
+    """Return what predicts each channel by its own law."""
+
+    def simulate(record: Record, start: int) -> np.ndarray:
+        runs = {channel: _run(record, channel, controls) for channel in laws}
+        return np.column_stack(
+            [
+                law.simulate(runs[channel], start)
+                if np.isfinite(runs[channel].measured[start:]).any()
+                else np.full(record.time.size, np.nan)
+                for channel, law in laws.items()
+            ]
+        )
+
+    channels = tuple(laws)
+    return FittedBaseline(name, channels, noise_of(records, channels, simulate), dict(parameters), simulate)
+
+
+# What records hold.
+
+
+def _measured(record: Record, channel: str) -> np.ndarray:
+    """Return a measured channel, all NaN where the record lacks it."""
+    return record.channel(channel) if channel in record.measured else np.full(record.time.size, np.nan)
+
+
+def _run(record: Record, channel: str, controls: Sequence[str]) -> Run:
+    control = np.column_stack([record.channel(name) for name in controls])
+    return Run(record.time - record.time[0], control, _measured(record, channel))
+
+
+def _runs(records: Sequence[Record], channel: str, controls: Sequence[str]) -> list[Run]:
+    """Return the runs that measure a channel."""
+    runs = [_run(record, channel, controls) for record in records]
+    return [run for run in runs if run.there.size]
+
+
+def _first(record: Record, channel: str, start: int) -> float:
+    """Return the first measurement at or after a sample, NaN where there is none."""
+    later = _measured(record, channel)[start:]
+    known = later[np.isfinite(later)]
+    return float(known[0]) if known.size else np.nan
+
+
+def _count(records: Sequence[Record], channel: str) -> int:
+    return sum(int(np.isfinite(_measured(record, channel)).sum()) for record in records)
+
+
+def _fitted_channels(
+    records: Sequence[Record], channels: Sequence[str], wanted: Callable[[str], bool], unknowns: int
+) -> tuple[str, ...]:
+    """Return the channels of a kind that are measured often enough for so many unknowns."""
+    return tuple(one for one in channels if wanted(one) and _count(records, one) >= ROWS_EACH * unknowns)
+
+
+def _refused(
+    records: Sequence[Record], channels: Sequence[str], wanted: Callable[[str], bool], unknowns: int, what: str
+) -> str:
+    """Return why no channel of a kind can be fitted."""
+    if not records:
+        return "there is no run to fit"
+    kind = [channel for channel in channels if wanted(channel)]
+    if not kind:
+        return f"no {what} is among the channels {', '.join(channels)}"
+    if _fitted_channels(records, channels, wanted, unknowns):
+        return ""
+    most = max(kind, key=lambda channel: _count(records, channel))
+    return (
+        f"{most} has {_count(records, most)} measured samples, fewer than {ROWS_EACH} for each of {unknowns} unknowns"
+    )
+
+
+def _moving(records: Sequence[Record], controls: Sequence[str]) -> tuple[str, ...]:
+    """Return the controls that are not the same in every sample of every run."""
+    columns = {name: np.concatenate([one.channel(name) for one in records]) for name in controls} if records else {}
+    return tuple(name for name, column in columns.items() if np.ptp(column) > 0)
+
+
+def _still(records: Sequence[Record], controls: Sequence[str]) -> str:
+    """Return why controls cannot drive anything; empty where they can."""
+    gaps = [name for name in controls if any(not np.isfinite(one.channel(name)).all() for one in records)]
+    if gaps:
+        return f"{gaps[0]} has gaps, and what drives the vehicle must be known at every sample"
+    return "" if _moving(records, controls) else "no control moves in the runs that are fitted"
+
+
+def _scored(record: Record, channel: str, mean: np.ndarray, noise_sd: float, start: int) -> Score:
+    measured, mean = _measured(record, channel)[start:], mean[start:]
+    if not np.isfinite(measured).any():
+        return unscored(0, "nothing was measured")
+    return score_channel(record.time[start:], measured, mean, np.zeros(mean.size), noise_sd)

@@ -1,0 +1,1 @@
+"""How a vehicle moves under a record's controls, and what its sensors show of it."""
