@@ -6,12 +6,12 @@ import jax
 import numpy as np
 from timing import Row, alternate, row
 
-from seatrial.core.gaussian import Gaussian
-from seatrial.core.state_space import StateSpace
 from seatrial.design.sweep import Sweep, sweep_family
 from seatrial.filters.belief import Filter
 from seatrial.filters.square_root import LargeUnscentedKalmanFilter, SquareRootUnscentedKalmanFilter
 from seatrial.manoeuvres.family import Family
+from seatrial.numerics.gaussian import Gaussian
+from seatrial.numerics.state_space import StateSpace
 from seatrial.vehicles.discretise import discretise
 from seatrial.vehicles.surge import SurgeHull, surge_vehicle
 

@@ -30,8 +30,8 @@ from seatrial.campaign.config.templates import init_campaign
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.inference.calibration import calibrate
 from seatrial.campaign.store.stored_result import Store
-from seatrial.core import batching as lanes
-from seatrial.core.engine import cores as usable_cores
+from seatrial.compiled import batching as lanes
+from seatrial.core.processes import cores as usable_cores
 from seatrial.design.sweep import sweep_family
 from seatrial.estimation.diagnostics.calibration import DRAWS
 from seatrial.estimation.posterior.mode import find_mode

@@ -19,9 +19,9 @@ from problems import (
 from reference import WIDTHS, call, on_cores
 from timing import Ratio, Row, agree, alternate, row
 
-from seatrial.core.gaussian import Gaussian
 from seatrial.design.entropy import entropy_reduction
 from seatrial.design.sweep import sweep_family
+from seatrial.numerics.gaussian import Gaussian
 
 NS = "ns per lane and step"
 C = "C, vectorised over lanes"

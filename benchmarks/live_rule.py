@@ -19,7 +19,7 @@ from seatrial.campaign.config.load import check_text
 from seatrial.campaign.design.prior_state_space import prior_draws
 from seatrial.campaign.live.channels import Arrival
 from seatrial.campaign.live.session import Session
-from seatrial.core import engine
+from seatrial.compiled import engine
 from seatrial.vehicles.simulate import simulate
 
 STEP, SAMPLES, RPM = 0.1, 1200, 2 * np.pi / 60

@@ -16,7 +16,7 @@ from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.live.session import Session
 from seatrial.campaign.live.session_files import Kept
 from seatrial.campaign.live.sources import Piece
-from seatrial.core import engine
+from seatrial.compiled import engine
 
 RATE, RPM = 100, 2 * np.pi / 60
 BLOCK = 10

@@ -7,11 +7,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from seatrial.core.gaussian import independent
 from seatrial.core.record import Channel, Provenance, Record, make_record
-from seatrial.core.state_space import StateSpace
 from seatrial.estimation.posterior.output_error import output_error
 from seatrial.manoeuvres.family import Family
+from seatrial.numerics.gaussian import independent
+from seatrial.numerics.state_space import StateSpace
 from seatrial.vehicles.catalogue import load_surge
 from seatrial.vehicles.discretise import discretise
 from seatrial.vehicles.model import VehicleModel

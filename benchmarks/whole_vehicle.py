@@ -15,7 +15,7 @@ import numpy as np
 from reference import as_c, load, on_cores
 from timing import Ratio, Row, agree, alternate, row
 
-from seatrial.core.batching import map_lanes
+from seatrial.compiled.batching import map_lanes
 from seatrial.numerics.integrate import rk4_step
 from seatrial.vehicles.catalogue import load_vehicle
 from seatrial.vehicles.hull import added_mass_matrix, rigid_mass_matrix

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-from seatrial.core import engine
+from seatrial.compiled import engine
 
 engine.configure()
 gc.set_threshold(200_000, 20, 100)
@@ -20,7 +20,7 @@ settings.load_profile("reproducible")
 @pytest.fixture
 def programs():
     """How many programs are compiled or loaded while something is done, on all threads."""
-    from seatrial.core.programs import counts
+    from seatrial.compiled.programs import counts
 
     def made_by(work, *args):
         before = sum(counts())

@@ -12,9 +12,9 @@ from typing import Any, ClassVar
 import jax
 import jax.numpy as jnp
 
-from seatrial.core.state_space import StateSpace
 from seatrial.filters.belief import Belief, Update, condition, mask_missing, process_covariance
 from seatrial.filters.forms import CovarianceTriangle, Form
+from seatrial.numerics.state_space import StateSpace
 from seatrial.numerics.triangular import Scalar, Vector, cholesky, to_triangle
 
 

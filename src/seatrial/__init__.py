@@ -18,7 +18,7 @@ _HOME = {
     "select_structure": "seatrial.campaign.selection.evidence",
     "run_loop": "seatrial.campaign.workflow.loop",
     "write_report": "seatrial.report.page",
-    "configure": "seatrial.core.engine",
+    "configure": "seatrial.compiled.engine",
     "CoefficientName": "seatrial.core.coefficients",
     "Record": "seatrial.core.record",
     "SeatrialError": "seatrial.core.errors",
@@ -66,7 +66,7 @@ _HOME = {
     "export_vehicle": "seatrial.export.to_target:export_to",
     "Campaign": "seatrial.campaign.config.campaign",
     "Prior": "seatrial.estimation.priors",
-    "EngineWarning": "seatrial.core.engine",
+    "EngineWarning": "seatrial.compiled.engine",
     "profile_likelihood": "seatrial.estimation.posterior.profile",
     "inspect_log": "seatrial.logs.inspect",
     "predict_from_prior": "seatrial.campaign.prior.predictive",
@@ -155,8 +155,8 @@ if TYPE_CHECKING:
     from seatrial.campaign.prior.predictive import predict_from_prior
     from seatrial.campaign.selection.evidence import select_structure
     from seatrial.campaign.workflow.loop import run_loop
+    from seatrial.compiled.engine import EngineWarning, configure
     from seatrial.core.coefficients import CoefficientName
-    from seatrial.core.engine import EngineWarning, configure
     from seatrial.core.errors import InputError, NumericalError, SeatrialError
     from seatrial.core.record import Channel, Provenance, Record
     from seatrial.design.trial_design import TrialDesign, design_trial
@@ -198,7 +198,7 @@ def __getattr__(name: str) -> Any:
         raise AttributeError(f"module 'seatrial' has no attribute {name!r}")
     module, _, there = _HOME[name].partition(":")
     if not module.startswith(_LIGHT):
-        from seatrial.core import engine
+        from seatrial.compiled import engine
 
         engine.prepare(tell=True)
     return getattr(import_module(module), there or name)

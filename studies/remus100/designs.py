@@ -11,8 +11,6 @@ import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
-from seatrial.core.gaussian import independent
-from seatrial.core.state_space import StateSpace
 from seatrial.design.relay_sweep import sweep_relay
 from seatrial.design.sweep import sweep_family
 from seatrial.filters.belief import Filter
@@ -21,7 +19,9 @@ from seatrial.filters.run import run_filter
 from seatrial.filters.square_root import SquareRootUnscentedKalmanFilter
 from seatrial.manoeuvres.family import Family
 from seatrial.manoeuvres.relay import RelayFamily, run_relay
+from seatrial.numerics.gaussian import independent
 from seatrial.numerics.integrate import Integrator, euler_step, rk4_step
+from seatrial.numerics.state_space import StateSpace
 from seatrial.report.figures.style import (
     BLUE,
     INK,

@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 from scipy import stats
 
-from seatrial.core.gaussian import Gaussian
+from seatrial.numerics.gaussian import Gaussian
 from seatrial.vehicles.linearise import linearise
 from studies.remus100.study import Item, Number, Study
 from studies.remus100.trial import STEP, doublets, paper_posterior, paper_trial

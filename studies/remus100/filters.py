@@ -17,14 +17,14 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Array, Float
 
-from seatrial.core.gaussian import independent
-from seatrial.core.state_space import StateSpace
 from seatrial.filters.belief import Filter
 from seatrial.filters.extended import ExtendedKalmanFilter
 from seatrial.filters.run import FilterTrace, run_filter
 from seatrial.filters.square_root import SquareRootUnscentedKalmanFilter
 from seatrial.filters.unscented import UnscentedKalmanFilter
 from seatrial.manoeuvres.family import Family
+from seatrial.numerics.gaussian import independent
+from seatrial.numerics.state_space import StateSpace
 from seatrial.report.figures.style import (
     BLUE,
     DOTS,

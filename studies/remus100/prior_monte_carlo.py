@@ -20,9 +20,9 @@ import numpy as np
 from jaxtyping import Array, Float
 from scipy.special import logsumexp, softmax
 
-from seatrial.core.batching import lanes_at_once, map_lanes
+from seatrial.compiled.batching import lanes_at_once, map_lanes
+from seatrial.compiled.programs import program
 from seatrial.core.errors import InputError, NumericalError
-from seatrial.core.programs import program
 from seatrial.core.reporter import Progress, no_progress
 from seatrial.estimation.posterior.output_error import OutputError
 from seatrial.estimation.posterior.posterior import Posterior

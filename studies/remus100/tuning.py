@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import xarray as xr
 
-from seatrial.core.gaussian import Gaussian
 from seatrial.filters.noise_from_differences import noise_from_high_pass
 from seatrial.filters.run import FilterTrace
 from seatrial.filters.square_root import SquareRootUnscentedKalmanFilter
 from seatrial.filters.tuning import check_tuning
+from seatrial.numerics.gaussian import Gaussian
 from seatrial.report.figures.style import BLUE, INK, MUTED, ORANGE, PURPLE
 from seatrial.report.numbers import typeset
 from studies.remus100.filters import (

@@ -16,7 +16,7 @@ from seatrial.apps import console
 from seatrial.apps.cli import COMMANDS, main
 from seatrial.apps.console import ConsoleReporter
 from seatrial.apps.running import Exit, run_app, with_campaign
-from seatrial.core.engine import EngineWarning
+from seatrial.compiled.engine import EngineWarning
 from tests.campaign.small import write_small
 
 

@@ -4,8 +4,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from seatrial.core.array_module import array_module
-from seatrial.core.gaussian import Gaussian
+from seatrial.numerics.array_module import array_module
+from seatrial.numerics.gaussian import Gaussian
 
 
 def test_the_module_is_that_of_the_values():

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from seatrial.core.batching import bucket_length, filled
+from seatrial.compiled.batching import bucket_length, filled
 
 
 def test_buckets_are_few_and_hardly_longer():

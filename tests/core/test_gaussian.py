@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from seatrial.core.gaussian import Gaussian, independent
+from seatrial.numerics.gaussian import Gaussian, independent
 
 RNG = np.random.default_rng(0)
 CHOL = np.tril(RNG.normal(size=(5, 4, 4))) + 2 * np.eye(4)

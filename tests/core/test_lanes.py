@@ -5,9 +5,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from seatrial.core import batching as lanes
-from seatrial.core import engine
-from seatrial.core.batching import backend, lanes_at_once, map_in_step, map_lanes
+from seatrial.compiled import batching as lanes
+from seatrial.compiled import engine
+from seatrial.compiled.batching import backend, lanes_at_once, map_in_step, map_lanes
 from seatrial.design.sweep import in_blocks, sweep_family
 from seatrial.estimation.posterior.pointwise import pointwise_log_likelihood
 from seatrial.estimation.posterior.slopes import likelihood_slopes

@@ -13,9 +13,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from seatrial.core import engine, program_store, programs
-from seatrial.core.program_store import NoKey, key_of
-from seatrial.core.programs import counts
+from seatrial.compiled import engine, program_store, programs
+from seatrial.compiled.program_store import NoKey, key_of
+from seatrial.compiled.programs import counts
 from seatrial.estimation.posterior.posterior import Parameter, Posterior
 from seatrial.estimation.priors import Normal, Uniform
 from seatrial.vehicles.simulate import _trajectory, simulate
@@ -26,8 +26,8 @@ import time
 from dataclasses import dataclass
 from functools import lru_cache
 import jax, jax.numpy as jnp
-from seatrial.core.programs import program
-from seatrial.core.pytrees import compiled_tree
+from seatrial.compiled.programs import program
+from seatrial.compiled.pytrees import compiled_tree
 
 traced = []
 
@@ -528,7 +528,9 @@ def test_versions_and_processor_enter_the_key(monkeypatch):
 
 
 RUN = """
-from seatrial.core import engine, program_store, programs
+from seatrial.compiled import engine
+from seatrial.compiled import program_store
+from seatrial.compiled import programs
 engine.configure()
 program_store.OWN_PACKAGES += ("toy",)
 import numpy as np, jax, toy

@@ -4,7 +4,7 @@ import jax
 import numpy as np
 import pytest
 
-from seatrial.core.random_keys import fold_in, seeded_key, split
+from seatrial.compiled.random_keys import fold_in, seeded_key, split
 
 
 @pytest.mark.parametrize("seed", [0, 7, 2**31, 2**40 + 5, 2**63 - 1, -3])

@@ -1,4 +1,4 @@
-"""Structures of different classes differ, whatever their hashes; see `seatrial.core.pytrees`."""
+"""Structures of different classes differ, whatever their hashes; see `seatrial.compiled.pytrees`."""
 
 from dataclasses import dataclass
 from itertools import combinations
@@ -6,7 +6,7 @@ from itertools import combinations
 import jax
 import pytest
 
-from seatrial.core.pytrees import compiled_tree
+from seatrial.compiled.pytrees import compiled_tree
 from seatrial.estimation.priors import LogNormal, LogUniform, Normal, Uniform
 from seatrial.selection.combined_evidence import Cooled
 

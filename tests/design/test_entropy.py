@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from seatrial.core.gaussian import Gaussian, independent
 from seatrial.design.entropy import entropy_reduction
+from seatrial.numerics.gaussian import Gaussian, independent
 
 
 def random_gaussian(seed, n=4, scale=1.0):

@@ -10,7 +10,6 @@ from scipy import stats
 
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError, NumericalError
-from seatrial.core.gaussian import Gaussian
 from seatrial.design import expected_gain
 from seatrial.design.expected_gain import (
     FEW,
@@ -31,6 +30,7 @@ from seatrial.design.fisher_utilities import find_criterion
 from seatrial.design.prior_belief import draw_values, entropies, log_priors, normal_belief, prior_cov
 from seatrial.design.trial_plan import plan_trial
 from seatrial.estimation.priors import LogNormal, LogUniform, Normal, Uniform, half_normal
+from seatrial.numerics.gaussian import Gaussian
 from seatrial.vehicles.model import VehicleModel
 from tests.cases import TRUTH, U0, paper_model
 from tests.estimation_cases import SIGMA, naive_doublets

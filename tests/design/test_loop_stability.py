@@ -8,7 +8,6 @@ import pytest
 from scipy.special import logsumexp
 
 from seatrial.core.coefficients import CoefficientName
-from seatrial.core.gaussian import Gaussian
 from seatrial.design.expected_gain import GainSettings, importance_gain
 from seatrial.design.free_form_course import courses, utilities, utility, utility_slope
 from seatrial.design.free_form_problem import FreeFormProblem
@@ -18,6 +17,7 @@ from seatrial.design.trial_plan import plan_trial
 from seatrial.manoeuvres.autopilot import Autopilot, Loop
 from seatrial.manoeuvres.free_form import SteppedInput
 from seatrial.manoeuvres.manoeuvre import Limits
+from seatrial.numerics.gaussian import Gaussian
 from seatrial.vehicles.model import VehicleModel
 
 H = 0.05

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from seatrial.core.errors import InputError, NumericalError
-from seatrial.core.gaussian import independent
-from seatrial.core.state_space import StateSpace
 from seatrial.design.relay_sweep import RelaySweep, sweep_relay
 from seatrial.filters.extended import ExtendedKalmanFilter
 from seatrial.filters.square_root import SquareRootUnscentedKalmanFilter
 from seatrial.manoeuvres.family import Family
 from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.manoeuvres.relay import RelayFamily, run_relay
+from seatrial.numerics.gaussian import independent
+from seatrial.numerics.state_space import StateSpace
 from seatrial.vehicles.simulate import simulate
 from tests.cases import N0, RPM, THRUST, U0, X_U, X_UU, paper_model, surge_rate
 from tests.design.test_sweep import BELIEF_SD, PROCESS_SD, paper_space

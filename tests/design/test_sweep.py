@@ -3,14 +3,14 @@ import numpy as np
 import pytest
 
 from seatrial.core.errors import InputError, NumericalError
-from seatrial.core.gaussian import Gaussian, independent
-from seatrial.core.state_space import StateSpace
 from seatrial.design.sweep import _share, sweep_family
 from seatrial.filters.extended import ExtendedKalmanFilter
 from seatrial.filters.square_root import LargeUnscentedKalmanFilter, SquareRootUnscentedKalmanFilter
 from seatrial.manoeuvres.family import Family
 from seatrial.manoeuvres.manoeuvre import Limits
+from seatrial.numerics.gaussian import Gaussian, independent
 from seatrial.numerics.integrate import euler_step
+from seatrial.numerics.state_space import StateSpace
 from seatrial.vehicles.discretise import discretise
 from tests.cases import N0, RPM, SCALES, THRUST, U0, X_U, X_UU, paper_model, surge_rate
 from tests.estimation_cases import naive_doublets

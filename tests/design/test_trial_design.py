@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import seatrial as st
-from seatrial.core.gaussian import Gaussian
 from seatrial.design.sweep import sweep_family
 from seatrial.design.trial_design import _measured, _trim
 from seatrial.manoeuvres.manoeuvre import Limits
+from seatrial.numerics.gaussian import Gaussian
 from seatrial.vehicles.discretise import discretise
 
 RPM = 2 * np.pi / 60

@@ -5,8 +5,8 @@ The linear drag is known, so that three states are left and the filters compile 
 
 import numpy as np
 
-from seatrial.core.gaussian import independent
-from seatrial.core.state_space import StateSpace
+from seatrial.numerics.gaussian import independent
+from seatrial.numerics.state_space import StateSpace
 from seatrial.vehicles.discretise import discretise
 from seatrial.vehicles.surge import SurgeHull, surge_vehicle
 from tests.cases import DEDUCTION, SCALES, THRUST, U0, X_U, X_UU, naive_rk4, surge_rate

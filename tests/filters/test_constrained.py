@@ -4,10 +4,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from seatrial.core.gaussian import independent
-from seatrial.core.state_space import StateSpace
 from seatrial.filters.run import run_filter
 from seatrial.filters.square_root import SquareRootUnscentedKalmanFilter
+from seatrial.numerics.gaussian import independent
+from seatrial.numerics.state_space import StateSpace
 from tests.filters.surge_trial import surge_space, surge_trial
 
 N = 40

@@ -4,13 +4,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from seatrial.core.gaussian import independent
-from seatrial.core.state_space import StateSpace
 from seatrial.filters.extended import ExtendedKalmanFilter
 from seatrial.filters.run import run_filter
 from seatrial.filters.square_root import SquareRootUnscentedKalmanFilter
 from seatrial.filters.unscented import UnscentedKalmanFilter
+from seatrial.numerics.gaussian import independent
 from seatrial.numerics.sigma_points import UnscentedRule
+from seatrial.numerics.state_space import StateSpace
 
 N = 12
 BOUNDS = ((-10.0, 10.0),)

@@ -5,13 +5,13 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from seatrial.core.gaussian import Gaussian
-from seatrial.core.state_space import StateSpace
 from seatrial.filters.extended import ExtendedKalmanFilter
 from seatrial.filters.run import run_filter
 from seatrial.filters.square_root import SquareRootUnscentedKalmanFilter
 from seatrial.filters.unscented import UnscentedKalmanFilter
+from seatrial.numerics.gaussian import Gaussian
 from seatrial.numerics.sigma_points import UnscentedRule
+from seatrial.numerics.state_space import StateSpace
 from tests.filters.surge_trial import GAPS
 
 N = 25

@@ -4,12 +4,12 @@ import jax
 import numpy as np
 import pytest
 
-from seatrial.core.gaussian import independent
 from seatrial.filters.extended import ExtendedKalmanFilter
 from seatrial.filters.run import run_filter, summarise_filter
 from seatrial.filters.square_root import SquareRootUnscentedKalmanFilter
 from seatrial.filters.unscented import UnscentedKalmanFilter
 from seatrial.manoeuvres.family import Family
+from seatrial.numerics.gaussian import independent
 from seatrial.numerics.integrate import euler_step
 from seatrial.numerics.sigma_points import UnscentedRule
 from seatrial.vehicles.discretise import discretise

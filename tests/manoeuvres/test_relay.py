@@ -7,9 +7,9 @@ import pytest
 from scipy.optimize import brentq
 
 from seatrial.core.errors import InputError
-from seatrial.core.gaussian import independent
 from seatrial.manoeuvres.manoeuvre import Limits, check_limits
 from seatrial.manoeuvres.relay import RelayFamily, replay, run_relay
+from seatrial.numerics.gaussian import independent
 from seatrial.vehicles.catalogue import load_longitudinal
 from seatrial.vehicles.discretise import discretise
 from seatrial.vehicles.longitudinal import longitudinal_vehicle

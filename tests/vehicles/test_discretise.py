@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from seatrial.core.gaussian import independent
+from seatrial.numerics.gaussian import independent
 from seatrial.numerics.integrate import euler_step
 from seatrial.vehicles.discretise import discretise
 from tests.cases import N0, SCALES, naive_rk4, paper_model, surge_rate

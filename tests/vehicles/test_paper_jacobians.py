@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from seatrial.core.gaussian import independent
+from seatrial.numerics.gaussian import independent
 from seatrial.vehicles.catalogue import load_surge
 from seatrial.vehicles.discretise import discretise
 from seatrial.vehicles.linearise import linearise, linearise_outputs

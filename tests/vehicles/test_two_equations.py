@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import seatrial as st
-from seatrial.core.gaussian import independent
 from seatrial.filters.extended import ExtendedKalmanFilter
 from seatrial.filters.run import run_filter
+from seatrial.numerics.gaussian import independent
 from seatrial.vehicles.actuators import Actuator, with_actuators
 from seatrial.vehicles.axis_equation import axes_vehicle, axis_equation
 from seatrial.vehicles.discretise import discretise

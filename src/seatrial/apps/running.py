@@ -129,7 +129,7 @@ def _worked(home: Path, reporter: Any, work: Work, answer: Answer) -> Exit:
 def watched(quiet: bool, work: Callable[[Any], Exit]) -> None:
     """Do work under a reporter, and end with its exit code; an interrupt ends at once."""
     from seatrial.apps.console import ConsoleReporter
-    from seatrial.core import engine
+    from seatrial.compiled import engine
 
     reporter = ConsoleReporter(quiet)
     engine.tell_of_compiling(reporter.say)
@@ -151,7 +151,7 @@ def _hush_libraries(ours: type[Warning]) -> None:
 def run_app(app: typer.Typer) -> None:
     """Run a command line; errors meant for the user are printed without a traceback, each kind with its exit code."""
     from seatrial.apps.console import fail
-    from seatrial.core import engine
+    from seatrial.compiled import engine
     from seatrial.core.errors import SeatrialError, file_error
 
     _hush_libraries(engine.EngineWarning)

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from seatrial.apps.cli import main
 from seatrial.apps.running import Exit
-from seatrial.core import engine
+from seatrial.compiled import engine
 from seatrial.core.files import open_regular
 
 

@@ -31,9 +31,9 @@ from seatrial.campaign.inference.posterior import (
     random_key,
 )
 from seatrial.campaign.inference.quick_estimates import NormalPosterior, draw_about_mode
-from seatrial.core.batching import bucket_length
+from seatrial.compiled.batching import bucket_length
+from seatrial.compiled.programs import program
 from seatrial.core.errors import NumericalError
-from seatrial.core.programs import program
 from seatrial.core.record import Record
 from seatrial.estimation.posterior.filter_error import FilterError
 from seatrial.estimation.posterior.mode import find_mode

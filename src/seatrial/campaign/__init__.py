@@ -1,5 +1,5 @@
 """Whole workflows on a plain directory: one TOML file in, results that survive a kill out."""
 
-from seatrial.core import engine
+from seatrial.compiled import engine
 
 engine.prepare()

@@ -169,6 +169,11 @@ def _too_much(what: str, found: str) -> InputError:
     )
 
 
+def cores() -> int:
+    """Return the number of cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 EVERY = 1.0
 """Seconds between two looks at whether the parent is there, where nothing tells."""
 _PR_SET_PDEATHSIG = 1

@@ -5,8 +5,8 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Any, Protocol, TypeVar
 
 from seatrial.core.argument_checks import shown
-from seatrial.core.engine import cores
 from seatrial.core.errors import InputError
+from seatrial.core.processes import cores
 
 Result = TypeVar("Result")
 Progress = Callable[[int, int], None]

@@ -1,5 +1,5 @@
 """How much a trial would teach, and which of many teaches most."""
 
-from seatrial.core import engine
+from seatrial.compiled import engine
 
 engine.prepare()

@@ -16,9 +16,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from seatrial.compiled.programs import program
+from seatrial.compiled.pytrees import compiled_tree
 from seatrial.core.errors import InputError, nearest
-from seatrial.core.programs import program
-from seatrial.core.pytrees import compiled_tree
 from seatrial.design.integrals import follow_joint
 from seatrial.design.safety import check_runs
 from seatrial.design.sweep import in_blocks

@@ -7,7 +7,7 @@ vehicle's own state is not what the trial is run for.
 
 from jaxtyping import Array, Float
 
-from seatrial.core.gaussian import Gaussian
+from seatrial.numerics.gaussian import Gaussian
 
 
 def entropy_reduction(before: Gaussian, after: Gaussian, n_dynamic: int) -> Float[Array, "*batch"]:

@@ -29,13 +29,13 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 from scipy.special import logsumexp
 
-from seatrial.core.batching import map_lanes
+from seatrial.compiled.batching import map_lanes
+from seatrial.compiled.programs import program
 from seatrial.core.errors import InputError, NumericalError
-from seatrial.core.gaussian import Gaussian
-from seatrial.core.programs import program
 from seatrial.design.prior_belief import Belief, draw_z, entropies, log_priors, outputs_of, values_of
 from seatrial.design.sweep import in_blocks
 from seatrial.design.trial_plan import TrialPlan
+from seatrial.numerics.gaussian import Gaussian
 from seatrial.numerics.triangular import cholesky_of_array
 
 FREEDOM = 8

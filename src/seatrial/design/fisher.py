@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from seatrial.core.programs import program
+from seatrial.compiled.programs import program
 from seatrial.estimation.posterior.information import coefficient_information
 from seatrial.vehicles.model import VehicleModel
 

@@ -12,8 +12,8 @@ from typing import Any, Protocol
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from seatrial.core.array_module import array_module
 from seatrial.core.errors import InputError, nearest
+from seatrial.numerics.array_module import array_module
 
 # Telling structures apart: how much evidence a trial brings that terms are there which a rival structure leaves out.
 #

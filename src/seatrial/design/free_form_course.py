@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from seatrial.core.programs import program
+from seatrial.compiled.programs import program
 from seatrial.design.cost import TrialCost
 from seatrial.design.integrals import joint_move, joint_start, signals_at
 from seatrial.design.motion_limits import MotionLimit, limit_integrals

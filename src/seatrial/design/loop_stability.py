@@ -15,8 +15,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from seatrial.compiled.programs import program
 from seatrial.core.errors import InputError
-from seatrial.core.programs import program
 from seatrial.design.sweep import in_blocks
 from seatrial.design.trial_plan import TrialPlan
 from seatrial.estimation.posterior.information import fed_back

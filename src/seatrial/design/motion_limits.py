@@ -11,9 +11,9 @@ from typing import Any
 
 import jax.numpy as jnp
 
+from seatrial.compiled.pytrees import compiled_tree
 from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError
-from seatrial.core.pytrees import compiled_tree
 from seatrial.design.integrals import Rate, integrals_for
 from seatrial.vehicles.model import VehicleModel
 

@@ -11,13 +11,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from seatrial.compiled.programs import program
 from seatrial.core.errors import InputError
-from seatrial.core.gaussian import Gaussian
-from seatrial.core.programs import program
 from seatrial.core.signals import ACTUAL
-from seatrial.core.state_space import StateSpace
 from seatrial.design.trial_plan import TrialPlan
 from seatrial.estimation.priors import Prior
+from seatrial.numerics.gaussian import Gaussian
+from seatrial.numerics.state_space import StateSpace
 from seatrial.vehicles.discretise import discretise
 from seatrial.vehicles.model import VehicleModel
 

@@ -7,9 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from seatrial.compiled.programs import program
 from seatrial.core.errors import InputError, NumericalError
-from seatrial.core.programs import program
-from seatrial.core.state_space import StateSpace
 from seatrial.design.entropy import entropy_reduction
 from seatrial.design.sweep import in_blocks
 from seatrial.filters.belief import Filter
@@ -17,6 +16,7 @@ from seatrial.filters.run import summarise_filter
 from seatrial.filters.square_root import unscented_filter
 from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.manoeuvres.relay import RelayFamily, check_family, run_relay
+from seatrial.numerics.state_space import StateSpace
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,8 +19,8 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 from scipy.special import betaincinv
 
+from seatrial.compiled.programs import program
 from seatrial.core.errors import InputError
-from seatrial.core.programs import program
 from seatrial.design.integrals import follow_joint
 from seatrial.design.motion_limits import MotionLimit, check_motion_limits, limit_integrals, room
 from seatrial.design.sweep import in_blocks

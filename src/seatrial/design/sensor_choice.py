@@ -11,8 +11,8 @@ import jax
 import numpy as np
 from jaxtyping import Array, Float
 
+from seatrial.compiled.programs import program
 from seatrial.core.errors import NumericalError
-from seatrial.core.programs import program
 from seatrial.design.fisher_utilities import Criterion
 from seatrial.design.sweep import in_blocks
 from seatrial.design.trial_plan import TrialPlan

@@ -12,8 +12,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from seatrial.compiled.programs import program
 from seatrial.core.errors import NumericalError
-from seatrial.core.programs import program
 from seatrial.design.integrals import follow_joint, integrals_for
 from seatrial.design.trial_plan import TrialPlan, plan_trial
 from seatrial.vehicles.model import VehicleModel

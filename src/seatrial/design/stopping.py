@@ -14,8 +14,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from seatrial.compiled.programs import program
 from seatrial.core.errors import NumericalError
-from seatrial.core.programs import program
 from seatrial.design.safety import check_runs
 from seatrial.design.sweep import in_blocks
 from seatrial.design.trial_plan import TrialPlan

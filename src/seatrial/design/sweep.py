@@ -10,12 +10,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from seatrial.core.batching import bucket_length, filled, lanes_at_once, on_accelerator
+from seatrial.compiled.batching import bucket_length, filled, lanes_at_once, on_accelerator
+from seatrial.compiled.programs import program
 from seatrial.core.display_units import shown_unit
-from seatrial.core.engine import cores
 from seatrial.core.errors import InputError, NumericalError
-from seatrial.core.programs import program
-from seatrial.core.state_space import StateSpace
+from seatrial.core.processes import cores
 from seatrial.design.entropy import entropy_reduction
 from seatrial.filters.belief import Filter
 from seatrial.filters.extended import ExtendedKalmanFilter
@@ -27,6 +26,7 @@ from seatrial.manoeuvres.family import Family
 from seatrial.manoeuvres.manoeuvre import Limits, Manoeuvre
 from seatrial.manoeuvres.pilot import Moment, close_loop
 from seatrial.numerics.integrate import Law, time_loop
+from seatrial.numerics.state_space import StateSpace
 
 Trim = tuple[tuple[str, float], ...]
 """Every command's name and trim value, SI: controls in the vehicle's order, then set-points of an autopilot."""

@@ -6,10 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from seatrial.compiled.engine import check_precision
 from seatrial.core.argument_checks import check_array, check_each_of, check_kind, check_numbers
-from seatrial.core.engine import check_precision
 from seatrial.core.errors import InputError
-from seatrial.core.gaussian import Gaussian
 from seatrial.core.result_table import table_html, table_text
 from seatrial.design.prior_belief import coefficient_space, normal_belief, normal_of
 from seatrial.design.sweep import Sweep, sweep_family
@@ -19,6 +18,7 @@ from seatrial.estimation.priors import Prior
 from seatrial.manoeuvres.family import Family, design_words
 from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.manoeuvres.schedule import Schedule
+from seatrial.numerics.gaussian import Gaussian
 from seatrial.sampling.run import Draws
 from seatrial.vehicles.model import VehicleModel
 

@@ -11,12 +11,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from seatrial.core.array_module import array_module
-from seatrial.core.programs import program
-from seatrial.core.pytrees import compiled_tree
+from seatrial.compiled.programs import program
+from seatrial.compiled.pytrees import compiled_tree
 from seatrial.estimation.posterior.information import coefficient_information, fed_back
 from seatrial.manoeuvres.autopilot import Autopilot
 from seatrial.manoeuvres.pilot import Moment, close_loop
+from seatrial.numerics.array_module import array_module
 from seatrial.numerics.integrate import Look, Move, State, time_loop
 from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.simulate import move_by

@@ -1,5 +1,5 @@
 """Likelihoods, priors, posteriors and the fast normal approximation at their mode."""
 
-from seatrial.core import engine
+from seatrial.compiled import engine
 
 engine.prepare()

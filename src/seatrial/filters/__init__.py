@@ -1,5 +1,5 @@
 """Recursive Gaussian filters over a state space, and the one driver that runs them."""
 
-from seatrial.core import engine
+from seatrial.compiled import engine
 
 engine.prepare()

@@ -5,7 +5,7 @@ from typing import Any, ClassVar, NamedTuple, Protocol
 
 import jax.numpy as jnp
 
-from seatrial.core.state_space import StateSpace
+from seatrial.numerics.state_space import StateSpace
 from seatrial.numerics.triangular import Scalar, Triangle, Vector, dot, is_zero, log_diagonal, solve_lower
 
 LOG_2PI = 1.8378770664093453

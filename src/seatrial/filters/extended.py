@@ -15,7 +15,6 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from seatrial.core.state_space import StateSpace
 from seatrial.filters.belief import (
     LOG_2PI,
     Belief,
@@ -28,6 +27,7 @@ from seatrial.filters.belief import (
     process_covariance,
 )
 from seatrial.filters.forms import CovarianceArray, CovarianceTriangle, Form
+from seatrial.numerics.state_space import StateSpace
 from seatrial.numerics.triangular import Scalar, Triangle, Vector, cholesky, dot, plus
 
 MOST_UNROLLED = 4

@@ -4,8 +4,8 @@ from typing import Any, Protocol
 
 import jax.numpy as jnp
 
-from seatrial.core.gaussian import Gaussian
 from seatrial.filters.belief import Belief
+from seatrial.numerics.gaussian import Gaussian
 from seatrial.numerics.triangular import Scalar, cholesky, cholesky_of_array, to_matrix, to_triangle
 
 

@@ -8,10 +8,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from seatrial.core.gaussian import Gaussian
-from seatrial.core.programs import program
-from seatrial.core.state_space import StateSpace
+from seatrial.compiled.programs import program
 from seatrial.filters.belief import Filter
+from seatrial.numerics.gaussian import Gaussian
+from seatrial.numerics.state_space import StateSpace
 
 
 class FilterTrace(NamedTuple):

@@ -22,7 +22,6 @@ import jax.numpy as jnp
 from jax.scipy.linalg import solve_triangular
 from jaxtyping import Array, Float
 
-from seatrial.core.state_space import StateSpace
 from seatrial.filters.belief import (
     LOG_2PI,
     Belief,
@@ -37,6 +36,7 @@ from seatrial.filters.belief import (
 from seatrial.filters.forms import FactorArray, FactorTriangle, Form
 from seatrial.filters.unscented import at_points, weighted_mean
 from seatrial.numerics.sigma_points import UnscentedRule, sigma_pairs
+from seatrial.numerics.state_space import StateSpace
 from seatrial.numerics.triangular import (
     Scalar,
     Triangle,

@@ -13,8 +13,8 @@ from jaxtyping import Float
 from scipy.special import chdtrc, chdtri
 
 from seatrial.core.errors import InputError, NumericalError
-from seatrial.core.state_space import StateSpace
 from seatrial.filters.run import FilterTrace
+from seatrial.numerics.state_space import StateSpace
 
 LEVEL = 0.001
 """Probability of each false alarm."""

@@ -10,11 +10,11 @@ from typing import ClassVar
 
 import jax.numpy as jnp
 
-from seatrial.core.batching import map_in_step
-from seatrial.core.state_space import StateSpace
+from seatrial.compiled.batching import map_in_step
 from seatrial.filters.belief import Belief, Update, condition, gate, mask_missing, process_columns
 from seatrial.filters.forms import CovarianceTriangle, Form
 from seatrial.numerics.sigma_points import UnscentedRule, sigma_pairs
+from seatrial.numerics.state_space import StateSpace
 from seatrial.numerics.triangular import Scalar, Vector, cholesky, dot, plus, times, total
 
 

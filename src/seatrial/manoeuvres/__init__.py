@@ -1,5 +1,5 @@
 """Excitation: inputs that make a trial informative, and the limits they must keep."""
 
-from seatrial.core import engine
+from seatrial.compiled import engine
 
 engine.prepare()

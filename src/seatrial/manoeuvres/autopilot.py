@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 
-from seatrial.core.pytrees import compiled_tree
+from seatrial.compiled.pytrees import compiled_tree
 from seatrial.core.signals import ANGLES, set_point
 
 GAINS = {"kp": "proportional", "ki": "integral", "kd": "derivative"}

@@ -8,12 +8,12 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from seatrial.core.argument_checks import as_number, check_choice, check_count, check_number, check_text, shown
-from seatrial.core.array_module import array_module
 from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError
 from seatrial.manoeuvres.manoeuvre import Manoeuvre
 from seatrial.manoeuvres.schedule import MOST_SAMPLES, Schedule, schedule_of
 from seatrial.manoeuvres.shapes import SHAPES, Part, Shape
+from seatrial.numerics.array_module import array_module
 
 
 @dataclass(frozen=True)

@@ -14,12 +14,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from seatrial.compiled.programs import program
 from seatrial.core.errors import InputError
-from seatrial.core.programs import program
-from seatrial.core.state_space import StateSpace
 from seatrial.manoeuvres.manoeuvre import Manoeuvre
 from seatrial.manoeuvres.pilot import Moment, close_loop
 from seatrial.numerics.integrate import time_loop
+from seatrial.numerics.state_space import StateSpace
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from typing import Any, Literal, Protocol
 import numpy as np
 from jaxtyping import Array, Float
 
-from seatrial.core.array_module import array_module
+from seatrial.numerics.array_module import array_module
 
 # What the shape of an open-loop input is: share of the amplitude, from -1 to 1, as a function of the time since the
 # start.

@@ -1,5 +1,5 @@
 """Mathematics without vehicles: small triangular algebra, sigma points, one-step integrators."""
 
-from seatrial.core import engine
+from seatrial.compiled import engine
 
 engine.prepare()

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from seatrial.core.batching import on_accelerator
+from seatrial.compiled.batching import on_accelerator
 
 State = tuple[Any, ...]
 Rate = Callable[[State], State]

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from seatrial.core.array_module import array_module
+from seatrial.numerics.array_module import array_module
 
 Vector = tuple[Any, Any, Any]
 Quaternion = tuple[Any, Any, Any, Any]

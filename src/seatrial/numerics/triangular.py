@@ -11,7 +11,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from seatrial.core.batching import on_accelerator
+from seatrial.compiled.batching import on_accelerator
 
 Scalar = Any
 Vector = tuple[Scalar, ...]

@@ -1,5 +1,5 @@
 """Samplers that see only a log-density, and the diagnostics of what they drew."""
 
-from seatrial.core import engine
+from seatrial.compiled import engine
 
 engine.prepare()

@@ -16,7 +16,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from seatrial.core.programs import program
+from seatrial.compiled.programs import program
 from seatrial.sampling.run import BLOCK, ChainSettings, Run, begin, keep
 from seatrial.sampling.run import finish as finish
 from seatrial.sampling.target import Target, log_densities

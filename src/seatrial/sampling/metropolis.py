@@ -19,7 +19,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from seatrial.core.programs import program
+from seatrial.compiled.programs import program
 from seatrial.sampling import adaptive_metropolis
 from seatrial.sampling.adaptive_metropolis import ChainState
 from seatrial.sampling.run import BLOCK, ChainSettings, Run, keep

@@ -17,8 +17,8 @@ import numpy as np
 from jaxtyping import Array, Float
 from scipy.special import logsumexp
 
+from seatrial.compiled.programs import program
 from seatrial.core.errors import NumericalError
-from seatrial.core.programs import program
 from seatrial.core.reporter import Progress, no_progress
 from seatrial.sampling.target import Target
 

@@ -25,7 +25,7 @@ from blackjax.adaptation.step_size import DualAveragingAdaptationState, dual_ave
 from blackjax.mcmc.hmc import HMCState
 from jaxtyping import Array, Bool, Float, Int
 
-from seatrial.core.programs import program
+from seatrial.compiled.programs import program
 from seatrial.sampling import run as runs
 from seatrial.sampling.run import BLOCK, ChainSettings, Draws, Run, begin, keep, refuse_dead_starts
 from seatrial.sampling.target import Target

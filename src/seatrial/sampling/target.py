@@ -8,8 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from seatrial.core.batching import lanes_at_once, map_lanes
-from seatrial.core.programs import program
+from seatrial.compiled.batching import lanes_at_once, map_lanes
+from seatrial.compiled.programs import program
 
 
 class Target(Protocol):

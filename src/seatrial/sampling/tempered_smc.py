@@ -22,11 +22,11 @@ import numpy as np
 from jax.scipy.special import logsumexp
 from jaxtyping import Array, Float
 
+from seatrial.compiled.batching import map_lanes
+from seatrial.compiled.programs import program
+from seatrial.compiled.random_keys import fold_in, split
 from seatrial.core.argument_checks import check_count, check_number
-from seatrial.core.batching import map_lanes
 from seatrial.core.errors import NumericalError
-from seatrial.core.programs import program
-from seatrial.core.random_keys import fold_in, split
 from seatrial.core.reporter import Progress, no_progress
 from seatrial.sampling.adaptive_metropolis import TARGET_ACCEPTANCE
 from seatrial.sampling.target import AT_ONCE, LANES, Target, evaluate

@@ -1,5 +1,5 @@
 """Which terms the data support: evidence with its error, model probabilities and the verdict in words."""
 
-from seatrial.core import engine
+from seatrial.compiled import engine
 
 engine.prepare()

@@ -26,10 +26,10 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 from scipy.special import chdtri
 
+from seatrial.compiled.pytrees import compiled_tree
+from seatrial.compiled.random_keys import fold_in, split
 from seatrial.core.argument_checks import check_kind
 from seatrial.core.errors import NumericalError
-from seatrial.core.pytrees import compiled_tree
-from seatrial.core.random_keys import fold_in, split
 from seatrial.core.reporter import Progress, no_progress
 from seatrial.estimation.posterior.mode import Mode, climb, find_mode, rises
 from seatrial.estimation.posterior.posterior import Posterior, as_key, check_posterior

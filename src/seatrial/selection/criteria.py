@@ -19,9 +19,9 @@ import scipy
 from jaxtyping import Array, Float
 from scipy.special import logsumexp
 
-from seatrial.core.batching import map_lanes
+from seatrial.compiled.batching import map_lanes
+from seatrial.compiled.programs import program
 from seatrial.core.errors import InputError, NumericalError
-from seatrial.core.programs import program
 from seatrial.estimation.posterior.mode import Mode
 from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.sampling.target import LANES

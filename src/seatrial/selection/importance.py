@@ -21,8 +21,8 @@ from jaxtyping import Float, Int
 from scipy.linalg import solve_triangular
 from scipy.special import gammaln, log_expit, logsumexp, stdtr, stdtrit
 
+from seatrial.compiled.random_keys import fold_in, split
 from seatrial.core.errors import NumericalError
-from seatrial.core.random_keys import fold_in, split
 from seatrial.estimation.posterior.mode import Mode, find_mode, triangular_root
 from seatrial.estimation.posterior.noncentred import Uncoupled, coupled, uncouple, uncoupled_mode
 from seatrial.estimation.posterior.posterior import Posterior

@@ -1,5 +1,5 @@
 """Physics: vehicle models from coefficient names, the catalogue of published vehicles, and the bridge to filters."""
 
-from seatrial.core import engine
+from seatrial.compiled import engine
 
 engine.prepare()

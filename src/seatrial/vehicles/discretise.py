@@ -5,9 +5,9 @@ from functools import lru_cache
 
 from jaxtyping import Array, Float
 
-from seatrial.core.gaussian import Gaussian
-from seatrial.core.state_space import Observe, StateSpace, Transition
+from seatrial.numerics.gaussian import Gaussian
 from seatrial.numerics.integrate import Integrator, rk4_step
+from seatrial.numerics.state_space import Observe, StateSpace, Transition
 from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.simulate import move_by
 

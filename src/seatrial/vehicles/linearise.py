@@ -14,8 +14,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from seatrial.compiled.programs import program
 from seatrial.core.errors import InputError
-from seatrial.core.programs import program
 from seatrial.vehicles.longitudinal import STATES as LONGITUDINAL
 from seatrial.vehicles.model import Params, VehicleModel
 from seatrial.vehicles.surge import trim_speed

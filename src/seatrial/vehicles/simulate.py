@@ -7,7 +7,7 @@ from typing import Any
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from seatrial.core.programs import program
+from seatrial.compiled.programs import program
 from seatrial.numerics.integrate import Integrator, Move, rk4_step, time_loop
 from seatrial.vehicles.model import Params, VehicleModel
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from seatrial.core.array_module import array_module
+from seatrial.numerics.array_module import array_module
 from seatrial.numerics.rotations import cross, dot, times, total
 from seatrial.vehicles.model import Unknown
 

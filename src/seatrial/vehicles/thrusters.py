@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float
 
-from seatrial.core.array_module import array_module
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError
 from seatrial.core.signals import RATES, is_thruster, signal_unit, thruster_controls
+from seatrial.numerics.array_module import array_module
 from seatrial.numerics.rotations import cross, dot, total
 from seatrial.vehicles.model import Unknown
 

@@ -21,7 +21,7 @@ from distributed.comm.core import CommClosedError
 
 from seatrial.campaign.compute.machine import environment, processor
 from seatrial.campaign.compute.workers import Done, OnProgress, Work, nobody
-from seatrial.core import engine
+from seatrial.compiled import engine
 from seatrial.core.errors import InputError, NumericalError, SeatrialError, install_extra
 from seatrial.core.reporter import Reporter
 

@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.inference.posterior import build_posterior, narrow_posterior, widest
-from seatrial.core.engine import cores
+from seatrial.core.processes import cores
 from seatrial.core.record import Record
 from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.selection.structures import Structure

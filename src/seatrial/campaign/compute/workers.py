@@ -11,7 +11,7 @@ from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from functools import partial
 from typing import Any, Protocol
 
-from seatrial.core.engine import cores
+from seatrial.core.processes import cores
 
 Work = Callable[[Any, Any, Callable[[int, int], None]], Any]
 """`work(shared, item, report)`; it may report how far it has come, by `report(done, total)`."""

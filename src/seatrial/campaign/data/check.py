@@ -15,9 +15,9 @@ from seatrial.campaign.data.mount_check import SENSORS, along_body, check_mounts
 from seatrial.campaign.data.record_cautions import empty_cells, record_cautions, unused_channels
 from seatrial.campaign.data.thruster_check import check_thrusters, mirrored_thrusters
 from seatrial.campaign.inference.posterior import initial_state, random_key
-from seatrial.core.batching import bucket_length, filled
+from seatrial.compiled.batching import bucket_length, filled
+from seatrial.compiled.programs import program
 from seatrial.core.display_units import plain, shown_unit
-from seatrial.core.programs import program
 from seatrial.core.record import SIMULATED, Record
 from seatrial.core.signals import HELD, QUATERNION, RATES
 from seatrial.design.prior_belief import draw_values

@@ -12,8 +12,8 @@ import numpy as np
 from jaxtyping import Array
 
 from seatrial.campaign.config.campaign import Campaign
+from seatrial.compiled.programs import program
 from seatrial.core.errors import InputError
-from seatrial.core.programs import program
 from seatrial.core.record import Channel, Record, make_record
 from seatrial.core.signals import signal_unit
 from seatrial.manoeuvres.autopilot import Autopilot

@@ -16,8 +16,8 @@ from jaxtyping import Array, Bool, Float
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.truth import actuator_lag, true_coefficients
+from seatrial.compiled.programs import program
 from seatrial.core.errors import InputError
-from seatrial.core.programs import program
 from seatrial.core.signals import ACTUAL
 from seatrial.estimation.posterior.filter_error import process_name
 from seatrial.estimation.posterior.replicate import draw_noise

@@ -11,8 +11,8 @@ from jaxtyping import Array, Float
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.settings import DesignSettings
 from seatrial.campaign.design.utility import UTILITY_DRAWS, criterion_of, utility_draws
+from seatrial.compiled.programs import program
 from seatrial.core.errors import InputError
-from seatrial.core.programs import program
 from seatrial.design.cost import PropellerPower, expected_cost, gain_per_cost, in_joules
 from seatrial.design.fisher_utilities import Criterion, Discrimination, find_criterion
 from seatrial.design.limit_conflicts import check_some_allowed

@@ -7,10 +7,10 @@ from jaxtyping import Float
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.inference.posterior import random_key
-from seatrial.core.gaussian import Gaussian
-from seatrial.core.state_space import StateSpace
 from seatrial.design.prior_belief import coefficient_space, draw_values, normal_of
 from seatrial.estimation.priors import Prior
+from seatrial.numerics.gaussian import Gaussian
+from seatrial.numerics.state_space import StateSpace
 from seatrial.vehicles.model import VehicleModel
 
 HALF = 400

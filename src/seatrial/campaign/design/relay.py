@@ -20,12 +20,11 @@ from seatrial.campaign.design.utility import UTILITY_DRAWS
 from seatrial.campaign.inference.posterior import random_key
 from seatrial.campaign.store.designs import RelayTrial, read_relay_trial
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
+from seatrial.compiled.programs import program
 from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError
-from seatrial.core.programs import program
 from seatrial.core.reporter import SILENT, Reporter
 from seatrial.core.signals import QUATERNION
-from seatrial.core.state_space import StateSpace
 from seatrial.design.fisher_utilities import find_criterion
 from seatrial.design.prior_belief import draw_values, prior_cov
 from seatrial.design.relay_sweep import RelaySweep, sweep_relay
@@ -35,6 +34,7 @@ from seatrial.design.sweep import in_blocks
 from seatrial.design.trial_plan import TrialPlan
 from seatrial.manoeuvres.manoeuvre import Manoeuvre
 from seatrial.manoeuvres.relay import RelayFamily, RelayRun, oscillation, replay, run_relay
+from seatrial.numerics.state_space import StateSpace
 
 # The campaign's relay: its family on the state space of what is believed, closed on any vehicle and through a noisy
 # sensor.

@@ -23,11 +23,10 @@ from seatrial.campaign.design.utility import design_filter, prediction_lines
 from seatrial.campaign.store.designs import edge_words, read_sweeps
 from seatrial.campaign.store.estimates import Drawn, Estimate, OfStructure
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
+from seatrial.compiled.batching import on_accelerator
 from seatrial.core.argument_checks import check_kind
-from seatrial.core.batching import on_accelerator
 from seatrial.core.dataset import Dataset
 from seatrial.core.errors import InputError, NumericalError
-from seatrial.core.gaussian import Gaussian
 from seatrial.core.reporter import SILENT, Progress, Reporter
 from seatrial.core.result_table import text_html
 from seatrial.core.signals import signal_unit
@@ -35,6 +34,7 @@ from seatrial.design.limit_conflicts import remedy_of_any
 from seatrial.design.sweep import LANES, Sweep, sweep_family
 from seatrial.design.trial_plan import TrialPlan
 from seatrial.manoeuvres.family import Family, design_words
+from seatrial.numerics.gaussian import Gaussian
 from seatrial.selection.structures import Structure
 
 # Sweeps done in rows of the grid, each row's designs predicted and weighed wherever there is a worker, and put

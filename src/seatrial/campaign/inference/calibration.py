@@ -19,10 +19,10 @@ from seatrial.campaign.inference.posterior import random_key
 from seatrial.campaign.store.calibration import Calibrated, read_calibration
 from seatrial.campaign.store.estimates import HasKey
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of, load_checkpoint, save_checkpoint
-from seatrial.core.batching import map_lanes
+from seatrial.compiled.batching import map_lanes
+from seatrial.compiled.programs import program
 from seatrial.core.dataset import Dataset
 from seatrial.core.errors import NumericalError
-from seatrial.core.programs import program
 from seatrial.core.reporter import SILENT, Progress, Reporter
 from seatrial.estimation.diagnostics.calibration import ranks_of, spread_evenly
 from seatrial.estimation.posterior.posterior import Posterior

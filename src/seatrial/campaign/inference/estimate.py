@@ -22,11 +22,11 @@ from seatrial.campaign.inference.posterior import is_whole, random_key, widest
 from seatrial.campaign.inference.prior_and_record import check_prior_of
 from seatrial.campaign.store.estimates import Estimate, HasKey, LeftOut, read_estimate
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of, load_checkpoint, save_checkpoint
+from seatrial.compiled.programs import program
+from seatrial.compiled.random_keys import fold_in
 from seatrial.core.argument_checks import check_kind
 from seatrial.core.dataset import Dataset
 from seatrial.core.errors import NumericalError
-from seatrial.core.programs import program
-from seatrial.core.random_keys import fold_in
 from seatrial.core.reporter import SILENT, Progress, Reporter
 from seatrial.estimation.diagnostics.prior_checks import information_complaints
 from seatrial.estimation.diagnostics.robust_errors import RobustErrors, robust_errors

@@ -14,14 +14,14 @@ from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.dataset import Dataset
 from seatrial.core.dataset_file import open_dataset
 from seatrial.core.display_units import plain
-from seatrial.core.gaussian import Gaussian
 from seatrial.core.record import Record
-from seatrial.core.state_space import StateSpace
 from seatrial.design.prior_belief import STATE_SD
 from seatrial.estimation.priors import Prior
 from seatrial.estimation.simulation.delayed_control import delay_control
 from seatrial.filters.run import FilterTrace, run_filter
 from seatrial.filters.square_root import unscented_filter
+from seatrial.numerics.gaussian import Gaussian
+from seatrial.numerics.state_space import StateSpace
 from seatrial.vehicles.discretise import discretise
 
 EXPLAINED = 1.3

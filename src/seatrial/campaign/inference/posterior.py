@@ -9,8 +9,8 @@ import numpy as np
 
 from seatrial.campaign.config.assumed_unknowns import varying
 from seatrial.campaign.config.campaign import Campaign
+from seatrial.compiled.random_keys import seeded_key
 from seatrial.core.errors import InputError, located
-from seatrial.core.random_keys import seeded_key
 from seatrial.core.record import Record
 from seatrial.core.signals import ACTUAL, ANGLES, QUATERNION, signal_unit
 from seatrial.estimation.posterior.filter_error import FilterError, filter_error

@@ -18,9 +18,9 @@ from seatrial.campaign.live.innovations import InnovationMemory, discounted
 from seatrial.campaign.live.next_segment import Choice, Library
 from seatrial.campaign.live.recursion import Recursion, within_bounds
 from seatrial.core.display_units import Shown
-from seatrial.core.gaussian import Gaussian
 from seatrial.core.signals import RATES, SPEEDS
 from seatrial.estimation.diagnostics.record_checks import UNLIKE, unlike_trim
+from seatrial.numerics.gaussian import Gaussian
 
 WINDOW = 20.0
 """Seconds over which is looked at what the input teaches, and how large innovations are."""

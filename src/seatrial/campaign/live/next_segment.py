@@ -13,7 +13,7 @@ from seatrial.campaign.design.evaluate import plan_of
 from seatrial.campaign.design.prior_state_space import prior_draws
 from seatrial.campaign.design.sweep import design_first
 from seatrial.campaign.design.utility import UTILITY_DRAWS
-from seatrial.core.programs import program
+from seatrial.compiled.programs import program
 from seatrial.core.reporter import SILENT, Reporter
 from seatrial.design.robust import information_table
 from seatrial.design.sweep import in_blocks

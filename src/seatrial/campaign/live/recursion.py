@@ -19,12 +19,12 @@ from scipy.special import ndtr
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.inference.filter_trace import prior_belief
 from seatrial.campaign.inference.posterior import first_sd
-from seatrial.core.gaussian import Gaussian
-from seatrial.core.programs import program
-from seatrial.core.state_space import StateSpace
+from seatrial.compiled.programs import program
 from seatrial.estimation.simulation.starts import level_start
 from seatrial.filters.belief import Filter
 from seatrial.filters.square_root import unscented_filter
+from seatrial.numerics.gaussian import Gaussian
+from seatrial.numerics.state_space import StateSpace
 from seatrial.vehicles.discretise import discretise
 from seatrial.vehicles.model import VehicleModel
 

@@ -16,7 +16,7 @@ from seatrial.campaign.live.recursion import live_recursion
 from seatrial.campaign.live.session_files import Kept
 from seatrial.campaign.live.sources import Piece
 from seatrial.campaign.live.stream_check import StreamCheck
-from seatrial.core.gaussian import Gaussian
+from seatrial.numerics.gaussian import Gaussian
 
 OFTEN = 1.0
 """Seconds of the stream between two looks."""

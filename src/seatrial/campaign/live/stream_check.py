@@ -11,7 +11,7 @@ import numpy as np
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.check import motion_findings
-from seatrial.core.batching import bucket_length
+from seatrial.compiled.batching import bucket_length
 from seatrial.core.record import Channel, Provenance, Record
 from seatrial.core.signals import signal_unit
 from seatrial.estimation.diagnostics.record_checks import RecordFinding

@@ -21,12 +21,12 @@ from seatrial.campaign.data.simulate import FIRST, record_keys
 from seatrial.campaign.design.sweep import design_first, is_designed
 from seatrial.campaign.inference.posterior import build_posterior, initial_state, random_key
 from seatrial.campaign.store.stored_result import Store
+from seatrial.compiled.batching import bucket_length, filled
+from seatrial.compiled.programs import program
 from seatrial.core.argument_checks import check_kind
-from seatrial.core.batching import bucket_length, filled
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import shown_as_written, shown_unit
 from seatrial.core.files import is_there
-from seatrial.core.programs import program
 from seatrial.core.record import Record
 from seatrial.core.reporter import SILENT, Reporter
 from seatrial.core.result_table import text_html

@@ -16,8 +16,8 @@ from jaxtyping import Array, Float
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.design.evaluate import plan_of
 from seatrial.campaign.design.sweep import Designs
+from seatrial.compiled.programs import program
 from seatrial.core.errors import InputError, NumericalError
-from seatrial.core.programs import program
 from seatrial.design.fisher_utilities import find_criterion
 from seatrial.design.sweep import Trim, all_controls, in_blocks
 from seatrial.design.trial_plan import TrialPlan

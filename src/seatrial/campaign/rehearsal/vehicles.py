@@ -16,8 +16,8 @@ from jaxtyping import Array, Float
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.true_vehicle import shaken_vehicle
 from seatrial.campaign.inference.posterior import build_likelihood, build_parameters, build_posterior
+from seatrial.compiled.programs import program
 from seatrial.core.errors import InputError, NumericalError
-from seatrial.core.programs import program
 from seatrial.core.record import Channel, Provenance, Record, make_record
 from seatrial.core.signals import signal_unit
 from seatrial.design.sweep import in_blocks

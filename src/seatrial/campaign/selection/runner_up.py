@@ -20,9 +20,9 @@ from seatrial.campaign.prior.predictive import speeds
 from seatrial.campaign.store.estimates import Estimate, HasKey, OfStructure
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.campaign.store.structures import Contenders, largest_of, read_contenders
+from seatrial.compiled.programs import program
 from seatrial.core.dataset import Dataset
 from seatrial.core.errors import NumericalError
-from seatrial.core.programs import program
 from seatrial.core.reporter import SILENT, Reporter
 from seatrial.core.signals import RATES
 from seatrial.design.sweep import Sweep, in_blocks

@@ -9,7 +9,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from seatrial.core.engine import cache_directory
+from seatrial.compiled.engine import cache_directory
 from seatrial.core.reporter import Bar, Reporter, remaining
 
 if TYPE_CHECKING:

@@ -8,8 +8,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from seatrial.compiled.programs import program
 from seatrial.core.coefficients import CoefficientName, is_coefficient
-from seatrial.core.programs import program
 from seatrial.core.signals import ACTUAL, ANGLES, PROPULSION, QUATERNION, RATES, SPEEDS, is_thruster, signal_unit
 from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.estimation.simulation.delayed_control import delay_control

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from seatrial.core.batching import bucket_length, filled
+from seatrial.compiled.batching import bucket_length, filled
 from seatrial.core.coefficients import CoefficientName, is_coefficient
 from seatrial.estimation.diagnostics.combinations import (
     Combination,

@@ -7,9 +7,9 @@ import numpy as np
 import scipy
 from jaxtyping import Bool, Float
 
+from seatrial.compiled.random_keys import seeded_key
 from seatrial.core.coefficients import is_coefficient
 from seatrial.core.errors import InputError
-from seatrial.core.random_keys import seeded_key
 from seatrial.estimation.diagnostics.identifiability import identifiability_of_fit
 from seatrial.estimation.posterior.information import slopes_of_present
 from seatrial.estimation.posterior.mode import Mode

@@ -27,7 +27,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.special import ndtri, stdtrit
 
-from seatrial.core.random_keys import seeded_key
+from seatrial.compiled.random_keys import seeded_key
 from seatrial.estimation.diagnostics.candidate_effects import Effect
 from seatrial.estimation.diagnostics.omitted_effects import BAND, OmittedEffects, omitted_effects
 from seatrial.estimation.posterior.filter_error import FilterError

@@ -18,9 +18,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from seatrial.core.errors import InputError
-from seatrial.core.gaussian import Gaussian
 from seatrial.core.record import Record
-from seatrial.core.state_space import StateSpace
 from seatrial.estimation.posterior.output_error import OutputError, output_error
 from seatrial.estimation.simulation.disturbance import OverStep, disturbance_name, disturbance_time_name, over_step
 from seatrial.estimation.simulation.sensor_errors import Sensor, noise_name
@@ -28,7 +26,9 @@ from seatrial.estimation.simulation.trial_data import TrialData
 from seatrial.filters.belief import Filter
 from seatrial.filters.extended import MOST_UNROLLED, extended_filter
 from seatrial.filters.run import filter_within
+from seatrial.numerics.gaussian import Gaussian
 from seatrial.numerics.integrate import rk4_step
+from seatrial.numerics.state_space import StateSpace
 from seatrial.vehicles.model import VehicleModel, outside_force
 from seatrial.vehicles.simulate import move_by
 

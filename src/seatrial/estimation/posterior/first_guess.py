@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from seatrial.core.programs import program
+from seatrial.compiled.programs import program
 from seatrial.core.record import Record
 from seatrial.core.signals import ACTUAL, ANGLES, HELD, QUATERNION, RATES
 from seatrial.estimation.priors import Prior

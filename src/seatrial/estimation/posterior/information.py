@@ -17,7 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from seatrial.core.programs import program
+from seatrial.compiled.programs import program
 from seatrial.estimation.posterior.filter_error import FilterError
 from seatrial.estimation.posterior.output_error import OutputError, is_deviation
 from seatrial.estimation.posterior.posterior import Posterior

@@ -17,10 +17,10 @@ import scipy
 from jaxtyping import Array, Float, Int
 from scipy.special import ndtr, ndtri
 
+from seatrial.compiled.programs import program
 from seatrial.core.argument_checks import check_count, check_numbers
 from seatrial.core.coefficients import is_coefficient
 from seatrial.core.errors import NumericalError
-from seatrial.core.programs import program
 from seatrial.core.result_table import table_html, table_text
 from seatrial.estimation.posterior.filter_error import FilterError
 from seatrial.estimation.posterior.information import expand_likelihood

@@ -20,8 +20,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from seatrial.core.programs import program
-from seatrial.core.pytrees import compiled_tree
+from seatrial.compiled.programs import program
+from seatrial.compiled.pytrees import compiled_tree
 from seatrial.estimation.posterior.mode import Mode
 from seatrial.estimation.posterior.output_error import deviation_name, spread_name
 from seatrial.estimation.posterior.posterior import Posterior, named_draws

@@ -8,9 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from seatrial.core.batching import lanes_at_once
+from seatrial.compiled.batching import lanes_at_once
+from seatrial.compiled.programs import program
 from seatrial.core.errors import InputError
-from seatrial.core.programs import program
 from seatrial.estimation.posterior.output_error import OutputError
 from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.estimation.simulation.trial_data import TrialData

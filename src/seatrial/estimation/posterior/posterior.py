@@ -15,11 +15,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from seatrial.compiled.engine import check_precision
+from seatrial.compiled.programs import program
+from seatrial.compiled.pytrees import compiled_tree
 from seatrial.core.argument_checks import check_kind, check_known, check_mapping, check_text, shown
-from seatrial.core.engine import check_precision
 from seatrial.core.errors import InputError
-from seatrial.core.programs import program
-from seatrial.core.pytrees import compiled_tree
 from seatrial.core.result_table import text_html
 from seatrial.estimation.priors import Prior
 from seatrial.sampling.run import Draws

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from seatrial.compiled.engine import check_precision
 from seatrial.core.argument_checks import check_each_of, check_kind, check_names, check_numbers, check_sequence, shown
-from seatrial.core.engine import check_precision
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.record import Record
 from seatrial.estimation.posterior.filter_error import FilterError, filter_error, process_name

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from seatrial.core.programs import program
+from seatrial.compiled.programs import program
 from seatrial.core.signals import QUATERNION
 from seatrial.estimation.posterior.filter_error import FilterError
 from seatrial.estimation.posterior.output_error import OutputError

@@ -7,9 +7,9 @@ from math import inf
 import jax
 import numpy as np
 
+from seatrial.compiled.engine import check_precision
 from seatrial.core.argument_checks import check_kind, check_known, check_number, check_numbers, check_text
 from seatrial.core.coefficients import CoefficientName
-from seatrial.core.engine import check_precision
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.files import sha256_of_json
 from seatrial.core.record import SIMULATED, Channel, Provenance, Record, make_record

@@ -22,7 +22,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from seatrial.core.programs import program
+from seatrial.compiled.programs import program
 from seatrial.estimation.posterior.filter_error import FilterError
 from seatrial.estimation.posterior.output_error import OutputError
 from seatrial.estimation.posterior.posterior import Posterior

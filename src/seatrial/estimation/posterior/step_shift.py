@@ -18,7 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from seatrial.core.programs import program
+from seatrial.compiled.programs import program
 from seatrial.estimation.posterior.information import is_noise
 from seatrial.estimation.posterior.mode import Mode
 from seatrial.estimation.posterior.output_error import OutputError

@@ -17,9 +17,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from seatrial.core.batching import bucket_length, filled
+from seatrial.compiled.batching import bucket_length, filled
+from seatrial.compiled.programs import program
 from seatrial.core.errors import InputError, NumericalError
-from seatrial.core.programs import program
 from seatrial.core.record import Record
 from seatrial.core.signals import ACTUAL, ANGLES, QUATERNION, RATES
 from seatrial.estimation.prediction.baselines import ROWS_EACH, Baseline, FittedBaseline, noise_of

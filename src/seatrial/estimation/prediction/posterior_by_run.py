@@ -21,9 +21,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from seatrial.core.batching import lanes_at_once, map_lanes
+from seatrial.compiled.batching import lanes_at_once, map_lanes
+from seatrial.compiled.programs import program
 from seatrial.core.errors import InputError
-from seatrial.core.programs import program
 from seatrial.estimation.posterior.filter_error import FilterError
 from seatrial.estimation.posterior.mode import Mode, expand_prior
 from seatrial.estimation.posterior.output_error import OutputError

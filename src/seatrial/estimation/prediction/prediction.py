@@ -11,9 +11,9 @@ import numpy as np
 from jaxtyping import Float
 from scipy.special import ndtr, ndtri
 
+from seatrial.compiled.programs import program
 from seatrial.core.argument_checks import check_count, check_kind
 from seatrial.core.errors import InputError
-from seatrial.core.programs import program
 from seatrial.core.record import Record
 from seatrial.core.result_table import table_html, table_text
 from seatrial.core.signals import signal_unit

@@ -12,9 +12,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from seatrial.core.batching import bucket_length, filled
+from seatrial.compiled.batching import bucket_length, filled
+from seatrial.compiled.programs import program
 from seatrial.core.display_units import plain
-from seatrial.core.programs import program
 from seatrial.core.record import Record
 from seatrial.core.signals import RATES
 from seatrial.estimation.simulation.delayed_control import delay_control

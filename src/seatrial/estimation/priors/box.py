@@ -7,8 +7,8 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
+from seatrial.compiled.pytrees import compiled_tree
 from seatrial.core.argument_checks import check_number, check_order, is_traced
-from seatrial.core.pytrees import compiled_tree
 
 CORNER = 200.0
 """Sharpness of the bend where the box map leaves the line: within 1/200 of the width of a bound."""

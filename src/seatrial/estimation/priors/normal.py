@@ -7,9 +7,9 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
+from seatrial.compiled.pytrees import compiled_tree
 from seatrial.core.argument_checks import check_number, is_traced
 from seatrial.core.errors import InputError
-from seatrial.core.pytrees import compiled_tree
 
 FIXED = "give what you would believe; a coefficient that is known is fixed in the vehicle instead"
 LARGEST = 600.0

@@ -13,9 +13,9 @@ import jax.numpy as jnp
 import numpy as np
 from jax.scipy.special import ndtr, ndtri
 
+from seatrial.compiled.pytrees import compiled_tree
 from seatrial.core.argument_checks import check_number, check_order
 from seatrial.core.errors import InputError
-from seatrial.core.pytrees import compiled_tree
 from seatrial.estimation.priors.box import CORNER
 from seatrial.estimation.priors.normal import FIXED
 

@@ -25,9 +25,9 @@ import numpy as np
 import scipy
 from jaxtyping import Array, Float
 
+from seatrial.compiled.programs import program
 from seatrial.core.display_units import plain
 from seatrial.core.errors import InputError
-from seatrial.core.programs import program
 
 FEWEST = 12
 """Measured samples from which noise and smoothness can be told apart at all."""

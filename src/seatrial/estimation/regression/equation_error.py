@@ -20,8 +20,8 @@ import numpy as np
 import scipy
 from jaxtyping import Array, Float
 
+from seatrial.compiled.programs import program
 from seatrial.core.errors import InputError, NumericalError
-from seatrial.core.programs import program
 from seatrial.core.record import Record
 from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.simulate import simulate

@@ -6,7 +6,7 @@ import jax
 import numpy as np
 from jaxtyping import Array, Float
 
-from seatrial.core.array_module import array_module
+from seatrial.numerics.array_module import array_module
 
 DELAY = "delay"
 """Parameter name of the time between a command and its action, s."""

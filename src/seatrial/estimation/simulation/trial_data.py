@@ -10,7 +10,7 @@ import jax
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from seatrial.core.batching import bucket_length, filled
+from seatrial.compiled.batching import bucket_length, filled
 from seatrial.core.record import Record
 from seatrial.vehicles.model import VehicleModel
 

@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float, UInt64
 
-from seatrial.core.engine import cores
+from seatrial.core.processes import cores
 from seatrial.selection.rule_masks import Conditions, RuleMasks, bits, conditions, no_structure, spread
 from seatrial.selection.subsets.average import SubsetPosterior
 from seatrial.selection.subsets.conjugate import Prior, evidence_of

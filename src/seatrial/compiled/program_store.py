@@ -25,8 +25,9 @@ import numpy as np
 from jax._src import config as settings_of_thread  # what a context manager sets is public nowhere
 from jax.core import Tracer
 
-from seatrial.core import engine
+from seatrial.compiled import engine
 from seatrial.core.files import atomic_path, remove_orphans
+from seatrial.core.processes import cores
 
 LARGEST = 500 << 20
 """Bytes of all files; beyond them those go whose last use is longest ago."""
@@ -307,7 +308,7 @@ def _machine() -> tuple[Any, ...]:
         (jax.__version__, jaxlib.version.__version__, np.__version__, *_installed()),
         (devices[0].platform, devices[0].client.platform_version, *(device.device_kind for device in devices)),
         _processor(),
-        engine.cores(),
+        cores(),
         (os.environ.get("XLA_FLAGS"), os.environ.get("NPROC")),
     )
 

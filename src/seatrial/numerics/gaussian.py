@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Array, Float
 
-from seatrial.core.array_module import array_module
+from seatrial.numerics.array_module import array_module
 
 
 class Gaussian(NamedTuple):

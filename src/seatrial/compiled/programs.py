@@ -29,8 +29,8 @@ from jax.experimental import serialize_executable
 from jax.experimental.compilation_cache import compilation_cache
 from jax.tree_util import tree_flatten, tree_structure, tree_unflatten
 
-from seatrial.core import engine, program_store
-from seatrial.core.program_store import NoKey, Unusable
+from seatrial.compiled import engine, program_store
+from seatrial.compiled.program_store import NoKey, Unusable
 
 
 class Counts(NamedTuple):

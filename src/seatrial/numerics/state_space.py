@@ -6,8 +6,8 @@ from typing import Any
 
 from jaxtyping import Array, Float
 
-from seatrial.core.gaussian import Gaussian
-from seatrial.core.pytrees import compiled_tree
+from seatrial.compiled.pytrees import compiled_tree
+from seatrial.numerics.gaussian import Gaussian
 
 State = tuple[Any, ...]
 Transition = Callable[[State, tuple[Any, ...], Any], State]
