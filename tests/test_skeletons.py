@@ -11,7 +11,7 @@ import pytest
 from seatrial.filters.extended import ExtendedKalmanFilter
 from seatrial.filters.run import run_filter
 from seatrial.logs.formats import registry
-from seatrial.logs.read import read_log
+from seatrial.logs.log_table import read_log_table
 from seatrial.logs.source import ColumnMap, LogSource
 from seatrial.manoeuvres import family as families
 from seatrial.manoeuvres.family import Family
@@ -67,7 +67,7 @@ def test_reader_gives_what_was_written(tmp_path, monkeypatch):
     path = tmp_path / "voyage.pairs"
     path.write_text("#pairs\n" + "".join(f"t={0.1 * k:.1f} surge={k}{' rpm=900' * (k % 2)}\n" for k in range(20)))
     channels = {"u": ColumnMap("surge", "m/s", "measurement"), "n": ColumnMap("rpm", "rpm", "control")}
-    table = read_log(LogSource(path, None, None, channels))
+    table = read_log_table(LogSource(path, None, None, channels))
     np.testing.assert_allclose(table.time, 0.1 * np.arange(20), atol=1e-12)
     np.testing.assert_array_equal(table.columns["u"], np.arange(20.0))
     assert np.isnan(table.columns["n"][::2]).all()

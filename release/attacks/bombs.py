@@ -37,7 +37,7 @@ def _log(path: Path) -> Callable[[], None]:
     def work() -> None:
         from seatrial.core.errors import InputError
         from seatrial.logs.inspect import inspect_log
-        from seatrial.logs.read import read_log
+        from seatrial.logs.log_table import read_log_table
         from seatrial.logs.source import ColumnMap, LogSource
 
         tables = [None]
@@ -46,7 +46,7 @@ def _log(path: Path) -> Callable[[], None]:
         for table in tables[:2]:
             channels = {"u": ColumnMap("u", "m/s", "measurement")}
             with suppress(InputError):
-                read_log(LogSource(path, None, None, channels, table=table))
+                read_log_table(LogSource(path, None, None, channels, table=table))
 
     return work
 

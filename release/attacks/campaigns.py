@@ -70,7 +70,7 @@ def originals() -> list[Original]:
 
 def _with_files() -> list[Original]:
     """Return campaigns of thrusters and mounts, of the attitude, and of schedules, with logs of plain waves."""
-    from tests.campaign import test_attitude, test_own_schedule, test_thrusters
+    from tests.campaign import test_attitude, test_evaluate_schedule, test_thrusters
     from tests.campaign.small import SMALL
 
     polynomial = test_thrusters.CAMPAIGN.replace("[sensors.u]", test_thrusters.MOUNTED, 1)
@@ -85,10 +85,10 @@ def _with_files() -> list[Original]:
         "t,tau_K,tau_M,tau_N,p,q,r,q_w,q_x,q_y,q_z",
         lambda w: [*w[:6], sqrt(0.97), 0.1 * w[6] / abs(w[6]), 0.1, 0.1],
     )
-    own = SMALL.replace(*test_own_schedule.OWN)
+    own = SMALL.replace(*test_evaluate_schedule.OWN)
     head, _, rest = SMALL.partition("[truth]")
-    sent = head + rest[rest.index("[estimation]") :] + test_own_schedule.IMPORT
-    mine = test_own_schedule.MINE
+    sent = head + rest[rest.index("[estimation]") :] + test_evaluate_schedule.IMPORT
+    mine = test_evaluate_schedule.MINE
     followed = "time,n,u\n" + "".join(
         f"{0.5 * k:g},{_held(mine, 0.5 * k - 7.0):g},{1.5 + 0.1 * sin(0.4 * k):.4f}\n" for k in range(100)
     )

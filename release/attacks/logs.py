@@ -23,7 +23,7 @@ def damaged_log(number: int, random: Random, place: Path, watchman: Watchman) ->
     from seatrial.logs.align import align
     from seatrial.logs.inspect import inspect_log
     from seatrial.logs.linear_sum import parse_sum
-    from seatrial.logs.read import read_log
+    from seatrial.logs.log_table import read_log_table
     from seatrial.logs.source import ColumnMap, LogSource
 
     name = label(number)
@@ -44,7 +44,7 @@ def damaged_log(number: int, random: Random, place: Path, watchman: Watchman) ->
         with suppress(InputError):
             inspect_log(path)
         surge = ColumnMap(written.surge, "m/s", "measurement")
-        align([read_log(LogSource(path, None, None, {"u": surge, "n": turns}, table=written.table))], step=0.02)
+        align([read_log_table(LogSource(path, None, None, {"u": surge, "n": turns}, table=written.table))], step=0.02)
 
     found = judged(work, watchman, place)
     return found._replace(line=f"{name}: {found.line}")

@@ -55,7 +55,7 @@ _HOME = {
     "Schedule": "seatrial.manoeuvres.schedule",
     "simulate": "seatrial.estimation.posterior.simulated_record",
     "Sensor": "seatrial.estimation.simulation.sensor_errors",
-    "read_log": "seatrial.logs.record_of_log:record_of_log",
+    "read_log": "seatrial.logs.read_log:read_log",
     "Channel": "seatrial.core.record",
     "Provenance": "seatrial.core.record",
     "make_posterior": "seatrial.estimation.posterior.record_posterior",
@@ -171,8 +171,8 @@ if TYPE_CHECKING:
     from seatrial.estimation.simulation.sensor_errors import Sensor
     from seatrial.export.to_target import export_to as export_vehicle
     from seatrial.logs.inspect import inspect_log
+    from seatrial.logs.read_log import read_log
     from seatrial.logs.record_of_columns import record_of_columns as make_record
-    from seatrial.logs.record_of_log import record_of_log as read_log
     from seatrial.manoeuvres.family import Family
     from seatrial.manoeuvres.manoeuvre import Limits
     from seatrial.manoeuvres.schedule import Schedule

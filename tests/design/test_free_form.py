@@ -10,14 +10,14 @@ import pytest
 from seatrial.core.errors import InputError
 from seatrial.design.cost import PropellerPower, in_joules
 from seatrial.design.free_form import design_free_form
-from seatrial.design.free_form_climb import doublets, gentled
-from seatrial.design.free_form_course import (
+from seatrial.design.free_form_objective import (
     utilities,
     utility,
     utility_slope,
     worst_course,
     worst_course_slope,
 )
+from seatrial.design.free_form_optimise import doublets, gentled
 from seatrial.design.free_form_problem import FreeFormProblem, check_problem
 from seatrial.design.motion_limits import MotionLimit
 from seatrial.design.sweep import LANES

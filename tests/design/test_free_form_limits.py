@@ -8,11 +8,11 @@ import pytest
 from scipy.optimize import minimize
 
 from seatrial.core.errors import InputError, NumericalError
-from seatrial.design import free_form_climb
+from seatrial.design import free_form_optimise
 from seatrial.design.cost import PropellerPower, in_joules
 from seatrial.design.free_form import ALIKE, TIGHT, ClimbOutcome, _change, _margin, _status
-from seatrial.design.free_form_climb import ROUNDING, Climb, _multisines, best_of, doublets, gentled, ready_starts
-from seatrial.design.free_form_course import Course, _blocks
+from seatrial.design.free_form_objective import Course, _blocks
+from seatrial.design.free_form_optimise import ROUNDING, Climb, _multisines, best_of, doublets, gentled, ready_starts
 from seatrial.design.free_form_problem import FreeFormProblem, Room, check_problem
 from seatrial.design.motion_limits import MotionLimit
 from seatrial.design.sweep import LANES
@@ -252,16 +252,16 @@ def test_the_best_of_several_starts_is_the_most_informative_that_does_not_diverg
     """Inputs are gentled before they are compared; one whose information is no number is never chosen."""
     target = problem()
     x = np.stack([0.2 * np.ones(12), -0.3 * np.ones(12), 5.0 * np.ones(12)])
-    monkeypatch.setattr(free_form_climb, "in_blocks", lambda run, inside: (np.array([1.0, np.nan, 0.5]),))
+    monkeypatch.setattr(free_form_optimise, "in_blocks", lambda run, inside: (np.array([1.0, np.nan, 0.5]),))
     np.testing.assert_allclose(best_of(target, target.setup(), x), x[0])
-    monkeypatch.setattr(free_form_climb, "in_blocks", lambda run, inside: (np.array([1.0, -np.inf, 2.0]),))
+    monkeypatch.setattr(free_form_optimise, "in_blocks", lambda run, inside: (np.array([1.0, -np.inf, 2.0]),))
     np.testing.assert_allclose(best_of(target, target.setup(), x), 1.0)
     assert best_of(target, target.setup(), None) is None
 
 
 def test_starts_are_named_and_on_both_sides_of_trim(monkeypatch):
     """The best doublet and multisine, and binary levels at the bounds; no multisine where trim is at a bound."""
-    monkeypatch.setattr(free_form_climb, "in_blocks", lambda run, inside: (np.arange(len(inside), dtype=float),))
+    monkeypatch.setattr(free_form_optimise, "in_blocks", lambda run, inside: (np.arange(len(inside), dtype=float),))
     target = problem()
     found = ready_starts(target, target.setup(), np.random.default_rng(3), 2)
     assert list(found) == ["best doublet", "best multisine", "random binary 1", "random binary 2"]

@@ -9,7 +9,7 @@ from scipy.special import logsumexp
 
 from seatrial.core.coefficients import CoefficientName
 from seatrial.design.expected_gain import GainSettings, importance_gain
-from seatrial.design.free_form_course import courses, utilities, utility, utility_slope
+from seatrial.design.free_form_objective import courses, utilities, utility, utility_slope
 from seatrial.design.free_form_problem import FreeFormProblem
 from seatrial.design.loop_stability import best_gain_change, loop_growth
 from seatrial.design.motion_limits import MotionLimit

@@ -11,7 +11,7 @@ import pytest
 from seatrial.core.files import sha256_of, sha256_of_json
 from seatrial.core.record_file import read_record, write_record
 from seatrial.logs.align import align
-from seatrial.logs.read import read_log
+from seatrial.logs.log_table import read_log_table
 from tests.logs.log_cases import GOOD, column, refusal, source, written
 
 
@@ -20,14 +20,16 @@ def control(tmp_path):
     """Thrust at 50 Hz from 100 s to 110 s, one level a second."""
     time = 100 + 0.02 * np.arange(501)
     level = np.floor(time + 1e-6)
-    return read_log(column(tmp_path, "thrust.csv", [f"{t:.2f}" for t in time], "tau_X", level, "control"))
+    return read_log_table(column(tmp_path, "thrust.csv", [f"{t:.2f}" for t in time], "tau_X", level, "control"))
 
 
 @pytest.fixture
 def velocity(tmp_path):
     """Speed at about 7 Hz from 98 s to 112 s, its own time as value."""
     time = 98 + np.cumsum(np.random.default_rng(7).uniform(0.12, 0.16, 100))
-    return read_log(column(tmp_path, "speed.csv", [f"{t:.6f}" for t in time], "u", np.round(time, 6), "measurement"))
+    return read_log_table(
+        column(tmp_path, "speed.csv", [f"{t:.6f}" for t in time], "u", np.round(time, 6), "measurement")
+    )
 
 
 def test_grid_holds_controls_and_snaps_measurements(control, velocity):
@@ -68,7 +70,7 @@ def test_union_keeps_every_stamp_and_every_value(control, velocity):
 def test_control_is_known_from_its_first_sample_to_its_last(tmp_path, velocity):
     values = np.array([np.nan, np.nan, 1.0, np.nan, 2.0, 3.0, np.nan])
     stamps = [f"{t}" for t in range(99, 106)]
-    gappy = read_log(column(tmp_path, "gappy.csv", stamps, "tau_X", values, "control"))
+    gappy = read_log_table(column(tmp_path, "gappy.csv", stamps, "tau_X", values, "control"))
     record = align([gappy, velocity], step=0.5)
     np.testing.assert_array_equal(record.channel("tau_X"), [1, 1, 1, 1, 2, 2, 3])
     assert Decimal(record.provenance.options["begins_at"]) == 101
@@ -80,7 +82,7 @@ def test_nanosecond_files_meet_on_one_exact_clock(tmp_path):
     seen = [first + 20_000_000 * k + 1_000_003 for k in range(-5, n)]
     a = column(tmp_path, "a.csv", sent, "tau_X", np.arange(n) + 0.0, "control", "ns")
     b = column(tmp_path, "b.csv", seen, "u", np.arange(-5, n) + 0.0, "measurement", "ns")
-    record = align([read_log(a), read_log(b)])
+    record = align([read_log_table(a), read_log_table(b)])
     nanoseconds = np.rint(record.time * 1e9).astype(np.int64)
     expected = np.sort(np.concatenate([20_000_000 * np.arange(n), 20_000_000 * np.arange(n - 1) + 1_000_003]))
     np.testing.assert_array_equal(nanoseconds, expected)
@@ -92,10 +94,10 @@ def test_files_of_the_same_stamps_share_their_instants(tmp_path):
     stamps = [f"{1669909203 + 0.1 * k:.1f}" for k in range(30)]
     a = column(tmp_path, "a.csv", stamps[3:], "tau_X", np.arange(27.0), "control")
     b = column(tmp_path, "b.csv", stamps, "u", np.arange(30.0), "measurement")
-    record = align([read_log(a), read_log(b)])
+    record = align([read_log_table(a), read_log_table(b)])
     assert record.time.size == 27
     np.testing.assert_array_equal(record.channel("u"), record.channel("tau_X") + 3)
-    on_grid = align([read_log(a), read_log(b)], step=0.1)
+    on_grid = align([read_log_table(a), read_log_table(b)], step=0.1)
     np.testing.assert_array_equal(on_grid.measurement, record.measurement)
     np.testing.assert_array_equal(on_grid.control, record.control)
 
@@ -105,8 +107,8 @@ def test_measurements_that_meet_are_averaged_and_a_heading_goes_on_over_the_turn
     turning = pi + 0.005 * (np.arange(100) - 50.5)
     heading = (turning + pi) % (2 * pi) - pi
     tables = [
-        read_log(column(tmp_path, "psi.csv", stamps, "psi", heading, "measurement")),
-        read_log(column(tmp_path, "u.csv", stamps, "u", np.arange(100.0), "measurement")),
+        read_log_table(column(tmp_path, "psi.csv", stamps, "psi", heading, "measurement")),
+        read_log_table(column(tmp_path, "u.csv", stamps, "u", np.arange(100.0), "measurement")),
     ]
     record = align(tables, step=0.1)
     # The grid instant 0.1 k takes the stamps from 0.1 k - 0.04 to 0.1 k + 0.04; the first one has none before it.
@@ -119,7 +121,7 @@ def test_measurements_that_meet_are_averaged_and_a_heading_goes_on_over_the_turn
 
 def test_a_measurement_midway_makes_no_mean_late(tmp_path):
     stamps = [f"{0.05 * k:.2f}" for k in range(40)]
-    table = read_log(column(tmp_path, "u.csv", stamps, "u", np.arange(40.0), "measurement"))
+    table = read_log_table(column(tmp_path, "u.csv", stamps, "u", np.arange(40.0), "measurement"))
     record = align([table], step=0.1)
     np.testing.assert_allclose(record.channel("u"), 2.0 * np.arange(20))
     assert "20 midway between two instants were left out" in record.provenance.options["notes"][0]
@@ -127,10 +129,12 @@ def test_a_measurement_midway_makes_no_mean_late(tmp_path):
 
 def test_samples_half_a_step_off_the_grid_neither_meet_nor_miss(tmp_path, control):
     stamps = [f"{100.05 + 0.1 * k:.2f}" for k in range(99)]
-    late = read_log(column(tmp_path, "late.csv", stamps, "u", np.arange(99.0), "measurement"))
+    late = read_log_table(column(tmp_path, "late.csv", stamps, "u", np.arange(99.0), "measurement"))
     record = align([control, late], step=0.1, start=0.0, end=9.8)
     # The grid begins with the first measurement, so shift it by half a step through a second channel.
-    early = read_log(column(tmp_path, "early.csv", ["100.0", "105.0", "110.0"], "v", np.arange(3.0), "measurement"))
+    early = read_log_table(
+        column(tmp_path, "early.csv", ["100.0", "105.0", "110.0"], "v", np.arange(3.0), "measurement")
+    )
     shifted = align([control, late, early], step=0.1)
     np.testing.assert_array_equal(record.channel("u"), np.arange(99.0))
     np.testing.assert_array_equal(shifted.channel("u")[:99], np.arange(99.0))
@@ -171,7 +175,7 @@ def test_provenance_tells_everything_but_the_machine(tmp_path, control, velocity
     assert provenance.sha256 == sha256_of_json(hashes)
     assert [file["sha256"] for file in provenance.options["files"]] == hashes
     assert str(tmp_path) not in json.dumps(provenance.options, allow_nan=False)
-    single = align([read_log(source(written(tmp_path, GOOD)))], step=0.1)
+    single = align([read_log_table(source(written(tmp_path, GOOD)))], step=0.1)
     assert single.provenance.sha256 == sha256_of(tmp_path / "run.csv")
     write_record(record, tmp_path / "record.nc")
     again = read_record(tmp_path / "record.nc")
@@ -180,7 +184,7 @@ def test_provenance_tells_everything_but_the_machine(tmp_path, control, velocity
 
 
 def test_chosen_channels_in_the_order_asked(tmp_path, control):
-    table = read_log(source(written(tmp_path, GOOD)))
+    table = read_log_table(source(written(tmp_path, GOOD)))
     assert [channel.name for channel in align([table], channels=["u", "n"]).channels] == ["n", "u"]
     assert align([table], channels=["u"]).controls == ()
     with refusal("channels", '"w"', "use one of: n, u"):
@@ -188,13 +192,13 @@ def test_chosen_channels_in_the_order_asked(tmp_path, control):
 
 
 def test_no_overlap_shows_both_spans(tmp_path, control):
-    table = read_log(source(written(tmp_path, GOOD)))
+    table = read_log_table(source(written(tmp_path, GOOD)))
     with refusal("thrust.csv, run.csv", "tau_X of thrust.csv: 100 s to 110 s", "u of run.csv: 0 s to 1.9 s", "overlap"):
         align([control, replace(table, channels=table.channels[1:])])
 
 
 def test_measurement_outside_the_record(tmp_path, control, velocity):
-    early = read_log(column(tmp_path, "early.csv", ["1", "2", "3", "4"], "v", np.arange(4.0), "measurement"))
+    early = read_log_table(column(tmp_path, "early.csv", ["1", "2", "3", "4"], "v", np.arange(4.0), "measurement"))
     with refusal('early.csv, channel "v"', "none of them within the record"):
         align([control, velocity, early], step=0.05)
 
@@ -214,7 +218,7 @@ def test_channel_given_twice_or_not_at_all(tmp_path, control):
     ],
 )
 def test_garbage_is_refused(tmp_path, values, parts):
-    table = read_log(column(tmp_path, "rates.csv", ["0", "1", "2", "3", "4"], "p", values, "measurement"))
+    table = read_log_table(column(tmp_path, "rates.csv", ["0", "1", "2", "3", "4"], "p", values, "measurement"))
     with refusal("rates.csv", *parts):
         align([table])
 
@@ -228,7 +232,7 @@ def test_a_control_faster_than_the_grid_is_averaged(tmp_path):
         column(tmp_path, "fast.csv", [f"{t:.9f}" for t in time], "tau_X", values, "control"),
         column(tmp_path, "speed.csv", [f"{t:.9f}" for t in grid], "u", grid, "measurement"),
     ]
-    record = align([read_log(log) for log in logs], step=0.1)
+    record = align([read_log_table(log) for log in logs], step=0.1)
     assert record.provenance.options["notes"][0] == "tau_X: 100 instants hold the mean of what was held until the next"
     for i in (0, 7, 60):
         fine = grid[i] + 1e-5 * (np.arange(10000) + 0.5)
@@ -241,7 +245,7 @@ def test_a_hole_has_instants_of_the_usual_spacing(tmp_path):
     stamps = [f"{t:.1f}" for t in (*np.arange(0.0, 2.05, 0.1), *np.arange(5.0, 7.05, 0.1))]
     values = np.arange(len(stamps), dtype=float)
     table = [
-        read_log(column(tmp_path, f"{name}.csv", stamps, name, values, role))
+        read_log_table(column(tmp_path, f"{name}.csv", stamps, name, values, role))
         for name, role in (("u", "measurement"), ("tau_X", "control"))
     ]
     record = align(table)
@@ -261,7 +265,7 @@ def test_clocks_a_millisecond_apart_make_no_holes(tmp_path):
     late = [f"{0.1 * k + 0.001:.3f}" for k in range(50)]
     logs = [([f"{0.1 * k:.3f}" for k in range(50)], "u", "measurement"), (late, "tau_X", "control")]
     record = align(
-        [read_log(column(tmp_path, f"{name}.csv", t, name, np.arange(50.0), role)) for t, name, role in logs]
+        [read_log_table(column(tmp_path, f"{name}.csv", t, name, np.arange(50.0), role)) for t, name, role in logs]
     )
     assert record.time.size == 98
 
@@ -277,7 +281,7 @@ def test_clocks_that_differ_by_a_constant_are_told_and_the_remedy_unites_them(tm
     def record_of(late, shift=0.0):
         speed = column(tmp_path, "speed.csv", [f"{t:.3f}" for t in stamps], "u", moved, "measurement")
         thrust = column(tmp_path, "thrust.csv", [f"{t + late:.3f}" for t in stamps], "tau_X", pushed, "control")
-        return align([read_log(speed), read_log(replace(thrust, shift=shift))], step=step)
+        return align([read_log_table(speed), read_log_table(replace(thrust, shift=shift))], step=step)
 
     whole, apart = record_of(0.0), record_of(late)
     assert whole.cautions == ()
@@ -300,7 +304,9 @@ def test_clocks_that_rounding_alone_parts_are_one(tmp_path):
     logs = [(stamps, "u", "measurement"), (other, "tau_X", "control")]
     record = align(
         [
-            read_log(column(tmp_path, f"{name}.csv", map(repr, t.tolist()), name, np.arange(300) // 20 + 0.5, role))
+            read_log_table(
+                column(tmp_path, f"{name}.csv", map(repr, t.tolist()), name, np.arange(300) // 20 + 0.5, role)
+            )
             for t, name, role in logs
         ]
     )
@@ -323,7 +329,9 @@ def test_clocks_that_rounding_alone_parts_are_one(tmp_path):
 def test_clocks_that_differ_otherwise_are_not_told(tmp_path, other):
     logs = [(0.1 * np.arange(300), "u", "measurement"), (other, "tau_X", "control")]
     tables = [
-        read_log(column(tmp_path, f"{name}.csv", [f"{one:.6f}" for one in t], name, np.arange(300) // 20 + 0.5, role))
+        read_log_table(
+            column(tmp_path, f"{name}.csv", [f"{one:.6f}" for one in t], name, np.arange(300) // 20 + 0.5, role)
+        )
         for t, name, role in logs
     ]
     assert align(tables).cautions == ()
@@ -337,8 +345,8 @@ def test_a_command_within_a_step_acts_as_its_mean_and_not_a_step_late(tmp_path):
     moved = np.arange(0.0, changes[-1], 0.1)
     record = align(
         [
-            read_log(column(tmp_path, "thrust.csv", [f"{t:.2f}" for t in changes], "tau_X", pushed, "control")),
-            read_log(column(tmp_path, "speed.csv", [f"{t:.2f}" for t in moved], "u", moved, "measurement")),
+            read_log_table(column(tmp_path, "thrust.csv", [f"{t:.2f}" for t in changes], "tau_X", pushed, "control")),
+            read_log_table(column(tmp_path, "speed.csv", [f"{t:.2f}" for t in moved], "u", moved, "measurement")),
         ],
         step=0.1,
     )
@@ -352,8 +360,8 @@ def test_samples_that_a_grid_moves_by_more_than_their_noise_are_told(tmp_path, n
     at = np.arange(0.0, 60.0, 0.13)
     moved = np.sin(at) + noise * np.random.default_rng(1).normal(size=at.size)
     tables = [
-        read_log(column(tmp_path, "thrust.csv", [f"{t:.2f}" for t in at], "tau_X", np.zeros(at.size), "control")),
-        read_log(column(tmp_path, "speed.csv", [f"{t:.2f}" for t in at], "u", moved, "measurement")),
+        read_log_table(column(tmp_path, "thrust.csv", [f"{t:.2f}" for t in at], "tau_X", np.zeros(at.size), "control")),
+        read_log_table(column(tmp_path, "speed.csv", [f"{t:.2f}" for t in at], "u", moved, "measurement")),
     ]
     told = [text for text in align(tables, step=0.1).provenance.options["cautions"] if "blurs the record" in text]
     assert len(told) == is_told
@@ -366,7 +374,7 @@ def test_an_even_log_is_not_blurred_by_a_step_of_several_of_its_own(tmp_path):
     at = 0.05 * np.arange(2000)
     quiet = np.sin(0.2 * at) + 1e-5 * np.random.default_rng(1).normal(size=at.size)
     tables = [
-        read_log(column(tmp_path, f"{name}.csv", [f"{t:.2f}" for t in at], name, values, role))
+        read_log_table(column(tmp_path, f"{name}.csv", [f"{t:.2f}" for t in at], name, values, role))
         for name, values, role in (("tau_X", np.zeros(at.size), "control"), ("u", quiet, "measurement"))
     ]
     assert not any("blurs" in text for text in align(tables, step=0.2).provenance.options["cautions"])

@@ -262,7 +262,7 @@ def turned():
 
 def cautions_of(folder, time, rates, **attitude):
     """What is doubted in a log of a gyro and an attitude."""
-    from seatrial.logs.record_of_log import record_of_log
+    from seatrial.logs.read_log import read_log
 
     columns = {"t": time, "n": np.sin(time), **dict(zip("pqr", rates.T, strict=True)), **attitude}
     path = folder / "log.csv"
@@ -272,7 +272,7 @@ def cautions_of(folder, time, rates, **attitude):
     channels = {
         name: (name, "1" if name.startswith("q_") else "rad" if name in attitude else "rad/s") for name in columns
     }
-    record = record_of_log(
+    record = read_log(
         path,
         {name: one for name, one in channels.items() if name != "t"},
         ["n"],
@@ -284,7 +284,7 @@ def cautions_of(folder, time, rates, **attitude):
 
 @pytest.mark.parametrize("gravity", [1.0, 0.0])
 def test_an_accelerometer_in_units_of_gravity_or_without_it_is_refused(tmp_path, gravity):
-    from seatrial.logs.record_of_log import record_of_log
+    from seatrial.logs.read_log import read_log
 
     time = 0.1 * np.arange(50)
     noise = 0.01 * np.random.default_rng(0).normal(size=(50, 3))
@@ -297,7 +297,7 @@ def test_an_accelerometer_in_units_of_gravity_or_without_it_is_refused(tmp_path,
     )
     channels = {"n": ("n", "rad/s"), **{f"a_{axis}": (f"a{axis}", "m/s^2") for axis in "xyz"}}
     with pytest.raises(InputError, match=r"(?s)a_x, a_y, a_z.*units of gravity"):
-        record_of_log(tmp_path / "log.csv", channels, ["n"], time=("t", "s"), between={"n": "line"})
+        read_log(tmp_path / "log.csv", channels, ["n"], time=("t", "s"), between={"n": "line"})
 
 
 def test_topics_of_one_bag_are_told_apart():

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from seatrial.logs.inspect import inspect_log
-from seatrial.logs.read import read_log
+from seatrial.logs.log_table import read_log_table
 from seatrial.logs.source import ColumnMap, LogSource
 from tests.logs.log_cases import GOOD, PROPELLER, SPEED, refusal, source, written
 
@@ -68,15 +68,15 @@ FILES = {
 def test_not_the_file_it_says(tmp_path, case):
     content, name, parts = FILES[case]
     with refusal(*parts):
-        read_log(source(written(tmp_path, content, name)))
+        read_log_table(source(written(tmp_path, content, name)))
 
 
 def test_no_file(tmp_path):
     with refusal("nowhere.csv", "no such file"):
-        read_log(source(tmp_path / "nowhere.csv"))
+        read_log_table(source(tmp_path / "nowhere.csv"))
     (tmp_path / "folder.csv").mkdir()
     with refusal("folder.csv", "a folder"):
-        read_log(source(tmp_path / "folder.csv"))
+        read_log_table(source(tmp_path / "folder.csv"))
 
 
 CELLS = {
@@ -114,7 +114,7 @@ CELLS = {
 def test_bad_cells_and_rows(tmp_path, case):
     text, parts = CELLS[case]
     with refusal("run.csv", *parts):
-        read_log(source(written(tmp_path, text)))
+        read_log_table(source(written(tmp_path, text)))
 
 
 HEADERS = {
@@ -129,7 +129,7 @@ HEADERS = {
 def test_bad_headers(tmp_path, case):
     text, parts = HEADERS[case]
     with refusal("run.csv", *parts):
-        read_log(source(written(tmp_path, text)))
+        read_log_table(source(written(tmp_path, text)))
 
 
 MAPS = {
@@ -165,7 +165,7 @@ MAPS = {
 def test_bad_maps(tmp_path, case):
     changes, parts = MAPS[case]
     with refusal("run.csv", *parts):
-        read_log(source(written(tmp_path, GOOD), **changes))
+        read_log_table(source(written(tmp_path, GOOD), **changes))
 
 
 @pytest.mark.parametrize(
@@ -182,7 +182,7 @@ def test_bad_maps(tmp_path, case):
 def test_wrong_time_unit_is_recognised(tmp_path, step, unit, meant):
     text = "t,speed\n" + "".join(f"{1669909203330211715 + step * k},{k}\n" for k in range(5))
     with refusal("run.csv", 'column "t"', "median step", f'"{unit}"', f'is the unit "{meant}"?'):
-        read_log(LogSource(written(tmp_path, text), "t", unit, {"u": ColumnMap("speed", "m/s", "measurement")}))
+        read_log_table(LogSource(written(tmp_path, text), "t", unit, {"u": ColumnMap("speed", "m/s", "measurement")}))
 
 
 STAMPS = {
@@ -200,7 +200,7 @@ def test_a_stamp_that_is_no_instant_is_named_and_stops_no_look_at_the_log(tmp_pa
     text = "t,u\n" + "".join(f"{one},1.{row}\n" for row, one in enumerate([*rows, stamp]))
     path = written(tmp_path, text)
     with refusal("run.csv, row 12", 'column "t"', repr(stamp), remedy):
-        read_log(LogSource(path, "t", "ns", {"u": ColumnMap("u", "m/s", "measurement")}))
+        read_log_table(LogSource(path, "t", "ns", {"u": ColumnMap("u", "m/s", "measurement")}))
     table = inspect_log(path).tables[0]
     assert {one.name: round(one.missing * 11) for one in table.columns} == {"t": 1, "u": 0}
 
@@ -215,4 +215,4 @@ def test_a_row_without_an_instant_is_named(tmp_path, name):
         with h5py.File(tmp_path / name, "w") as file:
             file["t"], file["u"] = time.astype(np.int64), np.arange(9.0)
     with refusal(name, 'column "t"', "row 5", "a time stamp in every row"):
-        read_log(LogSource(tmp_path / name, "t", "ns", {"u": ColumnMap("u", "m/s", "measurement")}))
+        read_log_table(LogSource(tmp_path / name, "t", "ns", {"u": ColumnMap("u", "m/s", "measurement")}))

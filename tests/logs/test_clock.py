@@ -6,7 +6,7 @@ from scipy.optimize import linprog
 
 from seatrial.logs.align import align
 from seatrial.logs.inspect import inspect_log
-from seatrial.logs.read import read_log
+from seatrial.logs.log_table import read_log_table
 from seatrial.logs.time_stamps import even_clock, lost_after
 from tests.logs.log_cases import GOOD, SPEED, refusal, source, written
 
@@ -61,11 +61,11 @@ def test_even_clock_of_even_stamps_changes_nothing():
 def test_even_clock_from_a_file(tmp_path):
     truth, arrival = bursts(3)
     text = "t,speed\n" + "".join(f"{stamp:.4f},{k}\n" for k, stamp in enumerate(arrival.tolist()))
-    table = read_log(source(written(tmp_path, text), channels={"u": SPEED}, clock="even"))
+    table = read_log_table(source(written(tmp_path, text), channels={"u": SPEED}, clock="even"))
     assert np.max(np.abs(float(table.epoch) + table.time - truth)) < 2e-3
     assert any("clock rebuilt" in note for note in table.notes)
     with refusal("run.csv", 'column "t", row', "same time stamp"):
-        read_log(source(written(tmp_path, text), channels={"u": SPEED}))
+        read_log_table(source(written(tmp_path, text), channels={"u": SPEED}))
 
 
 def without(truth, arrival, first, seconds):
@@ -100,17 +100,17 @@ REPEATED = "t,rpm,speed\n0,1,1\n0.1,1,2\n0.1,1,3\n0.1,1,4\n0.2,1,5\n0.3,1,6\n"
 
 
 def test_drop_repeated_keeps_the_first_row(tmp_path):
-    table = read_log(source(written(tmp_path, REPEATED), clock="drop_repeated"))
+    table = read_log_table(source(written(tmp_path, REPEATED), clock="drop_repeated"))
     assert table.columns["u"].tolist() == [1, 2, 5, 6]
     np.testing.assert_allclose(table.time, [0, 0.1, 0.2, 0.3], atol=1e-15)
     assert any("2 of 6 rows repeated a stamp" in note for note in table.notes)
-    assert len(read_log(source(written(tmp_path, GOOD), clock="drop_repeated")).notes) == 1
+    assert len(read_log_table(source(written(tmp_path, GOOD), clock="drop_repeated")).notes) == 1
 
 
 @pytest.mark.parametrize("clock", ["drop_repeated", "even"])
 def test_no_clock_mends_time_that_runs_backwards(tmp_path, clock):
     with refusal("run.csv", 'column "t", row 8', "backwards"):
-        read_log(source(written(tmp_path, REPEATED + "0.2,1,7\n"), clock=clock))
+        read_log_table(source(written(tmp_path, REPEATED + "0.2,1,7\n"), clock=clock))
 
 
 @pytest.mark.parametrize(
@@ -119,7 +119,7 @@ def test_no_clock_mends_time_that_runs_backwards(tmp_path, clock):
 )
 def test_a_unit_in_the_name_of_the_clock_is_held_against_the_map(tmp_path, column, unit, asked):
     text = f"{column},rpm,speed\n" + "".join(f"{100 * k},{600 + k},{1 + 0.01 * k:.2f}\n" for k in range(20))
-    found = read_log(source(written(tmp_path, text), time_column=column, time_unit=unit))
+    found = read_log_table(source(written(tmp_path, text), time_column=column, time_unit=unit))
     expected = f'run.csv, time: the unit of column "{column}" is "{unit}" in the map; is it "{asked}"?'
     assert found.cautions == ((expected,) if asked else ())
 
@@ -127,7 +127,7 @@ def test_a_unit_in_the_name_of_the_clock_is_held_against_the_map(tmp_path, colum
 @pytest.mark.parametrize(("step", "unit", "meant"), [(0.1, "ms", "s"), (100, "s", "ms")])
 def test_a_clock_in_another_unit_is_told_with_the_one_that_fits(tmp_path, step, unit, meant):
     text = "clock,rpm,speed\n" + "".join(f"{step * k:.1f},{600 + k},{1 + 0.01 * k:.2f}\n" for k in range(40))
-    table = read_log(source(written(tmp_path, text), time_column="clock", time_unit=unit))
+    table = read_log_table(source(written(tmp_path, text), time_column="clock", time_unit=unit))
     (said,) = table.cautions
     assert said.startswith('run.csv, time: column "clock" has a row every')
     assert (
@@ -141,9 +141,9 @@ def test_a_clock_in_another_unit_is_told_with_the_one_that_fits(tmp_path, step, 
 def test_a_grid_much_finer_than_every_channel_is_told(tmp_path):
     text = "clock,rpm,speed\n" + "".join(f"{100 * k},{600 + k},{1 + 0.01 * k:.2f}\n" for k in range(20))
     log = written(tmp_path, text)
-    *_, told = align([read_log(source(log, time_column="clock"))], step=0.05).provenance.options["cautions"]
+    *_, told = align([read_log_table(source(log, time_column="clock"))], step=0.05).provenance.options["cautions"]
     assert "a sample only every 100 s, and the record one every 0.05 s: check the unit of time" in told
-    fine = align([read_log(source(log, time_column="clock", time_unit="ms"))], step=0.05)
+    fine = align([read_log_table(source(log, time_column="clock", time_unit="ms"))], step=0.05)
     assert fine.provenance.options["cautions"] == []
 
 
@@ -162,7 +162,7 @@ def test_two_clocks_of_a_table_that_disagree_are_told(tmp_path, stated):
     """153.5 s and 168.0 s, the shorter with an even step."""
     path = two_clocks(tmp_path, 153.5 / 168.0)
     expected = ("clocks disagree: t runs over 153.5 s, stamp [s] over 168", "t has an even step, and may count rows")
-    read = read_log(source(path, time_column=stated[0], time_unit=stated[1]))
+    read = read_log_table(source(path, time_column=stated[0], time_unit=stated[1]))
     (told,) = [text for text in read.cautions if "disagree" in text]
     assert told.startswith(str(path))
     assert f"the time is {stated[0] or 't'}: name the right one" in told
@@ -174,5 +174,5 @@ def test_two_clocks_of_a_table_that_disagree_are_told(tmp_path, stated):
 @pytest.mark.parametrize("stated", [("stamp [s]", "s"), (None, None)])
 def test_two_clocks_that_agree_are_not_told(tmp_path, stated):
     path = two_clocks(tmp_path, 1.0)
-    assert read_log(source(path, time_column=stated[0], time_unit=stated[1])).cautions == ()
+    assert read_log_table(source(path, time_column=stated[0], time_unit=stated[1])).cautions == ()
     assert "disagree" not in "\n".join(inspect_log(path).lines())

@@ -9,7 +9,7 @@ import pytest
 from seatrial.core.errors import InputError
 from seatrial.logs.align import align
 from seatrial.logs.clock_shift import FEWEST, OVERLAP, Samples, _correlations, shift_between
-from seatrial.logs.read import read_log
+from seatrial.logs.log_table import read_log_table
 from tests.logs.log_cases import column
 
 
@@ -79,11 +79,11 @@ def test_a_log_is_read_on_the_clock_of_another(tmp_path):
     control = column(tmp_path, "thrust.csv", rows, "tau_X", np.floor(time), "control")
     speed = column(tmp_path, "speed.csv", [f"{t - 100:.1f}" for t in time], "u", time - 98.0, "measurement")
     with pytest.raises(InputError, match="no common time"):
-        align([read_log(control), read_log(speed)])
-    shifted = read_log(replace(speed, shift=100.000000001))
-    assert shifted.epoch == read_log(speed).epoch + Decimal("100.000000001")
-    record = align([read_log(control), read_log(replace(speed, shift=100.0))], step=0.1)
+        align([read_log_table(control), read_log_table(speed)])
+    shifted = read_log_table(replace(speed, shift=100.000000001))
+    assert shifted.epoch == read_log_table(speed).epoch + Decimal("100.000000001")
+    record = align([read_log_table(control), read_log_table(replace(speed, shift=100.0))], step=0.1)
     np.testing.assert_allclose(record.channel("u"), 2.0 + record.time, atol=1e-9)
     assert [file["shift"] for file in record.provenance.options["files"]] == [0.0, 100.0]
     with pytest.raises(InputError, match="shift"):
-        read_log(replace(speed, shift=float("nan")))
+        read_log_table(replace(speed, shift=float("nan")))

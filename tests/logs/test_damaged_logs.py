@@ -26,7 +26,7 @@ from seatrial.logs.formats.protocol import LogFile
 from seatrial.logs.formats.registry import catalogue, read_columns, stream
 from seatrial.logs.formats.ros_messages import Decoder, Undefined, steps_of
 from seatrial.logs.inspect import inspect_log
-from seatrial.logs.read import read_log
+from seatrial.logs.log_table import read_log_table
 from tests.logs.log_cases import refusal
 from tests.logs.log_writers import DATAFLASH_HEAD, RECEIVED, WRITERS, described, ros_store
 from tests.logs.test_formats import mapped
@@ -71,7 +71,7 @@ def read_or_refuse(written):
     with suppress(InputError):
         inspect_log(written.path)
     with suppress(InputError):
-        read_log(mapped(written))
+        read_log_table(mapped(written))
 
 
 def edit(edits):
@@ -161,7 +161,7 @@ def test_damaged_matlab_files(tmp_path, read_apart):
 def test_a_log_cut_in_half_is_refused_by_name(tmp_path, name):
     written = damaged(tmp_path, name, lambda data: data[: len(data) // 2])
     with refusal(written.path.name, "remedy", "again"):
-        read_log(mapped(written))
+        read_log_table(mapped(written))
 
 
 def peak(work):
@@ -364,10 +364,10 @@ def test_text_is_read_in_pieces(tmp_path, monkeypatch):
     }
     for name, text in texts.items():
         source = LogSource(written(tmp_path, text, name), "t", "s", channels)
-        whole = read_log(source)
+        whole = read_log_table(source)
         for rows in (1, 3):
             monkeypatch.setattr("seatrial.logs.formats.text._ROWS", rows)
-            pieces = read_log(source)
+            pieces = read_log_table(source)
             monkeypatch.undo()
             np.testing.assert_array_equal(pieces.time, whole.time)
             np.testing.assert_array_equal(pieces.columns["u"], whole.columns["u"])
@@ -376,10 +376,10 @@ def test_text_is_read_in_pieces(tmp_path, monkeypatch):
     source = LogSource(written(tmp_path, repeated.replace("\n", "\n\n")), "t", "s", channels)
     monkeypatch.setattr("seatrial.logs.formats.text._ROWS", 3)
     with refusal('column "t", row 31', "same time stamp"):
-        read_log(source)
+        read_log_table(source)
     source = LogSource(written(tmp_path, GOOD.replace("1.14", "fast")), "t", "s", channels)
     with refusal('row 16, column "speed"', "'fast'"):
-        read_log(source)
+        read_log_table(source)
 
 
 def mcap_of(compression, size, packed):
@@ -422,10 +422,10 @@ def test_a_packed_database_that_grows_without_end_is_refused(tmp_path, little_me
     text = text.replace("compression_format: ''", "compression_format: zstd")
     information.write_text(text.replace("compression_mode: ''", "compression_mode: FILE"))
     packed.write_bytes(zstd.compress(content))
-    assert read_log(mapped(written)).time.size > 1, "one of an honest size is read"
+    assert read_log_table(mapped(written)).time.size > 1, "one of an honest size is read"
     packed.write_bytes(zstd.compress(content + bytes(1 << 30)))
     with refusal("run_sqlite3", "File too large"):
-        read_log(mapped(written))
+        read_log_table(mapped(written))
 
 
 def test_a_large_piece_of_an_array_is_unpacked_once_and_not_for_every_block(tmp_path):
@@ -456,10 +456,10 @@ def test_the_address_of_a_driver_is_refused_before_the_library_follows_it(tmp_pa
 def test_a_table_of_more_rows_than_memory_holds_is_refused(tmp_path, monkeypatch):
     """Equal numbers are packed so well that a kilobyte may hold a billion of them."""
     written = WRITERS["parquet"](tmp_path)
-    assert read_log(mapped(written)).time.size > 1, "one of an honest size is read"
+    assert read_log_table(mapped(written)).time.size > 1, "one of an honest size is read"
     monkeypatch.setattr("seatrial.logs.formats.parquet._MOST_ROWS", 3)
     with refusal(".parquet", "rows", "at most 3", "cut the log"):
-        read_log(mapped(written))
+        read_log_table(mapped(written))
 
 
 @pytest.mark.parametrize("suffix", ["nc", "mat"])

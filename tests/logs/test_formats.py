@@ -10,7 +10,7 @@ from seatrial.core import processes as apart
 from seatrial.core.errors import InputError
 from seatrial.logs.formats.protocol import LogFile
 from seatrial.logs.formats.registry import catalogue, format_of, read_columns, stream
-from seatrial.logs.read import read_log
+from seatrial.logs.log_table import read_log_table
 from seatrial.logs.source import ColumnMap, LogSource
 from tests.logs.log_cases import refusal
 from tests.logs.log_writers import RPM, STAMPS, SURGE, TICKS, WRITERS, dataflash, ros_1, ros_2, ros_store, telemetry
@@ -64,7 +64,7 @@ def test_many_blocks_are_one_table(written, monkeypatch):
 
 
 def test_log_in_si(written):
-    table = read_log(mapped(written))
+    table = read_log_table(mapped(written))
     np.testing.assert_array_equal(table.columns["u"], written.surge_values)
     turns = table.columns["n"][np.isfinite(table.columns["n"])] * 30 / np.pi
     np.testing.assert_allclose(turns, RPM[np.isfinite(table.columns["n"])], rtol=1e-9)
@@ -75,7 +75,7 @@ def test_log_in_si(written):
     assert table.options["time_column"] == written.clock
     assert table.options["time_unit"] == written.unit
     assert any(f"time is the column {written.clock}" in note for note in table.notes)
-    again = read_log(mapped(written))
+    again = read_log_table(mapped(written))
     assert again.sha256 == table.sha256
 
 
@@ -96,20 +96,20 @@ def test_what_is_wrong_names_file_table_and_column(written):
     name = written.path.name
     wrong = {"u": ColumnMap("nonsense", "m/s", "measurement")}
     with refusal(name, 'column "nonsense"', "no column"):
-        read_log(LogSource(written.path, None, None, wrong, table=written.table))
+        read_log_table(LogSource(written.path, None, None, wrong, table=written.table))
     with refusal(name, "table", "no such thing"):
-        read_log(LogSource(written.path, None, None, source.channels, table="no such thing"))
+        read_log_table(LogSource(written.path, None, None, source.channels, table="no such thing"))
     if written.path.suffix != ".csv":
         with refusal(name, "delimiter", "','", "remove it"):
-            read_log(mapped(written, delimiter=","))
+            read_log_table(mapped(written, delimiter=","))
         with refusal(name, "skip_rows", "3", "remove it"):
-            read_log(mapped(written, skip_rows=3))
+            read_log_table(mapped(written, skip_rows=3))
 
 
 def test_table_must_be_named_where_there_are_several(tmp_path):
     written = ros_1(tmp_path)
     with refusal("run.bag, table", "2 tables and none named", "/state", "seatrial inspect"):
-        read_log(LogSource(written.path, None, None, mapped(written).channels))
+        read_log_table(LogSource(written.path, None, None, mapped(written).channels))
 
 
 @pytest.mark.parametrize("first", [True, False])
@@ -190,7 +190,7 @@ def test_ros_stamp_that_never_moves_gives_way_to_the_time_of_receipt(tmp_path):
             data = store.serialize_cdr(types[kind](header, twist), kind)
             writer.write(topic, int(STAMPS[k]), data)
     channels = {"u": ColumnMap("twist.linear.x", "m/s", "measurement")}
-    table = read_log(LogSource(tmp_path / "bag", None, None, channels))
+    table = read_log_table(LogSource(tmp_path / "bag", None, None, channels))
     assert table.epoch == Decimal(int(STAMPS[0])).scaleb(-9)
     assert "time is the column log_time, in ns" in table.notes
 
@@ -214,7 +214,7 @@ def test_netcdf_units_groups_and_elements(tmp_path):
     raw = read_columns(LogFile(written.path), "time", ["wrench[2]"])
     np.testing.assert_array_equal(raw.columns["wrench[2]"], 3 * SURGE)
     channels = {"u": ColumnMap("speed", "kn", "measurement")}
-    (told,) = read_log(LogSource(written.path, None, None, channels, table="time")).cautions
+    (told,) = read_log_table(LogSource(written.path, None, None, channels, table="time")).cautions
     assert 'column "speed" is "kn" in the map, and the log states "m/s": set unit = "m/s" there' in told
 
 
@@ -253,7 +253,7 @@ def test_dataflash_passes_over_garbage_and_says_so(tmp_path):
     at = data.rindex(b"\xa3\x95\x0a")
     noise = b"\x07\xa3\x95\x0a" + bytes(range(20))
     written.path.write_bytes(data[:at] + noise + data[at:] + b"\xff" * 100)
-    table = read_log(mapped(written))
+    table = read_log_table(mapped(written))
     np.testing.assert_array_equal(table.columns["u"], written.surge_values)
     assert any("124 bytes of the log are no messages" in note for note in table.notes)
 
@@ -313,12 +313,12 @@ def test_infinity_is_an_error_and_nan_a_gap(tmp_path):
         file.create_variable("u", ("time",), float, data=[0.0, 1.0, np.nan, 3.0, 4.0, 5.0])
         file.create_variable("v", ("time",), float, data=[0.0, 1.0, np.inf, 3.0, 4.0, 5.0])
     speed = ColumnMap("u", "m/s", "measurement")
-    table = read_log(LogSource(path, None, None, {"u": speed}))
+    table = read_log_table(LogSource(path, None, None, {"u": speed}))
     assert "u: 1 of 6 cells are empty" in table.notes
     with refusal('run.nc, table "time", column "v", row 3', "inf", "finite"):
-        read_log(LogSource(path, None, None, {"u": ColumnMap("v", "m/s", "measurement")}))
+        read_log_table(LogSource(path, None, None, {"u": ColumnMap("v", "m/s", "measurement")}))
     with refusal('run.nc, table "time", column "v", row 3', "time inf"):
-        read_log(LogSource(path, "v", "s", {"u": speed}))
+        read_log_table(LogSource(path, "v", "s", {"u": speed}))
 
 
 def test_no_log_at_all(tmp_path):

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from seatrial.core.errors import InputError
 from seatrial.logs.align import align
-from seatrial.logs.read import read_log
+from seatrial.logs.log_table import read_log_table
 from tests.logs.log_cases import GOOD, source, written
 
 NAMES = ("run.csv", "run.csv.gz", "run.tsv")
@@ -54,7 +54,7 @@ CELLS = st.sampled_from(
 def read_or_refuse(folder, content, name="run.csv", **changes):
     path = written(folder, content, name)
     with suppress(InputError):
-        align([read_log(source(path, **changes))], step=0.5)
+        align([read_log_table(source(path, **changes))], step=0.5)
 
 
 @given(content=st.binary(max_size=400), name=st.sampled_from(NAMES))

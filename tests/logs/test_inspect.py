@@ -16,7 +16,7 @@ from seatrial.logs.formats.protocol import Block, ColumnInfo, LogFile, TableInfo
 from seatrial.logs.formats.registry import read_columns
 from seatrial.logs.guess import best, guesses, remarks, unit_by_name
 from seatrial.logs.inspect import LogsTogether, inspect_log
-from seatrial.logs.read import read_log
+from seatrial.logs.log_table import read_log_table
 from seatrial.logs.source import ColumnMap, LogSource
 from seatrial.logs.summary import Gathered
 from tests.campaign.small import write_small
@@ -160,7 +160,7 @@ def test_every_element_of_a_multiarray_is_listed(tmp_path):
     (block,) = tomllib.loads(found.as_toml())["import"]["files"]
     assert block["channels"] == {f"f_{k + 1}": {"column": f"data[{k}]", "unit": "command"} for k in range(8)}
     with pytest.raises(InputError) as caught:
-        read_log(LogSource(found.log.path, None, None, {"f_1": ColumnMap("data[10]", "N", "control")}))
+        read_log_table(LogSource(found.log.path, None, None, {"f_1": ColumnMap("data[10]", "N", "control")}))
     assert (caught.value.found, caught.value.expected) == ("no such element: data has 10", "data[0] to data[9]")
 
 

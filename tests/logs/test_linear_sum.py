@@ -5,7 +5,7 @@ import pytest
 
 from seatrial.core.errors import InputError
 from seatrial.logs.linear_sum import parse_sum
-from seatrial.logs.read import read_log
+from seatrial.logs.log_table import read_log_table
 from seatrial.logs.source import ColumnMap, LogSource
 
 SUMS = {
@@ -35,7 +35,7 @@ def test_a_channel_of_several_columns(tmp_path):
     (tmp_path / "log.csv").write_text("t,f_1,f 2\n" + "\n".join(rows) + "\n")
     text = "0.12 f_1 - 0.3 'f 2'"
     column = ColumnMap(text, "N*m", "control", scale=2.0, offset=1.0, parts=parse_sum(text, "here"))
-    found = read_log(LogSource(tmp_path / "log.csv", "t", "s", {"tau_N": column})).columns["tau_N"]
+    found = read_log_table(LogSource(tmp_path / "log.csv", "t", "s", {"tau_N": column})).columns["tau_N"]
     expected = 2.0 * (0.12 * one - 0.3 * two) + 1.0
     assert np.isnan(found[4])
     np.testing.assert_allclose(np.delete(found, 4), np.delete(expected, 4), atol=1e-6)

@@ -8,7 +8,7 @@ from seatrial.core.record import Channel, Provenance, make_record
 from seatrial.logs.align import align
 from seatrial.logs.curve import read_curve
 from seatrial.logs.cut_record import cut
-from seatrial.logs.read import read_log
+from seatrial.logs.log_table import read_log_table
 from seatrial.logs.source import ColumnMap, LogSource
 from tests.logs.log_cases import refusal, written
 
@@ -49,7 +49,7 @@ def test_thrust_of_a_pulse_width(tmp_path):
     curve = written(tmp_path, "pwm,thrust\n1100,-40\n1475,0\n1525,0\n1900,50\n", "t200.csv")
     log = written(tmp_path, "t,ch1\n0,1100\n1,1287.5\n2,\n3,1500\n4,1900\n", "log.csv")
     column = ColumnMap("ch1", "N", "control", curve=read_curve(curve, "campaign.toml"))
-    table = read_log(LogSource(log, "t", "s", {"tau_X": column}))
+    table = read_log_table(LogSource(log, "t", "s", {"tau_X": column}))
     np.testing.assert_allclose(table.columns["tau_X"], [-40.0, -20.0, np.nan, 0.0, 50.0])
     assert table.options["channels"]["tau_X"]["curve"] == "t200.csv"
 
@@ -66,7 +66,7 @@ def unarmed(folder):
 
 def test_a_curve_need_not_reach_rows_that_are_not_kept(tmp_path):
     """The row at the end of the record is held over none of its steps."""
-    record = align([read_log(unarmed(tmp_path))], start=2.0, end=7.0)
+    record = align([read_log_table(unarmed(tmp_path))], start=2.0, end=7.0)
     np.testing.assert_allclose(record.channel("tau_X"), [0.0, 50.0, 50.0, -40.0, -40.0, -40.0])
     assert record.time[-1] == 5.0
 
@@ -81,14 +81,14 @@ def test_a_curve_need_not_reach_rows_that_are_not_kept(tmp_path):
 )
 def test_a_curve_has_to_reach_rows_that_are_kept(tmp_path, ends, parts):
     with refusal('log.csv, column "ch1"', *parts, "1100 to 1900", "[[import.keep]]", "add a point to t200.csv"):
-        align([read_log(unarmed(tmp_path))], **ends)
+        align([read_log_table(unarmed(tmp_path))], **ends)
 
 
 def test_a_curve_that_reaches_no_row(tmp_path):
     source = unarmed(tmp_path)
     written(tmp_path, "t,ch1,speed\n0,0,0\n1,0,0\n2,0,0\n", "log.csv")
     with refusal("3 of the 3 rows kept", "1100 to 1900"):
-        read_log(source)
+        read_log_table(source)
 
 
 @pytest.mark.parametrize(

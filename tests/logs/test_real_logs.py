@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from seatrial.logs.align import align
-from seatrial.logs.read import read_log
+from seatrial.logs.log_table import read_log_table
 from seatrial.logs.source import ColumnMap, LogSource
 from tests.logs.log_cases import refusal
 
@@ -31,12 +31,14 @@ GARBAGE = {
 
 
 def navigation(run, channels=None):
-    return read_log(LogSource(POOL / f"navigation_state_{run}.csv.gz", "field.header.stamp", "ns", channels or MOTION))
+    return read_log_table(
+        LogSource(POOL / f"navigation_state_{run}.csv.gz", "field.header.stamp", "ns", channels or MOTION)
+    )
 
 
 def wrench(run):
     force = ColumnMap("field.force.x", "N", "control")
-    return read_log(LogSource(POOL / f"wrench_{run}.csv.gz", "%time", "ns", {"tau_X": force}, clock="even"))
+    return read_log_table(LogSource(POOL / f"wrench_{run}.csv.gz", "%time", "ns", {"tau_X": force}, clock="even"))
 
 
 def by_hand(name, *columns):
@@ -79,7 +81,7 @@ def test_ship_log_without_header_among_spaces():
         "n": ColumnMap("propeller", "rev/s", "control"),
     }
     path = DATA / "kvlcc2_hsva" / "HSVA_CPMC_KVLCC2_Z_20_10_P.dat.gz"
-    table = read_log(
+    table = read_log_table(
         LogSource(path, "t", "s", channels, names=names, delimiter="whitespace", skip_rows=4, encoding="cp1252")
     )
     record = align([table], step=0.05)
@@ -93,7 +95,7 @@ def test_ship_log_with_too_few_digits():
     names = tuple(f"c{k}" for k in range(1, 12))
     path = DATA / "kvlcc2_marin" / "MARIN_FREE_KVLCC2_zz_20_m.dat.gz"
     with refusal(path.name, 'column "c1"', "same time stamp"):
-        read_log(LogSource(path, "c1", "s", channels, names=names, delimiter="\t", skip_rows=3))
-    table = read_log(LogSource(path, "c1", "s", channels, "even", names=names, delimiter="\t", skip_rows=3))
+        read_log_table(LogSource(path, "c1", "s", channels, names=names, delimiter="\t", skip_rows=3))
+    table = read_log_table(LogSource(path, "c1", "s", channels, "even", names=names, delimiter="\t", skip_rows=3))
     assert np.diff(table.time).mean() == pytest.approx(0.1353, rel=2e-3)
     assert any("rows at the end have no cell filled" in note for note in table.notes)

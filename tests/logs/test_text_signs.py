@@ -9,7 +9,7 @@ from seatrial.logs.formats.protocol import LogFile
 from seatrial.logs.formats.text_layout import signs_of
 from seatrial.logs.guess import best
 from seatrial.logs.inspect import inspect_log
-from seatrial.logs.read import read_log
+from seatrial.logs.log_table import read_log_table
 from seatrial.logs.source import ColumnMap, LogSource
 from tests.logs.log_cases import refusal, source, written
 
@@ -58,7 +58,7 @@ def test_every_layout_gives_the_same_table(tmp_path, name):
     if name != "no header":
         assert [(guess.channel, guess.column) for guess in best(found.guesses)] == [("u", "speed"), ("f_1", "pwm_1")]
     maps = {"u": ColumnMap(speed, "m/s", "measurement"), "f_1": ColumnMap(pulse, "N", "control")}
-    table = read_log(LogSource(path, None, None, maps))
+    table = read_log_table(LogSource(path, None, None, maps))
     np.testing.assert_allclose(table.time, [row[0] / 1e3 for row in ROWS], rtol=0, atol=1e-12)
     np.testing.assert_array_equal(table.columns["u"], [row[1] for row in ROWS])
     np.testing.assert_array_equal(table.columns["f_1"], [row[2] for row in ROWS])
@@ -68,14 +68,14 @@ def test_dates_of_two_zones_are_no_clock(tmp_path):
     rows = [f"{_date(100 * k, 'Z' if k else '+01:00')},{k},{600 + k}" for k in range(20)]
     path = written(tmp_path, "\n".join(["t,speed,rpm", *rows]))
     with refusal("run.csv, row 3", "in the zone of the first"):
-        read_log(source(path))
+        read_log_table(source(path))
 
 
 def test_a_separator_inside_quotation_marks_is_text(tmp_path):
     rows = "".join(f"0,{k};{1000 + k};1,{k % 3 + 2}\n" for k in range(9))
     path = written(tmp_path, 'Zeit;rpm;"v, m/s"\n' + rows, "run.csv")
     maps = {"u": ColumnMap("v, m/s", "m/s", "measurement"), "n": ColumnMap("rpm", "rpm", "control")}
-    table = read_log(LogSource(path, "Zeit", "s", maps))
+    table = read_log_table(LogSource(path, "Zeit", "s", maps))
     np.testing.assert_allclose(table.time, np.arange(9) / 10, rtol=0, atol=1e-12)
     np.testing.assert_allclose(table.columns["u"], [1.2, 1.3, 1.4] * 3)
     plain = written(tmp_path, 't,"speed; m/s"\n' + "".join(f"0.{k},1.{k}\n" for k in range(9)), "plain.csv")
@@ -89,5 +89,5 @@ def test_the_separator_is_found_below_remarks(tmp_path, mark, separator):
     path = written(tmp_path, f"A basin\nTurning circle: 35 deg, rudder to port\n\n{rows}", "run.dat")
     assert signs_of(LogFile(path)).separator == separator
     maps = {"u": ColumnMap("u", "m/s", "measurement")}
-    table = read_log(LogSource(path, "t", "s", maps, skip_rows=3, names=("t", "u", "n")))
+    table = read_log_table(LogSource(path, "t", "s", maps, skip_rows=3, names=("t", "u", "n")))
     np.testing.assert_array_equal(table.columns["u"], np.arange(30) % 7)

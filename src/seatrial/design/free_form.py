@@ -16,7 +16,7 @@ from jaxtyping import Float
 
 from seatrial.core.errors import InputError
 from seatrial.core.reporter import Progress, no_progress
-from seatrial.design.free_form_climb import ROUNDING, Climb, gentled, ready_starts
+from seatrial.design.free_form_optimise import ROUNDING, Climb, gentled, ready_starts
 from seatrial.design.free_form_problem import FreeFormProblem, check_problem
 from seatrial.manoeuvres.manoeuvre import Manoeuvre
 

@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.design.cost import TrialCost, check_cost
-from seatrial.design.free_form_course import Course, Setup, Watched, courses
+from seatrial.design.free_form_objective import Course, Setup, Watched, courses
 from seatrial.design.motion_limits import MotionLimit, check_motion_limits
 from seatrial.design.trial_plan import TrialPlan
 from seatrial.manoeuvres.free_form import SteppedInput

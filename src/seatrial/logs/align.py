@@ -69,7 +69,7 @@ def align(
     which a channel was not measured holds NaN. Roll, pitch and heading go on over full turns, so that none jumps.
 
     Args:
-        tables: logs as `read_log` gives them.
+        tables: logs as `read_log_table` gives them.
         channels: names to take; all by default.
         step: of a uniform grid over the interval, s; None for the union of all stamps.
         start: where to begin, s from the beginning of the common interval; None for the beginning.

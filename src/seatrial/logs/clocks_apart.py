@@ -10,7 +10,7 @@ from seatrial.logs.clock_shift import ClockShift, Samples, shift_between
 from seatrial.logs.formats.protocol import LogFile
 from seatrial.logs.formats.registry import format_of
 from seatrial.logs.guess import Guess
-from seatrial.logs.read import read_stamped
+from seatrial.logs.log_table import read_stamped
 from seatrial.logs.source import LogSource
 from seatrial.logs.summary import ClockSummary, TableSummary
 

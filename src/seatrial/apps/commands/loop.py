@@ -134,12 +134,12 @@ class _Found(NamedTuple):
 
 def _by_loop(campaign: Any, reporter: Any) -> _Found:
     """Propose by the whole loop."""
-    from seatrial.campaign.design.weigh_own_schedule import own_after
+    from seatrial.campaign.design.evaluate_schedule import evaluate_schedule_after
     from seatrial.campaign.workflow.loop import run_loop
     from seatrial.campaign.workflow.next_trial import propose
 
     outcome = run_loop(campaign, reporter)
-    own = own_after(outcome.campaign, outcome.chosen, outcome.next) if outcome.next else None
+    own = evaluate_schedule_after(outcome.campaign, outcome.chosen, outcome.next) if outcome.next else None
     proposal = propose(outcome)
     wanted = outcome.undesigned and any(outcome.undesigned in line for line in proposal.advice)
     alarms = [*outcome.summary["alarms"], *([outcome.undesigned] if wanted else [])]
@@ -148,8 +148,8 @@ def _by_loop(campaign: Any, reporter: Any) -> _Found:
 
 def _by_mode(campaign: Any, reporter: Any) -> _Found:
     """Propose by the posterior mode of the most probable structure."""
+    from seatrial.campaign.design.evaluate_schedule import evaluate_schedule_after
     from seatrial.campaign.design.sweep import design_next_by_mode
-    from seatrial.campaign.design.weigh_own_schedule import own_after
     from seatrial.campaign.inference.quick_estimates import MODE, best_mode, posterior_modes
     from seatrial.campaign.workflow.next_trial import propose_by_mode
     from seatrial.campaign.workflow.steps import Workflow
@@ -161,7 +161,7 @@ def _by_mode(campaign: Any, reporter: Any) -> _Found:
     designs = design_next_by_mode(campaign, first.drawn, reporter)
     proposal = propose_by_mode(campaign, first, designs, len(trials.fit))
     cautions = [MODE, *(one.alarm or one.caution for one in modes if one.alarm or one.caution)]
-    return _Found(proposal, designs, own_after(campaign, first.drawn, designs), [], cautions)
+    return _Found(proposal, designs, evaluate_schedule_after(campaign, first.drawn, designs), [], cautions)
 
 
 def _tell_and_report(answer: Answer, outcome: Any, proposal: Any) -> Exit:

@@ -20,7 +20,7 @@ from seatrial.logs.clock_shift import ClockShift, Samples, shift_between
 from seatrial.logs.formats.registry import FORMATS, stream
 from seatrial.logs.guess import best
 from seatrial.logs.inspect import LogSummary, clock_doubt, inspect_log
-from seatrial.logs.read import read_stamped
+from seatrial.logs.log_table import read_stamped
 from seatrial.logs.source import LogSource
 from seatrial.logs.summary import TableSummary
 

@@ -12,8 +12,8 @@ from seatrial.core.errors import InputError, nearest
 from seatrial.core.signals import is_thruster, signal_unit
 from seatrial.core.units import to_si
 from seatrial.logs.body_frame import SOURCES
-from seatrial.logs.keep import parse_condition
 from seatrial.logs.linear_sum import parse_sum
+from seatrial.logs.run_conditions import parse_condition
 from seatrial.vehicles.thrusters import ThrustLaw
 
 COMMAND = "command"

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from seatrial.estimation.simulation.mounts import Mount
-from seatrial.logs.keep import Comparison
+from seatrial.logs.run_conditions import Comparison
 from seatrial.logs.source import Between
 from seatrial.manoeuvres.autopilot import Loop
 from seatrial.manoeuvres.family import Family

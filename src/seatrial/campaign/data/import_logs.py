@@ -30,11 +30,11 @@ from seatrial.logs.align import align
 from seatrial.logs.body_frame import to_body
 from seatrial.logs.curve import CellCurve, Curve, check_within, read_curve
 from seatrial.logs.cut_record import cut
-from seatrial.logs.followed import follow
 from seatrial.logs.formats.protocol import NoColumn
 from seatrial.logs.formats.registry import format_of, hash_of_log
-from seatrial.logs.keep import longest, spans_of
-from seatrial.logs.read import read_log
+from seatrial.logs.log_table import read_log_table
+from seatrial.logs.run_conditions import longest, spans_of
+from seatrial.logs.schedule_match import match_schedule
 from seatrial.logs.source import ColumnMap, LogSource, LogTable
 from seatrial.manoeuvres.schedule import read_rows
 from seatrial.vehicles.model import VehicleModel
@@ -176,7 +176,7 @@ def _aligned(campaign: Campaign, imports: Imports, run: str, ends: Mapping[str, 
     with located(campaign.where("import.schedule")):
         commands = [name for name, _ in campaign.control_trim(campaign.model(campaign.full))]
         commanded = read_rows(path, commands).schedule(campaign.family.sample_time)
-        followed = follow(whole, commanded.time, commanded.controls, path.name)
+        followed = match_schedule(whole, commanded.time, commanded.controls, path.name)
     record = align(tables, step=imports.step, **(ends or followed.ends), label=run)
     options = record.provenance.options
     cautions = [*options["cautions"], *followed.cautions]
@@ -256,7 +256,7 @@ def _tables(campaign: Campaign, imports: Imports, run: str) -> list[LogTable]:
         _check_layout(campaign, file, path, index)
         source = log_source(campaign, file, path, index, roles)
         with located(campaign.where(f"import.files[{index}]")), _of_several_runs(imports, file, run):
-            logs.append(read_log(source))
+            logs.append(read_log_table(source))
     tables = [_without_idle(table, campaign.channels) for table in to_body(logs, roles)]
     return [one for one in tables if one.channels]
 

@@ -7,7 +7,7 @@ from seatrial.core.display_units import shown_unit
 from seatrial.core.record import SIMULATED, Record
 from seatrial.core.signals import RATES
 from seatrial.estimation.diagnostics.record_checks import RecordFinding
-from seatrial.logs.read import LOOKS_MEASURED
+from seatrial.logs.log_table import LOOKS_MEASURED
 
 _DONE = {"control": "each holds the value before it", "measurement": "they are left out; the other rows are used"}
 """What is done with empty cells, by the role of their channel."""

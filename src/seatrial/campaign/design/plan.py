@@ -15,8 +15,8 @@ from jaxtyping import Bool, Float
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.settings import Goal
 from seatrial.campaign.design.evaluate import check_whole_trials, plan_of
-from seatrial.campaign.design.found_noise import with_found_noise
 from seatrial.campaign.design.prior_state_space import HALF, prior_draws
+from seatrial.campaign.design.residual_noise import with_residual_noise
 from seatrial.campaign.design.schedule import write_schedule
 from seatrial.campaign.design.sweep import coefficient_draws
 from seatrial.campaign.design.thrust_commands import commands_of
@@ -164,7 +164,7 @@ def plan_trials(campaign: Campaign, so_far: SoFar | None = None, reporter: Repor
         known, structure, basis = campaign, campaign.full, "the priors"
         draws = prior_draws(campaign, campaign.model(structure))
     else:
-        known, structure = with_found_noise(campaign, so_far.drawn), so_far.drawn.structure
+        known, structure = with_residual_noise(campaign, so_far.drawn), so_far.drawn.structure
         draws, basis = coefficient_draws(so_far.drawn, campaign.seed), f"{_trials(len(so_far.records))} so far"
     plan = plan_of(known, known.model(structure))
     stages = find_stages(plan.names, [name for name in plan.names if name in {**goal.shares, **goal.sds}])

@@ -15,8 +15,8 @@ from seatrial.campaign.compute.shared_work import Study
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.design.check_autopilot import check_autopilot
 from seatrial.campaign.design.evaluate import plan_as_run, plan_of, safety_lines, utility_unit, weigh
-from seatrial.campaign.design.found_noise import with_found_noise
 from seatrial.campaign.design.prior_state_space import HALF, belief_space, believed, prior_draws
+from seatrial.campaign.design.residual_noise import with_residual_noise
 from seatrial.campaign.design.schedule import write_schedule
 from seatrial.campaign.design.thrust_commands import commands_of
 from seatrial.campaign.design.utility import design_filter, prediction_lines
@@ -337,7 +337,7 @@ def _sweep_after(campaign: Campaign, drawn: Drawn, basis: str, reporter: Reporte
     draws = drawn.draws([name for name in structure.terms if name in drawn.names])
     belief = Gaussian(draws.mean(0), np.linalg.cholesky(np.atleast_2d(np.cov(draws, rowvar=False))))
     few = coefficient_draws(drawn, campaign.seed)
-    return _sweep(with_found_noise(campaign, drawn), structure, belief, few, basis, reporter)
+    return _sweep(with_residual_noise(campaign, drawn), structure, belief, few, basis, reporter)
 
 
 def _sweep(

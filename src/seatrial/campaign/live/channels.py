@@ -16,7 +16,7 @@ from seatrial.core.signals import ANGLES, OVER_EARTH, QUATERNION, signal_unit
 from seatrial.logs.axes import from_axes
 from seatrial.logs.formats.protocol import LOG_TIME, ColumnInfo, clocks_among
 from seatrial.logs.formats.text_layout import WHITESPACE, signs_of
-from seatrial.logs.read import curved_cells, in_si
+from seatrial.logs.log_table import curved_cells, in_si
 from seatrial.logs.source import ColumnMap, LogSource, check_source, log_file, time_scale
 from seatrial.numerics.rotations import angles_of_quaternion, matrix_of_angles
 

@@ -14,7 +14,7 @@ from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.new_campaign import OWN
 from seatrial.campaign.config.settings import Goal
 from seatrial.campaign.data.simulate import Chosen, chosen_of
-from seatrial.campaign.design.found_noise import noise_words
+from seatrial.campaign.design.residual_noise import noise_words
 from seatrial.campaign.design.sweep import Designs
 from seatrial.campaign.inference.judge_predictions import fitted_failures, held_back_alarms, hold_back_words
 from seatrial.campaign.inference.quick_estimates import FirstAnswer

@@ -39,7 +39,7 @@ compare_utilities = _Module("design.compare_utilities")
 free_form = _Module("design.free_form")
 global_search = _Module("design.global_search")
 plan = _Module("design.plan")
-weigh_own_schedule = _Module("design.weigh_own_schedule")
+evaluate_schedule = _Module("design.evaluate_schedule")
 relay = _Module("design.relay")
 sensor_choice = _Module("design.sensor_choice")
 sweep = _Module("design.sweep")
@@ -398,8 +398,8 @@ BESIDE = (
     Step(
         "own",
         ("campaign", "reporter"),
-        weigh_own_schedule.judge_own,
-        lambda campaign: [] if (own := campaign.design.own) is None else [weigh_own_schedule.stored_own(campaign, own)],
+        evaluate_schedule.evaluate_own_schedule,
+        lambda campaign: [] if (own := campaign.design.own) is None else [evaluate_schedule.stored_own(campaign, own)],
         "own.json",
     ),
     Step(

@@ -47,7 +47,7 @@ _MISREAD = {
 
 
 @dataclass(frozen=True)
-class FollowedControl:
+class ControlMatch:
     """How one control followed, SI.
 
     Attributes:
@@ -75,7 +75,7 @@ class FollowedControl:
 
 
 @dataclass(frozen=True)
-class Followed:
+class ScheduleMatch:
     """Where a commanded trial was run, and how well.
 
     Attributes:
@@ -88,7 +88,7 @@ class Followed:
     start: float
     duration: float
     length: float
-    controls: tuple[FollowedControl, ...]
+    controls: tuple[ControlMatch, ...]
 
     @property
     def ends(self) -> dict[str, float]:
@@ -115,9 +115,9 @@ class Followed:
         ]
 
 
-def follow(
+def match_schedule(
     record: Record, time: Float[np.ndarray, " m"], controls: Mapping[str, Float[np.ndarray, " m"]], source: str
-) -> Followed:
+) -> ScheduleMatch:
     """Find a commanded trial in a record.
 
     Args:
@@ -142,7 +142,7 @@ def follow(
     logged = {name: _sampled(record, name, 0.0, step, int(record.time[-1] / step)) for name in names}
     start, found = _start([controls[name] for name in names], list(logged.values()), step)
     every = tuple(_compared(record, name, controls[name], time + start) for name in names)
-    result = Followed(start, float(time[-1] + step), float(record.time[-1]), every)
+    result = ScheduleMatch(start, float(time[-1] + step), float(record.time[-1]), every)
     if abs(found) < ALIKE:
         raise InputError(
             f'record "{record.label}"',
@@ -196,13 +196,13 @@ def _vertex(three: np.ndarray) -> float:
     return float(np.clip(0.5 * (three[0] - three[2]) / bend, -0.5, 0.5))
 
 
-def _compared(record: Record, name: str, commanded: np.ndarray, time: np.ndarray) -> FollowedControl:
+def _compared(record: Record, name: str, commanded: np.ndarray, time: np.ndarray) -> ControlMatch:
     step = float(time[1] - time[0])
     inside = (time >= -1e-9) & (time + step <= record.time[-1] + 1e-9)
     c, x = commanded[inside], _sampled(record, name, float(time[0]), step, time.size)[inside]
     about, moved = c - c.mean(), x - x.mean()
     size = float(np.linalg.norm(about) * np.linalg.norm(moved))
-    return FollowedControl(
+    return ControlMatch(
         name,
         float(about @ moved) / size if size > 0 else 0.0,
         float(about @ moved) / max(float(about @ about), 1e-300),
@@ -211,7 +211,7 @@ def _compared(record: Record, name: str, commanded: np.ndarray, time: np.ndarray
     )
 
 
-def _check_reading(record: Record, one: FollowedControl, source: str) -> None:
+def _check_reading(record: Record, one: ControlMatch, source: str) -> None:
     """Check that a control is neither turned round nor in another unit."""
     place = f'record "{record.label}", channel "{one.name}"'
     if one.correlation < -ALIKE:

@@ -10,8 +10,8 @@ from jaxtyping import Float
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.settings import OwnSchedule
 from seatrial.campaign.design.evaluate import plan_as_run, plan_of, utility_unit
-from seatrial.campaign.design.found_noise import with_found_noise
 from seatrial.campaign.design.prior_state_space import HALF, prior_draws
+from seatrial.campaign.design.residual_noise import with_residual_noise
 from seatrial.campaign.design.schedule import write_own
 from seatrial.campaign.design.sweep import Designs, coefficient_draws, design_first, design_key
 from seatrial.campaign.design.utility import criterion_of, utility_draws
@@ -33,7 +33,7 @@ def stored_own(campaign: Campaign, own: OwnSchedule) -> StoredResult[OwnTrial]:
     return StoredResult(Store(campaign.folder).own_design, key, read)
 
 
-def judge_own(campaign: Campaign, reporter: Reporter = SILENT) -> OwnTrial | None:
+def evaluate_own_schedule(campaign: Campaign, reporter: Reporter = SILENT) -> OwnTrial | None:
     """Weigh the schedule that [design] names under the priors, and write it where designs are; None where it names none.
 
     Raises:
@@ -46,12 +46,14 @@ def judge_own(campaign: Campaign, reporter: Reporter = SILENT) -> OwnTrial | Non
     write_own(Store(campaign.folder).schedule(kept.path), own.schedule, PurePath(own.source).name)
 
     def judge() -> dict:
-        return asdict(weigh_own(campaign, own, model, prior_draws(campaign, model), design_first(campaign, reporter)))
+        return asdict(
+            evaluate_schedule(campaign, own, model, prior_draws(campaign, model), design_first(campaign, reporter))
+        )
 
     return kept.read_or_make(judge)
 
 
-def weigh_own(
+def evaluate_schedule(
     campaign: Campaign, own: OwnSchedule, model: VehicleModel, draws: Float[np.ndarray, "S k"], designs: Designs
 ) -> OwnTrial:
     """Weigh a schedule beside the best of some designs, under what is believed.
@@ -94,13 +96,13 @@ def weigh_own(
     )
 
 
-def own_after(campaign: Campaign, drawn: Drawn, designs: Designs) -> OwnTrial | None:
+def evaluate_schedule_after(campaign: Campaign, drawn: Drawn, designs: Designs) -> OwnTrial | None:
     """Weigh the schedule that [design] names beside the best of designs that were swept from draws; None where it names none."""
     own = campaign.design.own
     if own is None:
         return None
-    known, model = with_found_noise(campaign, drawn), campaign.model(drawn.structure)
-    return weigh_own(known, own, model, coefficient_draws(drawn, campaign.seed), designs)
+    known, model = with_residual_noise(campaign, drawn), campaign.model(drawn.structure)
+    return evaluate_schedule(known, own, model, coefficient_draws(drawn, campaign.seed), designs)
 
 
 def plan_own(campaign: Campaign, own: OwnSchedule, model: VehicleModel) -> TrialPlan:

@@ -22,14 +22,14 @@ TOLD = 1.3
 """Ratio of the two standard deviations from which on a reader is told."""
 
 
-def with_found_noise(campaign: Campaign, estimate: Drawn) -> Campaign:
+def with_residual_noise(campaign: Campaign, estimate: Drawn) -> Campaign:
     """Return the campaign with the noise of its sensors as an estimate found it."""
-    noise = found_noise(campaign, estimate)
+    noise = residual_noise(campaign, estimate)
     sensors = {name: replace(sensor, noise=noise[name]) for name, sensor in campaign.sensors.items()}
     return replace(campaign, sensors=sensors)
 
 
-def found_noise(campaign: Campaign, estimate: Drawn) -> dict[str, float]:
+def residual_noise(campaign: Campaign, estimate: Drawn) -> dict[str, float]:
     """Return for each channel the standard deviation of the white noise that blurs a designed trial as the fit's residuals would, SI."""
     found, slowest = {}, float(campaign.design.grid()[1].max())
     for sensor in campaign.sensor_models:
@@ -51,7 +51,7 @@ def found_noise(campaign: Campaign, estimate: Drawn) -> dict[str, float]:
 def noise_words(campaign: Campaign, estimate: Drawn) -> str:
     """Say what noise a promise counts on where that is not what [sensors] says; empty where it is."""
     said = []
-    for name, sd in found_noise(campaign, estimate).items():
+    for name, sd in residual_noise(campaign, estimate).items():
         nominal, (factor, unit) = campaign.sensors[name].noise, shown_unit(name)
         if not nominal / TOLD < sd < nominal * TOLD:
             said.append(f"{sd * factor:.2g} {unit} on {name} ([sensors]: {nominal * factor:.2g} {unit})")

@@ -23,15 +23,15 @@ from seatrial.core.signals import ANGLES, OVER_EARTH, QUATERNION, RATES
 from seatrial.logs.align import align
 from seatrial.logs.axes import Axes
 from seatrial.logs.body_frame import to_body
+from seatrial.logs.log_table import read_log_table
 from seatrial.logs.measured_control import half_a_step_matters, looks_measured, taken_as_measured
-from seatrial.logs.read import read_log
 from seatrial.logs.source import Between, Clock, ColumnMap, LogSource
 
 _LAYOUT = ("clock", "delimiter", "skip_rows", "header_rows", "names", "encoding", "table", "axes")
 """What may be said of a log's layout, see `LogSource`."""
 
 
-def record_of_log(
+def read_log(
     path: Path | str,
     channels: Mapping[str, tuple[str, str]],
     controls: Sequence[str],
@@ -99,7 +99,7 @@ def record_of_log(
     made: dict[str, Role] = dict.fromkeys(
         (*RATES, *ANGLES), "measurement"
     )  # of quaternions, and of velocities over the earth
-    table, cautions = read_log(source), []
+    table, cautions = read_log_table(source), []
     for name in controls:
         column = table.columns[name]
         if name not in lines and half_a_step_matters(column) and looks_measured(table.time, column):
@@ -107,7 +107,7 @@ def record_of_log(
             cautions.append(f"{table.place}, {taken_as_measured(name, 'read_log')}")
             warnings.warn(cautions[-1], stacklevel=2)
     if cautions:
-        table = read_log(replace(source, channels=maps))
+        table = read_log_table(replace(source, channels=maps))
         table = replace(table, cautions=(*table.cautions, *cautions))
     tables = to_body([table], made | {name: roles[name] for name in channels if name not in (*OVER_EARTH, *QUATERNION)})
     return align(tables, step=step, start=start, end=end, label=path.stem if label is None else label)

@@ -11,10 +11,10 @@ from seatrial.campaign.config.named_files import folders_outside
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.data.simulate import Scheduled, add_trial, ask_for, record_keys
 from seatrial.campaign.design.batch import plan_together
+from seatrial.campaign.design.evaluate_schedule import evaluate_own_schedule, evaluate_schedule_after
 from seatrial.campaign.design.free_form import design_free_trial
 from seatrial.campaign.design.schedule import find_schedules, write_schedule
 from seatrial.campaign.design.sweep import design_first, design_next_by_mode
-from seatrial.campaign.design.weigh_own_schedule import judge_own, own_after
 from seatrial.campaign.inference.quick_estimates import best_mode, posterior_modes
 from seatrial.campaign.store.stored_result import Store
 from seatrial.campaign.workflow.loop import run_loop
@@ -109,10 +109,10 @@ def test_the_best_design_as_ones_own_schedule_is_worth_what_it_is_worth(designed
     store = Store(made.folder)
     again = campaign(tmp_path, own=store.schedule(store.design).read_text())
     before = store.design.read_bytes()
-    judged = judge_own(again)
+    judged = evaluate_own_schedule(again)
     assert judged.utility == pytest.approx(judged.beside, rel=2e-3)
     np.testing.assert_allclose(judged.sd, judged.sd_beside, rtol=2e-2)
-    assert judge_own(made).utility != judged.utility
+    assert evaluate_own_schedule(made).utility != judged.utility
     index = judged.names.index("T_nabsn")
     per_turn = judged.sd[index] * (2 * np.pi) ** 2
     said = judged.lines(shown_as_written({"T_nabsn": "N/(rev/s)^2"}))[1]
@@ -189,8 +189,8 @@ def test_every_kind_of_trial_goes_through_the_loop(designed, tmp_path, kind):
     proposal = propose_by_mode(made, first, following, len(trials.fit))
     assert proposal.trial is not None
     assert "by the posterior mode of M-0" in proposal.lines[0]
-    again = own_after(made, first.drawn, following)
-    assert again.utility < judge_own(made).utility
+    again = evaluate_schedule_after(made, first.drawn, following)
+    assert again.utility < evaluate_own_schedule(made).utility
     add_trial(made, proposal.trial)
     assert len(record_keys(made)) == len(labels) + 1
 

@@ -5,7 +5,7 @@ import pytest
 
 from seatrial.core.errors import InputError
 from seatrial.core.record import Channel, Provenance, make_record
-from seatrial.logs.followed import follow
+from seatrial.logs.schedule_match import match_schedule
 
 STEP, N, LOGGED = 0.1, 400, 0.05
 TIME = STEP * np.arange(N)
@@ -33,7 +33,7 @@ def logged(start, length=80.0, lag=0.0, noise=0.0, gain=1.0):
 
 @pytest.mark.parametrize("start", [0.0, 12.35, 33.0, -6.0, 60.0])
 def test_a_trial_is_found_where_it_was_run(start):
-    found = follow(logged(start, noise=1.0), TIME, {"n": COMMANDED}, "mine.csv")
+    found = match_schedule(logged(start, noise=1.0), TIME, {"n": COMMANDED}, "mine.csv")
     assert found.start == pytest.approx(start, abs=0.06)
     assert found.controls[0].gain == pytest.approx(1.0, abs=0.02)
     assert found.cautions == []
@@ -45,7 +45,7 @@ def test_a_trial_is_found_where_it_was_run(start):
 
 def test_the_start_is_that_of_the_largest_correlation_and_its_numbers_those_of_numpy():
     one = logged(17.0, lag=0.4, noise=2.0)
-    found = follow(one, TIME, {"n": COMMANDED}, "mine.csv")
+    found = match_schedule(one, TIME, {"n": COMMANDED}, "mine.csv")
     x, every = one.channel("n"), np.arange(int(40.0 / LOGGED) * 1)
     best = max(every, key=lambda i: np.corrcoef(x[i : i + 2 * N : 2], COMMANDED)[0, 1] if i + 2 * N <= x.size else -1)
     assert found.start == pytest.approx(best * LOGGED, abs=STEP)
@@ -60,7 +60,7 @@ def test_two_controls_agree_on_one_start():
     place = np.clip(((time - 20.0) / STEP + 1e-9).astype(int), 0, N - 1)
     inside = (time >= 20.0) & (time < 60.0)
     columns = {"n": np.where(inside, COMMANDED[place], 125.0), "delta_r": np.where(inside, rudder[place], 0.0)}
-    found = follow(record(columns, time), TIME, {"n": COMMANDED, "delta_r": rudder}, "mine.csv")
+    found = match_schedule(record(columns, time), TIME, {"n": COMMANDED, "delta_r": rudder}, "mine.csv")
     assert found.start == pytest.approx(20.0, abs=0.06)
     assert [one.name for one in found.controls] == ["n", "delta_r"]
 
@@ -76,9 +76,9 @@ def test_two_controls_agree_on_one_start():
 )
 def test_what_is_no_log_of_the_trial_is_refused(made, said):
     with pytest.raises(InputError, match=said):
-        follow(made(), TIME, {"n": COMMANDED}, "mine.csv")
+        match_schedule(made(), TIME, {"n": COMMANDED}, "mine.csv")
 
 
 def test_a_control_that_hardly_follows_is_told():
-    found = follow(logged(12.0, lag=4.0), TIME, {"n": COMMANDED}, "mine.csv")
+    found = match_schedule(logged(12.0, lag=4.0), TIME, {"n": COMMANDED}, "mine.csv")
     assert "did not follow what was commanded well" in found.cautions[0]

@@ -40,7 +40,7 @@ SAME_UNIT = 0.02
 _LAYOUT = {"delimiter": None, "skip_rows": 0, "header_rows": 1, "names": None, "encoding": "utf-8"}
 
 
-def read_log(source: LogSource) -> LogTable:
+def read_log_table(source: LogSource) -> LogTable:
     """Read one table of one log.
 
     Empty cells of text (also `NA`, `nan`, `null`) and NaN are gaps; anything else that is not a finite number is an
@@ -145,7 +145,7 @@ def read_stamped(source: LogSource, columns: Sequence[str], words: Sequence[str]
         words: columns that may hold words.
 
     Raises:
-        InputError: as `read_log`.
+        InputError: as `read_log_table`.
     """
     form = format_of(source.path)
     _check_layout(source, form)

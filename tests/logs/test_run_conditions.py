@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from seatrial.core.errors import InputError
-from seatrial.logs.keep import parse_condition, spans_of
-from seatrial.logs.read import read_log
+from seatrial.logs.log_table import read_log_table
+from seatrial.logs.run_conditions import parse_condition, spans_of
 from seatrial.logs.source import ColumnMap, LogSource
 from tests.logs.log_writers import ROWS, STAMPS, json_mcap, mavlink_json, ros_1, ros_2
 
@@ -48,7 +48,7 @@ def test_words_are_no_channel_and_numbers_no_words(text):
     with pytest.raises(InputError, match='no "MANUAL" in any row'):
         spans(text, 'volts == "MANUAL"', "rows")
     with pytest.raises(InputError, match="words"):
-        read_log(LogSource(text, None, None, {"u": ColumnMap("mode", "m/s", "measurement")}))
+        read_log_table(LogSource(text, None, None, {"u": ColumnMap("mode", "m/s", "measurement")}))
 
 
 @pytest.mark.parametrize("when", ['mode > "MANUAL"', 'mode == "MANUAL', "mode == MANUAL", 'mode == "A" or mode == "B"'])

@@ -9,7 +9,7 @@ import scipy
 from jaxtyping import Bool, Float
 
 from seatrial.core.errors import NumericalError
-from seatrial.design.free_form_course import (
+from seatrial.design.free_form_objective import (
     Course,
     Setup,
     Watched,

@@ -20,7 +20,7 @@ from jaxtyping import Bool, Float
 
 from seatrial.core.errors import InputError, nearest
 from seatrial.logs.known_messages import ARDUSUB_MODES, MODE_MESSAGES, autopilot_message
-from seatrial.logs.read import Stamped, read_stamped
+from seatrial.logs.log_table import Stamped, read_stamped
 from seatrial.logs.source import LogSource
 
 _RELATIONS = {
