@@ -21,6 +21,7 @@ PROBES = {
     "": "seatrial --version && seatrial vehicle remus100_surge && seatrial init demo && seatrial prior demo --quiet",
     "ros": "printf '\\211MCAP0\\r\\n' > a.mcap && seatrial inspect a.mcap",
     "ardupilot": "printf '\\0\\006\\012\\044\\030\\036\\100\\0\\375' > a.tlog && seatrial inspect a.tlog",
+    "px4": "printf 'ULog\\001\\022\\065\\001' > a.ulg && seatrial inspect a.ulg",
     "parquet": "printf 'PAR1' > a.parquet && seatrial inspect a.parquet",
     "dashboard": "seatrial init demo && timeout 20 seatrial serve demo --port 0 --no-browser",
     "cluster": "seatrial init demo && SEATRIAL_WORKERS=tcp://127.0.0.1:1 seatrial design demo",

@@ -54,7 +54,6 @@ def test_many_blocks_are_one_table(written, monkeypatch):
         monkeypatch.setattr(f"seatrial.logs.formats.{module}.BLOCK_ROWS", 7)
     monkeypatch.setattr("seatrial.logs.formats.dataflash._PIECE", 100)
     monkeypatch.setattr("seatrial.logs.formats.telemetry._PIECE", 100)
-    monkeypatch.setattr("seatrial.logs.formats.ulog._PIECE", 100)
     raw = read_columns(LogFile(written.path), written.table, [written.surge, written.clock], [written.clock])
     np.testing.assert_array_equal(raw.columns[written.surge], written.surge_values)
     np.testing.assert_array_equal(raw.columns[written.clock], written.stamps)
@@ -293,6 +292,7 @@ def test_telemetry_passes_over_garbage_and_bad_checksums(tmp_path):
         ("rosbags.rosbag2", "mcap", "ros"),
         ("pyarrow", "parquet", "parquet"),
         ("pymavlink.dialects.v20.ardupilotmega", "telemetry", "ardupilot"),
+        ("pyulog", "ulog", "px4"),
     ],
 )
 def test_missing_extra_names_the_command(tmp_path, monkeypatch, library, name, extra):
