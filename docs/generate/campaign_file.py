@@ -38,6 +38,7 @@ HEADINGS: dict[str, type[BaseModel]] = {
     "[filter]": schema.FilterTable,
     "[estimation]": schema.EstimationTable,
     "[selection]": schema.SelectionTable,
+    "[checks]": schema.ChecksTable,
     "[compute]": schema.ComputeTable,
     "[compute.slurm]": schema.SlurmTable,
 }

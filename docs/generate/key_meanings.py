@@ -309,6 +309,7 @@ MEANINGS: dict[str, dict[str, tuple[str, str]]] = {
         ),
         "thin": ("", "keep one draw in so many"),
     },
+    "ChecksTable": {"accept": ("", "codes of findings that are accepted, such as `clock-shift`")},
     "ComputeTable": {
         "workers": (
             "",

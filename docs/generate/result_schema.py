@@ -31,6 +31,7 @@ def schema() -> dict[str, Any]:
         "files": {"type": "object", "additionalProperties": {"type": "string"}},
         "cautions": texts,
         "alarms": texts,
+        "findings": {"type": "array", "items": _schema_of(shapes.Finding, found)},
     }
     cases = [
         {"if": {"properties": {"command": {"const": command}}}, "then": {"properties": {"result": result}}}
@@ -59,6 +60,7 @@ def page() -> str:
         "| `result` | see below, or null | what was found |",
         "| `files` | texts by name | what was written |",
         "| `cautions`, `alarms` | texts | what to know before using the result, and why not to use it |",
+        "| `findings` | list of Finding | cautions and alarms with their codes and values, and accepted findings |",
         "",
         "A wrong option ends with code 2 and prints no document, nor does a command that is interrupted. The JSON Schema comes with the",
         "package, as `seatrial/apps/results.schema.json`.",
@@ -69,7 +71,7 @@ def page() -> str:
         parts += [f"## {command}", ""]
         for one in _types_in(shape):
             parts += _rows(one, shown)
-    parts += ["## Problem", "", *_rows(shapes.Problem, shown)]
+    parts += ["## Problem", "", *_rows(shapes.Problem, shown), "## Finding", "", *_rows(shapes.Finding, shown)]
     return "\n".join(parts)
 
 
@@ -102,7 +104,7 @@ def _words(kind: Any) -> str:
         return f"{_words(inside[1])} by name"
     if origin in (Union, types.UnionType):
         return " or ".join("null" if one is type(None) else _words(one) for one in inside)
-    return {str: "text", int: "integer", float: "number", bool: "true or false"}[kind]
+    return {str: "text", int: "integer", float: "number", bool: "true or false", object: "any value"}[kind]
 
 
 def _types_in(kind: Any) -> list[Any]:
@@ -128,7 +130,7 @@ def _schema_of(kind: Any, definitions: dict[str, Any]) -> dict[str, Any]:
         if all(set(one) == {"type"} for one in found):
             return {"type": [one["type"] for one in found]}
         return {"anyOf": found}
-    return {"type": SIMPLE[kind]}
+    return {} if kind is object else {"type": SIMPLE[kind]}
 
 
 def _object(properties: dict[str, Any], required: list[str]) -> dict[str, Any]:

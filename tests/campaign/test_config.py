@@ -49,6 +49,11 @@ MISTAKES = {
     "unknown control": (('control = "n"', 'control = "delta_r"'), "design.control", "n"),
     "limit of another control": (("[limits.n]", "[limits.m]"), "limits.m", "use one of: n"),
     "no quiet tail": (('active = "20 s"', 'active = "40 s"'), "design.active", "lengthen"),
+    "unknown code of a finding": (
+        ("seed = 3", 'seed = 3\n[checks]\naccept = ["step-too-long"]'),
+        "step-too-long",
+        'did you mean "steps-too-long"?',
+    ),
     "truth of an unknown term": (("X_u = -1.21", "X_w = -1.21"), "truth.X_w", "did you mean"),
     "truth of a term put out": (
         ("X_u = -1.21", "X_uu = -1.21"),

@@ -191,7 +191,7 @@ def test_what_a_regression_leaves_out_is_said(tmp_path):
         )
     )
     full, _ = regressions(campaign, get_trials(campaign))
-    assert "a regression of accelerations ignores delay, which biases its values" in full.caution
+    assert "a regression of accelerations ignores delay, which biases its values" in " ".join(full.cautions)
 
 
 def test_masses_and_known_forces_with_which_all_coefficients_scale_are_named(tmp_path):

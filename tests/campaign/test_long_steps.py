@@ -1,4 +1,4 @@
-"""Steps that are too long for a fit are told with the shift of each parameter, which a fit in short steps confirms."""
+"""Steps that are too long for a fit are reported with the shift of each parameter, which a fit in short steps confirms."""
 
 import numpy as np
 import pytest
@@ -44,7 +44,7 @@ def fitted(folder, step):
     return posterior, find_mode(posterior, 0), record
 
 
-def test_steps_that_move_a_fit_are_told_and_shorter_ones_confirm_it(tmp_path):
+def test_steps_that_move_a_fit_are_reported_and_shorter_ones_confirm_it(tmp_path):
     """Means over 0.1 s of a motion of 0.3 s: the linear step to half the steps foretells the fit at 0.02 s, to a fifth of the shift."""
     posterior, mode, record = fitted(tmp_path / "coarse", 0.1)
     assert record.provenance.options["averaged"] == {"u": AVERAGED}
@@ -55,11 +55,12 @@ def test_steps_that_move_a_fit_are_told_and_shorter_ones_confirm_it(tmp_path):
     exact = ((mode.values - fine.values) / mode.sd)[at]
     assert np.abs(exact).max() > 2.0
     assert shift[at] == pytest.approx(exact, abs=0.2 * np.abs(exact).max() + 0.3)
-    (said,) = long_steps(posterior, mode, [record])
-    assert f"they shift X_tau_X by {shift[at[0]]:+.1f} sd; set" in said
-    assert said.endswith('set step = "0.02 s" under [import]')
+    (finding,) = long_steps(posterior, mode, [record])
+    assert (finding.code, finding.level, finding.remedies) == ("steps-too-long", "caution", ("shorter-step",))
+    assert dict(zip(finding.subject, finding.values["shifts"], strict=True))["X_tau_X"] == pytest.approx(shift[at[0]])
+    assert finding.values["shorter"] == pytest.approx(FINE)
 
 
-def test_steps_that_move_nothing_are_not_told(tmp_path):
+def test_steps_that_move_nothing_are_not_reported(tmp_path):
     posterior, mode, record = fitted(tmp_path / "fine", FINE)
     assert long_steps(posterior, mode, [record]) == []

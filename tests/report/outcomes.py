@@ -111,6 +111,7 @@ def make_outcome(folder: Path, alarms: tuple[str, ...] = (), gain: float = 1.0) 
         "coefficients": [_row(chosen, name) for name in chosen.names],
         "verdicts": list(selection.verdicts),
         "cautions": [f"held-back run {HELD} is predicted poorly: 40% of the variance of u explained"],
+        "findings": [],
         "alarms": list(alarms),
         "choice_alarms": [],
         "usable": not any(text.startswith(f"{chosen.structure.label}: ") for text in alarms),

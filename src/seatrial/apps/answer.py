@@ -5,7 +5,7 @@ the results: `result_shapes.py`.
 """
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from enum import IntEnum
@@ -17,6 +17,7 @@ import typer
 
 from seatrial import __version__
 from seatrial.core.errors import InputError, NumericalError, SeatrialError, file_error
+from seatrial.core.findings import Finding, Level, Message, accept
 from seatrial.core.visible import visible
 
 
@@ -47,7 +48,8 @@ class Answer:
     def __init__(self, command: str = "", as_json: bool = False) -> None:
         self.command, self.as_json = command, as_json
         self.said: list[tuple[str, bool]] = []
-        self.told: dict[str, Any] = {"result": {}, "files": {}, "cautions": [], "alarms": []}
+        self.accepted: Collection[str] = ()
+        self.told: dict[str, Any] = {"result": {}, "files": {}, "cautions": [], "alarms": [], "findings": []}
 
     def say(self, text: str, err: bool = False) -> None:
         """Print some lines, and remember them."""
@@ -68,19 +70,37 @@ class Answer:
         """Add a file to those that `--json` names."""
         self.told["files"][what] = str(path)
 
-    def caution(self, text: str) -> None:
-        """Say what a reader must know, on standard error."""
-        self.say(f"caution: {text}", err=True)
-        self.told["cautions"].append(text)
+    def caution(self, *messages: Message) -> None:
+        """Print what a reader must know, on standard error."""
+        self._warn("caution", messages)
 
-    def finish(self, alarms: Sequence[str], cautions: Sequence[str]) -> Exit:
+    def finish(self, alarms: Sequence[Message], cautions: Sequence[Message]) -> Exit:
         """Print what is wrong to standard error, and say by the exit code whether results may be used."""
-        for text in cautions:
-            self.caution(text)
-        for text in alarms:
-            self.say(f"alarm: {text}", err=True)
-        self.told["alarms"] += alarms
-        return Exit.ALARMS if alarms else Exit.OK
+        self._warn("caution", cautions)
+        return Exit.ALARMS if self._warn("alarm", alarms) else Exit.OK
+
+    def give_findings(self, findings: Sequence[Finding]) -> None:
+        """Add findings that are printed elsewhere to those that `--json` prints."""
+        from seatrial.messages.render import remedy, statement
+
+        self.told["findings"] += [
+            plain({**vars(one), "message": statement(one), "remedy": remedy(one)}) for one in findings
+        ]
+
+    def _warn(self, level: Level, messages: Sequence[Message]) -> bool:
+        """Print messages, accepted findings in one line each; returns whether others remain."""
+        from seatrial.messages.render import blocks, sentences, statement
+
+        findings = accept((one for one in messages if isinstance(one, Finding)), self.accepted)
+        self.give_findings(findings)
+        for one in findings:
+            if one.is_accepted:
+                self.say(statement(one), err=True)
+        remaining = [one for one in messages if not (isinstance(one, Finding) and one.code in self.accepted)]
+        for text in blocks(remaining):
+            self.say(f"{level}: {text}", err=True)
+        self.told[f"{level}s"] += sentences(remaining)
+        return bool(remaining)
 
     def kept(self, code: Exit) -> dict[str, Any]:
         """Return what is kept of the answer, to be given again."""

@@ -45,6 +45,7 @@ COMMANDS = {
     "next": Command("loop:next_trial", "the next trial"),
     "report": Command("loop:report", "the page of results"),
     "run": Command("loop:run", "the whole loop, with the report"),
+    "explain": Command("catalogue:explain"),
     "benchmark": Command("benchmark:benchmark"),
     "serve": Command("serve:serve"),
     "export": Command("export:export", "the estimated vehicle as files for a simulator"),

@@ -21,6 +21,31 @@ class Problem(TypedDict):
     remedy: str
 
 
+class Finding(TypedDict):
+    """One finding: its code, level (pass, note, caution or alarm), what it concerns, numbers in SI, one sentence, and what to do."""
+
+    code: str
+    level: str
+    subject: list[str]
+    values: dict[str, object]
+    remedies: list[str]
+    message: str
+    remedy: str
+
+
+class Code(TypedDict):
+    """A code of a finding, and its title."""
+
+    code: str
+    title: str
+
+
+class Explain(TypedDict):
+    """`explain`: the codes that are listed or explained."""
+
+    codes: list[Code]
+
+
 class Named(TypedDict):
     """A quantity by its name, and its SI unit."""
 
@@ -466,7 +491,7 @@ class Records(TypedDict):
     records: list[RecordRow]
 
 
-class Finding(TypedDict):
+class RecordCheck(TypedDict):
     """One check of one signal."""
 
     signal: str
@@ -482,7 +507,7 @@ class Checked(TypedDict):
 
     label: str
     level: str
-    findings: list[Finding]
+    findings: list[RecordCheck]
 
 
 class Check(TypedDict):
@@ -712,6 +737,7 @@ class Benchmark(TypedDict, total=False):
 
 RESULTS = {
     "vehicle": Vehicle,
+    "explain": Explain,
     "init": Init,
     "prior": Prior,
     "design": Designs,

@@ -228,7 +228,7 @@ def checked(judged: Iterable[Any]) -> dict[str, Any]:
     """Return what was found about each record."""
 
     def row(one: Any) -> dict[str, Any]:
-        findings = [picked(finding, shapes.Finding) for finding in one.findings]
+        findings = [picked(finding, shapes.RecordCheck) for finding in one.findings]
         return picked(one, shapes.Checked, label=one.record.label, findings=findings)
 
     return {"records": list(map(row, judged))}

@@ -1,4 +1,4 @@
-"""The published vehicles: their names, and the page of one."""
+"""Pages of the published vehicles and of the codes of findings."""
 
 from typing import Annotated
 
@@ -28,3 +28,16 @@ def vehicle(
         found = load_vehicle(name)
         answer.say(vehicle_page(name, found).rstrip("\n"))
         answer.give(vehicle=results.vehicle(name, found))
+
+
+def explain(
+    code: Annotated[str | None, typer.Argument(help="Code of a finding; all codes are listed if left out.")] = None,
+) -> None:
+    """Explain a finding: its meaning, how it is decided, and what to do."""
+    from seatrial.messages.catalogue import ENTRIES, entry_of
+    from seatrial.messages.explain import explanation, listing
+
+    answer = current_answer()
+    entries = ENTRIES if code is None else {code: entry_of(code, "CODE")}
+    answer.say((listing() if code is None else explanation(code)).rstrip("\n"))
+    answer.give(codes=[{"code": name, "title": entry.title} for name, entry in entries.items()])

@@ -250,7 +250,7 @@ def _first_answers(campaign: Any, reporter: Any, answer: Answer, by: By, window:
         [one.held_back for one in tested],
     )
     doubts += held_back_cautions(campaign, trials) if by is By.MODE else []
-    return answer.finish(alarms + unseen, [*doubts, *(one.caution for one in found if one.caution)])
+    return answer.finish(alarms + unseen, [*doubts, *(text for one in found for text in one.cautions)])
 
 
 def _judge_unseen(

@@ -160,7 +160,7 @@ def _by_mode(campaign: Any, reporter: Any) -> _Found:
     first = best_mode(modes)
     designs = design_next_by_mode(campaign, first.drawn, reporter)
     proposal = propose_by_mode(campaign, first, designs, len(trials.fit))
-    cautions = [MODE, *(one.alarm or one.caution for one in modes if one.alarm or one.caution)]
+    cautions = [MODE, *(text for one in modes for text in ([one.alarm] if one.alarm else one.cautions))]
     return _Found(proposal, designs, evaluate_schedule_after(campaign, first.drawn, designs), [], cautions)
 
 
@@ -170,6 +170,7 @@ def _tell_and_report(answer: Answer, outcome: Any, proposal: Any) -> Exit:
     from seatrial.campaign.inference.judge_predictions import fit_complaints
     from seatrial.campaign.store.estimates import with_model_error
     from seatrial.campaign.store.structures import QUOTED
+    from seatrial.core.findings import decoded
     from seatrial.report.page import write_report
 
     summary = outcome.summary
@@ -205,6 +206,7 @@ def _tell_and_report(answer: Answer, outcome: Any, proposal: Any) -> Exit:
     answer.wrote("averaged", write_averaged(folder, averages, shown))
     told = fit_complaints([fit for fit in outcome.fits if not fit.advice], outcome.pooled)
     told += [one.sentence for one in outcome.compared]
+    answer.give_findings(decoded(summary["findings"]))
     return answer.finish(summary["alarms"], [text for text in summary["cautions"] if text not in told])
 
 

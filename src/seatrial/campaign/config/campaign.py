@@ -77,6 +77,7 @@ class Campaign:
         estimation: likelihood and chains.
         selection: effort behind each evidence.
         compute: where work is done.
+        accepted: codes of findings that are right but known.
         known_from: folders of earlier campaigns, of which priors and fixed coefficients are.
         folder: of results, and of files that are named relative to it.
         text: the campaign file, which says on what line a key stands; empty where there is none. No part of what is computed.
@@ -103,6 +104,7 @@ class Campaign:
     estimation: EstimationSettings = EstimationSettings()
     selection: SelectionSettings = SelectionSettings()
     compute: ComputeSettings = ComputeSettings()
+    accepted: frozenset[str] = frozenset()
     known_from: tuple[str, ...] = ()
     folder: Path = Path()
     text: str = ""

@@ -48,6 +48,7 @@ from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError, located, nearest
 from seatrial.core.signals import ANGLES, PROPULSION, QUATERNION, signal_unit, thruster_controls
 from seatrial.estimation.posterior.unknowns import may_vary, unknowns_of
+from seatrial.messages.catalogue import entry_of
 from seatrial.selection.structures import Structure
 from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.thrusters import ThrustLaw, controls_of
@@ -164,6 +165,7 @@ def _campaign(file: CampaignFile, keys: FileKeys) -> Campaign:
         estimation=estimation,
         selection=SelectionSettings(file.selection.particles, file.selection.repeats, file.selection.draws),
         compute=_compute(file.compute),
+        accepted=_accepted(file, keys),
         known_from=known_from,
         folder=folder,
         text=keys.text,
@@ -179,6 +181,13 @@ def _campaign(file: CampaignFile, keys: FileKeys) -> Campaign:
     check_truth(campaign)
     _check_start(campaign, is_trim_stated=file.design is not None and file.design.trim is not None)
     return campaign
+
+
+def _accepted(file: CampaignFile, keys: FileKeys) -> frozenset[str]:
+    """Return the codes of accepted findings, each of which the catalogue has."""
+    for code in file.checks.accept:
+        entry_of(code, keys.where("checks.accept"))
+    return frozenset(file.checks.accept)
 
 
 def _laws(vehicle: CampaignVehicle) -> dict[str, ThrustLaw]:

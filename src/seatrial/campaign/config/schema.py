@@ -489,6 +489,15 @@ class ComputeTable(Table):
     slurm: SlurmTable | None = None
 
 
+class ChecksTable(Table):
+    """`[checks]`: findings that are right but known. Each is then one line, not a caution or an alarm.
+
+    `seatrial explain` lists the codes.
+    """
+
+    accept: list[str] = []
+
+
 class CampaignFile(Table):
     """The whole file."""
 
@@ -509,4 +518,5 @@ class CampaignFile(Table):
     filter: FilterTable = FilterTable()
     estimation: EstimationTable = EstimationTable()
     selection: SelectionTable = SelectionTable()
+    checks: ChecksTable = ChecksTable()
     compute: ComputeTable = ComputeTable()

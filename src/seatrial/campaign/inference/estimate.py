@@ -27,6 +27,7 @@ from seatrial.compiled.random_keys import fold_in
 from seatrial.core.argument_checks import check_kind
 from seatrial.core.dataset import Dataset
 from seatrial.core.errors import NumericalError
+from seatrial.core.findings import Message, encoded
 from seatrial.core.reporter import SILENT, Progress, Reporter
 from seatrial.estimation.diagnostics.prior_checks import information_complaints
 from seatrial.estimation.diagnostics.robust_errors import RobustErrors, robust_errors
@@ -202,7 +203,7 @@ def _dataset(
     missing: tuple[LeftOut, ...],
     draws: Draws,
     at: Mapping[str, float],
-    doubts: Sequence[str],
+    doubts: Sequence[Message],
 ) -> Dataset:
     values = draws.values
     health = diagnose(values)
@@ -252,7 +253,7 @@ def _dataset(
             "acceptance": draws.acceptance,
             "laplace_log_evidence": mode.log_evidence,
             "alarms": json.dumps(complaints(names, health) + complaints_of_draws(draws)),
-            "cautions": json.dumps(cautions),
+            "cautions": json.dumps(encoded(cautions)),
             "at_bounds": json.dumps([sentence for _, sentence in mode.at_bounds]),
         },
     )

@@ -4,13 +4,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from seatrial.core.findings import Finding
 from seatrial.core.record import SIMULATED, Record
 from seatrial.estimation.posterior.mode import Mode
 from seatrial.estimation.posterior.posterior import Posterior
-from seatrial.estimation.posterior.step_shift import shorter_step, step_shift, step_words
+from seatrial.estimation.posterior.step_shift import check_step, shorter_step, step_shift
 
 
-def long_steps(posterior: Posterior, mode: Mode, records: Sequence[Record]) -> list[str]:
+def long_steps(posterior: Posterior, mode: Mode, records: Sequence[Record]) -> list[Finding]:
     """Return which parameters the steps of the records move by more than a standard deviation, and which step helps.
 
     Args:
@@ -26,4 +27,4 @@ def long_steps(posterior: Posterior, mode: Mode, records: Sequence[Record]) -> l
     if shift is None:
         return []
     step = max(float(np.median(np.diff(record.time))) for record in records)
-    return step_words(posterior, shift, step, shorter_step(step, averaged))
+    return check_step(posterior, shift, step, shorter_step(step, averaged))

@@ -5,7 +5,7 @@ are those of a normal posterior (Laplace); the regression needs no simulation an
 `seatrial.estimation.regression.equation_error` says by how much.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import combinations
@@ -33,6 +33,7 @@ from seatrial.campaign.inference.prior_and_record import check_prior_of
 from seatrial.campaign.store.estimates import with_model_error
 from seatrial.campaign.store.stored_result import Store, key_of, write_stamped_json
 from seatrial.core.errors import NumericalError
+from seatrial.core.findings import Finding, Message
 from seatrial.core.record import Record
 from seatrial.core.reporter import SILENT, Progress, Reporter, run_side_by_side
 from seatrial.estimation.diagnostics.prior_checks import prior_contradictions
@@ -84,7 +85,7 @@ class FirstAnswer:
         heads: what the pairs are.
         note: what belongs to all of them, in a few words.
         alarm: why there is no answer; empty if there is one.
-        caution: what is wrong with it; empty if nothing is.
+        cautions: what is wrong with it.
         held_back: how it predicts what was not fitted; None where nothing is predicted.
         log_evidence: of the structure, by Laplace; None where there is none.
         wider: standard deviations that survive an error of the model, where they are larger by more than a half.
@@ -100,7 +101,7 @@ class FirstAnswer:
     heads: tuple[str, ...] = ()
     note: str = ""
     alarm: str = ""
-    caution: str = ""
+    cautions: tuple[Message, ...] = ()
     held_back: HeldBack | None = None
     log_evidence: float | None = None
     wider: Mapping[str, float] = field(default_factory=dict)
@@ -256,7 +257,7 @@ def _answer(study: Study, structure: Structure, trials: Trials, whole: Mode | Nu
         rows,
         ("mode",),
         note,
-        caution="; ".join(f"{structure.label}: {text}" for text in cautions),
+        cautions=_of_structure(structure, cautions),
         held_back=held_back,
         log_evidence=float(mode.log_evidence),
         wider=wider,
@@ -299,10 +300,16 @@ def _regression(campaign: Campaign, structure: Structure, trials: Trials, window
         rows,
         ("plain", "refined"),
         _how(found, window),
-        caution="; ".join(
-            f"{structure.label}: {text}" for text in (found.status, ignored(campaign, structure)) if text
-        ),
+        cautions=_of_structure(structure, filter(None, (found.status, ignored(campaign, structure)))),
         shown={name: campaign.shown(name, unit) for name, unit, _ in rows},
+    )
+
+
+def _of_structure(structure: Structure, messages: Iterable[Message]) -> tuple[Message, ...]:
+    """Return messages that name the structure that they are about."""
+    return tuple(
+        one.among(structure=structure.label) if isinstance(one, Finding) else f"{structure.label}: {one}"
+        for one in messages
     )
 
 

@@ -15,8 +15,10 @@ from seatrial.core.dataset import Dataset
 from seatrial.core.dataset_file import open_dataset
 from seatrial.core.display_units import Shown
 from seatrial.core.errors import InputError
+from seatrial.core.findings import Message, decoded
 from seatrial.core.result_table import table_html, table_text
 from seatrial.estimation.prediction.remedies import listed, measured, percent
+from seatrial.messages.render import sentences
 from seatrial.selection.structures import Structure
 
 if TYPE_CHECKING:
@@ -94,9 +96,9 @@ class Estimate:
         return json.loads(self.data.attrs["alarms"])
 
     @property
-    def cautions(self) -> list[str]:
+    def cautions(self) -> tuple[Message, ...]:
         """What a reader must know."""
-        return json.loads(self.data.attrs["cautions"])
+        return decoded(json.loads(self.data.attrs["cautions"]))
 
     @property
     def at_bounds(self) -> list[str]:
@@ -143,7 +145,7 @@ class Estimate:
 
     @property
     def _remarks(self) -> list[str]:
-        return [*self.alarms, *self.cautions]
+        return [*self.alarms, *sentences(self.cautions)]
 
     __repr__ = table_text
     _repr_html_ = table_html

@@ -15,6 +15,7 @@ from seatrial.campaign.store.stored_result import decoding, read_json
 from seatrial.core.dataset import Dataset
 from seatrial.core.dataset_file import open_dataset
 from seatrial.core.display_units import shown_unit
+from seatrial.core.findings import Message, decoded
 from seatrial.estimation.prediction.baseline_comparison import Comparison
 from seatrial.estimation.prediction.pooled_coverage import Pooled
 
@@ -205,6 +206,7 @@ class Summary:
         structures: candidates.
         verdicts: which terms the data support, in words.
         cautions: what to know before using the numbers.
+        findings: those of them that have codes, and accepted ones.
         alarms: health checks that failed.
         choice_alarms: those of them that are about the probabilities of models and terms.
         usable: whether none of these is about the chosen structure's numbers.
@@ -225,6 +227,7 @@ class Summary:
     structures: tuple[StoredStructure, ...]
     verdicts: tuple[str, ...]
     cautions: tuple[str, ...]
+    findings: tuple[Message, ...]
     alarms: tuple[str, ...]
     choice_alarms: tuple[str, ...]
     usable: bool
@@ -486,6 +489,7 @@ def read_summary(path: Path, made_by: str) -> Summary:
             structures=tuple(_decode_structure(item) for item in content["structures"]),
             verdicts=tuple(content["verdicts"]),
             cautions=tuple(content["cautions"]),
+            findings=decoded(content.get("findings", ())),  # none of earlier versions
             alarms=tuple(content["alarms"]),
             choice_alarms=tuple(content["choice_alarms"]),
             usable=bool(content["usable"]),

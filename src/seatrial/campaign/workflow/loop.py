@@ -27,9 +27,11 @@ from seatrial.campaign.workflow.steps import LOOP, Workflow, stored_summary
 from seatrial.campaign.workflow.whole_run import WholeRun, size_of
 from seatrial.core.argument_checks import check_kind
 from seatrial.core.errors import InputError
+from seatrial.core.findings import Finding, Message, accept, encoded
 from seatrial.core.reporter import SILENT, Reporter
 from seatrial.core.signals import signal_unit
 from seatrial.estimation.simulation.sensor_errors import noise_name
+from seatrial.messages.render import sentences
 
 OF_NEXT_TRIAL = ("next", "contenders")
 """Steps without which all that was found so far still holds."""
@@ -121,7 +123,7 @@ def summarise(outcome: Outcome) -> dict[str, Any]:
     records = [*outcome.trials.fit, *outcome.trials.predict]
     # In order of gravity: what touches the values that are printed, then the records, then what nothing rests on.
     # Every surface takes its cautions from here, so that one that prints none has none further down.
-    cautions = [*fit_complaints(outcome.fits, outcome.pooled), *comparison_cautions(outcome.compared)]
+    cautions: list[Message] = [*fit_complaints(outcome.fits, outcome.pooled), *comparison_cautions(outcome.compared)]
     cautions += [*(effect.sentence for effect in chosen.left_out), *chosen.cautions, *outcome.known.cautions]
     cautions += selection.cautions
     cautions += [] if outcome.contenders is None else outcome.contenders.cautions(selection)
@@ -130,6 +132,8 @@ def summarise(outcome: Outcome) -> dict[str, Any]:
     cautions += held_back_cautions(campaign, outcome.trials)
     cautions += filter_complaints(outcome.filter, _fitted_noise(outcome))
     cautions += [*outcome.screening_cautions, *outcome.idle_complaints]
+    findings = accept((one for one in cautions if isinstance(one, Finding)), campaign.accepted)
+    cautions = [one for one in cautions if not (isinstance(one, Finding) and one.code in campaign.accepted)]
     return {
         "name": campaign.name,
         "chosen": chosen.structure.label,
@@ -139,8 +143,9 @@ def summarise(outcome: Outcome) -> dict[str, Any]:
         "quoted": selection.quoted,
         "structures": structure_rows(selection),
         "verdicts": list(selection.verdicts),
-        "cautions": list(dict.fromkeys(cautions)),
+        "cautions": sentences(cautions),
         "alarms": [*outcome.own_alarms, *outcome.other_alarms],
+        "findings": encoded(findings),
         "choice_alarms": outcome.choice_alarms,
         "usable": not outcome.own_alarms,
         "known": asdict(outcome.known),

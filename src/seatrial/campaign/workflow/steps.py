@@ -240,7 +240,7 @@ def stored_summary(flow: Workflow) -> StoredResult[Summary]:
             keys.append(None)
     read = partial(read_summary, made_by=f"seatrial run {campaign.folder}")
     layout = [field.name for field in fields(Summary)]
-    key = key_of("summary", layout, keys, campaign.name, campaign.prior_units, campaign.goal)
+    key = key_of("summary", layout, keys, campaign.name, campaign.prior_units, campaign.goal, sorted(campaign.accepted))
     return StoredResult(Store(campaign.folder).summary, key, read)
 
 

@@ -19,14 +19,15 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from seatrial.compiled.programs import program
+from seatrial.core.findings import Finding
 from seatrial.estimation.posterior.information import is_noise
 from seatrial.estimation.posterior.mode import Mode
 from seatrial.estimation.posterior.output_error import OutputError
 from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.estimation.posterior.slopes import likelihood_slopes
 
-MATTERS, NAMED = 1.0, 4
-"""Standard deviations from which a shift is told, and parameters that are named."""
+MIN_SHIFT, MAX_NAMED = 1.0, 4
+"""Standard deviations from which a shift is reported, and parameters that are named."""
 
 
 def step_shift(
@@ -60,25 +61,23 @@ def step_shift(
     return (mode.cov @ (slope * (gradient - without)) / sd)[posterior.places]
 
 
-def step_words(posterior: Posterior, shift: Float[np.ndarray, " k"], step: float, shorter: float) -> list[str]:
-    """Say which parameters the steps move by more than their standard deviation, the noise left out, and which step helps.
+def check_step(posterior: Posterior, shift: Float[np.ndarray, " k"], step: float, shorter: float) -> list[Finding]:
+    """Report the parameters that the steps move by more than their standard deviation, the noise left out.
 
     Args:
         posterior: whose parameters they are.
         shift: of `step_shift`.
         step: of the records, s.
-        shorter: to import with instead, s.
+        shorter: one that helps, s.
     """
-    told = [i for i in np.argsort(-np.abs(shift)) if abs(shift[i]) >= MATTERS and not is_noise(posterior)[i]]
-    if not told:
+    moved = [i for i in np.argsort(-np.abs(shift)) if abs(shift[i]) >= MIN_SHIFT and not is_noise(posterior)[i]]
+    if not moved:
         return []
-    names = posterior.present_names
-    said = ", ".join(f"{names[i]} by {shift[i]:+.1f} sd" for i in told[:NAMED])
-    more = f" and {len(told) - NAMED} more" if len(told) > NAMED else ""
-    return [
-        f"the steps of {step:.2g} s are too long for numbers this precise: beside steps half as long they shift {said}{more}; "
-        f'set step = "{shorter:.2g} s" under [import]'
-    ]
+    named = moved[:MAX_NAMED]
+    values = {"shifts": tuple(float(shift[i]) for i in named), "more": len(moved) - len(named)}
+    subject = tuple(posterior.present_names[i] for i in named)
+    lengths = {"step": step, "shorter": shorter}
+    return [Finding("steps-too-long", "caution", subject, {**values, **lengths}, ("shorter-step",))]
 
 
 def shorter_step(step: float, averaged: Float[np.ndarray, "trials m"]) -> float:

@@ -14,9 +14,11 @@ from seatrial.campaign.inference.judge_predictions import held_back_alarms
 from seatrial.campaign.store.structures import QUOTED, RARE, condition_of
 from seatrial.campaign.workflow.next_trial import propose
 from seatrial.campaign.workflow.outcome import Outcome
+from seatrial.core.findings import Finding, decoded
 from seatrial.estimation.prediction.baseline_comparison import CLEAR
 from seatrial.estimation.prediction.fit_verdict import WORSE_THAN_MEAN, explained_share
 from seatrial.estimation.prediction.remedies import listed
+from seatrial.messages.render import sentences
 from seatrial.report.drawing import (
     digits_of,
     factors_of,
@@ -117,7 +119,12 @@ def find(outcome: Outcome, kind: str) -> list[dict[str, Any]]:
     texts = list(outcome.summary[{"alarm": "alarms", "finding": "verdicts", "caution": "cautions"}[kind]])
     if kind == "alarm":
         texts.sort(key=lambda text: (text not in outcome.held_back_alarms, text not in outcome.own_alarms))
-    return [{"kind": kind, "text": text} for text in _sentences(outcome, texts)]
+    found = [{"kind": kind, "text": text} for text in _sentences(outcome, texts)]
+    findings = decoded(outcome.summary["findings"])
+    accepted = sentences(one for one in findings if isinstance(one, Finding) and one.is_accepted)
+    return found + [
+        {"kind": "finding", "text": text} for text in _sentences(outcome, accepted if kind == "caution" else [])
+    ]
 
 
 def _checks(count: int) -> str:

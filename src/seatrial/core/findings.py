@@ -1,0 +1,72 @@
+"""Findings: results of checks as plain data, which numerical packages return and `messages` puts into words."""
+
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any, Literal
+
+Level = Literal["pass", "note", "caution", "alarm"]
+"""A pass found nothing wrong; a note casts no doubt on a result; an alarm forbids using it."""
+LEVELS: tuple[Level, ...] = ("alarm", "caution", "note", "pass")
+"""In order of gravity."""
+Value = bool | int | float | str | tuple["Value", ...]
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One result of a check.
+
+    Attributes:
+        code: entry of the catalogue, in readable words such as `residuals-correlated`; codes are stable.
+        level: how grave it is.
+        subject: signals, coefficients or parameters that it concerns.
+        values: numbers in SI and names that the sentence needs; `run` and `structure` say where it was found.
+        remedies: names of remedies of the catalogue, the best first.
+    """
+
+    code: str
+    level: Level
+    subject: tuple[str, ...] = ()
+    values: Mapping[str, Value] = field(default_factory=dict, hash=False)
+    remedies: tuple[str, ...] = ()
+
+    def among(self, **values: Value) -> "Finding":
+        """Return the same finding with further values, such as the run in which it was made."""
+        return replace(self, values={**self.values, **values})
+
+    @property
+    def is_accepted(self) -> bool:
+        """Whether the user knows of it and accepts it."""
+        return bool(self.values.get("accepted"))
+
+
+Message = Finding | str
+"""A finding, or a sentence of a check that has no code yet."""
+
+
+def accept(findings: Iterable[Finding], codes: Collection[str]) -> list[Finding]:
+    """Return findings in which cautions and alarms of accepted codes are notes without a remedy."""
+    return [
+        replace(one, level="note", remedies=()).among(accepted=True)
+        if one.code in codes and one.level in ("caution", "alarm")
+        else one
+        for one in findings
+    ]
+
+
+def encoded(messages: Iterable[Message]) -> list[Any]:
+    """Return messages as JSON has them."""
+    return [asdict(one) if isinstance(one, Finding) else one for one in messages]
+
+
+def decoded(items: Iterable[Any]) -> tuple[Message, ...]:
+    """Return messages from their JSON."""
+    return tuple(one if isinstance(one, str) else _decode(one) for one in items)
+
+
+def _decode(item: Mapping[str, Any]) -> Finding:
+    values = {name: _as_tuple(value) for name, value in item["values"].items()}
+    return Finding(item["code"], item["level"], tuple(item["subject"]), values, tuple(item["remedies"]))
+
+
+def _as_tuple(value: Any) -> Value:
+    return tuple(map(_as_tuple, value)) if isinstance(value, list | tuple) else value

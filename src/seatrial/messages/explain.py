@@ -1,0 +1,56 @@
+"""Pages of the catalogue: one entry for `seatrial explain CODE`, and all of them for `docs/findings.md`."""
+
+from dataclasses import replace
+
+from seatrial.messages.catalogue import ENTRIES, REMEDIES, SUBJECTS, entry_of
+from seatrial.messages.entry import filled_in
+from seatrial.messages.render import sentence
+
+_PLACES = {"command": "Command line", "python": "Python", "page": "Dashboard"}
+
+
+def explanation(code: str, where: str = "code", heading: str = "#") -> str:
+    """Return the page of one code, as Markdown that also reads well on a terminal.
+
+    Raises:
+        InputError: no such code.
+    """
+    entry = entry_of(code, where)
+    example, limits = entry.example, _limits(code)
+    lines = [
+        f"{heading} {code}",
+        "",
+        f"**{entry.title}.** {entry.meaning}",
+        "",
+        f"Decided: {filled_in(entry.decided, example.subject, limits)}",
+        "",
+        f"Example ({example.level}): {sentence(replace(example, remedies=()))}.",
+    ]
+    for name in entry.remedies or example.remedies:
+        lines.append("")
+        for form, place in _PLACES.items():
+            if form == "command" or getattr(REMEDIES[name], form):
+                lines.append(f"- {place}: {filled_in(REMEDIES[name].of(form), example.subject, example.values)}.")
+    return "\n".join(lines) + "\n"
+
+
+def listing() -> str:
+    """Return every code with its title, one a line."""
+    width = max(map(len, ENTRIES))
+    return "\n".join(f"{code:<{width}}  {entry.title}" for code, entry in ENTRIES.items())
+
+
+def page() -> str:
+    """Return the page of all codes."""
+    parts = [
+        "# Findings\n",
+        "Each message about a result has a code. `seatrial explain CODE` prints its entry, `--json` lists codes under `findings`,\n"
+        'and `[checks] accept = ["CODE"]` in the campaign file turns a caution or alarm that you know of into one line.\n',
+    ]
+    for subject, file in SUBJECTS.items():
+        parts += [f"## {subject}\n", *(explanation(code, heading="###") for code in file.ENTRIES)]
+    return "\n".join(parts)
+
+
+def _limits(code: str) -> dict[str, float]:
+    return next(file.thresholds() for file in SUBJECTS.values() if code in file.ENTRIES)

@@ -1,0 +1,81 @@
+"""Findings in words: one sentence each, its remedies, and groups of equal findings."""
+
+from collections.abc import Iterable, Sequence
+
+from seatrial.core.findings import Finding, Message
+from seatrial.messages.catalogue import ENTRIES, REMEDIES
+from seatrial.messages.entry import Form, filled_in
+
+MAX_RUNS_NAMED = 6
+"""Runs that one sentence names."""
+
+
+def statement(finding: Finding, also: Sequence[str] = ()) -> str:
+    """Return what was found in one sentence without a final stop.
+
+    Args:
+        finding: to put into words.
+        also: other runs with an equal finding.
+    """
+    text = filled_in(ENTRIES[finding.code].template(finding.level), finding.subject, finding.values)
+    if run := finding.values.get("run"):
+        text = f"run {run}: {text}"
+    if structure := finding.values.get("structure"):
+        text = f"{structure}: {text}"
+    if finding.is_accepted:
+        text = f"accepted: {text}"
+    named = ", ".join(also[:MAX_RUNS_NAMED])
+    more = f" and {len(also) - MAX_RUNS_NAMED} more" if len(also) > MAX_RUNS_NAMED else ""
+    return f"{text} (in {len(also) + 1} runs, also {named}{more})" if also else text
+
+
+def remedy(finding: Finding, form: Form = "command") -> str:
+    """Return what to do, without a final stop; empty where there is nothing to do."""
+    texts = [filled_in(REMEDIES[name].of(form), finding.subject, finding.values) for name in finding.remedies]
+    return "; or ".join(texts)
+
+
+def sentence(finding: Finding, form: Form = "command", also: Sequence[str] = ()) -> str:
+    """Return what was found and what to do, without a final stop; `also` as in `statement`."""
+    text, do = statement(finding, also), remedy(finding, form)
+    return f"{text}. {do[:1].upper()}{do[1:]}" if do else text
+
+
+def grouped(findings: Iterable[Finding]) -> list[tuple[Finding, tuple[str, ...]]]:
+    """Return the findings, of those that differ in run and numbers only the first, with the runs of the others."""
+    groups: dict[tuple, list[Finding]] = {}
+    for one in findings:
+        key = (one.code, one.level, one.subject, one.values.get("structure"), "run" in one.values, one.is_accepted)
+        groups.setdefault(key, []).append(one)
+    return [
+        (first, tuple(str(other.values["run"]) for other in others if "run" in other.values))
+        for first, *others in groups.values()
+    ]
+
+
+def sentences(messages: Iterable[Message], form: Form = "command") -> list[str]:
+    """Return the sentences of messages, equal findings over runs as one, each sentence once."""
+    return [text if not do else f"{text}. {do}" for text, do in _parts(messages, form)]
+
+
+def blocks(messages: Iterable[Message], form: Form = "command") -> list[str]:
+    """Return messages as `sentences` does, but each remedy on a line of its own, below the last finding that has it."""
+    parts = _parts(messages, form)
+    later = [{do for _, do in parts[at + 1 :]} for at in range(len(parts))]
+    return [
+        f"{text}\n  {do}." if do and do not in others else text for (text, do), others in zip(parts, later, strict=True)
+    ]
+
+
+def _parts(messages: Iterable[Message], form: Form) -> list[tuple[str, str]]:
+    """Return what was found and what to do, of each message that differs in more than its run and its numbers."""
+    items = list(messages)
+    groups = {id(first): also for first, also in grouped(one for one in items if isinstance(one, Finding))}
+    parts = []
+    for one in items:
+        if isinstance(one, str):
+            parts.append((one, ""))
+        elif id(one) in groups:
+            do = remedy(one, form)
+            parts.append((statement(one, groups[id(one)]), do[:1].upper() + do[1:]))
+    return list(dict.fromkeys(parts))
