@@ -20,7 +20,9 @@ from seatrial.design.trial_plan import plan_trial
 from seatrial.manoeuvres.family import Family
 from seatrial.manoeuvres.free_form import SteppedInput
 from seatrial.manoeuvres.manoeuvre import Limits
-from seatrial.vehicles.surge import SurgeHull, surge_vehicle, trim_speed
+from seatrial.vehicles.hull import Hull
+from seatrial.vehicles.linearise import trim_speed
+from seatrial.vehicles.whole import whole_vehicle
 
 GROUP = "D-optimal free form, 60 intervals, 6 000 steps"
 CAP = 100.0
@@ -95,7 +97,11 @@ def reached(cores: int) -> list[Row | Ratio]:
 
 def golden() -> FreeFormProblem:
     """The paper's surge vehicle at 750 rpm, 200 rpm either way, speed measured."""
-    model = surge_vehicle(SurgeHull("paper", 30.47, 1 - SHARE, {"X_udot": 30.47 - MASS}), ("X_u", "X_uabsu", "T_nabsn"))
+    model = whole_vehicle(
+        Hull("paper", 30.47, thrust_deduction=1 - SHARE, fixed={"X_udot": 30.47 - MASS}),
+        ("X_u", "X_uabsu", "T_nabsn"),
+        moves=("u",),
+    )
     speed = trim_speed(model, dict(zip(("X_u", "X_uabsu", "T_nabsn"), VALUES, strict=True)), [TRIM])
     plan = plan_trial(model, [speed], {"u": SIGMA}, SAMPLES, STEP)
     form = SteppedInput("n", TRIM, SAMPLES * STEP, 0.0, SAMPLES * STEP, SIZE)

@@ -13,7 +13,8 @@ from seatrial.manoeuvres.family import Family
 from seatrial.numerics.gaussian import Gaussian
 from seatrial.numerics.state_space import StateSpace
 from seatrial.vehicles.discretise import discretise
-from seatrial.vehicles.surge import SurgeHull, surge_vehicle
+from seatrial.vehicles.hull import Hull
+from seatrial.vehicles.whole import whole_vehicle
 
 TERMS = {
     "X_u": -1.2,
@@ -27,9 +28,7 @@ TERMS = {
     "T_n2": 1e-6,
 }
 """Coefficients in the order in which they are added, SI."""
-HULL = SurgeHull(
-    name="benchmark", mass=30.48, fixed={"X_udot": -0.93}, thrust_deduction=0.1, trim={"u": 1.54, "n": 125.0}
-)
+HULL = Hull(name="benchmark", mass=30.48, fixed={"X_udot": -0.93}, thrust_deduction=0.1, trim={"u": 1.54, "n": 125.0})
 FAMILY = Family("n", 125.0, duration=60.0, active=40.0, sample_time=0.1)
 AMPLITUDES, PERIODS = np.linspace(5.0, 30.0, 10), np.linspace(3.0, 20.0, 16)
 ON_SCALARS, ON_ARRAYS = (4, 6, 8), (4, 6, 8, 10)
@@ -59,7 +58,7 @@ def seconds(cores: int) -> list[Row]:
 
 def space_of(states: int) -> StateSpace:
     """Surge with so many states, coefficients known to a fifth."""
-    model = surge_vehicle(HULL, list(TERMS)[: states - 1])
+    model = whole_vehicle(HULL, list(TERMS)[: states - 1], moves=("u",))
     mean = np.array([TERMS[term.text] for term in model.coefficients])
     scales = 0.2 * np.abs(mean)
     belief = Gaussian(np.concatenate([[HULL.trim["u"]], mean / scales]), np.eye(states))

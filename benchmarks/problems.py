@@ -14,9 +14,10 @@ from seatrial.numerics.gaussian import independent
 from seatrial.numerics.state_space import StateSpace
 from seatrial.vehicles.catalogue import load_surge
 from seatrial.vehicles.discretise import discretise
+from seatrial.vehicles.hull import Hull
 from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.simulate import simulate
-from seatrial.vehicles.surge import SurgeHull, surge_vehicle
+from seatrial.vehicles.whole import whole_vehicle
 
 ENTRY = load_surge("remus100_surge")
 VALUES = {**ENTRY.coefficients, "X_du3": -0.1, "X_0": -0.05}
@@ -41,8 +42,14 @@ def vehicle(k: int = 3) -> VehicleModel:
     """Surge vehicle of k free coefficients."""
     free = list(VALUES)[:k]
     held = {name: value for name, value in ENTRY.coefficients.items() if name not in free}
-    hull = SurgeHull(ENTRY.hull.name, ENTRY.hull.mass, ENTRY.hull.thrust_deduction, {**ENTRY.hull.fixed, **held}, TRIM)
-    return surge_vehicle(hull, [*free, *held])
+    hull = Hull(
+        ENTRY.hull.name,
+        ENTRY.hull.mass,
+        thrust_deduction=ENTRY.hull.thrust_deduction,
+        fixed={**ENTRY.hull.fixed, **held},
+        trim=TRIM,
+    )
+    return whole_vehicle(hull, [*free, *held], moves=("u",))
 
 
 def trial(n: int, step: float = STEP) -> Record:

@@ -9,7 +9,7 @@ from seatrial.estimation.diagnostics.calibration import DRAWS, Calibration
 from seatrial.estimation.regression.equation_error import fit_equation_error, measured_accelerations
 from seatrial.vehicles.catalogue import load_surge
 from seatrial.vehicles.simulate import simulate
-from seatrial.vehicles.surge import surge_vehicle
+from seatrial.vehicles.whole import whole_vehicle
 
 STEP, SAMPLES = 0.1, 600
 NOISE = {"u": 0.05, "udot": 0.05}
@@ -25,7 +25,7 @@ CHANNELS = (
 def equation_error_ranks(replicates: int) -> Calibration:
     """Place of the truth in the normal distribution that each regression states, in hundredths."""
     entry, random = load_surge("remus100_surge"), np.random.default_rng(11)
-    model = surge_vehicle(entry.hull, list(PRIORS))
+    model = whole_vehicle(entry.hull, list(PRIORS), moves=("u",))
     means, sds = np.array(list(PRIORS.values())).T
     time = np.arange(SAMPLES) * STEP
     control = entry.hull.trim["n"] + 20.0 * np.where(time % 10 < 5, 1.0, -1.0) * (time > 1)

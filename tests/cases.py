@@ -8,8 +8,9 @@ from math import pi, sqrt
 import numpy as np
 
 from seatrial.core.record import Channel, Provenance
+from seatrial.vehicles.hull import Hull
 from seatrial.vehicles.model import VehicleModel
-from seatrial.vehicles.surge import SurgeHull, surge_vehicle
+from seatrial.vehicles.whole import whole_vehicle
 
 RPM = 2 * pi / 60
 TERMS = ("X_u", "X_uabsu", "T_nabsn")
@@ -30,14 +31,14 @@ CHANNELS = (
 PROVENANCE = Provenance("trial.csv", "0" * 64, {"clock": "even"})
 
 
-def paper_hull(**trim: float) -> SurgeHull:
+def paper_hull(**trim: float) -> Hull:
     """Return the hull of the golden numbers."""
-    return SurgeHull("paper", mass=30.47, thrust_deduction=DEDUCTION, fixed={"X_udot": -0.93}, trim=trim)
+    return Hull("paper", mass=30.47, thrust_deduction=DEDUCTION, fixed={"X_udot": -0.93}, trim=trim)
 
 
 def paper_model(*terms: str) -> VehicleModel:
     """Return the surge model of the golden numbers, with the paper's terms unless others are named."""
-    return surge_vehicle(paper_hull(u=U0), terms or TERMS)
+    return whole_vehicle(paper_hull(u=U0), terms or TERMS, moves=("u",))
 
 
 def surge_rate(u, rev_per_s, x_u=X_U, x_uu=X_UU, thrust=THRUST, cubic=0.0):

@@ -1,5 +1,6 @@
 """Section II: the longitudinal vehicle, its linearisation about level flight, and the surge model that is its restriction."""
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import jax.numpy as jnp
@@ -9,9 +10,8 @@ import xarray as xr
 from seatrial.core.display_units import shown_unit
 from seatrial.report.drawing import signal_symbol
 from seatrial.report.figures.style import BLUE, MUTED, ORANGE, PURPLE, thin, unit_label
-from seatrial.vehicles.catalogue import load_longitudinal, load_surge
-from seatrial.vehicles.linearise import linearise
-from seatrial.vehicles.longitudinal import longitudinal_vehicle, surge_restriction
+from seatrial.vehicles.catalogue import load_surge, load_vehicle
+from seatrial.vehicles.linearise import linearise, trim
 from seatrial.vehicles.simulate import simulate
 from studies.remus100.panels import PAGE, key, name_axes, panels
 from studies.remus100.study import Item, Number, Study
@@ -35,12 +35,12 @@ POLES = {"color": BLUE, "marker": "x", "markersize": 5, "markeredgewidth": 1.4, 
 
 def vehicle_part(study: Study) -> xr.Dataset:
     """Linear model of the published REMUS 100, and its answer to a step of n beside the non-linear and the surge model's."""
-    entry = load_longitudinal("remus100_longitudinal")
-    hull, values = entry.hull, entry.coefficients
-    model = longitudinal_vehicle(hull, tuple(values))
-    surge = surge_restriction(hull, tuple(values))
-    state = np.array([hull.trim.get(name, 0.0) for name in model.states])
-    control = np.array([hull.trim[name] for name in model.controls])
+    longitudinal = load_vehicle("remus100_longitudinal")
+    hull, values = longitudinal.hull, dict(longitudinal.coefficients)
+    model = longitudinal.build(positions=("z",))
+    # The vehicle floats: level flight with heave and pitch held is that of a neutrally buoyant one.
+    surge = replace(longitudinal, hull=replace(hull, buoyancy=hull.weight)).build(moves=("u",))
+    state, control = map(np.array, trim(model, values, n=hull.trim["n"]))
     a, b = map(np.asarray, linearise(model, values, state, control))
     pushed = control + CHANGE * np.array([name == "n" for name in model.controls])
     steps, held = jnp.full(N, STEP), jnp.tile(jnp.asarray(pushed), (N, 1))

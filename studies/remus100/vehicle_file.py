@@ -20,8 +20,10 @@ from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError, located
 from seatrial.core.signals import signal_unit
 from seatrial.core.units import quantity
+from seatrial.vehicles.hull import Hull
+from seatrial.vehicles.linearise import trim_speed
 from seatrial.vehicles.model import VehicleModel
-from seatrial.vehicles.surge import SurgeHull, surge_vehicle, trim_speed
+from seatrial.vehicles.whole import whole_vehicle
 
 RPM = 2 * pi / 60
 NAMES = ("X_u", "X_uabsu", "T_nabsn")
@@ -129,13 +131,15 @@ class Reading:
         return self._si(self.source.trim.n, "rad/s", "trim.n")
 
     @cached_property
-    def hull(self) -> SurgeHull:
+    def hull(self) -> Hull:
         """What is known beforehand, trimmed."""
         source, turns = self.source, self.turns
         mass, truth = self._si(source.mass, "kg", "mass"), self.truth
         with located(str(self.path)):
-            hull = SurgeHull(source.name, mass, source.thrust_deduction, source.fixed, {"n": turns})
-            speed = trim_speed(surge_vehicle(hull, NAMES), truth, (turns,))
+            hull = Hull(
+                source.name, mass, thrust_deduction=source.thrust_deduction, fixed=source.fixed, trim={"n": turns}
+            )
+            speed = trim_speed(whole_vehicle(hull, NAMES, moves=("u",)), truth, (turns,))
         # Rounded where rounding errors begin: vehicles of one trim speed then have the same equations, and share compiled code.
         return replace(hull, trim={"u": round(speed, 12), "n": turns})
 
@@ -203,7 +207,7 @@ class Reading:
         """Surge model of eq. (3), with extra terms."""
         hull = self.hull
         with located(str(self.path)):
-            return surge_vehicle(hull, (*NAMES, *extra))
+            return whole_vehicle(hull, (*NAMES, *extra), moves=("u",))
 
     def printed(self, value: float | None) -> float | None:
         """Return a number the paper prints, where this is the paper's vehicle."""

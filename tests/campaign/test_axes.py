@@ -45,5 +45,5 @@ def test_a_trial_is_designed_about_the_trim_of_every_control(campaign):
 def test_a_mass_on_other_axes_is_refused(tmp_path):
     path = write_yaw(tmp_path) / "campaign.toml"
     path.write_text(path.read_text().replace('mass = "unknown"', 'mass = "30 kg"'))
-    with pytest.raises(InputError, match=r"(?s)a model of surge alone.*an unknown mass"):
+    with pytest.raises(InputError, match=r"(?s)which has no part in the motion.*an unknown mass"):
         load_campaign(tmp_path)

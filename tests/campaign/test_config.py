@@ -37,7 +37,7 @@ MISTAKES = {
     "term of another axis": (
         ('"X_u"]', '"Y_v"]'),
         "key structure",
-        "Y_v, a sway force, in a model of surge alone: it has no sway",
+        "Y_v, which has no part in the motion: the model has no sway",
     ),
     "term without a prior": (('"X_u"]', '"X_uu"]'), "prior.X_uu", "add [prior.X_uu]"),
     "prior nothing uses": (("[prior.X_u]", "[prior.X_w]"), "prior.X_", "prior"),

@@ -10,8 +10,9 @@ from scipy.optimize import least_squares
 
 from seatrial.campaign.selection.runner_up import absorbed, change_words, contending
 from seatrial.campaign.store.structures import undecided_words
+from seatrial.vehicles.hull import Hull
 from seatrial.vehicles.simulate import simulate
-from seatrial.vehicles.surge import SurgeHull, surge_vehicle
+from seatrial.vehicles.whole import whole_vehicle
 from tests.report.outcomes import make_contenders, make_outcome
 
 TIME = np.arange(120) * 0.25
@@ -25,9 +26,9 @@ def outcome(tmp_path_factory):
 
 
 def test_what_refitting_cannot_absorb_is_what_a_refit_leaves():
-    hull = SurgeHull("made up", 30.0, fixed={"X_udot": -1.0}, trim={"u": 1.5, "n": 120.0})
-    small = surge_vehicle(hull, ("X_uabsu", "X_tau_X"))
-    large = surge_vehicle(hull, ("X_uabsu", "X_tau_X", "X_u"))
+    hull = Hull("made up", 30.0, fixed={"X_udot": -1.0}, trim={"u": 1.5, "n": 120.0})
+    small = whole_vehicle(hull, ("X_uabsu", "X_tau_X"), moves=("u",))
+    large = whole_vehicle(hull, ("X_uabsu", "X_tau_X", "X_u"), moves=("u",))
     step, start = jnp.full(TIME.size, 0.25), jnp.array([1.5])
 
     def speed(model, values):

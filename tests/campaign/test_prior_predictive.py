@@ -8,7 +8,7 @@ from seatrial.campaign.prior.predictive import FASTEST, N_DRAWS, predict_from_pr
 from seatrial.campaign.prior.summary import prior_alarms, prior_cautions, prior_lines
 from seatrial.core.display_units import shown_as_written
 from seatrial.core.errors import InputError
-from seatrial.vehicles.surge import trim_speed
+from seatrial.vehicles.linearise import trim_speed
 from tests.campaign.small import write_small
 from tests.cases import DEDUCTION, MASS, N0, TRUTH, U0, paper_model
 from tests.estimation_cases import naive_doublets, naive_speed

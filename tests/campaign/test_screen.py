@@ -8,7 +8,7 @@ from seatrial.campaign.selection.screening import can_be_screened, screen_terms,
 from seatrial.core.errors import InputError
 from seatrial.vehicles.catalogue import load_surge
 from seatrial.vehicles.simulate import simulate
-from seatrial.vehicles.surge import surge_vehicle
+from seatrial.vehicles.whole import whole_vehicle
 from tests.campaign.small import write_small
 
 EXTRA = {"X_0": 3.0, "X_u3": 1.0, "T_n": 0.05, "T_un": 0.05, "T_uun": 0.05, "T_unn": 0.001}
@@ -33,7 +33,7 @@ def write_log(folder):
     """Thirty seconds of doublets, simulated with the catalogue's coefficients."""
     time = np.arange(0.0, 30.0, 0.1)
     entry = load_surge("remus100_surge")
-    model = surge_vehicle(entry.hull, list(entry.coefficients))
+    model = whole_vehicle(entry.hull, list(entry.coefficients), moves=("u",))
     control = entry.hull.trim["n"] + 20.0 * np.where(time % 10 < 5, 1.0, -1.0) + 30.0 * np.sin(0.3 * time**1.3)
     start = jnp.array([entry.hull.trim["u"]])
     states = simulate(model, entry.coefficients, jnp.asarray(control[:, None]), jnp.full(time.size, 0.1), start)

@@ -18,8 +18,9 @@ from seatrial.compiled.program_store import NoKey, key_of
 from seatrial.compiled.programs import counts
 from seatrial.estimation.posterior.posterior import Parameter, Posterior
 from seatrial.estimation.priors import Normal, Uniform
+from seatrial.vehicles.hull import Hull
 from seatrial.vehicles.simulate import _trajectory, simulate
-from seatrial.vehicles.surge import SurgeHull, surge_vehicle
+from seatrial.vehicles.whole import whole_vehicle
 
 TOY = """
 import time
@@ -425,7 +426,7 @@ def test_nothing_is_kept_once_the_files_of_the_package_were_changed(toy, done, m
 
 
 def surge(**constants):
-    return surge_vehicle(SurgeHull("AUV", 30.0, **constants), ("X_u", "X_uabsu", "T_nabsn"))
+    return whole_vehicle(Hull("AUV", 30.0, **constants), ("X_u", "X_uabsu", "T_nabsn"), moves=("u",))
 
 
 def posterior(prior, name="a", likelihood=jnp.sum):
@@ -445,10 +446,10 @@ DIFFERENT = {
         surge(thrust_deduction=0.1),
         surge(fixed={"X_udot": -1.0}),
         surge(fixed={"X_udot": -2.0}),
-        surge_vehicle(SurgeHull("AUV", 31.0), ("X_u", "X_uabsu", "T_nabsn")),
-        surge_vehicle(SurgeHull("AUV", None), ("X_u", "X_uabsu", "T_nabsn")),
-        surge_vehicle(SurgeHull("AUV", 30.0), ("X_u", "T_nabsn")),
-        surge_vehicle(SurgeHull("AUV", 30.0), ("X_uabsu", "X_u", "T_nabsn")),
+        whole_vehicle(Hull("AUV", 31.0), ("X_u", "X_uabsu", "T_nabsn"), moves=("u",)),
+        whole_vehicle(Hull("AUV", None), ("X_u", "X_uabsu", "T_nabsn"), moves=("u",)),
+        whole_vehicle(Hull("AUV", 30.0), ("X_u", "T_nabsn"), moves=("u",)),
+        whole_vehicle(Hull("AUV", 30.0), ("X_uabsu", "X_u", "T_nabsn"), moves=("u",)),
     ),
     "functions": (surge, partial(surge), partial(surge, x=1), jnp.sin, np.sin, max, jax.tree_util.Partial(surge)),
 }
@@ -491,7 +492,7 @@ def test_two_vehicles_of_the_same_names_have_programs_of_their_own(toy, done, mo
         speeds = [simulate(model, params, control, step, [0.0])[1:, 0] for model in models]
         assert done() == outcome
         for i, mass in enumerate((30.0, 60.0, 120.0)):
-            twin = surge_vehicle(SurgeHull("twin", mass), ("X_u", "X_uabsu", "T_nabsn"))
+            twin = whole_vehicle(Hull("twin", mass), ("X_u", "X_uabsu", "T_nabsn"), moves=("u",))
             np.testing.assert_allclose(speeds[i], simulate(twin, params, control, step, [0.0])[1:, 0], rtol=1e-12)
         _trajectory.cache_clear()
         done()
@@ -534,10 +535,11 @@ from seatrial.compiled import programs
 engine.configure()
 program_store.OWN_PACKAGES += ("toy",)
 import numpy as np, jax, toy
-from seatrial.vehicles.surge import SurgeHull, surge_vehicle
+from seatrial.vehicles.hull import Hull
+from seatrial.vehicles.whole import whole_vehicle
 found = toy.volume(np.random.default_rng(1).normal(size=(6, 6)))
 assert toy.called(jax.tree_util.Partial(toy.times(3.0)), 1.0) == 3.0
-vehicle = surge_vehicle(SurgeHull("AUV", 30.0), ("X_u", "X_uabsu", "T_nabsn"))
+vehicle = whole_vehicle(Hull("AUV", 30.0), ("X_u", "X_uabsu", "T_nabsn"), moves=("u",))
 print(*programs.counts()[:2], float(found["log"]).hex(), np.asarray(found["root"]).tobytes().hex(), program_store.key_of(vehicle))
 """
 

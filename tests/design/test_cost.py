@@ -16,12 +16,13 @@ from seatrial.design.cost import (
 )
 from seatrial.design.stopping import best_stops
 from seatrial.design.trial_plan import plan_trial
-from seatrial.vehicles.surge import SurgeHull, surge_vehicle
+from seatrial.vehicles.hull import Hull
+from seatrial.vehicles.whole import whole_vehicle
 from tests.cases import N0, RPM, TRUTH, U0, naive_rk4, paper_model, surge_rate
 
 MASS, DRAG, N, STEP = 20.0, 5.0, 120, 0.25
 LENGTH = N * STEP
-LINEAR = surge_vehicle(SurgeHull("linear", MASS, fixed={"X_tau_X": 1.0}), ["X_u"])
+LINEAR = whole_vehicle(Hull("linear", MASS, fixed={"X_tau_X": 1.0}), ["X_u"], moves=("u",))
 PLAN = plan_trial(LINEAR, [0.0], {"u": 0.05}, N, STEP)
 PAPER = plan_trial(paper_model(), [U0], {"u": 0.05}, N, STEP)
 VALUES = np.array([[TRUTH[name] for name in PAPER.names]])

@@ -24,7 +24,8 @@ from seatrial.design.sweep import LANES
 from seatrial.design.trial_plan import plan_trial
 from seatrial.manoeuvres.free_form import SteppedInput, nearest_levels
 from seatrial.manoeuvres.manoeuvre import Limits
-from seatrial.vehicles.surge import SurgeHull, surge_vehicle
+from seatrial.vehicles.hull import Hull
+from seatrial.vehicles.whole import whole_vehicle
 from tests.cases import N0, RPM, TRUTH, U0, paper_model
 from tests.estimation_cases import SIGMA, THRUST_UNIT, naive_doublets, naive_speed
 
@@ -128,7 +129,7 @@ def test_course_against_a_plain_loop_and_its_slope_against_differences():
 def test_first_order_linear_system_against_all_binary_inputs(m, terms):
     """m du/dt = X_u u + tau_X, drag unknown, thrust scale too: the optimum is bang-bang, and the search finds the best of 2^m."""
     fixed = {} if terms == 2 else {"T_tau_X": 1.0}
-    model = surge_vehicle(SurgeHull("linear", 30.0, fixed=fixed), ("X_u", "T_tau_X"))
+    model = whole_vehicle(Hull("linear", 30.0, fixed=fixed), ("X_u", "T_tau_X"), moves=("u",))
     plan = plan_trial(model, [0.2], {"u": 0.05}, 90, 0.2)
     form = SteppedInput("tau_X", 2.0, 18.0, 0.0, 18.0, m)
     points = np.array([[-10.0, 1.0][:terms]])

@@ -8,10 +8,11 @@ from seatrial.design.fisher_utilities import find_criterion
 from seatrial.design.sensor_choice import SensorChoice, sensor_worth
 from seatrial.design.stated_prediction import prediction
 from seatrial.design.trial_plan import plan_trial
-from seatrial.vehicles.surge import SurgeHull, surge_vehicle
+from seatrial.vehicles.hull import Hull
+from seatrial.vehicles.whole import whole_vehicle
 
 MASS, DRAG = 30.0, -6.0
-MODEL = surge_vehicle(SurgeHull("glider", MASS), ("X_uabsu", "X_tau_X"))
+MODEL = whole_vehicle(Hull("glider", MASS), ("X_uabsu", "X_tau_X"), moves=("u",))
 
 
 def test_the_way_of_a_coasting_vehicle_and_its_slope():

@@ -23,13 +23,14 @@ from seatrial.design.motion_limits import MotionLimit
 from seatrial.design.safety import Safety, judge_runs, judge_safety, least_rooms, probability_at_least
 from seatrial.design.trial_plan import plan_trial
 from seatrial.vehicles.axis_equation import axes_vehicle, axis_equation
-from seatrial.vehicles.catalogue import load_longitudinal
-from seatrial.vehicles.longitudinal import longitudinal_vehicle
-from seatrial.vehicles.surge import SurgeHull, surge_vehicle
+from seatrial.vehicles.catalogue import load_vehicle
+from seatrial.vehicles.hull import Hull
+from seatrial.vehicles.linearise import trim
+from seatrial.vehicles.whole import whole_vehicle
 
 MASS, N, STEP = 20.0, 120, 0.25
 LENGTH = N * STEP
-LINEAR = surge_vehicle(SurgeHull("linear", MASS, fixed={"X_tau_X": 1.0}), ["X_u"])
+LINEAR = whole_vehicle(Hull("linear", MASS, fixed={"X_tau_X": 1.0}), ["X_u"], moves=("u",))
 PLAN = plan_trial(LINEAR, [0.0], {"u": 0.05}, N, STEP)
 FORCES = np.array([4.0, 8.0, 16.0])
 STEPS = np.tile(FORCES[:, None, None], (1, N, 1))
@@ -189,9 +190,10 @@ def test_track_against_a_plain_loop():
 
 def test_depth_and_pitch_of_a_diving_vehicle():
     """Least rooms are those of the states that the plan itself shows, and of the state after its last step."""
-    entry = load_longitudinal("remus100_longitudinal")
-    model = longitudinal_vehicle(entry.hull, tuple(entry.coefficients))
-    start = [entry.hull.trim.get(state, 10.0) for state in model.states]
+    entry = load_vehicle("remus100_longitudinal")
+    model = entry.build(positions=("z",))
+    u, w, q, _, theta = trim(model, entry.coefficients, n=entry.hull.trim["n"]).state
+    start = [u, w, q, 10.0, theta]
     longer, plan = (plan_trial(model, start, {"u": 0.05}, n, 0.1) for n in (51, 50))
     control = np.stack([np.full(51, entry.hull.trim["n"]), np.where(np.arange(51) < 15, 0.1, -0.2)], -1)
     values = np.array(list(entry.coefficients.values()))

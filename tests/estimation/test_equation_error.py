@@ -13,7 +13,8 @@ from seatrial.estimation.regression.equation_error import (
     measured_accelerations,
     smoothed_accelerations,
 )
-from seatrial.vehicles.surge import SurgeHull, surge_vehicle
+from seatrial.vehicles.hull import Hull
+from seatrial.vehicles.whole import whole_vehicle
 from tests.cases import TRUTH, paper_model, surge_rate
 from tests.estimation_cases import SIGMA, golden_motion, make_trial, naive_speed
 
@@ -108,7 +109,7 @@ def test_regressors_that_cannot_be_told_apart():
 
 def test_what_is_refused():
     with pytest.raises(InputError, match="unknown added mass"):
-        fit_equation_error(surge_vehicle(SurgeHull("free", 30.47), ("X_u", "X_udot")), [])
+        fit_equation_error(whole_vehicle(Hull("free", 30.47), ("X_u", "X_udot"), moves=("u",)), [])
     gappy = trial(0.0).channel("u").copy()
     gappy[7] = np.nan
     with pytest.raises(InputError, match="gaps in u"):

@@ -15,7 +15,8 @@ from seatrial.estimation.priors import LogUniform, Normal, Uniform
 from seatrial.estimation.simulation.sensor_errors import Sensor
 from seatrial.sampling.target import evaluate
 from seatrial.vehicles.axis_equation import axes_vehicle, axis_equation
-from seatrial.vehicles.surge import SurgeHull, surge_vehicle
+from seatrial.vehicles.hull import Hull
+from seatrial.vehicles.whole import whole_vehicle
 
 TRUTH = {"Y_v": -0.8, "Y_ur": -0.3, "Y_delta_r": 0.4, "N_v": -1.5, "N_r": -2.0, "N_rabsr": -6.0, "N_delta_r": -1.2}
 PRIORS = {name: Normal(0.0, 5.0) for name in TRUTH}
@@ -69,7 +70,11 @@ def test_the_guess_stays_inside_the_priors():
 
 def test_added_mass_is_found_by_several_steps():
     """Forces over an unknown mass are no longer linear in the coefficients."""
-    vehicle = surge_vehicle(SurgeHull("boat", 30.0, 0.0, {}, {"u": 1.0}), ("X_udot", "X_uabsu", "T_nabsn"))
+    vehicle = whole_vehicle(
+        Hull("boat", 30.0, thrust_deduction=0.0, fixed={}, trim={"u": 1.0}),
+        ("X_udot", "X_uabsu", "T_nabsn"),
+        moves=("u",),
+    )
     truth, priors = {"X_udot": -6.0, "X_uabsu": -5.0, "T_nabsn": 5e-4}, {}
     time = 0.1 * np.arange(600)
     n = 100.0 + 40.0 * np.sign(np.sin(0.7 * time))

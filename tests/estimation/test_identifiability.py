@@ -24,7 +24,8 @@ from seatrial.estimation.prediction.remedies import listed, measured, percent, w
 from seatrial.estimation.priors import Normal, Uniform
 from seatrial.estimation.simulation.sensor_errors import Sensor
 from seatrial.numerics.integrate import rk4_step
-from seatrial.vehicles.surge import SurgeHull, surge_vehicle
+from seatrial.vehicles.hull import Hull
+from seatrial.vehicles.whole import whole_vehicle
 from tests.cases import DEDUCTION, MASS, TRUTH, U0, paper_model
 from tests.estimation_cases import SIGMA, golden_posterior, make_trial, naive_doublets, posterior
 
@@ -192,7 +193,7 @@ def test_only_the_product_of_thrust_and_deduction():
 
 def test_free_added_mass():
     """With added mass unknown beside X_u, X_uabsu and T, m - X_udot scales: X_udot by (m - X_udot) / -X_udot."""
-    model = surge_vehicle(SurgeHull("free", mass=30.47, thrust_deduction=DEDUCTION), [*TRUTH, "X_udot"])
+    model = whole_vehicle(Hull("free", mass=30.47, thrust_deduction=DEDUCTION), [*TRUTH, "X_udot"], moves=("u",))
     parameters = [*WIDE, Parameter("X_udot", "kg", "X_udot", Normal(-0.93, 1.0))]
     control = 2 * np.pi * naive_doublets(np.arange(300) * 0.1, 200, 10, active=20)[:, None]
     found = identifiability_of_design(parameters, model, control, 0.1, [U0], {"u": SIGMA, "udot": 0.1})

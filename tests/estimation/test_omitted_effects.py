@@ -13,7 +13,7 @@ from seatrial.estimation.posterior.record_posterior import make_posterior
 from seatrial.estimation.priors import LogUniform, Normal, Uniform
 from seatrial.estimation.simulation.sensor_errors import Sensor
 from seatrial.vehicles.axis_equation import axes_vehicle, axis_equation
-from seatrial.vehicles.surge import surge_vehicle
+from seatrial.vehicles.whole import whole_vehicle
 from tests.cases import PROVENANCE
 from tests.estimation_cases import make_trial
 from tests.selection.run_cases import FIXED_DRAG
@@ -176,7 +176,7 @@ def posterior_of(lag=0.0, cubic=0.0, seed=1, noise="white", drift=0.0, late=0, t
     priors = {"X_u": Normal(-1.2, 1.5), "X_uabsu": Normal(-3.0, 3.0), "T_nabsn": Normal(6e-4, 3e-4)}
     priors = {name: priors[name] for name in terms}
     priors |= {"sigma_u": LogUniform(0.002, 0.5), "u_0": Normal(1.5, 0.3)} | SLOW[noise]
-    return make_posterior(surge_vehicle(FIXED_HULL, terms), record, priors, [Sensor("u", noise)])
+    return make_posterior(whole_vehicle(FIXED_HULL, terms, moves=("u",)), record, priors, [Sensor("u", noise)])
 
 
 def two_axes_of(coupling, drag=0.0, seed=2):
@@ -246,7 +246,7 @@ def test_a_command_that_was_measured_while_it_changed_leads_by_half_a_step(is_li
     record = make_trial(STEP * np.arange(SAMPLES), n / (2 * np.pi), "one", u=shown)
     priors = {"X_u": Normal(-1.2, 1.5), "X_uabsu": Normal(-3.0, 3.0), "T_nabsn": Normal(6e-4, 3e-4)}
     priors |= {"sigma_u": LogUniform(1e-5, 0.5), "u_0": Normal(1.5, 0.3)}
-    posterior = make_posterior(surge_vehicle(FIXED_HULL, tuple(TRUTH)), record, priors, ["u"])
+    posterior = make_posterior(whole_vehicle(FIXED_HULL, tuple(TRUTH), moves=("u",)), record, priors, ["u"])
     found = omitted_effects(posterior, find_mode(posterior, 0)).found
     assert [one.effect.kind for one in found[:1]] == ["command lead"] * is_line
     assert not is_line or abs(found[0].size - STEP / 2) < 4 * found[0].sd + 0.002

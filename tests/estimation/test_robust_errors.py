@@ -11,7 +11,7 @@ from seatrial.estimation.posterior.mode import find_mode
 from seatrial.estimation.posterior.posterior import posterior_of_density
 from seatrial.estimation.posterior.record_posterior import make_posterior
 from seatrial.estimation.priors import Normal, Uniform, truncated_normal
-from seatrial.vehicles.surge import surge_vehicle
+from seatrial.vehicles.whole import whole_vehicle
 from tests.estimation_cases import make_trial
 from tests.selection.run_cases import (
     FIXED_DRAG,
@@ -111,7 +111,9 @@ def test_blocks_of_one_run(memory, least, most):
     noise = coloured(rng, len(rev), memory)
     record = make_trial(STEP * np.arange(len(rev)), rev, "one", u=speed(rev, 1.0, *TRUTH.values()) + NOISE * noise)
     priors = {"sigma_u": Normal(NOISE, 0.2 * NOISE)} | {name: Normal(*numbers) for name, numbers in PRIOR.items()}
-    joint = make_posterior(surge_vehicle(FIXED_DRAG, tuple(PRIOR)), record, priors, ["u"], start={"u": 1.0})
+    joint = make_posterior(
+        whole_vehicle(FIXED_DRAG, tuple(PRIOR), moves=("u",)), record, priors, ["u"], start={"u": 1.0}
+    )
     found = robust_errors(joint, find_mode(joint, 0))
     assert 6 <= found.pieces.count <= 24
     assert "blocks of" in found.pieces.basis
@@ -132,7 +134,9 @@ def test_at_the_bound_of_a_prior_the_steps_are_along_the_values():
     for upper in (20.0, TRUTH["X_0"] - 0.1):
         priors = {"sigma_u": Normal(NOISE, 0.2 * NOISE), "X_0": Uniform(-20.0, upper)}
         priors["T_nabsn"] = Normal(*PRIOR["T_nabsn"])
-        joint = make_posterior(surge_vehicle(FIXED_DRAG, tuple(PRIOR)), record, priors, ["u"], start={"u": 1.0})
+        joint = make_posterior(
+            whole_vehicle(FIXED_DRAG, tuple(PRIOR), moves=("u",)), record, priors, ["u"], start={"u": 1.0}
+        )
         found = robust_errors(joint, find_mode(joint, 0))
         ratios.append(found.pieces.ratio[[found.names.index(name) for name in PRIOR]])
     np.testing.assert_allclose(ratios[1], ratios[0], rtol=0.02)
@@ -148,7 +152,9 @@ def test_a_block_with_nearly_all_of_the_residuals_moves_no_value_out_of_sight():
     priors = {"sigma_u": truncated_normal(NOISE, 20 * NOISE, lower=0.0)} | {
         name: Normal(*numbers) for name, numbers in PRIOR.items()
     }
-    joint = make_posterior(surge_vehicle(FIXED_DRAG, tuple(PRIOR)), record, priors, ["u"], start={"u": 1.0})
+    joint = make_posterior(
+        whole_vehicle(FIXED_DRAG, tuple(PRIOR), moves=("u",)), record, priors, ["u"], start={"u": 1.0}
+    )
     ratio = robust_errors(joint, find_mode(joint, 0)).pieces.ratio
     assert ratio.min() > 2
     assert ratio.max() < 20

@@ -7,10 +7,11 @@ from seatrial.core.record import Channel, Provenance, make_record
 from seatrial.estimation.prediction.short_horizon import short_horizons
 from seatrial.estimation.simulation.sensor_errors import Sensor
 from seatrial.estimation.simulation.simulator import Simulator
-from seatrial.vehicles.surge import SurgeHull, surge_vehicle
+from seatrial.vehicles.hull import Hull
+from seatrial.vehicles.whole import whole_vehicle
 
 STEP, MASS = 0.1, 2.0
-FORCED = surge_vehicle(SurgeHull("forced", MASS, fixed={"X_tau_X": 1.0}), ["X_u"])
+FORCED = whole_vehicle(Hull("forced", MASS, fixed={"X_tau_X": 1.0}), ["X_u"], moves=("u",))
 SIMULATOR = Simulator(FORCED, (Sensor("u"),))
 CHANNELS = (Channel("tau_X", "N", "control"), Channel("u", "m/s", "measurement"))
 

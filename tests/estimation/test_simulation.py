@@ -7,7 +7,8 @@ from seatrial.estimation.simulation.sensor_errors import Sensor
 from seatrial.estimation.simulation.simulator import Feedback, Simulator
 from seatrial.manoeuvres.pilot import Moment
 from seatrial.vehicles.actuators import Actuator, with_actuators
-from seatrial.vehicles.surge import SurgeHull, surge_vehicle
+from seatrial.vehicles.hull import Hull
+from seatrial.vehicles.whole import whole_vehicle
 from tests.cases import TRUTH, U0, paper_model, surge_rate
 from tests.estimation_cases import naive_speed
 
@@ -48,7 +49,7 @@ def test_delayed_control_is_continuous_in_the_delay():
     assert np.allclose(below, above, atol=1e-7)
 
 
-FORCED = surge_vehicle(SurgeHull("forced", 2.0, fixed={"X_tau_X": 1.0}), ["X_u"])
+FORCED = whole_vehicle(Hull("forced", 2.0, fixed={"X_tau_X": 1.0}), ["X_u"], moves=("u",))
 FREE = {"X_u": 0.0}
 """Without drag the speed is the integral of the force, so that it shows the mean of what acts over each step, and its rate what acts at
 each sample."""

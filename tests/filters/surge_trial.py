@@ -8,13 +8,14 @@ import numpy as np
 from seatrial.numerics.gaussian import independent
 from seatrial.numerics.state_space import StateSpace
 from seatrial.vehicles.discretise import discretise
-from seatrial.vehicles.surge import SurgeHull, surge_vehicle
+from seatrial.vehicles.hull import Hull
+from seatrial.vehicles.whole import whole_vehicle
 from tests.cases import DEDUCTION, SCALES, THRUST, U0, X_U, X_UU, naive_rk4, surge_rate
 from tests.filters.textbook import Problem
 
 N_SAMPLES = 120
-HULL = SurgeHull("known linear drag", 30.47, DEDUCTION, {"X_udot": -0.93, "X_u": X_U})
-MODEL = surge_vehicle(HULL, ("X_uabsu", "T_nabsn"))
+HULL = Hull("known linear drag", 30.47, thrust_deduction=DEDUCTION, fixed={"X_udot": -0.93, "X_u": X_U})
+MODEL = whole_vehicle(HULL, ("X_uabsu", "T_nabsn"), moves=("u",))
 TRUE_STATE = np.array([U0, X_UU, THRUST])
 MEAN = TRUE_STATE * [1.0, 0.75, 0.75]
 SD = np.array([0.1, 1.5, 0.03])

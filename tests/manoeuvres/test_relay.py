@@ -10,9 +10,9 @@ from seatrial.core.errors import InputError
 from seatrial.manoeuvres.manoeuvre import Limits, check_limits
 from seatrial.manoeuvres.relay import RelayFamily, replay, run_relay
 from seatrial.numerics.gaussian import independent
-from seatrial.vehicles.catalogue import load_longitudinal
+from seatrial.vehicles.catalogue import load_vehicle
 from seatrial.vehicles.discretise import discretise
-from seatrial.vehicles.longitudinal import longitudinal_vehicle
+from seatrial.vehicles.linearise import trim
 from seatrial.vehicles.simulate import simulate
 from tests.cases import N0, RPM, SCALES, THRUST, TRUTH, U0, X_U, X_UU, naive_rk4, paper_model, riccati_speed, surge_rate
 
@@ -140,20 +140,19 @@ def test_replay_is_the_same_trial_in_open_loop():
 
 def test_pitch_zigzag_of_the_longitudinal_vehicle():
     """Down stern plane lowers the nose: with the effect said, pitch swings about trim at a depth that hardly changes."""
-    entry = load_longitudinal("remus100_longitudinal")
-    hull = replace(entry.hull, fixed={**entry.hull.fixed, **entry.coefficients})
-    trim = [entry.hull.trim[name] for name in ("u", "w", "q", "theta")]
-    start = jnp.array([*trim[:3], 0.0, trim[3]])
-    model = longitudinal_vehicle(hull, ())
+    entry = load_vehicle("remus100_longitudinal")
+    level = trim(entry.build(positions=("z",)), entry.coefficients, n=125.0)
+    start, pitch_trim, stern_plane = jnp.array(level.state), level.state[4], level.control[1]
+    model = entry.build(positions=("z",), free=())
     space = discretise(model, ("q", "theta"), independent(start, np.ones(5)), np.zeros(5), np.ones(2))
-    controls = (("n", 125.0), ("delta_s", entry.hull.trim["delta_s"]))
-    family = RelayFamily(controls, "delta_s", "theta", trim[3], duration=40.0, sample_time=0.05, effect=-1.0)
+    controls = (("n", 125.0), ("delta_s", stern_plane))
+    family = RelayFamily(controls, "delta_s", "theta", pitch_trim, duration=40.0, sample_time=0.05, effect=-1.0)
     run = run_relay(space, family, 0.15, 0.2, start)
     assert (run.control[:, 0] == 125.0).all()
-    assert np.unique(run.control[:, 1]) == pytest.approx(entry.hull.trim["delta_s"] + np.array([-0.15, 0.15]))
+    assert np.unique(run.control[:, 1]) == pytest.approx(stern_plane + np.array([-0.15, 0.15]))
     assert run.switches >= 8
     assert 0.2 <= run.reached < 0.3
-    pitch = np.asarray(run.outputs[:, 1]) - trim[3]
+    pitch = np.asarray(run.outputs[:, 1]) - pitch_trim
     assert pitch.max() > 0.2
     assert pitch.min() < -0.2
     assert np.abs(run.state[:, 3]).max() < 1.5

@@ -5,7 +5,8 @@ from scipy import stats
 
 from seatrial.estimation.posterior.record_posterior import make_posterior
 from seatrial.estimation.priors import Normal, half_normal
-from seatrial.vehicles.surge import SurgeHull, surge_vehicle
+from seatrial.vehicles.hull import Hull
+from seatrial.vehicles.whole import whole_vehicle
 from tests.cases import DEDUCTION, MASS, naive_rk4
 from tests.estimation_cases import make_trial
 
@@ -13,8 +14,8 @@ NOISE, START_SD, STEP, N = 0.05, 0.1, 0.25, 48
 DRAG = -6.0
 PRIOR = {"T_nabsn": (1.6e-3, 3e-4), "X_0": (0.0, 0.5)}
 TRUTH = {"T_nabsn": 1.5e-3, "X_0": 0.3}
-HULL = SurgeHull("linear", mass=MASS - 0.93, thrust_deduction=DEDUCTION, fixed={"X_udot": -0.93})
-FIXED_DRAG = SurgeHull("linear", mass=MASS - 0.93, thrust_deduction=DEDUCTION, fixed={"X_udot": -0.93, "X_u": DRAG})
+HULL = Hull("linear", mass=MASS - 0.93, thrust_deduction=DEDUCTION, fixed={"X_udot": -0.93})
+FIXED_DRAG = Hull("linear", mass=MASS - 0.93, thrust_deduction=DEDUCTION, fixed={"X_udot": -0.93, "X_u": DRAG})
 
 
 def speed(rev, start, thrust, constant, drag=DRAG):
@@ -49,10 +50,10 @@ def posterior_of_runs(runs, varying=False, free_start=True):
     known = {"sigma_u": Normal(NOISE, 1e-6 * NOISE)}
     known |= {name: Normal(*numbers) for name, numbers in PRIOR.items()}
     if varying:
-        model = surge_vehicle(HULL, ("X_u", "T_nabsn", "X_0"))
+        model = whole_vehicle(HULL, ("X_u", "T_nabsn", "X_0"), moves=("u",))
         known |= {"X_u": Normal(DRAG, 1.0), "spread_X_u": half_normal(2.0, lower=0.0)}
         return make_posterior(model, records, known, ["u"])
-    model = surge_vehicle(FIXED_DRAG, ("T_nabsn", "X_0"))
+    model = whole_vehicle(FIXED_DRAG, ("T_nabsn", "X_0"), moves=("u",))
     if free_start:
         known |= {f"u_0[{label}]": Normal(start, START_SD) for label, (_, start, _) in zip(labels, runs, strict=True)}
     return make_posterior(model, records, known, ["u"])

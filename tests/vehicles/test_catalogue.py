@@ -3,7 +3,7 @@ import pytest
 
 from seatrial.core.errors import InputError
 from seatrial.vehicles.catalogue import load_surge, load_vehicle, make_vehicle, surge_names
-from seatrial.vehicles.surge import surge_vehicle
+from seatrial.vehicles.whole import whole_vehicle
 from tests.cases import U0
 
 
@@ -23,7 +23,7 @@ def test_remus100_trims_at_three_knots():
 @pytest.mark.parametrize("name", surge_names())
 def test_every_vehicle_is_at_rest_at_its_trim(name):
     entry = load_surge(name)
-    model = surge_vehicle(entry.hull, tuple(entry.coefficients))
+    model = whole_vehicle(entry.hull, tuple(entry.coefficients), moves=("u",))
     control = tuple(entry.hull.trim[name] for name in model.controls)
     assert model.derivative(entry.coefficients, (entry.hull.trim["u"],), control)[0] == pytest.approx(0, abs=1e-12)
 

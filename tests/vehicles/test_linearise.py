@@ -2,16 +2,24 @@ import numpy as np
 import pytest
 
 from seatrial.core.errors import InputError
-from seatrial.vehicles.catalogue import load_longitudinal
+from seatrial.vehicles.hull import whole_hull
 from seatrial.vehicles.linearise import linearise, linearise_outputs, trim
-from seatrial.vehicles.longitudinal import LongitudinalHull, longitudinal_vehicle
 from tests.cases import DEDUCTION, MASS, N0, THRUST, TRUTH, U0, X_U, X_UU, paper_model
+from tests.vehicles.test_longitudinal import (
+    ENTRY,
+    MODEL,
+    NET_BUOYANCY,
+    NEUTRAL,
+    WEIGHT,
+    Z_G,
+    forces,
+    longitudinal_vehicle,
+    matrix_by_hand,
+)
 from tests.vehicles.test_longitudinal import MASS as DRY_MASS
-from tests.vehicles.test_longitudinal import NET_BUOYANCY, NEUTRAL, WEIGHT, Z_G, forces, matrix_by_hand
 
-ENTRY = load_longitudinal("remus100_longitudinal")
-MODEL = longitudinal_vehicle(ENTRY.hull, tuple(ENTRY.coefficients))
-LEVEL = [ENTRY.hull.trim[name] for name in ("u", "w", "q", "theta", "n", "delta_s")]
+FLIGHT = trim(MODEL, ENTRY.coefficients, n=125.0)
+LEVEL = [*(FLIGHT.state[MODEL.states.index(name)] for name in ("u", "w", "q", "theta")), *FLIGHT.control]
 THESIS_SPEED = 1.54
 
 
@@ -90,7 +98,13 @@ def test_pitch_transfer_function_of_the_thesis():
 
     The transfer function leaves out surge, whose coupling through z_g changes the pitch inertia by 0.14 %.
     """
-    hull = LongitudinalHull("pitch alone", 30.48, 3.45, z_g=5.77 / WEIGHT, fixed={"X_udot": -0.93, "M_qdot": -4.88})
+    hull = whole_hull(
+        "pitch alone",
+        30.48,
+        (None, 3.45, None),
+        centre_of_gravity=(0.0, 0.0, 5.77 / WEIGHT),
+        fixed={"X_udot": -0.93, "M_qdot": -4.88},
+    )
     params = {"X_u": -13.5, "M_q": -6.87, "M_delta_s": -34.6}
     a, b = linearise(longitudinal_vehicle(hull, tuple(params)), params, (0, 0, 0, 0, 0), (0.0,))
     pitch = np.asarray(a)[np.ix_([2, 4], [2, 4])]
@@ -110,12 +124,12 @@ def test_published_hull_diverges_in_pitch_until_drag_holds_it():
 
 
 def test_level_flight_balances_by_hand():
-    level = ENTRY.hull.trim
-    point = [level[name] for name in ("u", "w", "q", "theta", "n", "delta_s")]
-    assert np.abs(forces(*point)).max() < 1e-9
-    assert level["w"] == pytest.approx(level["u"] * np.tan(level["theta"]), rel=1e-9)
-    assert level["theta"] < 0
-    assert level["n"] == 125.0
+    u, w, _, theta, n, _ = LEVEL
+    assert MODEL.controls == ("n", "delta_s")
+    assert np.abs(forces(*LEVEL)).max() < 1e-9
+    assert w == pytest.approx(u * np.tan(theta), rel=1e-9)
+    assert theta < 0
+    assert n == 125.0
 
 
 @pytest.mark.parametrize("speed", [1.0, 1.54, 2.3])

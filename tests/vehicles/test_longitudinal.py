@@ -8,14 +8,10 @@ import numpy as np
 import pytest
 
 from seatrial.core.errors import InputError
-from seatrial.vehicles.catalogue import (
-    load_longitudinal,
-    load_surge,
-    surge_names,
-)
-from seatrial.vehicles.longitudinal import LongitudinalHull, longitudinal_vehicle, surge_restriction
+from seatrial.vehicles.catalogue import load_surge, load_vehicle, surge_names
+from seatrial.vehicles.hull import whole_hull
 from seatrial.vehicles.simulate import simulate
-from seatrial.vehicles.surge import surge_vehicle
+from seatrial.vehicles.whole import whole_vehicle
 from tests.cases import U0
 
 MASS, INERTIA, Z_G, GRAVITY, NET_BUOYANCY, DEDUCTION = 30.48, 3.45, 0.0196, 9.81, 3.336, 0.1
@@ -51,9 +47,20 @@ def forces(u, w, q, theta, n, delta, x_g=0.0, net_buoyancy=NET_BUOYANCY):
     return np.array([x, z, m])
 
 
-ENTRY = load_longitudinal("remus100_longitudinal")
+ENTRY = load_vehicle("remus100_longitudinal")
+NEUTRAL = replace(ENTRY.hull, buoyancy=ENTRY.hull.weight)
+
+
+def longitudinal_vehicle(hull, terms):
+    return whole_vehicle(hull, terms, moves=("u", "w", "q"), positions=("z",))
+
+
+def with_centre(x_g=0.0, z_g=Z_G):
+    return {"centre_of_gravity": (x_g, 0.0, z_g)}
+
+
 MODEL, PARAMS = longitudinal_vehicle(ENTRY.hull, tuple(ENTRY.coefficients)), ENTRY.coefficients
-NEUTRAL = replace(ENTRY.hull, buoyancy=None)
+SURGE = replace(ENTRY, hull=NEUTRAL).build(moves=("u",))
 ADDED = {name: value for name, value in ENTRY.hull.fixed.items() if "dot" in name}
 IDEAL = {"X_wq": -35.5, "X_qq": -1.93, "Z_uq": 0.93, "M_uw": 34.57, "M_uq": 1.93}
 """Coriolis forces of the added mass, by Kirchhoff's equations: Z_wdot, Z_qdot, -X_udot, X_udot - Z_wdot, -Z_qdot."""
@@ -68,15 +75,11 @@ def random_states(n=6, seed=0):
 def test_remus100_as_published():
     hull = ENTRY.hull
     assert {**hull.fixed, **ENTRY.coefficients} == PUBLISHED
-    assert (hull.mass, hull.pitch_inertia, hull.x_g, hull.z_g) == (MASS, INERTIA, 0.0, Z_G)
+    assert (hull.mass, hull.inertia[1], hull.centre_of_gravity) == (MASS, INERTIA, (0.0, 0.0, Z_G))
+    assert hull.weight == MASS * GRAVITY
     assert hull.thrust_deduction == DEDUCTION
     assert hull.buoyancy - WEIGHT == pytest.approx(NET_BUOYANCY, abs=1e-12)
     assert "remus100_longitudinal" not in surge_names()
-
-
-def test_unknown_longitudinal_vehicle():
-    with pytest.raises(InputError, match="no such vehicle"):
-        load_longitudinal("remus100_surge")
 
 
 @pytest.mark.parametrize("state", random_states())
@@ -84,7 +87,7 @@ def test_unknown_longitudinal_vehicle():
 def test_equations_of_the_thesis(state, x_g):
     u, w, q, _, theta = state
     n, delta = 80.0, -0.15
-    model = longitudinal_vehicle(replace(ENTRY.hull, x_g=x_g), tuple(PARAMS))
+    model = longitudinal_vehicle(replace(ENTRY.hull, **with_centre(x_g)), tuple(PARAMS))
     expected = np.linalg.solve(matrix_by_hand(x_g), forces(u, w, q, theta, n, delta, x_g))
     rate = model.derivative(PARAMS, state, (n, delta))
     assert rate[:3] == pytest.approx(tuple(expected), rel=1e-12, abs=1e-13)
@@ -106,10 +109,10 @@ def test_free_added_mass_is_part_of_the_inertia():
 def energy(hull, state):
     """Kinetic energy of body and water, and potential energy of weight and buoyancy; z points down."""
     u, w, q, z, theta = state
-    nu, matrix = jnp.stack([u, w, q]), jnp.asarray(matrix_by_hand(hull.x_g))
-    depth = z - hull.x_g * jnp.sin(theta) + hull.z_g * jnp.cos(theta)
-    buoyancy = WEIGHT if hull.buoyancy is None else hull.buoyancy
-    return 0.5 * nu @ matrix @ nu - WEIGHT * depth + buoyancy * z
+    x_g, _, z_g = hull.centre_of_gravity
+    nu, matrix = jnp.stack([u, w, q]), jnp.asarray(matrix_by_hand(x_g))
+    depth = z - x_g * jnp.sin(theta) + z_g * jnp.cos(theta)
+    return 0.5 * nu @ matrix @ nu - WEIGHT * depth + hull.buoyancy * z
 
 
 def power(hull, terms, params, state, control=()):
@@ -122,7 +125,7 @@ def power(hull, terms, params, state, control=()):
 @pytest.mark.parametrize("state", random_states(4, seed=1))
 @pytest.mark.parametrize("x_g", [0.0, 0.03])
 def test_ideal_fluid_neither_takes_nor_gives_energy(state, x_g):
-    hull = replace(ENTRY.hull, x_g=x_g, fixed={**ADDED, **IDEAL})
+    hull = replace(ENTRY.hull, **with_centre(x_g), fixed={**ADDED, **IDEAL})
     assert power(hull, (), {}, state) == pytest.approx(0.0, abs=1e-11)
 
 
@@ -163,13 +166,12 @@ def test_work_of_the_water_by_hand_and_its_sign(state):
 
 def test_surge_vehicle_is_the_restriction():
     """In level motion the surge equation holds with m z_g dq/dt on its left; with z_g = 0 nothing else moves."""
-    surge = surge_restriction(NEUTRAL, tuple(PARAMS))
     published = load_surge("remus100_surge")
-    again = surge_vehicle(published.hull, tuple(published.coefficients))
+    again = whole_vehicle(published.hull, tuple(published.coefficients), moves=("u",))
     model = longitudinal_vehicle(NEUTRAL, tuple(PARAMS))
     for u in (-1.0, 0.0, 0.4, U0, 2.6):
         for n in (-60.0, 90.0, 125.0, 150.0):
-            alone = surge.derivative(PARAMS, (u,), (n,))[0]
+            alone = SURGE.derivative(PARAMS, (u,), (n,))[0]
             rate = model.derivative(PARAMS, (u, *LEVEL), (n, 0.0))
             assert alone == pytest.approx(again.derivative(published.coefficients, (u,), (n,))[0], abs=1e-12)
             assert (MASS + 0.93) * rate[0] + MASS * Z_G * rate[2] == pytest.approx((MASS + 0.93) * alone, abs=1e-12)
@@ -179,9 +181,9 @@ def test_surge_vehicle_is_the_restriction():
 def test_surge_motion_is_the_restricted_motion():
     control = 125.0 + np.repeat([0.0, 21.0, -21.0, 0.0], 200)[:, None]
     step = np.full(800, 0.02)
-    upright = longitudinal_vehicle(replace(NEUTRAL, z_g=0.0), tuple(PARAMS))
+    upright = longitudinal_vehicle(replace(NEUTRAL, **with_centre(z_g=0.0)), tuple(PARAMS))
     whole = simulate(upright, PARAMS, np.hstack([control, 0 * control]), step, np.array([1.4, *LEVEL]))
-    surge = simulate(surge_restriction(NEUTRAL, tuple(PARAMS)), PARAMS, control, step, np.array([1.4]))
+    surge = simulate(SURGE, PARAMS, control, step, np.array([1.4]))
     assert np.abs(whole[:, 0] - surge[:, 0]).max() < 1e-12
     assert (np.asarray(whole[:, 1:]) == 0).all()
 
@@ -190,7 +192,7 @@ def test_low_centre_of_gravity_changes_surge_by_a_thousandth():
     """Heave and pitch free, the surge inertia is the inverse of an entry of the inverse mass matrix."""
     effective = 1 / np.linalg.inv(matrix_by_hand())[0, 0]
     rate = longitudinal_vehicle(NEUTRAL, tuple(PARAMS)).derivative(PARAMS, (1.0, *LEVEL), (125.0, 0.0))
-    surge = surge_restriction(NEUTRAL, tuple(PARAMS)).derivative(PARAMS, (1.0,), (125.0,))
+    surge = SURGE.derivative(PARAMS, (1.0,), (125.0,))
     assert rate[0] / surge[0] == pytest.approx(31.41 / effective, rel=1e-12)
     assert 1e-3 < rate[0] / surge[0] - 1 < 2e-3
 
@@ -209,7 +211,7 @@ def test_batch_over_parameters_equals_loops():
 def test_models_of_equal_data_are_equal():
     assert longitudinal_vehicle(ENTRY.hull, tuple(PARAMS)) == MODEL
     assert hash(longitudinal_vehicle(ENTRY.hull, tuple(PARAMS))) == hash(MODEL)
-    for change in ({"z_g": 0.02}, {"buoyancy": None}, {"pitch_inertia": 3.5}, {"trim": {}}):
+    for change in (with_centre(z_g=0.02), {"buoyancy": WEIGHT}, {"inertia": (None, 3.5, None)}):
         assert longitudinal_vehicle(replace(ENTRY.hull, **change), tuple(PARAMS)) != MODEL
 
 
@@ -218,31 +220,26 @@ def test_models_of_equal_data_are_equal():
     [
         ({"mass": 0.0}, ["X_u"], "mass"),
         ({"mass": float("nan")}, ["X_u"], "mass"),
-        ({"pitch_inertia": -1.0}, ["X_u"], "pitch_inertia"),
+        ({"inertia": (None, -1.0, None)}, ["X_u"], "inertia y"),
         ({"buoyancy": -1.0}, ["X_u"], "buoyancy"),
         ({"thrust_deduction": 1.0}, ["X_u"], "thrust_deduction"),
         ({"fixed": {"X_u": float("inf")}}, [], "X_u"),
-        ({}, ["Y_v"], 'axis "Y"'),
-        ({}, ["Z_v"], "signals v"),
-        ({}, ["X_phi"], "signals phi"),
-        ({}, ["X_du3"], "no trim value of u"),
+        ({}, ["Y_v"], "axis Y does not move"),
+        ({}, ["Z_v"], "v is zero"),
+        ({}, ["X_du3"], 'no trim value of "u"'),
         ({}, ["X_u2", "X_absuabsu"], "the same regressor as X_u2"),
         ({}, ["Z_wdotu"], "acceleration"),
         ({}, ["Z_wdot2"], "acceleration"),
         ({}, ["T_udot"], "acceleration"),
-        ({}, ["Z_vdot"], "acceleration"),
+        ({}, ["Z_vdot"], "v is zero"),
         ({"fixed": {"X_udot": 40.0}}, [], "positive definite"),
         ({"fixed": {"M_qdot": 4.0}}, [], "positive definite"),
-        ({"z_g": 1.0}, [], "positive definite"),
+        (with_centre(z_g=1.0), [], "positive definite"),
     ],
 )
 def test_impossible_vehicles(changes, terms, message):
     with pytest.raises(InputError, match=message):
-        longitudinal_vehicle(replace(LongitudinalHull("a", MASS, INERTIA), **changes), terms)
-
-
-def test_weight_uses_the_gravity_of_the_sources():
-    assert LongitudinalHull("a", MASS, INERTIA).weight == MASS * GRAVITY
+        longitudinal_vehicle(replace(whole_hull("a", MASS, (None, INERTIA, None)), **changes), terms)
 
 
 def test_every_channel_has_a_unit():

@@ -9,10 +9,10 @@ from seatrial.numerics.gaussian import independent
 from seatrial.vehicles.catalogue import load_surge
 from seatrial.vehicles.discretise import discretise
 from seatrial.vehicles.linearise import linearise, linearise_outputs
-from seatrial.vehicles.surge import surge_vehicle
+from seatrial.vehicles.whole import whole_vehicle
 
 ENTRY = load_surge("remus100_surge")
-MODEL, PARAMS = surge_vehicle(ENTRY.hull, tuple(ENTRY.coefficients)), ENTRY.coefficients
+MODEL, PARAMS = whole_vehicle(ENTRY.hull, tuple(ENTRY.coefficients), moves=("u",)), ENTRY.coefficients
 INERTIA, DEDUCTION = 30.48 + 0.93, 0.1
 POINTS = [(1.5418, 125.0), (0.3, 160.0), (-0.8, 125.0), (-1.7, -90.0), (2.4, 0.0)]
 each_point = pytest.mark.parametrize(("u", "n"), POINTS)

@@ -5,8 +5,8 @@ import pytest
 
 from seatrial.manoeuvres.family import Family
 from seatrial.numerics.integrate import euler_step
+from seatrial.vehicles.linearise import trim_speed
 from seatrial.vehicles.simulate import simulate
-from seatrial.vehicles.surge import trim_speed
 from tests.cases import N0, RPM, TERMS, TRUTH, U0, naive_rk4, paper_model, riccati_speed, surge_rate
 
 TIME = np.arange(501) * 0.01

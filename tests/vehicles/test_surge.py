@@ -2,7 +2,9 @@ import numpy as np
 import pytest
 
 from seatrial.core.errors import InputError
-from seatrial.vehicles.surge import SurgeHull, surge_vehicle, trim_speed
+from seatrial.vehicles.hull import Hull
+from seatrial.vehicles.linearise import trim_speed
+from seatrial.vehicles.whole import whole_vehicle
 from tests.cases import N0, TERMS, TRUTH, U0, X_U, X_UU, paper_hull, paper_model, surge_rate
 
 
@@ -19,8 +21,8 @@ def test_cubic_term_is_about_trim():
 
 
 def test_every_kind_of_term():
-    hull = SurgeHull("tug", mass=50.0, thrust_deduction=0.2, fixed={"X_0": -2.0}, trim={"u": 1.0, "n": 30.0})
-    model = surge_vehicle(hull, ["X_udot", "X_u", "X_uu", "T_nabsn", "T_un", "X_tau_X", "X_dndu"])
+    hull = Hull("tug", mass=50.0, thrust_deduction=0.2, fixed={"X_0": -2.0}, trim={"u": 1.0, "n": 30.0})
+    model = whole_vehicle(hull, ["X_udot", "X_u", "X_uu", "T_nabsn", "T_un", "X_tau_X", "X_dndu"], moves=("u",))
     params = {"X_udot": -5.0, "X_u": -3.0, "X_uu": -7.0, "T_nabsn": 0.01, "T_un": -0.02, "X_tau_X": 0.9, "X_dndu": 0.05}
     u, n, tau = 1.4, 40.0, 6.0
     force = -2.0 - 3 * u - 7 * u**2 + 0.8 * (0.01 * n**2 - 0.02 * u * n) + 0.9 * tau + 0.05 * (n - 30) * (u - 1)
@@ -29,7 +31,7 @@ def test_every_kind_of_term():
 
 
 def test_unknown_mass_means_forces_per_unit_mass():
-    model = surge_vehicle(SurgeHull("light", mass=None), TERMS)
+    model = whole_vehicle(Hull("light", mass=None), TERMS, moves=("u",))
     assert [model.unit_of(term) for term in model.coefficients] == ["1/s", "1/m", "m/rad^2"]
     params = {"X_u": -0.1, "X_uabsu": -0.2, "T_nabsn": 0.003}
     assert model.derivative(params, (2.0,), (10.0,)) == pytest.approx((-0.2 - 0.8 + 0.3,))
@@ -52,14 +54,14 @@ def test_models_of_the_same_equations_are_equal():
     assert paper_model() == paper_model()
     assert hash(paper_model()) == hash(paper_model())
     others = [
-        SurgeHull("paper", 30.0, 0.1, {"X_udot": -0.93}, {"u": U0}),
-        SurgeHull("paper", 30.47, 0.2, {"X_udot": -0.93}, {"u": U0}),
-        SurgeHull("paper", 30.47, 0.1, {"X_udot": -1.0}, {"u": U0}),
+        Hull("paper", 30.0, thrust_deduction=0.1, fixed={"X_udot": -0.93}, trim={"u": U0}),
+        Hull("paper", 30.47, thrust_deduction=0.2, fixed={"X_udot": -0.93}, trim={"u": U0}),
+        Hull("paper", 30.47, thrust_deduction=0.1, fixed={"X_udot": -1.0}, trim={"u": U0}),
     ]
-    assert all(paper_model() != surge_vehicle(hull, TERMS) for hull in others)
+    assert all(paper_model() != whole_vehicle(hull, TERMS, moves=("u",)) for hull in others)
     assert paper_model() != paper_model("X_u", "T_nabsn")
-    assert paper_model() == surge_vehicle(paper_hull(u=1.0), TERMS)
-    assert paper_model(*TERMS, "X_du3") != surge_vehicle(paper_hull(u=1.0), (*TERMS, "X_du3"))
+    assert paper_model() == whole_vehicle(paper_hull(u=1.0), TERMS, moves=("u",))
+    assert paper_model(*TERMS, "X_du3") != whole_vehicle(paper_hull(u=1.0), (*TERMS, "X_du3"), moves=("u",))
 
 
 def test_trim_speed_is_golden():
@@ -90,24 +92,24 @@ def test_no_trim(params):
 @pytest.mark.parametrize(
     ("hull", "terms", "message"),
     [
-        (SurgeHull("a", -3.0), ["X_u"], "mass\n.*-3.0 kg"),
-        (SurgeHull("a", 0.0), ["X_u"], "a positive mass"),
-        (SurgeHull("a", float("nan")), ["X_u"], "a positive mass"),
-        (SurgeHull("a", 30.0, thrust_deduction=1.0), ["X_u"], "thrust_deduction"),
-        (SurgeHull("a", 30.0, thrust_deduction=-0.1), ["X_u"], "thrust_deduction"),
-        (SurgeHull("a", 30.0), ["X_u", "Y_v"], "term Y_v\n.*it has no sway"),
-        (SurgeHull("a", 30.0), ["X_uabsv"], 'signal "v", in a model.*\n.*n, tau_X, u'),
-        (SurgeHull("a", 30.0), ["X_du3"], 'no trim value of "u"'),
-        (SurgeHull("a", 30.0), ["X_u2", "X_absuabsu"], "the same regressor as X_u2"),
-        (SurgeHull("a", 30.0), ["X_u", "X_u"], "the same regressor as X_u"),
-        (SurgeHull("a", 30.0, fixed={"X_uu": -1.0}), ["X_u2"], "the same regressor"),
-        (SurgeHull("a", 30.0), ["X_ux"], "character 4"),
-        (SurgeHull("a", 30.0, fixed={"X_ux": 1.0}), ["X_u"], "character 4"),
-        (SurgeHull("a", 30.0, fixed={"X_udot": 40.0}), ["X_u"], "X_udot"),
-        (SurgeHull("a", 30.0, fixed={"X_u": float("nan")}), ["X_uu"], "X_u"),
-        *[(SurgeHull("a", 30.0), ["X_u", term], term) for term in ("X_udot2", "X_udotu", "X_absudot", "T_udot")],
+        (Hull("a", -3.0), ["X_u"], "mass\n.*-3.0"),
+        (Hull("a", 0.0), ["X_u"], "above 0"),
+        (Hull("a", float("nan")), ["X_u"], "above 0"),
+        (Hull("a", 30.0, thrust_deduction=1.0), ["X_u"], "thrust_deduction"),
+        (Hull("a", 30.0, thrust_deduction=-0.1), ["X_u"], "thrust_deduction"),
+        (Hull("a", 30.0), ["X_u", "Y_v"], "term Y_v\n.*the model has no sway"),
+        (Hull("a", 30.0), ["X_uabsv"], "X_uabsv, which has no part in the motion: v is zero"),
+        (Hull("a", 30.0), ["X_du3"], 'no trim value of "u"'),
+        (Hull("a", 30.0), ["X_u2", "X_absuabsu"], "the same regressor as X_u2"),
+        (Hull("a", 30.0), ["X_u", "X_u"], "the same regressor as X_u"),
+        (Hull("a", 30.0, fixed={"X_uu": -1.0}), ["X_u2"], "the same regressor"),
+        (Hull("a", 30.0), ["X_ux"], "character 4"),
+        (Hull("a", 30.0, fixed={"X_ux": 1.0}), ["X_u"], "character 4"),
+        (Hull("a", 30.0, fixed={"X_udot": 40.0}), ["X_u"], "mass matrix"),
+        (Hull("a", 30.0, fixed={"X_u": float("nan")}), ["X_uu"], "X_u"),
+        *[(Hull("a", 30.0), ["X_u", term], term) for term in ("X_udot2", "X_udotu", "X_absudot", "T_udot")],
     ],
 )
 def test_unphysical_or_malformed(hull, terms, message):
     with pytest.raises(InputError, match=message):
-        surge_vehicle(hull, terms)
+        whole_vehicle(hull, terms, moves=("u",))

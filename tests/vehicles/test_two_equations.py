@@ -16,10 +16,11 @@ from seatrial.numerics.gaussian import independent
 from seatrial.vehicles.actuators import Actuator, with_actuators
 from seatrial.vehicles.axis_equation import axes_vehicle, axis_equation
 from seatrial.vehicles.discretise import discretise
+from seatrial.vehicles.hull import Hull
 from seatrial.vehicles.linearise import linearise
 from seatrial.vehicles.remus100_fossen import remus100_fossen
 from seatrial.vehicles.simulate import simulate
-from seatrial.vehicles.surge import SurgeHull, surge_vehicle
+from seatrial.vehicles.whole import whole_vehicle
 
 TERMS = ("X_uabsu", "T_nabsn")
 TRUTH = {"X_uabsu": -6.0, "T_nabsn": 5e-4}
@@ -36,7 +37,7 @@ RECORD = st.make_record(
 
 
 def of_terms(*terms, mass=30.0):
-    return surge_vehicle(SurgeHull("AUV", mass), terms)
+    return whole_vehicle(Hull("AUV", mass), terms, moves=("u",))
 
 
 def of_mass(mass):

@@ -10,13 +10,10 @@ from scipy.linalg import expm
 
 from seatrial.numerics.integrate import rk4_looped, rk4_unrolled
 from seatrial.numerics.rotations import angles_of_quaternion, quaternion_of_angles
-from seatrial.vehicles.active_dof import acting_terms
 from seatrial.vehicles.axis_equation import axes_vehicle, axis_equation
 from seatrial.vehicles.catalogue import load_vehicle
 from seatrial.vehicles.linearise import linearise
-from seatrial.vehicles.longitudinal import LongitudinalHull, longitudinal_vehicle
 from seatrial.vehicles.simulate import simulate
-from seatrial.vehicles.surge import SurgeHull, surge_vehicle
 from seatrial.vehicles.whole import whole_vehicle
 from tests.vehicles import prestero_twin as twin
 
@@ -162,28 +159,6 @@ def test_angles_that_are_shown_are_kept():
     model = REMUS.build(("u", "v", "r"), positions=("x", "y"), angles=("psi",))
     assert model.states == ("u", "v", "r", "x", "y", "psi")
     assert REMUS.build(attitude="euler", angles=("psi",)).states[6:] == ("phi", "theta", "psi")
-
-
-def test_surge_and_longitudinal_vehicles_are_restrictions():
-    body = {"thrust_deduction": 0.1, "fixed": {"X_udot": -0.93}}
-    terms = {"X_u": -1.21, "X_uabsu": -2.93, "T_nabsn": 6.28e-4}
-    surge = surge_vehicle(SurgeHull("hull", 30.48, **body), tuple(terms))
-    hull = replace(REMUS.hull, thrust_deduction=0.1, fixed={"X_udot": -0.93})
-    model = whole_vehicle(hull, tuple(terms), moves=("u",))
-    assert (model.states, model.controls) == (surge.states, surge.controls)
-    assert model.derivative(terms, (1.3,), (120.0,)) == surge.derivative(terms, (1.3,), (120.0,))
-    names = acting_terms(tuple(REMUS.coefficients), ("u", "w", "q"))
-    fixed = {name: REMUS.hull.fixed[name] for name in acting_terms(tuple(REMUS.hull.fixed), ("u", "w", "q"))}
-    values = {name: REMUS.coefficients[name] for name in names}
-    level = longitudinal_vehicle(
-        LongitudinalHull("hull", 30.48, 3.45, z_g=0.0196, buoyancy=30.48 * 9.81 + 7.0, fixed=fixed), names
-    )
-    hull = replace(REMUS.hull, weight=30.48 * 9.81, buoyancy=30.48 * 9.81 + 7.0)
-    model = whole_vehicle(hull, names, moves=("u", "w", "q"), positions=("z",))
-    assert (model.states, model.controls) == (level.states, level.controls)
-    point, control = (1.4, -0.1, 0.2, 3.0, -0.3), (0.1,)
-    found, expected = (np.array(each.derivative(values, point, control)) for each in (model, level))
-    assert np.allclose(found, expected, rtol=1e-12, atol=0)
 
 
 def test_axes_of_given_velocities_are_restrictions():

@@ -1,4 +1,4 @@
-"""Errors that say where, what was found, what was expected and how to mend it."""
+"""Errors with a place, the value found, the value expected and a remedy; the two usual refusals have a function each."""
 
 import difflib
 import errno
@@ -21,7 +21,7 @@ class InputError(SeatrialError):
         where: file, row, key or argument at fault.
         found: what stands there.
         expected: what may stand there.
-        remedy: how to mend it.
+        remedy: how to correct it.
     """
 
     def __init__(self, where: str, *, found: str, expected: str, remedy: str):
@@ -29,9 +29,9 @@ class InputError(SeatrialError):
         super().__init__(f"{where}\n  found:    {found}\n  expected: {expected}\n  remedy:   {remedy}")
 
     def sentence(self, with_remedy: bool = True) -> str:
-        """Return in one line what was found and expected, and how to mend it, for where the place is known already."""
-        said = f"{self.found}; expected {self.expected}"
-        return f"{said}; {self.remedy}" if with_remedy else said
+        """Return the error without its place in one line."""
+        sentence = f"{self.found}; expected {self.expected}"
+        return f"{sentence}; {self.remedy}" if with_remedy else sentence
 
     def __reduce__(self) -> tuple[Callable[[], "InputError"], tuple[()]]:
         """Return how it travels between processes."""
@@ -47,6 +47,18 @@ def located(place: str) -> Iterator[None]:
     except InputError as error:
         where = error.where if error.where.startswith((f"{file}:", f"{file},")) else f"{place}: {error.where}"
         raise InputError(where, found=error.found, expected=error.expected, remedy=error.remedy) from error.__cause__
+
+
+def not_among(where: str, name: object, allowed: Iterable[str], *, found: str = "", remedy: str = "") -> InputError:
+    """Return the refusal of a name that is none of the allowed ones; the remedy is the nearest of them, unless another is given."""
+    names = list(allowed)
+    expected = "one of " + (", ".join(names) or "none")
+    return InputError(where, found=found or f'"{name}"', expected=expected, remedy=remedy or nearest(name, names))
+
+
+def too_few(where: str, found: str, least: object, remedy: str) -> InputError:
+    """Return the refusal of a count below its least value; `found` names what is counted, as "2 samples"."""
+    return InputError(where, found=found, expected=f"at least {least}", remedy=remedy)
 
 
 class NumericalError(SeatrialError):
@@ -88,7 +100,7 @@ def install_extra(extra: str) -> str:
 
 
 def nearest(name: object, allowed: Iterable[str], otherwise: str = "") -> str:
-    """Return the remedy text for a misspelt name: the nearest allowed one, or what is to be done otherwise, by default the whole list."""
+    """Return the remedy for a misspelt name: the nearest allowed one, else `otherwise`, by default the whole list."""
     names = list(allowed)
     close = difflib.get_close_matches(str(name), names, n=1, cutoff=0.5)
     return f'did you mean "{close[0]}"?' if close else otherwise or "use one of: " + ", ".join(names)

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from seatrial.core.argument_checks import check_array, check_each_of, check_kind, check_mapping, check_text, shown
-from seatrial.core.errors import InputError, nearest
+from seatrial.core.errors import InputError, nearest, too_few
 from seatrial.core.result_table import text_html
 from seatrial.core.signals import FORCE, MOMENT, POSITIONS, QUATERNION, SIGNALS, TRACKS, is_signal, signal_unit
 from seatrial.core.units import to_si
@@ -185,12 +185,7 @@ def check_time(time: np.ndarray, where: str, first_row: int = 1) -> None:
         InputError: naming the first offending row and how many there are.
     """
     if time.size < 3:
-        raise InputError(
-            where,
-            found=f"{time.size} samples",
-            expected="at least 3",
-            remedy="check the file, the time range and the channel map",
-        )
+        raise too_few(where, f"{time.size} samples", 3, "check the file, the time range and the channel map")
     if not np.isfinite(time).all():
         row = int(np.argmin(np.isfinite(time)))
         raise InputError(

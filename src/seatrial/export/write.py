@@ -11,7 +11,7 @@ from seatrial import __version__
 from seatrial.campaign.store.structures import QUOTED
 from seatrial.core.argument_checks import check_number
 from seatrial.core.coefficients import CoefficientName
-from seatrial.core.errors import InputError, nearest
+from seatrial.core.errors import InputError, nearest, not_among
 from seatrial.core.files import write_text
 from seatrial.core.signals import RATES
 from seatrial.export.manoeuvre import Plan, changes, command_line, growth_rate, plan_for, run_manoeuvre
@@ -113,12 +113,7 @@ def make_exporter(name: str, **options: Any) -> Exporter:
         InputError: no target of that name, or an option that it does not have.
     """
     if name not in EXPORTERS:
-        raise InputError(
-            f"--to {name}",
-            found=f'"{name}"',
-            expected="one of " + ", ".join(EXPORTERS),
-            remedy=nearest(name, EXPORTERS),
-        )
+        raise not_among(f"--to {name}", name, EXPORTERS)
     given = {key: value for key, value in options.items() if value is not None}
     fields = set(EXPORTERS[name].__dataclass_fields__) - {"name", "target"}  # pyright: ignore[reportFunctionMemberAccess]
     for key in given:

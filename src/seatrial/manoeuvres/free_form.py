@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from seatrial.core.errors import InputError
+from seatrial.core.errors import InputError, too_few
 from seatrial.manoeuvres.manoeuvre import Manoeuvre
 from seatrial.manoeuvres.shapes import NANOSECOND
 
@@ -95,7 +95,7 @@ class SteppedInput:
     def _check_timing(self) -> None:
         where = "manoeuvre free form"
         if self.size < 1:
-            raise InputError(where, found=f"{self.size} levels", expected="at least 1", remedy="choose more levels")
+            raise too_few(where, f"{self.size} levels", 1, "choose more levels")
         if not (self.start >= 0 and self.active > 0):
             raise InputError(
                 where,

@@ -14,7 +14,7 @@ from typing import Any
 import jax.numpy as jnp
 
 from seatrial.core.argument_checks import check_kind, check_number, check_order
-from seatrial.core.errors import InputError, nearest
+from seatrial.core.errors import not_among
 from seatrial.core.signals import ACTUAL
 from seatrial.vehicles.model import Follow, Params, Unknown, VehicleModel, cached_model
 
@@ -155,10 +155,5 @@ def _after(actuator: Actuator, command: Any, before: Any, time_constant: Any, ti
 def _check(model: VehicleModel, name: str, actuator: Actuator) -> None:
     place = f'vehicle "{model.name}", actuator {name}'
     if name not in model.controls:
-        raise InputError(
-            place,
-            found="no such control",
-            expected="one of " + (", ".join(model.controls) or "none"),
-            remedy=nearest(name, model.controls),
-        )
+        raise not_among(place, name, model.controls, found="no such control")
     check_kind(actuator, Actuator, place, remedy="write for example Actuator(0.5)")

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from seatrial.core.coefficients import CoefficientName
-from seatrial.core.errors import InputError
+from seatrial.core.errors import InputError, too_few
 from seatrial.core.term_checks import check_each_once, check_trim
 from seatrial.vehicles.model import Params, VehicleModel, cached_model, outside_force
 
@@ -107,9 +107,7 @@ def axis_equation(
     free = tuple(CoefficientName.parse(term) for term in terms if term not in known)
     fixed = tuple((CoefficientName.parse(term), float(value)) for term, value in known.items())
     if not free:
-        raise InputError(
-            place, found="no term whose coefficient is sought", expected="at least one", remedy="name terms"
-        )
+        raise too_few(place, "no term whose coefficient is sought", "one", "name terms")
     named = [*free, *(name for name, _ in fixed)]
     for name in named:
         _check_term(name, axis, trim, place)

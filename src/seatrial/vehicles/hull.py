@@ -217,10 +217,14 @@ def check_hull_numbers(hull: Hull) -> None:
     """
     place = f'vehicle "{hull.name}"'
     if hull.mass is not None:
-        sizes = {key: getattr(hull, key) for key in ("mass", "weight", "buoyancy")}
-        sizes |= {f"inertia {axis}": x for axis, x in zip("xyz", hull.inertia, strict=True) if x is not None}
-        for key, value in sizes.items():
-            check_number(value, f"{place}, {key}", above=0.0)
+        check_number(
+            hull.mass, f"{place}, mass", above=0.0, remedy="give the dry mass in kg, or None where it is unknown"
+        )
+        for axis, moment in zip(_XYZ, hull.inertia, strict=True):
+            if moment is not None:
+                check_number(moment, f"{place}, inertia {axis}", above=0.0)
+        for key in ("weight", "buoyancy"):  # both 0 of a hull that only surges
+            check_number(getattr(hull, key), f"{place}, {key}", least=0.0)
     check_number(hull.thrust_deduction, f"{place}, thrust_deduction", least=0.0, below=1.0, remedy=_SHARE)
     check_number(hull.wake, f"{place}, wake", below=1.0, remedy=_SHARE)
     for key, value in {**hull.fixed, **hull.trim}.items():

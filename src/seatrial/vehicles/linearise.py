@@ -1,4 +1,4 @@
-"""Level flight of the longitudinal vehicle, and small motions of any: d(dx)/dt = A dx + B dc with A = df/dx and B = df/dc.
+"""Trim in surge and in level flight, and small motions about any point: d(dx)/dt = A dx + B dc with A = df/dx and B = df/dc.
 
 Derivatives are exact, by forward differentiation of the model. The quaternion of a whole vehicle is four states of which three
 are free: A then has an eigenvalue -2 `PULL` of its length.
@@ -7,6 +7,7 @@ are free: A then has an eigenvalue -2 `PULL` of its length.
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
+from math import copysign
 from typing import Any, NamedTuple
 
 import jax
@@ -16,9 +17,9 @@ from jaxtyping import Array, Float
 
 from seatrial.compiled.programs import program
 from seatrial.core.errors import InputError
-from seatrial.vehicles.longitudinal import STATES as LONGITUDINAL
 from seatrial.vehicles.model import Params, VehicleModel
-from seatrial.vehicles.surge import trim_speed
+
+LONGITUDINAL_STATES = ("u", "w", "q", "z", "theta")
 
 
 class Trim(NamedTuple):
@@ -26,6 +27,43 @@ class Trim(NamedTuple):
 
     state: tuple[float, ...]
     control: tuple[float, ...]
+
+
+def trim_speed(model: VehicleModel, params: Params, control: Sequence[float], limit: float = 20.0) -> float:
+    """Return the equilibrium surge speed, m/s, that the vehicle reaches from rest under a constant control.
+
+    It is the first zero of du/dt on the side to which the vehicle sets off; others may lie beyond, unstable.
+
+    Args:
+        model: surge vehicle.
+        params: value of each free coefficient, SI.
+        control: constant value of each control, SI.
+        limit: speed at which the search gives up, m/s.
+
+    Raises:
+        InputError: no equilibrium up to `limit`, for example because the damping does not dissipate.
+    """
+
+    def rate(u: float) -> float:
+        return float(model.derivative(params, (u,), tuple(control))[0])
+
+    start = rate(0.0)
+    speeds = copysign(limit, start) * np.linspace(0.0, 1.0, 401)
+    beyond = next((i for i, speed in enumerate(speeds) if rate(speed) * start <= 0), None)
+    if beyond is None:
+        raise InputError(
+            f'vehicle "{model.name}", trim',
+            found=f"du/dt = {start:.3g} m/s^2 at rest and of that sign up to {speeds[-1]:g} m/s",
+            expected="drag that balances the thrust at some speed",
+            remedy="check the signs of the damping coefficients: negative dissipates",
+        )
+    if beyond == 0:
+        return 0.0
+    low, high = float(speeds[beyond - 1]), float(speeds[beyond])
+    sign = rate(low)
+    while low != (middle := 0.5 * (low + high)) != high:  # until no number lies between
+        low, high = (middle, high) if rate(middle) * sign > 0 else (low, middle)
+    return middle
 
 
 def trim(model: VehicleModel, params: Params, *, u: float | None = None, n: float | None = None) -> Trim:
@@ -43,7 +81,7 @@ def trim(model: VehicleModel, params: Params, *, u: float | None = None, n: floa
     from scipy.optimize import root
 
     where = f'vehicle "{model.name}", trim'
-    if model.states != LONGITUDINAL or "n" not in model.controls or (u is None) == (n is None):
+    if model.states != LONGITUDINAL_STATES or "n" not in model.controls or (u is None) == (n is None):
         raise InputError(
             where,
             found=f"u = {u}, n = {n}, states {', '.join(model.states)}, controls {', '.join(model.controls) or 'none'}",

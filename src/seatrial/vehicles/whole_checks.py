@@ -12,7 +12,15 @@ from seatrial.core.errors import InputError
 from seatrial.core.signals import ANGLES, POSITIONS, RATES, motion_name
 from seatrial.core.term_checks import check_each_once, check_trim
 from seatrial.vehicles.coriolis import entry_products
-from seatrial.vehicles.hull import AXES, Hull, added_mass_entry, added_mass_matrix, asymmetric_pairs, rigid_mass_matrix
+from seatrial.vehicles.hull import (
+    AXES,
+    Hull,
+    added_mass_entry,
+    added_mass_matrix,
+    asymmetric_pairs,
+    check_hull_numbers,
+    rigid_mass_matrix,
+)
 from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.tether import LINEAR, Tether
 from seatrial.vehicles.thrusters import Thruster
@@ -41,6 +49,7 @@ def check_whole(
     """
     place = f'vehicle "{hull.name}"'
     moves, given, positions, angles, current = freedom
+    check_hull_numbers(hull)
     _check_freedom(place, moves, given, positions, angles, current)
     free = [CoefficientName.parse(term) for term in terms if term not in hull.fixed]
     named = [*free, *(CoefficientName.parse(name) for name in hull.fixed)]
@@ -144,7 +153,7 @@ def _check_part(
         f"{place}, term {name}",
         found=f"{name}, which has no part in the motion: {why}",
         expected=f"terms of {', '.join(present)}" if present else "terms of thrust: the vehicle is held",
-        remedy="leave it out; vehicle.terms(moves) gives those that act",
+        remedy="leave it out, or let the vehicle move there, by `moves` or with an unknown mass",
     )
 
 

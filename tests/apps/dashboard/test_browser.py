@@ -570,7 +570,7 @@ def test_noise_and_terms_are_chosen_by_keyboard(tmp_path, page):
         page.get_by_text("X_uabsu and X_uu differ only where u changes its sign").wait_for()
         for name, said in (
             ("X_foo", "X_foo is not a term: write for example X_u, X_uabsu"),
-            ("Y_v", "Y_v, a sway force, in a model of surge alone: it has no sway"),
+            ("Y_v", "Y_v, which has no part in the motion: the model has no sway"),
         ):
             page.get_by_label("Another term").fill(name)
             page.get_by_label("Another term").press("Enter")

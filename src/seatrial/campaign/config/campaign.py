@@ -49,7 +49,6 @@ from seatrial.selection.rules import CompiledRules
 from seatrial.selection.structures import MAX_STRUCTURES, Structure, all_structures, count_structures
 from seatrial.vehicles.hull import Hull
 from seatrial.vehicles.model import VehicleModel
-from seatrial.vehicles.surge import SurgeHull
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -156,7 +155,7 @@ class Campaign:
             return self.shortlist or all_structures(self.rules)
 
     @property
-    def hull(self) -> SurgeHull | Hull:
+    def hull(self) -> Hull:
         """What is known about the vehicle."""
         return self.vehicle.hull
 

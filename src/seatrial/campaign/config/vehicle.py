@@ -16,7 +16,6 @@ from seatrial.vehicles.axis_equation import RATE_OF, AxisEquation, axes_vehicle,
 from seatrial.vehicles.catalogue import PublishedVehicle
 from seatrial.vehicles.hull import Hull
 from seatrial.vehicles.model import VehicleModel
-from seatrial.vehicles.surge import SurgeHull, surge_vehicle
 from seatrial.vehicles.thrusters import ThrustLaw
 from seatrial.vehicles.whole import whole_vehicle
 
@@ -25,7 +24,7 @@ class CampaignVehicle(Protocol):
     """What every campaign asks of its vehicle."""
 
     @property
-    def hull(self) -> SurgeHull | Hull:
+    def hull(self) -> Hull:
         """What is known about the body: name, mass, fixed coefficients, trim."""
         ...
 
@@ -64,7 +63,7 @@ class AxesVehicle:
         catalogue: its name there; empty for one by hand.
     """
 
-    hull: SurgeHull
+    hull: Hull
     axes: tuple[str, ...] = ("X",)
     published: Mapping[str, float] = field(default_factory=dict)
     catalogue: str = ""
@@ -77,7 +76,7 @@ class AxesVehicle:
     def model(self, structure: Structure) -> VehicleModel:
         """See `CampaignVehicle`."""
         if self.is_surge:
-            return surge_vehicle(self.hull, structure.terms)
+            return whole_vehicle(self.hull, structure.terms, moves=("u",))
         return axes_vehicle(self.hull.name, self.equations(structure))
 
     def equations(self, structure: Structure) -> tuple[AxisEquation, ...]:

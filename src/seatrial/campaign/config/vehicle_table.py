@@ -17,9 +17,9 @@ from seatrial.vehicles.actuators import Actuator
 from seatrial.vehicles.axis_equation import RATE_OF
 from seatrial.vehicles.catalogue import PublishedVehicle, load_surge, load_vehicle, surge_names
 from seatrial.vehicles.hull import Hull, whole_hull
-from seatrial.vehicles.surge import SurgeHull, surge_vehicle
 from seatrial.vehicles.tether import Tether
 from seatrial.vehicles.thrusters import controls_of
+from seatrial.vehicles.whole import whole_vehicle
 
 BY_AXES = ("catalogue", "name", "mass", "thrust_deduction", "fixed", "trim", "published_to", "known_from")
 """Keys of a vehicle by its axes."""
@@ -114,11 +114,17 @@ def _axes_vehicle(table: VehicleTable, keys: FileKeys, terms: Sequence[str]) -> 
                 expected="no added mass: coefficients are estimated per unit of the effective mass, which contains it",
                 remedy=f"remove {added[0]} from `fixed`, or state the mass",
             )
-        hull = SurgeHull(table.name or "vehicle", mass, table.thrust_deduction, table.fixed, _trim(table, keys))
+        hull = Hull(
+            table.name or "vehicle",
+            mass,
+            thrust_deduction=table.thrust_deduction,
+            fixed=table.fixed,
+            trim=_trim(table, keys),
+        )
         found = AxesVehicle(hull, axes)
     if found.hull.mass is not None and not found.is_surge:
         with located(keys.where("structure")):
-            surge_vehicle(found.hull, terms)
+            whole_vehicle(found.hull, terms, moves=("u",))
     return found
 
 

@@ -20,7 +20,7 @@ import jax
 import numpy as np
 from jaxtyping import Array, Float
 
-from seatrial.core.errors import InputError
+from seatrial.core.errors import too_few
 from seatrial.estimation.regression.row_fit import SCREENING
 from seatrial.estimation.regression.rows import WhitenedRows, force_slope, rewhitened, solve
 from seatrial.estimation.regression.weak_form import TrialRows
@@ -79,9 +79,7 @@ def regressor_noise_bias(rows: WhitenedRows, key: Array, pairs: int = 16, forces
         InputError: fewer than 2 pairs.
     """
     if pairs < 2:
-        raise InputError(
-            "bias by noise in regressors", found=f"{pairs} pairs", expected="at least 2", remedy="16 usually suffice"
-        )
+        raise too_few("bias by noise in regressors", f"{pairs} pairs", 2, "16 usually suffice")
     random = np.random.default_rng(np.asarray(jax.random.key_data(key)))
     values, cov = solve(rows.design, rows.target)
     scale = np.linalg.norm(rows.design, axis=0)

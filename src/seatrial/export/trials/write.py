@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from seatrial.core.errors import InputError, nearest
+from seatrial.core.errors import InputError, not_among
 from seatrial.core.files import write_text
 from seatrial.export.trials.bag import STORAGES, bag_libraries, write_bag
 from seatrial.export.trials.mavlink import trial_script
@@ -57,12 +57,7 @@ def write_trial(trial: Trial, folder: Path, formats: Sequence[str] = PLAIN) -> l
     """
     for name in formats:
         if name not in FORMATS:
-            raise InputError(
-                f"--trial --to {name}",
-                found=f'"{name}"',
-                expected="one of " + ", ".join(FORMATS),
-                remedy=nearest(name, FORMATS),
-            )
+            raise not_among(f"--trial --to {name}", name, FORMATS)
     made = []
     for name in formats:
         if name in _TEXTS:

@@ -29,15 +29,13 @@ from seatrial.vehicles.active_dof import AddedCoriolis, acting_terms
 from seatrial.vehicles.actuators import Actuator, with_actuators
 from seatrial.vehicles.attitude import Kind
 from seatrial.vehicles.hull import GRAVITY, Hull, check_hull_numbers, whole_hull
-from seatrial.vehicles.linearise import trim
-from seatrial.vehicles.longitudinal import LongitudinalHull, longitudinal_vehicle
+from seatrial.vehicles.linearise import trim_speed
 from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.remus100_fossen import ACTUATORS, NOTES, remus100_fossen, spheroid_hull
-from seatrial.vehicles.surge import SurgeHull, surge_vehicle, trim_speed
 from seatrial.vehicles.thrusters import Thruster
 from seatrial.vehicles.whole import whole_vehicle
 
-_FOSSEN, _SURGE, _LONGITUDINAL = "remus100_fossen", "_surge", "_longitudinal"
+_FOSSEN, _SURGE = "remus100_fossen", "_surge"
 _OPTIONS = ("attitude", "positions", "angles", "current", "unknowns")
 _OF_UNKNOWN = ("thrust_deduction", "wake", "trim")
 """What may be said of a body whose mass is unknown."""
@@ -228,22 +226,6 @@ def make_vehicle(
     )
 
 
-@dataclass(frozen=True)
-class SurgeEntry:
-    """A published vehicle in surge alone: the hull with its trim solved, and the published coefficients, SI."""
-
-    hull: SurgeHull
-    coefficients: dict[str, float]
-
-
-@dataclass(frozen=True)
-class LongitudinalEntry:
-    """A published vehicle in surge, heave and pitch: the hull with its level flight solved, and the published coefficients, SI."""
-
-    hull: LongitudinalHull
-    coefficients: dict[str, float]
-
-
 def _check_parts(place: str, moves: Any, actuators: Any, thrusters: Any, added_coriolis: Any) -> None:
     """Check what a vehicle consists of beside its body."""
     _check_moves(moves, place)
@@ -288,40 +270,17 @@ def surge_names() -> tuple[str, ...]:
 
 
 @cache
-def load_surge(name: str) -> SurgeEntry:
+def load_surge(name: str) -> PublishedVehicle:
     """Load a vehicle of surge alone; its trim speed is solved from its own coefficients and the trim control.
 
     Raises:
         InputError: no such vehicle.
     """
     vehicle = _load(name, surge_names())
-    whole, coefficients = vehicle.hull, dict(vehicle.coefficients)
-    hull = SurgeHull(whole.name, whole.mass, whole.thrust_deduction, whole.fixed, whole.trim)
-    model = surge_vehicle(hull, tuple(coefficients))
-    speed = trim_speed(model, coefficients, [hull.trim[control] for control in model.controls])
-    return SurgeEntry(replace(hull, trim={"u": speed, **hull.trim}), coefficients)
-
-
-@cache
-def load_longitudinal(name: str) -> LongitudinalEntry:
-    """Load a vehicle of surge, heave and pitch; level flight is solved from its own coefficients and the trim propeller speed.
-
-    Raises:
-        InputError: no such vehicle.
-    """
-    vehicle = _load(name, tuple(one for one in vehicle_names() if one.endswith(_LONGITUDINAL)))
-    whole, coefficients = vehicle.hull, dict(vehicle.coefficients)
-    mass, inertia, (x_g, _, z_g) = whole.mass, whole.inertia[1], whole.centre_of_gravity
-    assert mass is not None
-    assert inertia is not None
-    hull = LongitudinalHull(
-        whole.name, mass, inertia, x_g, z_g, whole.buoyancy, thrust_deduction=whole.thrust_deduction, fixed=whole.fixed
-    )
-    model = longitudinal_vehicle(hull, tuple(coefficients))
-    level = trim(model, coefficients, n=whole.trim["n"])
-    at = dict(zip((*model.states, *model.controls), (*level.state, *level.control), strict=True))
-    known = {signal: at[signal] for signal in ("u", "w", "q", "theta", *model.controls)}
-    return LongitudinalEntry(replace(hull, trim=known), coefficients)
+    trim = vehicle.hull.trim
+    model = vehicle.build()
+    speed = trim_speed(model, vehicle.coefficients, [trim[control] for control in model.controls])
+    return replace(vehicle, hull=replace(vehicle.hull, trim={"u": speed, **trim}))
 
 
 # Coefficients without dimension and back: primes by density, length and speed (SNAME 1950; Prime I of Fossen, table
