@@ -20,6 +20,37 @@ MOST_TERMS = 63
 _ONE = np.uint64(1)
 
 
+class Links(NamedTuple):
+    """Rules as clauses of two terms each, by bit masks, an entry for each term.
+
+    Attributes:
+        required: the others that must be there with it, without those that these require in turn.
+        wanting: the others that must be absent without it.
+        rivals: those that must be absent with it.
+    """
+
+    required: list[int]
+    wanting: list[int]
+    rivals: list[int]
+
+    def decided(self, present: int = 0, absent: int = 0, among: int = -1) -> tuple[int, int]:
+        """Return all terms that are there, and all that are absent, once some are: both hold a term if the rules contradict that.
+
+        Args:
+            present: terms that are there, as a bit mask.
+            absent: terms that are not.
+            among: terms that may follow.
+        """
+        before = -1
+        while before != present | absent:
+            before = present | absent
+            for i in _bit_numbers(present):
+                present, absent = present | self.required[i] & among, absent | self.rivals[i] & among
+            for i in _bit_numbers(absent):
+                absent |= self.wanting[i] & among
+        return present, absent
+
+
 @dataclass(frozen=True)
 class RuleMasks:
     """Rules over terms by number.
@@ -40,19 +71,16 @@ class RuleMasks:
         masks = (*self.parents, *self.groups, *self.exclusive)
         return max([len(self.parents), *(mask.bit_length() for mask in masks)])
 
-    def required(self, n_terms: int) -> list[int]:
-        """Return for each of `n_terms` terms a bit mask of the others that must be there if it is, direct ones only."""
-        masks = [*self.parents, *[0] * (n_terms - len(self.parents))]
+    def links(self, n_terms: int) -> Links:
+        """Return the clauses of `n_terms` terms."""
+        required, rivals = [*self.parents, *[0] * (n_terms - len(self.parents))], [0] * n_terms
         for group in self.groups:
-            masks = [mask | group if group >> i & 1 else mask for i, mask in enumerate(masks)]
-        return [mask & ~(1 << i) for i, mask in enumerate(masks)]
-
-    def rivals(self, n_terms: int) -> list[int]:
-        """Return for each of `n_terms` terms a bit mask of those that must be absent if it is there."""
-        masks = [0] * n_terms
+            required = [mask | group if group >> i & 1 else mask for i, mask in enumerate(required)]
         for some in self.exclusive:
-            masks = [mask | some if some >> i & 1 else mask for i, mask in enumerate(masks)]
-        return [mask & ~(1 << i) for i, mask in enumerate(masks)]
+            rivals = [mask | some if some >> i & 1 else mask for i, mask in enumerate(rivals)]
+        required, rivals = ([mask & ~(1 << i) for i, mask in enumerate(masks)] for masks in (required, rivals))
+        wanting = [sum(1 << i for i in range(n_terms) if required[i] >> j & 1) for j in range(n_terms)]
+        return Links(required, wanting, rivals)
 
     def allowed(self, structures: UInt64[np.ndarray, "*n"]) -> Bool[np.ndarray, "*n"]:
         """Return whether the rules allow each structure."""
@@ -67,7 +95,7 @@ class RuleMasks:
     @cached_property
     def _arrays(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Terms that require others, what they require, and the sets of rivals: samplers ask at every move."""
-        required = self.required(self.n_terms)
+        required = self.links(self.n_terms).required
         return (
             np.array([i for i, mask in enumerate(required) if mask], np.uint64),
             np.array([mask for mask in required if mask], np.uint64),
@@ -114,7 +142,7 @@ def conditions(rules: RuleMasks, fixed: UInt64[np.ndarray, " lanes"], free: Sequ
     values, mask = spread(np.arange(2 ** len(free)), free), sum(1 << term for term in free)
     among, valid = np.ones(values.shape, bool), np.ones(fixed.shape, bool)
     need, forbid = np.zeros_like(fixed), np.zeros_like(fixed)
-    for term, required in enumerate(rules.required(rules.n_terms)):
+    for term, required in enumerate(rules.links(rules.n_terms).required):
         inside, outside = required & mask, required & ~mask
         if mask >> term & 1:
             among &= ~_has(values, term) | _covers(values, inside)
@@ -150,8 +178,7 @@ def allowed_mass(rules: RuleMasks, sure: Sequence[int], chance: Sequence[float])
         The number, exactly, and the probability.
     """
     d = len(chance)
-    wants, rivals = rules.required(d), rules.rivals(d)
-    wanting = [sum(1 << i for i in range(d) if wants[i] >> j & 1) for j in range(d)]
+    links = rules.links(d)
     fixed = sum(1 << i for i in sure)
 
     def weigh(members: int, present: bool) -> float:
@@ -162,14 +189,7 @@ def allowed_mass(rules: RuleMasks, sure: Sequence[int], chance: Sequence[float])
 
     def decide(open_: int, start: int, present: bool) -> tuple[int, float]:
         """Return what remains once some terms are there, or absent, with all that follows."""
-        there, absent = (start, 0) if present else (0, start)
-        size = -1
-        while size != there | absent:
-            size = there | absent
-            for i in _bit_numbers(there):
-                there, absent = there | wants[i] & open_, absent | rivals[i] & open_
-            for i in _bit_numbers(absent):
-                absent |= wanting[i] & open_
+        there, absent = links.decided(*((start, 0) if present else (0, start)), open_)
         if there & absent:
             return 0, 0.0
         count, mass = total(open_ & ~(there | absent))
@@ -177,7 +197,7 @@ def allowed_mass(rules: RuleMasks, sure: Sequence[int], chance: Sequence[float])
 
     @lru_cache(maxsize=2**16)
     def total(open_: int) -> tuple[int, float]:
-        linked = {i: (wants[i] | wanting[i] | rivals[i]) & open_ for i in _bit_numbers(open_)}
+        linked = {i: (links.required[i] | links.wanting[i] | links.rivals[i]) & open_ for i in _bit_numbers(open_)}
         pivot = max(linked, key=lambda i: linked[i].bit_count(), default=-1)
         if pivot < 0 or not linked[pivot]:
             return 2 ** open_.bit_count(), 1.0
@@ -191,16 +211,6 @@ def allowed_mass(rules: RuleMasks, sure: Sequence[int], chance: Sequence[float])
         return count * (with_it[0] + without[0]), mass * (with_it[1] + without[1])
 
     return decide((1 << d) - 1, fixed, True)
-
-
-def closure(required: Sequence[int], start: int) -> int:
-    """Return some terms with all that they require, and what these require, as bit masks."""
-    size = -1
-    while size != start:
-        size = start
-        for i in _bit_numbers(start):
-            start |= required[i]
-    return start
 
 
 def check_rules(rules: RuleMasks, n_terms: int) -> None:

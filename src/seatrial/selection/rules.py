@@ -12,11 +12,12 @@ on that axis (strong heredity: Chipman, Can. J. Stat. 24, 1996). `heredity of po
 Compiled, what the rules force is taken out first: terms always there, and terms never there.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError, located
+from seatrial.estimation.prediction.remedies import listed
 from seatrial.selection.library import TermLibrary
 from seatrial.selection.rule_masks import RuleMasks
 
@@ -33,11 +34,6 @@ class Requires:
     term: str
     parents: tuple[str, ...]
 
-    @property
-    def terms(self) -> tuple[str, ...]:
-        """Every term the rule names."""
-        return (self.term, *self.parents)
-
     def __str__(self) -> str:
         return f"{self.term} requires {' and '.join(self.parents)}"
 
@@ -48,11 +44,6 @@ class Always:
 
     term: str
 
-    @property
-    def terms(self) -> tuple[str, ...]:
-        """Every term the rule names."""
-        return (self.term,)
-
     def __str__(self) -> str:
         return f"always {self.term}"
 
@@ -62,11 +53,6 @@ class Never:
     """A term stands in no structure."""
 
     term: str
-
-    @property
-    def terms(self) -> tuple[str, ...]:
-        """Every term the rule names."""
-        return (self.term,)
 
     def __str__(self) -> str:
         return f"never {self.term}"
@@ -159,46 +145,66 @@ def compile_rules(library: TermLibrary, rules: Sequence[Rule]) -> CompiledRules:
         Terms forced in, terms forced out, and masks over the others.
 
     Raises:
-        InputError: a rule that names a term the library lacks; two rules that contradict each other, or that leave a term which
-            could never stand; the message names both.
+        InputError: a rule that names a term the library lacks; rules that contradict each other, or that leave a term which could
+            never stand; the message names all of them.
     """
-    for rule in rules:
-        for term in rule.terms:
-            library.find(term, f'rule "{rule}"')
     named = [_renamed(rule, library) for rule in rules]
-    inside: dict[str, Rule] = {}
-    outside: dict[str, Rule] = {}
-    for rule in named:
-        if isinstance(rule, Always):
-            _put(rule.term, rule, inside, outside)
-        if isinstance(rule, Never):
-            outside[rule.term] = rule
-    for term, rule in outside.items():
-        if term in inside:
-            raise _contradiction(term, inside[term], rule)
-    _propagate(named, inside, outside)
-    optional = tuple(name for name in library.names if name not in inside and name not in outside)
-    bit = {name: 1 << i for i, name in enumerate(optional)}
+    bit = {name: 1 << i for i, name in enumerate(library.names)}
+    present, absent = _decided(named, bit)
+    for name in library.names:
+        if present & absent & bit[name]:
+            raise _contradiction(named, bit, 0, f"{name} can neither stand nor be left out")
+    optional = tuple(name for name in library.names if not (present | absent) & bit[name])
+    for name in optional:
+        with_it, without = _decided(named, bit, bit[name])
+        if with_it & without:
+            raise _contradiction(named, bit, bit[name], f"{name} could never stand")
+    return CompiledRules(
+        tuple(name for name in library.names if present & bit[name]),
+        optional,
+        tuple(name for name in library.names if absent & bit[name]),
+        _masks(named, {name: 1 << i for i, name in enumerate(optional)}),
+    )
+
+
+def _masks(rules: Sequence[Rule], bit: Mapping[str, int]) -> RuleMasks:
+    """Return the rules among the terms that have a bit."""
 
     def mask(terms: Sequence[str]) -> int:
         return sum(bit.get(term, 0) for term in terms)
 
-    parents = [0] * len(optional)
+    parents = dict.fromkeys(bit, 0)
     groups, exclusive = [], []
-    for rule in named:
+    for rule in rules:
         if isinstance(rule, Requires) and rule.term in bit:
-            parents[optional.index(rule.term)] |= mask(rule.parents)
+            parents[rule.term] |= mask(rule.parents)
         elif isinstance(rule, Together) and mask(rule.terms):
             groups.append(mask(rule.terms))
         elif isinstance(rule, AtMostOne) and mask(rule.terms).bit_count() > 1:
             exclusive.append(mask(rule.terms))
-    for term in optional:
-        _check_possible(term, named)
-    return CompiledRules(
-        tuple(name for name in library.names if name in inside),
-        optional,
-        tuple(name for name in library.names if name in outside),
-        RuleMasks(tuple(parents), tuple(dict.fromkeys(groups)), tuple(dict.fromkeys(exclusive))),
+    return RuleMasks(tuple(parents.values()), tuple(dict.fromkeys(groups)), tuple(dict.fromkeys(exclusive)))
+
+
+def _decided(rules: Sequence[Rule], bit: Mapping[str, int], present: int = 0) -> tuple[int, int]:
+    """Return which terms are there and which are not by the rules, once some are; those in both contradict the rules."""
+    always = sum(bit[term] for term in {rule.term for rule in rules if isinstance(rule, Always)})
+    never = sum(bit[term] for term in {rule.term for rule in rules if isinstance(rule, Never)})
+    return _masks(rules, bit).links(len(bit)).decided(present | always, never)
+
+
+def _contradiction(rules: Sequence[Rule], bit: Mapping[str, int], present: int, found: str) -> InputError:
+    """Name the rules that contradict each other once some terms are there: those of which none can go without ending that."""
+    needed = list(rules)
+    for rule in rules:
+        fewer = [one for one in needed if one is not rule]
+        with_it, without = _decided(fewer, bit, present)
+        needed = fewer if with_it & without else needed
+    quoted = [f'"{rule}"' for rule in needed]
+    return InputError(
+        f"rules {listed(quoted)}",
+        found=found,
+        expected="rules that some structure with each optional term obeys",
+        remedy="drop one of these rules, or leave the term out of the library",
     )
 
 
@@ -244,66 +250,3 @@ def _renamed(rule: Rule, library: TermLibrary) -> Rule:
     if isinstance(rule, Always | Never):
         return type(rule)(name(rule.term))
     return type(rule)(tuple(map(name, rule.terms)))
-
-
-def _propagate(rules: Sequence[Rule], inside: dict[str, Rule], outside: dict[str, Rule]) -> None:
-    """Follow what is forced until nothing new is, remembering the rule that forced each term."""
-    before = -1
-    while before != len(inside) + len(outside):
-        before = len(inside) + len(outside)
-        for rule in rules:
-            if isinstance(rule, Requires):
-                if rule.term in inside:
-                    for parent in rule.parents:
-                        _put(parent, rule, inside, outside)
-                for parent in rule.parents:
-                    if parent in outside:
-                        _put(rule.term, rule, outside, inside, outside[parent])
-            elif isinstance(rule, Together):
-                for here, there in ((inside, outside), (outside, inside)):
-                    if any(term in here for term in rule.terms):
-                        for term in rule.terms:
-                            _put(term, rule, here, there)
-            elif isinstance(rule, AtMostOne):
-                standing = [term for term in rule.terms if term in inside]
-                if len(standing) > 1:
-                    raise _contradiction(standing[1], inside[standing[1]], rule)
-                for term in rule.terms:
-                    if standing and term != standing[0]:
-                        _put(term, rule, outside, inside)
-
-
-def _put(term: str, rule: Rule, here: dict[str, Rule], there: dict[str, Rule], because: Rule | None = None) -> None:
-    if term in there:
-        raise _contradiction(term, there[term], because or rule)
-    here.setdefault(term, rule)
-
-
-def _check_possible(term: str, rules: Sequence[Rule]) -> None:
-    """Refuse a term that no allowed structure has: everything it requires, in turn, must not break a rule of rivals."""
-    needed: dict[str, Rule | None] = {term: None}
-    before = 0
-    while before != len(needed):
-        before = len(needed)
-        for rule in rules:
-            if isinstance(rule, Requires) and rule.term in needed:
-                needed.update({parent: rule for parent in rule.parents if parent not in needed})
-            if isinstance(rule, Together) and any(one in needed for one in rule.terms):
-                needed.update({one: rule for one in rule.terms if one not in needed})
-    for rule in rules:
-        if isinstance(rule, AtMostOne):
-            standing = [one for one in rule.terms if one in needed]
-            if len(standing) > 1:
-                reason = next(needed[one] for one in reversed(standing) if needed[one] is not None)
-                raise _contradiction(term, reason, rule, "could never stand")
-
-
-def _contradiction(
-    term: str, one: Rule | None, other: Rule, what: str = "can neither stand nor be left out"
-) -> InputError:
-    return InputError(
-        f'rules "{one}" and "{other}"',
-        found=f"{term} {what}",
-        expected="rules that some structure with each optional term obeys",
-        remedy="drop one of the two rules, or leave the term out of the library",
-    )

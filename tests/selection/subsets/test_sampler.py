@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from seatrial.core.errors import InputError
-from seatrial.selection.rule_masks import RuleMasks, _bit_numbers, allowed_mass, closure
+from seatrial.selection.rule_masks import RuleMasks, _bit_numbers, allowed_mass
 from seatrial.selection.subsets import sampler, structure_chains
 from seatrial.selection.subsets.all_subsets import all_subsets
 from seatrial.selection.subsets.conjugate import GPrior, physical_prior
@@ -240,19 +240,20 @@ def test_likeness_is_the_squared_cosine_of_regressors():
 
 def test_rules_term_by_term_by_a_naive_twin():
     """What each of nine terms wants and cannot stand, in sets: parents, the others of a group, and rivals."""
-    wants, rivals = RULES.required(9), RULES.rivals(9)
-    assert (len(wants), len(rivals)) == (9, 9)
+    wants, wanting, rivals = RULES.links(9)
+    assert (len(wants), len(wanting), len(rivals)) == (9, 9, 9)
     for i in range(9):
         parents = set(_bit_numbers(RULES.parents[i])) if i < len(RULES.parents) else set()
         group = {j for g in RULES.groups for j in _bit_numbers(g) if i in _bit_numbers(g)}
         rival = {j for e in RULES.exclusive for j in _bit_numbers(e) if i in _bit_numbers(e)}
         assert set(_bit_numbers(wants[i])) == (parents | group) - {i}
         assert set(_bit_numbers(rivals[i])) == rival - {i}
-    assert RuleMasks().required(3) == RuleMasks().rivals(3) == [0, 0, 0]
-    chain = RuleMasks(parents=(0, 0b1, 0b10, 0, 0b1000)).required(5)
-    assert closure(chain, 0b100) == 0b111
-    assert closure(chain, 0b10000) == 0b11000
-    assert closure(chain, 0b1) == 0b1
+        assert set(_bit_numbers(wanting[i])) == {j for j in range(9) if wants[j] >> i & 1}
+    assert RuleMasks().links(3) == ([0, 0, 0],) * 3
+    chain = RuleMasks(parents=(0, 0b1, 0b10, 0, 0b1000), exclusive=(0b11000,)).links(5)
+    assert chain.decided(0b100) == (0b111, 0)
+    assert chain.decided(0b10000) == (0b11000, 0b11000)
+    assert chain.decided(0, 0b1) == (0, 0b111)
 
 
 @pytest.mark.parametrize(("chains", "rungs", "walk"), [(4, 1, 4), (8, 1, 8), (4, 3, 8), (32, 3, 10)])

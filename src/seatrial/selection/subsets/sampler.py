@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Float, UInt64
 
 from seatrial.core.errors import InputError
-from seatrial.selection.rule_masks import MOST_TERMS, RuleMasks, allowed_mass, bits, closure, no_structure
+from seatrial.selection.rule_masks import MOST_TERMS, RuleMasks, allowed_mass, bits, no_structure
 from seatrial.selection.subsets.all_subsets import all_subsets
 from seatrial.selection.subsets.average import MonteCarlo, SubsetPosterior
 from seatrial.selection.subsets.conjugate import Prior, evidence_of
@@ -154,7 +154,7 @@ def sample_subsets(
             expected=f"at least {LEAST_CHAINS} chains of {LEAST_MOVES} moves",
             remedy="errors come from the spread of the chains: give more",
         )
-    certain = closure(rules.required(len(candidates.names)), int(candidates.certain))
+    certain, _ = rules.links(len(candidates.names)).decided(int(candidates.certain))
     if not rules.allowed(np.array([certain], np.uint64))[0]:
         raise no_structure()
     evidence_of(stats, prior, range(len(candidates.names)))  # of all structures this one leaves the least noise

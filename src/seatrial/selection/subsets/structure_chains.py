@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt64
 
-from seatrial.selection.rule_masks import RuleMasks, closure
+from seatrial.selection.rule_masks import RuleMasks
 from seatrial.selection.subsets.problem import Problem
 
 BLOCK = 3
@@ -203,8 +203,8 @@ def make_units(rules: RuleMasks, free: list[int], problem: Problem, n_terms: int
         problem: of these terms.
         n_terms: number of all terms.
     """
-    wants, rivals = rules.required(n_terms), rules.rivals(n_terms)
-    closed = [closure(wants, 1 << i) for i in range(n_terms)]
+    links = rules.links(n_terms)
+    closed = [links.decided(1 << i)[0] for i in range(n_terms)]
     together = {i: tuple(j for j in free if closed[i] >> j & 1 and closed[j] >> i & 1) for i in free}
     groups = list(dict.fromkeys(together.values()))
     longest = max(map(len, groups))
@@ -213,11 +213,11 @@ def make_units(rules: RuleMasks, free: list[int], problem: Problem, n_terms: int
     for u, group in enumerate(groups):
         members[u, : len(group)] = [place[term] for term in group]
     mask = [sum(1 << i for i in group) for group in groups]
-    whole = [closure(wants, one) for one in mask]
+    whole = [links.decided(one)[0] for one in mask]
     shared = np.array(
         [[bool(whole[u] & mask[v] or whole[v] & mask[u]) for v in range(len(mask))] for u in range(len(mask))]
     )
-    shared |= np.array([[any(rivals[i] & other for i in group) for other in mask] for group in groups])
+    shared |= np.array([[any(links.rivals[i] & other for i in group) for other in mask] for group in groups])
     return Units(
         members,
         np.array([*mask, 0], np.uint64),
