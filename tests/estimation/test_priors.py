@@ -1,5 +1,6 @@
 """Every kind of prior against scipy.stats and quadrature; physical sides; cuts."""
 
+import math
 from math import inf
 
 import jax
@@ -12,9 +13,11 @@ from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError
 from seatrial.estimation.priors import (
     CORNER,
+    DensityPrior,
     LogNormal,
     LogUniform,
     Normal,
+    Prior,
     TruncatedNormal,
     Uniform,
     half_normal,
@@ -23,7 +26,16 @@ from seatrial.estimation.priors import (
     truncated_normal,
 )
 
+DENSITIES = {
+    Prior.from_logpdf(lambda x: 3.0 - x / 2.0, 0.0, 30.0): stats.truncexpon(15.0, scale=2.0),
+    Prior.from_logpdf(lambda x: jnp.log(-x) + 2.0 * jnp.log1p(x / 4.0), -4.0, 0.0): stats.beta(
+        3, 2, loc=-4.0, scale=4.0
+    ),
+    Prior.from_logpdf(lambda x: -0.5 * ((x - 0.3) / 1e-3) ** 2, 0.2, 0.5): stats.truncnorm(-100.0, 200.0, 0.3, 1e-3),
+}
+"""Priors of one's own log density, and the textbook's."""
 PRIORS = [
+    *DENSITIES,
     Uniform(-3.0, 2.0),
     Uniform(0.0, 0.15),
     Uniform(-2e6, 1e6),
@@ -50,7 +62,7 @@ Z = np.linspace(-45.0, 45.0, 90_001)
 
 def given(prior):
     """Name a prior by what it was made of, without the moments that follow."""
-    return str(prior).partition(", mean=")[0]
+    return f"density on {prior.bounds}" if isinstance(prior, DensityPrior) else str(prior).partition(", mean=")[0]
 
 
 each_prior = pytest.mark.parametrize("prior", PRIORS, ids=given)
@@ -68,6 +80,8 @@ def textbook(prior):
             return stats.lognorm(np.log(factor), scale=median) if median > 0 else Mirrored(LogNormal(-median, factor))
         case TruncatedNormal(location, scale, lower, upper):
             return stats.truncnorm((lower - location) / scale, (upper - location) / scale, location, scale)
+        case DensityPrior():
+            return DENSITIES[prior]
 
 
 class Mirrored:
@@ -111,7 +125,7 @@ def test_z_is_nearly_standardised(prior):
     Where a normal is cut on one side only, the corner moves z by less than it is wide, sqrt(12) / k = 0.02.
     """
     mean, variance = expectation(Z, prior), expectation(Z**2, prior)
-    if isinstance(prior, TruncatedNormal):
+    if isinstance(prior, TruncatedNormal | DensityPrior):
         assert abs(mean) < 0.02
         assert variance == pytest.approx(1, abs=0.03)
     else:
@@ -352,3 +366,17 @@ def test_a_term_on_its_physical_side_takes_energy_at_every_speed(name):
     term, speed = CoefficientName.parse(name), np.linspace(-4.0, 4.0, 81)
     assert physical_support(term, 30.0) == (-inf, 0.0)
     assert (speed * term.regressor({"u": speed}, {}) >= 0).all()
+
+
+@pytest.mark.parametrize(
+    ("density", "bounds", "found"),
+    [
+        (lambda x: math.log(x), (0.1, 1.0), "Error"),
+        (lambda x: -x, (0.0, inf), "inf"),
+        (lambda x: 0.0 * x - inf, (0.0, 1.0), "without a finite total"),
+        (lambda x: -0.5 * ((x - 0.123) / 1e-7) ** 2, (-1e6, 1e6), "much narrower"),
+    ],
+)
+def test_density_that_makes_no_prior_is_refused(density, bounds, found):
+    with pytest.raises(InputError, match=found):
+        Prior.from_logpdf(density, *bounds)

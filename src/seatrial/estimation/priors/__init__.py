@@ -6,12 +6,14 @@ kind.
 """
 
 from seatrial.estimation.priors.box import CORNER, LogUniform, Uniform
+from seatrial.estimation.priors.density import DensityPrior
 from seatrial.estimation.priors.normal import LogNormal, Normal
 from seatrial.estimation.priors.prior import Prior, physical_support, prior_curve, restricted
 from seatrial.estimation.priors.truncated import TruncatedNormal, half_normal, truncated_normal
 
 __all__ = [
     "CORNER",
+    "DensityPrior",
     "LogNormal",
     "LogUniform",
     "Normal",

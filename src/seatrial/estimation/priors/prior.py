@@ -7,7 +7,7 @@ positive if and only if X_udot < m.
 """
 
 from math import inf
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import jax
 import jax.numpy as jnp
@@ -16,6 +16,7 @@ from seatrial.core.coefficients import AXES, CoefficientName, Factor
 from seatrial.core.errors import InputError
 from seatrial.core.signals import RATES
 from seatrial.estimation.priors.box import LogUniform, Uniform
+from seatrial.estimation.priors.density import prior_of_density
 from seatrial.estimation.priors.normal import Normal
 from seatrial.estimation.priors.truncated import TruncatedNormal, truncated_normal
 
@@ -69,6 +70,9 @@ class Prior(Protocol):
     def sample(self, key: jax.Array, shape: tuple[int, ...]) -> jax.Array:
         """Return the draws of z."""
         ...
+
+    if not TYPE_CHECKING:  # no member that a prior must have: it builds one
+        from_logpdf = staticmethod(prior_of_density)
 
 
 def prior_curve(prior: Prior) -> tuple[jax.Array, jax.Array]:

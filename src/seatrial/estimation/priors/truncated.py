@@ -76,10 +76,13 @@ class TruncatedNormal:
 
     def log_density(self, z: Any) -> Any:
         """See `Prior.log_density`. The corner is so sharp that exp(-width / c) < 1e-21 is left out of the slope."""
-        above, below = self._distances(z)
-        slope = jax.nn.log_sigmoid(above) + jax.nn.log_sigmoid(below)
         x = (self.constrain(z) - self.location) / self.scale
-        return slope + jnp.log(self.sd / self.scale) - 0.5 * (x * x + log(2 * pi)) - self.log_share
+        return self.log_slope(z) + jnp.log(self.sd / self.scale) - 0.5 * (x * x + log(2 * pi)) - self.log_share
+
+    def log_slope(self, z: Any) -> Any:
+        """Return the logarithm of the slope of the map from z to the value, over `sd`: 0 where the line is straight."""
+        above, below = self._distances(z)
+        return jax.nn.log_sigmoid(above) + jax.nn.log_sigmoid(below)
 
     def draw(self, key: jax.Array, shape: tuple[int, ...]) -> jax.Array:
         """See `Prior.draw`. By the inverse distribution function, on the side of the normal where it has all its digits."""
