@@ -114,6 +114,7 @@ def prior_of_density(log_pdf: Callable[[Any], Any], lower: float, upper: float) 
             remedy="write it with jax.numpy, for example lambda x: -0.5 * ((x + 10.0) / 2.0) ** 2",
         ) from error
     mean, sd = 0.5 * (lower + upper), (upper - lower) / 12**0.5
+    half = log_total = np.nan
     for _ in range(PASSES):
         half, *_ = _moments(density, lower, upper, mean, sd, CELLS // 32)
         log_total, mean, sd = _moments(density, lower, upper, mean, sd, CELLS // 16)
