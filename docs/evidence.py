@@ -30,14 +30,14 @@ from seatrial.sampling.diagnostics import complaints, diagnose
 from seatrial.sampling.run import ChainSettings
 from seatrial.sampling.sampler import SAMPLERS, sample
 from seatrial.sampling.target import evaluate
-from seatrial.selection.combined_evidence import Keys, agreed_evidence
 from seatrial.selection.evidence import Evidence, EvidenceSettings, smc_evidence
 from seatrial.selection.importance import ImportanceSettings, importance_evidence
-from seatrial.selection.nested import nested_evidence
+from seatrial.selection.log_evidence import Keys, log_evidence
 from seatrial.selection.savage_dickey import savage_dickey
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from studies.remus100.bridge import bridge_evidence
+from studies.remus100.nested import nested_evidence
 from studies.remus100.prior_monte_carlo import prior_evidence
 
 HERE = Path(__file__).parent
@@ -191,7 +191,7 @@ ESTIMATE: dict[str, Callable[[Posterior, jax.Array], Evidence]] = {
     "nested": nested_evidence,
     "prior": partial(prior_evidence, draws=PRIOR_DRAWS),
     "savage-dickey": bayes_factor,
-    DEFAULT: lambda posterior, key: agreed_evidence(posterior, Keys(*jax.random.split(key))),
+    DEFAULT: lambda posterior, key: log_evidence(posterior, Keys(*jax.random.split(key))),
 }
 """What is run, by name; the last is what `seatrial select` does for a structure, its pieces in order."""
 

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from scipy import stats
 
 from seatrial.report.figures.style import BAND, BLUE, DOTS, INK, ORANGE, POINT, SMALL, draw_dots, style_axes
-from seatrial.selection.combined_evidence import ALARM, FLOOR
+from seatrial.selection.method_agreement import MAX_JOINT_ERRORS, MIN_DIFFERENCE
 
 EXPECTED = float(2 * stats.norm.cdf(2) - 1)
 """Share of runs within two errors, if errors are normal and stated rightly."""
@@ -17,7 +17,7 @@ BY_CHANCE = 1e-3
 DRAWN = 40
 """Runs of a case that are drawn."""
 DEFAULT = "agreement"
-"""What `agreed_evidence` gives; it alone promises not to be wrong in silence."""
+"""What `log_evidence` gives; it alone promises not to be wrong in silence."""
 SHOWN = ("importance", "smc", "bridge", "nested", "prior", "savage-dickey", DEFAULT)
 _HEAD = (
     "| estimator | target, parameters | runs | complain | of the others within 2 errors | sd of error / stated "
@@ -67,7 +67,9 @@ def is_low(case: Case) -> bool:
 
 def mutes(case: Case) -> int:
     """Runs that did not complain and are wrong by more than what is an alarm between two methods: 3 errors, and 0.1 nat."""
-    return sum(not abs(run.error) <= max(ALARM * np.nan_to_num(run.stated), FLOOR) for run in _silent(case))
+    return sum(
+        not abs(run.error) <= max(MAX_JOINT_ERRORS * np.nan_to_num(run.stated), MIN_DIFFERENCE) for run in _silent(case)
+    )
 
 
 def scores(runs: Sequence[Run]) -> np.ndarray:

@@ -93,7 +93,7 @@ EQUIVALENT: dict[str, str] = {
     "self.period[column : column + 2]": "one design more, of which the first is taken",
     "src/seatrial/selection/subsets/sampler.py, walk: if now == half - 1: => if now == (half):": "the same structures, taken one move "
     "later, before those of that move are merged",
-    "src/seatrial/selection/combined_evidence.py, do: cold = sample_cold(posterior, smc, fold_in(key, 1), settings.smc) => "
+    "src/seatrial/selection/log_evidence.py, run_task: cold = sample_cold(posterior, smc, fold_in(key, 1), settings.smc) => "
     "cold = sample_cold(posterior, smc, fold_in(key, 2), settings.smc)": "another stream of random numbers",
     "src/seatrial/filters/unscented.py, UnscentedKalmanFilter.predict: tuple(plus(p, dot(noise[i], noise[j])) for j, p in "
     "enumerate(row[: i + 1])) => tuple(plus(p, dot(noise[j], noise[i])) for j, p in enumerate(row[: i + 1]))": "a product of the same two",

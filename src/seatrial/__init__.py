@@ -40,7 +40,7 @@ _HOME = {
     "LogUniform": "seatrial.estimation.priors",
     "half_normal": "seatrial.estimation.priors",
     "truncated_normal": "seatrial.estimation.priors",
-    "evidence": "seatrial.selection.combined_evidence:agreed_evidence",
+    "log_evidence": "seatrial.selection.log_evidence:log_evidence",
     "Evidence": "seatrial.selection.evidence",
     "EvidenceSettings": "seatrial.selection.evidence",
     "compare": "seatrial.selection.verdict",
@@ -115,7 +115,6 @@ __all__ = [
     "design_first",
     "design_trial",
     "estimate_all",
-    "evidence",
     "export_vehicle",
     "find_mode",
     "get_trials",
@@ -124,6 +123,7 @@ __all__ = [
     "inspect_log",
     "load_campaign",
     "load_vehicle",
+    "log_evidence",
     "make_posterior",
     "make_record",
     "make_vehicle",
@@ -179,8 +179,8 @@ if TYPE_CHECKING:
     from seatrial.report.page import write_report
     from seatrial.sampling.run import ChainSettings, Draws
     from seatrial.sampling.tempered_smc import SMCSettings
-    from seatrial.selection.combined_evidence import agreed_evidence as evidence
     from seatrial.selection.evidence import Evidence, EvidenceSettings
+    from seatrial.selection.log_evidence import log_evidence
     from seatrial.selection.verdict import Selection, compare
     from seatrial.vehicles.actuators import Actuator
     from seatrial.vehicles.catalogue import PublishedVehicle as Vehicle

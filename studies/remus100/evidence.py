@@ -20,8 +20,8 @@ from seatrial.sampling.sampler import SAMPLERS, sample
 from seatrial.sampling.tempered_smc import SMCSettings
 from seatrial.selection.evidence import Evidence, EvidenceSettings, smc_evidence
 from seatrial.selection.importance import ImportanceSettings, importance_evidence
-from seatrial.selection.nested import nested_evidence
 from studies.remus100.bridge import bridge_evidence
+from studies.remus100.nested import nested_evidence
 from studies.remus100.panels import COLUMN, PAGE, TEXT, key, name_axes, panels, symbol, with_unit
 from studies.remus100.prior_monte_carlo import MIN_ESS, ListingOne, listing_one
 from studies.remus100.study import Item, Number, Study, Verdict, trial_settings

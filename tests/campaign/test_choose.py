@@ -16,9 +16,9 @@ from seatrial.campaign.selection import evidence
 from seatrial.campaign.selection.evidence import agreement_counts, agreement_words, select_structure
 from seatrial.estimation.priors import Normal, Uniform
 from seatrial.sampling.nested import NestedRun
-from seatrial.selection import combined_evidence
-from seatrial.selection.combined_evidence import EvidenceRun, NestedRepeat, Piece, Weighed
+from seatrial.selection import log_evidence
 from seatrial.selection.evidence import Evidence
+from seatrial.selection.log_evidence import EvidenceRun, EvidenceTask, MethodResult
 from tests.campaign.small import write_small
 from tests.estimation_cases import posterior
 from tests.selection.targets import far_peaks, one_peak, peaks, spike_on_slab
@@ -65,7 +65,7 @@ def test_a_structure_is_no_lower_than_one_that_it_contains(tmp_path, monkeypatch
     drag, extra = Normal(0.0, 5.0), Uniform(-5.0, 1.0)
     full = posterior({"X_uabsu": drag, "X_u": extra}, ridge)
     without = replace(posterior({"X_uabsu": drag}, ridge), guess=np.array([-2.0]))
-    monkeypatch.setattr(combined_evidence, "NESTED_UP_TO", 0)  # it would miss the peak too, for half a minute
+    monkeypatch.setattr(log_evidence, "MAX_NESTED_DIM", 0)  # it would miss the peak too, for half a minute
     found = selection_of(tmp_path, monkeypatch, full, without)
     width, density = np.log(1e-4 * np.sqrt(2 * np.pi)), stats.norm(0.0, 5.0).logpdf(-2.0)
     exact = [40.0 + 2 * width + density - np.log(6.0), 40.0 + width + density]
@@ -98,11 +98,13 @@ class InTurn:
             if piece == self.last:
                 raise KeyboardInterrupt
             on_progress(index, 1, 2)
-            found = Weighed(piece.method, Evidence(0.0, 0.1, piece.method))
+            found = MethodResult(piece.method, Evidence(0.0, 0.1, piece.method))
             if piece.method == "smc":
-                found = EvidenceRun(piece.repeat, None, np.empty((0, 3)), "lost")
+                found = EvidenceRun("smc", piece.repeat, None, "lost")
             if piece.method == "nested":
-                found = NestedRepeat(piece.repeat, NestedRun(0.0, 5.0, 1000, 1.0, 0.0, np.empty((0, 3)), np.empty(0)))
+                found = EvidenceRun(
+                    "nested", piece.repeat, NestedRun(0.0, 5.0, 1000, 1.0, 0.0, np.empty((0, 3)), np.empty(0))
+                )
             following = done(index, found)
             if following is not None:
                 waiting.appendleft((index, following))
@@ -131,7 +133,7 @@ def test_progress_is_that_of_the_method_that_runs(tmp_path, monkeypatch):
 
 def test_nested_sampling_goes_on_where_it_was_stopped(tmp_path, monkeypatch):
     campaign = load_campaign(write_small(tmp_path))
-    trials, stopped, resumed = get_trials(campaign), InTurn(Piece("nested", 2)), InTurn()
+    trials, stopped, resumed = get_trials(campaign), InTurn(EvidenceTask("nested", 2)), InTurn()
     monkeypatch.setattr(evidence, "workers_of", lambda *_: stopped)
     with pytest.raises(KeyboardInterrupt):
         select_structure(campaign, trials)

@@ -207,10 +207,10 @@ def test_the_configuration_needs_no_step_of_a_campaign():
 
 
 def test_an_evidence_has_the_size_that_the_campaign_says(monkeypatch):
-    monkeypatch.setattr(evidence, "do", lambda posterior, piece, keys, settings, report: settings)
+    monkeypatch.setattr(evidence, "run_task", lambda posterior, task, keys, settings, report: settings)
     campaign = SimpleNamespace(seed=3, selection=SelectionSettings(512, 3, 40960))
     study = SimpleNamespace(campaign=campaign, posterior=lambda structure: None)
-    part = SimpleNamespace(structure=SimpleNamespace(terms=("X_u",)), piece=None)
+    part = SimpleNamespace(structure=SimpleNamespace(terms=("X_u",)), task=None)
     found = evidence._compute(study, part, lambda done, total: None)
     assert (found.smc.particles, found.repeats, found.draws) == (512, 3, 40960)
 

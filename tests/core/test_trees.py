@@ -8,7 +8,7 @@ import pytest
 
 from seatrial.compiled.pytrees import compiled_tree
 from seatrial.estimation.priors import LogNormal, LogUniform, Normal, Uniform
-from seatrial.selection.combined_evidence import Cooled
+from seatrial.selection.further_modes import Cooled
 
 
 @compiled_tree("name")

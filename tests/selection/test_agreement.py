@@ -11,20 +11,20 @@ from seatrial.core.errors import NumericalError
 from seatrial.estimation.posterior.mode import Mode
 from seatrial.sampling.target import evaluate
 from seatrial.sampling.tempered_smc import SMCResult, SMCSettings
-from seatrial.selection import combined_evidence as agreement
-from seatrial.selection.combined_evidence import (
-    EvidenceRun,
-    Gathering,
-    Keys,
-    NestedRepeat,
-    Piece,
-    Weighed,
-    agreed_evidence,
-    do,
-    judge,
-)
+from seatrial.selection import further_modes as search
+from seatrial.selection import log_evidence as module
 from seatrial.selection.evidence import Evidence, EvidenceSettings, combine_runs
 from seatrial.selection.importance import FREE
+from seatrial.selection.log_evidence import (
+    EvidenceRun,
+    EvidenceSchedule,
+    EvidenceTask,
+    Keys,
+    MethodResult,
+    log_evidence,
+    run_task,
+)
+from seatrial.selection.method_agreement import judge
 from tests.estimation_cases import linear_gaussian
 from tests.selection.targets import far_peaks, one_peak, peaks, spike_on_slab, unlike_peaks, wide_regression
 from tests.selection.test_evidence import parabola, runs
@@ -39,9 +39,9 @@ def evidences(**given):
 
 def test_agreement_on_a_known_evidence():
     (target, exact), told = one_peak(), []
-    found = agreed_evidence(target, KEYS, SMALL, lambda done, total: told.append(done / total))
+    found = log_evidence(target, KEYS, SMALL, lambda done, total: told.append(done / total))
     assert told[-1] == 1.0
-    assert 0.0 < told[0] < 0.25  # within the first piece of four or more
+    assert 0.0 < told[0] < 0.25  # within the first task of four or more
     assert found.status == ""
     assert (found.diagnostics["checks"], found.diagnostics["modes"]) == (1, 1)
     assert abs(found.log_value - exact) < 4 * found.std_error < 0.05
@@ -51,7 +51,7 @@ def test_agreement_on_a_known_evidence():
 def test_a_peak_that_all_methods_miss_lies_within_what_the_check_resolves():
     """The narrow peak holds a fifth of Z, log 0.8 = -0.22; no particle meets it, and the check says how little it shows."""
     target, exact = unlike_peaks()
-    found = agreed_evidence(target, 0)
+    found = log_evidence(target, 0)
     assert found.log_value - exact == pytest.approx(np.log(0.8), abs=4 * found.std_error)
     assert found.std_error < 0.01
     assert abs(np.log(0.8)) < found.resolution < 2.0
@@ -60,7 +60,7 @@ def test_a_peak_that_all_methods_miss_lies_within_what_the_check_resolves():
 def test_draws_of_the_importance_sampling_are_those_asked_for():
     """Four times the draws halve its error, and no random number of tempered SMC moves."""
     target, _ = one_peak()
-    few, many = (agreed_evidence(target, KEYS, replace(SMALL, draws=n)).diagnostics["methods"] for n in (2048, 8192))
+    few, many = (log_evidence(target, KEYS, replace(SMALL, draws=n)).diagnostics["methods"] for n in (2048, 8192))
     (importance, smc) = few
     assert few[importance]["std_error"] / many[importance]["std_error"] == pytest.approx(2.0, rel=0.1)
     assert few[smc]["log_value"] == many[smc]["log_value"]
@@ -69,7 +69,7 @@ def test_draws_of_the_importance_sampling_are_those_asked_for():
 def test_second_peak_that_the_search_for_the_mode_misses_is_weighed_too():
     """Half of Z lies in each peak, 66 standard deviations apart: the particles of tempered SMC are in both."""
     target, exact = far_peaks()
-    found = agreed_evidence(target, KEYS, SMALL)
+    found = log_evidence(target, KEYS, SMALL)
     assert (found.status, found.diagnostics["modes"]) == ("", 2)
     assert abs(found.log_value - exact) < 4 * found.std_error < 0.05
 
@@ -79,7 +79,7 @@ def test_second_peak_that_the_search_for_the_mode_misses_is_weighed_too():
 def test_phase_transition_is_weighed_and_alarms(seed):
     """All particles and the search for the mode are on the slab, a hundredth of Z: only cold ones meet the spike."""
     target, exact = spike_on_slab()
-    found = agreed_evidence(target, Keys(*jax.random.split(jax.random.key(seed))), SMALL)
+    found = log_evidence(target, Keys(*jax.random.split(jax.random.key(seed))), SMALL)
     assert abs(found.log_value - exact) < 4 * found.std_error < 0.05
     assert "adaptive tempered SMC finds -4." in found.status
     assert "one of them misses part of the posterior" in found.status
@@ -91,27 +91,32 @@ def test_a_higher_peak_that_importance_sampling_does_not_have_alarms(monkeypatch
     target, _ = peaks((-0.2, 1.0))
     high = np.array([[1.0, 0.0]])
     low = np.array([[-0.2, 1.5]])
-    monkeypatch.setattr(agreement, "further_modes", lambda *_: ())
+    monkeypatch.setattr(module, "further_modes", lambda *_: ())
 
     def lost(*_):
         raise NumericalError("no mode")
 
-    monkeypatch.setattr(agreement, "find_mode", lost)
+    monkeypatch.setattr(module, "find_mode", lost)
     smc = SMCResult(0.0, low, np.ones(1), np.ones(1), 1.0, 0.0)
-    found = do(target, Piece("importance", first=EvidenceRun(0, smc, high)), KEYS, SMALL)
+    found = run_task(target, EvidenceTask("importance", first=EvidenceRun("smc", 0, smc, cold=high)), KEYS, SMALL)
     above = float(np.diff(evaluate(target, np.concatenate([low, high])))[0])
     assert found.failure == "no mode"
     assert f"a point {above - 0.5 * 0.002001:.1f} nats above the highest peak" in found.alarms[0]
-    same = do(target, Piece("importance", first=EvidenceRun(0, smc._replace(particles=high), high)), KEYS, SMALL)
+    same = run_task(
+        target,
+        EvidenceTask("importance", first=EvidenceRun("smc", 0, smc._replace(particles=high), cold=high)),
+        KEYS,
+        SMALL,
+    )
     assert same.alarms == ()
-    (said,) = do(target, Piece("importance", first=EvidenceRun(0, smc, high[:0])), KEYS, SMALL).alarms
+    (said,) = run_task(target, EvidenceTask("importance", first=EvidenceRun("smc", 0, smc)), KEYS, SMALL).alarms
     assert "could not be cooled" in said
 
 
 @pytest.mark.proof
 def test_value_is_the_next_methods_where_importance_sampling_complains():
     target, exact = parabola()
-    found = agreed_evidence(target, KEYS)
+    found = log_evidence(target, KEYS)
     assert (found.status, found.method) == ("", "adaptive tempered SMC")
     assert abs(found.log_value - exact) < 4 * found.std_error
     (note,) = found.diagnostics["notes"]
@@ -122,7 +127,7 @@ def test_value_is_the_next_methods_where_importance_sampling_complains():
 def test_a_third_method_confirms_where_tempered_smc_fails():
     """Wide priors and unknown noise: at N b of few every scale of the residuals holds as much, and few particles meet the narrow ones."""
     target, exact = wide_regression()
-    found = agreed_evidence(target, KEYS, SMALL)
+    found = log_evidence(target, KEYS, SMALL)
     assert abs(found.log_value - exact) < 4 * found.std_error < 0.1
     assert (found.status, found.method) == ("", "importance sampling about the mode")
     table = found.diagnostics["methods"]
@@ -132,26 +137,24 @@ def test_a_third_method_confirms_where_tempered_smc_fails():
 
 
 def numbered(*logs, expected_variance=0.0):
-    return [
-        EvidenceRun(i, run, np.empty((0, 1))) for i, run in enumerate(runs(*logs, expected_variance=expected_variance))
-    ]
+    return [EvidenceRun("smc", i, run) for i, run in enumerate(runs(*logs, expected_variance=expected_variance))]
 
 
-IMPORTANCE = Weighed("importance", Evidence(0.7, 0.01, "importance"))
+IMPORTANCE = MethodResult("importance", Evidence(0.7, 0.01, "importance"))
 
 
 def test_pieces_follow_what_is_known():
     """Importance sampling waits for the first repeat; repeats that check too bluntly are followed by more, four times as many at most."""
-    gathering = Gathering(2)
-    assert [piece.repeat for piece in gathering.begin()] == [0, 1]
+    schedule = EvidenceSchedule(2)
+    assert [task.repeat for task in schedule.begin()] == [0, 1]
     one, other, third = numbered(0.0, 0.9, 0.7, expected_variance=0.9)
-    assert gathering.add(other) is None
-    assert gathering.add(one) == Piece("importance", first=one)
-    assert gathering.add(IMPORTANCE) == Piece("smc", 2)
-    following = [gathering.add(third._replace(repeat=number)) for number in range(2, 8)]
-    more = [piece for piece in following if piece]
-    assert more == [Piece("smc", number) for number in range(3, 3 + len(more))]
-    assert len(gathering.runs) <= gathering.most == 8
+    assert schedule.add(other) is None
+    assert schedule.add(one) == EvidenceTask("importance", first=one)
+    assert schedule.add(IMPORTANCE) == EvidenceTask("smc", 2)
+    following = [schedule.add(third._replace(repeat=number)) for number in range(2, 8)]
+    more = [task for task in following if task]
+    assert more == [EvidenceTask("smc", number) for number in range(3, 3 + len(more))]
+    assert len(schedule.runs) <= schedule.max_repeats == 8
 
 
 @pytest.mark.parametrize(
@@ -165,78 +168,82 @@ def test_pieces_follow_what_is_known():
     ],
 )
 def test_a_structure_is_given_up_where_both_methods_find_it_hopeless(weighed, repeat, is_hopeless):
-    gathering = Gathering(2)
-    assert gathering.begin(1) == [Piece("smc", 0)]
+    schedule = EvidenceSchedule(2)
+    assert schedule.begin(1) == [EvidenceTask("smc", 0)]
     (run,) = numbered(repeat)
-    assert gathering.add(run) == Piece("importance", first=run)
-    assert gathering.add(Weighed("importance", weighed, None if weighed else "no mode")) is None
-    assert gathering.give_up(0.0) == is_hopeless
+    assert schedule.add(run) == EvidenceTask("importance", first=run)
+    assert schedule.add(MethodResult("importance", weighed, None if weighed else "no mode")) is None
+    assert schedule.give_up(0.0) == is_hopeless
     if is_hopeless:
-        evidence = gathering.evidence()
+        evidence = schedule.evidence()
         assert (evidence.log_value, evidence.std_error, evidence.status) == (-60.0, 0.01, "")
         assert evidence.diagnostics["notes"] == [
             "tempered SMC, run once, finds it 55 nats behind the best or more, too"
         ]
     else:
-        assert gathering.begin() == [Piece("smc", 1)]
+        assert schedule.begin() == [EvidenceTask("smc", 1)]
 
 
 def test_a_higher_peak_that_particles_met_gives_nothing_up():
-    gathering = Gathering(2)
-    gathering.begin(1)
-    gathering.add(numbered(-60.0)[0])
-    gathering.add(Weighed("importance", Evidence(-60.0, 0.01, "importance"), None, ("a higher peak",)))
-    assert not gathering.give_up(0.0)
+    schedule = EvidenceSchedule(2)
+    schedule.begin(1)
+    schedule.add(numbered(-60.0)[0])
+    schedule.add(MethodResult("importance", Evidence(-60.0, 0.01, "importance"), None, ("a higher peak",)))
+    assert not schedule.give_up(0.0)
 
 
 @pytest.mark.parametrize("late", [False, True])
 def test_nested_sampling_is_asked_once_where_tempered_smc_does_not_confirm(late):
     """More repeats of what complains are not asked; in whatever order the results came."""
-    gathering = Gathering(2)
-    gathering.begin()
+    schedule = EvidenceSchedule(2)
+    schedule.begin()
     one, other = numbered(-3.0, -5.0)
     results = [one, other, IMPORTANCE] if late else [one, IMPORTANCE, other]
-    assert [gathering.add(result) for result in results] == [Piece("importance", first=one), None, Piece("nested")]
-    assert gathering.add(Weighed("nested", Evidence(0.5, 0.2, "nested"))) is None
-    evidence = gathering.evidence()
+    assert [schedule.add(result) for result in results] == [
+        EvidenceTask("importance", first=one),
+        None,
+        EvidenceTask("nested"),
+    ]
+    assert schedule.add(MethodResult("nested", Evidence(0.5, 0.2, "nested"))) is None
+    evidence = schedule.evidence()
     assert (evidence.log_value, evidence.status) == (0.7, "")
     assert "tempered SMC is not counted (repeats differ by 1.4 nats" in evidence.diagnostics["notes"][0]
 
 
 def test_repeats_are_added_where_a_verdict_depends_on_what_they_do_not_resolve():
     """The error of repeats goes with the root of their number; four times those asked for are the most."""
-    gathering, pairs = Gathering(2), numbered(*[0.66, 0.74] * 4)
-    gathering.begin()
+    schedule, pairs = EvidenceSchedule(2), numbered(*[0.66, 0.74] * 4)
+    schedule.begin()
     for one in (*pairs[:2], IMPORTANCE):
-        gathering.add(one)
-    error = combine_runs([one.smc for one in pairs[:2]]).std_error
-    evidence = gathering.evidence()
+        schedule.add(one)
+    error = combine_runs([one.result for one in pairs[:2]]).std_error
+    evidence = schedule.evidence()
     assert evidence.resolution == pytest.approx(3.0 * np.hypot(error, IMPORTANCE.evidence.std_error))
     assert f"the check resolves {evidence.resolution:.2g} nat" in repr(evidence)
-    assert gathering.sharpen()
+    assert schedule.sharpen()
     wanted = min(8, int(np.ceil(2 * (error / 0.1) ** 2)))
-    assert gathering.begin() == [Piece("smc", repeat) for repeat in range(2, wanted)]
+    assert schedule.begin() == [EvidenceTask("smc", repeat) for repeat in range(2, wanted)]
     for one in pairs[2:wanted]:
-        assert gathering.add(one) is None
-    assert gathering.evidence().resolution < evidence.resolution
-    assert not gathering.sharpen() or gathering.asked <= 8
+        assert schedule.add(one) is None
+    assert schedule.evidence().resolution < evidence.resolution
+    assert not schedule.sharpen() or schedule.asked <= 8
 
 
 def test_nested_sampling_is_not_begun_in_many_parameters():
-    wide = SimpleNamespace(dim=agreement.NESTED_UP_TO + 1)
-    found = do(wide, Piece("nested"), KEYS, SMALL)  # pyright: ignore[reportArgumentType]
-    assert found == NestedRepeat(0, None, "it is done up to 10 parameters only, and these are 11")
+    wide = SimpleNamespace(dim=module.MAX_NESTED_DIM + 1)
+    found = run_task(wide, EvidenceTask("nested"), KEYS, SMALL)  # pyright: ignore[reportArgumentType]
+    assert found == EvidenceRun("nested", 0, None, "it is done up to 10 parameters only, and these are 11")
 
 
 def test_what_is_there_is_not_done_again():
     """In whatever order it came: the evidence is that of the repeats in order."""
     found = numbered(0.0, 0.1, 0.05)
-    gathering = Gathering(2)
-    gathering.runs = {0: found[0], 2: found[2]}
-    assert gathering.begin() == [Piece("smc", 1), Piece("importance", first=found[0])]
-    assert gathering.add(Weighed("importance", None, "no mode", ("a higher peak",))) is None
-    assert gathering.add(found[1]) == Piece("nested")
-    evidence = gathering.evidence()
+    schedule = EvidenceSchedule(2)
+    schedule.runs = {0: found[0], 2: found[2]}
+    assert schedule.begin() == [EvidenceTask("smc", 1), EvidenceTask("importance", first=found[0])]
+    assert schedule.add(MethodResult("importance", None, "no mode", ("a higher peak",))) is None
+    assert schedule.add(found[1]) == EvidenceTask("nested")
+    evidence = schedule.evidence()
     assert evidence.diagnostics["log_values"] == [0.0, 0.1]
     assert evidence.status.startswith("a higher peak; importance sampling failed: no mode; the value is that of")
 
@@ -244,7 +251,7 @@ def test_what_is_there_is_not_done_again():
 def test_progress_ends():
     target, _ = one_peak()
     seen = []
-    agreed_evidence(target, KEYS, SMALL, lambda done, total: seen.append(done / total))
+    log_evidence(target, KEYS, SMALL, lambda done, total: seen.append(done / total))
     assert seen[-1] == 1
 
 
@@ -306,9 +313,9 @@ def test_a_point_three_nats_above_all_that_is_known_alarms(known, above, alarms)
     share = brentq(lambda s: float(evaluate(problem.posterior, (centre + s * 0.6)[None])[0]) - reach, 0.0, 1.0)
     warm = np.stack([centre + share * 0.6, centre + 0.9])
     cold = np.stack([centre + 0.9, centre])
-    assert bool(agreement._higher(problem.posterior, cold, warm, known)) == alarms
-    assert agreement._higher(problem.posterior, cold, warm, [*known, top - 2.9]) == []
-    assert bool(agreement._higher(problem.posterior, cold, warm[1:], [*known, top - 3.1]))
+    assert bool(module._missed_peak(problem.posterior, cold, warm, known)) == alarms
+    assert module._missed_peak(problem.posterior, cold, warm, [*known, top - 2.9]) == []
+    assert bool(module._missed_peak(problem.posterior, cold, warm[1:], [*known, top - 3.1]))
 
 
 def test_table_of_the_methods_by_hand():
@@ -347,12 +354,12 @@ def test_methods_differ_from_three_errors_and_a_tenth_of_a_nat_on(difference, er
 def test_a_repeat_that_fails_is_told_and_costs_nothing_else():
     """With one repeat left there is no error of it, so that the value is importance sampling's, unconfirmed."""
     one, _ = numbered(0.0, 0.1)
-    lost = EvidenceRun(1, None, np.empty((0, 1)), "stopped at temperature 1e-30")
-    gathering = Gathering(2)
-    gathering.begin()
-    asked = [gathering.add(found) for found in (one, IMPORTANCE, lost, Weighed("nested", None, "no way"))]
-    assert asked == [Piece("importance", first=one), None, Piece("nested"), None]
-    evidence = gathering.evidence()
+    lost = EvidenceRun("smc", 1, None, "stopped at temperature 1e-30")
+    schedule = EvidenceSchedule(2)
+    schedule.begin()
+    asked = [schedule.add(found) for found in (one, IMPORTANCE, lost, MethodResult("nested", None, "no way"))]
+    assert asked == [EvidenceTask("importance", first=one), None, EvidenceTask("nested"), None]
+    evidence = schedule.evidence()
     assert evidence.log_value == 0.7
     assert "tempered SMC failed: stopped at temperature 1e-30; nested sampling failed: no way" in evidence.status
     assert "no healthy independent method" in evidence.status
@@ -365,19 +372,19 @@ def test_repeats_that_cannot_leave_the_prior_are_told(monkeypatch):
         raise NumericalError("stopped at temperature 1e-30")
 
     target, exact = one_peak()
-    monkeypatch.setattr(agreement, "sample_warm", stopped)
-    monkeypatch.setattr(agreement, "sample_nested", stopped)
-    found = agreed_evidence(target, KEYS, SMALL)
+    monkeypatch.setattr(module, "sample_warm", stopped)
+    monkeypatch.setattr(module, "sample_nested", stopped)
+    found = log_evidence(target, KEYS, SMALL)
     assert abs(found.log_value - exact) < 4 * found.std_error
     assert "tempered SMC failed: stopped at temperature 1e-30" in found.status
 
 
 def test_alone_importance_sampling_gives_the_value():
     target, exact = one_peak()
-    gathering = Gathering(0)
-    (piece,) = gathering.begin()
-    assert gathering.add(do(target, piece, KEYS, SMALL)) is None
-    found = gathering.evidence()
+    schedule = EvidenceSchedule(0)
+    (task,) = schedule.begin()
+    assert schedule.add(run_task(target, task, KEYS, SMALL)) is None
+    found = schedule.evidence()
     assert abs(found.log_value - exact) < 4 * found.std_error
     assert found.status == ""
 
@@ -392,5 +399,5 @@ def test_a_mode_is_new_where_it_is_far_off_or_higher_than_rounding_explains(away
         Mode(np.array([x, 0.0]), 4 * np.eye(2), np.eye(2) / 4, height, 0.0, np.zeros(2), np.ones(2), False)
         for x, height in ((0.0, -3.0), (5.0, -7.0))
     )
-    (found,) = agreement._is_new([first, second], FREE, np.array([[away / 2, 0.0]]), np.array([-3.0 + above]))
+    (found,) = search._is_new([first, second], FREE, np.array([[away / 2, 0.0]]), np.array([-3.0 + above]))
     assert found == new

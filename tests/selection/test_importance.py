@@ -422,6 +422,6 @@ def test_centred_schools_end_in_a_value_with_what_speaks_against_it():
     priors = {f"school_{i}": st.Uniform(-100.0, 100.0) for i in range(8)}
     priors |= {"mean": st.Normal(0.0, 5.0), "spread": st.Uniform(0.0, 50.0)}
     small = st.EvidenceSettings(repeats=2, smc=st.SMCSettings(particles=256))
-    found = st.evidence(st.posterior_of_density(log_density, priors), 1, small)
+    found = st.log_evidence(st.posterior_of_density(log_density, priors), 1, small)
     assert np.isfinite(found.log_value)
     assert found.status != ""

@@ -1,5 +1,6 @@
-"""Evidence of one structure with its Monte Carlo error, from independent repeats of tempered SMC."""
+"""Evidence of one structure with its Monte Carlo error, from independent runs of tempered SMC or of nested sampling."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +12,7 @@ from seatrial.core.argument_checks import check_count, check_kind
 from seatrial.core.errors import NumericalError
 from seatrial.core.reporter import Progress, no_progress
 from seatrial.core.result_table import table_html, table_text
+from seatrial.sampling.nested import NestedRun, batch_of
 from seatrial.sampling.target import Target
 from seatrial.sampling.tempered_smc import SMCResult, SMCSettings, sample_tempered_smc
 
@@ -19,8 +21,10 @@ if TYPE_CHECKING:
 
 PRIOR_REPEATS = 4
 """Repeats' worth of trust in the expected variance of one run."""
-ALIVE = 0.05
+MIN_ALIVE_SHARE = 0.05
 """Share of the prior that must be simulable for its particles to be trusted."""
+MAX_NESTED_SPREAD = 4.0
+"""Spread of runs of nested sampling, in their stated errors, that chance does not explain."""
 
 
 @dataclass(frozen=True)
@@ -150,7 +154,7 @@ def combine_runs(runs: list[SMCResult]) -> Evidence:
         complaints.append(
             f"the moves were accepted only {acceptance:.0%} of the time: use more particles, or narrower priors"
         )
-    if alive < ALIVE:
+    if alive < MIN_ALIVE_SHARE:
         complaints.append(
             f"only {alive:.1%} of the prior can be simulated: narrow it to damping that dissipates, or use more particles"
         )
@@ -162,6 +166,47 @@ def combine_runs(runs: list[SMCResult]) -> Evidence:
         "temperatures": [int(run.temperatures.size) for run in runs],
     }
     return Evidence(log_value, std_error, "adaptive tempered SMC", diagnostics, "; ".join(complaints))
+
+
+def combine_nested(runs: Sequence[NestedRun], live: int) -> Evidence:
+    """Combine independent runs of nested sampling, two at least, of so many live points each, averaged in log Z.
+
+    The error is the larger of that expected, about sqrt(H / n), and that from the spread of the runs. H is the information, nats, from
+    prior to posterior, and n the number of live points. If a batch leaves at once, from n, n - 1, ... points, log X falls by
+    sum 1 / n_i and scatters by sum 1 / n_i^2, whose ratio takes the place of 1 / n.
+    """
+    logs = np.array([run.log_evidence for run in runs])
+    information = float(np.mean([run.information for run in runs]))
+    alive = float(np.mean([run.alive for run in runs]))
+    left = live - np.arange(batch_of(live))
+    scatter = (1.0 / left**2).sum() / (1.0 / left).sum()
+    expected = np.sqrt(information * scatter + (1.0 / alive - 1.0) / live)
+    spread = float(logs.std(ddof=1))
+    stuck = float(max(run.stuck for run in runs))
+    complaints = []
+    if spread > MAX_NESTED_SPREAD * expected:
+        complaints.append(
+            f"repeats differ by {spread:.1f} nats, {expected:.1f} expected: use more moves or live points"
+        )
+    if stuck > 0.05:
+        complaints.append(
+            f"{stuck:.0%} of the slice moves found no new point: the posterior is too thin, use more live points"
+        )
+    diagnostics = {
+        "log_values": logs.tolist(),
+        "spread": spread,
+        "information": information,
+        "removed": [run.removed for run in runs],
+        "alive": alive,
+        "stuck": stuck,
+    }
+    return Evidence(
+        float(logs.mean()),
+        max(float(expected), spread) / float(np.sqrt(len(runs))),
+        "nested slice sampling",
+        diagnostics,
+        "; ".join(complaints),
+    )
 
 
 def _widened(variance: float, repeats: int, freedom: int) -> float:

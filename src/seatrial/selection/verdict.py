@@ -25,8 +25,8 @@ from seatrial.estimation.prediction.prediction_scores import integrated_correlat
 from seatrial.estimation.prediction.remedies import listed
 from seatrial.estimation.simulation.sensor_errors import drift_name, drift_time_name
 from seatrial.estimation.simulation.trial_data import TrialData
-from seatrial.selection.combined_evidence import Gathering, Keys, find_own_mode, gather, keys_of
 from seatrial.selection.evidence import Evidence, EvidenceSettings
+from seatrial.selection.log_evidence import EvidenceSchedule, Keys, find_own_mode, keys_of, run_schedule
 from seatrial.selection.structures import Structure
 
 if TYPE_CHECKING:
@@ -298,7 +298,7 @@ def compare(
             "posteriors",
             found=f"{len(posteriors)} posteriors",
             expected="two at least",
-            remedy="use `evidence` for one alone",
+            remedy="use `log_evidence` for one alone",
         )
     check_progress(progress)
     _check_same_data(posteriors)
@@ -307,15 +307,15 @@ def compare(
     optional = [name for name in dict.fromkeys(chain(*(one.terms for one in structures))) if name not in shared]
     evidences, keys = [], [keys_of(own) for own in jax.random.split(as_key(key), len(posteriors))]
     modes = _exchanged([*posteriors.values()], keys)
-    gatherings = [Gathering(settings.repeats, mode) for mode in modes]
-    for posterior, gathering, own in zip(posteriors.values(), gatherings, keys, strict=True):
-        gather(posterior, gathering, own, settings)
-        evidences.append(gathering.evidence())
+    schedules = [EvidenceSchedule(settings.repeats, mode) for mode in modes]
+    for posterior, schedule, own in zip(posteriors.values(), schedules, keys, strict=True):
+        run_schedule(posterior, schedule, own, settings)
+        evidences.append(schedule.evidence())
         progress(len(evidences), len(posteriors))
     for index in blunt_deciders(structures, evidences, optional):
-        if gatherings[index].sharpen():
-            gather([*posteriors.values()][index], gatherings[index], keys[index], settings)
-            evidences[index] = gatherings[index].evidence()
+        if schedules[index].sharpen():
+            run_schedule([*posteriors.values()][index], schedules[index], keys[index], settings)
+            evidences[index] = schedules[index].evidence()
     best = max(range(len(evidences)), key=lambda index: evidences[index].log_value)
     residuals = _residual_doubt([*posteriors.values()][best], modes[best], as_key(key))
     return select(structures, evidences, optional, residuals=residuals)

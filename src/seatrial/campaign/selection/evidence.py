@@ -28,22 +28,18 @@ from seatrial.estimation.posterior.mode import find_mode
 from seatrial.estimation.prediction.remedies import listed
 from seatrial.sampling.nested import NestedRun
 from seatrial.sampling.tempered_smc import SMCResult, SMCSettings
-from seatrial.selection.combined_evidence import (
-    CALLED,
-    FINE,
-    NESTED_RUNS,
-    EvidenceRun,
-    Gathering,
-    Keys,
-    Method,
-    NestedRepeat,
-    Piece,
-    Weighed,
-    agrees,
-    do,
-    value_of,
-)
 from seatrial.selection.evidence import Evidence, EvidenceSettings
+from seatrial.selection.log_evidence import (
+    NESTED_RUNS,
+    PROGRESS_STEPS,
+    EvidenceRun,
+    EvidenceSchedule,
+    EvidenceTask,
+    Keys,
+    MethodResult,
+    run_task,
+)
+from seatrial.selection.method_agreement import METHOD_LABELS, Method, agrees, value_of
 from seatrial.selection.structures import Structure
 from seatrial.selection.verdict import Selection, blunt_deciders, select, selection_alarms
 
@@ -89,15 +85,15 @@ def agreement_words(evidence: Evidence) -> str:
     table = evidence.diagnostics["methods"]
     if len(table) == 1 and not evidence.status:
         why = evidence.diagnostics["notes"] or ["there is no other structure to compare with"]
-        return f"by {CALLED[next(iter(table))]} alone: {why[0]}"
+        return f"by {METHOD_LABELS[next(iter(table))]} alone: {why[0]}"
     value = value_of(table)
     others = {name: one for name, one in table.items() if name != value and not one["status"]}
     agree = [
-        f"{CALLED[name]} ({abs(one['joint_errors']):.1f} joint errors away)"
+        f"{METHOD_LABELS[name]} ({abs(one['joint_errors']):.1f} joint errors away)"
         for name, one in others.items()
         if agrees(one)
     ]
-    said = f"by {CALLED[value]}, " + (
+    said = f"by {METHOD_LABELS[value]}, " + (
         f"with which {' and '.join(agree)} agree{'s' * (len(agree) == 1)}; {evidence.check_words}"
         if agree
         else "which no other method confirms"
@@ -171,137 +167,138 @@ def _residual_doubt(campaign: Campaign, structure: Structure, trials: Trials) ->
     return residual_doubt(campaign, draw_about_mode(campaign.seed, structure, posterior, mode), trials)
 
 
-class _Part(NamedTuple):
-    """Piece of the evidence of one structure."""
+class _StructureTask(NamedTuple):
+    """Task of the evidence of one structure."""
 
     structure: Structure
-    piece: Piece
+    task: EvidenceTask
 
 
 def _evidences(campaign: Campaign, trials: Trials, reporter: Reporter) -> list[Evidence]:
-    """All pieces of all evidences side by side; what each adds up to is `agreed_evidence`, but for structures that are given up first.
+    """All tasks of all evidences side by side; each result is that of `log_evidence`, except for structures that are given up first.
 
-    What decides comes after the modes were exchanged, also of a run that goes on: what is kept of it must not change its outcome.
+    Decisions follow the exchange of modes, also in a run that is resumed: its checkpoints must not change its outcome.
     """
-    kept = [_Kept(campaign, one, evidence_key(campaign, one, trials), reporter) for one in campaign.structures]
-    of = {one.structure.label: one for one in kept}
-    doing: list[_Part] = []
-
-    def done(index: int, result: EvidenceRun | NestedRepeat | Weighed) -> _Part | None:
-        structure = doing[index].structure
-        following = of[structure.label].keep(result)
-        if following is None:
-            return None
-        doing[index] = _Part(structure, following)
-        of[structure.label].show(following, 0.0)
-        return doing[index]
-
-    def on_progress(index: int, done: int, total: int) -> None:
-        part = doing[index]
-        of[part.structure.label].show(part.piece, done / total)
-
+    stored = [
+        _StoredSchedule(campaign, structure, evidence_key(campaign, structure, trials), reporter)
+        for structure in campaign.structures
+    ]
+    by_label = {one.structure.label: one for one in stored}
     workers, study = workers_of(campaign, reporter), Study(campaign, trials.fit)
-    doing[:] = [_Part(one.structure, piece) for one in kept for piece in one.gathering.begin(1)]
-    workers.run(_compute, study, [*doing], done, on_progress)
-    again = _exchange(study, workers, kept)
-    doing[:] = [_Part(one.structure, piece) for one in again for piece in one.gathering.begin(1)]
-    workers.run(_compute, study, [*doing], done, on_progress)
-    for one in kept:
-        one.gathering.compared = True
-    best = max((first[0] for one in kept if (first := one.gathering.first) is not None), default=-np.inf)
-    left = [one for one in kept if not one.give_up(best)]
-    doing[:] = [_Part(one.structure, piece) for one in left for piece in one.gathering.begin()]
-    workers.run(_compute, study, [*doing], done, on_progress)
-    evidences = [one.gathering.evidence() for one in kept]
+
+    def run(schedules: Sequence[_StoredSchedule], repeats: int | None = None) -> None:
+        tasks = [_StructureTask(one.structure, task) for one in schedules for task in one.schedule.begin(repeats)]
+
+        def done(index: int, result: EvidenceRun | MethodResult) -> _StructureTask | None:
+            structure = tasks[index].structure
+            following = by_label[structure.label].add(result)
+            if following is None:
+                return None
+            tasks[index] = _StructureTask(structure, following)
+            by_label[structure.label].show(following, 0.0)
+            return tasks[index]
+
+        def on_progress(index: int, done: int, total: int) -> None:
+            by_label[tasks[index].structure.label].show(tasks[index].task, done / total)
+
+        workers.run(_compute, study, [*tasks], done, on_progress)
+
+    run(stored, repeats=1)
+    run(_exchange(study, workers, stored), repeats=1)
+    for one in stored:
+        one.schedule.compared = True
+    best = max((first[0] for one in stored if (first := one.schedule.first) is not None), default=-np.inf)
+    run([one for one in stored if not one.give_up(best)])
+    evidences = [one.schedule.evidence() for one in stored]
     blunt = blunt_deciders(campaign.structures, evidences, campaign.structure.optional)
-    sharpened = [one for index, one in enumerate(kept) if index in blunt and one.gathering.sharpen()]
+    sharpened = [one for index, one in enumerate(stored) if index in blunt and one.schedule.sharpen()]
     if not sharpened:
         return evidences
-    doing[:] = [_Part(one.structure, piece) for one in sharpened for piece in one.gathering.begin()]
-    workers.run(_compute, study, [*doing], done, on_progress)
-    return [one.gathering.evidence() for one in kept]
+    run(sharpened)
+    return [one.schedule.evidence() for one in stored]
 
 
-def _exchange(study: Study, workers: Workers, kept: Sequence["_Kept"]) -> list["_Kept"]:
-    """Give each structure the higher mode to which those of others lead, and return those that have to be weighed again for it."""
-    weighed = {one.structure: one.gathering.weighed["importance"] for one in kept}
-    modes = {structure: one.mode or NumericalError(one.failure or "") for structure, one in weighed.items()}
+def _exchange(study: Study, workers: Workers, stored: Sequence["_StoredSchedule"]) -> list["_StoredSchedule"]:
+    """Give each structure the higher mode to which those of others lead, and return those whose importance sampling has to be repeated."""
+    results = {one.structure: one.schedule.results["importance"] for one in stored}
+    modes = {structure: result.mode or NumericalError(result.failure or "") for structure, result in results.items()}
     better = exchange_modes(study, modes, workers)
-    again = [one for one in kept if better[one.structure] is not modes[one.structure]]
+    again = [one for one in stored if better[one.structure] is not modes[one.structure]]
     for one in again:
-        one.gathering.weigh_again(better[one.structure])
+        one.schedule.repeat_importance(better[one.structure])
     return again
 
 
-def _compute(study: Study, part: _Part, report: Progress) -> EvidenceRun | NestedRepeat | Weighed:
-    """One piece of an evidence."""
+def _compute(study: Study, part: _StructureTask, report: Progress) -> EvidenceRun | MethodResult:
     campaign, terms, table = study.campaign, part.structure.terms, study.campaign.selection
     keys = Keys(random_key(campaign.seed, f"evidence {terms}"), random_key(campaign.seed, f"importance {terms}"))
     settings = EvidenceSettings(table.repeats, SMCSettings(particles=table.particles), table.draws)
-    return do(study.posterior(part.structure), part.piece, keys, settings, report)
+    return run_task(study.posterior(part.structure), part.task, keys, settings, report)
 
 
-class _Kept:
-    """What is gathered for one structure, its repeats kept on disk until the selection is written."""
+class _StoredSchedule:
+    """The schedule of one structure, its repeats kept on disk until the selection is written."""
 
     def __init__(self, campaign: Campaign, structure: Structure, key: str, reporter: Reporter):
         self.campaign, self.structure, self.reporter = campaign, structure, reporter
-        self.third: Progress | None = None
-        self.gathering = Gathering(campaign.selection.repeats if len(campaign.structures) > 1 else 0, compared=False)
-        self.shares = np.zeros(self.gathering.most)
+        self.nested_progress: Progress | None = None
+        self.schedule = EvidenceSchedule(
+            campaign.selection.repeats if len(campaign.structures) > 1 else 0, compared=False
+        )
+        self.shares = np.zeros(self.schedule.max_repeats)
         self.progress = reporter.progress(f"evidence {structure.label}: {' '.join(structure.terms)}")
         self.checkpoint_key = key_of("repeat", key, widest(campaign.structures).terms)
-        for repeat in range(self.gathering.most):
-            if (stored := self._stored("smc", repeat)) is not None:
-                cold = stored.pop("cold")
-                self.gathering.runs[repeat] = EvidenceRun(repeat, SMCResult(**stored), cold)
-                self.show(Piece("smc", repeat), 1.0)
+        for repeat in range(self.schedule.max_repeats):
+            if (arrays := self._read("smc", repeat)) is not None:
+                cold = arrays.pop("cold")
+                self.schedule.runs[repeat] = EvidenceRun("smc", repeat, SMCResult(**arrays), cold=cold)
+                self.show(EvidenceTask("smc", repeat), 1.0)
         for repeat in range(NESTED_RUNS):
-            if (stored := self._stored("nested", repeat)) is not None:
-                self.gathering.nested[repeat] = NestedRun(**stored)
-                self.show(Piece("nested", repeat), 1.0)
+            if (arrays := self._read("nested", repeat)) is not None:
+                self.schedule.nested[repeat] = NestedRun(**arrays)
+                self.show(EvidenceTask("nested", repeat), 1.0)
 
-    def keep(self, found: EvidenceRun | NestedRepeat | Weighed) -> Piece | None:
-        """Add what was found, a repeat also on disk, and return what can be done now."""
-        match found:
-            case Weighed():
-                self.show(Piece(found.method), 1.0)
-            case EvidenceRun(smc=SMCResult() as smc):
-                self._store("smc", found.repeat, smc._asdict() | {"cold": found.cold})
-            case NestedRepeat(run=NestedRun() as run):
-                self._store("nested", found.repeat, run._asdict())
-        return self.gathering.add(found)
+    def add(self, result: EvidenceRun | MethodResult) -> EvidenceTask | None:
+        """Add a result, a repeat also on disk, and return the task that can run now."""
+        match result:
+            case MethodResult():
+                self.show(EvidenceTask(result.method), 1.0)
+            case EvidenceRun(result=SMCResult() as run):
+                self._write("smc", result.repeat, run._asdict() | {"cold": result.cold})
+            case EvidenceRun(result=NestedRun() as run):
+                self._write("nested", result.repeat, run._asdict())
+        return self.schedule.add(result)
 
-    def _stored(self, method: Method, repeat: int) -> dict[str, Any] | None:
-        """Return what an interrupted run has kept of a repeat; None where it has nothing."""
-        stored = load_checkpoint(self._checkpoint(method, repeat), self.checkpoint_key)
-        return stored and {name: value if value.ndim else value.item() for name, value in stored.items()}
+    def _read(self, method: Method, repeat: int) -> dict[str, Any] | None:
+        """Return what an interrupted run has kept of a repeat; None if it has nothing."""
+        arrays = load_checkpoint(self._checkpoint(method, repeat), self.checkpoint_key)
+        return arrays and {name: value if value.ndim else value.item() for name, value in arrays.items()}
 
-    def _store(self, method: Method, repeat: int, found: Mapping[str, Any]) -> None:
-        arrays = {name: np.asarray(value) for name, value in found.items()}
+    def _write(self, method: Method, repeat: int, result: Mapping[str, Any]) -> None:
+        arrays = {name: np.asarray(value) for name, value in result.items()}
         save_checkpoint(self._checkpoint(method, repeat), self.checkpoint_key, arrays)
-        self.show(Piece(method, repeat), 1.0)
+        self.show(EvidenceTask(method, repeat), 1.0)
 
     def give_up(self, best: float) -> bool:
-        """See `Gathering.give_up`."""
-        is_hopeless = self.gathering.give_up(best)
+        """Give up a hopeless structure, as `EvidenceSchedule.give_up`, and end its bar."""
+        is_hopeless = self.schedule.give_up(best)
         if is_hopeless:
             self.progress(1, 1)
         return is_hopeless
 
-    def show(self, piece: Piece, share: float) -> None:
-        """Show how much of a piece is done: all repeats in one bar, nested sampling in a bar of its own."""
-        if piece.method == "smc":
-            self.shares[piece.repeat] = share
-            count = max(self.gathering.asked, 1 + int(np.flatnonzero(self.shares).max(initial=0)))
-            self.progress(round(float(FINE * self.shares[:count].sum())), FINE * count)
-        elif piece.method == "nested":
-            self.third = self.third or self.reporter.progress(
+    def show(self, task: EvidenceTask, share: float) -> None:
+        """Show the share of a task that is done: all repeats in one bar, nested sampling in a second bar."""
+        if task.method == "smc":
+            self.shares[task.repeat] = share
+            count = max(self.schedule.asked, 1 + int(np.flatnonzero(self.shares).max(initial=0)))
+            self.progress(round(float(PROGRESS_STEPS * self.shares[:count].sum())), PROGRESS_STEPS * count)
+        elif task.method == "nested":
+            self.nested_progress = self.nested_progress or self.reporter.progress(
                 f"evidence {self.structure.label}: nested sampling decides, because no two methods agree"
             )
-            self.third(round(FINE * (piece.repeat + share)), FINE * NESTED_RUNS)
-        elif not self.gathering.asked:
-            self.progress(round(FINE * share), FINE)
+            self.nested_progress(round(PROGRESS_STEPS * (task.repeat + share)), PROGRESS_STEPS * NESTED_RUNS)
+        elif not self.schedule.asked:
+            self.progress(round(PROGRESS_STEPS * share), PROGRESS_STEPS)
 
     def _checkpoint(self, method: Method, repeat: int) -> Path:
         return Store(self.campaign.folder).checkpoint(f"evidence-{self.structure.label}-{method}-{repeat}")

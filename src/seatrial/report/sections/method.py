@@ -12,7 +12,7 @@ from seatrial.core.files import is_there
 from seatrial.report.drawing import model_html
 from seatrial.report.numbers import percent, short
 from seatrial.sampling.diagnostics import MAX_R_HAT, MIN_ESS
-from seatrial.selection.combined_evidence import CALLED, value_of
+from seatrial.selection.method_agreement import METHOD_LABELS, value_of
 
 LIKELIHOODS = {
     "output-error": "free simulation (output error)",
@@ -36,7 +36,7 @@ def method_section(outcome: Outcome) -> dict[str, Any]:
     return {
         "seed": campaign.seed,
         "vehicle": campaign.hull.name,
-        "methods": [CALLED[name] for name in _methods(outcome)],
+        "methods": [METHOD_LABELS[name] for name in _methods(outcome)],
         "health": [_health(outcome, index) for index in range(len(outcome.estimates))],
         "likelihood": LIKELIHOODS[estimation.likelihood],
         "sampler": SAMPLERS[estimation.sampler],

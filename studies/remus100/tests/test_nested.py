@@ -6,8 +6,8 @@ import pytest
 from seatrial.core.errors import NumericalError
 from seatrial.estimation.priors import Normal
 from seatrial.sampling.nested import NestedRun, _integrate, batch_of, sample_nested
-from seatrial.selection import nested
-from seatrial.selection.nested import nested_evidence
+from studies.remus100 import nested
+from studies.remus100.nested import nested_evidence
 from tests.estimation_cases import GOLDEN_LOG_EVIDENCE, golden_posterior, linear_gaussian, posterior
 from tests.selection.test_evidence import box, half_forbidden
 
