@@ -57,7 +57,7 @@ w = { noise = "0.02 m/s" }
 q = { noise = "0.004 rad/s" }
 theta = { noise = "0.5 deg" }"""
 PITCH_LOOP = """[autopilot.theta]
-moves = { delta_s = -1 }
+drives = { delta_s = -1 }
 kp = "1 rad/rad"
 kd = "2 rad s/rad"
 derivative = "q"
@@ -89,8 +89,8 @@ seed = 1
 [vehicle]
 catalogue = "remus100_hall_anstee"
 moves = ["v", "r"]
-given = ["u"]
-published_to = "20 %"
+measured_inputs = ["u"]
+published_prior_sd = "20 %"
 trim = { u = "1.5 m/s" }
 [structure]
 always = ["Y_uv", "Y_uudelta_r", "N_uv", "N_ur", "N_uudelta_r"]
@@ -103,7 +103,7 @@ v = { noise = "0.02 m/s" }
 r = { noise = "0.004 rad/s" }
 psi = { noise = "0.5 deg" }
 [autopilot.psi]
-moves = { delta_r = -1 }
+drives = { delta_r = -1 }
 kp = "1 rad/rad"
 kd = "3 rad s/rad"
 derivative = "r"
@@ -123,7 +123,7 @@ seed = 1
 catalogue = "bluerov2_heavy"
 moves = ["w", "r"]
 positions = ["z"]
-published_to = "40 %"
+published_prior_sd = "40 %"
 trim = { f_5 = "0.3 N", f_6 = "0.3 N", f_7 = "0.3 N", f_8 = "0.3 N", z = "5 m" }
 [structure]
 always = ["Z_w", "Z_wabsw", "N_r", "N_rabsr"]
@@ -136,14 +136,14 @@ z = { noise = "0.01 m" }
 psi = { noise = "1 deg" }
 r = { noise = "0.5 deg/s" }
 [autopilot.psi]
-moves = { f_1 = -1, f_2 = 1, f_3 = 1, f_4 = -1 }
+drives = { f_1 = -1, f_2 = 1, f_3 = 1, f_4 = -1 }
 kp = "6 N/rad"
 ki = "0.5 N/(rad s)"
 kd = "3 N s/rad"
 derivative = "r"
 limit = "15 N"
 [autopilot.z]
-moves = { f_5 = -1, f_6 = -1, f_7 = -1, f_8 = -1 }
+drives = { f_5 = -1, f_6 = -1, f_7 = -1, f_8 = -1 }
 kp = "15 N/m"
 ki = "1 N/(m s)"
 kd = "6 N s/m"

@@ -1,47 +1,17 @@
 """The page of a campaign file's keys, from the schema that reads it."""
 
+from collections.abc import Iterator, Sequence
+from math import inf
 from typing import Annotated, Any, Literal, get_args, get_origin
 
 from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 
-from generate.key_meanings import MEANINGS
-from seatrial.campaign.config import schema
+from seatrial.campaign.config.design_table import DesignTable
+from seatrial.campaign.config.quantities import Table, Unit
+from seatrial.campaign.config.schema import CampaignFile
 from seatrial.manoeuvres.shapes import SHAPES
 
-HEADINGS: dict[str, type[BaseModel]] = {
-    "[campaign]": schema.CampaignTable,
-    "[vehicle]": schema.VehicleTable,
-    "[vehicle.actuators.CONTROL]": schema.ActuatorTable,
-    "[[vehicle.thrusters]]": schema.ThrusterTable,
-    "[vehicle.thrust_laws.NAME]": schema.ThrustLawTable,
-    "[vehicle.tether]": schema.TetherTable,
-    "[structure]": schema.StructureTable,
-    "[prior.NAME]": schema.PriorTable,
-    "[sensors.CHANNEL]": schema.SensorTable,
-    "[mounts.NAME]": schema.MountTable,
-    "[limits.NAME]": schema.LimitsTable,
-    "[autopilot.CHANNEL]": schema.LoopTable,
-    "[design]": schema.DesignTable,
-    "Ranges: design.amplitude, design.period, design.relay.threshold": schema.RangeTable,
-    "[design.together.CONTROL]": schema.BesideTable,
-    "[design.relay]": schema.RelayTable,
-    "[design.prediction]": schema.PredictionTable,
-    "[power]": schema.PowerTable,
-    "[goal]": schema.GoalTable,
-    "[plan]": schema.PlanTable,
-    "[import]": schema.ImportTable,
-    "[[import.files]]": schema.FileTable,
-    "[import.trim.RUN]": schema.TrimTable,
-    "[import.files.time]": schema.TimeTable,
-    "[import.files.channels.CHANNEL]": schema.ColumnTable,
-    "[filter]": schema.FilterTable,
-    "[estimation]": schema.EstimationTable,
-    "[selection]": schema.SelectionTable,
-    "[checks]": schema.ChecksTable,
-    "[compute]": schema.ComputeTable,
-    "[compute.slurm]": schema.SlurmTable,
-}
 INTRODUCTION = """# campaign.toml
 
 A campaign is a folder with this file in it. Here is every key, table by table, as the code reads it (`python docs/kept_reference.py`
@@ -79,60 +49,91 @@ def page() -> str:
     """Every table with its keys.
 
     Raises:
-        ValueError: a key that nothing explains, or a meaning without a key.
+        ValueError: a key without a description.
     """
     parts = [INTRODUCTION]
-    for heading, table in _headings().items():
+    for table in _tables(CampaignFile):
+        heading, text = _document(table)
         parts += [
-            f"## `{heading}`",
+            f"## {heading}",
             "",
-            _document(table),
+            text,
             "",
             "| key | takes | unit | default | meaning |",
             "|---|---|---|---|---|",
         ]
         for key, field in _fields(table).items():
-            unit, meaning = _meaning(table, key)
-            kind = _kind(field.annotation)
-            kind = kind.replace("text", "quantity") if unit else kind
-            kind += _bounds(field)
-            parts.append(f"| `{key}` | {kind} | {unit} | {_default(field)} | {meaning} |")
+            if not field.description:
+                raise ValueError(f"{table.__name__} lacks a description of {key}")
+            kind = _kind(field.annotation, field.metadata) + _bounds(field)
+            parts.append(f"| `{key}` | {kind} | {_unit(field)} | {_default(field)} | {field.description} |")
         parts.append("")
-        if table is schema.DesignTable:
+        if table is DesignTable:
             parts += _shapes()
     return "\n".join(parts)
 
 
-def _document(table: type[BaseModel]) -> str:
-    """The schema's own words."""
-    lines = (table.__doc__ or "").strip().splitlines()
-    text = "\n".join(line.strip() for line in lines)
-    head, colon, rest = text.partition(": ")
-    return rest[:1].upper() + rest[1:] if colon and head.startswith("`[") else text
+def _tables(table: type[Table]) -> list[type[Table]]:
+    """Every table below a table, each once, in the order of the file."""
+    found: dict[type[Table], None] = {}
+    for field in table.model_fields.values():
+        for inner in _inner(field.annotation):
+            found |= dict.fromkeys([inner, *_tables(inner)])
+    return list(found)
 
 
-def _fields(table: type[BaseModel]) -> dict[str, Any]:
+def _inner(annotation: Any) -> list[type[Table]]:
+    if isinstance(annotation, type) and issubclass(annotation, Table):
+        return [annotation]
+    return [table for one in get_args(annotation) for table in _inner(one)]
+
+
+def _document(table: type[Table]) -> tuple[str, str]:
+    """Heading and text of a table, which its docstring has."""
+    text = "\n".join(line.strip() for line in (table.__doc__ or "").strip().splitlines())
+    heading, _, rest = text.partition(": ")
+    return heading, rest[:1].upper() + rest[1:]
+
+
+def _fields(table: type[Table]) -> dict[str, Any]:
     return {field.alias or name: field for name, field in table.model_fields.items()}
 
 
-def _kind(annotation: Any) -> str:
+def _kind(annotation: Any, metadata: Sequence[Any] = ()) -> str:
     """What a key takes, in words."""
+    if any(isinstance(one, Unit) for one in metadata):
+        return "quantity"
     if get_origin(annotation) is Annotated:
-        return _kind(get_args(annotation)[0])
+        return _kind(get_args(annotation)[0], get_args(annotation)[1:])
     if get_origin(annotation) is Literal:
         return ", ".join(f"`{value}`" for value in get_args(annotation))
-    if annotation is str:
-        return "text"
-    if annotation in (int, float, bool):
-        return {int: "whole number", float: "number", bool: "true or false"}[annotation]
+    if annotation in (str, int, float, bool):
+        return {str: "text", int: "whole number", float: "number", bool: "true or false"}[annotation]
     origin, inner = get_origin(annotation), get_args(annotation)
-    if origin is list:
+    if origin is tuple:
         return f"list of {_kind(inner[0])}"
     if origin is dict:
         return f"by name: {_kind(inner[1])}"
+    if inner == (str, float) or inner == (str, float, type(None)):
+        return "quantity or number"
     if inner:
         return " or ".join(dict.fromkeys(_kind(one) for one in inner if one is not type(None)))
     return "table"
+
+
+def _unit(field: Any) -> str:
+    """The unit of a key, or of all values in it."""
+    extra = field.json_schema_extra or {}
+    return extra.get("unit", next((one.shown for one in _units(field.annotation, field.metadata)), ""))
+
+
+def _units(annotation: Any, metadata: Sequence[Any] = ()) -> Iterator[Unit]:
+    yield from (one for one in metadata if isinstance(one, Unit))
+    if get_origin(annotation) is Annotated:
+        yield from _units(get_args(annotation)[0], get_args(annotation)[1:])
+    elif get_origin(annotation) is not Literal:
+        for one in get_args(annotation):
+            yield from _units(one)
 
 
 def _bounds(field: Any) -> str:
@@ -158,9 +159,12 @@ def _default(field: Any) -> str:
     if field.is_required():
         return "required"
     value = field.default if field.default_factory is None else field.default_factory()
-    if value is None or value is PydanticUndefined or isinstance(value, BaseModel) or value in ([], {}):
+    if value is None or value is PydanticUndefined or isinstance(value, BaseModel) or value in ((), {}, inf):
         return ""
-    return f"`{str(value).lower() if isinstance(value, bool) else value}`"
+    units = list(_units(field.annotation, field.metadata))
+    if units:
+        return f"`{value:g} {units[0].shown}`"
+    return f"`{str(value).lower() if isinstance(value, bool) else list(value) if isinstance(value, tuple) else value}`"
 
 
 def _shapes() -> list[str]:
@@ -168,30 +172,3 @@ def _shapes() -> list[str]:
     for name, shape in SHAPES.items():
         rows.append(f"| `{name}` | the {shape.period_is} |")
     return [*rows, ""]
-
-
-def _meaning(table: type[BaseModel], key: str) -> tuple[str, str]:
-    """Unit and meaning of a key; one that only the schema's own words tell of is sent there.
-
-    Raises:
-        ValueError: a key that nothing explains.
-    """
-    told = MEANINGS.get(table.__name__, {}).get(key)
-    if told is None and f"`{key}`" not in (table.__doc__ or ""):
-        raise ValueError(f"docs/generate/key_meanings.py: {table.__name__} lacks {key}")
-    return told or ("", "see above")
-
-
-def _headings() -> dict[str, type[BaseModel]]:
-    """Every table, those of `HEADINGS` first.
-
-    Raises:
-        ValueError: meanings of keys that the schema has no more.
-    """
-    tables = [one for one in vars(schema).values() if isinstance(one, type) and issubclass(one, schema.Table)]
-    for table in tables:
-        gone = set(MEANINGS.get(table.__name__, {})) - set(_fields(table))
-        if gone:
-            raise ValueError(f"docs/generate/key_meanings.py: {table.__name__} has no {sorted(gone)}")
-    known = {schema.Table, schema.CampaignFile, *HEADINGS.values()}
-    return HEADINGS | {(one.__doc__ or "").split("`")[1]: one for one in tables if one not in known}

@@ -156,7 +156,7 @@ PLAIN = """## Text files
 | `known/LABEL-left-out.json` | run | what the structure may leave out, and what that would do to its coefficients |
 | `selection.json` | select | evidence, error and probability of each structure, inclusion of each term, verdicts |
 | `summary.json` | run, report | coefficients with mean, sd and unit, verdicts, cautions, alarms, next trial |
-| `mode.json` | estimate --by mode | posterior mode of the most probable structure: value and sd of each parameter, SI, for `known_from` |
+| `mode.json` | estimate --by mode | posterior mode of the most probable structure: value and sd of each parameter, SI, for `priors_from` |
 | `mode_predictions.nc` | estimate --by mode | as `predictions.nc`: the held-back records, as that mode predicts them |
 | `coefficients.csv` | estimate, run | each parameter of each structure: mean, sd, 95 % interval, mode, health; by `run` its probability |
 | `averaged.csv` | run, report | each parameter averaged over all structures, absent counting as zero; `inclusion` is its probability |

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from pydantic import Field
 
-from seatrial.campaign.config.schema import Quantity, Table
+from seatrial.campaign.config.quantities import Quantity, Table
 from seatrial.campaign.config.toml import key_place, parse_toml, read_text
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError, located

@@ -8,7 +8,7 @@ from tests.campaign.small import write_small
 
 
 def test_the_priors_are_shown_in_metres_per_second(monkeypatch, capsys, tmp_path):
-    write_small(tmp_path, ("lower = -3.6\nupper = 1.2", "lower = -3.6\nupper = 1.2\nphysical = true"))
+    write_small(tmp_path, ("lower = -3.6\nupper = 1.2", "lower = -3.6\nupper = 1.2\ndissipative = true"))
     code, out, err = run(monkeypatch, capsys, "prior", tmp_path, "--quiet")
     assert code == Exit.OK
     assert err.startswith("caution: the prior is wide")
@@ -31,13 +31,13 @@ def test_priors_that_are_no_vehicle_end_in_an_alarm(monkeypatch, capsys, tmp_pat
     code, out, err = run(monkeypatch, capsys, "prior", tmp_path, "--quiet")
     assert code == Exit.ALARMS
     assert "alarm: most draws from the prior" in err
-    assert "physical = true" in err
+    assert "dissipative = true" in err
     assert "prior.svg" in out
 
 
 def test_an_impossible_prior_is_refused(monkeypatch, capsys, tmp_path):
-    write_small(tmp_path, ("lower = -3.6\nupper = 1.2", "lower = 40.0\nupper = 60.0\nphysical = true"))
+    write_small(tmp_path, ("lower = -3.6\nupper = 1.2", "lower = 40.0\nupper = 60.0\ndissipative = true"))
     code, out, err = run(monkeypatch, capsys, "prior", tmp_path, "--quiet")
     assert (code, out) == (Exit.BAD_INPUT, "")
-    assert "prior.X_u.physical" in err
+    assert "prior.X_u.dissipative" in err
     assert results(tmp_path) == ["campaign.toml"]

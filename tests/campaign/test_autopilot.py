@@ -36,8 +36,8 @@ seed = 1
 [vehicle]
 catalogue = "remus100_hall_anstee"
 moves = ["v", "r"]
-given = ["u"]
-published_to = "20 %"
+measured_inputs = ["u"]
+published_prior_sd = "20 %"
 trim = { u = "1.5 m/s" }
 [structure]
 always = ["Y_uv", "N_uv", "N_uudelta_r"]
@@ -46,7 +46,7 @@ v = { noise = "0.02 m/s" }
 r = { noise = "0.004 rad/s" }
 psi = { noise = "0.5 deg", rate = "5 Hz" }
 [autopilot.psi]
-moves = { delta_r = -1 }
+drives = { delta_r = -1 }
 kp = "1 rad/rad"
 ki = "0.1 rad/(rad s)"
 kd = "3 rad s/rad"
@@ -97,13 +97,13 @@ def turns(time):
     [
         ("[autopilot.psi]", "[autopilot.theta]", r"key autopilot.theta[^$]*no sensor shows[^$]*v, r, psi"),
         ('derivative = "r"', 'derivative = "q"', r"autopilot.psi.derivative[^$]*\[sensors.q\]"),
-        ("delta_r = -1", "delta_s = 1", r"autopilot.psi.moves[^$]*delta_r"),
-        ("delta_r = -1", "u = 1", r'autopilot.psi.moves[^$]*"u"[^$]*delta_r'),
+        ("delta_r = -1", "delta_s = 1", r"autopilot.psi.drives[^$]*delta_r"),
+        ("delta_r = -1", "psi = 1", r'autopilot.psi.drives[^$]*"psi"[^$]*delta_r'),
         ('kp = "1 rad/rad"', 'kp = "1 rad/m"', "autopilot.psi.kp"),
         ('interval = "0.2 s"', 'interval = "0.25 s"', r"autopilot.psi.interval[^$]*whole multiple"),
         ('interval = "0.2 s"', 'interval = "0.01 s"', r"autopilot.psi.interval[^$]*whole multiple"),
         ('limit = "13 deg"', 'limit = "0 deg"', "autopilot.psi.limit[^$]*more than 0"),
-        ('control = "psi_set"', 'control = "r_set"', r"design.control[^$]*psi_set"),
+        ('control = "psi_set"', 'control = "theta_set"', r"design.control[^$]*psi_set"),
         ('control = "psi_set"', 'control = "psi_set"\nper = "second"', r"design.per[^$]*autopilot"),
     ],
 )
@@ -166,7 +166,7 @@ def test_without_the_autopilot_the_same_vehicle_runs_away(tmp_path):
 
 LOOSE = (
     ('control = "psi_set"', 'control = "delta_r"'),
-    ("moves = { delta_r = -1 }\n", ""),
+    ("drives = { delta_r = -1 }\n", ""),
     *(
         (f"{line}\n", "")
         for line in (

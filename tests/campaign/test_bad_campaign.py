@@ -261,5 +261,5 @@ def test_a_path_that_no_file_can_have(tmp_path, path):
 
 
 def test_an_earlier_campaign_that_no_folder_can_hold(tmp_path):
-    error = refused(write_small(tmp_path, ('"remus100_surge"', f'"remus100_surge"\nknown_from = ["{"a" * 300}"]')))
-    assert error.where.endswith("campaign.toml:8, key vehicle.known_from")
+    error = refused(write_small(tmp_path, ('"remus100_surge"', f'"remus100_surge"\npriors_from = ["{"a" * 300}"]')))
+    assert error.where.endswith("campaign.toml:8, key vehicle.priors_from")

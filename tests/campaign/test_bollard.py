@@ -235,7 +235,7 @@ def test_a_vehicle_that_is_towed_shows_drag_and_the_loss_of_thrust_with_speed(tm
     truth = np.array([GAIN, -0.2, -30.0, OFFSET])
     gauge = shapes @ truth + 0.3 * np.random.default_rng(8).normal(size=len(u))
     change = (
-        ('trim = { V = "16 V" }', 'given = ["u"]\ntrim = { u = "0 m/s" }'),
+        ('trim = { V = "16 V" }', 'measured_inputs = ["u"]\ntrim = { u = "0 m/s" }'),
         ('["T_f", "T_absf", "T_fdV"]', '["T_f", "T_uabsf", "X_uabsu"]'),
         ("[prior.T_absf]", "[prior.T_uabsf]"),
         ("[prior.T_fdV]", "[prior.X_uabsu]"),
@@ -366,12 +366,12 @@ def sail(folder, command, *changes, start=0.0, loss=0.0):
 def test_a_posterior_mode_is_enough_for_the_next_campaign(tmp_path, pull):
     """Until there is a finished run, which counts more."""
     command = pulls(seed=11)[0]
-    known = ("moves =", 'known_from = ["../bollard"]\nmoves =')
+    known = ("moves =", 'priors_from = ["../bollard"]\nmoves =')
     bollard = campaign(tmp_path / "bollard", np.column_stack(pull))
     with pytest.raises(InputError) as refused:
         sail(tmp_path / "rov", command, ALONE, known)
     told = str(refused.value)
-    assert "vehicle.known_from" in told
+    assert "vehicle.priors_from" in told
     assert "without a finished run and without a posterior mode" in told
     there = tmp_path / "rov" / ".." / "bollard"
     assert f"`seatrial run {there}`, or `seatrial estimate {there} --by mode`" in told
@@ -401,7 +401,7 @@ def test_correlations_that_are_not_taken_over_are_told(tmp_path, pull):
     at = [mode.names.index(name) for name in ("T_f", "T_absf")]
     expected = mode.cov[at[0], at[1]] / np.sqrt(mode.cov[at[0], at[0]] * mode.cov[at[1], at[1]])
     assert abs(expected) > 0.9
-    text = (VEHICLE + REST).replace("moves =", 'known_from = ["../bollard"]\nmoves =', 1)
+    text = (VEHICLE + REST).replace("moves =", 'priors_from = ["../bollard"]\nmoves =', 1)
     for name in ("T_f", "T_absf", "T_fdV"):
         start = text.index(f"[prior.{name}]")
         text = text[:start] + text[text.index("\n\n" if name != "T_f" else "\n\n[structure]", start) + 2 :]
@@ -414,7 +414,7 @@ def test_correlations_that_are_not_taken_over_are_told(tmp_path, pull):
     found = {"T_f": (0.8, 0.1), "T_absf": (0.0, 0.1), "T_fdV": (0.1, 0.1)}
     write_summary(bollard.folder, bollard.full.terms, correlated=pairs, **found)
     (said,) = lost_correlations(load_campaign(again.folder))
-    assert "known_from ../bollard: T_absf and T_f were found with a correlation of -0.80" in said
+    assert "priors_from ../bollard: T_absf and T_f were found with a correlation of -0.80" in said
 
 
 @pytest.mark.proof
@@ -427,7 +427,7 @@ def test_a_bollard_record_sharpens_the_drag_of_the_next_campaign(tmp_path, pull)
     bollard = campaign(tmp_path / "bollard", np.column_stack(pull))
     found = mode_of(bollard)[2]
     write_summary(bollard.folder, bollard.full.terms, **{name: found[name] for name in bollard.full.terms})
-    known = ("moves =", 'known_from = ["../bollard"]\nmoves =')
+    known = ("moves =", 'priors_from = ["../bollard"]\nmoves =')
     volt = ("channels.u = {", 'channels.V = { column = "battery", unit = "V" }\nchannels.u = {')
     rows = np.column_stack([command, np.full(len(command), 16.0), driven(command)])
     after = campaign(
@@ -491,7 +491,7 @@ def test_coasting_with_an_unknown_added_mass_gives_drag_over_mass_only(tmp_path)
 def test_terms_about_another_voltage_are_refused(tmp_path, pull):
     bollard = campaign(tmp_path / "bollard", np.column_stack(pull))
     write_summary(bollard.folder, bollard.full.terms, T_f=(0.85, 0.01), T_absf=(0.0, 0.01), T_fdV=(0.09, 0.01))
-    known = ("moves =", 'known_from = ["../bollard"]\nmoves =')
+    known = ("moves =", 'priors_from = ["../bollard"]\nmoves =')
     with pytest.raises(InputError, match="T_fdV about V = 16 V, and here a trim of 14 V"):
         sail(tmp_path / "rov", pulls()[0], known, ('V = "16 V"', 'V = "14 V"'))
 

@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from seatrial.campaign.config.import_table import Imports
 from seatrial.campaign.config.load import load_campaign
-from seatrial.campaign.config.settings import Imports
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.inference.judge_predictions import (
     _lacks,

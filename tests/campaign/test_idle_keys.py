@@ -12,21 +12,21 @@ from tests.campaign.yaw_campaign import write_yaw
 CATALOGUE, STRUCTURE = 'catalogue = "remus100_surge"', 'always = ["X_uabsu", "T_nabsn"]'
 OWN = 'mass = "30.5 kg"\nthrust_deduction = 0.1\nfixed = { X_udot = -0.93 }'
 TRIM = 'trim = { u = "1.5 m/s", n = "1200 rpm" }'
-WHOLE = 'catalogue = "remus100_prestero"\nmoves = ["w", "q"]\ngiven = ["u"]\npublished_to = "20 %"\n'
+WHOLE = 'catalogue = "remus100_prestero"\nmoves = ["w", "q"]\nmeasured_inputs = ["u"]\npublished_prior_sd = "20 %"\n'
 SURGE = {
     "vehicle.thrust_deduction": [(CATALOGUE, f"{CATALOGUE}\nthrust_deduction = 0.2")],
     "vehicle.fixed": [(CATALOGUE, f"{CATALOGUE}\nfixed = {{}}")],
-    "vehicle.published_to": [(CATALOGUE, f'{CATALOGUE}\npublished_to = "20 %"')],
+    "vehicle.published_prior_sd": [(CATALOGUE, f'{CATALOGUE}\npublished_prior_sd = "20 %"')],
     "structure.shortlist": [(STRUCTURE, f"{STRUCTURE}\nshortlist = 3")],
     "structure.g": [(STRUCTURE, f"{STRUCTURE}\ng = 10.0")],
     "design.probability": [('control = "n"', 'control = "n"\nprobability = 0.9')],
-    "truth.current": [("X_u = -1.21", "X_u = -1.21\ncurrent = 0.2"), ("[limits.n]", 'over = "water"\n[limits.n]')],
+    "truth.current": [("X_u = -1.21", "X_u = -1.21\ncurrent = 0.2"), ("[limits.n]", 'reference = "water"\n[limits.n]')],
     "design.over": [('control = "n"', 'control = "n"\nover = "worst"')],
 }
 READ = {
     "thrust": [(CATALOGUE, f"{OWN}\n{TRIM}")],
     "published coefficients": [
-        (CATALOGUE, f'{CATALOGUE}\npublished_to = "20 %"'),
+        (CATALOGUE, f'{CATALOGUE}\npublished_prior_sd = "20 %"'),
         ('[prior.X_u]\ndistribution = "uniform"\nlower = -3.6\nupper = 1.2\n', ""),
     ],
     "limits of the motion": [

@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 
 from seatrial.apps.cli import app
 from seatrial.campaign.config.load import load_campaign
-from seatrial.campaign.config.settings import Goal
+from seatrial.campaign.config.schema import Goal
 from seatrial.campaign.data.import_logs import import_trials
 from seatrial.campaign.live.advice import Adviser
 from seatrial.campaign.live.channels import Arrival

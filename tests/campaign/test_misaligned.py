@@ -19,12 +19,12 @@ from seatrial.estimation.simulation.simulator import Simulator, samples_remember
 
 MASS, I_Z = 20.0, 1.5
 TRUTH = {"X_uabsu": -18.0, "Y_vabsv": -30.0, "N_r": -2.0}
-WRONG = {"yaw_dvl": np.radians(5.0), "x_dvl": 0.3, "scale_dvl": 1.02, "late_dvl": 0.2}
+WRONG = {"yaw_dvl": np.radians(5.0), "x_dvl": 0.3, "scale_dvl": 1.02, "delay_dvl": 0.2}
 PRIORS = {
     "yaw_dvl": 'distribution = "normal"\nmean = 0.0\nsd = 0.2',
     "x_dvl": 'distribution = "normal"\nmean = 0.0\nsd = 0.5',
     "scale_dvl": 'distribution = "truncated-normal"\nmean = 1.0\nsd = 0.05\nlower = 0.5',
-    "late_dvl": 'distribution = "uniform"\nlower = 0.0\nupper = 0.6',
+    "delay_dvl": 'distribution = "uniform"\nlower = 0.0\nupper = 0.6',
 }
 STEP, SAMPLES = 0.1, 600
 CAMPAIGN = f"""
@@ -114,7 +114,7 @@ def motion(parts=20):
 def write_log(folder, wrong):
     """Write what a log turned by yaw, at x, of a scale and late shows: its speed is that of its place in its own axes."""
     tau, states, h = motion()
-    late = round(wrong.get("late_dvl", 0.0) / h)
+    late = round(wrong.get("delay_dvl", 0.0) / h)
     rows = np.arange(SAMPLES) * round(STEP / h)
     u, v, r = states[np.maximum(rows - late, 0)].T
     yaw, x, scale = (wrong.get(name, usual) for name, usual in (("yaw_dvl", 0.0), ("x_dvl", 0.0), ("scale_dvl", 1.0)))
@@ -246,10 +246,10 @@ def test_a_late_sensor_shows_the_past_on_a_straight_line():
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ('channels = ["u", "v"]', 'channels = ["u", "v"]\nlate = "2 s"', r"mounts\.dvl\.late"),
-        ('channels = ["u", "v"]', 'channels = ["u", "v"]\nlate = "-0.1 s"', r"mounts\.dvl\.late"),
-        ("[design]", '[prior.late_dvl]\ndistribution = "uniform"\nlower = 0.0\nupper = 3.0\n\n[design]', "beyond 1 s"),
-        ("[design]", '[prior.late_dvl]\ndistribution = "normal"\nmean = 0.0\nsd = 0.1\n\n[design]', "late_dvl"),
+        ('channels = ["u", "v"]', 'channels = ["u", "v"]\ndelay = "2 s"', r"mounts\.dvl\.delay"),
+        ('channels = ["u", "v"]', 'channels = ["u", "v"]\ndelay = "-0.1 s"', r"mounts\.dvl\.delay"),
+        ("[design]", '[prior.delay_dvl]\ndistribution = "uniform"\nlower = 0.0\nupper = 3.0\n\n[design]', "beyond 1 s"),
+        ("[design]", '[prior.delay_dvl]\ndistribution = "normal"\nmean = 0.0\nsd = 0.1\n\n[design]', "delay_dvl"),
     ],
 )
 def test_what_no_clock_is(tmp_path, old, new, message):

@@ -67,7 +67,7 @@ def test_a_file_outside_is_read_in_a_shell_and_refused_where_files_are_kept_with
     (here / "served" / "boat" / "linked.csv").symlink_to(there / ("log.csv" if "log" in name else "curve.csv"))
     campaign = load_campaign(boat(here, path, curve))
     assert read_untrimmed(campaign, "a").time.size == 200
-    assert folders_outside(campaign.folder, campaign.known_from, campaign.imports) == [str(there)]
+    assert folders_outside(campaign.folder, campaign.priors_from, campaign.imports) == [str(there)]
     keep_within([here / "served"])
     for use in (import_trials, lambda one: read_untrimmed(one, "a")):
         with pytest.raises(InputError, match="which lies outside") as refused:
@@ -117,17 +117,17 @@ def test_an_earlier_campaign_outside_is_refused_and_so_is_one_by_a_link(here):
     earlier.mkdir()
     write_summary(earlier.parent, ("X_u",), X_u=(-1.0, 0.1))
     shutil.copytree(earlier.parent, here / "served" / "surge")
-    write_small(boat_folder, ("[vehicle]\n", '[vehicle]\nknown_from = ["../../elsewhere"]\n'))
-    assert load_campaign(boat_folder).known_from == ("../../elsewhere",)
+    write_small(boat_folder, ("[vehicle]\n", '[vehicle]\npriors_from = ["../../elsewhere"]\n'))
+    assert load_campaign(boat_folder).priors_from == ("../../elsewhere",)
     keep_within([here / "served"])
-    with pytest.raises(InputError, match=r"vehicle\.known_from"):
+    with pytest.raises(InputError, match=r"vehicle\.priors_from"):
         load_campaign(boat_folder)
-    write_small(boat_folder, ("[vehicle]\n", '[vehicle]\nknown_from = ["../surge"]\n'))
+    write_small(boat_folder, ("[vehicle]\n", '[vehicle]\npriors_from = ["../surge"]\n'))
     load_campaign(boat_folder)
     summary = here / "served" / "surge" / "results" / "summary.json"
     summary.unlink()
     summary.symlink_to(earlier / "summary.json")
-    with pytest.raises(InputError, match=r"vehicle\.known_from"):
+    with pytest.raises(InputError, match=r"vehicle\.priors_from"):
         load_campaign(boat_folder)
 
 
@@ -144,7 +144,7 @@ SCHEDULES = ("DesignTable.schedule", "ImportTable.schedule")
 
 def test_every_key_that_names_a_file_is_known():
     """A new key of text whose name says that it names a file has to go through `find`."""
-    words = ("path", "file", "folder", "curve", "known_from", "schedule", "directory")
+    words = ("path", "file", "folder", "curve", "priors_from", "schedule", "directory")
     found, waiting = set(), [CampaignFile]
     while waiting:
         table = waiting.pop()
@@ -158,7 +158,7 @@ def test_every_key_that_names_a_file_is_known():
         "KeepTable.path",
         "ColumnTable.curve",
         "ThrustLawTable.curve",
-        "VehicleTable.known_from",
+        "VehicleTable.priors_from",
         *SCHEDULES,
     }
 

@@ -134,7 +134,7 @@ seed = 4
 
 [vehicle]
 catalogue = "remus100_hall_anstee"
-published_to = "30 %"
+published_prior_sd = "30 %"
 trim = { u = "1.5 m/s", n = "1500 rpm", delta_r = "0 deg", delta_s = "0 deg" }
 
 [structure]
@@ -194,7 +194,7 @@ def test_a_whole_vehicle_is_planned_in_stages_on_its_own_controls(tmp_path):
     assert [step.stage for step in found.steps] == sorted(step.stage for step in found.steps)
     assert "delta_r" in {step.control for step in found.steps if step.stage == 1}
     text = "\n".join(found.lines())
-    assert 'moves = ["v", "r"]; given = ["u"]; known_from = ["../stage_1"]' in text
+    assert 'moves = ["v", "r"]; measured_inputs = ["u"]; priors_from = ["../stage_1"]' in text
 
 
 @pytest.mark.proof

@@ -109,15 +109,15 @@ def test_a_term_that_is_zero_changes_no_motion():
 
 def test_without_a_record_the_largest_doublet_is_simulated(tmp_path):
     """Draws are those of the seed, and what one coefficient does alone is the closed form at its own quantiles."""
-    found = predicted(tmp_path, (LINEAR, f"{LINEAR}\nphysical = true"))
-    again = predicted(tmp_path, (LINEAR, f"{LINEAR}\nphysical = true"))
+    found = predicted(tmp_path, (LINEAR, f"{LINEAR}\ndissipative = true"))
+    again = predicted(tmp_path, (LINEAR, f"{LINEAR}\ndissipative = true"))
     assert np.array_equal(found.channels[0].bands, again.channels[0].bands)
     assert "largest input" in found.over
     assert found.settled.at == "n = 1194 rpm"
     assert np.ptp(found.control["n"]) == pytest.approx(400 * 2 * np.pi / 60, rel=1e-9)
     assert found.channels[0].measured is None
     assert found.lost.mean() < 0.01
-    assert found.unphysical == ()
+    assert found.undissipative == ()
     assert "draws over" in repr(found)
     assert "steady speed at n = 1194 rpm: " in found._repr_html_()
     assert (np.diff(found.channels[0].bands, axis=0) >= 0).all()
@@ -149,7 +149,7 @@ def test_a_vehicle_that_is_known_gives_its_own_motion(tmp_path):
 def test_a_record_is_held_or_not(tmp_path):
     for name in ("good", "bad"):
         write_log(tmp_path / name)
-    good = predicted(tmp_path / "good", IMPORT, (LINEAR, f"{LINEAR}\nphysical = true"))
+    good = predicted(tmp_path / "good", IMPORT, (LINEAR, f"{LINEAR}\ndissipative = true"))
     assert "record 1" in good.over
     assert good.channels[0].held > 0.95
     assert np.isfinite(good.channels[0].measured).all()
@@ -192,12 +192,12 @@ def test_priors_that_run_away_are_called_so(tmp_path):
     assert np.isnan(found.channels[0].bands).all()
     (alarm,) = prior_alarms(found)
     assert "most draws from the prior diverge" in alarm
-    assert "physical = true in [prior.X_u]" in alarm
+    assert "dissipative = true in [prior.X_u]" in alarm
     some = predicted(tmp_path / "some", (LINEAR, "lower = -3.6\nupper = 6.0"), (DRAG, "lower = -0.5\nupper = 0.0"))
     assert 0.01 < some.lost.mean() < 0.5
     assert prior_alarms(some) == []
     assert any(
-        "reach no steady speed" in text and "physical = true in [prior.X_u]" in text for text in prior_cautions(some)
+        "reach no steady speed" in text and "dissipative = true in [prior.X_u]" in text for text in prior_cautions(some)
     )
     assert np.nanmax(np.abs(some.channels[0].single)) <= FASTEST
 

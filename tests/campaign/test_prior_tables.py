@@ -56,16 +56,16 @@ REFUSED = {
     ),
     "not positive": ({"distribution": "log-uniform", "lower": 0.0, "upper": 0.5}, ["prior.X_u.lower", "above 0"]),
     "nothing physical": (
-        {"distribution": "uniform", "lower": 1.0, "upper": 2.0, "physical": True},
-        ["prior.X_u.physical", "move the prior"],
+        {"distribution": "uniform", "lower": 1.0, "upper": 2.0, "dissipative": True},
+        ["prior.X_u.dissipative", "move the prior"],
     ),
     "hardly anything physical": (
-        {"distribution": "normal", "mean": 2.0, "sd": 0.1, "physical": True},
-        ["prior.X_u.physical", "empty"],
+        {"distribution": "normal", "mean": 2.0, "sd": 0.1, "dissipative": True},
+        ["prior.X_u.dissipative", "empty"],
     ),
     "a log-normal of the wrong sign": (
-        {"distribution": "log-normal", "median": 2.0, "factor": 2.0, "physical": True},
-        ["prior.X_u.physical", "nothing between"],
+        {"distribution": "log-normal", "median": 2.0, "factor": 2.0, "dissipative": True},
+        ["prior.X_u.dissipative", "nothing between"],
     ),
 }
 
@@ -97,26 +97,26 @@ def test_what_is_wrong_is_said(name):
 
 @pytest.mark.parametrize(("name", "table", "expected"), PHYSICAL, ids=lambda item: str(item)[:40])
 def test_physical_cuts_to_the_physical_side(name, table, expected):
-    assert read(name, **table, physical=True) == expected
+    assert read(name, **table, dissipative=True) == expected
     assert read(name, **table) != expected or isinstance(expected, LogNormal)
 
 
 @pytest.mark.parametrize("name", ["X_du3", "X_uu", "T_nabsn", "sigma_u", "delay"])
 def test_physical_is_refused_where_physics_leaves_the_sign_open(name):
     with pytest.raises(InputError, match="not fixed by physics"):
-        read(name, distribution="uniform", lower=-1.0, upper=1.0, physical=True)
+        read(name, distribution="uniform", lower=-1.0, upper=1.0, dissipative=True)
 
 
 def test_a_campaign_gives_its_own_mass(tmp_path):
     added = (
         "[prior.X_u]",
-        '[prior.X_udot]\ndistribution = "uniform"\nlower = -5.0\nupper = 90.0\nphysical = true\n\n[prior.X_u]',
+        '[prior.X_udot]\ndistribution = "uniform"\nlower = -5.0\nupper = 90.0\ndissipative = true\n\n[prior.X_u]',
     )
     vehicle = 'name = "own"\nmass = "30.5 kg"\nthrust_deduction = 0.1\ntrim = { u = "1.5 m/s", n = "1200 rpm" }'
     small = (
         added,
         ('optional = ["X_u"]', 'optional = ["X_u", "X_udot"]'),
-        ("lower = -3.6\nupper = 1.2", "lower = -3.6\nupper = 1.2\nphysical = true"),
+        ("lower = -3.6\nupper = 1.2", "lower = -3.6\nupper = 1.2\ndissipative = true"),
     )
     campaign = load_campaign(write_small(tmp_path / "own", *small, ('catalogue = "remus100_surge"', vehicle)))
     assert campaign.prior("X_udot") == Uniform(-5.0, 30.5)

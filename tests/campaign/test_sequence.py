@@ -6,8 +6,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from seatrial.campaign.config.import_table import Imports
 from seatrial.campaign.config.load import load_campaign
-from seatrial.campaign.config.settings import Goal, Imports
+from seatrial.campaign.config.schema import Goal
 from seatrial.campaign.config.templates import init_campaign
 from seatrial.campaign.data import simulate as simulated
 from seatrial.campaign.data.import_logs import get_trials

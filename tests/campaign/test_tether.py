@@ -182,7 +182,7 @@ def test_a_campaign_without_axes_that_move_has_no_tether(tmp_path):
 def test_what_an_earlier_campaign_found_of_it_is_sought_again(tmp_path):
     """With its uncertainty, where the vehicle has a tether; without one it is left alone."""
     write_summary(tmp_path / "first", ("X_u",), tether_linear=(6.0, 0.3), X_u=(-12.0, 0.1))
-    known = ('moves = ["u"', 'known_from = ["../first"]\nmoves = ["u"'), (PRIORS, "")
+    known = ('moves = ["u"', 'priors_from = ["../first"]\nmoves = ["u"'), (PRIORS, "")
     found = campaign(tmp_path / "second", *known)
     prior = found.priors["tether_linear"]
     assert (float(prior.mean), float(prior.sd)) == pytest.approx((6.0, 0.3), rel=0.05)

@@ -16,8 +16,8 @@ seed = 1
 [vehicle]
 catalogue = "remus100_hall_anstee"
 moves = ["v", "r"]
-given = ["u"]
-published_to = "50 %"
+measured_inputs = ["u"]
+published_prior_sd = "50 %"
 [structure]
 always = {list(TERMS)}
 [prior]

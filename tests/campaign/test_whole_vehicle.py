@@ -24,8 +24,8 @@ seed = 5
 [vehicle]
 catalogue = "remus100_prestero"
 moves = ["w", "q"]
-given = ["u"]
-published_to = "20 %"
+measured_inputs = ["u"]
+published_prior_sd = "20 %"
 
 [vehicle.trim]
 u = "1.54 m/s"
@@ -70,7 +70,7 @@ centre_of_gravity = ["0 m", "0 m", "0.0196 m"]
 weight = "299 N"
 buoyancy = "306 N"
 moves = ["w", "q"]
-given = ["u"]
+measured_inputs = ["u"]
 
 [vehicle.fixed]
 Z_wdot = -35.5
@@ -143,7 +143,10 @@ def test_a_body_by_hand_is_the_one_of_the_catalogue(tmp_path):
     known = pitch(tmp_path)
     by_hand = pitch(
         tmp_path / "hand",
-        ('catalogue = "remus100_prestero"\nmoves = ["w", "q"]\ngiven = ["u"]\npublished_to = "20 %"\n', BY_HAND),
+        (
+            'catalogue = "remus100_prestero"\nmoves = ["w", "q"]\nmeasured_inputs = ["u"]\npublished_prior_sd = "20 %"\n',
+            BY_HAND,
+        ),
         OF_ALL,
     )
     values = {"M_uw": 21.0, "M_uudelta_s": -6.0}
@@ -167,7 +170,7 @@ def test_what_an_earlier_campaign_found_is_a_prior_or_fixed(tmp_path):
     found = {"M_uw": (22.5, 0.3), "M_uq": (-2.2, 0.1), "sigma_q": (1.0, 0.1)}
     write_summary(tmp_path / "first", ("M_uw", "M_uq"), **found)
     (tmp_path / "second").mkdir()
-    campaign = pitch(tmp_path / "second", ("published_to", 'known_from = ["../first"]\npublished_to'))
+    campaign = pitch(tmp_path / "second", ("published_prior_sd", 'priors_from = ["../first"]\npublished_prior_sd'))
     prior = campaign.prior("M_uw")
     assert (prior.mean, prior.sd) == pytest.approx((22.5, 0.3))
     assert campaign.hull.fixed["M_uq"] == -2.2
@@ -183,7 +186,7 @@ def test_what_an_earlier_campaign_found_of_thrusters_and_balance_is_sought_again
     (tmp_path / "second" / "thrust.csv").write_text("pulse_us,thrust_N\n1100,-32\n1500,0\n1900,40\n")
     text = (example / "campaign.toml").read_text()
     own = text[text.index("[prior.gain_f_3]") : text.index("[prior.net_weight]")]
-    text = text.replace(own, "").replace("published_to =", 'known_from = ["../first"]\npublished_to =')
+    text = text.replace(own, "").replace("published_prior_sd =", 'priors_from = ["../first"]\npublished_prior_sd =')
     (tmp_path / "second" / "campaign.toml").write_text(text)
     campaign = load_campaign(tmp_path / "second")
     assert "gain_f_9" not in campaign.priors
@@ -197,13 +200,13 @@ def test_what_an_earlier_campaign_found_of_thrusters_and_balance_is_sought_again
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (("published_to", 'mass = "30 kg"\npublished_to'), "catalogue together with mass"),
+        (("published_prior_sd", 'mass = "30 kg"\npublished_prior_sd'), "catalogue together with mass"),
         (('"remus100_prestero"', '"remus100_fossen"'), "no sum of named coefficients"),
         (('"remus100_prestero"', '"remus"'), "no such vehicle"),
         (('"20 %"', '"0 %"'), "a positive share"),
-        (("published_to", 'known_from = ["../none"]\npublished_to'), "vehicle.known_from"),
+        (("published_prior_sd", 'priors_from = ["../none"]\npublished_prior_sd'), "vehicle.priors_from"),
         (('"M_uw", "M_uudelta_s"', '"M_uw", "N_uudelta_r"'), "N_uudelta_r"),
-        (('published_to = "20 %"', ""), "a prior of M_u"),
+        (('published_prior_sd = "20 %"', ""), "a prior of M_u"),
         (('catalogue = "remus100_prestero"', 'mass = "unknown"'), "a whole vehicle: a body with a mass"),
         (('moves = ["w", "q"]', 'moves = ["w", "yaw"]'), "moves"),
     ],

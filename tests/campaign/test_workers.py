@@ -20,7 +20,7 @@ from seatrial.campaign.compute.place import job_options, submit_jobs
 from seatrial.campaign.compute.shared_work import Study
 from seatrial.campaign.compute.workers import LocalWorkers
 from seatrial.campaign.config.load import load_campaign
-from seatrial.campaign.config.settings import ComputeSettings, SlurmJobs
+from seatrial.campaign.config.schema import ComputeTable, SlurmTable
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.design.sweep import design_key
 from seatrial.campaign.inference.calibration import estimate_key
@@ -192,7 +192,7 @@ def small(tmp_path_factory):
 
 
 def with_compute(campaign, **settings):
-    return replace(campaign, compute=ComputeSettings(**settings))
+    return replace(campaign, compute=ComputeTable(**settings))
 
 
 def test_where_is_one_setting_and_the_environment_overrides_it(small, monkeypatch):
@@ -265,7 +265,7 @@ def test_what_has_been_built_is_built_once(small):
     assert len(made) == 1
 
 
-SLURM = SlurmJobs(memory="16GB", walltime="04:00:00", cores=8, jobs=5, queue="short", account="hydro", interface="lo")
+SLURM = SlurmTable(memory="16GB", walltime="04:00:00", cores=8, jobs=5, queue="short", account="hydro", interface="lo")
 
 
 @pytest.mark.filterwarnings("ignore:Port 8787:UserWarning")

@@ -121,7 +121,7 @@ def _worked(home: Path, reporter: Any, work: Work, answer: Answer) -> Exit:
     campaign = load_campaign(home)
     stated = campaign.trial_design
     own = [] if stated is None or stated.own is None else [Path(stated.own.source)]
-    for outside in folders_outside(campaign.folder, campaign.known_from, campaign.imports, own):
+    for outside in folders_outside(campaign.folder, campaign.priors_from, campaign.imports, own):
         reporter.say(f"reads files outside the campaign's folder, in {outside}")
     answer.accepted = campaign.accepted
     return work(campaign, reporter, answer)

@@ -19,7 +19,8 @@ from pydantic import Field
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.file_keys import FileKeys
 from seatrial.campaign.config.load import load_campaign
-from seatrial.campaign.config.schema import CampaignFile, Name, Quantity, Table
+from seatrial.campaign.config.quantities import Name, Quantity, Table
+from seatrial.campaign.config.schema import CampaignFile
 from seatrial.campaign.config.templates import example_of
 from seatrial.campaign.config.toml import parse_toml, read_text
 from seatrial.campaign.store.stored_result import FILE_NAME
@@ -162,9 +163,9 @@ def read_set(name: str) -> BenchmarkSet:
             expected="runs to fit and runs to predict",
             remedy="name them under `fit` and `predict` of [import]",
         )
-    if file.vehicle.known_from or "compute" in file.model_fields_set:
+    if file.vehicle.priors_from or "compute" in file.model_fields_set:
         raise InputError(
-            keys.where("compute" if "compute" in file.model_fields_set else "vehicle.known_from"),
+            keys.where("compute" if "compute" in file.model_fields_set else "vehicle.priors_from"),
             found="a setting that belongs to one machine",
             expected="a set that gives the same result on every machine",
             remedy="remove it",

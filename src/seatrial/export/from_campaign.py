@@ -101,7 +101,7 @@ def _alone(campaign: Campaign, estimate: Estimate) -> tuple[ExportedVehicle, Exp
             campaign.where("vehicle.moves"),
             found="a vehicle that is held: its thrust is known, and nothing of its motion",
             expected="a vehicle that moves",
-            remedy="name this campaign in known_from of one whose vehicle moves, and export that",
+            remedy="name this campaign in priors_from of one whose vehicle moves, and export that",
         )
     if hull.mass is None:
         raise InputError(

@@ -15,7 +15,7 @@ from seatrial.export.vehicle import ExportedVehicle
 from seatrial.vehicles.hull import AXES
 
 _AGAIN = (
-    "estimate it again with a prior that ends at 0 (`physical = true`), export a structure without it by `--structure`, "
+    "estimate it again with a prior that ends at 0 (`dissipative = true`), export a structure without it by `--structure`, "
     "or correct the value"
 )
 _RANGE = dict(zip(RATES, (2.0, 0.5, 0.5, 1.0, 0.5, 0.5), strict=True))

@@ -24,7 +24,7 @@ def estimate(
         By,
         typer.Option(
             help="chains: sample the whole posterior. mode, equation-error: first answers without chains, not checked; "
-            "the mode is kept for a later campaign's known_from."
+            "the mode is kept for a later campaign's priors_from."
         ),
     ] = By.CHAINS,
     window: Annotated[

@@ -38,8 +38,8 @@ from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.load import check_text, load_campaign
 from seatrial.campaign.config.new_campaign import new_campaign
 from seatrial.campaign.config.new_campaign_file import campaign_text, option_of, told_by_options
+from seatrial.campaign.config.quantities import Residuals
 from seatrial.campaign.config.sensor_table import ATTITUDE
-from seatrial.campaign.config.settings import Residuals
 from seatrial.campaign.config.templates import template_text
 from seatrial.campaign.config.toml import toml_content
 from seatrial.campaign.config.truth import true_coefficients
@@ -226,7 +226,7 @@ def _noise_prior(one: Unknown, channel: str) -> NoisePrior:
 
 def _prior_words(table: dict[str, Any]) -> str:
     numbers = [
-        f"{key} {value:g}" for key, value in table.items() if isinstance(value, int | float) and key != "physical"
+        f"{key} {value:g}" for key, value in table.items() if isinstance(value, int | float) and key != "dissipative"
     ]
     return f"{table.get('distribution', '')}, {', '.join(numbers)} {table.get('unit', '')}".strip()
 

@@ -12,7 +12,7 @@ from typing import Any
 
 from seatrial.campaign.compute.workers import LocalWorkers, Workers
 from seatrial.campaign.config.campaign import Campaign
-from seatrial.campaign.config.settings import SlurmJobs
+from seatrial.campaign.config.schema import SlurmTable
 from seatrial.core.errors import InputError, install_extra
 from seatrial.core.reporter import SILENT, Reporter
 
@@ -20,7 +20,7 @@ from seatrial.core.reporter import SILENT, Reporter
 # process.
 
 
-def job_options(asked: SlurmJobs) -> dict[str, Any]:
+def job_options(asked: SlurmTable) -> dict[str, Any]:
     """Options of `SLURMCluster`: one process of one thread for each core."""
     return {
         "queue": asked.queue,
@@ -36,7 +36,7 @@ def job_options(asked: SlurmJobs) -> dict[str, Any]:
     }
 
 
-def submit_jobs(asked: SlurmJobs) -> Any:
+def submit_jobs(asked: SlurmTable) -> Any:
     """Submit the jobs that are asked for; their workers join as SLURM starts them.
 
     Raises:
@@ -112,11 +112,11 @@ def has_joined() -> bool:
     return bool(_JOINED)
 
 
-_JOINED: dict[tuple[str, SlurmJobs | None], Any] = {}
+_JOINED: dict[tuple[str, SlurmTable | None], Any] = {}
 """Clusters that this process has joined."""
 
 
-def _joined(place: str, asked: SlurmJobs | None, reporter: Reporter) -> Any:
+def _joined(place: str, asked: SlurmTable | None, reporter: Reporter) -> Any:
     try:
         import dask_jobqueue  # noqa: F401  (needed where jobs are submitted)
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Collection, Sequence
 
-from seatrial.campaign.config.settings import EstimationSettings
+from seatrial.campaign.config.schema import EstimationTable
 from seatrial.core.errors import InputError
 from seatrial.core.usual_priors import DRIFT_TIME_PRIOR, SIZE_PRIOR, TIME_PRIOR
 from seatrial.estimation.posterior.filter_error import process_name
@@ -14,7 +14,7 @@ from seatrial.estimation.simulation.simulator import CURRENT
 from seatrial.vehicles.model import VehicleModel
 
 
-def assumed_unknowns(estimation: EstimationSettings, model: VehicleModel, stated: Collection[str]) -> set[str]:
+def assumed_unknowns(estimation: EstimationTable, model: VehicleModel, stated: Collection[str]) -> set[str]:
     """Return the names of the unknowns that [estimation] and stated priors ask for beside those of the vehicle and the sensors.
 
     Args:
@@ -67,7 +67,7 @@ def check_disturbances(
             )
 
 
-def varying(estimation: EstimationSettings, model: VehicleModel) -> tuple[Unknown, ...]:
+def varying(estimation: EstimationTable, model: VehicleModel) -> tuple[Unknown, ...]:
     """Return the coefficients and other unknowns of a model that vary between trials."""
     return tuple(one for one in may_vary(model) if one.name in estimation.varying)
 

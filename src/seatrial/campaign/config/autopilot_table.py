@@ -1,15 +1,90 @@
 """Reads `[autopilot]`: the loops through which trials run."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from math import inf
+from typing import Annotated
+
+from pydantic import Field
 
 from seatrial.campaign.config.file_keys import FileKeys
-from seatrial.campaign.config.schema import LoopTable, Quantity
-from seatrial.campaign.config.settings import AutopilotSettings
+from seatrial.campaign.config.quantities import OfChannel, Seconds, Table, Unit, first_noted
 from seatrial.core.errors import InputError, nearest
-from seatrial.core.signals import ANGLES, RATES, set_point, signal_unit
+from seatrial.core.signals import ANGLES, RATES, set_point
 from seatrial.manoeuvres.autopilot import Loop
 from seatrial.vehicles.model import VehicleModel
+
+OfMoved = Annotated[
+    float, Unit("{moved}", "that of what it drives", above=0.0, remedy="leave it out where there is none")
+]
+
+
+RateOfMoved = Annotated[
+    float,
+    Unit("({moved})/s", "that of what it drives, per second", above=0.0, remedy="leave it out where there is none"),
+]
+
+
+Gain = Annotated[float, Unit("({moved})/({channel})", "that of what it drives, over that of the channel")]
+
+
+IntegralGain = Annotated[float, Unit("({moved})/({channel} s)", "the same, per second")]
+
+
+DerivativeGain = Annotated[float, Unit("({moved}) s/({channel})", "the same, times seconds")]
+
+
+Drives = Annotated[dict[str, float], first_noted("moved")]
+
+
+class LoopTable(Table):
+    """`[autopilot.CHANNEL]`: a loop of the vehicle's autopilot, which holds a measured channel such as `psi`, `z`, `u` or `theta`.
+
+    With e the set-point less the measured channel, its output is kp e + ki times the integral of e - kd times the channel's rate of
+    change. It `drives` controls, each by its share of that, or the set-point of a loop further down (`theta_set`): depth through pitch.
+    Trials then run through the autopilot: what `[design]` drives is a set-point such as `psi_set`, or a control, to which it is added.
+    """
+
+    drives: Drives = Field(
+        min_length=1,
+        description="controls that it moves, or set-points of loops further down, each with its share of the output",
+    )
+    kp: Gain = Field(description="proportional gain")
+    ki: IntegralGain | None = Field(default=None, description="integral gain")
+    kd: DerivativeGain | None = Field(
+        default=None, description="derivative gain; it acts on the measurement, not on the set-point"
+    )
+    derivative: str | None = Field(
+        default=None, description="channel that shows the rate of change, such as `r`; without it differences are taken"
+    )
+    set_point: OfChannel | None = Field(
+        default=None, description="value that is held if the trial does not move it; its trim if not given"
+    )
+    limit: OfMoved | None = Field(default=None, description="largest output, to either side")
+    rate: RateOfMoved | None = Field(default=None, description="fastest change of the output")
+    interval: Seconds | None = Field(
+        default=None,
+        description="from one decision to the next, a multiple of `design.sample_time`, which it is if not given",
+    )
+
+
+@dataclass(frozen=True)
+class AutopilotSettings:
+    """The loops of the autopilot, none where there is none, and the set-point of each while a trial leaves it alone, SI."""
+
+    loops: tuple[Loop, ...] = ()
+    set_points: tuple[float, ...] = ()
+
+    @property
+    def trim(self) -> dict[str, float]:
+        """Set-points by name, SI."""
+        return {loop.set_point: value for loop, value in zip(self.loops, self.set_points, strict=True)}
+
+    @property
+    def moved(self) -> dict[str, float]:
+        """All that loops move, with 0: what is added where nothing else is said."""
+        return {name: 0.0 for loop in self.loops for name, _ in loop.moves}
+
 
 WHOLE = 1e-6
 """Share of a sample by which an interval may differ from whole samples."""
@@ -43,10 +118,7 @@ def read_autopilot(
             _check_measured(table.derivative, channels, keys, f"autopilot.{name}.derivative")
         later = [set_point(other) for other in list(tables)[at + 1 :]]
         loops.append(_loop(name, table, keys, model, later, sample_time))
-        unit, stated = signal_unit(name), table.set_point
-        set_points.append(
-            trim.get(name, 0.0) if stated is None else keys.si(stated, unit, f"autopilot.{name}.set_point")
-        )
+        set_points.append(trim.get(name, 0.0) if table.set_point is None else table.set_point)
     return AutopilotSettings(tuple(loops), tuple(set_points))
 
 
@@ -55,36 +127,19 @@ def _loop(
 ) -> Loop:
     key = f"autopilot.{name}"
     movable = [one for one in (*model.controls, *later) if one not in (*RATES, *ANGLES)]
-    for moved in table.moves:
-        if moved not in movable:
+    for driven in table.drives:
+        if driven not in movable:
             raise InputError(
-                keys.where(f"{key}.moves"),
-                found=f'"{moved}"',
+                keys.where(f"{key}.drives"),
+                found=f'"{driven}"',
                 expected="controls of the vehicle, or set-points of loops further down: " + ", ".join(movable),
                 remedy="move the outer loop of a cascade above the inner one"
-                if moved.endswith("_set")
-                else nearest(moved, movable),
+                if driven.endswith("_set")
+                else nearest(driven, movable),
             )
-    unit, held = signal_unit(next(iter(table.moves))), signal_unit(name)
-
-    def si(written: Quantity | None, of: str, of_key: str, otherwise: float) -> float:
-        return otherwise if written is None else keys.si(written, of, f"{key}.{of_key}")
-
-    gains = (
-        si(table.kp, f"({unit})/({held})", "kp", 0.0),
-        si(table.ki, f"({unit})/({held} s)", "ki", 0.0),
-        si(table.kd, f"({unit}) s/({held})", "kd", 0.0),
-    )
-    limit, rate = si(table.limit, unit, "limit", inf), si(table.rate, f"({unit})/s", "rate", inf)
-    interval = si(table.interval, "s", "interval", sample_time)
-    for of_key, value in (("limit", limit), ("rate", rate)):
-        if not value > 0:
-            raise InputError(
-                keys.where(f"{key}.{of_key}"),
-                found=f"{value:g}",
-                expected="more than 0",
-                remedy="leave it out where there is none",
-            )
+    gains = (table.kp, table.ki or 0.0, table.kd or 0.0)
+    limit, rate = (inf if bound is None else bound for bound in (table.limit, table.rate))
+    interval = sample_time if table.interval is None else table.interval
     every = round(interval / sample_time)
     if every < 1 or abs(every * sample_time - interval) > WHOLE * sample_time:
         raise InputError(
@@ -93,7 +148,7 @@ def _loop(
             expected=f"a whole multiple of design.sample_time, {sample_time:g} s",
             remedy=f"set design.sample_time to {interval:g} s or to a whole fraction of it",
         )
-    return Loop(name, tuple(table.moves.items()), *gains, table.derivative, limit, rate, every, interval)
+    return Loop(name, tuple(table.drives.items()), *gains, table.derivative, limit, rate, every, interval)
 
 
 def _check_measured(name: str, channels: Sequence[str], keys: FileKeys, key: str) -> None:

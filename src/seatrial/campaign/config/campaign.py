@@ -10,21 +10,19 @@ from pathlib import Path
 import numpy as np
 
 from seatrial.campaign.config.assumed_unknowns import assumed_unknowns, no_unknown_prior
-from seatrial.campaign.config.sensor_table import ATTITUDE
-from seatrial.campaign.config.settings import (
-    AutopilotSettings,
-    ComputeSettings,
-    DesignSettings,
-    EstimationSettings,
+from seatrial.campaign.config.autopilot_table import AutopilotSettings
+from seatrial.campaign.config.design_table import DesignSettings, PowerTable
+from seatrial.campaign.config.import_table import Imports
+from seatrial.campaign.config.quantities import Residuals
+from seatrial.campaign.config.schema import (
+    ComputeTable,
+    EstimationTable,
     Goal,
-    Imports,
-    PlanSettings,
-    Power,
-    Residuals,
-    SelectionSettings,
-    SensorSettings,
-    StructureSettings,
+    PlanTable,
+    SelectionTable,
+    StructureTable,
 )
+from seatrial.campaign.config.sensor_table import ATTITUDE, SensorTable
 from seatrial.campaign.config.templates import EXAMPLE_VEHICLE
 from seatrial.campaign.config.toml import key_lines, key_place
 from seatrial.campaign.config.vehicle import CampaignVehicle
@@ -39,6 +37,7 @@ from seatrial.design.sweep import Trim
 from seatrial.estimation.posterior.filter_error import process_name
 from seatrial.estimation.posterior.unknowns import Unknown, unknowns_of
 from seatrial.estimation.priors import Prior
+from seatrial.estimation.simulation.mounts import Mount
 from seatrial.estimation.simulation.sensor_errors import Sensor, bias_name
 from seatrial.estimation.simulation.simulator import CURRENT
 from seatrial.estimation.simulation.starts import level_start
@@ -63,6 +62,7 @@ class Campaign:
         priors: of coefficients, delay and nuisances, by name, SI.
         prior_units: units in which priors are written, by name; SI where nothing is said.
         sensors: by the channel that each measures.
+        mounts: where sensors sit, how they are turned, and their scale, by channel.
         trial_design: which trials are tried; None where imported runs are fitted, and none is designed.
         control_limits: of controls, by name, SI.
         motion_limits: of the motion.
@@ -77,7 +77,7 @@ class Campaign:
         selection: effort behind each evidence.
         compute: where work is done.
         accepted: codes of findings that are right but known.
-        known_from: folders of earlier campaigns, of which priors and fixed coefficients are.
+        priors_from: folders of earlier campaigns, of which priors and fixed coefficients are.
         folder: of results, and of files that are named relative to it.
         text: the campaign file, which says on what line a key stands; empty where there is none. No part of what is computed.
         shortlist: what a screening has left of the structures, where there are too many to simulate each.
@@ -86,25 +86,26 @@ class Campaign:
     name: str
     seed: int
     vehicle: CampaignVehicle
-    structure: StructureSettings
+    structure: StructureTable
     priors: Mapping[str, Prior]
-    sensors: Mapping[str, SensorSettings]
+    sensors: Mapping[str, SensorTable]
     trial_design: DesignSettings | None
+    mounts: Mapping[str, Mount] = field(default_factory=dict)
     prior_units: Mapping[str, str] = field(default_factory=dict)
     control_limits: Mapping[str, Limits] = field(default_factory=dict)
     motion_limits: tuple[MotionLimit, ...] = ()
     autopilot: AutopilotSettings = AutopilotSettings()
-    power: Power | None = None
+    power: PowerTable | None = None
     goal: Goal | None = None
-    plan: PlanSettings = PlanSettings()
+    plan: PlanTable = PlanTable()
     truth: Mapping[str, float] = field(default_factory=dict)
     imports: Imports | None = None
     process_noise: Mapping[str, float] = field(default_factory=dict)
-    estimation: EstimationSettings = EstimationSettings()
-    selection: SelectionSettings = SelectionSettings()
-    compute: ComputeSettings = ComputeSettings()
+    estimation: EstimationTable = EstimationTable()
+    selection: SelectionTable = SelectionTable()
+    compute: ComputeTable = ComputeTable()
     accepted: frozenset[str] = frozenset()
-    known_from: tuple[str, ...] = ()
+    priors_from: tuple[str, ...] = ()
     folder: Path = Path()
     text: str = ""
     shortlist: tuple[Structure, ...] = ()
@@ -208,7 +209,7 @@ class Campaign:
     @cached_property
     def sensor_models(self) -> tuple[Sensor, ...]:
         """Measured channels with what is unknown about them."""
-        return sensor_models(self.sensors, self.estimation.residuals)
+        return sensor_models(self.sensors, self.mounts, self.estimation.residuals)
 
     @cached_property
     def own(self) -> tuple[str, ...]:
@@ -381,10 +382,19 @@ class Campaign:
             return prediction(model, stated.of, start, controls, stated.after, self.family.sample_time)
 
 
-def sensor_models(sensors: Mapping[str, SensorSettings], residuals: Residuals) -> tuple[Sensor, ...]:
+def sensor_models(
+    sensors: Mapping[str, SensorTable], mounts: Mapping[str, Mount], residuals: Residuals
+) -> tuple[Sensor, ...]:
     """Return what is unknown about some sensors; `residuals` are of those that state no others."""
     return tuple(
-        Sensor(channel, one.residuals or residuals, one.bias != "none", one.lag, one.over == "ground", one.mount)
+        Sensor(
+            channel,
+            one.residuals or residuals,
+            one.bias != "none",
+            one.lag,
+            one.reference == "ground",
+            mounts.get(channel),
+        )
         for channel, one in sensors.items()
     )
 

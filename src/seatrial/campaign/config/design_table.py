@@ -1,32 +1,257 @@
 """Reads `[design]`, `[limits]` and `[power]`: which designs are tried, inside which limits, and what makes one the best."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from math import inf
-from pathlib import Path
+from pathlib import Path, PurePath
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
+from pydantic import BeforeValidator, Field, ModelWrapValidatorHandler, model_validator
 
 from seatrial.campaign.config.file_keys import FileKeys
-from seatrial.campaign.config.schema import (
-    BesideTable,
-    DesignTable,
-    LimitsTable,
-    PowerTable,
-    PredictionTable,
-    RelayTable,
+from seatrial.campaign.config.quantities import (
+    OfControl,
+    RangeOf,
+    Seconds,
+    Several,
+    Table,
+    Turnaround,
+    Unit,
+    noted,
+    refused,
 )
-from seatrial.campaign.config.settings import DesignSettings, OwnSchedule, Power, RelaySettings, StatedPrediction
 from seatrial.core.errors import InputError, located, nearest
 from seatrial.core.signals import CONTROLS, is_thruster, signal_unit
 from seatrial.design.integrals import motion_signals
 from seatrial.design.motion_limits import MotionLimit
 from seatrial.manoeuvres.family import Beside, Family
 from seatrial.manoeuvres.manoeuvre import Limits
-from seatrial.manoeuvres.schedule import read_rows
+from seatrial.manoeuvres.schedule import Schedule, read_rows
 from seatrial.vehicles.model import VehicleModel
 
-LONGEST = 1e5
-"""Of a prediction, s."""
+Utility = Literal["entropy", "fisher-d", "fisher-a", "fisher-e", "fisher-me", "fisher-c", "discrimination"]
+
+
+DesignFilter = Literal["square-root-unscented", "unscented", "extended"]
+
+
+Watts = Annotated[float, Unit("W")]
+
+
+OfLimited = Annotated[float, Unit("{limited}", "that of the quantity")]
+
+
+RateOfLimited = Annotated[float, Unit("({limited})/s", "that of the control, per second")]
+
+
+OfRange = Annotated[float, Unit("{range}", "that of the quantity")]
+
+
+OfBeside = Annotated[
+    float, Unit("{beside}", "that of the control", above=0.0, remedy="remove it where the control is to stay at trim")
+]
+
+
+class LimitsTable(Table):
+    """`[limits.NAME]`: bounds of any control and of its rate of change, of a state of the motion such as `u`, or of the way: the `distance`
+    travelled, the `advance` along the keel, and `x` and `y`, metres ahead and to starboard of the start and its heading."""
+
+    lower: OfLimited | None = Field(default=None, description="lower bound")
+    upper: OfLimited | None = Field(default=None, description="upper bound")
+    rate: RateOfLimited | None = Field(default=None, description="largest rate of change, for controls only")
+
+
+class RangeTable(Table):
+    """`design.amplitude`, `design.period`, `design.relay.threshold`: an evenly spaced range of a quantity."""
+
+    start: OfRange = Field(alias="from", description="first value")
+    stop: OfRange = Field(alias="to", description="last value")
+    points: int = Field(ge=1, le=1000, description="number of values, evenly spaced")
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _check_ends(cls, written: Any, validate: ModelWrapValidatorHandler[Self]) -> Self:
+        table = validate(written)
+        start, stop = (written.get(key) if isinstance(written, dict) else "" for key in ("from", "to"))
+        if not 0 < table.start <= table.stop:
+            raise refused(f"from {start} to {stop}", "0 < from <= to", "swap or correct them")
+        if table.points == 1 and table.start != table.stop:
+            raise refused(
+                f"1 point from {start} to {stop}",
+                "2 points or more, or `from` and `to` the same",
+                "ask for more points",
+            )
+        return table
+
+    def values(self) -> tuple[float, ...]:
+        """Return the values, SI."""
+        return tuple(np.linspace(self.start, self.stop, self.points).tolist())
+
+
+class PowerTable(Table):
+    """`[power]`: the power that the battery gives: the hotel load, and the propulsion, which grows with the cube of the control."""
+
+    hotel: Watts = Field(description="power drawn whatever the propeller does")
+    propulsion: Watts = Field(description="power drawn by the propeller at the operating point `at`")
+    at: OfControl = Field(description="the control at which `propulsion` is drawn")
+
+
+class RelayTable(Table):
+    """`[design.relay]`: the self-oscillating test. The control changes to the other side of trim whenever the measured `output` is a
+    `threshold` away from its trim. With the heading as output it is the zigzag of ships."""
+
+    output: Annotated[str, noted("channel")] = Field(description="measured state that reverses the control")
+    threshold: Annotated[RangeTable, RangeOf("{channel}")] = Field(description="distances from trim that are tried")
+
+
+class PredictionTable(Table):
+    """`[design.prediction]`: the prediction for which the coefficients are wanted: a state, the `distance` travelled or the `advance`, some
+    time after the designed control is set to a value at trim. With the propeller stopped, `of = "distance"` is the stopping distance."""
+
+    of: str = Field(description="what is predicted: a state, `distance` or `advance`")
+    control: OfControl = Field(description="value to which the control is set")
+    after: Annotated[
+        float,
+        Unit("s", above=0.0, most=1e5, expected="a positive time of 100 000 s at most", remedy='for example "30 s"'),
+    ] = Field(description="how long after that")
+
+
+def _as_beside(written: Any) -> Any:
+    """Return a table of an amplitude alone, which may be written without one."""
+    return {"amplitude": written} if isinstance(written, str | int | float) else written
+
+
+class BesideTable(Table):
+    """`[design.together.CONTROL]`: a control that moves with the designed one, with a period of its own, `period` times as long."""
+
+    amplitude: OfBeside = Field(description="its amplitude at the largest amplitude of the designed control")
+    period: float = Field(default=1.0, ge=0.1, le=10.0, description="its period over that of the designed control")
+
+
+class DesignTable(Table):
+    """`[design]`: shapes of input that are compared on one grid of amplitudes and periods, and what makes one of them the best.
+
+    | utility | the best design ... |
+    |---|---|
+    | `entropy` | lowers the entropy of the coefficients most, in nats, as the `filter` computes it |
+    | `fisher-d` | the same, by the Fisher information |
+    | `fisher-a` | leaves the smallest mean variance |
+    | `fisher-e` | gives the most information about the combination that is least known |
+    | `fisher-me` | gives similar information about all combinations |
+    | `fisher-c` | makes the stated `prediction` most certain |
+    | `discrimination` | tells the full structure best from the one most like it |
+
+    With `per` a joule or a second, a trial ends where more of it would lower the information per cost.
+
+    `schedule` is a CSV of your own, with columns `time_s` and one for each control that moves, with its unit, such as `n_rpm`. It is
+    compared with the families, and is the first trial that is run. Controls named under `together` move at the same
+    time. The amplitude of each, `{ n = "100 rpm" }`, is used with the largest amplitude of `control`; smaller designs shrink it in
+    proportion. A control with slower motion may have a longer period: `{ n = { amplitude = "100 rpm", period = 2.0 } }`.
+
+    Without this table a campaign with `[import]` is fitted and reported, and no next trial is proposed.
+    """
+
+    control: Annotated[str, noted("control")] = Field(description="the control that is driven")
+    families: Several[str] = Field(
+        default=("repeated-doublet",), min_length=1, description="shapes of input to compare, from the list below"
+    )
+    utility: Utility = Field(default="entropy", description="what makes a design the best; see above")
+    filter: DesignFilter = Field(
+        default="square-root-unscented", description="filter that computes the entropy reduction"
+    )
+    over: Literal["mean", "local", "worst"] = Field(
+        default="mean",
+        description="the utility is the mean over draws of the coefficients, the value at their mean (`local`), or the worst",
+    )
+    per: Literal["trial", "joule", "second"] = Field(
+        default="trial", description="whether a trial counts as a whole, by the energy it takes, or by the time"
+    )
+    turnaround: Turnaround = Field(default=0.0, description='time between trials, counted with `per = "second"`')
+    probability: float = Field(
+        default=0.95, gt=0.0, lt=0.99, description="probability with which the limits of the motion must be kept"
+    )
+    trim: OfControl | None = Field(
+        default=None, description="value about which the control is driven; if not given, that of `[vehicle]`"
+    )
+    together: dict[Annotated[str, noted("beside")], Annotated[BesideTable, BeforeValidator(_as_beside)]] = Field(
+        default={}, description="other controls that move at the same time, by name, each with its largest amplitude"
+    )
+    duration: Seconds = Field(description="length of the trial")
+    active: Seconds = Field(description="how long the control may leave trim")
+    start: Seconds = Field(default=1.0, description="time at trim before the control moves")
+    ramp: Seconds = Field(default=0.0, description="time that each change of level takes")
+    sample_time: Seconds = Field(description="time between samples")
+    schedule: str | None = Field(
+        default=None, description="CSV of a schedule of your own, which is compared with the designs and run first"
+    )
+    amplitude: Annotated[RangeTable, RangeOf("{control}")] = Field(description="amplitudes that are compared")
+    period: Annotated[RangeTable, RangeOf("s")] = Field(
+        description="periods that are compared; the list of shapes says what the period of each is"
+    )
+    relay: RelayTable | None = Field(default=None, description="the self-oscillating test, `[design.relay]`")
+    prediction: PredictionTable | None = Field(
+        default=None, description="what `fisher-c` minimises, `[design.prediction]`"
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class OwnSchedule:
+    """A schedule that somebody wrote or recorded.
+
+    Attributes:
+        source: its file.
+        schedule: controls over time, sampled as designs are, SI.
+        skipped: lines between two samples, of which these take nothing.
+    """
+
+    source: str
+    schedule: Schedule
+    skipped: tuple[int, ...] = ()
+
+    @property
+    def label(self) -> str:
+        """Name of its record."""
+        return PurePath(self.source).stem
+
+
+@dataclass(frozen=True)
+class DesignSettings:
+    """Designs to try, and what makes one of them the best.
+
+    Attributes:
+        family: control, trim and timing that all designs share.
+        kinds: shapes of the input that are tried.
+        amplitudes: of the control about its trim, SI.
+        periods: s.
+        utility: what is to be large.
+        filter: whose entropy reduction is predicted.
+        over: the mean of draws of what is believed, its mean alone, or the worst draw.
+        per: what a utility is counted by.
+        turnaround: time that a trial takes beside its own, s.
+        probability: with which limits of the motion are kept.
+        relay: the self-oscillating test.
+        prediction: what the coefficients are wanted for.
+        own: schedule that is weighed beside the families, and run first; no design of a family depends on it.
+    """
+
+    family: Family
+    kinds: tuple[str, ...]
+    amplitudes: tuple[float, ...]
+    periods: tuple[float, ...]
+    utility: Utility = "entropy"
+    filter: DesignFilter = "square-root-unscented"
+    over: Literal["mean", "local", "worst"] = "mean"
+    per: Literal["trial", "joule", "second"] = "trial"
+    turnaround: float = 0.0
+    probability: float = 0.95
+    relay: RelayTable | None = None
+    prediction: PredictionTable | None = None
+    own: OwnSchedule | None = field(default=None, compare=False)
+
+    def grid(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return amplitudes, SI, and periods, s."""
+        return np.array(self.amplitudes), np.array(self.periods)
 
 
 def read_design(
@@ -51,20 +276,27 @@ def read_design(
             expected="each family once",
             remedy="remove the repetition",
         )
-    family, unit = _family(table, keys, commands, trim), signal_unit(table.control)
+    if table.relay is not None and table.relay.output not in channels:
+        raise InputError(
+            keys.where("design.relay.output"),
+            found=f'"{table.relay.output}"',
+            expected="a measured channel: " + ", ".join(channels),
+            remedy=nearest(table.relay.output, channels),
+        )
+    family = _family(table, keys, commands, trim)
     return DesignSettings(
         family,
         tuple(table.families),
-        keys.positive_range(table.amplitude, unit, "design.amplitude"),
-        keys.positive_range(table.period, "s", "design.period"),
+        table.amplitude.values(),
+        table.period.values(),
         table.utility,
         table.filter,
         table.over,
         table.per,
-        keys.si(table.turnaround, "s", "design.turnaround"),
+        table.turnaround,
         table.probability,
-        None if table.relay is None else _relay(table.relay, keys, channels),
-        None if table.prediction is None else _prediction(table.prediction, keys, unit),
+        table.relay,
+        table.prediction,
     )
 
 
@@ -94,13 +326,6 @@ def check_utility(design: DesignSettings, keys: FileKeys, is_one_structure: bool
             found='"discrimination" of a single structure',
             expected="terms whose presence the data decide",
             remedy='add them to structure.optional, or set utility = "fisher-d"',
-        )
-    if not 0 <= design.turnaround < inf:
-        raise InputError(
-            keys.where("design.turnaround"),
-            found=f"{design.turnaround:g} s",
-            expected="0 s or more",
-            remedy='for example "2 min"',
         )
     if design.turnaround > 0 and design.per != "second":
         raise InputError(
@@ -178,8 +403,8 @@ def _control_remedy(name: str, controls: Sequence[str]) -> str:
     return f"a vehicle has a control where a term names it, such as T_nabsn, X_tau_X or N_uudelta_r; this one has {has}"
 
 
-def read_power(table: PowerTable | None, keys: FileKeys, control: str) -> Power:
-    """Read what a trial draws from the battery.
+def read_power(table: PowerTable | None, keys: FileKeys, control: str) -> PowerTable:
+    """Return what a trial draws from the battery.
 
     Raises:
         InputError: no table, a control that is no propeller, or numbers that are not positive.
@@ -198,19 +423,14 @@ def read_power(table: PowerTable | None, keys: FileKeys, control: str) -> Power:
             expected="what the vehicle draws",
             remedy='add [power] with hotel = "20 W", propulsion = "40 W" and at = "1500 rpm"',
         )
-    power = Power(
-        keys.si(table.propulsion, "W", "power.propulsion"),
-        keys.si(table.at, signal_unit(control), "power.at"),
-        keys.si(table.hotel, "W", "power.hotel"),
-    )
-    if not (power.propulsion > 0 and power.at != 0 and power.hotel >= 0):
+    if not (table.propulsion > 0 and table.at != 0 and table.hotel >= 0):
         raise InputError(
             keys.where("power"),
-            found=f"propulsion {table.propulsion} at {table.at}, hotel {table.hotel}",
+            found=f"propulsion {table.propulsion:g} W at {table.at:g} rad/s, hotel {table.hotel:g} W",
             expected="positive power at a control that is not 0, and a hotel load of 0 W or more",
             remedy="read one operating point off the battery's telemetry",
         )
-    return power
+    return table
 
 
 def _family(table: DesignTable, keys: FileKeys, controls: Sequence[str], trims: Mapping[str, float]) -> Family:
@@ -223,92 +443,30 @@ def _family(table: DesignTable, keys: FileKeys, controls: Sequence[str], trims: 
             + (", ".join(controls) or "it has none"),
             remedy=_control_remedy(table.control, controls),
         )
-    unit = signal_unit(table.control)
-    trim = trims.get(table.control, 0.0) if table.trim is None else keys.si(table.trim, unit, "design.trim")
-    seconds = {
-        key: keys.si(getattr(table, key), "s", f"design.{key}")
-        for key in ("duration", "active", "sample_time", "start", "ramp")
-    }
-    largest = keys.si(table.amplitude.stop, unit, "design.amplitude.to")
-    beside = tuple(
-        _beside(
-            name,
-            one if isinstance(one, BesideTable) else BesideTable(amplitude=one),
-            keys,
-            controls,
-            trims,
-            table.control,
-            largest,
-        )
-        for name, one in table.together.items()
-    )
+    trim = trims.get(table.control, 0.0) if table.trim is None else table.trim
+    seconds = {key: getattr(table, key) for key in ("duration", "active", "sample_time", "start", "ramp")}
+    others = [name for name in controls if name != table.control]
+    beside = []
+    for name, other in table.together.items():
+        if name not in others:
+            raise InputError(
+                keys.where(f"design.together.{name}"),
+                found=f'"{name}"' + ", which is driven" * (name == table.control),
+                expected="another control of the vehicle: " + (", ".join(others) or "it has none"),
+                remedy=nearest(name, others) if others else "remove it",
+            )
+        beside.append(Beside(name, trims.get(name, 0.0), other.amplitude / table.amplitude.stop, other.period))
     try:
-        return Family(table.control, trim, **seconds, beside=beside)
+        return Family(table.control, trim, **seconds, beside=tuple(beside))
     except InputError as error:
         key = keys.where(f"design.{error.where.rpartition(' ')[2]}")
         raise InputError(key, found=error.found, expected=error.expected, remedy=error.remedy) from None
 
 
-def _beside(
-    name: str,
-    table: BesideTable,
-    keys: FileKeys,
-    controls: Sequence[str],
-    trims: Mapping[str, float],
-    driven: str,
-    largest: float,
-) -> Beside:
-    """Read a control that moves with the driven one, whose largest amplitude is given."""
-    key = f"design.together.{name}"
-    others = [one for one in controls if one != driven]
-    if name not in others:
-        raise InputError(
-            keys.where(key),
-            found=f'"{name}"' + ", which is driven" * (name == driven),
-            expected="another control of the vehicle: " + (", ".join(others) or "it has none"),
-            remedy=nearest(name, others) if others else "remove it",
-        )
-    amplitude = keys.si(table.amplitude, signal_unit(name), key)
-    if not amplitude > 0:
-        raise InputError(
-            keys.where(key),
-            found=f"{table.amplitude}",
-            expected="more than 0",
-            remedy="remove it where the control is to stay at trim",
-        )
-    return Beside(name, trims.get(name, 0.0), amplitude / largest, table.period)
-
-
-def _relay(table: RelayTable, keys: FileKeys, channels: Sequence[str]) -> RelaySettings:
-    if table.output not in channels:
-        raise InputError(
-            keys.where("design.relay.output"),
-            found=f'"{table.output}"',
-            expected="a measured channel: " + ", ".join(channels),
-            remedy=nearest(table.output, channels),
-        )
-    unit = signal_unit(table.output)
-    return RelaySettings(table.output, keys.positive_range(table.threshold, unit, "design.relay.threshold"))
-
-
-def _prediction(table: PredictionTable, keys: FileKeys, unit: str) -> StatedPrediction:
-    after = keys.si(table.after, "s", "design.prediction.after")
-    if not 0 < after < LONGEST:
-        raise InputError(
-            keys.where("design.prediction.after"),
-            found=f"{after:g} s",
-            expected="a positive time of 100 000 s at most",
-            remedy='for example "30 s"',
-        )
-    return StatedPrediction(table.of, keys.si(table.control, unit, "design.prediction.control"), after)
-
-
 def _control_limits(table: LimitsTable, keys: FileKeys, control: str) -> Limits:
-    unit = signal_unit(control)
-    lower, upper = _bounds(table, keys, control, unit)
-    rate = None if table.rate is None else keys.si(table.rate, f"({unit})/s", f"limits.{control}.rate")
+    _check_bounds(table, keys, control)
     with located(keys.where(f"limits.{control}.rate")):
-        return Limits(None if lower == -inf else lower, None if upper == inf else upper, rate)
+        return Limits(table.lower, table.upper, table.rate)
 
 
 def _motion_limit(name: str, table: LimitsTable, keys: FileKeys) -> MotionLimit:
@@ -323,18 +481,16 @@ def _motion_limit(name: str, table: LimitsTable, keys: FileKeys) -> MotionLimit:
             expected="upper" if name == "distance" else "lower, upper or both",
             remedy="rates are limited of controls only",
         )
-    lower, upper = _bounds(table, keys, name, signal_unit(name))
-    return MotionLimit(name, lower, upper)
+    _check_bounds(table, keys, name)
+    return MotionLimit(name, -inf if table.lower is None else table.lower, inf if table.upper is None else table.upper)
 
 
-def _bounds(table: LimitsTable, keys: FileKeys, name: str, unit: str) -> tuple[float, float]:
-    lower = -inf if table.lower is None else keys.si(table.lower, unit, f"limits.{name}.lower")
-    upper = inf if table.upper is None else keys.si(table.upper, unit, f"limits.{name}.upper")
-    if not lower < upper:
+def _check_bounds(table: LimitsTable, keys: FileKeys, name: str) -> None:
+    if table.lower is not None and table.upper is not None and not table.lower < table.upper:
+        unit = signal_unit(name)
         raise InputError(
             keys.where(f"limits.{name}"),
-            found=f"lower {table.lower}, upper {table.upper}",
+            found=f"lower {table.lower:g} {unit}, upper {table.upper:g} {unit}",
             expected="lower below upper",
             remedy="swap or correct them",
         )
-    return lower, upper

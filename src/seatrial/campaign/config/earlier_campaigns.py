@@ -13,17 +13,16 @@ from typing import NamedTuple
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.file_keys import FileKeys
 from seatrial.campaign.config.named_files import find
-from seatrial.campaign.config.schema import CampaignFile, PriorTable, VehicleTable
+from seatrial.campaign.config.schema import CampaignFile, PriorTable
 from seatrial.campaign.config.templates import example_of
 from seatrial.campaign.config.toml import parse_toml, read_text
-from seatrial.campaign.config.vehicle_table import UNKNOWN
+from seatrial.campaign.config.vehicle_table import UNKNOWN, VehicleTable
 from seatrial.campaign.store.stored_result import FILE_NAME, Store
 from seatrial.campaign.store.structures import read_mode, read_summary
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError
 from seatrial.core.files import is_there
 from seatrial.core.signals import signal_unit
-from seatrial.core.units import quantity
 from seatrial.estimation.priors import physical_support
 
 STRONG = 0.7
@@ -46,8 +45,8 @@ def found_before(folder: Path, table: VehicleTable, keys: FileKeys) -> Found:
         InputError: an earlier campaign that is not there or has no results, or one of another trim.
     """
     found: dict[str, tuple[float, float]] = {}
-    where = keys.where("vehicle.known_from")
-    for item in table.known_from:
+    where = keys.where("vehicle.priors_from")
+    for item in table.priors_from:
         earlier = _earlier(folder, item, where)
         if any(CoefficientName.parse(name).trim_signals for name in earlier.terms):
             _check_trim(find(folder, str(Path(item) / FILE_NAME), where), earlier.terms, table, where)
@@ -58,13 +57,13 @@ def found_before(folder: Path, table: VehicleTable, keys: FileKeys) -> Found:
 def lost_correlations(campaign: Campaign) -> list[str]:
     """Say which priors were taken from an earlier campaign that found them strongly correlated, and what that does."""
     said = []
-    for item in campaign.known_from:
-        earlier = _earlier(campaign.folder, item, campaign.where("vehicle.known_from"))
+    for item in campaign.priors_from:
+        earlier = _earlier(campaign.folder, item, campaign.where("vehicle.priors_from"))
         taken = {
             n for n, (mean, _) in earlier.found.items() if n in campaign.priors and campaign.priors[n].mean == mean
         }
         said += [
-            f"known_from {item}: {first} and {second} were found with a correlation of {r:+.2f}, and their priors here have none: the "
+            f"priors_from {item}: {first} and {second} were found with a correlation of {r:+.2f}, and their priors here have none: the "
             "combination that was known best is less certain here than it was; if that matters, fit both records in one campaign"
             for first, second, r in earlier.correlated
             if {first, second} <= taken
@@ -131,13 +130,14 @@ def _check_trim(path: Path, terms: Sequence[str], table: VehicleTable, where: st
         for signal in CoefficientName.parse(name).trim_signals:
             before = trim.get(signal)
             now, unit = table.trim.get(signal), signal_unit(signal)
-            if now is None or before is None or quantity(now, unit, where) != quantity(before, unit, str(path)):
+            here, there = ("nothing" if one is None else f"{one:g} {unit}" for one in (now, before))
+            if now is None or before is None or now != before:
                 raise InputError(
                     where,
-                    found=f"{name} about {signal} = {before or 'nothing'}, and here a trim of {now or 'nothing'}",
+                    found=f"{name} about {signal} = {there}, and here a trim of {here}",
                     expected="one trim: the coefficient counts from it, and so do others, such as T_f beside T_fdV",
-                    remedy=f'give trim = {{ {signal} = "{before}" }} to [vehicle] here'
-                    if before
+                    remedy=f'give trim = {{ {signal} = "{there}" }} to [vehicle] here'
+                    if before is not None
                     else "give it in both",
                 )
 
@@ -172,7 +172,7 @@ def with_known(
     tables: Mapping[str, PriorTable],
     found: Found,
     published: Mapping[str, float],
-    published_to: str | float | None,
+    published_prior_sd: float | None,
     keys: FileKeys,
     terms: Sequence[str],
 ) -> dict[str, PriorTable]:
@@ -182,7 +182,7 @@ def with_known(
         tables: as written.
         found: by earlier campaigns.
         published: coefficients of the vehicle, SI.
-        published_to: share to which those are believed; None where they are not.
+        published_prior_sd: share to which those are believed; None where they are not.
         keys: of the file.
         terms: that are sought.
 
@@ -197,16 +197,16 @@ def with_known(
         text = sought.get(CoefficientName.parse(name))
         if text is not None and text not in priors:
             priors[text] = PriorTable(distribution="normal", mean=mean, sd=sd)
-    if published_to is None:
+    if published_prior_sd is None:
         return priors
     before = len(priors)
     for name, value in published.items():
         text = sought.get(CoefficientName.parse(name))
         if text is not None and text not in priors:
-            priors[text] = _about(keys, published_to, text, value)
+            priors[text] = _about(keys, published_prior_sd, text, value)
     if len(priors) == before:
         raise InputError(
-            keys.where("vehicle.published_to"),
+            keys.where("vehicle.published_prior_sd"),
             found="a key without effect: no coefficient that is sought is both published and without a prior of its own",
             expected="keys that have an effect",
             remedy="remove it, or the priors that it is to stand for",
@@ -214,15 +214,14 @@ def with_known(
     return priors
 
 
-def _about(keys: FileKeys, text: str | float, name: str, value: float) -> PriorTable:
+def _about(keys: FileKeys, share: float, name: str, value: float) -> PriorTable:
     """Return the prior of a published coefficient, cut where damping would drive the vehicle unless the published value does."""
-    share = keys.si(text, "1", "vehicle.published_to")
     if not (0 < share < 10 and value != 0):
         raise InputError(
-            keys.where("vehicle.published_to"),
-            found=f"{text} of {name} = {value:g}",
+            keys.where("vehicle.published_prior_sd"),
+            found=f"{100 * share:g} % of {name} = {value:g}",
             expected="a positive share of a value that is not zero",
             remedy=f'for example "30 %", and [prior.{name}] of its own where nothing is published',
         )
     has_side = value < 0 and physical_support(CoefficientName.parse(name), inf) is not None
-    return PriorTable(distribution="normal", mean=value, sd=share * abs(value), physical=has_side)
+    return PriorTable(distribution="normal", mean=value, sd=share * abs(value), dissipative=has_side)

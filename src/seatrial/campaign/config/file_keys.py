@@ -3,15 +3,10 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
-from seatrial.campaign.config.schema import Quantity, RangeTable
+from seatrial.campaign.config.quantities import LARGEST, SMALLEST, Quantity
 from seatrial.campaign.config.toml import key_place
 from seatrial.core.errors import InputError
 from seatrial.core.units import quantity
-
-SMALLEST, LARGEST = 1e-30, 1e30
-"""Sizes of a quantity, SI, whose products and quotients double precision still holds."""
 
 
 @dataclass(frozen=True)
@@ -45,26 +40,3 @@ class FileKeys:
             expected=f"0, or a size from {SMALLEST:g} to {LARGEST:g} in SI",
             remedy="correct the number or its unit",
         )
-
-    def positive_range(self, table: RangeTable, unit: str, key: str) -> tuple[float, ...]:
-        """Read evenly spaced positive quantities.
-
-        Raises:
-            InputError: as `si`, ends in the wrong order, or two ends of one point.
-        """
-        start, stop = self.si(table.start, unit, f"{key}.from"), self.si(table.stop, unit, f"{key}.to")
-        if not 0 < start <= stop:
-            raise InputError(
-                self.where(key),
-                found=f"from {table.start} to {table.stop}",
-                expected="0 < from <= to",
-                remedy="swap or correct them",
-            )
-        if table.points == 1 and start != stop:
-            raise InputError(
-                self.where(key),
-                found=f"1 point from {table.start} to {table.stop}",
-                expected="2 points or more, or `from` and `to` the same",
-                remedy="ask for more points",
-            )
-        return tuple(np.linspace(start, stop, table.points).tolist())

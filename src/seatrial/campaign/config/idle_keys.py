@@ -66,7 +66,7 @@ def _fixed(file: CampaignFile, campaign: Campaign) -> Iterator[Idle]:
     axes = set() if vehicle.is_surge else {one.axis for one in vehicle.equations(campaign.full)}
     for name in file.vehicle.fixed:
         term = CoefficientName.parse(name)
-        if term in sought and file.vehicle.published_to is None:
+        if term in sought and file.vehicle.published_prior_sd is None:
             yield Idle(f"vehicle.fixed.{name}", f"[structure] has {name} sought", "remove it here, or there")
         elif axes and ("X" if term.axis == "T" else term.axis) not in axes:
             yield Idle(f"vehicle.fixed.{name}", f"no term of [structure] is on the axis {term.axis}")
@@ -79,14 +79,14 @@ def _structure(file: CampaignFile) -> Iterator[Idle]:
                 f"structure.{key}", f"all of {MAX_STRUCTURES} structures or fewer are simulated, and none screened"
             )
     for channel, table in file.sensors.items():
-        if "over" in table.model_fields_set and channel != "u":
-            yield Idle(f"sensors.{channel}.over", "only the speed u is measured over ground or through the water")
+        if "reference" in table.model_fields_set and channel != "u":
+            yield Idle(f"sensors.{channel}.reference", "only the speed u is measured over ground or through the water")
 
 
 def _current(file: CampaignFile) -> Iterator[Idle]:
     """A current along the course adds to the speed over the ground, and to nothing else that is measured."""
     sensor, because = file.sensors.get("u"), "no sensor measures the speed u over ground"
-    if sensor is None or sensor.over == "water":
+    if sensor is None or sensor.reference == "water":
         if file.estimation.current != "none":
             yield Idle("estimation.current", because)
         if CURRENT in file.truth:

@@ -1,20 +1,299 @@
 """Reads `[import]`: runs, and how their logs become records; everything is checked that can be without opening a log."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from itertools import combinations
 from math import inf
 from posixpath import normpath
+from typing import Annotated, Literal
+
+from pydantic import Field
 
 from seatrial.campaign.config.file_keys import FileKeys
-from seatrial.campaign.config.schema import ColumnTable, FileTable, ImportTable, KeepTable
-from seatrial.campaign.config.settings import Imports, KeepRule, LogColumn, LogFile
+from seatrial.campaign.config.quantities import Seconds, Several, Table, Unit
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.signals import is_thruster, signal_unit
 from seatrial.core.units import to_si
 from seatrial.logs.body_frame import SOURCES
 from seatrial.logs.linear_sum import parse_sum
-from seatrial.logs.run_conditions import parse_condition
+from seatrial.logs.run_conditions import Comparison, parse_condition
+from seatrial.logs.source import Between
 from seatrial.vehicles.thrusters import ThrustLaw
+
+Length = Annotated[float, Unit("s", above=0.0, expected="more than 0 s", remedy="correct it, or leave the key out")]
+
+
+class TimeTable(Table):
+    """`[import.files.time]`: the column that holds time, and its unit."""
+
+    column: str = Field(description="name of the column of time")
+    unit: str | None = Field(default=None, description="its unit; not needed if the log states it")
+
+
+class ColumnTable(Table):
+    """`[import.files.channels.CHANNEL]`: the column that holds a channel, its unit, and what is done to its numbers.
+
+    `scale` multiplies them, then `offset` is added.
+
+    `curve` is a CSV with a header and two columns: a logged number, and what it stands for in `unit`. Between its rows it is interpolated.
+    Use it for the maker's table of thrust over PWM width.
+
+    In place of a column, `sum` is a sum of columns of the table with factors, such as "0.12 data[0] - 0.12 data[1]"; names with other
+    signs than letters, digits and . _ / [ ] are written in single quotes. The curve is applied to each column. Forces of thrusters may be
+    in the unit "command": `[vehicle.thrust_laws]` makes thrust of the column, or of the sum. `offset` is then in units of the command and
+    is added before the law, and `scale` multiplies the thrust.
+
+    A control is held from each sample to the next, as a command is. `between = "line"` is for a control that was measured while it changed,
+    such as the speed of a propeller: over each step it is the mean of the straight line between its samples. Where neither is said it is
+    held, and a caution tells of a control that changes at nearly every sample, as a measured one does; `between = "held"` says that it is a
+    command.
+    """
+
+    column: str | None = Field(default=None, description="name of the column of the channel")
+    sum: str | None = Field(
+        default=None, description="instead of a column: columns with factors, such as `0.12 data[0] - 0.12 data[1]`"
+    )
+    unit: str = Field(description="unit of the column")
+    scale: float = Field(default=1.0, description="factor on the column; -1 turns an axis round")
+    offset: float = Field(
+        default=0.0, description="constant added after scaling; before a law of thrust, in units of the command"
+    )
+    curve: str | None = Field(
+        default=None,
+        description="CSV that says what each logged number stands for, such as the thrust of a PWM width; it has to reach the"
+        " rows that are kept",
+    )
+    between: Literal["held", "line"] | None = Field(
+        default=None,
+        description="of a control: `held` from sample to sample, as a command is, or a straight `line`, as of a measured "
+        "propeller",
+    )
+
+
+class FileTable(Table):
+    """`[[import.files]]`: one log of a trial; `{run}` in the path stands for the run's label.
+
+    `time` is not needed if the format has a clock of its own. Channels `v_north`, `v_east` and `v_down` become velocities along the body,
+    and `q_w`, `q_x`, `q_y`, `q_z` become angles. `delimiter`, `encoding`, `skip_rows`, `header_rows` and `names` are for CSV and TSV.
+    """
+
+    path: str = Field(
+        description="path of the log; `{run}` stands for the label of a run, `${NAME}` for an environment variable"
+    )
+    table: str | None = Field(
+        default=None, description="topic, type of message, struct or variable, if the log has several"
+    )
+    time: TimeTable | None = Field(default=None, description="column of time, `[import.files.time]`")
+    channels: dict[str, ColumnTable] = Field(description="columns of the channels, `[import.files.channels.CHANNEL]`")
+    runs: Several[str] | None = Field(
+        default=None,
+        min_length=1,
+        description="the runs that have this log, if its columns or its name are not those of every run; all without it",
+    )
+    clock: Literal["as_stamped", "even", "drop_repeated"] = Field(
+        default="as_stamped", description="use the stamps as they are, spread them evenly, or drop rows that repeat one"
+    )
+    shift: Seconds | None = Field(
+        default=None,
+        description="added to the stamps of this log, if its clock differs from that of the others; not for `seatrial live`",
+    )
+    axes: Literal["NED", "ENU"] = Field(
+        default="NED",
+        description="axes of the log: `NED` with body axes forward, right, down, or `ENU` with forward, left, up",
+    )
+    delimiter: str | None = Field(
+        default=None, description="character between the cells of a text file, or `whitespace`"
+    )
+    encoding: str = Field(default="utf-8", description="encoding of a text file")
+    skip_rows: int = Field(default=0, ge=0, le=1_000_000, description="lines above the header of a text file")
+    header_rows: int = Field(
+        default=1, ge=1, le=1000, description="rows of the header of a text file; the first names the columns"
+    )
+    names: Several[str] | None = Field(
+        default=None,
+        min_length=1,
+        description="names of all columns, for a text file without a header; if not given, `column_1`, `column_2`, …",
+    )
+
+
+class KeepTable(Table):
+    """`[[import.keep]]`: conditions on a log of the trial that a run must meet: `when = "armed == 1 and voltage > 14.5"`.
+
+    Each run is cut to the longest stretch in which every condition holds, between its start and end. Comparisons of columns with numbers
+    (`==`, `!=`, `<`, `<=`, `>`, `>=`) are joined by `and`; a number holds from its stamp to the next.
+    """
+
+    path: str = Field(description="path of a log of the trial; `{run}` stands for the label of a run")
+    when: str = Field(
+        description="comparisons of columns with numbers, joined by `and`, such as `armed == 1 and voltage > 14.5`"
+    )
+    table: str | None = Field(default=None, description="topic or type of message, if the log has several")
+    time: TimeTable | None = Field(
+        default=None,
+        description="column of time, `[import.keep.time]`; not needed if the format has a clock of its own",
+    )
+    delimiter: str | None = Field(
+        default=None, description="character between the cells of a text file, or `whitespace`"
+    )
+
+
+class TrimTable(Table):
+    """`[import.trim.RUN]`: where one run begins and ends, instead of what `[import]` says for all runs."""
+
+    start: Seconds | None = Field(
+        default=None, description="where the run begins, counted from the beginning of the record"
+    )
+    end: Seconds | None = Field(default=None, description="where the run ends, counted in the same way")
+
+
+class ImportTable(Table):
+    """`[import]`: runs that are fitted jointly, runs that are only predicted, and how their files become records.
+
+    Every run is cut to `start` and `end`, counted from the beginning of the record, where all its files have begun. `split` divides it into
+    pieces, each a trial with a start of its own: for long records, and for vehicles that leave their course slowly. `schedule` is the
+    table that was commanded; `{run}` stands for the run's label. A run without `start` and `end` is cut to it, and `import` says how
+    well it was followed.
+    """
+
+    fit: Several[str] = Field(min_length=1, description="labels of the runs that are fitted jointly")
+    predict: Several[str] = Field(default=(), description="labels of the runs that are only predicted")
+    step: Length | None = Field(
+        default=None,
+        description="grid on which samples are averaged, for logs of many samples; if not given, every stamp is kept",
+    )
+    start: Seconds | None = Field(default=None, description="cut off what comes before this")
+    end: Seconds | None = Field(default=None, description="cut off what comes after this")
+    trim: dict[str, TrimTable] = Field(
+        default={}, description="`[import.trim.RUN]`, for a run with its own start and end"
+    )
+    split: Length | None = Field(default=None, description="length of the pieces into which a long record is cut")
+    schedule: str | None = Field(
+        default=None,
+        description="CSV of what was commanded, with `{run}` for the label of a run; the record is cut to it",
+    )
+    keep: Several[KeepTable] = Field(
+        default=(),
+        description="conditions that a run must meet, `[[import.keep]]`; it is cut to the longest such stretch",
+    )
+    files: Several[FileTable] = Field(min_length=1, description="the logs, `[[import.files]]`, one or more")
+
+
+@dataclass(frozen=True)
+class LogColumn:
+    """Column that holds a channel, in a unit; multiplied by `scale`, then `offset` is added; `curve` names a table to read it off.
+
+    Of a sum of columns, `column` is the sum as it was written, and `parts` are its factors and columns. `law` is that of a thruster, whose
+    command the column or the sum is, after `offset` is added; `scale` then multiplies the thrust. `between` says what a control does
+    between its samples; None where that is not said.
+    """
+
+    column: str
+    unit: str
+    scale: float = 1.0
+    offset: float = 0.0
+    curve: str | None = None
+    parts: tuple[tuple[float, str], ...] = ()
+    law: ThrustLaw | None = None
+    between: Between | None = None
+
+
+@dataclass(frozen=True)
+class LogFile:
+    """One log of a trial.
+
+    Attributes:
+        path: with `{run}` in place of the run's label, relative to the campaign's folder.
+        channels: by name.
+        table: topic, type of message, struct or variable, where a log has several.
+        time: column that holds time; None for the clock of the format.
+        time_unit: its unit; None where the log states it.
+        clock: how time stamps are taken.
+        shift: added to them, s.
+        axes: of the body and the earth.
+        delimiter: between columns of text; None to find it out.
+        encoding: of text.
+        skip_rows: before the header.
+        header_rows: of the header.
+        names: of all columns, where there is no header.
+        layout: which of the last five are stated; a log that is no text must not be told them.
+        runs: that have this log; none where all have.
+    """
+
+    path: str
+    channels: Mapping[str, LogColumn]
+    table: str | None = None
+    time: str | None = None
+    time_unit: str | None = None
+    clock: Literal["as_stamped", "even", "drop_repeated"] = "as_stamped"
+    shift: float = 0.0
+    axes: Literal["NED", "ENU"] = "NED"
+    delimiter: str | None = None
+    encoding: str = "utf-8"
+    skip_rows: int = 0
+    header_rows: int = 1
+    names: tuple[str, ...] | None = None
+    layout: tuple[str, ...] = field(default=(), compare=False)
+    runs: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class KeepRule:
+    """When a run is what it is taken for.
+
+    Attributes:
+        path: of a log, with `{run}` in place of the run's label.
+        when: the condition as written.
+        condition: its comparisons.
+        table: topic or type of message, where the log has several.
+        time: column that holds time; None for the clock of the format.
+        time_unit: its unit; None where the log states it.
+        delimiter: between columns of text; None to find it out.
+    """
+
+    path: str
+    when: str
+    condition: tuple[Comparison, ...]
+    table: str | None = None
+    time: str | None = None
+    time_unit: str | None = None
+    delimiter: str | None = None
+
+
+@dataclass(frozen=True)
+class Imports:
+    """Runs, and how their logs become records.
+
+    Attributes:
+        fit: runs that are fitted jointly.
+        predict: runs that are only predicted.
+        files: logs of each run.
+        step: between samples, s; None for that of the logs.
+        split: length of the pieces into which a run is cut, s; None to leave it whole.
+        ends: of each run, where it starts and ends, s from where its logs overlap, as far as anything is said.
+        own_ends: runs whose ends are stated for themselves.
+        schedule: table that was commanded, with `{run}` in place of the run's label; None where that is not known.
+        keep: conditions to whose longest common stretch every run is cut.
+    """
+
+    fit: tuple[str, ...]
+    predict: tuple[str, ...]
+    files: tuple[LogFile, ...]
+    step: float | None = None
+    split: float | None = None
+    ends: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    own_ends: tuple[str, ...] = ()
+    schedule: str | None = None
+    keep: tuple[KeepRule, ...] = ()
+
+    @property
+    def runs(self) -> tuple[str, ...]:
+        """All runs, those that are fitted first."""
+        return (*self.fit, *self.predict)
+
+    def of(self, run: str) -> dict[int, LogFile]:
+        """Return the logs of one run, by their places in `files`."""
+        return {index: file for index, file in enumerate(self.files) if not file.runs or run in file.runs}
+
 
 COMMAND = "command"
 """Unit of a column that a law of thrust is for."""
@@ -36,10 +315,6 @@ def read_imports(table: ImportTable, keys: FileKeys, known: Sequence[str], laws:
     Raises:
         InputError: a channel or unit that is none, a scale of zero, times that are not positive, or a key without effect.
     """
-    step, split = (
-        None if text is None else _positive(text, keys, f"import.{key}")
-        for key, text in (("step", table.step), ("split", table.split))
-    )
     runs = (*table.fit, *table.predict)
     if len(set(runs)) < len(runs):
         raise InputError(
@@ -70,7 +345,15 @@ def read_imports(table: ImportTable, keys: FileKeys, known: Sequence[str], laws:
             )
     keep = tuple(_keep(one, keys, f"import.keep[{index}]") for index, one in enumerate(table.keep))
     found = Imports(
-        tuple(table.fit), tuple(table.predict), files, step, split, ends, tuple(table.trim), table.schedule, keep
+        tuple(table.fit),
+        tuple(table.predict),
+        files,
+        table.step,
+        table.split,
+        ends,
+        tuple(table.trim),
+        table.schedule,
+        keep,
     )
     for run in runs if files else ():
         if not found.of(run):
@@ -132,15 +415,6 @@ def _keep(one: KeepTable, keys: FileKeys, key: str) -> KeepRule:
     )
 
 
-def _positive(text: str | float, keys: FileKeys, key: str) -> float:
-    value = keys.si(text, "s", key)
-    if not value > 0:
-        raise InputError(
-            keys.where(key), found=f"{text}", expected="more than 0 s", remedy="correct it, or leave the key out"
-        )
-    return value
-
-
 def _ends(table: ImportTable, keys: FileKeys, run: str) -> dict[str, float]:
     """Where a run begins and ends, s, as far as anything is said of it.
 
@@ -150,13 +424,13 @@ def _ends(table: ImportTable, keys: FileKeys, run: str) -> dict[str, float]:
     found: dict[str, float] = {}
     for name in ("start", "end"):
         own = getattr(table.trim.get(run), name, None)
-        text, key = (getattr(table, name), f"import.{name}") if own is None else (own, f"import.trim.{run}.{name}")
-        if text is not None:
-            found[name] = keys.si(text, "s", key)
+        value, key = (getattr(table, name), f"import.{name}") if own is None else (own, f"import.trim.{run}.{name}")
+        if value is not None:
+            found[name] = value
             if found[name] < 0 or (name == "end" and found[name] <= found.get("start", 0.0)):
                 raise InputError(
                     keys.where(key),
-                    found=text
+                    found=f"{value:g} s"
                     + (f", with a start at {found['start']:g} s" if name == "end" and "start" in found else ""),
                     expected="0 s or more, and an end after the start",
                     remedy="count from the beginning of the record",
@@ -181,7 +455,7 @@ def _file(file: FileTable, keys: FileKeys, key: str, known: Sequence[str], laws:
         None if file.time is None else file.time.column,
         None if file.time is None else file.time.unit,
         file.clock,
-        0.0 if file.shift is None else keys.si(file.shift, "s", f"{key}.shift"),
+        file.shift or 0.0,
         file.axes,
         file.delimiter,
         file.encoding,

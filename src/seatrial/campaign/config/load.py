@@ -7,7 +7,7 @@ from pathlib import Path
 from textwrap import indent
 
 from seatrial.campaign.config.assumed_unknowns import assumed_unknowns, check_disturbances
-from seatrial.campaign.config.autopilot_table import read_autopilot
+from seatrial.campaign.config.autopilot_table import AutopilotSettings, read_autopilot
 from seatrial.campaign.config.campaign import Campaign, sensor_models
 from seatrial.campaign.config.design_table import check_utility, read_design, read_limits, read_own, read_power
 from seatrial.campaign.config.earlier_campaigns import found_before, unknowns_before, with_fixed, with_known
@@ -16,26 +16,8 @@ from seatrial.campaign.config.idle_keys import check_idle_keys
 from seatrial.campaign.config.import_table import read_imports
 from seatrial.campaign.config.named_files import find
 from seatrial.campaign.config.priors import read_priors
-from seatrial.campaign.config.schema import (
-    CampaignFile,
-    ComputeTable,
-    EstimationTable,
-    FilterTable,
-    GoalTable,
-    PlanTable,
-    StructureTable,
-)
-from seatrial.campaign.config.sensor_table import measured_angles, read_sensors, with_attitude, with_mounts
-from seatrial.campaign.config.settings import (
-    AutopilotSettings,
-    ComputeSettings,
-    EstimationSettings,
-    Goal,
-    PlanSettings,
-    SelectionSettings,
-    SlurmJobs,
-    StructureSettings,
-)
+from seatrial.campaign.config.schema import CampaignFile, EstimationTable, FilterTable, Goal, GoalTable, PlanTable
+from seatrial.campaign.config.sensor_table import measured_angles, read_mounts, read_sensors, with_attitude
 from seatrial.campaign.config.templates import example_of
 from seatrial.campaign.config.toml import parse_toml, read_text
 from seatrial.campaign.config.truth import check_truth
@@ -53,8 +35,6 @@ from seatrial.selection.structures import Structure
 from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.thrusters import ThrustLaw, controls_of
 
-FEWEST_DRAWS = 20
-"""Draws that are kept of a chain: its first tenth is held against its last half."""
 _AHEAD = {"n": "1200 rpm", "tau_X": "20 N"}
 """An example of a value of each control that holds a speed."""
 
@@ -98,11 +78,10 @@ def check_text(folder: Path, text: str) -> Campaign:
 
 def _campaign(file: CampaignFile, keys: FileKeys) -> Campaign:
     """Everything in SI, so that mistakes are found before any work is done."""
-    folder, known_from = keys.path.parent, tuple(file.vehicle.known_from)
+    folder, priors_from = keys.path.parent, tuple(file.vehicle.priors_from)
     found = found_before(folder, file.vehicle, keys)
-    structure = _structure(file.structure, keys)
     with located(keys.where("structure")):
-        rules = structure.compiled()
+        rules = file.structure.compiled()
     terms = rules.always + rules.optional
     angles = tuple(angle for angle in ANGLES if angle in (*measured_angles(file.sensors, file.mounts), *file.limits))
     table = with_attitude(with_fixed(file.vehicle, found, terms), file.sensors, keys)
@@ -111,22 +90,27 @@ def _campaign(file: CampaignFile, keys: FileKeys) -> Campaign:
     with located(keys.where("vehicle")):
         model = vehicle.model(Structure("full", terms))
     before = {one.name: before[one.name] for one in model.unknowns if one.name in before}
-    tables = with_known({**before, **file.prior}, found, vehicle.published, file.vehicle.published_to, keys, terms)
+    tables = with_known(
+        {**before, **file.prior}, found, vehicle.published, file.vehicle.published_prior_sd, keys, terms
+    )
     units = {term.text: model.unit_of(term) for term in model.coefficients}
-    sensors = with_mounts(read_sensors(file.sensors, keys, model), file.mounts, file.prior, keys)
-    estimation = _estimation(file.estimation, keys, units, model, sensors)
+    sensors = read_sensors(file.sensors, keys, model)
+    mounts = read_mounts(file.mounts, sensors, file.prior, keys)
+    estimation = file.estimation
+    _check_estimation(estimation, keys, units, model, sensors)
     noise = {channel: sensor.noise for channel, sensor in sensors.items()}
     check_disturbances(tables, estimation.likelihood, model, keys.where)
     assumed = assumed_unknowns(estimation, model, tables)
-    unknown = unknowns_of(model, sensor_models(sensors, estimation.residuals), assumed, noise)[len(units) :]
+    unknown = unknowns_of(model, sensor_models(sensors, mounts, estimation.residuals), assumed, noise)[len(units) :]
     inertia = 1.0 if vehicle.hull.mass is None else vehicle.hull.mass
     priors = read_priors(tables, keys, units, unknown, rules.never, inertia)
     process_noise = _process_noise(file.filter, keys, units, model)
     _check_source(file, keys, model)
     autopilot, design, power = AutopilotSettings(), None, None
     if file.design is not None:
-        sample_time = keys.si(file.design.sample_time, "s", "design.sample_time")
-        autopilot = read_autopilot(file.autopilot, keys, model, tuple(sensors), vehicle.hull.trim, sample_time)
+        autopilot = read_autopilot(
+            file.autopilot, keys, model, tuple(sensors), vehicle.hull.trim, file.design.sample_time
+        )
     commands = (*model.controls, *autopilot.trim)
     limits, motion_limits = read_limits(file.limits, keys, model, commands)
     if file.design is not None:
@@ -148,25 +132,26 @@ def _campaign(file: CampaignFile, keys: FileKeys) -> Campaign:
         name=file.campaign.name,
         seed=file.campaign.seed,
         vehicle=vehicle,
-        structure=structure,
+        structure=file.structure,
         priors=priors,
         prior_units={name: table.unit for name, table in tables.items() if table.unit is not None},
         sensors=sensors,
+        mounts=mounts,
         trial_design=design,
         control_limits=limits,
         motion_limits=motion_limits,
         autopilot=autopilot,
         power=power,
         goal=None if file.goal is None else _goal(file.goal, keys, units),
-        plan=PlanSettings() if file.plan is None else _plan(file.plan, keys, is_power_known=file.power is not None),
+        plan=file.plan or PlanTable(),
         truth=file.truth,
         imports=None if file.imported is None else read_imports(file.imported, keys, tuple(recorded), _laws(vehicle)),
         process_noise=process_noise,
         estimation=estimation,
-        selection=SelectionSettings(file.selection.particles, file.selection.repeats, file.selection.draws),
-        compute=_compute(file.compute),
+        selection=file.selection,
+        compute=file.compute,
         accepted=_accepted(file, keys),
-        known_from=known_from,
+        priors_from=priors_from,
         folder=folder,
         text=keys.text,
     )
@@ -196,18 +181,6 @@ def _laws(vehicle: CampaignVehicle) -> dict[str, ThrustLaw]:
     return dict(zip(thruster_controls(len(laws), commanded_force=True), laws, strict=True))
 
 
-def _structure(table: StructureTable, keys: FileKeys) -> StructureSettings:
-    """Return which terms every structure has and which may be left out; the thrust of a commanded newton may not."""
-    if "T_f" in table.optional:
-        raise InputError(
-            keys.where("structure.optional"),
-            found="T_f, the thrust of a newton that is commanded",
-            expected="T_f in every structure: without it a command makes no thrust",
-            remedy="move it to always",
-        )
-    return StructureSettings(tuple(table.always), tuple(table.optional), tuple(table.rules), table.shortlist, table.g)
-
-
 def _process_noise(
     table: FilterTable, keys: FileKeys, coefficients: Mapping[str, str], model: VehicleModel
 ) -> dict[str, float]:
@@ -230,10 +203,10 @@ def _process_noise(
     return found
 
 
-def _estimation(
+def _check_estimation(
     table: EstimationTable, keys: FileKeys, known: Collection[str], model: VehicleModel, measured: Collection[str]
-) -> EstimationSettings:
-    """Read how coefficients, which are `known`, and other unknowns of the model are estimated from the channels that are `measured`."""
+) -> None:
+    """Check what varies and what begins: of coefficients, which are `known`, and of channels that are `measured`."""
     allowed = tuple(dict.fromkeys([*known, *(one.name for one in may_vary(model))]))
     for name in table.varying:
         if name not in allowed:
@@ -244,13 +217,6 @@ def _estimation(
                 + ", ".join(allowed),
                 remedy=nearest(name, allowed),
             )
-    if (kept := table.draws // table.thin) < FEWEST_DRAWS:
-        raise InputError(
-            keys.where("estimation.thin"),
-            found=f"one of {table.thin} kept, {kept} of {table.draws} draws of each chain",
-            expected=f"{FEWEST_DRAWS} draws or more of each chain, or its health cannot be judged",
-            remedy="thin less, or ask for more draws",
-        )
     if table.initial == "estimated" and set(QUATERNION) <= set(model.states) and QUATERNION[0] not in measured:
         raise InputError(
             keys.where("estimation.initial"),
@@ -258,7 +224,6 @@ def _estimation(
             expected="a measured attitude, or one of independent numbers",
             remedy='add [sensors.attitude], or set vehicle.attitude = "euler" or initial = "measured"',
         )
-    return EstimationSettings(**{**table.model_dump(), "varying": tuple(table.varying)})
 
 
 def _goal(table: GoalTable, keys: FileKeys, units: Mapping[str, str]) -> Goal:
@@ -288,38 +253,11 @@ def _goal(table: GoalTable, keys: FileKeys, units: Mapping[str, str]) -> Goal:
     return Goal(shares, sds, table.decided, table.trials)
 
 
-def _plan(table: PlanTable, keys: FileKeys, is_power_known: bool) -> PlanSettings:
-    """Read what a day at sea allows."""
-    found = {}
-    for key, unit in (("time", "s"), ("battery", "J"), ("turnaround", "s")):
-        written = getattr(table, key)
-        found[key] = inf if written is None else keys.si(written, unit, f"plan.{key}")
-        if not (found[key] > 0 or (key == "turnaround" and found[key] == 0)):
-            raise InputError(
-                keys.where(f"plan.{key}"),
-                found=f"{written}",
-                expected="more than 0" if key != "turnaround" else "0 or more",
-                remedy='for example time = "4 h", battery = "500 W h", turnaround = "3 min"',
-            )
-    if table.battery is not None and not is_power_known:
-        raise InputError(
-            keys.where("plan.battery"),
-            found="a battery without [power]",
-            expected="what a trial draws from it",
-            remedy='add [power] with hotel = "20 W", propulsion = "60 W" and at = "1500 rpm", say',
-        )
-    return PlanSettings(**found, chance=table.chance)
-
-
 def _percentage(written: str) -> float:
     try:
         return float(written.rstrip().removesuffix("%")) / 100
     except ValueError:
         return -1.0
-
-
-def _compute(table: ComputeTable) -> ComputeSettings:
-    return ComputeSettings(table.workers, None if table.slurm is None else SlurmJobs(**table.slurm.model_dump()))
 
 
 def _check_source(file: CampaignFile, keys: FileKeys, model: VehicleModel) -> None:
@@ -330,6 +268,13 @@ def _check_source(file: CampaignFile, keys: FileKeys, model: VehicleModel) -> No
             found="both [truth] and [import]",
             expected="one of them: a simulated vehicle or a real log",
             remedy="remove one of the two; without both a trial is designed before there are any data",
+        )
+    if file.plan is not None and file.plan.battery < inf and file.power is None:
+        raise InputError(
+            keys.where("plan.battery"),
+            found="a battery without [power]",
+            expected="what a trial draws from it",
+            remedy='add [power] with hotel = "20 W", propulsion = "60 W" and at = "1500 rpm", say',
         )
     needing = [f"[{name}]" for name in ("autopilot", "power", "plan") if getattr(file, name)]
     if file.design is None and (needing or file.imported is None):

@@ -122,12 +122,12 @@ def _head(name: str, log: Path) -> str:
 
 def _vehicle(vehicle: str, moves: tuple[str, ...], positions: list[str]) -> str:
     lines = [
-        "# Priors are about the published coefficients; published_to is their sd. `seatrial vehicle NAME` shows the coefficients.",
+        "# Priors are about the published coefficients; published_prior_sd is their sd. `seatrial vehicle NAME` shows the coefficients.",
         "[vehicle]",
         f'catalogue = "{vehicle}"',
         *([f"moves = {json.dumps(list(moves))}"] if moves else []),
         *([f"positions = {json.dumps(positions)}"] if positions else []),
-        'published_to = "60 %"',
+        'published_prior_sd = "60 %"',
     ]
     return "\n".join(lines)
 

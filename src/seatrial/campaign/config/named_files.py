@@ -9,7 +9,7 @@ import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from seatrial.campaign.config.settings import Imports
+from seatrial.campaign.config.import_table import Imports
 from seatrial.core.errors import InputError
 
 VARIABLE = "SEATRIAL_WITHIN"
@@ -76,10 +76,10 @@ def place_of(folder: Path, written: str, where: str, run: str, limits: Sequence[
     )
 
 
-def named_in(known_from: Sequence[str], imports: Imports | None) -> Iterator[tuple[str, str, str]]:
+def named_in(priors_from: Sequence[str], imports: Imports | None) -> Iterator[tuple[str, str, str]]:
     """Key, text and run of the earlier campaigns and logs that a campaign names."""
-    for item in known_from:
-        yield "vehicle.known_from", item, ""
+    for item in priors_from:
+        yield "vehicle.priors_from", item, ""
     if imports is None:
         return
     for run in imports.runs if imports.schedule is not None else ():
@@ -97,18 +97,18 @@ def named_in(known_from: Sequence[str], imports: Imports | None) -> Iterator[tup
 
 
 def folders_outside(
-    folder: Path, known_from: Sequence[str], imports: Imports | None, others: Sequence[Path] = ()
+    folder: Path, priors_from: Sequence[str], imports: Imports | None, others: Sequence[Path] = ()
 ) -> list[str]:
     """Folders outside a campaign's own from which it reads files, and earlier campaigns; what is missing is left out.
 
     Args:
         folder: of the campaign.
-        known_from: earlier campaigns, as written.
+        priors_from: earlier campaigns, as written.
         imports: runs and their logs.
         others: files that were found.
     """
     found = {str(path.resolve().parent): None for path in others if not _is_below(path, [folder.resolve()])}
-    for key, written, run in named_in(known_from, imports):
+    for key, written, run in named_in(priors_from, imports):
         try:
             path = find(folder, written, key, run)
         except InputError:  # is said when it is read

@@ -82,7 +82,7 @@ class NewCampaign:
         moves: velocities that are modelled; none for surge alone, or for all that is published.
         known: coefficients that are not in doubt, SI, as written.
         thrust_deduction: share of the thrust that the stern takes back, as written.
-        published_to: how well published coefficients are believed, as a share of each.
+        published_prior_sd: how well published coefficients are believed, as a share of each.
         speed: at which a trial begins; empty for that of the catalogue.
         limits: of the motion.
         duration: of a trial.
@@ -101,7 +101,7 @@ class NewCampaign:
     moves: tuple[str, ...] = ()
     known: tuple[tuple[str, str], ...] = ()
     thrust_deduction: str = ""
-    published_to: str = "30 %"
+    published_prior_sd: str = "30 %"
     speed: str = ""
     limits: tuple[Bound, ...] = ()
     duration: str = "60 s"

@@ -125,11 +125,15 @@ def _vehicle(new: NewCampaign) -> list[str]:
     if new.vehicle:
         return [
             "# Other coefficients keep their published values. Those that are estimated without a prior in this file get a prior about the",
-            "# published value; published_to is its sd. `seatrial vehicle NAME` shows the published values.",
+            "# published value; published_prior_sd is its sd. `seatrial vehicle NAME` shows the published values.",
             "[vehicle]",
             f"catalogue = {_text(new.vehicle)}",
             *moves,
-            *([f"published_to = {_text(new.published_to)}"] if any(not one.lower for one in _all(new)) else []),
+            *(
+                [f"published_prior_sd = {_text(new.published_prior_sd)}"]
+                if any(not one.lower for one in _all(new))
+                else []
+            ),
             *trim,
         ]
     fixed = ", ".join(f"{name} = {value}" for name, value in new.known)

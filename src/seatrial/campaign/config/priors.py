@@ -8,8 +8,8 @@ from typing import Any
 from seatrial.campaign.config.assumed_unknowns import no_unknown_prior
 from seatrial.campaign.config.campaign import no_prior
 from seatrial.campaign.config.file_keys import FileKeys
+from seatrial.campaign.config.quantities import Residuals
 from seatrial.campaign.config.schema import PriorTable
-from seatrial.campaign.config.settings import Residuals
 from seatrial.core.coefficients import AXES, CoefficientName
 from seatrial.core.errors import InputError, located, nearest
 from seatrial.core.units import to_si
@@ -162,12 +162,12 @@ def read_prior(table: PriorTable, unit: str, where: str, *, name: str = "", iner
         table: as written.
         unit: SI unit of the parameter.
         where: file and key, for errors.
-        name: of the parameter, which says what `physical` means.
+        name: of the parameter, which says what `dissipative` means.
         inertia: mass that added mass must leave positive, kg; 1 for coefficients per unit of mass.
 
     Raises:
         InputError: numbers that are missing, too many, infinite or in the wrong order; a prior that is empty, or
-            `physical` where nothing is known about the sign.
+            `dissipative` where nothing is known about the sign.
     """
     numbers = _numbers(table, where)
     make = _KINDS[table.distribution][2]
@@ -177,7 +177,7 @@ def read_prior(table: PriorTable, unit: str, where: str, *, name: str = "", iner
     with located(where):
         si = {key: value if key == "factor" else value * factor for key, value in numbers.items()}
         prior = make(**si)
-    return _physical(prior, name, inertia, f"{where}.physical") if table.physical else prior
+    return _physical(prior, name, inertia, f"{where}.dissipative") if table.dissipative else prior
 
 
 def _numbers(table: PriorTable, where: str) -> dict[str, float]:

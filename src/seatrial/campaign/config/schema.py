@@ -1,122 +1,50 @@
-"""The keys of a campaign's TOML file. Quantities with a dimension are strings with a unit, such as "200 rpm"."""
+"""The tables of a campaign's TOML file, which are the settings of a campaign too: each key with its unit, its default and its meaning.
 
-from typing import Annotated, Literal
+What a file writes as a quantity, such as "200 rpm", is SI here. A table that depends on the vehicle is completed by the reader beside it.
+"""
 
-from pydantic import BaseModel, ConfigDict, Field
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from math import inf
+from typing import Annotated, Any, Literal, Self
 
-from seatrial.campaign.config.settings import DesignFilter, Residuals, Scope, SelectionSettings, Utility
+from pydantic import ConfigDict, Field, model_validator
+
+from seatrial.campaign.config.autopilot_table import LoopTable
+from seatrial.campaign.config.design_table import DesignTable, LimitsTable, PowerTable
+from seatrial.campaign.config.import_table import ImportTable
+from seatrial.campaign.config.quantities import (
+    Name,
+    Quantity,
+    Residuals,
+    Scope,
+    Several,
+    Table,
+    Turnaround,
+    Unit,
+    noted,
+    refused,
+)
+from seatrial.campaign.config.sensor_table import MountTable, SensorTable
+from seatrial.campaign.config.vehicle_table import VehicleTable
 from seatrial.sampling.names import DEFAULT, SamplerName
+from seatrial.selection.rules import CompiledRules
+from seatrial.selection.structures import structure_rules
 
-Quantity = str | float
-"""A number and its unit in quotes; a number alone is let through to where its unit is known, so that the error can name it."""
-
-
-class Table(BaseModel):
-    """A TOML table: unknown keys are refused, and nothing is converted silently."""
-
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+Joules = Annotated[float, Unit("J", above=0.0, remedy='for example battery = "500 W h"')]
 
 
-Name = Annotated[str, Field(min_length=1, max_length=200, pattern=r"^[^\x00-\x1f\x7f]*$")]
-"""What stands in headings: one line of text."""
+MIN_KEPT_DRAWS = 20
+"""Draws that are kept of a chain: its first tenth is compared with its last half."""
 
 
 class CampaignTable(Table):
     """`[campaign]`: the name of the campaign, and the seed of all random numbers."""
 
-    name: Name
-    seed: int = Field(ge=0, lt=2**63)
-
-
-class ActuatorTable(Table):
-    """`[vehicle.actuators.CONTROL]`: how late an actuator follows its command, and its limits."""
-
-    lag: Quantity = "0 s"
-    lower: Quantity | None = None
-    upper: Quantity | None = None
-    rate: Quantity | None = None
-
-
-Triple = list[Quantity]
-
-
-class ThrustLawTable(Table):
-    """`[vehicle.thrust_laws.NAME]`: the thrust of a logged command, such as a pulse width in microseconds.
-
-    `curve` is a CSV of two columns with a header, the command and the thrust in N; in its place `polynomial` gives the thrust in N by
-    powers of the command minus `neutral`, the constant first. Between the two commands of `dead_zone`, ends included, there is no
-    thrust. Negative thrust is multiplied by `reverse`. `lag` is the time constant of the thrust. A channel f_1 in the unit "command" is
-    converted by the law of thruster 1. Commands beyond the curve are refused, and so are those below 500 or above 2500 where a polynomial
-    has a `neutral` between 1000 and 2000, as one of pulse widths has.
-    """
-
-    curve: str | None = None
-    polynomial: list[float] | None = Field(default=None, min_length=2, max_length=12)
-    neutral: float = 0.0
-    dead_zone: list[float] | None = Field(default=None, min_length=2, max_length=2)
-    reverse: float = Field(default=1.0, gt=0.0)
-    lag: Quantity | None = None
-
-
-class ThrusterTable(Table):
-    """`[[vehicle.thrusters]]`: place from the body's origin and direction of positive thrust, forward, starboard and down.
-
-    `law` names its law of thrust; if there is only one law, all thrusters use it.
-    """
-
-    place: Triple = Field(min_length=3, max_length=3)
-    direction: list[float] = Field(min_length=3, max_length=3)
-    law: str | None = None
-
-
-class TetherTable(Table):
-    """`[vehicle.tether]`: a tether that drags where it is made fast, `point` from the body's origin, forward, starboard and down.
-
-    The force is -(linear + quadratic |v|) v, v being the velocity of the point through the water. A drag is sought if it has a prior,
-    `[prior.tether_linear]` or `[prior.tether_quadratic]`.
-    """
-
-    point: Triple | None = Field(default=None, min_length=3, max_length=3)
-    linear: Quantity = "0 N s/m"
-    quadratic: Quantity = "0 N s^2/m^2"
-
-
-class VehicleTable(Table):
-    """`[vehicle]`: a vehicle of the catalogue by name, or one described here.
-
-    A surge vehicle needs a mass, a thrust deduction and its known coefficients. A whole vehicle is one of the catalogue in six degrees
-    of freedom, or one that says which of u v w p q r it `moves` in. Lengths count from the body's origin. With `moves = []` it is held, as
-    at a bollard, and gauges measure `force_X` to `moment_N`.
-
-    Without `thrusters` the vehicle has those of the catalogue. The forces f_1, f_2, … drive them, or the speeds n_1, n_2, … if terms of T
-    have n. `added_coriolis` says whether Coriolis forces of the added mass are terms (X_wq, …) or follow from it.
-    """
-
-    catalogue: str | None = None
-    name: Name | None = None
-    mass: Quantity | None = None
-    inertia: Triple | None = Field(default=None, min_length=3, max_length=3)
-    products: Triple | None = Field(default=None, min_length=3, max_length=3)
-    centre_of_gravity: Triple | None = Field(default=None, min_length=3, max_length=3)
-    centre_of_buoyancy: Triple | None = Field(default=None, min_length=3, max_length=3)
-    weight: Quantity | None = None
-    buoyancy: Quantity | None = None
-    moves: list[Literal["u", "v", "w", "p", "q", "r"]] | None = None
-    given: list[str] = []
-    positions: list[Literal["x", "y", "z"]] = []
-    attitude: Literal["quaternion", "euler"] = "euler"
-    current: bool = False
-    actuators: Literal["published"] | dict[str, ActuatorTable] | None = None
-    thrusters: list[ThrusterTable] = Field(default=[], max_length=64)
-    thrust_laws: dict[str, ThrustLawTable] = {}
-    tether: TetherTable | None = None
-    added_coriolis: Literal["named", "automatic"] = "named"
-    published_to: Quantity | None = None
-    known_from: list[str] = []
-    thrust_deduction: float = Field(default=0.0, ge=0.0, lt=1.0)
-    wake: float = Field(default=0.0, lt=1.0)
-    fixed: dict[str, float] = {}
-    trim: dict[str, Quantity] = {}
+    name: Name = Field(description="title of the campaign, shown in the report")
+    seed: int = Field(
+        ge=0, lt=2**63, description="start of all random numbers: the same seed gives the same results, bit for bit"
+    )
 
 
 class StructureTable(Table):
@@ -127,11 +55,38 @@ class StructureTable(Table):
     stated priors, or Zellner's g-prior about zero, whose variance is g times that of least squares; with "rows" it is worth one row.
     """
 
-    always: list[str] = []
-    optional: list[str] = []
-    rules: list[str] = []
-    shortlist: int = Field(default=6, ge=2, le=64)
-    g: Annotated[float, Field(gt=0.0)] | Literal["rows"] | None = None
+    always: Several[str] = Field(default=(), description="terms that every structure has, by name")
+    optional: Several[str] = Field(
+        default=(), description="terms that the data may keep or drop; all subsets are compared"
+    )
+    rules: Several[str] = Field(default=(), description="which terms may stand together, one rule in each line")
+    shortlist: int = Field(
+        default=6,
+        ge=2,
+        le=64,
+        description="how many structures are simulated, if there are more than 64 and a screening has to choose",
+    )
+    g: Annotated[float, Field(gt=0.0)] | Literal["rows"] | None = Field(
+        default=None, description="g of Zellner's g-prior, which then replaces the stated priors in the screening"
+    )
+
+    @model_validator(mode="after")
+    def _keep_commanded_thrust(self) -> Self:
+        if "T_f" in self.optional:
+            raise refused(
+                "T_f, the thrust of a newton that is commanded",
+                "T_f in every structure: without it a command makes no thrust",
+                "move it to always",
+                key="optional",
+            )
+        return self
+
+    def compiled(self) -> CompiledRules:
+        """Return which terms may stand together; errors as `structure_rules`."""
+        return structure_rules(self.always, self.optional, self.rules)
+
+
+_OF_PRIOR: Any = {"unit": "SI, or `unit`"}
 
 
 class PriorTable(Table):
@@ -145,168 +100,32 @@ class PriorTable(Table):
     | half-normal | `scale`, and the bound it falls off from, `lower` or `upper`; 68 % lie within `scale` of it |
     | log-normal | `median`, whose sign all values have, and `factor`; 68 % lie within that factor of the median |
 
-    `physical = true` cuts the prior to the side that physics allows: damping dissipates (`X_u` and `X_uabsu` below 0) and mass
+    `dissipative = true` cuts the prior to the side that physics allows: damping dissipates (`X_u` and `X_uabsu` below 0) and mass
     plus added mass is positive (`X_udot` below the mass).
     """
 
     model_config = ConfigDict(allow_inf_nan=True)  # `read_prior` says what to write instead
 
-    distribution: Literal["uniform", "log-uniform", "normal", "half-normal", "log-normal", "truncated-normal"]
-    lower: float | None = None
-    upper: float | None = None
-    mean: float | None = None
-    sd: float | None = None
-    scale: float | None = None
-    median: float | None = None
-    factor: float | None = None
-    unit: str | None = None
-    physical: bool = False
-
-
-class SensorTable(Table):
-    """`[sensors.CHANNEL]`: the noise of a sensor, how often it measures, and its unknown errors.
-
-    An unknown `bias` (a constant error) or `lag` (a time constant) needs a prior, `[prior.bias_u]` or `[prior.lag_u]`.
-
-    `[sensors.attitude]` is the whole attitude, by a quaternion or three angles of the log, with its noise as an angle about any axis.
-    """
-
-    noise: Quantity
-    rate: Quantity | None = None
-    residuals: Residuals | None = None
-    bias: Scope = "none"
-    lag: bool = False
-    over: Literal["ground", "water"] = "ground"
-
-
-class MountTable(Table):
-    """`[mounts.NAME]`: a sensor of several `channels`, such as the u, v and w of a Doppler log or the z of a pressure cell.
-
-    `place` is from the body's origin, forward, starboard and down; `roll`, `pitch` and `yaw` turn the sensor's axes in those of the body;
-    `scale` is the shown value over the true one; `late` is the delay of its clock, 1 s at most. Each is estimated if it has a
-    prior: `[prior.x_NAME]`, `[prior.yaw_NAME]`, `[prior.scale_NAME]`, `[prior.late_NAME]`.
-    """
-
-    channels: list[str] = Field(min_length=1)
-    place: Triple | None = Field(default=None, min_length=3, max_length=3)
-    roll: Quantity = "0 deg"
-    pitch: Quantity = "0 deg"
-    yaw: Quantity = "0 deg"
-    scale: float = Field(default=1.0, gt=0.0)
-    late: Quantity = "0 s"
-
-
-class LimitsTable(Table):
-    """`[limits.NAME]`: bounds of any control and of its rate of change, of a state of the motion such as `u`, or of the way: the `distance`
-    travelled, the `advance` along the keel, and `x` and `y`, metres ahead and to starboard of the start and its heading."""
-
-    lower: Quantity | None = None
-    upper: Quantity | None = None
-    rate: Quantity | None = None
-
-
-class LoopTable(Table):
-    """`[autopilot.CHANNEL]`: a loop of the vehicle's autopilot, which holds a measured channel such as `psi`, `z`, `u` or `theta`.
-
-    With e the set-point less the measured channel, its output is kp e + ki times the integral of e - kd times the channel's rate of
-    change. It `moves` controls, each by its share of that, or the set-point of a loop further down (`theta_set`): depth through pitch.
-    Trials then run through the autopilot: what `[design]` drives is a set-point such as `psi_set`, or a control, to which it is added.
-    """
-
-    moves: dict[str, float] = Field(min_length=1)
-    kp: Quantity
-    ki: Quantity | None = None
-    kd: Quantity | None = None
-    derivative: str | None = None
-    set_point: Quantity | None = None
-    limit: Quantity | None = None
-    rate: Quantity | None = None
-    interval: Quantity | None = None
-
-
-class RangeTable(Table):
-    """An evenly spaced range of a quantity."""
-
-    start: Quantity = Field(alias="from")
-    stop: Quantity = Field(alias="to")
-    points: int = Field(ge=1, le=1000)
-
-
-class PowerTable(Table):
-    """`[power]`: the power that the battery gives: the hotel load, and the propulsion, which grows with the cube of the control."""
-
-    hotel: Quantity
-    propulsion: Quantity
-    at: Quantity
-
-
-class RelayTable(Table):
-    """`[design.relay]`: the self-oscillating test. The control changes to the other side of trim whenever the measured `output` is a
-    `threshold` away from its trim. With the heading as output it is the zigzag of ships."""
-
-    output: str
-    threshold: RangeTable
-
-
-class PredictionTable(Table):
-    """`[design.prediction]`: the prediction for which the coefficients are wanted: a state, the `distance` travelled or the `advance`, some
-    time after the designed control is set to a value at trim. With the propeller stopped, `of = "distance"` is the stopping distance."""
-
-    of: str
-    control: Quantity
-    after: Quantity
-
-
-class BesideTable(Table):
-    """`[design.together.CONTROL]`: a control that moves with the designed one, with a period of its own, `period` times as long."""
-
-    amplitude: Quantity
-    period: float = Field(default=1.0, ge=0.1, le=10.0)
-
-
-class DesignTable(Table):
-    """`[design]`: shapes of input that are compared on one grid of amplitudes and periods, and what makes one of them the best.
-
-    | utility | the best design ... |
-    |---|---|
-    | `entropy` | lowers the entropy of the coefficients most, in nats, as the `filter` computes it |
-    | `fisher-d` | the same, by the Fisher information |
-    | `fisher-a` | leaves the smallest mean variance |
-    | `fisher-e` | gives the most information about the combination that is least known |
-    | `fisher-me` | gives similar information about all combinations |
-    | `fisher-c` | makes the stated `prediction` most certain |
-    | `discrimination` | tells the full structure best from the one most like it |
-
-    With `per` a joule or a second, a trial ends where more of it would lower the information per cost.
-
-    `schedule` is a CSV of your own, with columns `time_s` and one for each control that moves, with its unit, such as `n_rpm`. It is
-    compared with the families, and is the first trial that is run. Controls named under `together` move at the same
-    time. The amplitude of each, `{ n = "100 rpm" }`, is used with the largest amplitude of `control`; smaller designs shrink it in
-    proportion. A control with slower motion may have a longer period: `{ n = { amplitude = "100 rpm", period = 2.0 } }`.
-
-    Without this table a campaign with `[import]` is fitted and reported, and no next trial is proposed.
-    """
-
-    control: str
-    families: list[str] = Field(default=["repeated-doublet"], min_length=1)
-    utility: Utility = "entropy"
-    filter: DesignFilter = "square-root-unscented"
-    over: Literal["mean", "local", "worst"] = "mean"
-    per: Literal["trial", "joule", "second"] = "trial"
-    turnaround: Quantity = "0 s"
-    probability: float = Field(default=0.95, gt=0.0, lt=0.99)
-    trim: Quantity | None = None
-    together: dict[str, Quantity | BesideTable] = {}
-    duration: Quantity
-    active: Quantity
-    start: Quantity = "1 s"
-    ramp: Quantity = "0 s"
-    sample_time: Quantity
-    schedule: str | None = None
-    amplitude: RangeTable
-    period: RangeTable
-    relay: RelayTable | None = None
-    prediction: PredictionTable | None = None
+    distribution: Literal["uniform", "log-uniform", "normal", "half-normal", "log-normal", "truncated-normal"] = Field(
+        description="form of the prior; the table above says which numbers each form needs"
+    )
+    lower: float | None = Field(default=None, description="lower bound", json_schema_extra=_OF_PRIOR)
+    upper: float | None = Field(default=None, description="upper bound", json_schema_extra=_OF_PRIOR)
+    mean: float | None = Field(default=None, description="mean of a normal", json_schema_extra=_OF_PRIOR)
+    sd: float | None = Field(default=None, description="standard deviation of a normal", json_schema_extra=_OF_PRIOR)
+    scale: float | None = Field(
+        default=None, description="width of a half-normal: 68 % lie within it", json_schema_extra=_OF_PRIOR
+    )
+    median: float | None = Field(
+        default=None, description="median of a log-normal, with its sign", json_schema_extra=_OF_PRIOR
+    )
+    factor: float | None = Field(
+        default=None, description="spread of a log-normal: 68 % lie within this factor of the median"
+    )
+    unit: str | None = Field(default=None, description="unit of the numbers above, if it is not SI")
+    dissipative: bool = Field(
+        default=False, description="cut the prior to the sign that a damping or an added mass has by itself"
+    )
 
 
 class GoalTable(Table):
@@ -315,122 +134,37 @@ class GoalTable(Table):
     If only `trials` is given, all of them are run.
     """
 
-    sd: dict[str, Quantity | float] = {}
-    decided: bool = False
-    trials: int = Field(default=5, ge=1, le=100)
+    sd: dict[str, Quantity | float] = Field(
+        default={},
+        description="standard deviation wanted of each coefficient",
+        json_schema_extra={"unit": "that of the coefficient, or percentage"},
+    )
+    decided: bool = Field(default=False, description="whether one structure must hold 95 % of the probability")
+    trials: int = Field(default=5, ge=1, le=100, description="most trials to run")
 
 
 class PlanTable(Table):
     """`[plan]`: limits of a day at sea: `time` on the water, the `battery`, and the `turnaround`, the time between trials. `seatrial plan`
     adds no further trial once the `chance` of meeting the goals is reached."""
 
-    time: Quantity | None = None
-    battery: Quantity | None = None
-    turnaround: Quantity = "0 s"
-    chance: float = Field(default=0.9, gt=0.0, lt=1.0)
-
-
-class TimeTable(Table):
-    """The column that holds time, and its unit."""
-
-    column: str
-    unit: str | None = None
-
-
-class ColumnTable(Table):
-    """The column that holds a channel, its unit, and what is done to its numbers: `scale` multiplies them, then `offset` is added.
-
-    `curve` is a CSV with a header and two columns: a logged number, and what it stands for in `unit`. Between its rows it is interpolated.
-    Use it for the maker's table of thrust over PWM width.
-
-    In place of a column, `sum` is a sum of columns of the table with factors, such as "0.12 data[0] - 0.12 data[1]"; names with other
-    signs than letters, digits and . _ / [ ] are written in single quotes. The curve is applied to each column. Forces of thrusters may be
-    in the unit "command": `[vehicle.thrust_laws]` makes thrust of the column, or of the sum. `offset` is then in units of the command and
-    is added before the law, and `scale` multiplies the thrust.
-
-    A control is held from each sample to the next, as a command is. `between = "line"` is for a control that was measured while it changed,
-    such as the speed of a propeller: over each step it is the mean of the straight line between its samples. Where neither is said it is
-    held, and a caution tells of a control that changes at nearly every sample, as a measured one does; `between = "held"` says that it is a
-    command.
-    """
-
-    column: str | None = None
-    sum: str | None = None
-    unit: str
-    scale: float = 1.0
-    offset: float = 0.0
-    curve: str | None = None
-    between: Literal["held", "line"] | None = None
-
-
-class FileTable(Table):
-    """`[[import.files]]`: one log of a trial; `{run}` in the path stands for the run's label.
-
-    `time` is not needed if the format has a clock of its own. Channels `v_north`, `v_east` and `v_down` become velocities along the body,
-    and `q_w`, `q_x`, `q_y`, `q_z` become angles. `delimiter`, `encoding`, `skip_rows`, `header_rows` and `names` are for CSV and TSV.
-    """
-
-    path: str
-    table: str | None = None
-    time: TimeTable | None = None
-    channels: dict[str, ColumnTable]
-    runs: list[str] | None = Field(default=None, min_length=1)
-    clock: Literal["as_stamped", "even", "drop_repeated"] = "as_stamped"
-    shift: Quantity | None = None
-    axes: Literal["NED", "ENU"] = "NED"
-    delimiter: str | None = None
-    encoding: str = "utf-8"
-    skip_rows: int = Field(default=0, ge=0, le=1_000_000)
-    header_rows: int = Field(default=1, ge=1, le=1000)
-    names: list[str] | None = Field(default=None, min_length=1)
-
-
-class KeepTable(Table):
-    """`[[import.keep]]`: conditions on a log of the trial that a run must meet: `when = "armed == 1 and voltage > 14.5"`.
-
-    Each run is cut to the longest stretch in which every condition holds, between its start and end. Comparisons of columns with numbers
-    (`==`, `!=`, `<`, `<=`, `>`, `>=`) are joined by `and`; a number holds from its stamp to the next.
-    """
-
-    path: str
-    when: str
-    table: str | None = None
-    time: TimeTable | None = None
-    delimiter: str | None = None
-
-
-class TrimTable(Table):
-    """`[import.trim.RUN]`: where one run begins and ends, instead of what `[import]` says for all runs."""
-
-    start: Quantity | None = None
-    end: Quantity | None = None
-
-
-class ImportTable(Table):
-    """`[import]`: runs that are fitted jointly, runs that are only predicted, and how their files become records.
-
-    Every run is cut to `start` and `end`, counted from the beginning of the record, where all its files have begun. `split` divides it into
-    pieces, each a trial with a start of its own: for long records, and for vehicles that leave their course slowly. `schedule` is the
-    table that was commanded; `{run}` stands for the run's label. A run without `start` and `end` is cut to it, and `import` says how
-    well it was followed.
-    """
-
-    fit: list[str] = Field(min_length=1)
-    predict: list[str] = []
-    step: Quantity | None = None
-    start: Quantity | None = None
-    end: Quantity | None = None
-    trim: dict[str, TrimTable] = {}
-    split: Quantity | None = None
-    schedule: str | None = None
-    keep: list[KeepTable] = []
-    files: list[FileTable] = Field(min_length=1)
+    time: Annotated[float, Unit("s", above=0.0, expected="more than 0", remedy='for example time = "4 h"')] = Field(
+        default=inf, description="time on the water, all trials with their turnaround"
+    )
+    battery: Joules = Field(default=inf, description="energy for all trials, by [power]")
+    turnaround: Turnaround = Field(default=0.0, description="time between trials, such as the way back")
+    chance: float = Field(
+        default=0.9, gt=0.0, lt=1.0, description="chance of meeting all goals from which on no trial is added"
+    )
 
 
 class FilterTable(Table):
     """`[filter]`: process noise of the filter, for effects that the model lacks."""
 
-    process_noise: dict[str, Quantity | float] = {}
+    process_noise: dict[str, Quantity | float] = Field(
+        default={},
+        description="standard deviation that each state or coefficient gains in one second, by name",
+        json_schema_extra={"unit": "SI, or a quantity"},
+    )
 
 
 class EstimationTable(Table):
@@ -447,16 +181,61 @@ class EstimationTable(Table):
     | `varying = ["X_u"]` | `[prior.spread_X_u]`, how much X_u differs between trials |
     """
 
-    likelihood: Literal["output-error", "filter-error"] = "output-error"
-    initial: Literal["trim", "measured", "estimated"] = "trim"
-    residuals: Residuals = "white"
-    current: Scope = "none"
-    varying: list[str] = []
-    sampler: SamplerName = DEFAULT
-    chains: int = Field(default=32, ge=2, le=1024)
-    warmup: int = Field(default=500, ge=100, le=1_000_000, multiple_of=100)
-    draws: int = Field(default=1500, ge=100, le=1_000_000, multiple_of=100)
-    thin: Literal[1, 2, 4, 5, 10, 20, 25, 50, 100] = 1
+    likelihood: Literal["output-error", "filter-error"] = Field(
+        default="output-error", description="where the misfit comes from: [which likelihood?](../likelihoods.md)"
+    )
+    initial: Literal["trim", "measured", "estimated"] = Field(
+        default="trim",
+        description="how each trial begins: at trim, at the first measurement, or at unknown values that are estimated",
+    )
+    residuals: Residuals = Field(
+        default="white", description="what the noise is like: [which likelihood?](../likelihoods.md)"
+    )
+    current: Scope = Field(
+        default="none", description="an unknown steady current along the course: one for all trials, or one for each"
+    )
+    varying: Several[str] = Field(default=(), description="coefficients that differ from trial to trial")
+    sampler: SamplerName = Field(
+        default=DEFAULT, description="how the posterior is sampled: [the samplers](../explanation/samplers.md)"
+    )
+    chains: int = Field(default=32, ge=2, le=1024, description="number of chains")
+    warmup: int = Field(
+        default=500,
+        ge=100,
+        le=1_000_000,
+        multiple_of=100,
+        description="draws at the start of each chain that are discarded",
+    )
+    draws: int = Field(
+        default=1500,
+        ge=100,
+        le=1_000_000,
+        multiple_of=100,
+        description="draws of each chain after that; twice or four times as many while chains disagree or have too few "
+        "effective draws",
+    )
+    thin: Literal[1, 2, 4, 5, 10, 20, 25, 50, 100] = Field(default=1, description="keep one draw in so many")
+
+    @model_validator(mode="after")
+    def _check_kept(self) -> Self:
+        if (kept := self.draws // self.thin) < MIN_KEPT_DRAWS:
+            raise refused(
+                f"one of {self.thin} kept, {kept} of {self.draws} draws of each chain",
+                f"{MIN_KEPT_DRAWS} draws or more of each chain, or its health cannot be judged",
+                "thin less, or ask for more draws",
+                key="thin",
+            )
+        return self
+
+    @property
+    def lengths(self) -> tuple[int, ...]:
+        """Draws after which chains are examined, and end if they agree: as many as asked for, then twice and four times as many."""
+        return tuple(times * self.draws for times in (1, 2, 4))
+
+    @property
+    def free_initial(self) -> bool:
+        """Whether initial states are parameters, fitted to the whole run; a filter takes them as uncertain anyway."""
+        return self.initial == "estimated" and self.likelihood == "output-error"
 
 
 class SelectionTable(Table):
@@ -465,28 +244,74 @@ class SelectionTable(Table):
     If a verdict asks for more particles, repeats or draws, raise these.
     """
 
-    particles: int | None = Field(default=None, ge=64, le=1_000_000)
-    repeats: int = Field(default=4, ge=2, le=1000)
-    draws: int = Field(default=SelectionSettings.draws, ge=1024, le=10_000_000)
+    particles: int | None = Field(
+        default=None,
+        ge=64,
+        le=1_000_000,
+        description="particles of the tempered SMC that checks each evidence; if not given, 512, or 64 for each parameter "
+        "where that is more",
+    )
+    repeats: int = Field(default=4, ge=2, le=1000, description="independent repeats of it")
+    draws: int = Field(
+        default=20480, ge=1024, le=10_000_000, description="draws of the importance sampling that gives each evidence"
+    )
 
 
 class SlurmTable(Table):
     """`[compute.slurm]`: the resources of each job. Its memory is shared by its workers, one on each core."""
 
-    memory: str = Field(pattern=r"^[0-9.]+ ?[kMGT]i?B$")
-    walltime: str = Field(pattern=r"^[0-9:-]+$")
-    cores: int = Field(default=1, ge=1, le=4096)
-    jobs: int = Field(default=1, ge=1, le=10_000)
-    queue: str | None = Field(default=None, pattern=r"^[A-Za-z0-9_.,-]+$")
-    account: str | None = Field(default=None, pattern=r"^[A-Za-z0-9_.-]+$")
-    interface: str | None = Field(default=None, pattern=r"^[A-Za-z0-9_.-]+$")
+    memory: str = Field(pattern=r"^[0-9.]+ ?[kMGT]i?B$", description="memory of each job, such as `4 GB`")
+    walltime: str = Field(pattern=r"^[0-9:-]+$", description="time limit of each job, as SLURM writes it")
+    cores: int = Field(default=1, ge=1, le=4096, description="cores of each job, one worker on each")
+    jobs: int = Field(default=1, ge=1, le=10_000, description="number of jobs")
+    queue: str | None = Field(default=None, pattern=r"^[A-Za-z0-9_.,-]+$", description="partition to submit to")
+    account: str | None = Field(default=None, pattern=r"^[A-Za-z0-9_.-]+$", description="account to charge")
+    interface: str | None = Field(
+        default=None, pattern=r"^[A-Za-z0-9_.-]+$", description="network interface of the workers"
+    )
 
 
 class ComputeTable(Table):
     """`[compute]`: where the computation runs. It does not change any result."""
 
-    workers: str = "local"
-    slurm: SlurmTable | None = None
+    workers: str = Field(
+        default="local",
+        description="where the work is done: `local`, `slurm`, or the address of a Dask scheduler such as "
+        "`tcp://10.0.0.1:8786`",
+    )
+    slurm: SlurmTable | None = Field(default=None, description="resources of each job, `[compute.slurm]`")
+
+
+@dataclass(frozen=True)
+class Goal:
+    """What ends a campaign.
+
+    Attributes:
+        shares: standard deviation wanted of a coefficient, as a share of its value.
+        sds: standard deviation wanted, SI.
+        decided: whether one structure is to hold 95 % of the probability.
+        trials: most trials to run; where nothing else is asked for, the goal is met once these are run.
+    """
+
+    shares: Mapping[str, float] = field(default_factory=dict)
+    sds: Mapping[str, float] = field(default_factory=dict)
+    decided: bool = False
+    trials: int = 5
+
+    @property
+    def only_trials(self) -> bool:
+        """Whether nothing is asked for but a number of trials: all of them are run then."""
+        return not (self.shares or self.sds or self.decided)
+
+    def unmet(self, known: Mapping[str, tuple[float, float]]) -> dict[str, float]:
+        """Coefficients not yet known well enough, each with its standard deviation over the one wanted.
+
+        Args:
+            known: name to mean and standard deviation, SI; a coefficient that is missing here is not in the structure.
+        """
+        wanted = {name: share * abs(known[name][0]) for name, share in self.shares.items() if name in known}
+        wanted |= {name: sd for name, sd in self.sds.items() if name in known}
+        return {name: known[name][1] / sd for name, sd in wanted.items() if known[name][1] > sd}
 
 
 class ChecksTable(Table):
@@ -495,7 +320,7 @@ class ChecksTable(Table):
     `seatrial explain` lists the codes.
     """
 
-    accept: list[str] = []
+    accept: Several[str] = Field(default=(), description="codes of findings that are accepted, such as `clock-shift`")
 
 
 class CampaignFile(Table):
@@ -504,16 +329,16 @@ class CampaignFile(Table):
     campaign: CampaignTable
     vehicle: VehicleTable
     structure: StructureTable
-    prior: dict[str, PriorTable] = {}
-    sensors: dict[str, SensorTable] = Field(min_length=1)
-    mounts: dict[str, MountTable] = {}
-    limits: dict[str, LimitsTable] = {}
-    autopilot: dict[str, LoopTable] = {}
+    prior: dict[str, PriorTable] = Field(default={})
+    sensors: dict[Annotated[str, noted("channel")], SensorTable] = Field(min_length=1)
+    mounts: dict[str, MountTable] = Field(default={})
+    limits: dict[Annotated[str, noted("limited")], LimitsTable] = Field(default={})
+    autopilot: dict[Annotated[str, noted("channel")], LoopTable] = Field(default={})
     design: DesignTable | None = None
     power: PowerTable | None = None
     goal: GoalTable | None = None
     plan: PlanTable | None = None
-    truth: dict[str, float] = {}
+    truth: dict[str, float] = Field(default={})
     imported: ImportTable | None = Field(default=None, alias="import")
     filter: FilterTable = FilterTable()
     estimation: EstimationTable = EstimationTable()

@@ -1,16 +1,90 @@
 """Reads `[sensors]`: what is measured, how noisy, and what is unknown about it."""
 
 from collections.abc import Collection, Mapping
-from dataclasses import replace
 from math import inf
+from typing import Annotated, Literal
+
+from pydantic import Field
 
 from seatrial.campaign.config.file_keys import FileKeys
-from seatrial.campaign.config.schema import MountTable, SensorTable, VehicleTable
-from seatrial.campaign.config.settings import SensorSettings
+from seatrial.campaign.config.quantities import Metres, Residuals, Scope, Several, Table, Unit
+from seatrial.campaign.config.vehicle_table import VehicleTable
 from seatrial.core.errors import InputError, nearest
-from seatrial.core.signals import ANGLES, POSITIONS, QUATERNION, SPECIFIC_FORCE, signal_unit
-from seatrial.estimation.simulation.mounts import MOST_LATE, MOUNTED, TURN, Mount, mount_names
+from seatrial.core.signals import ANGLES, POSITIONS, QUATERNION, SPECIFIC_FORCE
+from seatrial.estimation.simulation.mounts import MOST_LATE, MOUNTED, Mount, mount_names
 from seatrial.vehicles.model import VehicleModel
+
+Hertz = Annotated[
+    float, Unit("1/s", "Hz", above=0.0, remedy='for example "5 Hz", or leave the key out for a sample in each step')
+]
+
+
+Radians = Annotated[float, Unit("rad", "deg")]
+
+
+class SensorTable(Table):
+    """`[sensors.CHANNEL]`: the noise of a sensor, how often it measures, and its unknown errors.
+
+    An unknown `bias` (a constant error) or `lag` (a time constant) needs a prior, `[prior.bias_u]` or `[prior.lag_u]`.
+
+    `[sensors.attitude]` is the whole attitude, by a quaternion or three angles of the log, with its noise as an angle about any axis.
+    """
+
+    noise: Annotated[
+        float,
+        Unit("{channel}", "that of the channel", above=0.0, remedy="estimate it from a quiet stretch of the record"),
+    ] = Field(description="standard deviation of one sample")
+    rate: Hertz = Field(default=inf, description="how often it measures, if less often than the record has samples")
+    residuals: Residuals | None = Field(
+        default=None, description="residuals of this channel, in place of those of `[estimation]`"
+    )
+    bias: Scope = Field(default="none", description="an unknown constant error: one for all trials, or one for each")
+    lag: bool = Field(default=False, description="whether the sensor answers late; needs `[prior.lag_CHANNEL]`")
+    reference: Literal["ground", "water"] = Field(
+        default="ground", description="whether a speed is measured over ground or through the water"
+    )
+
+
+Delay = Annotated[
+    float,
+    Unit(
+        "s",
+        least=0.0,
+        most=MOST_LATE,
+        expected=f"0 s to {MOST_LATE:g} s by which the sensor shows the past",
+        remedy="a clock that is ahead, or far behind: shift its stamps with the log, or split the run",
+    ),
+]
+
+
+class MountTable(Table):
+    """`[mounts.NAME]`: a sensor of several `channels`, such as the u, v and w of a Doppler log or the z of a pressure cell.
+
+    `place` is from the body's origin, forward, starboard and down; `roll`, `pitch` and `yaw` turn the sensor's axes in those of the body;
+    `scale` is the shown value over the true one; `delay` is that of its clock, 1 s at most. Each is estimated if it has a
+    prior: `[prior.x_NAME]`, `[prior.yaw_NAME]`, `[prior.scale_NAME]`, `[prior.delay_NAME]`.
+    """
+
+    channels: Several[str] = Field(
+        min_length=1, description="channels of the sensor, such as u, v and w of a Doppler log"
+    )
+    place: Several[Metres] | None = Field(
+        default=None,
+        min_length=3,
+        max_length=3,
+        description="its place forward, starboard and down of the body's origin; an unknown with `[prior.x_NAME]`",
+    )
+    roll: Radians = Field(default=0.0, description="turn of the sensor about the body's x axis")
+    pitch: Radians = Field(default=0.0, description="turn about the y axis")
+    yaw: Radians = Field(default=0.0, description="turn about the z axis; an unknown with `[prior.yaw_NAME]`")
+    scale: float = Field(
+        default=1.0, gt=0.0, description="shown value over true value; an unknown with `[prior.scale_NAME]`"
+    )
+    delay: Delay = Field(
+        default=0.0,
+        description="time by which it shows the past, such as a clock that is behind; an unknown with `[prior.delay_NAME]`",
+    )
+
 
 ATTITUDE = "attitude"
 """Sensor of the whole attitude, compared as a quaternion: by a distance on the sphere, which knows no turn at which it jumps."""
@@ -42,7 +116,7 @@ def with_attitude(table: VehicleTable, tables: Mapping[str, SensorTable], keys: 
     return table.model_copy(update={"attitude": "quaternion"})
 
 
-def read_sensors(tables: Mapping[str, SensorTable], keys: FileKeys, model: VehicleModel) -> dict[str, SensorSettings]:
+def read_sensors(tables: Mapping[str, SensorTable], keys: FileKeys, model: VehicleModel) -> dict[str, SensorTable]:
     """Read all sensors.
 
     Args:
@@ -51,14 +125,14 @@ def read_sensors(tables: Mapping[str, SensorTable], keys: FileKeys, model: Vehic
         model: vehicle of all terms.
 
     Raises:
-        InputError: a channel that the vehicle does not have, or a noise or rate that is not positive.
+        InputError: a channel that the vehicle does not have, or errors of its own that an attitude does not have.
     """
     found, known = {}, model.channel_units()
     for channel, table in tables.items():
         if channel == ATTITUDE:
             found |= _attitude(table, keys, model)
         elif channel in known:
-            found[channel] = _sensor(table, signal_unit(channel), keys, f"sensors.{channel}")
+            found[channel] = table
         else:
             raise InputError(
                 keys.where(f"sensors.{channel}"),
@@ -69,69 +143,38 @@ def read_sensors(tables: Mapping[str, SensorTable], keys: FileKeys, model: Vehic
     return found
 
 
-def with_mounts(
-    sensors: Mapping[str, SensorSettings], tables: Mapping[str, MountTable], stated: Collection[str], keys: FileKeys
-) -> dict[str, SensorSettings]:
-    """Return the sensors, each with its mount where it has one.
+def read_mounts(
+    tables: Mapping[str, MountTable], sensors: Mapping[str, SensorTable], stated: Collection[str], keys: FileKeys
+) -> dict[str, Mount]:
+    """Return the mount of each channel that has one.
 
     Args:
-        sensors: by channel.
         tables: of mounts, by name.
+        sensors: by channel.
         stated: names that have a prior, among which may be parts of mounts.
         keys: of the file.
 
     Raises:
         InputError: a channel that no sensor measures, that no mount knows, or that two mounts have.
     """
-    found = dict(sensors)
+    mounts: dict[str, Mount] = {}
     for name, table in tables.items():
-        key = f"mounts.{name}"
+        x, y, z = table.place or (0.0, 0.0, 0.0)
+        unknown = tuple(one for one in mount_names(name) if one in stated)
+        mount = Mount(name, (x, y, z), (table.roll, table.pitch, table.yaw), table.scale, table.delay, unknown)
         for channel in table.channels:
-            if channel not in sensors or channel not in MOUNTED or found[channel].mount is not None:
+            if channel not in sensors or channel not in MOUNTED or channel in mounts:
                 raise InputError(
-                    keys.where(f"{key}.channels"),
-                    found=f'"{channel}"'
-                    + (", which another mount has" if channel in sensors and found[channel].mount else ""),
+                    keys.where(f"mounts.{name}.channels"),
+                    found=f'"{channel}"' + ", which another mount has" * (channel in mounts),
                     expected="channels of [sensors], of " + ", ".join(MOUNTED) + ", each in one mount",
                     remedy="add its sensor, or leave it out here",
                 )
-            x, y, z = (keys.si(text, "m", f"{key}.place") for text in table.place or ("0 m",) * 3)
-            roll, pitch, yaw = (keys.si(getattr(table, part), "rad", f"{key}.{part}") for part in TURN)
-            late = keys.si(table.late, "s", f"{key}.late")
-            if not 0 <= late <= MOST_LATE:
-                raise InputError(
-                    keys.where(f"{key}.late"),
-                    found=f"{late:g} s",
-                    expected=f"0 s to {MOST_LATE:g} s by which the sensor shows the past",
-                    remedy="a clock that is ahead, or far behind: shift its stamps with the log, or split the run",
-                )
-            unknown = tuple(one for one in mount_names(name) if one in stated)
-            mount = Mount(name, (x, y, z), (roll, pitch, yaw), table.scale, late, unknown)
-            found[channel] = replace(found[channel], mount=mount)
-    return found
+            mounts[channel] = mount
+    return mounts
 
 
-def _sensor(table: SensorTable, unit: str, keys: FileKeys, key: str) -> SensorSettings:
-    noise = keys.si(table.noise, unit, f"{key}.noise")
-    if not noise > 0:
-        raise InputError(
-            keys.where(f"{key}.noise"),
-            found=f"{noise:g}",
-            expected="more than 0",
-            remedy="estimate it from a quiet stretch of the record",
-        )
-    rate = inf if table.rate is None else keys.si(table.rate, "1/s", f"{key}.rate")
-    if not rate > 0:
-        raise InputError(
-            keys.where(f"{key}.rate"),
-            found=f'"{table.rate}"',
-            expected="more than 0",
-            remedy='for example "5 Hz", or leave the key out for a sample in each step',
-        )
-    return SensorSettings(noise, rate, table.residuals, table.bias, table.lag, table.over)
-
-
-def _attitude(table: SensorTable, keys: FileKeys, model: VehicleModel) -> dict[str, SensorSettings]:
+def _attitude(table: SensorTable, keys: FileKeys, model: VehicleModel) -> dict[str, SensorTable]:
     """Return the four parts of a quaternion as sensors: half of a small angle about any axis is how far they move together."""
     key = f"sensors.{ATTITUDE}"
     if not set(QUATERNION) <= set(model.states):
@@ -142,12 +185,11 @@ def _attitude(table: SensorTable, keys: FileKeys, model: VehicleModel) -> dict[s
             expected="one that turns about two axes or three",
             remedy="give a sensor of the angle itself, such as [sensors.psi]",
         )
-    if extra := sorted({"bias", "lag", "over"} & table.model_fields_set):
+    if extra := sorted({"bias", "lag", "reference"} & table.model_fields_set):
         raise InputError(
             keys.where(f"{key}.{extra[0]}"),
             found=", ".join(extra),
             expected="noise, rate and residuals of the attitude",
             remedy="remove it; angles with sensors of their own, [sensors.phi] and so on, may have a bias",
         )
-    one = _sensor(table, signal_unit("phi"), keys, key)
-    return {part: SensorSettings(0.5 * one.noise, one.rate, one.residuals) for part in QUATERNION}
+    return {part: table.model_copy(update={"noise": 0.5 * table.noise}) for part in QUATERNION}

@@ -1,33 +1,86 @@
 """Reads `[[vehicle.thrusters]]` and `[vehicle.thrust_laws]`: where thrust acts, and what command makes how much of it."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import combinations
 
 import numpy as np
+from pydantic import Field
 
 from seatrial.campaign.config.file_keys import FileKeys
-from seatrial.campaign.config.schema import ThrustLawTable, VehicleTable
+from seatrial.campaign.config.quantities import Metres, Seconds, Several, Table
 from seatrial.core.errors import InputError, nearest
 from seatrial.vehicles.thrusters import Thruster, ThrustLaw
+
+
+class ThrustLawTable(Table):
+    """`[vehicle.thrust_laws.NAME]`: the thrust of a logged command, such as a pulse width in microseconds.
+
+    `curve` is a CSV of two columns with a header, the command and the thrust in N; in its place `polynomial` gives the thrust in N by
+    powers of the command minus `neutral`, the constant first. Between the two commands of `dead_zone`, ends included, there is no
+    thrust. Negative thrust is multiplied by `reverse`. `lag` is the time constant of the thrust. A channel f_1 in the unit "command" is
+    converted by the law of thruster 1. Commands beyond the curve are refused, and so are those below 500 or above 2500 where a polynomial
+    has a `neutral` between 1000 and 2000, as one of pulse widths has.
+    """
+
+    curve: str | None = Field(
+        default=None, description="CSV with a header and two columns: the command, and the thrust in N"
+    )
+    polynomial: Several[float] | None = Field(
+        default=None,
+        min_length=2,
+        max_length=12,
+        description="instead of a curve: coefficients of the thrust in N, the constant first",
+    )
+    neutral: float = Field(default=0.0, description="command of no thrust, subtracted before the polynomial")
+    dead_zone: Several[float] | None = Field(
+        default=None,
+        min_length=2,
+        max_length=2,
+        description="the two commands between which there is no thrust, ends included",
+    )
+    reverse: float = Field(default=1.0, gt=0.0, description="factor on negative thrust")
+    lag: Seconds | None = Field(
+        default=None,
+        description="time constant by which the thrust follows the command; `[prior.lag_f]` makes it an unknown of all "
+        "thrusters",
+    )
+
+
+class ThrusterTable(Table):
+    """`[[vehicle.thrusters]]`: place from the body's origin and direction of positive thrust, forward, starboard and down.
+
+    `law` names its law of thrust; if there is only one law, all thrusters use it.
+    """
+
+    place: Several[Metres] = Field(
+        min_length=3, max_length=3, description="its place forward, starboard and down of the body's origin"
+    )
+    direction: Several[float] = Field(
+        min_length=3, max_length=3, description="direction of positive thrust: forward, starboard, down, of any length"
+    )
+    law: str | None = Field(default=None, description="name of its law of thrust; not needed if there is only one")
+
 
 _CLOSE = 1e-6
 """Distance, m, and sine of the angle, below which two thrusters are one."""
 
 
-def read_thrusters(table: VehicleTable, keys: FileKeys, published: Sequence[Thruster]) -> tuple[Thruster, ...]:
+def read_thrusters(
+    tables: Sequence[ThrusterTable], keys: FileKeys, published: Sequence[Thruster]
+) -> tuple[Thruster, ...]:
     """Return the thrusters of a vehicle: those that are written, else those of the catalogue.
 
     Raises:
         InputError: a direction of no length, or two thrusters in one place that push along one line.
     """
     found = []
-    for index, one in enumerate(table.thrusters):
+    for index, one in enumerate(tables):
         key = f"vehicle.thrusters[{index}]"
-        x, y, z = (keys.si(text, "m", f"{key}.place") for text in one.place)
+        x, y, z = one.place
         if not (np.isfinite(one.direction).all() and np.linalg.norm(one.direction) > 0):
             raise InputError(
                 keys.where(f"{key}.direction"),
-                found=f"{one.direction}",
+                found=f"{list(one.direction)}",
                 expected="a direction of any length but none",
                 remedy="write for example [1, 0, 0] for a thruster that pushes ahead",
             )
@@ -45,18 +98,21 @@ def read_thrusters(table: VehicleTable, keys: FileKeys, published: Sequence[Thru
     return tuple(found) or tuple(published)
 
 
-def read_thrust_laws(table: VehicleTable, keys: FileKeys, count: int) -> tuple[ThrustLaw, ...]:
+def read_thrust_laws(
+    tables: Mapping[str, ThrustLawTable], thrusters: Sequence[ThrusterTable], keys: FileKeys, count: int
+) -> tuple[ThrustLaw, ...]:
     """Return the law of every thruster; none where nothing is said of them.
 
     Args:
-        table: as written.
+        tables: by name.
+        thrusters: that are written.
         keys: of the file.
         count: thrusters of the vehicle.
 
     Raises:
         InputError: a law that is none, one of which nothing is known, or a thruster without one beside others that have one.
     """
-    laws = {name: _law(law, keys, f"vehicle.thrust_laws.{name}") for name, law in table.thrust_laws.items()}
+    laws = {name: _law(law, keys, f"vehicle.thrust_laws.{name}") for name, law in tables.items()}
     if laws and not count:
         raise InputError(
             keys.where("vehicle.thrust_laws"),
@@ -64,7 +120,7 @@ def read_thrust_laws(table: VehicleTable, keys: FileKeys, count: int) -> tuple[T
             expected="[[vehicle.thrusters]], or a vehicle of the catalogue that has some",
             remedy="give place and direction of every thruster",
         )
-    names = _names(table, keys, count)
+    names = _names(tables, thrusters, keys, count)
     for name in laws:
         if name not in names:
             raise InputError(
@@ -76,29 +132,29 @@ def read_thrust_laws(table: VehicleTable, keys: FileKeys, count: int) -> tuple[T
     return tuple(laws[name] for name in names)
 
 
-def thruster_lags(table: VehicleTable, keys: FileKeys, controls: Sequence[str]) -> dict[str, float]:
+def thruster_lags(
+    tables: Mapping[str, ThrustLawTable], thrusters: Sequence[ThrusterTable], keys: FileKeys, controls: Sequence[str]
+) -> dict[str, float]:
     """Return the time constant of every control of a thruster whose law has one, s."""
-    names = _names(table, keys, len(controls))
-    written = {name: (law.lag, f"vehicle.thrust_laws.{name}.lag") for name, law in table.thrust_laws.items()}
-    return {
-        control: keys.si(lag, "s", key)
-        for control, (lag, key) in zip(controls, map(written.__getitem__, names), strict=False)
-        if lag is not None
-    }
+    names = _names(tables, thrusters, keys, len(controls))
+    lags = {control: tables[name].lag for control, name in zip(controls, names, strict=False)}
+    return {control: lag for control, lag in lags.items() if lag is not None}
 
 
-def _names(table: VehicleTable, keys: FileKeys, count: int) -> list[str]:
+def _names(
+    laws: Mapping[str, ThrustLawTable], thrusters: Sequence[ThrusterTable], keys: FileKeys, count: int
+) -> list[str]:
     """Return the name of every thruster's law; none where there is no law."""
-    only = next(iter(table.thrust_laws)) if len(table.thrust_laws) == 1 else None
-    names = [one.law or only for one in table.thrusters] or [only] * count
+    only = next(iter(laws)) if len(laws) == 1 else None
+    names = [one.law or only for one in thrusters] or [only] * count
     for index, name in enumerate(names):
-        if (name is None and table.thrust_laws) or (name is not None and name not in table.thrust_laws):
-            written = index < len(table.thrusters)
+        if (name is None and laws) or (name is not None and name not in laws):
+            written = index < len(thrusters)
             raise InputError(
                 keys.where(f"vehicle.thrusters[{index}].law" if written else "vehicle.thrust_laws"),
                 found=f"thruster {index + 1} without a law" if name is None else f'"{name}"',
-                expected="one of [vehicle.thrust_laws]: " + (", ".join(table.thrust_laws) or "none is given"),
-                remedy=nearest(name, table.thrust_laws) if name else "add law = to every [[vehicle.thrusters]]",
+                expected="one of [vehicle.thrust_laws]: " + (", ".join(laws) or "none is given"),
+                remedy=nearest(name, laws) if name else "add law = to every [[vehicle.thrusters]]",
             )
     return [name for name in names if name is not None]
 
@@ -121,7 +177,7 @@ def _law(law: ThrustLawTable, keys: FileKeys, key: str) -> ThrustLaw:
     if law.dead_zone is not None and not law.dead_zone[0] < law.dead_zone[1]:
         raise InputError(
             keys.where(f"{key}.dead_zone"),
-            found=f"{law.dead_zone}",
+            found=f"{list(law.dead_zone)}",
             expected="the lower command first",
             remedy="write for example [1475, 1525]",
         )

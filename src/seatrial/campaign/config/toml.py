@@ -9,6 +9,7 @@ from typing import Annotated, Any, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
+from seatrial.campaign.config.quantities import REFUSED, RENAMED
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.files import depend_on
 
@@ -189,7 +190,7 @@ def parse_toml(path: Path, text: str, schema: type[Schema], example: Example) ->
     """
     content = toml_content(path, text)
     try:
-        return schema.model_validate(content)
+        return schema.model_validate(content, context={})
     except ValidationError as cause:
         raise _as_input_error(path, text, content, schema, cause, example) from None
 
@@ -285,15 +286,24 @@ def _as_input_error(
             place, first = other, error
     where = key_place(path, text, ".".join(map(str, place)))
     if first["type"] == "extra_forbidden":
-        allowed = _keys_at(schema, place[:-1])
+        allowed, new = _keys_at(schema, place[:-1]), RENAMED.get(str(place[-1]))
         return InputError(
             where,
             found=f'unknown key "{place[-1]}"',
             expected="one of " + ", ".join(allowed),
-            remedy=nearest(str(place[-1]), allowed),
+            remedy=f'write "{new}", its new name' if new in allowed else nearest(str(place[-1]), allowed),
         )
     if first["type"] == "missing":
         return InputError(where, found="nothing", expected=f'the key "{place[-1]}"', remedy=f"add it; {example(place)}")
+    refusals = [error for other, error in errors if other == place and error["type"] == REFUSED]
+    if refusals:
+        said = refusals[0].get("ctx", {})
+        return InputError(
+            key_place(path, text, ".".join(map(str, (*place, said["key"])))) if said["key"] else where,
+            found=said["found"],
+            expected=said["expected"],
+            remedy=said["remedy"],
+        )
     alike = [error for other, error in errors if other == place]
     return InputError(
         where,
@@ -308,7 +318,7 @@ def _value_remedy(error: Any) -> str:
     kind, value = error["type"], error.get("input")
     if kind == "string_type":
         return 'put it into quotes; quantities are text with a unit, such as "200 rpm"'
-    if kind == "list_type" and isinstance(value, str):
+    if kind in ("list_type", "tuple_type") and isinstance(value, str):
         return f'write ["{value[:_SHOWN]}"]'
     if kind in ("dict_type", "model_type"):
         return "write single brackets about the table's name" if isinstance(value, list) else "write a table of keys"
@@ -334,8 +344,8 @@ def _place(location: Place, content: Any, kind: str) -> Place:
 def _expected(error: Any) -> str:
     if error["type"] == "string_type":
         return "text in quotes"
-    if error["type"] in ("dict_type", "model_type", "list_type"):
-        return "a list" if error["type"] == "list_type" else "a table"
+    if error["type"] in ("dict_type", "model_type", "list_type", "tuple_type"):
+        return "a list" if error["type"] in ("list_type", "tuple_type") else "a table"
     return error["msg"].removeprefix("Input should be ").replace("String should", "text that should")
 
 
@@ -358,13 +368,13 @@ def _inside(kind: Any, part: str | int) -> list[Any]:
     """Types of what may stand under a key of a table or in a list, alternatives one by one."""
     if _is_table(kind):
         return _alternatives(_fields(kind).get(str(part)))
-    return _alternatives(get_args(kind)[-1]) if get_origin(kind) in (dict, list) else []
+    return _alternatives(get_args(kind)[get_origin(kind) is dict]) if get_origin(kind) in (dict, list, tuple) else []
 
 
 def _alternatives(kind: Any) -> list[Any]:
     if get_origin(kind) is Annotated:
         return _alternatives(get_args(kind)[0])
-    is_one = get_origin(kind) in (dict, list, None)
+    is_one = get_origin(kind) in (dict, list, tuple, None)
     return [kind] if is_one else [one for option in get_args(kind) for one in _alternatives(option)]
 
 

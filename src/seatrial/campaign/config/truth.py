@@ -45,7 +45,7 @@ def beyond_structures(campaign: Campaign) -> set[str]:
         | {CURRENT, DELAY}
         | {process_name(state) for state in campaign.model(campaign.full).states if not state.endswith(ACTUAL)}
         | {name(channel) for channel in campaign.channels for name in of_channel}
-        | {name for one in campaign.sensors.values() if one.mount for name in mount_names(one.mount.name)}
+        | {name for mount in campaign.mounts.values() for name in mount_names(mount.name)}
     )
 
 

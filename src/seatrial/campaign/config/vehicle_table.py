@@ -4,14 +4,33 @@ import json
 import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
+from typing import Annotated, Literal
+
+from pydantic import Field
 
 from seatrial.campaign.config.file_keys import FileKeys
-from seatrial.campaign.config.schema import Quantity, VehicleTable
-from seatrial.campaign.config.thruster_table import read_thrust_laws, read_thrusters, thruster_lags
+from seatrial.campaign.config.quantities import (
+    Metres,
+    Name,
+    OfControl,
+    RateOfControl,
+    Seconds,
+    Several,
+    Table,
+    Unit,
+    noted,
+)
+from seatrial.campaign.config.thruster_table import (
+    ThrusterTable,
+    ThrustLawTable,
+    read_thrust_laws,
+    read_thrusters,
+    thruster_lags,
+)
 from seatrial.campaign.config.vehicle import AxesVehicle, CampaignVehicle, WholeVehicle, axes_of
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError, located, nearest
-from seatrial.core.signals import SIGNALS, SPEEDS, is_signal, signal_unit
+from seatrial.core.signals import SIGNALS, SPEEDS, is_signal
 from seatrial.estimation.prediction.remedies import listed
 from seatrial.vehicles.actuators import Actuator
 from seatrial.vehicles.axis_equation import RATE_OF
@@ -21,7 +40,150 @@ from seatrial.vehicles.tether import Tether
 from seatrial.vehicles.thrusters import controls_of
 from seatrial.vehicles.whole import whole_vehicle
 
-BY_AXES = ("catalogue", "name", "mass", "thrust_deduction", "fixed", "trim", "published_to", "known_from")
+Newtons = Annotated[float, Unit("N", above=0.0, expected="a number above zero")]
+
+
+Kilograms = Annotated[float, Unit("kg", above=0.0, expected="a number above zero")]
+
+
+Inertia = Annotated[float, Unit("kg m^2")]
+
+
+Share = Annotated[float, Unit("1", "%")]
+
+
+OfSignal = Annotated[float, Unit("{signal}", "that of the signal")]
+
+
+class ActuatorTable(Table):
+    """`[vehicle.actuators.CONTROL]`: how late an actuator follows its command, and its limits."""
+
+    lag: Seconds = Field(default=0.0, description="time constant between command and motion of the actuator")
+    lower: OfControl | None = Field(default=None, description="smallest command")
+    upper: OfControl | None = Field(default=None, description="largest command")
+    rate: RateOfControl | None = Field(default=None, description="largest rate of change")
+
+
+class TetherTable(Table):
+    """`[vehicle.tether]`: a tether that drags where it is made fast, `point` from the body's origin, forward, starboard and down.
+
+    The force is -(linear + quadratic |v|) v, v being the velocity of the point through the water. A drag is sought if it has a prior,
+    `[prior.tether_linear]` or `[prior.tether_quadratic]`.
+    """
+
+    point: Several[Metres] | None = Field(
+        default=None,
+        min_length=3,
+        max_length=3,
+        description="where it is made fast, forward, starboard and down of the body's origin; the origin if not given",
+    )
+    linear: Annotated[float, Unit("kg/s", "N s/m")] = Field(
+        default=0.0, description="drag per m/s of the point; a guess if `[prior.tether_linear]` seeks it"
+    )
+    quadratic: Annotated[float, Unit("kg/m", "N s^2/m^2")] = Field(
+        default=0.0, description="drag per square of the point's speed; a guess if `[prior.tether_quadratic]` seeks it"
+    )
+
+
+class VehicleTable(Table):
+    """`[vehicle]`: a vehicle of the catalogue by name, or one described here.
+
+    A surge vehicle needs a mass, a thrust deduction and its known coefficients. A whole vehicle is one of the catalogue in six degrees
+    of freedom, or one that says which of u v w p q r it `moves` in. Lengths count from the body's origin. With `moves = []` it is held, as
+    at a bollard, and gauges measure `force_X` to `moment_N`.
+
+    Without `thrusters` the vehicle has those of the catalogue. The forces f_1, f_2, … drive them, or the speeds n_1, n_2, … if terms of T
+    have n. `added_coriolis` says whether Coriolis forces of the added mass are terms (X_wq, …) or follow from it.
+    """
+
+    catalogue: str | None = Field(
+        default=None, description="name of a published vehicle; `seatrial vehicle` lists them"
+    )
+    name: Name | None = Field(default=None, description="name of a vehicle that is described here")
+    mass: Kilograms | Literal["unknown"] | None = Field(
+        default=None,
+        description='dry mass; with `"unknown"` coefficients are per unit of effective mass, and `moves` may list the axes '
+        "that have terms",
+    )
+    inertia: Several[Inertia] | None = Field(
+        default=None,
+        min_length=3,
+        max_length=3,
+        description="moments of inertia I_xx, I_yy, I_zz about the body's origin",
+    )
+    products: Several[Inertia] | None = Field(
+        default=None, min_length=3, max_length=3, description="products of inertia I_xy, I_yz, I_xz"
+    )
+    centre_of_gravity: Several[Metres] | None = Field(
+        default=None,
+        min_length=3,
+        max_length=3,
+        description="its place forward, starboard and down of the body's origin",
+    )
+    centre_of_buoyancy: Several[Metres] | None = Field(
+        default=None,
+        min_length=3,
+        max_length=3,
+        description="its place forward, starboard and down of the body's origin",
+    )
+    weight: Newtons | None = Field(default=None, description="weight, if it is not mass times gravity")
+    buoyancy: Newtons | None = Field(default=None, description="buoyancy; equal to the weight if not given")
+    moves: Several[Literal["u", "v", "w", "p", "q", "r"]] | None = Field(
+        default=None,
+        description='velocities that are simulated: `["u"]` makes a surge model, `["v", "r"]` a steering model, `[]` a '
+        "vehicle that is held",
+    )
+    measured_inputs: Several[str] = Field(
+        default=(), description="velocities and angles that are taken from the record instead of simulated"
+    )
+    positions: Several[Literal["x", "y", "z"]] = Field(default=(), description="positions that are simulated too")
+    attitude: Literal["quaternion", "euler"] = Field(
+        default="euler", description="how the attitude is simulated; quaternions also work at a pitch of 90 degrees"
+    )
+    current: bool = Field(
+        default=False,
+        description="whether the velocity of the water over the earth is a state of each trial; sensors of `u_g`, `v_g`, `x` "
+        "and `y` show it",
+    )
+    actuators: Literal["published"] | dict[Annotated[str, noted("control")], ActuatorTable] | None = Field(
+        default=None, description="`published` for those of the catalogue, or a table for each control"
+    )
+    thrusters: Several[ThrusterTable] = Field(
+        default=(),
+        max_length=64,
+        description="place and direction of each thruster, in place of those of the catalogue",
+    )
+    thrust_laws: dict[str, ThrustLawTable] = Field(default={}, description="thrust of logged commands, by name")
+    tether: TetherTable | None = Field(default=None, description="drag of a tether at a point of the vehicle")
+    added_coriolis: Literal["named", "automatic"] = Field(
+        default="named", description="whether Coriolis forces of the added mass are terms, or follow from it"
+    )
+    published_prior_sd: Share | None = Field(
+        default=None,
+        description="prior of each catalogue coefficient that has none of its own: normal about the published value, with "
+        "this standard deviation, and cut where damping would drive the vehicle",
+    )
+    priors_from: Several[str] = Field(
+        default=(),
+        description="folders of earlier campaigns, after `seatrial run` or `seatrial estimate --by mode`: a coefficient they "
+        "found becomes a prior if it is estimated here, else a fixed value; gains, dead zones and lags of "
+        "thrusters, net weight, centre of buoyancy and drag of a tether become priors",
+    )
+    thrust_deduction: float = Field(
+        default=0.0, ge=0.0, lt=1.0, description="thrust deduction t_d: share of the thrust that the hull takes back"
+    )
+    wake: float = Field(
+        default=0.0, lt=1.0, description="wake fraction: share by which the water reaches the propeller more slowly"
+    )
+    fixed: dict[str, float] = Field(default={}, description="known coefficients, by name")
+    trim: dict[Annotated[str, noted("signal")], OfSignal] = Field(
+        default={},
+        description="steady values about which the vehicle is driven, by signal, such as `n` and `u`; thrusters, fins and "
+        "side forces are at 0 where nothing is said",
+    )
+
+
+BY_AXES = ("catalogue", "name", "mass", "thrust_deduction", "fixed", "trim", "published_prior_sd", "priors_from")
 """Keys of a vehicle by its axes."""
 BODY = (
     *("name", "mass", "inertia", "products", "centre_of_gravity", "centre_of_buoyancy", "weight", "buoyancy"),
@@ -93,7 +255,7 @@ def read_vehicle(
 def _axes_vehicle(table: VehicleTable, keys: FileKeys, terms: Sequence[str]) -> AxesVehicle:
     axes = axes_of(terms)
     if table.catalogue is not None:
-        _check_alone(table, keys, tuple(set(BY_AXES) - {"catalogue", "published_to", "known_from"}))
+        _check_alone(table, keys, tuple(set(BY_AXES) - {"catalogue", "published_prior_sd", "priors_from"}))
         with located(keys.where("vehicle.catalogue")):
             entry = load_surge(table.catalogue)
         found = AxesVehicle(entry.hull, axes, entry.coefficients, table.catalogue)
@@ -105,7 +267,7 @@ def _axes_vehicle(table: VehicleTable, keys: FileKeys, terms: Sequence[str]) -> 
             remedy='with "unknown" every coefficient is estimated per unit of effective mass',
         )
     else:
-        mass = None if table.mass == "unknown" else _positive(keys, table.mass, "kg", "vehicle.mass")
+        mass = None if table.mass == "unknown" else table.mass
         added = [name for name in table.fixed if CoefficientName.parse(name).is_added_mass]
         if mass is None and added:
             raise InputError(
@@ -119,7 +281,7 @@ def _axes_vehicle(table: VehicleTable, keys: FileKeys, terms: Sequence[str]) -> 
             mass,
             thrust_deduction=table.thrust_deduction,
             fixed=table.fixed,
-            trim=_trim(table, keys),
+            trim=dict(table.trim),
         )
         found = AxesVehicle(hull, axes)
     if found.hull.mass is not None and not found.is_surge:
@@ -145,21 +307,21 @@ def _whole_vehicle(
                 expected="a vehicle with coefficients to estimate",
                 remedy="simulate it to make records, and estimate another one from them",
             )
-    body = replace(body, thrusters=read_thrusters(table, keys, body.thrusters))
-    laws = read_thrust_laws(table, keys, len(body.thrusters))
+    body = replace(body, thrusters=read_thrusters(table.thrusters, keys, body.thrusters))
+    laws = read_thrust_laws(table.thrust_laws, table.thrusters, keys, len(body.thrusters))
     sought = {CoefficientName.parse(term) for term in terms}
     known = {**body.hull.fixed, **body.coefficients, **table.fixed}
     fixed = {name: value for name, value in known.items() if CoefficientName.parse(name) not in sought}
     moves = tuple(body.moves if table.moves is None else table.moves)
     named = (*sought, *map(CoefficientName.parse, fixed))
     controls, acting = controls_of(body.thrusters, named), controls_of(body.thrusters, named, moves)
-    actuators = _actuators(table, keys, body, thruster_lags(table, keys, controls))
+    actuators = _actuators(table, keys, body, thruster_lags(table.thrust_laws, table.thrusters, keys, controls))
     actuators = {name: one for name, one in actuators.items() if name in acting or name not in controls}
     return WholeVehicle(
         body,
-        replace(body.hull, fixed=fixed, trim={**body.hull.trim, **_trim(table, keys)}, tether=_tether(table, keys)),
+        replace(body.hull, fixed=fixed, trim={**body.hull.trim, **dict(table.trim)}, tether=_tether(table)),
         moves,
-        tuple(table.given),
+        tuple(table.measured_inputs),
         tuple(table.positions),
         tuple(angles),
         table.attitude,
@@ -171,28 +333,11 @@ def _whole_vehicle(
     )
 
 
-def _positive(keys: FileKeys, written: Quantity, unit: str, key: str) -> float:
-    """Read a quantity of the body that is above zero.
-
-    Raises:
-        InputError: as `FileKeys.si`, or a number that is zero or less.
-    """
-    value = keys.si(written, unit, key)
-    if value > 0:
-        return value
-    raise InputError(keys.where(key), found=f"{written}", expected="a number above zero", remedy="correct the number")
-
-
-def _trim(table: VehicleTable, keys: FileKeys) -> dict[str, float]:
-    return {name: keys.si(text, signal_unit(name), f"vehicle.trim.{name}") for name, text in table.trim.items()}
-
-
-def _tether(table: VehicleTable, keys: FileKeys) -> Tether | None:
+def _tether(table: VehicleTable) -> Tether | None:
     if table.tether is None:
         return None
-    x, y, z = (keys.si(text, "m", "vehicle.tether.point") for text in table.tether.point or ["0 m"] * 3)
-    linear = keys.si(table.tether.linear, "kg/s", "vehicle.tether.linear")
-    return Tether((x, y, z), linear, keys.si(table.tether.quadratic, "kg/m", "vehicle.tether.quadratic"))
+    x, y, z = table.tether.point or (0.0, 0.0, 0.0)
+    return Tether((x, y, z), table.tether.linear, table.tether.quadratic)
 
 
 def _by_hand(table: VehicleTable, keys: FileKeys) -> Hull:
@@ -204,25 +349,15 @@ def _by_hand(table: VehicleTable, keys: FileKeys) -> Hull:
             remedy='write mass = "unknown" to estimate axes one by one per unit of an unknown inertia',
         )
 
-    def three(key: str, unit: str) -> list[float] | None:
-        written: Sequence[str] | None = getattr(table, key)
-        return None if written is None else [keys.si(text, unit, f"vehicle.{key}") for text in written]
-
-    sizes = {"weight": "N", "buoyancy": "N"}
-    given = {
-        key: _positive(keys, text, unit, f"vehicle.{key}")
-        for key, unit in sizes.items()
-        if (text := getattr(table, key)) is not None
-    }
-    mass = _positive(keys, table.mass, "kg", "vehicle.mass")
+    given = {key: value for key in ("weight", "buoyancy") if (value := getattr(table, key)) is not None}
     with located(keys.where("vehicle")):
         return whole_hull(
             table.name or "vehicle",
-            mass,
-            three("inertia", "kg m^2") or (None, None, None),
-            products=three("products", "kg m^2") or (0.0, 0.0, 0.0),
-            centre_of_gravity=three("centre_of_gravity", "m") or (0.0, 0.0, 0.0),
-            centre_of_buoyancy=three("centre_of_buoyancy", "m") or (0.0, 0.0, 0.0),
+            table.mass,
+            table.inertia or (None, None, None),
+            products=table.products or (0.0, 0.0, 0.0),
+            centre_of_gravity=table.centre_of_gravity or (0.0, 0.0, 0.0),
+            centre_of_buoyancy=table.centre_of_buoyancy or (0.0, 0.0, 0.0),
             thrust_deduction=table.thrust_deduction,
             wake=table.wake,
             fixed=table.fixed,
@@ -248,17 +383,8 @@ def _actuators(
                 if is_signal(name)
                 else nearest(name, SIGNALS),
             )
-        unit = signal_unit(name)
-        limits = {
-            bound: keys.si(text, unit, f"{key}.{bound}")
-            for bound in ("lower", "upper")
-            if (text := getattr(written, bound)) is not None
-        }
-        if written.rate is not None:
-            limits["rate"] = keys.si(written.rate, f"({unit})/s", f"{key}.rate")
-        lag = keys.si(written.lag, "s", f"{key}.lag")
         with located(keys.where(key)):
-            found[name] = Actuator(lag, **limits)
+            found[name] = Actuator(written.lag, **written.model_dump(exclude={"lag"}, exclude_none=True))
     return found
 
 

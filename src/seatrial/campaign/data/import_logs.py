@@ -10,8 +10,8 @@ import numpy as np
 from jaxtyping import Float
 
 from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.config.import_table import Imports, LogColumn, LogFile
 from seatrial.campaign.config.named_files import find
-from seatrial.campaign.config.settings import Imports, LogColumn, LogFile
 from seatrial.campaign.data.no_record import no_record
 from seatrial.campaign.data.rebuilt_controls import with_rebuilt_controls
 from seatrial.campaign.data.run_ends import is_beyond

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from seatrial.campaign.config.campaign import Campaign
-from seatrial.campaign.config.design_table import read_own
-from seatrial.campaign.config.settings import OwnSchedule
+from seatrial.campaign.config.design_table import OwnSchedule, read_own
 from seatrial.campaign.data.no_record import no_record
 from seatrial.campaign.data.true_vehicle import FIRST, true_vehicle
 from seatrial.campaign.design.schedule import damaged_about, find_schedules, read_about

@@ -1,7 +1,7 @@
 """Channels that the model and the sensors of a campaign need of its logs, and that no column of the map gives."""
 
 from seatrial.campaign.config.campaign import Campaign
-from seatrial.campaign.config.settings import Imports
+from seatrial.campaign.config.import_table import Imports
 from seatrial.core.errors import InputError
 from seatrial.core.signals import ANGLES, OVER_EARTH, QUATERNION
 

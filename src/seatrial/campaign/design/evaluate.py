@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from seatrial.campaign.config.campaign import Campaign
-from seatrial.campaign.config.settings import DesignSettings
+from seatrial.campaign.config.design_table import DesignSettings
 from seatrial.campaign.design.utility import UTILITY_DRAWS, criterion_of, utility_draws
 from seatrial.compiled.programs import program
 from seatrial.core.errors import InputError

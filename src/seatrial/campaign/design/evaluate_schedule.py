@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from seatrial.campaign.config.campaign import Campaign
-from seatrial.campaign.config.settings import OwnSchedule
+from seatrial.campaign.config.design_table import OwnSchedule
 from seatrial.campaign.design.evaluate import plan_as_run, plan_of, utility_unit
 from seatrial.campaign.design.prior_state_space import HALF, prior_draws
 from seatrial.campaign.design.residual_noise import with_residual_noise

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from seatrial.campaign.config.campaign import Campaign
-from seatrial.campaign.config.settings import DesignSettings
+from seatrial.campaign.config.design_table import DesignSettings
 from seatrial.campaign.design.evaluate import check_whole_trials, plan_of, utility_unit
 from seatrial.campaign.design.prior_state_space import HALF, prior_draws
 from seatrial.campaign.design.schedule import write_schedule

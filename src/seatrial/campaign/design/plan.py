@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from seatrial.campaign.config.campaign import Campaign
-from seatrial.campaign.config.settings import Goal
+from seatrial.campaign.config.schema import Goal
 from seatrial.campaign.design.evaluate import check_whole_trials, plan_of
 from seatrial.campaign.design.prior_state_space import HALF, prior_draws
 from seatrial.campaign.design.residual_noise import with_residual_noise
@@ -123,8 +123,8 @@ class Plan:
     def _head(self, number: int, stage: Stage) -> str:
         names = ", ".join(AXES[axis][1].rpartition(" ")[0] for axis in stage.axes)
         earlier = [f'"../stage_{one + 1}"' for one in stage.before]
-        keys = [f"moves = {_list(stage.moves)}", *([f"given = {_list(stage.given)}"] if stage.given else [])]
-        keys += [f"known_from = [{', '.join(earlier)}]"] if earlier else []
+        keys = [f"moves = {_list(stage.moves)}", *([f"measured_inputs = {_list(stage.given)}"] if stage.given else [])]
+        keys += [f"priors_from = [{', '.join(earlier)}]"] if earlier else []
         return f"stage {number + 1}, {names}: {', '.join(stage.sought)}; {'; '.join(keys)}"
 
     def _what_it_takes(self) -> list[str]:

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from seatrial.campaign.config.campaign import Campaign
-from seatrial.campaign.config.settings import RelaySettings
+from seatrial.campaign.config.design_table import RelayTable
 from seatrial.campaign.design.evaluate import check_whole_trials, plan_of
 from seatrial.campaign.design.prior_state_space import HALF, belief_space, believed
 from seatrial.campaign.design.schedule import write_schedule
@@ -100,10 +100,10 @@ def relay_loop(campaign: Campaign) -> RelayLoop:
         _effect(campaign, relay.output, plan, trim, trimmed, np.array([prior.mean for prior in priors])),
         inf if rate is None else rate,
     )
-    return RelayLoop(family, space, scales, plan, np.array(relay.thresholds))
+    return RelayLoop(family, space, scales, plan, np.array(relay.threshold.values()))
 
 
-def check_relay(campaign: Campaign) -> RelaySettings:
+def check_relay(campaign: Campaign) -> RelayTable:
     """Return the self-oscillating test that is asked for, found before any work to be there.
 
     Raises:

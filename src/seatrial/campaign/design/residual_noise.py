@@ -25,7 +25,7 @@ TOLD = 1.3
 def with_residual_noise(campaign: Campaign, estimate: Drawn) -> Campaign:
     """Return the campaign with the noise of its sensors as an estimate found it."""
     noise = residual_noise(campaign, estimate)
-    sensors = {name: replace(sensor, noise=noise[name]) for name, sensor in campaign.sensors.items()}
+    sensors = {name: sensor.model_copy(update={"noise": noise[name]}) for name, sensor in campaign.sensors.items()}
     return replace(campaign, sensors=sensors)
 
 

@@ -182,7 +182,7 @@ def design_key(campaign: Campaign) -> str:
     return key_of(
         "design",
         *(campaign.vehicle, campaign.structure, campaign.design, campaign.power),
-        *(campaign.priors, campaign.sensors, campaign.limits, campaign.motion_limits, campaign.seed),
+        *(campaign.priors, campaign.sensors, campaign.mounts, campaign.limits, campaign.motion_limits, campaign.seed),
         *([campaign.other_limits] if campaign.family.beside or campaign.autopilot.loops else []),
         *([campaign.autopilot] if campaign.autopilot.loops else []),
         *([process] if (process := campaign.expected_process(campaign.model(campaign.full))) else []),

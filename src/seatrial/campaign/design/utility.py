@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Float
 
 from seatrial.campaign.config.campaign import Campaign
-from seatrial.campaign.config.settings import DesignFilter, DesignSettings
+from seatrial.campaign.config.design_table import DesignFilter, DesignSettings
 from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError
 from seatrial.design.fisher_utilities import Criterion, Discrimination, find_criterion

@@ -123,7 +123,7 @@ def with_error_model(campaign: Campaign, structure: Structure, error: ErrorModel
     if "likelihood" in error.estimation:
         gone = (disturbance_name(""), disturbance_time_name(""), process_name(""))
         kept = {name: prior for name, prior in kept.items() if not name.startswith(gone)}
-    settings = replace(campaign.estimation, **error.estimation)
+    settings = campaign.estimation.model_copy(update=error.estimation)
     return replace(campaign, estimation=settings, sensors=sensors, priors=kept | added)
 
 

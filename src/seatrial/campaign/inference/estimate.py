@@ -13,7 +13,7 @@ import numpy as np
 from seatrial.campaign.compute.place import workers_of
 from seatrial.campaign.compute.shared_work import Study
 from seatrial.campaign.config.campaign import Campaign
-from seatrial.campaign.config.settings import EstimationSettings
+from seatrial.campaign.config.schema import EstimationTable
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.long_steps import long_steps
 from seatrial.campaign.inference.modes import structure_modes
@@ -58,7 +58,7 @@ def estimate_key(campaign: Campaign, structure: Structure, trials: HasKey) -> st
     return key_of(
         "posterior, with findings about model error and bounds, and the effects tried",
         *(trials.key, structure.terms, campaign.vehicle),
-        *(campaign.priors, campaign.sensors, campaign.estimation, campaign.seed),
+        *(campaign.priors, campaign.sensors, campaign.mounts, campaign.estimation, campaign.seed),
     )
 
 
@@ -174,7 +174,7 @@ def _advance(study: Study, item: _Begun | _Unended, report: Progress) -> _Ended 
     return _Ended(_dataset(posterior, mode, robust, missing, draws, campaign.hull.trim, doubts))
 
 
-def _enough(target: Target, sampler: Sampler, run: Run, table: EstimationSettings) -> Draws | None:
+def _enough(target: Target, sampler: Sampler, run: Run, table: EstimationTable) -> Draws | None:
     """Return the draws of chains that need no more: they are as many as asked for, or twice, and agree, or four times; else None."""
     made = run.iteration - table.warmup
     if made not in table.lengths:

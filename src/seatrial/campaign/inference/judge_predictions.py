@@ -10,7 +10,7 @@ import jax
 import numpy as np
 
 from seatrial.campaign.config.campaign import Campaign
-from seatrial.campaign.config.settings import Imports
+from seatrial.campaign.config.import_table import Imports
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.posterior import build_likelihood, build_parameters, first_sd, random_key, shared_model
 from seatrial.campaign.store.estimates import Drawn, Estimate, HasKey, OfStructure

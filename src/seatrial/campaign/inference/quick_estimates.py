@@ -174,7 +174,7 @@ def best_mode(found: Sequence[FirstAnswer]) -> FirstAnswer:
 
 
 def keep_mode(campaign: Campaign, trials: Trials, best: FirstAnswer) -> None:
-    """Keep the mode of the most probable structure for a later campaign, by `known_from`, or a page, and how it predicts held-back runs."""
+    """Keep the mode of the most probable structure for a later campaign (`priors_from`) or a page, and how it predicts held-back runs."""
     assert best.drawn is not None
     found = {name: pair for name, _, (pair,) in best.rows}
     matrix = np.corrcoef(best.drawn.draws(tuple(found)).T)

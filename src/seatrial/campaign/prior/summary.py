@@ -171,10 +171,10 @@ def _mend(found: PriorPredictive) -> str:
 
 def _cut(found: PriorPredictive, name: str) -> str:
     """Say how the prior of a coefficient is cut to what physics allows; that of a published vehicle may have no section of its own."""
-    words = f"set physical = true in [prior.{name}]"
+    words = f"set dissipative = true in [prior.{name}]"
     if found.settled is not None:
         return words
     low, middle, high = next(item.quantiles for item in found.believed if item.name == name)
     sd = (high - low) / (2 * Z90)
-    added = f'distribution = "normal", mean = {middle:.2g}, sd = {sd:.2g} and physical = true'
+    added = f'distribution = "normal", mean = {middle:.2g}, sd = {sd:.2g} and dissipative = true'
     return f"{words}, or if the file has no such section, add it with {added}"

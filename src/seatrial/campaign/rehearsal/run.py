@@ -19,7 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from seatrial.campaign.config.campaign import Campaign
-from seatrial.campaign.config.settings import Goal
+from seatrial.campaign.config.schema import Goal
 from seatrial.campaign.design.evaluate import check_whole_trials
 from seatrial.campaign.design.plan import goal_of
 from seatrial.campaign.design.sweep import design_first, design_key

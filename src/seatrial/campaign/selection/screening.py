@@ -111,7 +111,7 @@ def shortlist_of(campaign: Campaign, trials: Trials) -> Shortlist | None:
 
 def screening_key(campaign: Campaign, trials: HasKey) -> str:
     """Key of the screening."""
-    believed = campaign.structure, campaign.vehicle, campaign.sensors, campaign.priors
+    believed = campaign.structure, campaign.vehicle, campaign.sensors, campaign.mounts, campaign.priors
     return key_of("screening", _LAYOUT, trials.key, believed, campaign.seed)
 
 

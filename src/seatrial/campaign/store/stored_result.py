@@ -15,6 +15,7 @@ from typing import Any, Generic, Literal, TypeVar
 from zipfile import ZIP_STORED
 
 import numpy as np
+from pydantic import BaseModel
 
 from seatrial import __version__
 from seatrial.core import dataset_file
@@ -225,14 +226,17 @@ def key_of(*parts: Any) -> str:
 def as_json(part: Any) -> Any:
     """Return a part of a configuration as JSON, so that parts of equal content are equal there.
 
-    Frozen dataclasses go by type and by the fields that they are compared by. Numbers go by twelve digits, since a quantity that is written
-    in another unit differs in the sixteenth, and large ones by nine decimals: of seconds since 1970 every nanosecond counts.
+    Tables of a campaign file go by type and by their keys, frozen dataclasses by the fields that they are compared by. Numbers go by
+    twelve digits, since a quantity that is written in another unit differs in the sixteenth, and large ones by nine decimals: of seconds
+    since 1970 every nanosecond counts.
     """
     if isinstance(part, float):
         return round(part, 9) if abs(part) >= 1e3 else float(f"{part:.11e}")
     if is_dataclass(part) and not isinstance(part, type):
         content = {field.name: as_json(getattr(part, field.name)) for field in fields(part) if field.compare}
         return {"": type(part).__name__, **content}
+    if isinstance(part, BaseModel):
+        return {"": type(part).__name__, **{name: as_json(value) for name, value in part}}
     if isinstance(part, Mapping):
         return {name: as_json(value) for name, value in part.items()}
     return [as_json(one) for one in part] if isinstance(part, list | tuple) else part

@@ -12,7 +12,7 @@ import scipy
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.new_campaign import OWN
-from seatrial.campaign.config.settings import Goal
+from seatrial.campaign.config.schema import Goal
 from seatrial.campaign.data.simulate import Chosen, chosen_of
 from seatrial.campaign.design.residual_noise import noise_words
 from seatrial.campaign.design.sweep import Designs

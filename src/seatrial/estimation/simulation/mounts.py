@@ -15,8 +15,8 @@ from typing import Any
 from seatrial.core.signals import ANGLES, OVER_GROUND, POSITIONS, RATES, SPECIFIC_FORCE
 from seatrial.numerics.rotations import cross, dot, matrix_of_angles, times, total
 
-PLACE, TURN, SCALE, LATE = ("x", "y", "z"), ("roll", "pitch", "yaw"), "scale", "late"
-"""Parts of a mount, of which each may be an unknown: `x_dvl`, m, `yaw_dvl`, rad, `scale_dvl`, `late_dvl`, s."""
+PLACE, TURN, SCALE, LATE = ("x", "y", "z"), ("roll", "pitch", "yaw"), "scale", "delay"
+"""Parts of a mount, of which each may be an unknown: `x_dvl`, m, `yaw_dvl`, rad, `scale_dvl`, `delay_dvl`, s."""
 MOST_LATE = 1.0
 """Seconds by which a sensor may show the past, at most."""
 MOUNTED = (*RATES, *OVER_GROUND, *POSITIONS, *SPECIFIC_FORCE)
@@ -81,7 +81,7 @@ class Mount:
 
 def mount_names(name: str) -> tuple[str, ...]:
     """Return the names of the parameters of a mount: `x_dvl`, `y_dvl`, `z_dvl`, `roll_dvl`, `pitch_dvl`, `yaw_dvl`, `scale_dvl`,
-    `late_dvl`."""
+    `delay_dvl`."""
     return tuple(f"{part}_{name}" for part in (*PLACE, *TURN, SCALE, LATE))
 
 
