@@ -20,6 +20,7 @@ from seatrial.core.errors import InputError
 from seatrial.estimation.diagnostics.identifiability import identifiability_of_fit
 from seatrial.estimation.posterior.mode import find_mode
 from seatrial.manoeuvres.schedule import schedule_of
+from seatrial.messages.render import remedy
 from tests.campaign.small import write_summary
 
 MASS, STEP, LAG = 20.0, 0.1, 0.25
@@ -530,22 +531,22 @@ def test_refusals(tmp_path, pull, what):
 
 
 FAULTS = {
-    "kgf": (lambda gauge: gauge / 9.80665, "size", "kilograms-force taken for newtons"),
-    "tension": (lambda gauge: -gauge, "direction", "reversed"),
-    "limit": (lambda gauge: np.clip(gauge, -14.0, 14.0), "range", "at its limit"),
-    "slack": (lambda gauge: np.maximum(gauge, 0.0), "range", "a rope is slack"),
+    "kgf": (lambda gauge: gauge / 9.80665, "size-unlike", "kilograms-force taken for newtons"),
+    "tension": (lambda gauge: -gauge, "direction-reversed", "scale = -1"),
+    "limit": (lambda gauge: np.clip(gauge, -14.0, 14.0), "gauge-at-limit", "leave these samples out"),
+    "slack": (lambda gauge: np.maximum(gauge, 0.0), "gauge-at-limit", "leave these samples out"),
 }
 
 
 @pytest.mark.parametrize("fault", FAULTS)
 def test_check_tells_what_is_wrong_with_a_gauge(tmp_path, pull, fault):
-    change, check, remedy = FAULTS[fault]
+    change, check, told = FAULTS[fault]
     command, volt, gauge = pull
     found = campaign(tmp_path, np.column_stack([command, volt, change(gauge)]))
     (judged,) = check_records(found, get_trials(found))
-    (wrong,) = [one for one in judged.findings if one.level in ("caution", "fail") and one.signal == "force_X"]
-    assert wrong.check == check
-    assert remedy in wrong.remedy
+    (wrong,) = [one for one in judged.findings if one.level in ("caution", "alarm") and one.subject == ("force_X",)]
+    assert wrong.code == check
+    assert told in remedy(wrong)
 
 
 def test_check_passes_a_sound_record(tmp_path, pull):

@@ -100,9 +100,9 @@ def test_the_sign_and_the_unit_of_a_channel(tmp_path, scale, code, told):
     assert (
         result.output.splitlines()[-1]
         == {
-            "1.0": "in all 0 failures, 0 cautions: go on with `estimate`",
-            "-1.0": "in all 1 failure, 0 cautions: correct what fails before anything is estimated",
-            "3.28084": "in all 0 failures, 1 caution: look at each caution, then go on with `estimate`",
+            "1.0": "in all 0 alarms, 0 cautions: go on with `estimate`",
+            "-1.0": "in all 1 alarm, 0 cautions: correct what raises an alarm before anything is estimated",
+            "3.28084": "in all 0 alarms, 1 caution: look at each caution, then go on with `estimate`",
         }[scale]
     )
     assert (tmp_path / "a" / "check-one.svg").read_text().endswith("</svg>\n")
@@ -115,7 +115,7 @@ def test_a_velocity_that_is_mapped_and_has_no_sensor_is_told(tmp_path):
     more = 'r = { column = "speed", unit = "rad/s" }\n\n[estimation]'
     write(tmp_path / "a", "1.0", text.replace("\n[estimation]", more))
     result = CliRunner().invoke(app, ["check", str(tmp_path / "a"), "--quiet"])
-    assert "channel r is mapped but has no [sensors.r]; it is not used" in result.output, result.output
+    assert "r is mapped but has no [sensors.r], so it is not used" in result.output, result.output
 
 
 def test_a_start_from_rest_is_noted_by_check_alone(tmp_path):
@@ -126,9 +126,8 @@ def test_a_start_from_rest_is_noted_by_check_alone(tmp_path):
     campaign = load_campaign(tmp_path / "a")
     (record,) = get_trials(campaign).fit
     (judged,) = check_records(campaign, get_trials(campaign))
-    (found,) = [one for one in judged.findings if one.check == "limits"]
+    (found,) = [one for one in judged.findings if one.code == "limits-exceeded"]
     assert found.level == "note"
-    assert "outside the limits that designs keep" in found.value
     assert record_doubts(campaign, record) == []
 
 
@@ -180,8 +179,9 @@ def test_commands_that_are_computed_from_the_motion_cast_no_doubt_on_signs(tmp_p
         csv.writer(file).writerows([("t", "force", "speed"), *rows])
     result = CliRunner().invoke(app, ["check", str(tmp_path / "a"), "--quiet"])
     assert result.exit_code == 0, result.output
-    assert "note    tau_X      closed loop: it is computed from u" in result.output
-    assert "note    u          direction: correlation -0." in result.output
+    assert "note    tau_X is computed from u" in result.output
+    assert "note    u moves against the expected motion (correlation -0." in result.output
+    assert "not judged, as tau_X is computed from measured channels" in result.output
     assert "scale = -1" not in result.output
     assert "before its command" not in result.output
     assert "changes at nearly every sample" not in result.output
@@ -192,7 +192,7 @@ def test_commands_that_are_computed_from_the_motion_cast_no_doubt_on_signs(tmp_p
     ("shift", "told"),
     [
         (0.0, "timing (within "),
-        (3.0, "`shift` of speed.csv under [[import.files]] is too small by about "),
+        (3.0, "correct `shift` of speed.csv under [[import.files]], which is too small by about "),
     ],
 )
 def test_files_whose_clocks_differ(tmp_path, shift, told):
@@ -221,15 +221,15 @@ channels.u = {""",
         (
             "SCALE",
             "1.94",
-            "u          trim: with the controls at trim about 2.398 m/s (vehicle.trim.u is 1.2 m/s); knots taken for m/s",
+            "u with the controls at trim is about 2.398 m/s, but the stated trim is 1.2 m/s",
         ),
         (
             'unit = "N"',
             'unit = "lbf"',
-            "tau_X      trim: of about 44.48 N (vehicle.trim.tau_X is 10 N); pounds-force taken for newtons",
+            "tau_X is about 44.48 N, but the stated trim is 10 N",
         ),
         ('unit = "s"', 'unit = "ms"', 'has a row every 0.0001 s with the unit "ms", where'),
-        ("SCALE", "5.0", "see its trim, which tells the unit better"),
+        ("SCALE", "5.0", "see its trim, which shows the unit better"),
     ],
 )
 def test_a_record_that_contradicts_the_trim_or_any_clock(tmp_path, old, new, told):
@@ -250,10 +250,10 @@ def test_empty_cells_are_told_with_what_is_done_with_them(tmp_path):
     log.write_text("\n".join(map(",".join, lines)) + "\n")
     result = CliRunner().invoke(app, ["check", str(tmp_path / "a"), "--quiet"])
     assert result.exit_code == 0, result.output
-    said = [line.split("empty cells: ")[1] for line in result.output.splitlines() if "empty cells" in line]
+    said = [line.split("note    ")[1] for line in result.output.splitlines() if "empty or NaN" in line]
     assert said == [
-        '1 of 400 rows of one.csv, column "force", are empty or NaN (each holds the value before it)',
-        '3 of 400 rows of one.csv, column "speed", are empty or NaN (they are left out; the other rows are used)',
+        '1 of 400 rows of one.csv, column "force", are empty or NaN; each holds the value before it',
+        '3 of 400 rows of one.csv, column "speed", are empty or NaN; the other rows are used',
     ]
 
 
@@ -273,7 +273,7 @@ def test_priors_that_say_neither_way_cast_no_doubt_on_a_record(tmp_path, scale):
     result = CliRunner().invoke(app, ["check", str(tmp_path / "a"), "--quiet"])
     assert result.exit_code == 0, result.output
     assert "record one: pass" in result.output
-    assert "note    u          direction: not judged" in result.output
+    assert "note    direction, size and timing of u are not judged" in result.output
     assert "  caution" not in result.output
 
 
@@ -287,7 +287,7 @@ def test_what_a_record_can_tell_under_priors_that_say_neither_way(tmp_path):
     campaign = load_campaign(tmp_path / "a")
     trials = get_trials(campaign)
     (judged,) = check_records(campaign, trials)
-    found = {finding.signal: finding for finding in judged.findings if finding.check.startswith("excitation")}
+    found = {finding.subject[0]: finding for finding in judged.findings if finding.code == "not-excited"}
 
     truth, step = np.array([1.0, -6.0, 0.0]), 1e-4 * np.eye(3)
     slopes = np.array([(speed(*(truth + one)) - speed(*(truth - one))) / 2e-4 / NOISE for one in step])
@@ -295,8 +295,8 @@ def test_what_a_record_can_tell_under_priors_that_say_neither_way(tmp_path):
     left = np.sqrt(np.diag(np.linalg.inv(slopes @ slopes.T + np.diag(before**-2)))) / before
     assert [finding.level for finding in found.values()] == ["pass", "pass", "caution"]
     for finding, share in zip(found.values(), left, strict=True):
-        assert finding.check == "excitation (at a fit of the measured motion)"
-        assert float(finding.value.split("%")[0]) == pytest.approx(100 * share, abs=0.6)
+        assert finding.values["about"] == "fit"
+        assert finding.values["remaining"] == pytest.approx(share, abs=0.006)
 
 
 def test_excitation_of_a_whole_vehicle_under_priors_that_say_neither_way(tmp_path):
@@ -313,27 +313,23 @@ def test_a_control_beyond_its_limit_is_told_with_both_numbers(tmp_path):
         write(tmp_path / name, "1.0", f"{CAMPAIGN}\n[limits.tau_X]\n{bounds}\n")
         campaign = load_campaign(tmp_path / name)
         (judged,) = check_records(campaign, get_trials(campaign))
-        lines = [finding.line for finding in judged.findings if finding.check == "limits"]
-        assert len(lines) == (name == "far")
-        assert all("the record reaches 10 N (limits.tau_X.upper is 8 N)" in line for line in lines)
+        found = [finding for finding in judged.findings if finding.code == "limits-exceeded"]
+        assert len(found) == (name == "far")
+        assert all((one.values["reached"], one.values["bound"], one.values["end"]) == (10, 8, "upper") for one in found)
 
 
-@pytest.mark.parametrize(
-    ("mass", "says"), [("30 kg", ""), ("0.5 kg", "differs by up to 3"), ("0.25 kg", "does not run away")]
-)
-def test_steps_that_are_too_long_for_a_quick_vehicle_are_told(tmp_path, mass, says):
+@pytest.mark.parametrize(("mass", "differs"), [("30 kg", None), ("0.5 kg", 36.0), ("0.25 kg", 0.0)])
+def test_steps_that_are_too_long_for_a_quick_vehicle_are_reported(tmp_path, mass, differs):
     """Naive Runge-Kutta steps of this vehicle in 0.1 s and 0.05 s differ by 4e-6, by 36 and by no end, over the noise."""
     write(tmp_path / "a", "1.0", CAMPAIGN.replace("30 kg", mass))
     campaign = load_campaign(tmp_path / "a")
     (judged,) = check_records(campaign, get_trials(campaign))
-    found = [finding for finding in judged.findings if finding.check == "step"]
-    assert [finding.signal for finding in found] == (["u"] if says else [])
+    found = [finding for finding in judged.findings if finding.code == "steps-too-coarse"]
+    assert [finding.subject for finding in found] == ([] if differs is None else [("u",)])
     for finding in found:
-        assert says in finding.value
-        assert 'step = "0.025 s"' in finding.remedy
-    assert step_cautions(campaign, get_trials(campaign)) == [
-        f"run one, channel u: {finding.value}; {finding.remedy}" for finding in found
-    ]
+        assert finding.values["differs"] == pytest.approx(differs, abs=4.0)
+        assert finding.values["shorter"] == pytest.approx(0.025)
+    assert step_cautions(campaign, get_trials(campaign)) == [finding.among(run="one") for finding in found]
 
 
 def test_estimate_says_that_steps_are_too_long_before_it_fits_anything(tmp_path, monkeypatch):
@@ -346,5 +342,5 @@ def test_estimate_says_that_steps_are_too_long_before_it_fits_anything(tmp_path,
         monkeypatch.setattr(f"seatrial.campaign.inference.{module}.find_mode", fit)
         result = CliRunner().invoke(app, ["estimate", str(tmp_path / "a"), "--by", by, "--quiet"])
         before, _, _ = f"{result.output}{result.exception}".partition("here the fit begins")
-        assert before.count("caution: run one, channel u: in steps half as long") == 1
+        assert before.count("caution: run one: the steps of 0.1 s are too long") == 1
         assert "here the fit begins" in f"{result.output}{result.exception}"

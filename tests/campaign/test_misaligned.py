@@ -1,7 +1,5 @@
 """A Doppler log that is turned, off the origin, of a wrong scale and late, on a simulated ROV: what is found, and what cannot be."""
 
-import re
-
 import numpy as np
 import pytest
 
@@ -172,30 +170,31 @@ def axes_of(folder, columns=None, turned=0.0):
     (folder / "campaign.toml").write_text(text)
     campaign = load_campaign(folder)
     (judged,) = check_records(campaign, get_trials(campaign))
-    (found,) = [one for one in judged.findings if one.check == "axes"]
+    (found,) = [one for one in judged.findings if one.code == "axes-wrong"]
     return found
 
 
 @pytest.mark.parametrize(
-    ("columns", "turned", "level", "value", "remedy"),
+    ("columns", "turned", "level", "mirrored", "remedy"),
     [
-        ({}, 0.0, "pass", "as the channel map says", ""),
-        ({}, 5.0, "pass", "as the channel map says", ""),
-        ({}, 90.0, "fail", "turned: u = v, v = -u", 90.0),
-        ({}, 180.0, "fail", "turned: u = -u, v = -v", 180.0),
-        ({}, -60.0, "fail", "turned: u = 0.5", -60.0),
-        ({"u": ("v", 1.0), "v": ("u", 1.0)}, 0.0, "fail", "mirrored: u = v, v = u", "left-handed"),
-        ({"v": ("v", -1.0)}, 0.0, "fail", "mirrored: u = u, v = -v", "scale = -1"),
+        ({}, 0.0, "pass", None, ()),
+        ({}, 5.0, "pass", None, ()),
+        ({}, 90.0, "alarm", False, 90.0),
+        ({}, 180.0, "alarm", False, 180.0),
+        ({}, -60.0, "alarm", False, -60.0),
+        ({"u": ("v", 1.0), "v": ("u", 1.0)}, 0.0, "alarm", True, ("left-handed",)),
+        ({"v": ("v", -1.0)}, 0.0, "alarm", True, ("left-handed",)),
     ],
 )
-def test_check_finds_a_turned_or_mirrored_log(tmp_path, columns, turned, level, value, remedy):
+def test_check_finds_a_turned_or_mirrored_log(tmp_path, columns, turned, level, mirrored, remedy):
     found = axes_of(tmp_path, columns, turned)
-    assert found.level == level, found.line
-    assert value in found.value, found.line
-    if isinstance(remedy, str):
-        assert remedy in found.remedy
+    assert found.level == level, found
+    assert found.values.get("mirrored") == mirrored, found
+    if isinstance(remedy, tuple):
+        assert found.remedies == remedy
     else:  # by vehicles of the priors, whose motion is not that of this one
-        (angle,) = map(float, re.findall(r'yaw = "(-?\d+) deg"', found.remedy))
+        ((part, angle),) = found.values["angles"]
+        assert part == "yaw"
         assert abs((angle - remedy + 180.0) % 360.0 - 180.0) < 8.0
 
 

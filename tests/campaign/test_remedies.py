@@ -20,6 +20,7 @@ from seatrial.estimation.diagnostics.prior_checks import _remedy
 from seatrial.estimation.posterior.posterior import Parameter
 from seatrial.estimation.prediction.fit_verdict import slow_remedy
 from seatrial.estimation.priors import LogUniform
+from seatrial.messages.render import remedy
 from tests.campaign.small import SMALL
 from tests.campaign.test_check import CAMPAIGN, MUTE, feedback, speed, write
 from tests.campaign.yaw_campaign import write_yaw
@@ -233,14 +234,14 @@ CHECKED = {
     "a reversed sign": (
         CAMPAIGN,
         rows(reverse=-1.0),
-        "direction",
-        "set scale = -1 in the channel map",
+        "direction-reversed",
+        "set scale = -1 for u",
         lambda text: text.replace("scale = SCALE", "scale = -1.0"),
     ),
     "a unit": (
         CAMPAIGN.replace('"m/s", scale', '"cm/s", scale'),
         rows(),
-        "size",
+        "size-unlike",
         "centimetres taken for metres",
         lambda text: text.replace('"cm/s", scale', '"m/s", scale'),
     ),
@@ -254,28 +255,28 @@ CHECKED = {
     "a channel without a sensor": (
         TURNS,
         rows(),
-        "sensor",
+        "channel-unused",
         "add [sensors.r] with its noise, or take r out of the channel map",
         lambda text: text.replace(R, ""),
     ),
     "a late response": (
         CAMPAIGN,
         rows(late=12),
-        "timing",
+        "clock-shift",
         'give the delay a prior, [prior.delay] with distribution = "uniform", lower = 0.0 and upper = 2.',
         lambda text: text + '[prior.delay]\ndistribution = "uniform"\nlower = 0.0\nupper = 2.4\n',
     ),
     "long steps": (
         CAMPAIGN.replace("30 kg", "0.5 kg"),
         rows(),
-        "step",
+        "steps-too-coarse",
         'step = "0.025 s" under [import]',
         lambda text: text.replace("[import]\n", '[import]\nstep = "0.025 s"\n'),
     ),
     "a term that nothing excites": (
         CONSTANT,
         rows(),
-        "excitation",
+        "not-excited",
         "fix it",
         lambda text: without(text.replace(', "X_0"]', "]"), ["X_0"]).replace(
             'mass = "30 kg"', 'mass = "30 kg"\nfixed = { X_0 = 0.0 }'
@@ -284,7 +285,7 @@ CHECKED = {
     "priors of no sign": (
         MUTE,
         rows(),
-        "direction",
+        "direction-not-judged",
         "use priors of known sign, such as half-normal",
         lambda text: text.replace(
             'distribution = "normal"\nmean = 0.0\nsd = 3.0', 'distribution = "half-normal"\nlower = 0.0\nscale = 2.0'
@@ -295,8 +296,8 @@ CHECKED = {
     "a limit": (
         CAMPAIGN + '\n[limits.tau_X]\nlower = "-9 N"\nupper = "12 N"\n',
         rows(),
-        "limits",
-        "correct it if the vehicle may go so far",
+        "limits-exceeded",
+        "correct the limit if the vehicle may go so far",
         lambda text: text.replace('"-9 N"', '"-10 N"'),
     ),
 }
@@ -307,9 +308,9 @@ def doubts(folder, text, log):
     (folder / "one.csv").write_text("\n".join(["t,force,speed", *(",".join(map(str, row)) for row in log)]) + "\n")
     campaign = load_campaign(folder)
     (judged,) = check_records(campaign, get_trials(campaign))
-    found = [one for one in judged.findings if one.level != "pass" and one.remedy]
+    found = [one for one in judged.findings if one.level != "pass" and one.remedies]
     return [
-        *((one.check.split(" (")[0], one.level, one.remedy) for one in found),
+        *((one.code, one.level, remedy(one)) for one in found),
         *(("record", "caution", text) for text in judged.cautions),
     ]
 
@@ -319,8 +320,8 @@ def test_a_finding_of_check(tmp_path, name):
     """It is there, its remedy is the one that is followed, and it is gone, without another in its place."""
     text, log, check, told, edit = CHECKED[name]
     before = doubts(tmp_path, text, log)
-    ((level, remedy),) = [(level, remedy) for one, level, remedy in before if one == check]
-    assert told in remedy
+    ((level, do),) = [(level, do) for one, level, do in before if one == check]
+    assert told in do
     after = doubts(tmp_path, edit(text), log)
     assert (check, level) not in {one[:2] for one in after}, after
     assert {one for one, *_ in after} <= {one for one, *_ in before}, after
@@ -328,12 +329,12 @@ def test_a_finding_of_check(tmp_path, name):
 
 def test_a_sensor_that_is_added_uses_its_channel(tmp_path):
     after = doubts(tmp_path, TURNS + '[sensors.r]\nnoise = "0.02 rad/s"\n', rows())
-    assert "sensor" not in [one for one, *_ in after]
+    assert "channel-unused" not in [one for one, *_ in after]
 
 
 def test_a_control_that_changes_at_each_sample_is_measured_or_a_command(tmp_path):
     log = [(time, 5.0 + 3.0 * np.sin(0.7 * float(time)), speed) for time, _, speed in feedback(0)]
-    (told,) = [remedy for one, _, remedy in doubts(tmp_path, CAMPAIGN, log) if one == "record"]
+    (told,) = [do for one, _, do in doubts(tmp_path, CAMPAIGN, log) if one == "record"]
     for way in ("line", "held"):
         assert f'between = "{way}"' in told
         text = CAMPAIGN.replace('unit = "N" }', f'unit = "N", between = "{way}" }}')
@@ -345,6 +346,6 @@ def test_a_velocity_that_is_given_needs_no_sensor(tmp_path):
     folder = write_yaw(tmp_path / "yaw")
     campaign = load_campaign(folder)
     for judged in check_records(campaign, get_trials(campaign)):
-        assert [one for one in judged.findings if one.check == "sensor"] == []
+        assert [one for one in judged.findings if one.code == "channel-unused"] == []
     text = (folder / "campaign.toml").read_text()
     assert load(folder, text + '[sensors.u]\nnoise = "0.01 m/s"\n') is not None

@@ -13,6 +13,7 @@ from seatrial.campaign.data.check import check_records
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.inference import prior_and_record
 from seatrial.core.errors import InputError
+from seatrial.messages.render import remedy
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "thruster_rov"
 MOUNT = """
@@ -61,33 +62,35 @@ def rov(folder, motion, yaw=0.0, depth_scale=1.0, rate_scale=1.0, more=""):
 def test_depth_is_not_judged_where_the_priors_allow_it(tmp_path, motion):
     """With the buoyancy unknown it may go either way; depth in centimetres goes further than any vehicle of the priors."""
     found = findings(tmp_path, motion)
-    assert [one.signal for one in found if one.level == "fail" and one.check != "thruster"] == []
-    (depth,) = [one for one in found if one.signal == "z" and one.check != "outliers"]
-    assert (depth.check, depth.level) == ("direction", "note")
-    assert not any(one.check == "mounting" for one in found)
+    assert [one for one in found if one.level == "alarm" and not one.code.startswith("thruster")] == []
+    (depth,) = [one for one in found if "z" in one.subject and one.code != "outliers"]
+    assert (depth.code, depth.level) == ("sum-not-judged", "note")
+    assert not any(one.code == "sensor-turned" for one in found)
     (size,) = [
-        one for one in findings(tmp_path, motion, depth_scale=1000.0) if one.signal == "z" and one.check == "size"
+        one
+        for one in findings(tmp_path, motion, depth_scale=1000.0)
+        if one.subject == ("z",) and one.code == "size-unlike"
     ]
-    assert size.level == "fail"
+    assert size.level == "alarm"
 
 
 def test_a_turned_doppler_log_is_named_with_its_mount(tmp_path, motion):
-    (mounting,) = [one for one in findings(tmp_path, motion, yaw=45.0) if one.check == "mounting"]
-    assert (mounting.signal, mounting.level) == ("u, v, w", "fail")
-    assert "about the vertical axis" in mounting.value
-    assert abs(float(mounting.value.split()[2]) - 45.0) < 8.0
-    assert '[mounts.dvl] with channels = ["u", "v", "w"] and yaw = "' in mounting.remedy
-    assert "[prior.yaw_dvl]" in mounting.remedy
+    (mounting,) = [one for one in findings(tmp_path, motion, yaw=45.0) if one.code == "sensor-turned"]
+    assert (mounting.subject, mounting.level) == (("u", "v", "w"), "alarm")
+    assert (mounting.values["part"], mounting.values["mount"]) == ("yaw", "dvl")
+    assert abs(mounting.values["degrees"] - 45.0) < 8.0
+    assert '[mounts.dvl] with channels = ["u", "v", "w"] and yaw = "' in remedy(mounting)
+    assert "[prior.yaw_dvl]" in remedy(mounting)
 
 
 def test_a_mount_that_is_stated_is_believed(tmp_path, motion):
     found = findings(tmp_path, motion, yaw=45.0, more=MOUNT)
-    assert not any(one.check == "mounting" for one in found)
-    assert {one.level for one in found if one.check == "direction" and one.signal in "uvw"} == {"pass"}
+    assert not any(one.code == "sensor-turned" for one in found)
+    assert {one.level for one in found if one.code == "direction-reversed" and one.subject[0] in "uvw"} == {"pass"}
 
 
 @pytest.mark.parametrize(
-    ("changes", "told"), [({"yaw": 45.0}, "mounting"), ({"rate_scale": 180 / np.pi}, "degrees taken for radians")]
+    ("changes", "told"), [({"yaw": 45.0}, "looks turned"), ({"rate_scale": 180 / np.pi}, "degrees taken for radians")]
 )
 def test_a_prior_that_excludes_the_data_is_refused_with_what_the_check_finds(
     tmp_path, motion, monkeypatch, changes, told
@@ -102,9 +105,9 @@ def test_a_prior_that_excludes_the_data_is_refused_with_what_the_check_finds(
     with pytest.raises(InputError, match="check units") as caught:
         prior_and_record.check_prior_of(study, None, None)
     assert told in caught.value.remedy
-    assert caught.value.remedy.startswith("`seatrial check` finds a likely cause: run 1, ")
+    assert caught.value.remedy.startswith("`seatrial check` finds a likely cause: run 1: ")
     line = int(caught.value.where.split("campaign.toml:")[1].split(",")[0])
     assert campaign.text.splitlines()[line - 1].startswith("u = { noise")
     assert campaign.where_of_prior("prior.tau_u") == f"{campaign.path}, key prior.tau_u"
     found = check_records(campaign, get_trials(campaign))[0].findings
-    assert any(one.check == "mounting" for one in found) == ("yaw" in changes)
+    assert any(one.code == "sensor-turned" for one in found) == ("yaw" in changes)

@@ -12,6 +12,7 @@ from seatrial.campaign.data.check import check_records, summary_line
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.prior.cautions import doubtful_radii
 from seatrial.core.errors import InputError
+from seatrial.messages.render import statement
 from seatrial.vehicles.catalogue import load_vehicle, vehicle_names
 from seatrial.vehicles.hull import whole_hull
 
@@ -127,45 +128,45 @@ def test_a_log_that_is_mapped_right_passes(tmp_path):
 @pytest.mark.parametrize(
     ("changes", "late", "first", "told"),
     [
-        (SWAPPED, 0, ("fail", "r", "direction"), "the order of the thruster columns f_1 and f_2 is wrong"),
-        (REVERSED, 0, ("fail", "u", "direction"), "the sign of u or of its command is reversed"),
-        (DEGREES, 0, ("fail", "r", "size"), "degrees taken for radians, or the reverse, in r?"),
+        (SWAPPED, 0, ("alarm", "r", "direction"), "check the order of the thruster columns f_1 and f_2"),
+        (REVERSED, 0, ("alarm", "u", "direction"), "set scale = -1 for u or its command"),
+        (DEGREES, 0, ("alarm", "r", "size"), "degrees taken for radians in r, or the reverse?"),
         ((), -15, ("caution", "u", "timing"), "put command and response on one clock"),
     ],
     ids=["port and starboard swapped", "u reversed", "degrees taken for radians", "a clock that is off"],
 )
 def test_the_cause_is_named_first_and_no_thruster_is_accused(tmp_path, changes, late, first, told):
     (found,) = judged(tmp_path, *changes, late=late)
-    line = found.lines()[1]
+    line, remedy = found.lines()[1:3]
     assert line.split()[:2] == [*first[:2]]
-    assert f" {first[2]}: " in line
-    assert told in line
-    (thrusters,) = [one for one in found.findings if one.check == "thruster"]
-    assert (thrusters.signal, thrusters.level) == ("f_1, f_2", "note")
-    assert f"the {first[2]} of " in thrusters.threshold
-    assert not any("cannot determine" in one.remedy for one in found.findings)
-    failed = first[0] == "fail"
-    assert ("correct what fails" in summary_line([found])) == failed
-    assert any(one.check == "excitation" and one.level == "note" for one in found.findings) == failed
+    assert told in remedy
+    later = [one for one in found.findings if one.code == "not-judged-yet"]
+    thrusters = next(one for one in later if one.values["check"] == "thruster-gain")
+    assert (thrusters.subject, thrusters.level) == (("f_1", "f_2"), "note")
+    assert f"the {first[2]} of " in statement(thrusters)
+    assert not any(one.code == "rate-not-measured" for one in found.findings)
+    failed = first[0] == "alarm"
+    assert ("correct what raises an alarm" in summary_line([found])) == failed
+    assert any(one.values["check"] == "not-excited" for one in later) == failed
 
 
 def test_a_single_thruster_that_is_turned_round_is_still_told_first(tmp_path):
     (found,) = judged(tmp_path, ('"starboard", unit = "N"', '"starboard", unit = "N", scale = -1.0'))
-    assert found.lines()[1].split()[:2] == ["fail", "f_2"]
-    assert "turn its direction round" in found.lines()[1]
+    assert found.lines()[1].split()[:2] == ["alarm", "f_2"]
+    assert "reverse its direction" in found.lines()[2]
 
 
 def test_a_rate_without_a_sensor_is_told_by_import_and_its_coefficients_in_one_line(tmp_path):
     write(tmp_path, (SENSOR, ""))
-    told = "channel r is mapped but has no [sensors.r]; it is not used"
+    told = "r is mapped but has no [sensors.r], so it is not used"
     imported = CliRunner().invoke(app, ["import", str(tmp_path), "--quiet"])
     assert imported.exit_code == 0, imported.output
     assert imported.output.count(told) == 1
     checked = CliRunner().invoke(app, ["check", str(tmp_path), "--quiet"])
     assert told in checked.output
     (line,) = [line for line in checked.output.splitlines() if "cannot determine" in line]
-    assert line.split(" excitation")[0].split() == ["caution", "N_r,", "N_rabsr"]
-    assert "no sensor measures r, in which they show" in line
+    assert line.split()[0] == "caution"
+    assert "N_r and N_rabsr: no sensor measures r" in line
 
 
 MASS = '"14.5 kg"'

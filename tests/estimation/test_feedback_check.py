@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from seatrial.core.findings import Finding
 from seatrial.core.record import Channel, Provenance, make_record
 from seatrial.estimation.diagnostics.feedback_check import find_feedback, not_judged_in_loop
-from seatrial.estimation.diagnostics.record_checks import RecordFinding
 
 STEP, COUNT, NOISE = 0.1, 1000, 0.02
 TIME = STEP * np.arange(COUNT)
@@ -89,8 +89,8 @@ def test_a_response_that_is_stamped_too_early_is_no_feedback(name, early):
 
 
 def test_findings_that_compare_motion_and_commands_are_not_judged_in_a_loop():
-    names = ("direction", "timing", "axes", "thruster", "size", "outliers")
-    findings = [RecordFinding("u", name, "fail", "value", "limit", "set scale = -1") for name in names]
+    codes = ("direction-reversed", "clock-shift", "axes-wrong", "thruster-reversed", "size-unlike", "outliers")
+    findings = [Finding(code, "alarm", ("u",), {}, ("reverse-sign",)) for code in codes]
     assert not_judged_in_loop(findings, {}) == findings
     levels = [one.level for one in not_judged_in_loop(findings, {"tau_X": ("u",)})]
-    assert levels == ["note", "note", "note", "note", "fail", "fail"]
+    assert levels == ["note", "note", "note", "note", "alarm", "alarm"]

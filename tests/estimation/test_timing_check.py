@@ -113,42 +113,35 @@ def test_noise_stillness_and_few_samples_tell_nothing():
 
 
 @pytest.mark.parametrize(
-    ("command", "late", "level", "words", "remedy"),
+    ("command", "late", "level", "code", "remedies"),
     [
-        (LEVELS, 0.0, "pass", "in time with its commands, or off by at most", ""),
-        (
-            LEVELS,
-            -7.2,
-            "caution",
-            "about 7.2 s early, ±",
-            "`shift` of dvl.csv under [[import.files]] is too small by about 7.2 s",
-        ),
-        (
-            LEVELS,
-            7.2,
-            "caution",
-            "about 7.2 s late, ±",
-            "`shift` of dvl.csv under [[import.files]] is too large by about 7.2 s",
-        ),
-        (PERIODIC, 0.0, "note", "not judged: the motion fits with every shift from", "compare the clock of dvl.csv"),
-        (PERIODIC, -7.0, "caution", "; or about 13 s late; or about 27 s early", "`shift` of dvl.csv"),
-        (None, 0.0, "note", "not judged: no shift up to 60 s", "compare the clock of dvl.csv"),
+        (LEVELS, 0.0, "pass", "clock-shift", ()),
+        (LEVELS, -7.2, "caution", "clock-shift", ("correct-shift",)),
+        (LEVELS, 7.2, "caution", "clock-shift", ("correct-shift",)),
+        (PERIODIC, 0.0, "note", "clock-not-judged", ("compare-clocks",)),
+        (PERIODIC, -7.0, "caution", "clock-shift", ("correct-shift",)),
+        (None, 0.0, "note", "clock-not-judged", ("compare-clocks",)),
     ],
     ids=["in time", "early", "late", "repeats", "repeats and is early", "noise"],
 )
-def test_the_clock_of_another_file_is_told_in_words(command, late, level, words, remedy):
+def test_the_clock_of_another_file_is_judged(command, late, level, code, remedies):
     measured = np.random.default_rng(2).normal(size=INSIDE.sum()) if command is None else seen(command, late=late)
     expected = vehicles(LEVELS if command is None else command)
     found = check_motion("u", TIME[INSIDE], measured, expected[0], expected, file="dvl.csv")
-    (timing,) = [one for one in found if one.check.startswith("timing")]
-    assert timing.level == level
-    assert words in timing.value
-    assert remedy in timing.remedy
-    assert command is None or [one.level for one in found if one.check == "direction"] == ["pass"]
+    (timing,) = [one for one in found if one.code.startswith("clock")]
+    assert (timing.code, timing.level, timing.remedies) == (code, level, remedies)
+    assert timing.values["file"] == "dvl.csv"
+    if code == "clock-shift" and level != "pass":
+        assert timing.values["late"] == pytest.approx(late, abs=1.0)
+        assert [round(one) for one in timing.values["others"]][:2] == ([13, -27] if command is PERIODIC else [])
+    if code == "clock-not-judged":
+        assert bool(timing.values["ranges"]) == (command is PERIODIC)
+    assert command is None or [one.level for one in found if one.code == "direction-reversed"] == ["pass"]
 
 
 def test_a_sign_that_half_a_period_explains_too_is_told_with_it():
     expected = vehicles(PERIODIC)
     (found,) = check_motion("u", TIME[INSIDE], seen(PERIODIC, late=10.0), expected[0], expected, file="dvl.csv")
-    assert (found.check, found.level) == ("direction", "fail")
-    assert "or the clocks of the files differ: the motion repeats, and 10 s" in found.remedy
+    assert (found.code, found.level) == ("direction-reversed", "alarm")
+    assert found.remedies == ("reverse-sign", "shift-clock")
+    assert abs(found.values["late"]) == pytest.approx(10.0, abs=1.0)

@@ -81,11 +81,9 @@ class Answer:
 
     def give_findings(self, findings: Sequence[Finding]) -> None:
         """Add findings that are printed elsewhere to those that `--json` prints."""
-        from seatrial.messages.render import remedy, statement
+        from seatrial.messages.render import row_of
 
-        self.told["findings"] += [
-            plain({**vars(one), "message": statement(one), "remedy": remedy(one)}) for one in findings
-        ]
+        self.told["findings"] += [plain(row_of(one)) for one in findings]
 
     def _warn(self, level: Level, messages: Sequence[Message]) -> bool:
         """Print messages, accepted findings in one line each; returns whether others remain."""

@@ -491,23 +491,12 @@ class Records(TypedDict):
     records: list[RecordRow]
 
 
-class RecordCheck(TypedDict):
-    """One check of one signal."""
-
-    signal: str
-    check: str
-    level: str
-    value: str
-    threshold: str
-    remedy: str
-
-
 class Checked(TypedDict):
     """One record and what was found about it."""
 
     label: str
     level: str
-    findings: list[RecordCheck]
+    findings: list[Finding]
 
 
 class Check(TypedDict):

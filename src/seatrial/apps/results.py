@@ -8,6 +8,7 @@ from typing import Any
 
 from seatrial.apps import result_shapes as shapes
 from seatrial.core.signals import signal_unit
+from seatrial.messages.render import row_of
 
 QUANTILES = (0.05, 0.5, 0.95)
 
@@ -228,7 +229,7 @@ def checked(judged: Iterable[Any]) -> dict[str, Any]:
     """Return what was found about each record."""
 
     def row(one: Any) -> dict[str, Any]:
-        findings = [picked(finding, shapes.RecordCheck) for finding in one.findings]
+        findings = list(map(row_of, one.findings))
         return picked(one, shapes.Checked, label=one.record.label, findings=findings)
 
     return {"records": list(map(row, judged))}

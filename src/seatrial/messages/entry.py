@@ -48,7 +48,8 @@ class Entry:
 
     Attributes:
         title: in a few words.
-        sentence: one sentence, without a final stop; by level if the levels differ.
+        sentence: one sentence, without a final stop; by level if the levels differ, the first for those not named; of a pass
+            only the name of the check.
         meaning: why it matters, in one or two sentences.
         decided: how it is decided, with the limits of `thresholds`.
         example: a finding whose sentence the page shows.
@@ -64,7 +65,9 @@ class Entry:
 
     def template(self, level: str) -> Template:
         """Return the template of the sentence at one level."""
-        return self.sentence[level] if isinstance(self.sentence, Mapping) else self.sentence
+        if isinstance(self.sentence, Mapping):
+            return self.sentence.get(level) or next(iter(self.sentence.values()))
+        return self.sentence
 
 
 def listed(names: Any, last: str = "and") -> str:

@@ -28,7 +28,8 @@ def explanation(code: str, where: str = "code", heading: str = "#") -> str:
     ]
     for name in entry.remedies or example.remedies:
         lines.append("")
-        for form, place in _PLACES.items():
+        places = _PLACES if REMEDIES[name].python or REMEDIES[name].page else {"command": "Everywhere"}
+        for form, place in places.items():
             if form == "command" or getattr(REMEDIES[name], form):
                 lines.append(f"- {place}: {filled_in(REMEDIES[name].of(form), example.subject, example.values)}.")
     return "\n".join(lines) + "\n"

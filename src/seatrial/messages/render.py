@@ -1,10 +1,11 @@
 """Findings in words: one sentence each, its remedies, and groups of equal findings."""
 
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 from seatrial.core.findings import Finding, Message
 from seatrial.messages.catalogue import ENTRIES, REMEDIES
-from seatrial.messages.entry import Form, filled_in
+from seatrial.messages.entry import Form, filled_in, listed
 
 MAX_RUNS_NAMED = 6
 """Runs that one sentence names."""
@@ -18,6 +19,10 @@ def statement(finding: Finding, also: Sequence[str] = ()) -> str:
         also: other runs with an equal finding.
     """
     text = filled_in(ENTRIES[finding.code].template(finding.level), finding.subject, finding.values)
+    if finding.level == "pass":
+        return f"{text} of {listed(finding.subject)} passes"
+    if controls := finding.values.get("closed_loop"):
+        text = f"{text}; not judged, as {listed(controls)} is computed from measured channels"
     if run := finding.values.get("run"):
         text = f"run {run}: {text}"
     if structure := finding.values.get("structure"):
@@ -79,3 +84,8 @@ def _parts(messages: Iterable[Message], form: Form) -> list[tuple[str, str]]:
             do = remedy(one, form)
             parts.append((statement(one, groups[id(one)]), do[:1].upper() + do[1:]))
     return list(dict.fromkeys(parts))
+
+
+def row_of(finding: Finding) -> dict[str, Any]:
+    """Return a finding with its sentence and its remedy, as `--json` has it."""
+    return {**vars(finding), "message": statement(finding), "remedy": remedy(finding)}

@@ -37,7 +37,7 @@ def check(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
         answer.give(**results.checked(judged))
         for text in vehicle_cautions(campaign):
             answer.caution(text)
-        return Exit.ALARMS if any(one.level == "fail" for one in judged) else Exit.OK
+        return Exit.ALARMS if any(one.level == "alarm" for one in judged) else Exit.OK
 
     with_campaign(folder, quiet, work, context)
 

@@ -147,16 +147,13 @@ def _trim(campaign: Any, run: str | None, start: str | None, end: str | None, re
 def _say_trials(answer: Answer, trials: Any, campaign: Any, accelerations: str | None = None) -> Exit:
     from seatrial.campaign.data.record_cautions import record_cautions, unused_channels
 
-    unused = (one for record in (*trials.fit, *trials.predict) for one in unused_channels(campaign, record))
-    for text in dict.fromkeys(f"{one.value}: {one.remedy}" for one in unused):
-        answer.caution(text)
+    answer.caution(*(one for record in (*trials.fit, *trials.predict) for one in unused_channels(campaign, record)))
     for record in (*trials.fit, *trials.predict):
         channels = f"{', '.join(record.controls)} -> {', '.join(record.measured)}"
         answer.say(f"record {record.label}: {record.time.size} samples over {record.time[-1]:.1f} s; {channels}")
         if followed := record.provenance.options.get("followed"):
             answer.say(f"  followed {followed}")
-        for text in record_cautions(record):
-            answer.caution(text)
+        answer.caution(*record_cautions(record))
     answer.give(**results.records(trials))
     if accelerations is not None:
         _smooth(answer, campaign, trials, accelerations)

@@ -208,8 +208,7 @@ def _checked_trials(campaign: Any, flow: Any, answer: Answer) -> Any:
 
     trials = flow.get("trials")
     doubts = (text for record in trials.fit for text in record_doubts(campaign, record))
-    for text in (*doubts, *step_cautions(campaign, trials), *lost_correlations(campaign)):
-        answer.caution(text)
+    answer.caution(*doubts, *step_cautions(campaign, trials), *lost_correlations(campaign))
     return trials
 
 

@@ -17,7 +17,7 @@ from seatrial.campaign.data.thruster_check import check_thrusters, mirrored_thru
 from seatrial.campaign.inference.posterior import initial_state, random_key
 from seatrial.compiled.batching import bucket_length, filled
 from seatrial.compiled.programs import program
-from seatrial.core.display_units import plain, shown_unit
+from seatrial.core.findings import LEVELS, Finding, Message, accept
 from seatrial.core.record import SIMULATED, Record
 from seatrial.core.signals import HELD, QUATERNION, RATES
 from seatrial.design.prior_belief import draw_values
@@ -30,13 +30,10 @@ from seatrial.estimation.diagnostics.motion_checks import (
     check_range,
     check_sum,
     check_turn,
-    not_judged,
-    not_judged_sum,
     says_direction,
 )
 from seatrial.estimation.diagnostics.record_checks import (
-    RecordFinding,
-    RecordLevel,
+    MAX_STEP_CHANGE,
     check_angle,
     check_limits,
     check_samples,
@@ -44,19 +41,17 @@ from seatrial.estimation.diagnostics.record_checks import (
     not_judged_yet,
 )
 from seatrial.estimation.posterior.first_guess import first_guess
-from seatrial.estimation.prediction.remedies import listed
 from seatrial.estimation.priors import Prior
 from seatrial.estimation.simulation.starts import first_measured, level_start
+from seatrial.messages.catalogue import ENTRIES
+from seatrial.messages.entry import filled_in
+from seatrial.messages.render import remedy, sentence, statement
 from seatrial.vehicles.model import VehicleModel
 
-GRAVEST: tuple[RecordLevel, ...] = ("fail", "caution", "note", "pass")
-"""Levels in the order in which their findings are told."""
 MOST_CAUSES = 3
 """Findings that are repeated where no model explains a record."""
-_NO_CAUSE = ("excitation", "told apart", "limits")
-"""Beginnings of checks that say what a record cannot tell, not what is wrong with it."""
-COARSE = 0.5
-"""Root mean square change of a rate in steps half as long, over its noise, from which steps are too long."""
+NO_CAUSE = ("not-excited", "rate-not-measured", "terms-alike", "limits-exceeded", "limits-hardly-used")
+"""Codes of what a record cannot determine, which is no fault of it."""
 MOVES = 2.0
 """Standard deviation of a motion over its sensor's noise from which the part of a trial that has come tells its direction."""
 DRAWS = 32
@@ -74,27 +69,29 @@ class RecordJudgement:
     """
 
     record: Record
-    findings: tuple[RecordFinding, ...]
-    cautions: tuple[str, ...]
+    findings: tuple[Finding, ...]
+    cautions: tuple[Message, ...]
 
     @property
     def level(self) -> str:
         """The gravest."""
         levels = {finding.level for finding in self.findings}
-        return "fail" if "fail" in levels else "caution" if "caution" in levels or self.cautions else "pass"
+        return "alarm" if "alarm" in levels else "caution" if "caution" in levels or self.cautions else "pass"
 
     def lines(self) -> list[str]:
-        """A headline, one line for each trouble, and what passes."""
+        """A headline, one line for each finding with its remedy below it, and what passes."""
         head = f"record {self.record.label}: {self.level}; {self.record.time.size} samples over {self.record.time[-1]:.1f} s"
-        found = sorted(self.findings, key=lambda finding: GRAVEST.index(finding.level))
-        troubles = [f"  {finding.line}" for finding in found if finding.level != "pass"]
-        passed: dict[str, list[str]] = {}
-        for finding in self.findings:
+        lines, passed = [head], dict[str, list[str]]()
+        for finding in sorted(self.findings, key=lambda one: LEVELS.index(one.level)):
             if finding.level == "pass":
-                passed.setdefault(finding.check, []).append(finding.signal)
+                check = filled_in(ENTRIES[finding.code].template("pass"), finding.subject, finding.values)
+                passed.setdefault(check, []).extend(finding.subject)
+                continue
+            lines.append(f"  {finding.level:<8}{statement(finding)}")
+            lines += [f"          -> {do}"] if (do := remedy(finding)) else []
+        lines += [f"  caution {one if isinstance(one, str) else sentence(one)}" for one in self.cautions]
         fine = "; ".join(f"{check} of {', '.join(signals)}" for check, signals in passed.items())
-        cautions = [f"  caution {text}" for text in self.cautions]
-        return [head, *troubles, *cautions, *((f"  pass    {fine}",) if fine else ())]
+        return [*lines, *((f"  pass    {fine}",) if fine else ())]
 
 
 def check_records(campaign: Campaign, trials: Trials) -> list[RecordJudgement]:
@@ -102,70 +99,69 @@ def check_records(campaign: Campaign, trials: Trials) -> list[RecordJudgement]:
     return [_judge(campaign, record) for record in (*trials.fit, *trials.predict)]
 
 
-def record_doubts(campaign: Campaign, record: Record) -> list[str]:
-    """Say what is to be known of a record before anything that is fitted to it is believed, without a simulation or a fit."""
-    found = [one for one in _stated(campaign, record) if one.level not in ("pass", "note")]
-    return record_cautions(record) + [
-        f"run {record.label}, {one.signal}, {one.check}: {one.value} ({one.threshold}); {one.remedy}" for one in found
-    ]
+def record_doubts(campaign: Campaign, record: Record) -> list[Message]:
+    """Return what to know of a record before a fit to it is believed, without a simulation or a fit."""
+    doubts = [one.among(run=record.label) for one in _stated(campaign, record) if one.level not in ("pass", "note")]
+    return [*record_cautions(record), *doubts]
 
 
-def likely_causes(campaign: Campaign, records: Sequence[Record]) -> list[str]:
-    """Return what is gravest of what is found about some records, at most three, in words: why no model may explain them."""
+def likely_causes(campaign: Campaign, records: Sequence[Record]) -> list[Message]:
+    """Return the gravest findings about some records, at most three: why no model may explain them."""
     judged = [_judge(campaign, record) for record in records]
-    words: dict[str, list[str]] = {"fail": [], "caution": []}
-    for one in judged:
-        for each in one.findings:
-            if each.level in words and not each.check.startswith(_NO_CAUSE):
-                text = f"run {one.record.label}, {each.signal}, {each.check}: {each.value}; {each.remedy}"
-                words[each.level].append(text)
-    said = [text for one in judged for text in one.cautions]
-    return [*words["fail"], *said, *words["caution"]][:MOST_CAUSES]
+    findings = [
+        one.among(run=judgement.record.label)
+        for judgement in judged
+        for one in judgement.findings
+        if one.code not in NO_CAUSE
+    ]
+    alarms, cautions = ([one for one in findings if one.level == level] for level in ("alarm", "caution"))
+    holes = [text for judgement in judged for text in judgement.cautions]
+    return [*alarms, *holes, *cautions][:MOST_CAUSES]
 
 
 def summary_line(judged: Sequence[RecordJudgement]) -> str:
-    """Count failures and cautions of all records, and say whether to go on."""
-    fails = sum(finding.level == "fail" for one in judged for finding in one.findings)
+    """Count alarms and cautions of all records, and recommend whether to go on."""
+    alarms = sum(finding.level == "alarm" for one in judged for finding in one.findings)
     cautions = sum(finding.level == "caution" for one in judged for finding in one.findings)
     cautions += sum(len(one.cautions) for one in judged)
     counted = ", ".join(
-        f"{count} {word}{'s' * (count != 1)}" for count, word in ((fails, "failure"), (cautions, "caution"))
+        f"{count} {word}{'s' * (count != 1)}" for count, word in ((alarms, "alarm"), (cautions, "caution"))
     )
-    if fails:
-        return f"in all {counted}: correct what fails before anything is estimated"
+    if alarms:
+        return f"in all {counted}: correct what raises an alarm before anything is estimated"
     return f"in all {counted}: " + (
         "look at each caution, then go on with `estimate`" if cautions else "go on with `estimate`"
     )
 
 
-def _stated(campaign: Campaign, record: Record) -> list[RecordFinding]:
+def _stated(campaign: Campaign, record: Record) -> list[Finding]:
     """Compare a record with what the campaign states: limits, and of a real one the trim."""
     driven = {name: record.channel(name) for name in campaign.model(campaign.full).controls}
-    findings: list[RecordFinding] = []
+    findings: list[Finding] = []
     for name, column in driven.items():
-        wrong = check_angle(name, column, *shown_unit(name))
+        wrong = check_angle(name, column)
         bounds = campaign.control_limits.get(name)
-        findings += wrong if wrong or bounds is None else check_limits(name, column, bounds, *shown_unit(name))
+        findings += wrong if wrong or bounds is None else check_limits(name, column, bounds)
     if record.provenance.source == SIMULATED:
         return findings
     measured = {name: record.channel(name) for name in campaign.channels}
     return findings + check_trim(campaign.hull.trim, driven, measured)
 
 
-def step_cautions(campaign: Campaign, trials: Trials) -> list[str]:
-    """Say of which fitted records the steps are too long to simulate this vehicle, by the prior means; of several alike the first."""
-    said: dict[str, str] = {}
+def step_cautions(campaign: Campaign, trials: Trials) -> list[Finding]:
+    """Report of which fitted records the steps are too long to simulate this vehicle, by the prior means."""
+    findings = []
     for record in (one for one in trials.fit if one.provenance.source != SIMULATED):
         model = campaign.model(campaign.full)
         alone, control = _trial(campaign, record, model, initial_state(campaign, model, record))
         mean = {name: values[:1] for name, values in _believed(campaign, alone.model).items()}
         expected = np.asarray(_shown(alone, mean, control))[0, : record.time.size]
-        for one in _steps(campaign, record, alone, mean, control, expected):
-            said.setdefault(one.signal, f"run {record.label}, channel {one.signal}: {one.value}; {one.remedy}")
-    return list(said.values())
+        steps = _steps(campaign, record, alone, mean, control, expected)
+        findings += [one.among(run=record.label) for one in steps]
+    return findings
 
 
-def motion_findings(campaign: Campaign, record: Record, size: int) -> list[RecordFinding]:
+def motion_findings(campaign: Campaign, record: Record, size: int) -> list[Finding]:
     """Judge the part of a trial that has come: what moves against the commands, along other axes or by another size.
 
     A channel that hardly moves, or would hardly, is not judged.
@@ -257,63 +253,58 @@ def _judge(campaign: Campaign, record: Record) -> RecordJudgement:
     findings += steps
     if not np.isfinite(motion.expected).all():
         if not steps:
-            remedy = "check units and signs, or narrow the priors, so that the vehicle at their means can be simulated over this record"
-            value = "the vehicle at the prior means runs away"
-            findings.append(RecordFinding("motion", "direction", "caution", value, "it must not", remedy))
+            findings.append(Finding("motion-diverges", "caution", ("motion",), {}, ("tame-priors",)))
         findings += check_thrusters(campaign, body)
-        return RecordJudgement(record, tuple(findings), tuple(record_cautions(record)))
+        return _judgement(campaign, record, findings, record_cautions(record))
     for index, (name, column) in enumerate(measured.items()):
         if name in HELD:
             findings += check_range(name, column, motion.expected[:, index], campaign.noise[name])
     turns = [name for name in measured if name in QUATERNION]
-    doubted = {one.signal for one in findings if one.check == "trim"}
+    doubted = {one.subject[0] for one in findings if one.code == "trim-contradicted"}
     judged = _directions(campaign, record, motion, list(measured), doubted)
     mounting = _mounting(campaign, body, judged.findings) if is_real else []
-    turned = {one.signal for one in mounting}
-    moved = [one for one in judged.findings if one.check != "axes" or one.signal not in turned] + mounting
+    turned = {one.subject for one in mounting}
+    moved = [one for one in judged.findings if one.code != "axes-wrong" or one.subject not in turned] + mounting
     findings += closed_loop(judged.feedback)
-    wrong = [one for one in moved if one.level == "fail"]
-    late = [one for one in moved if one.check == "timing" and one.level == "caution"]
-    findings += [*moved, *check_thrusters(campaign, body, _named([*wrong, *late]), judged.feedback)]
-    if turns:
-        value = "not judged, nor size and timing; errors of all rates add up in it"
-        findings.append(RecordFinding(ATTITUDE, "direction", "note", value, "the rates are judged"))
-    if judged.summed:
-        findings.append(not_judged_sum(judged.summed))
+    wrong = [one for one in moved if one.level == "alarm"]
+    late = [one for one in moved if one.code == "clock-shift" and one.level == "caution"]
+    findings += [*moved, *check_thrusters(campaign, body, [*wrong, *late], judged.feedback)]
+    if summed := (*((ATTITUDE,) if turns else ()), *judged.summed):
+        findings.append(Finding("sum-not-judged", "note", summed))
     if judged.unsaid:
-        findings.append(not_judged(judged.unsaid))
+        findings.append(Finding("direction-not-judged", "note", tuple(judged.unsaid), {}, ("signed-priors",)))
     priors = campaign.coefficient_priors(alone.model)
     if wrong:
-        findings.append(not_judged_yet("all", "excitation", _named(wrong)))
+        findings.append(not_judged_yet(["all"], "not-excited", wrong))
     elif judged.unsaid or turns:
         findings += _excitation_as_moved(record, plan, priors, control)
     else:
         mean = np.array([float(prior.mean) for prior in priors])
         findings += _excitation(plan, priors, mean, control)
-    return RecordJudgement(record, tuple(findings), tuple(record_cautions(record, judged.feedback)))
+    return _judgement(campaign, record, findings, record_cautions(record, judged.feedback))
 
 
-def _named(findings: Sequence[RecordFinding]) -> str:
-    """Return what was found wrong of which signals, in words; empty where nothing was."""
-    signals: dict[str, list[str]] = {}
-    for one in findings:
-        signals.setdefault(one.check, []).append(one.signal)
-    return " and ".join(f"the {check} of {listed(some)}" for check, some in signals.items())
+def _judgement(
+    campaign: Campaign, record: Record, findings: Sequence[Finding], cautions: Sequence[Message]
+) -> RecordJudgement:
+    """Return a judgement in which accepted findings are notes."""
+    holes = [one for one in cautions if isinstance(one, str) or one.code not in campaign.accepted]
+    return RecordJudgement(record, tuple(accept(findings, campaign.accepted)), tuple(holes))
 
 
 class _Directions(NamedTuple):
     """Findings about channels; those of which the priors allow no verdict: rates and speeds, and what errors add up in; closed loops."""
 
-    findings: list[RecordFinding]
+    findings: list[Finding]
     unsaid: list[str]
     summed: list[str]
     feedback: Mapping[str, Sequence[str]]
 
 
-def _mounting(campaign: Campaign, body: Record, said: Sequence[RecordFinding]) -> list[RecordFinding]:
+def _mounting(campaign: Campaign, body: Record, said: Sequence[Finding]) -> list[Finding]:
     """Return which sensors are turned, but for those whose axes are found wrong already: swapped, mirrored or of the other convention."""
-    wrong = {one.signal for one in said if one.check == "axes" and one.level == "fail"}
-    return [one for one in check_mounts(campaign, body) if one.signal not in wrong]
+    wrong = {one.subject for one in said if one.code == "axes-wrong" and one.level == "alarm"}
+    return [one for one in check_mounts(campaign, body) if one.subject not in wrong]
 
 
 def _directions(
@@ -374,8 +365,8 @@ def _steps(
     tried: Mapping[str, np.ndarray],
     control: np.ndarray,
     expected: np.ndarray,
-) -> list[RecordFinding]:
-    """Say where the vehicle at the prior means moves otherwise in steps half as long; of the first half, which has as many of them."""
+) -> list[Finding]:
+    """Report where the vehicle at the prior means moves otherwise in steps half as long; of the first half, which has as many of them."""
     half, size = record.time.size // 2, control.shape[0]
     rates = [index for index, name in enumerate(campaign.channels) if name in RATES]
     if not half or not rates:
@@ -386,18 +377,17 @@ def _steps(
     with np.errstate(over="ignore", invalid="ignore"):
         off = np.sqrt(np.mean(((shown - expected[:half])[:, rates] / noise) ** 2, axis=0))
     usual = float(np.median(np.diff(record.time)))
-    names = ", ".join(campaign.channels[index] for index, far in zip(rates, off, strict=True) if not far <= COARSE)
+    names = tuple(campaign.channels[index] for index, far in zip(rates, off, strict=True) if not far <= MAX_STEP_CHANGE)
     if not names or not np.isfinite(shown).all():
         return []
-    differ = f"differs by up to {plain(off.max())} times the noise" if np.isfinite(off).all() else "does not run away"
-    value = f"in steps half as long the simulated motion {differ}"
-    remedy = f'the simulation\'s steps of {usual:.2g} s are too long for so quick a vehicle: step = "{usual / 4:.2g} s" under [import]'
-    return [RecordFinding(names, "step", "caution", value, f"under {COARSE:g}", remedy)]
+    differs = float(off.max()) if np.isfinite(off).all() else 0.0  # none of a motion that diverges
+    values = {"step": usual, "differs": differs, "shorter": usual / 4}
+    return [Finding("steps-too-coarse", "caution", names, values, ("shorter-step",))]
 
 
 def _excitation(
     plan: TrialPlan, priors: tuple[Prior, ...], values: np.ndarray, control: np.ndarray, about: str = ""
-) -> list[RecordFinding]:
+) -> list[Finding]:
     """What the record can tell, linearised at some values of the coefficients."""
     before = np.array([float(prior.sd) for prior in priors])
     information = np.asarray(plan.information(values, control))
@@ -407,19 +397,14 @@ def _excitation(
 
 def _excitation_as_moved(
     record: Record, plan: TrialPlan, priors: tuple[Prior, ...], control: np.ndarray
-) -> list[RecordFinding]:
+) -> list[Finding]:
     """The same where the vehicle at the prior means does not move as this one did: at a fit of the measured motion."""
     found = first_guess(plan.model, [record], [tuple(plan.start)], dict(zip(plan.names, priors, strict=True)))
     if found:
         values = np.array([found[name] for name in plan.names])
         if np.isfinite(np.asarray(plan.motion(values, control))).all():
-            return _excitation(plan, priors, values, control, "at a fit of the measured motion")
-    reason = (
-        "the vehicle fitted to the measured motion runs away" if found else "too few velocities are measured to fit it"
-    )
-    value = "not judged; the vehicle at the prior means does not move as this one did"
-    remedy = "use priors of known sign"
-    return [RecordFinding("all", "excitation", "note", value, f"but {reason}", remedy)]
+            return _excitation(plan, priors, values, control, "fit")
+    return [Finding("excitation-not-judged", "note", ("all",), {"fitted": bool(found)}, ("signed-priors",))]
 
 
 @program

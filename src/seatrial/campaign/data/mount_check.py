@@ -8,9 +8,10 @@ from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.vehicle import WholeVehicle
 from seatrial.campaign.data.thruster_check import model_with_gains
 from seatrial.campaign.inference.posterior import initial_state
+from seatrial.core.findings import Finding
 from seatrial.core.record import Record
 from seatrial.core.signals import RATES
-from seatrial.estimation.diagnostics.record_checks import RecordFinding
+from seatrial.estimation.diagnostics.record_checks import ALARM_TURN_SDS, MIN_TURN, MIN_TURN_SDS
 from seatrial.estimation.posterior.first_guess import Turn, turn_of_sensor
 from seatrial.estimation.simulation.mounts import TURN, Mount
 from seatrial.numerics.rotations import matrix_of_angles
@@ -18,11 +19,8 @@ from seatrial.numerics.rotations import matrix_of_angles
 SENSORS = (RATES[:3], RATES[3:])
 """Channels that one sensor has: a Doppler log, a gyro."""
 _NAMES = ("dvl", "imu")
-LEAST, TOLD, SURE = np.radians(5.0), 3.0, 5.0
-"""Angle from which a turned sensor is told, and standard deviations from which it is a caution and a fault."""
 MISSED = 2.0
 """What a fit may leave of the change of a velocity, as a share of it, for its turn to be believed: more is a unit or a sign."""
-_ABOUT = ("forward", "starboard", "vertical")
 
 
 def along_body(campaign: Campaign, record: Record) -> Record:
@@ -47,8 +45,8 @@ def _mount(campaign: Campaign, group: tuple[str, ...]) -> Mount | None:
     return next((one.mount for one in campaign.sensor_models if one.channel in group and one.mount is not None), None)
 
 
-def check_mounts(campaign: Campaign, record: Record) -> list[RecordFinding]:
-    """Say which sensor shows the motion turned about an axis; nothing where the file seeks its turn, or where no motion can be fitted.
+def check_mounts(campaign: Campaign, record: Record) -> list[Finding]:
+    """Report which sensor shows the motion turned about an axis; nothing where the file seeks its turn, or where no motion can be fitted.
 
     Args:
         campaign: that the record is of.
@@ -67,26 +65,23 @@ def check_mounts(campaign: Campaign, record: Record) -> list[RecordFinding]:
         turn = turn_of_sensor(model, record, initial_state(campaign, model, record), priors, said)
         if turn is None or turn.missed > MISSED:
             continue
-        if abs(turn.angle) >= LEAST and turn.gain >= 0.5 * TOLD**2:
+        if abs(turn.angle) >= MIN_TURN and turn.gain >= 0.5 * MIN_TURN_SDS**2:
             findings.append(_finding(said, usual if mount is None else mount.name, turn, mount))
     return findings
 
 
-def _finding(said: list[str], name: str, turn: Turn, mount: Mount | None) -> RecordFinding:
-    part, degrees, sd = TURN[turn.axis], np.degrees(turn.angle), np.degrees(turn.sd)
-    told = np.sqrt(2.0 * turn.gain)
-    more = "" if mount is None else ", beside what its mount states"
-    value = f"turned by {degrees:.0f} ± {sd:.0f} deg about the {_ABOUT[turn.axis]} axis{more}, told by {told:.1f} sd"
-    limit = f"told from {np.degrees(LEAST):.0f} deg and {TOLD:g} sd on"
-    channels = ", ".join(f'"{one}"' for one in said)
-    state = (
-        f'state its mount, [mounts.{name}] with channels = [{channels}] and {part} = "{degrees:.0f} deg"'
-        if mount is None
-        else f"correct {part} under [mounts.{name}]"
-    )
-    remedy = (
-        f'{state}; [prior.{part}_{name}] estimates it: distribution = "normal", mean = {degrees:.1f}, sd = {max(2.0 * sd, 1.0):.1f}, '
-        'unit = "deg"'
-    )
-    level = "fail" if told >= SURE else "caution"
-    return RecordFinding(", ".join(said), "mounting", level, value, limit, remedy)
+def _finding(signals: list[str], name: str, turn: Turn, mount: Mount | None) -> Finding:
+    degrees, sd, sds = float(np.degrees(turn.angle)), float(np.degrees(turn.sd)), float(np.sqrt(2.0 * turn.gain))
+    values = {
+        "degrees": degrees,
+        "sd": sd,
+        "sds": sds,
+        "axis": turn.axis,
+        "has_mount": mount is not None,
+        "part": TURN[turn.axis],
+        "mount": name,
+        "prior_sd": max(2.0 * sd, 1.0),
+    }
+    remedy = "state-mount" if mount is None else "correct-mount"
+    level = "alarm" if sds >= ALARM_TURN_SDS else "caution"
+    return Finding("sensor-turned", level, tuple(signals), values, (remedy,))

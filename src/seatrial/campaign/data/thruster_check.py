@@ -13,10 +13,11 @@ from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.vehicle import WholeVehicle
 from seatrial.campaign.inference.posterior import initial_state
 from seatrial.core.coefficients import CoefficientName
+from seatrial.core.findings import Finding
 from seatrial.core.record import Record
 from seatrial.core.signals import HELD, RATES, thruster_controls
 from seatrial.estimation.diagnostics.feedback_check import not_judged_in_loop
-from seatrial.estimation.diagnostics.record_checks import RecordFinding, not_judged_yet
+from seatrial.estimation.diagnostics.record_checks import MAX_GAIN_SD, MIN_GAIN_ERROR, not_judged_yet
 from seatrial.estimation.diagnostics.symmetry import mirror_of
 from seatrial.estimation.posterior.first_guess import fit_motion
 from seatrial.estimation.priors import Normal, Prior
@@ -26,8 +27,6 @@ from seatrial.vehicles.thrusters import allocation, controls_of
 
 SMALL = 1e-9
 """Share of the largest entry below which a force or moment is none."""
-KNOWN, HALF = 0.3, 0.5
-"""Standard deviation of a gain from which nothing is said of it, and how far from 1 it is doubted."""
 
 
 def thruster_lines(campaign: Campaign) -> list[str]:
@@ -93,14 +92,17 @@ def all_thrusters(campaign: Campaign, vehicle: WholeVehicle) -> tuple[str, ...]:
 
 
 def check_thrusters(
-    campaign: Campaign, record: Record, wrong: str = "", feedback: Mapping[str, Sequence[str]] | None = None
-) -> list[RecordFinding]:
+    campaign: Campaign,
+    record: Record,
+    wrong: Sequence[Finding] = (),
+    feedback: Mapping[str, Sequence[str]] | None = None,
+) -> list[Finding]:
     """Judge the thrusters by one record; nothing where there are none, or where no velocity is measured.
 
     Args:
         campaign: whose vehicle has them.
         record: whose sensors look along the body.
-        wrong: what is to be corrected first, in words: gains of such a record would accuse the thrusters instead.
+        wrong: what is to be corrected first: gains of such a record would accuse the thrusters instead.
         feedback: controls that are computed from measured channels, and these channels: their gains are biased.
     """
     vehicle = campaign.vehicle
@@ -110,19 +112,11 @@ def check_thrusters(
     can_right = np.array([hull.weight != hull.buoyancy] * 3 + [any(hull.righting)] * 3)
     idle = [i for i in _axes(campaign, vehicle) if np.abs(matrix[i]).max() < SMALL]
     findings = [
-        RecordFinding(
-            AXES[i],
-            "thrusters",
-            "note" if can_right[i] else "caution",
-            "no thruster pushes along or about it",
-            "one at least",
-            "its coefficients show in releases and coasting alone; else take it from `moves`, or correct the thrusters",
-        )
-        for i in idle
+        Finding("axis-not-driven", "note" if can_right[i] else "caution", (AXES[i],), {}, ("drop-axis",)) for i in idle
     ]
     if wrong:
         names = [name for name in thruster_controls(len(vehicle.body.thrusters), True) if name in record.controls]
-        return [*findings, not_judged_yet(", ".join(names), "thruster", wrong)]
+        return [*findings, not_judged_yet(names, "thruster-gain", wrong)]
     return [*findings, *not_judged_in_loop(_gains(campaign, vehicle, record), feedback or {})]
 
 
@@ -143,27 +137,19 @@ def model_with_gains(
     return model, priors | {name: Normal(1.0, 1.0) for name in moved}
 
 
-def _gains(campaign: Campaign, vehicle: WholeVehicle, record: Record) -> list[RecordFinding]:
+def _gains(campaign: Campaign, vehicle: WholeVehicle, record: Record) -> list[Finding]:
     model, priors = model_with_gains(campaign, vehicle, record)
     found = fit_motion(model, [record], [initial_state(campaign, model, record)], priors)
     gains = {name.removeprefix("gain_"): one for name, one in found.items() if name.startswith("gain_f_")}
     return [_judged(name, *one) for name, one in gains.items() if name in record.controls]
 
 
-def _judged(control: str, gain: float, sd: float) -> RecordFinding:
-    value, limit = (
-        f"{gain:.2f} ± {sd:.2f} of the thrust stated, by the measurements",
-        "1 is right; a negative value means reversed",
-    )
-    if sd > KNOWN:
-        remedy = "move it apart from the others for some seconds"
-        return RecordFinding(control, "thruster", "note", f"not told: {value}", limit, remedy)
+def _judged(control: str, gain: float, sd: float) -> Finding:
+    values = {"gain": float(gain), "sd": float(sd)}
+    if sd > MAX_GAIN_SD:
+        return Finding("thruster-gain-unknown", "note", (control,), values, ("move-apart",))
     if gain + 2.0 * sd < 0:
-        remedy = "turn its direction round, or set scale = -1 in its channel; and see that commands are in the order of the thrusters"
-        return RecordFinding(control, "thruster", "fail", value, limit, remedy)
-    if abs(gain - 1.0) > HALF + 2.0 * sd:
-        remedy = (
-            f"check its law of thrust, its place and the order of the commands; [prior.gain_{control}] seeks its gain"
-        )
-        return RecordFinding(control, "thruster", "caution", value, limit, remedy)
-    return RecordFinding(control, "thruster", "pass", value, limit)
+        return Finding("thruster-reversed", "alarm", (control,), values, ("turn-thruster",))
+    if abs(gain - 1.0) > MIN_GAIN_ERROR + 2.0 * sd:
+        return Finding("thruster-gain", "caution", (control,), values, ("check-thrust-law",))
+    return Finding("thruster-gain", "pass", (control,), values)

@@ -6,6 +6,7 @@ from seatrial.core.errors import InputError, SeatrialError
 from seatrial.estimation.diagnostics.prior_checks import check_prior_contains_data
 from seatrial.estimation.posterior.mode import Mode
 from seatrial.estimation.posterior.posterior import Posterior
+from seatrial.messages.render import sentences
 
 
 def check_prior_of(study: Study, posterior: Posterior, mode: Mode) -> None:
@@ -20,10 +21,10 @@ def check_prior_of(study: Study, posterior: Posterior, mode: Mode) -> None:
         if "check" not in error.remedy:  # no fault of a record makes a noise small, or a lag none
             raise
         try:
-            causes = likely_causes(study.campaign, study.records)
+            causes = sentences(likely_causes(study.campaign, study.records))
         except SeatrialError:  # of a record that cannot be judged nothing is added
             causes = []
         if not causes:
             raise
-        remedy = f"`seatrial check` finds a likely cause: {'; '.join(causes)}. If that is not it: {error.remedy}"
+        remedy = f"`seatrial check` finds a likely cause: {'. '.join(causes)}. If that is not it: {error.remedy}"
         raise InputError(error.where, found=error.found, expected=error.expected, remedy=remedy) from None

@@ -20,6 +20,7 @@ from seatrial.campaign.live.recursion import Recursion, within_bounds
 from seatrial.core.display_units import Shown
 from seatrial.core.signals import RATES, SPEEDS
 from seatrial.estimation.diagnostics.record_checks import UNLIKE, unlike_trim
+from seatrial.messages.render import remedy, statement
 from seatrial.numerics.gaussian import Gaussian
 
 WINDOW = 20.0
@@ -203,10 +204,8 @@ class Adviser:
         for name in self.trimmed:
             share = self.recursion.shares_of_trim(name, mean, cov)
             if np.mean(share > UNLIKE) >= SURE or np.mean(share < 1 / UNLIKE) >= SURE:
-                one = unlike_trim(
-                    name, trim[name], float(np.nanmedian(share)), "by the coefficients with the controls at trim"
-                )
-                found.append(f"check {name}: {one.remedy} ({one.value}; {one.threshold})")
+                one = unlike_trim(name, trim[name], float(np.nanmedian(share)), "coefficients")
+                found.append(f"{remedy(one)} ({statement(one)})")
         return found
 
     def _edges(self, time: float, mean: np.ndarray, cut: np.ndarray, cov: np.ndarray) -> list[str]:

@@ -14,8 +14,8 @@ from seatrial.campaign.data.check import motion_findings
 from seatrial.compiled.batching import bucket_length
 from seatrial.core.record import Channel, Provenance, Record
 from seatrial.core.signals import signal_unit
-from seatrial.estimation.diagnostics.record_checks import RecordFinding
 from seatrial.logs.measured_control import looks_measured
+from seatrial.messages.render import remedy, statement
 
 APART = 0.1
 """Seconds between two rows of what is judged, at least."""
@@ -33,7 +33,7 @@ SIZE = bucket_length(round(LOOKED / APART) + 1)
 """Rows to which every part of a stream is filled up."""
 CONTROLS = 600
 """Latest samples of a control that show whether it looks measured."""
-GRAVE = {"direction": ("fail",), "axes": ("fail",), "size": ("caution",)}
+GRAVE = {"direction-reversed": ("alarm",), "axes-wrong": ("alarm",), "size-unlike": ("caution",)}
 """Levels of each check with which no goal is met; of a channel the first check that fails is told."""
 
 
@@ -109,17 +109,19 @@ class StreamCheck:
         )
         record = self._record(time - time[0], control, measured)
         findings = motion_findings(self.campaign, record, SIZE)
-        for check, levels in GRAVE.items():
-            if check == "direction" and record.time[-1] < LED:
+        for code, levels in GRAVE.items():
+            if code == "direction-reversed" and record.time[-1] < LED:
                 continue
-            for one in (one for one in findings if one.check == check):
-                key, seen = (one.signal, check), self.looks.get((one.signal, check), 0)
+            for one in (one for one in findings if one.code == code):
+                signal = ", ".join(one.subject)
+                key = (signal, code)
+                seen = self.looks.get(key, 0)
                 if one.level in levels:
                     self.looks[key] = seen = max(seen, 0) + 1
                 elif one.level == "pass":
                     self.looks[key] = seen = min(seen, 0) - 1
-                if seen >= FOUND and one.signal not in {signal for signal, _ in self.faults}:
-                    self.faults[key] = _words(one)
+                if seen >= FOUND and signal not in {other for other, _ in self.faults}:
+                    self.faults[key] = f"{remedy(one)} ({statement(one)})"
                     self.say(" ".join(key), self.faults[key])
                 elif seen <= -GONE:
                     self.faults.pop(key, None)
@@ -139,7 +141,3 @@ class StreamCheck:
         channels = [Channel(name, signal_unit(name), "control") for name in self.controls]
         channels += [Channel(name, signal_unit(name), "measurement") for name in self.measured]
         return Record(time, control, measured, tuple(channels), Provenance("stream", ""), "stream")
-
-
-def _words(finding: RecordFinding) -> str:
-    return f"check {finding.signal}: {finding.remedy} ({finding.value}; {finding.threshold})"

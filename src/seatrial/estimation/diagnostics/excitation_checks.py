@@ -7,9 +7,11 @@ import numpy as np
 from jaxtyping import Float
 
 from seatrial.core.coefficients import CoefficientName
+from seatrial.core.findings import Finding
 from seatrial.core.signals import RATES, SPEEDS
-from seatrial.estimation.diagnostics.record_checks import RecordFinding
 
+MAX_REMAINING = 0.7
+"""Share of the prior's standard deviation from which a coefficient is not excited."""
 SIGN = 4.0
 """Standard deviations of one sample beyond zero from which a signal has changed its sign."""
 
@@ -20,45 +22,36 @@ def check_excitation(
     after: Float[np.ndarray, " k"],
     about: str = "",
     measured: Sequence[str] = RATES,
-) -> list[RecordFinding]:
+) -> list[Finding]:
     """Return what the record's input can tell of each coefficient at most, as the share of the prior's deviation that is left.
 
     Args:
         names: coefficients.
         before: standard deviations of the priors, SI.
         after: of what would be left, SI.
-        about: where that was linearised, in words; empty for the prior means.
+        about: where that was linearised: empty for the prior means, `fit` for a fit of the measured motion.
         measured: channels that have a sensor.
     """
     results = []
     unseen: dict[str, list[str]] = {}
-    check = f"excitation ({about})" if about else "excitation"
     for name, prior, left in zip(names, before, after, strict=True):
         share = float(left / prior)
-        value, limit = f"{share:.0%} of the prior's sd would be left", "below 70 % it is excited"
-        if share < 0.7:
-            results.append(RecordFinding(name, check, "pass", value, limit))
+        values = {"remaining": share, "about": about}
+        if share < MAX_REMAINING:
+            results.append(Finding("not-excited", "pass", (name,), values))
         elif (rate := SPEEDS.get(CoefficientName.parse(name).axis)) is not None and rate not in measured:
             unseen.setdefault(rate, []).append(name)
         else:
-            remedy = "this record cannot determine it: excite it more, fix it, or design a trial (`seatrial design`)"
-            results.append(RecordFinding(name, check, "caution", value, limit, remedy))
+            results.append(Finding("not-excited", "caution", (name,), values, ("excite-or-fix",)))
     return results + [
-        RecordFinding(
-            ", ".join(some),
-            check,
-            "caution",
-            f"this record cannot determine them: no sensor measures {rate}, in which they show",
-            f"{rate} is used if it has a sensor",
-            f"add [sensors.{rate}] with its noise, and map its column; or take them out of the model",
-        )
+        Finding("rate-not-measured", "caution", tuple(some), {"rate": rate}, ("measure-rate",))
         for rate, some in unseen.items()
     ]
 
 
 def check_signs(
     names: Sequence[str], columns: Mapping[str, Float[np.ndarray, " n"]], noise: Mapping[str, float]
-) -> list[RecordFinding]:
+) -> list[Finding]:
     """Return a caution for every two terms that are one in a record, because no signal that tells them apart changes its sign.
 
     Args:
@@ -70,10 +63,9 @@ def check_signs(
     for first, second in combinations(map(CoefficientName.parse, names), 2):
         signals = first.parted_by_sign(second)
         if signals and all(name in columns and _keeps_sign(columns[name], noise.get(name, 0.0)) for name in signals):
-            value = f"one and the same in this record, in which {' and '.join(signals)} never changes its sign"
-            remedy = "leave one of them out, or run a trial in which it does"
-            pair = f"{first.text}, {second.text}"
-            results.append(RecordFinding(pair, "told apart", "caution", value, "only that tells them apart", remedy))
+            pair = (first.text, second.text)
+            values = {"signals": tuple(signals)}
+            results.append(Finding("terms-alike", "caution", pair, values, ("drop-or-change-sign",)))
     return results
 
 

@@ -10,14 +10,14 @@ response that is stamped too early would go with it.
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float
 
+from seatrial.core.findings import Finding
 from seatrial.core.record import Record
 from seatrial.core.signals import ANGLES, POSITIONS, QUATERNION, RATES
-from seatrial.estimation.diagnostics.record_checks import RecordFinding
-from seatrial.estimation.prediction.remedies import listed
 
 STATES = (*RATES, *POSITIONS, *ANGLES, *QUATERNION)
 """Channels that no command changes at once, as it changes an acceleration or a force."""
@@ -35,8 +35,16 @@ MIN_CHANGES, MAX_CHANGES = 10, 2000
 """Changes of the command for each number of the law, at least, and changes that are looked at, at most."""
 MIN_SHARE = 0.1
 """Share of the noise in the command from which a channel is named."""
-LOOP = "closed loop"
-BLINDED = ("direction", "timing", "axes", "thruster")
+BLINDED = (
+    "direction-reversed",
+    "motion-unrelated",
+    "clock-shift",
+    "clock-not-judged",
+    "axes-wrong",
+    "thruster-reversed",
+    "thruster-gain",
+    "thruster-gain-unknown",
+)
 """Checks that compare the motion with the commands as if these had come first."""
 _TRIMS = 4
 
@@ -71,20 +79,15 @@ def find_feedback(
     return found
 
 
-def closed_loop(feedback: Mapping[str, Sequence[str]]) -> list[RecordFinding]:
+def closed_loop(feedback: Mapping[str, Sequence[str]]) -> list[Finding]:
     """Return the note about each control that is computed from measured channels."""
-    limit = "the noise of the sensor is in the command"
-    remedy = (
-        'it is a command: write between = "held", not "line". Disturbances move the vehicle and the command alike: a run whose commands '
-        "are set beforehand tells more"
-    )
     return [
-        RecordFinding(control, LOOP, "note", f"it is computed from {listed(channels)}", limit, remedy)
+        Finding("closed-loop", "note", (control,), {"channels": tuple(channels)}, ("held-command",))
         for control, channels in feedback.items()
     ]
 
 
-def not_judged_in_loop(findings: Sequence[RecordFinding], feedback: Mapping[str, Sequence[str]]) -> list[RecordFinding]:
+def not_judged_in_loop(findings: Sequence[Finding], feedback: Mapping[str, Sequence[str]]) -> list[Finding]:
     """Return findings in which signs, axes and clocks that look wrong are not judged if commands are computed from the motion.
 
     Args:
@@ -93,11 +96,9 @@ def not_judged_in_loop(findings: Sequence[RecordFinding], feedback: Mapping[str,
     """
     if not feedback:
         return list(findings)
-    limit = f"closed loop: {listed([*feedback])} {'is' if len(feedback) == 1 else 'are'} computed from what is measured"
-    remedy = "judge it by a run whose commands are set beforehand"
     return [
-        RecordFinding(one.signal, one.check, "note", f"{one.value}, not judged", limit, remedy)
-        if one.check in BLINDED and one.level != "pass"
+        replace(one, level="note", remedies=("open-loop-run",)).among(closed_loop=tuple(feedback))
+        if one.code in BLINDED and one.level != "pass"
         else one
         for one in findings
     ]

@@ -10,10 +10,10 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
+from seatrial.core.findings import Finding, Level
 from seatrial.core.signals import ANGLES, POSITIONS
-from seatrial.estimation.diagnostics.record_checks import SPIKE, RecordFinding, RecordLevel, unit_guess
+from seatrial.estimation.diagnostics.record_checks import SPIKE, unit_errors
 from seatrial.estimation.diagnostics.timing_check import Timing, find_timing
-from seatrial.estimation.prediction.remedies import delay_prior, listed
 
 OPPOSED, RELATED = -0.4, 0.5
 """Correlation with the expected motion below which a channel goes the other way, and from which size and delay can be told."""
@@ -55,7 +55,7 @@ def check_motion(
     by_trim: bool = False,
     file: str = "",
     mirrored: Sequence[str] = (),
-) -> list[RecordFinding]:
+) -> list[Finding]:
     """Direction, size and timing of a measured channel beside the expected one, NaN where not measured.
 
     Args:
@@ -78,47 +78,42 @@ def check_motion(
     shift = timing.likely[0].best if timing is not None and timing.likely else 0.0
     if timing is not None and not timing.is_in_time and not timing.is_reversed and abs(shift) > LONGEST:
         correlation = _correlation(measured, np.interp(time - shift, time, expected, left=np.nan, right=np.nan))
-    against = f"below {OPPOSED:g} it goes the other way"
+    values = {"correlation": correlation}
     if correlation <= OPPOSED:
-        swapped = f"the order of the thruster columns {listed(mirrored)} is wrong (port and starboard swapped); or "
-        remedy = (
-            f"{swapped if mirrored else ''}the sign of {name} or of its command is reversed: set scale = -1 in the channel map, "
-            "or check the axes (east-north-up or north-east-down)"
-        )
+        remedies = ("reverse-sign",)
         if timing is not None and timing.likely and not timing.is_in_time:
-            remedy += (
-                f"; or the clocks of the files differ: the motion repeats, and {_late(shift)} would explain it as well"
-            )
-        value = f"correlation {correlation:+.2f} with the motion expected"
-        return [RecordFinding(name, "direction", "fail", value, against, remedy)]
+            values, remedies = {**values, "late": shift}, ("reverse-sign", "shift-clock")
+        return [Finding("direction-reversed", "alarm", (name,), {**values, "mirrored": tuple(mirrored)}, remedies)]
     if correlation < RELATED:
-        remedy = "the motion hardly follows the commands: check the channel map, the clocks and the priors"
-        usual = f"{RELATED:g} or more is usual"
-        return [RecordFinding(name, "direction", "caution", f"correlation {correlation:+.2f}", usual, remedy), *timings]
-    results = [
-        RecordFinding(name, "direction", "pass", f"correlation {correlation:+.2f} with the motion expected", against)
-    ]
+        return [Finding("motion-unrelated", "caution", (name,), values, ("check-map-and-clocks",)), *timings]
     there = np.isfinite(measured)
     ratio = float(np.std(measured[there]) / max(np.std(expected[there]), 1e-300))
-    limits = f"between 1/{SIZE:g} and {SIZE:g}, or as vehicles of the priors"
     least, greatest = np.quantile(np.std(vehicles[:, there], axis=1), (RARE, 1 - RARE)) / np.std(expected[there])
     level = "pass" if least <= ratio <= greatest else _size_level(ratio, 1.0, 1.0)
-    value, told = f"{ratio:.3g} times the motion expected", (name, *controls)
-    remedy = f"{unit_guess(told, ratio, OTHER)}check the units of {listed(told)} in the channel map, and the priors"
-    remedy = "" if level == "pass" else "see its trim, which tells the unit better" if by_trim else remedy
-    results.append(RecordFinding(name, "size", level, value, limits, remedy))
-    return [*results, *timings]
+    return [
+        Finding("direction-reversed", "pass", (name,), values),
+        _size(name, level, ratio, (name, *controls), by_trim, OTHER),
+        *timings,
+    ]
 
 
-def _size_level(size: float, least: float, greatest: float) -> RecordLevel:
+def _size(
+    name: str, level: Level, ratio: float, signals: Sequence[str], by_trim: bool = False, unlike: float = 1.0
+) -> Finding:
+    """Return what the size of a motion says of the units of some signals."""
+    remedies = () if level == "pass" else ("see-trim",) if by_trim else ("check-unit",)
+    return Finding("size-unlike", level, (name,), {"ratio": ratio, **unit_errors(signals, ratio, unlike)}, remedies)
+
+
+def _size_level(size: float, least: float, greatest: float) -> Level:
     """Return how grave it is that a motion is larger or smaller than the vehicles of the priors show."""
     beyond = max(size / greatest, least / max(size, 1e-300))
-    return "pass" if beyond <= SIZE else "caution" if beyond <= WRONG else "fail"
+    return "pass" if beyond <= SIZE else "caution" if beyond <= WRONG else "alarm"
 
 
 def check_range(
     name: str, measured: Float[np.ndarray, " n"], expected: Float[np.ndarray, " n"], noise: float
-) -> list[RecordFinding]:
+) -> list[Finding]:
     """Return an end of a gauge's range at which many samples lie exactly, while the expected force goes on: it is at its limit.
 
     Args:
@@ -132,16 +127,15 @@ def check_range(
     for end, word in ((x.min(initial=np.inf), "least"), (x.max(initial=-np.inf), "greatest")):
         at = x == end
         if at.sum() > CUT * x.size and np.ptp(y[at]) > max(SPIKE * noise, CUT * np.ptp(y)):
-            value = f"{at.mean():.0%} of the samples are {end:.4g}, its {word} value, while the expected force goes on"
-            remedy = "the gauge is at its limit, a rope is slack, or the value is frozen: leave these samples out, or measure them again"
-            return [RecordFinding(name, "range", "fail", value, f"usual: under {CUT:.0%}", remedy)]
+            values = {"share": float(at.mean()), "end": float(end), "which": word}
+            return [Finding("gauge-at-limit", "alarm", (name,), values, ("leave-out",))]
     return []
 
 
 def check_turn(
     names: Sequence[str], measured: Float[np.ndarray, "n k"], expected: Float[np.ndarray, "n k"]
-) -> list[RecordFinding]:
-    """Say whether two or three channels of one sensor show the expected motion turned or mirrored (Kabsch, Acta Cryst. A32, 1976).
+) -> list[Finding]:
+    """Report whether two or three channels of one sensor show the expected motion turned or mirrored (Kabsch, Acta Cryst. A32, 1976).
 
     Of the orthogonal Q with measured = Q expected, the best rotation and the best mirror are weighed by the share of both motions that
     they bring together, tr(Q^T C) / (|measured| |expected|), C = sum measured expected^T.
@@ -162,36 +156,23 @@ def check_turn(
     (turn, turned), (mirror, mirrored) = ways[False], ways[True]
     is_mirror = mirrored > turned + APART
     best, plain = max(turned, mirrored), float(np.trace(left * worth @ right))
-    limit = f"as it is they agree by {plain:+.2f}; reported if other axes agree by {2 * APART:g} more"
     if best < RELATED or best < plain + 2 * APART:
-        return (
-            [RecordFinding(", ".join(names), "axes", "pass", "as the channel map says", limit)]
-            if plain > RELATED
-            else []
-        )
-    if is_mirror:
-        value = f"mirrored: {_axes_words(names, mirror)} would agree by {mirrored:+.2f}"
-        remedy = "the sensor's axes are left-handed, or one is reversed: correct columns and signs (scale = -1) in the channel map"
-    else:
-        value = f"turned: {_axes_words(names, turn)} would agree by {turned:+.2f}"
-        remedy = f"swap columns in the channel map, or state how it is mounted, about {_mount_words(names, turn)} under [mounts.NAME]"
-        if np.allclose(turn, np.diag([1.0 if name in "up" else -1.0 for name in names]), atol=0.3):
-            remedy = f'the log has body axes forward, left, up: axes = "ENU" under [[import.files]]; or {remedy}'
-    return [RecordFinding(", ".join(names), "axes", "fail", value, limit, remedy)]
+        return [Finding("axes-wrong", "pass", tuple(names), {"plain": plain})] if plain > RELATED else []
+    way = mirror if is_mirror else turn
+    values = {
+        "matrix": tuple(tuple(map(float, row)) for row in way),
+        "mirrored": bool(is_mirror),
+        "best": best,
+        "plain": plain,
+        "angles": () if is_mirror else _mount_angles(names, way),
+    }
+    is_enu = np.allclose(turn, np.diag([1.0 if name in "up" else -1.0 for name in names]), atol=0.3)
+    remedies = ("left-handed",) if is_mirror else ("enu-axes", "mount-or-columns") if is_enu else ("mount-or-columns",)
+    return [Finding("axes-wrong", "alarm", tuple(names), values, remedies)]
 
 
-def _axes_words(names: Sequence[str], way: Float[np.ndarray, "k k"]) -> str:
-    """Say what each channel shows: `u = v, v = -u` for a quarter turn, `u = 0.87 u + 0.50 v, ...` for others."""
-    said = []
-    for name, row in zip(names, way, strict=True):
-        large = [(x, other) for x, other in zip(row, names, strict=True) if abs(x) > 0.17]
-        parts = [f"{x:+.2f} {other}" if abs(x) < 0.98 else f"{'-' if x < 0 else '+'}{other}" for x, other in large]
-        said.append(f"{name} = {' '.join(parts).removeprefix('+')}")
-    return ", ".join(said)
-
-
-def _mount_words(names: Sequence[str], way: Float[np.ndarray, "k k"]) -> str:
-    """Return the angles of a mount whose sensor shows R^T of what is there, for the channels along some of the axes."""
+def _mount_angles(names: Sequence[str], way: Float[np.ndarray, "k k"]) -> tuple[tuple[str, float], ...]:
+    """Return the angles, deg, of a mount whose sensor shows R^T of what is there, for the channels along some of the axes."""
     places = ["uvw".find(name) if name in "uvw" else "pqr".find(name) for name in names]
     full = np.eye(3)
     full[np.ix_(places, places)] = way
@@ -201,8 +182,7 @@ def _mount_words(names: Sequence[str], way: Float[np.ndarray, "k k"]) -> str:
         "pitch": -np.arcsin(np.clip(r[2, 0], -1.0, 1.0)),
         "yaw": np.arctan2(r[1, 0], r[0, 0]),
     }
-    told = [f'{name} = "{np.degrees(value):.0f} deg"' for name, value in angles.items() if abs(value) > np.radians(10)]
-    return ", ".join(told)
+    return tuple((name, float(np.degrees(value))) for name, value in angles.items() if abs(value) > np.radians(10))
 
 
 def says_direction(expected: Float[np.ndarray, " n"], drawn: Float[np.ndarray, "d n"], noise: float) -> bool:
@@ -231,7 +211,7 @@ def check_sum(
     drawn: Float[np.ndarray, "d n"],
     noise: float,
     has_delay: bool = False,
-) -> list[RecordFinding] | None:
+) -> list[Finding] | None:
     """Judge a channel in which errors add up by all vehicles of the priors; None where these allow no verdict.
 
     They allow none where one of them goes as the record does, or where they lie as far apart as it moves. Of a record that goes much
@@ -253,9 +233,7 @@ def check_sum(
     level = _size_level(size, float(sizes.min()), float(sizes.max()))
     if level != "pass":
         ratio = size / float(np.median(sizes))
-        remedy = unit_guess((name,), ratio) + "check the units in the channel map, and the priors"
-        value = f"{ratio:.3g} times the motion of most vehicles of the priors"
-        return [RecordFinding(name, "size", level, value, f"within {SIZE:g} times that of one of them", remedy)]
+        return [_size(name, level, ratio, (name,))]
     apart = float(np.median(np.std((left - expected)[:, there], axis=1)))
     most = round(LONGEST / float(np.median(np.diff(time))))
     if apart > ALIKE * size or any(best_lag(measured, one, most)[1] >= RELATED for one in left):
@@ -263,74 +241,40 @@ def check_sum(
     return check_motion(name, time, measured, expected, drawn, has_delay)
 
 
-def not_judged_sum(names: Sequence[str]) -> RecordFinding:
-    """Return the note about channels in which errors add up, and which the priors allow."""
-    value = "not judged, nor size and timing; errors of velocities, and the net weight, add up in it, and the priors allow it"
-    return RecordFinding(
-        ", ".join(names), "direction", "note", value, "judged where they do not; the velocities are judged"
-    )
-
-
-def not_judged(names: Sequence[str]) -> RecordFinding:
-    """Return the note about channels of which the priors do not say which way they go."""
-    value = "not judged, like size and timing: vehicles drawn from the priors go in both directions or diverge"
-    remedy = "use priors of known sign, such as half-normal"
-    return RecordFinding(
-        ", ".join(names), "direction", "note", value, f"judged if {AGREED:.0%} go in one direction", remedy
-    )
-
-
-def _timing_findings(name: str, timing: Timing | None, has_delay: bool, file: str) -> list[RecordFinding]:
-    """Say by how much a channel is early or late; of files with clocks of their own also that it is not, or that it cannot be judged."""
-    limit = "no vehicle of the priors explains it without a shift"
+def _timing_findings(name: str, timing: Timing | None, has_delay: bool, file: str) -> list[Finding]:
+    """Report by how much a channel is early or late; of files with separate clocks also that it is not, or that it cannot be judged."""
     is_sharp = timing is not None and all(one.greatest - one.least <= VAGUE for one in timing.likely)
     if timing is not None and timing.likely and not timing.is_in_time and is_sharp:
         best, *others = timing.likely
         late = best.best
         if abs(late) < LATE:
             return []
-        value = f"about {_late(late)}, ± {max((best.greatest - best.least) / 2, LATE):.1g} s"
-        value += "".join(f"; or about {_late(one.best)}" for one in others)
+        values = {
+            "late": late,
+            "error": max((best.greatest - best.least) / 2, LATE),
+            "others": tuple(one.best for one in others),
+            "file": file,
+            "upper": max(0.5, 2 * late),
+        }
         level = "note" if 0 < late <= LONGEST and has_delay else "caution"
-        remedy = _timing_remedy(late, has_delay, file)
-        remedy = (
-            f"the motion repeats and fits with each of these shifts; if it is the first, {remedy}" if others else remedy
-        )
-        return [RecordFinding(name, "timing", level, value, limit, remedy)]
+        return [Finding("clock-shift", level, (name,), values, _timing_remedies(late, has_delay, file))]
     if not file:
         return []
     if timing is not None and timing.is_in_time and len(timing.likely) == 1 and timing.within <= VAGUE:
-        value = f"in time with its commands, or off by at most {timing.within:.2g} s"
         within = next(seconds for seconds in WITHIN if timing.within <= seconds)
-        return [RecordFinding(name, f"timing (within {within:g} s)", "pass", value, limit)]
-    if timing is None or not timing.likely:
-        value = f"not judged: no shift up to {WIDE:g} s, or half the record, explains half of the motion"
-    else:
-        ends = [f"{_late(one.least)} to {_late(one.greatest)}" for one in timing.likely]
-        value = f"not judged: the motion fits with every shift from {', and from '.join(ends)}"
-    limit = f"judged if shifts of more than {VAGUE:g} s can be excluded"
-    remedy = f"compare the clock of {file} with that of the commands in another way, before you believe a result"
-    return [RecordFinding(name, "timing", "note", value, limit, remedy)]
+        return [Finding("clock-shift", "pass", (name,), {"within": within, "file": file})]
+    ranges = () if timing is None else tuple((one.least, one.greatest) for one in timing.likely)
+    values = {"longest": WIDE, "ranges": ranges, "file": file}
+    return [Finding("clock-not-judged", "note", (name,), values, ("compare-clocks",))]
 
 
-def _timing_remedy(late: float, has_delay: bool, file: str) -> str:
+def _timing_remedies(late: float, has_delay: bool, file: str) -> tuple[str, ...]:
     """Return what to do about a channel that is late by so many seconds, or early by as many below zero."""
     if file and not 0 < late <= LONGEST:
-        wrong = "large" if late > 0 else "small"
-        return f"`shift` of {file} under [[import.files]] is too {wrong} by about {abs(late):.2g} s: correct it, and check again"
+        return ("correct-shift",)
     if late < 0:
-        return (
-            "the response comes before its command: put command and response on one clock, unless the vehicle is quicker than "
-            "the priors say"
-        )
-    clock = f", or `shift` of {file} is too large" if file else ""
-    if has_delay:
-        return f"the delay is estimated: check that its prior, [prior.delay], includes this value{clock}"
-    return f"give the delay a prior, [prior.delay] with {delay_prior(late)}, unless the vehicle is slower than the priors say{clock}"
-
-
-def _late(seconds: float) -> str:
-    return f"{abs(seconds):.2g} s {'late' if seconds > 0 else 'early'}"
+        return ("one-clock",)
+    return ("check-delay-prior" if has_delay else "delay-prior", *(("check-shift",) if file else ()))
 
 
 def best_lag(measured: Float[np.ndarray, " n"], expected: Float[np.ndarray, " n"], most: int) -> tuple[int, float]:

@@ -1,38 +1,20 @@
 """Does a record say what its channel map says? Its samples alone, and beside limits and trim that the campaign states."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from math import pi
-from typing import Literal
+from math import pi, radians
 
 import numpy as np
 from jaxtyping import Float
 
-from seatrial.core.display_units import shown_unit
+from seatrial.core.findings import Finding, Value
 from seatrial.core.signals import ANGLE, ANGULAR_RATE, FORCE, MOMENT, RATES, SPEED, signal_unit
 from seatrial.manoeuvres.manoeuvre import Limits
 
-RecordLevel = Literal["pass", "note", "caution", "fail"]
-"""A note says what was not judged, and why; it casts no doubt on the record."""
-_LENGTHS = {
-    "knots taken for m/s, or the reverse": 1.94384,
-    "feet taken for metres, or the reverse": 3.28084,
-    "km/h taken for m/s, or the reverse": 3.6,
-    "centimetres taken for metres, or the reverse": 100.0,
-    "millimetres taken for metres, or the reverse": 1000.0,
-}
-_DEGREES = "degrees taken for radians, or the reverse"
-_ANGLES = {_DEGREES: 180 / pi, "revolutions taken for radians, or the reverse": 2 * pi}
-_RPM = {"rpm taken for rad/s, or the reverse": 30 / pi}
-_PROPELLER = {
-    **_RPM,
-    "revolutions taken for radians, or the reverse": 2 * pi,
-    "rpm taken for revolutions per second, or the reverse": 60.0,
-}
-_FORCES = {
-    "kilograms-force taken for newtons, or the reverse": 9.80665,
-    "pounds-force taken for newtons, or the reverse": 4.44822,
-}
+_LENGTHS = {"knots": 1.94384, "feet": 3.28084, "km/h": 3.6, "centimetres": 100.0, "millimetres": 1000.0}
+_ANGLES = {"degrees": 180 / pi, "revolutions": 2 * pi}
+_RPM = {"rpm": 30 / pi}
+_PROPELLER = {**_RPM, "revolutions": 2 * pi, "rpm for rev/s": 60.0}
+_FORCES = {"kgf": 9.80665, "lbf": 4.44822}
 _CONFUSED = {
     str(SPEED): _LENGTHS,
     str(ANGULAR_RATE): _PROPELLER,
@@ -65,78 +47,61 @@ AROUND = 25
 """Samples on either side that tell how much a signal scatters where it is."""
 QUARTILE = 0.3186
 """A quarter of a standard normal variable's sizes are below."""
+MIN_TURN, MIN_TURN_SDS, ALARM_TURN_SDS = radians(5.0), 3.0, 5.0
+"""Angle from which a turned sensor is reported, and standard deviations from which it is a caution and an alarm."""
+MAX_GAIN_SD, MIN_GAIN_ERROR = 0.3, 0.5
+"""Standard deviation of a thruster's gain above which it is unknown, and how far from 1 it is doubted."""
+MAX_STEP_CHANGE = 0.5
+"""Root mean square change of a rate in steps half as long, over its noise, from which steps are too long."""
 
 
-@dataclass(frozen=True)
-class RecordFinding:
-    """One judgement of a record.
+def not_judged_yet(subject: Sequence[str], check: str, wrong: Sequence[Finding]) -> Finding:
+    """Return the note that something else is to be corrected before this can be judged.
 
-    Attributes:
-        signal: channel it is about.
-        check: what was looked at.
-        level: pass, note, caution or fail.
-        value: what was found, with its unit.
-        threshold: from where it counts.
-        remedy: what to do; empty for a pass.
+    Args:
+        subject: signals that are not judged.
+        check: code of the check that is not made.
+        wrong: what is to be corrected first.
     """
-
-    signal: str
-    check: str
-    level: RecordLevel
-    value: str
-    threshold: str
-    remedy: str = ""
-
-    @property
-    def line(self) -> str:
-        """In one line."""
-        end = f"; {self.remedy}" if self.remedy else ""
-        return f"{self.level:<7} {self.signal:<10} {self.check}: {self.value} ({self.threshold}){end}"
+    faults = tuple((one.code, name) for one in wrong for name in one.subject)
+    return Finding("not-judged-yet", "note", tuple(subject), {"check": check, "wrong": faults}, ("check-again",))
 
 
-def not_judged_yet(signal: str, check: str, wrong: str) -> RecordFinding:
-    """Return the note that something else is to be corrected before this can be judged."""
-    limit = f"judged when {wrong} is right"
-    return RecordFinding(signal, check, "note", "not judged yet", limit, "correct that first, then check again")
-
-
-def unit_guess(names: Sequence[str], ratio: float, unlike: float = 1.0) -> str:
-    """Ask of each signal for the unit error whose factor is nearest to a ratio; empty if none is within three times of the ratio.
+def unit_errors(names: Sequence[str], ratio: float, unlike: float = 1.0) -> dict[str, Value]:
+    """Return the signals whose units are doubted, and the unit errors whose factor is nearest to a ratio.
 
     Args:
         names: of the signals.
         ratio: of what is there to what is expected.
         unlike: times by which the vehicle itself may differ from the one that is expected: of speeds, whose units are hardly farther
-            apart, every error is asked for whose factor is so near.
+            apart, every error is named whose factor is so near.
+
+    Returns:
+        `signals` and `errors`, values of a finding; no errors if none is within three times of the ratio.
     """
     size = max(abs(ratio), 1 / max(abs(ratio), 1e-300))
     factors = {name: _CONFUSED.get(name, _CONFUSED.get(signal_unit(name), {})) for name in names}
     off = {
-        name: {words: max(size / x, x / size) for words, x in some.items()} for name, some in factors.items() if some
+        name: {error: max(size / x, x / size) for error, x in some.items()} for name, some in factors.items() if some
     }
     reach = CLOSE if any(min(some.values()) < CLOSE for some in off.values()) else ABOUT
     near: dict[str, list[str]] = {}
     for name, some in off.items():
-        first, *others = sorted(some, key=lambda words: some[words])
+        first, *others = sorted(some, key=lambda error: some[error])
         if some[first] < reach:
-            also = [words for words in others if factors[name] is _LENGTHS and some[words] < unlike]
-            for words in (first, *also):
-                near.setdefault(words, []).append(name)
-    said = [words + (f", in {' or '.join(some)}" if len(names) > 1 else "") for words, some in near.items()]
-    return f"{'; or '.join(said)}? " if said else ""
+            also = [error for error in others if factors[name] is _LENGTHS and some[error] < unlike]
+            for error in (first, *also):
+                near.setdefault(error, []).append(name)
+    return {"signals": tuple(names), "errors": tuple((error, tuple(some)) for error, some in near.items())}
 
 
-def check_limits(
-    name: str, column: Float[np.ndarray, " n"], limits: Limits, factor: float, unit: str
-) -> list[RecordFinding]:
+def check_limits(name: str, column: Float[np.ndarray, " n"], limits: Limits) -> list[Finding]:
     """Return the bound of a control that a record goes beyond, by more than a hundredth of how far it moves; rest is only noted.
 
     Args:
         name: control.
         column: SI.
         limits: that designs of this control keep, SI.
-        factor: from SI to the unit in which the control is shown.
-        unit: that unit.
     """
     least, greatest = float(column.min()), float(column.max())
     slack, results = BEYOND * (greatest - least) + 1e-9 * max(abs(least), abs(greatest)), []
@@ -151,47 +116,36 @@ def check_limits(
         ),
     ):
         if bound is not None and is_beyond:
-            limit = f"limits.{name}.{key} is {bound * factor:.4g} {unit}"
-            if is_rest:
-                value = "the record goes to rest, or begins there, outside the limits that designs keep"
-                results.append(RecordFinding(name, "limits", "note", value, limit))
-                continue
-            remedy = "designs stay inside the limit: correct it if the vehicle may go so far, else check the unit in the channel map"
-            value = f"the record reaches {end * factor:.4g} {unit}"
-            results.append(RecordFinding(name, "limits", "caution", value, limit, remedy))
+            values = {"reached": end, "bound": bound, "end": key}
+            level, remedies = ("note", ()) if is_rest else ("caution", ("correct-limits",))
+            results.append(Finding("limits-exceeded", level, (name,), values, remedies))
     farthest = max((abs(bound) for bound in (limits.lower, limits.upper) if bound is not None), default=0.0)
     reached = max(abs(least), abs(greatest))
     if 0 < reached < HARDLY * farthest:
-        value, limit = (
-            f"the record reaches {reached * factor:.4g} {unit}",
-            f"limits.{name} go to {farthest * factor:.4g} {unit}",
-        )
-        remedy = unit_guess((name,), reached / farthest) + "check the unit in the channel map, or correct the limits"
-        results.append(RecordFinding(name, "limits", "caution", value, limit, remedy))
+        values = {"reached": reached, "bound": farthest, **unit_errors((name,), reached / farthest)}
+        results.append(Finding("limits-hardly-used", "caution", (name,), values, ("check-unit",)))
     return results
 
 
-def check_angle(name: str, column: Float[np.ndarray, " n"], factor: float, unit: str) -> list[RecordFinding]:
+def check_angle(name: str, column: Float[np.ndarray, " n"]) -> list[Finding]:
     """Return the doubt of a rudder or fin that turns by more than a quarter turn: its degrees are read as radians.
 
     Args:
         name: control.
         column: SI.
-        factor: from SI to the unit in which the control is shown.
-        unit: that unit.
     """
     reached = float(np.abs(column).max())
     if signal_unit(name) != str(ANGLE) or reached <= pi / 2:
         return []
-    value, limit = f"the record reaches {reached * factor:.4g} {unit}", f"usual: up to {pi / 2 * factor:.4g} {unit}"
-    return [RecordFinding(name, "size", "caution", value, limit, f"{_DEGREES}? check the unit in the channel map")]
+    values = {"reached": reached, "signals": (name,), "errors": (("degrees", (name,)),)}
+    return [Finding("angle-too-large", "caution", (name,), values, ("check-unit",))]
 
 
 def check_trim(
     trim: Mapping[str, float],
     controls: Mapping[str, Float[np.ndarray, " n"]],
     measured: Mapping[str, Float[np.ndarray, " n"]],
-) -> list[RecordFinding]:
+) -> list[Finding]:
     """Return what contradicts the trim: a control that never comes near its value, a speed of another size where all controls do.
 
     Args:
@@ -204,11 +158,11 @@ def check_trim(
         share = controls[name] / trim[name]
         if np.mean((share > 1 / UNLIKE) & (share < UNLIKE)) < SELDOM and np.any(share):
             size = np.median(np.abs(share[share != 0]))
-            results.append(unlike_trim(name, trim[name], float(size if share.max() > 0 else -size), "of about"))
+            results.append(unlike_trim(name, trim[name], float(size if share.max() > 0 else -size), "median"))
     for name in (one for one in measured if one in RATES[:3] and trim.get(one)):
         ratio = _speed_over_trim(name, trim, controls, measured[name])
         if ratio is not None and not 1 / UNLIKE <= ratio <= UNLIKE:
-            results.append(unlike_trim(name, trim[name], ratio, "with the controls at trim about"))
+            results.append(unlike_trim(name, trim[name], ratio, "controls"))
     return results
 
 
@@ -242,29 +196,24 @@ def _speed_over_trim(
     return None if is_unlike and second < (1 - SETTLED) * first else ratio
 
 
-def unlike_trim(name: str, trim: float, ratio: float, when: str) -> RecordFinding:
+def unlike_trim(name: str, trim: float, ratio: float, by: str) -> Finding:
     """Return a caution for a signal that is not at its trim where it should be.
 
     Args:
         name: of the signal.
         trim: its value, SI.
         ratio: of what it is to that.
-        when: words before the value: where it was seen.
+        by: where it was seen: `median` of a control, a speed with the `controls` at trim, or by the `coefficients`.
     """
-    factor, unit = shown_unit(name)
-    value, limit = f"{when} {ratio * trim * factor:.4g} {unit}", f"vehicle.trim.{name} is {trim * factor:.4g} {unit}"
-    if 1 / UNLIKE <= -ratio <= UNLIKE:
-        remedy = f"the sign of {name} is reversed: set scale = -1 in the channel map, or correct the trim"
-    else:
-        remedy = (
-            unit_guess((name,), ratio, UNLIKE) + "check column, unit and sign in the channel map, or correct the trim"
-        )
-    return RecordFinding(name, "trim", "caution", value, limit, remedy)
+    is_reversed = 1 / UNLIKE <= -ratio <= UNLIKE
+    values = {"size": ratio * trim, "trim": trim, "by": by, **unit_errors((name,), ratio, UNLIKE)}
+    remedy = "reverse-or-trim" if is_reversed else "check-unit-or-trim"
+    return Finding("trim-contradicted", "caution", (name,), values, (remedy,))
 
 
 def check_samples(
     name: str, values: Float[np.ndarray, " n"], noise: float, sensor: str, is_heavy: bool = False
-) -> list[RecordFinding]:
+) -> list[Finding]:
     """Return the samples that stand out from both of their sides, alone or up to three together.
 
     Args:
@@ -278,14 +227,9 @@ def check_samples(
     if x.size < 25:
         return []
     share = float((_standing_out(x) > SPIKE * np.maximum(_scatter(x), noise)).mean())
-    limit = f"usual: under {SPIKES:.1%} beyond {SPIKE:g} robust standard deviations"
-    if share < SPIKES:
-        return [RecordFinding(name, "outliers", "pass", f"{share:.2%} of the samples", limit)]
-    if is_heavy:
-        value = f"{share:.2%} of the samples, which heavy residuals tolerate"
-        return [RecordFinding(name, "outliers", "note", value, limit)]
-    remedy = f'residuals = "heavy" under [sensors.{sensor}] tolerates them; look at the raw plot first'
-    return [RecordFinding(name, "outliers", "caution", f"{share:.2%} of the samples", limit, remedy)]
+    level = "pass" if share < SPIKES else "note" if is_heavy else "caution"
+    remedies = ("heavy-residuals",) if level == "caution" else ()
+    return [Finding("outliers", level, (name,), {"share": share, "sensor": sensor}, remedies)]
 
 
 def _standing_out(x: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
