@@ -49,7 +49,7 @@ def scaling(cores: int, replicates: int = REPLICATES, workers: tuple[int, ...] =
         def calibrated(place: str, count: int = replicates) -> None:
             os.environ[VARIABLE] = place
             path.unlink(missing_ok=True)
-            found = calibrate(campaign, trials, count, METHOD).calibration.ranks
+            found = calibrate(campaign, trials, count, METHOD).ranks
             if count == replicates:
                 ranks.append(found)
 

@@ -111,7 +111,7 @@ def calibration(replicates: int) -> Callable[[], Numbers]:
 
     def run() -> Numbers:
         path.unlink(missing_ok=True)
-        shares = calibrate(campaign, trials, replicates, METHOD).calibration.ranks.ravel() / DRAWS
+        shares = calibrate(campaign, trials, replicates, METHOD).ranks.ravel() / DRAWS
         return Numbers(shares, np.full(shares.size, np.sqrt(0.25 / DRAWS)))
 
     return run

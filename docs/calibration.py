@@ -135,7 +135,7 @@ def run(name: str, method: str, reporter: ConsoleReporter) -> Calibration:
     text = BASE.format(name=name, sensor=sensor, trials=trials, estimation=estimation, priors=priors)
     write_text(folder / "campaign.toml", text)
     campaign = load_campaign(folder)
-    return calibrate(campaign, get_trials(campaign, reporter), REPLICATES, method, reporter).calibration
+    return calibrate(campaign, get_trials(campaign, reporter), REPLICATES, method, reporter)
 
 
 def write_trials(folder: Path) -> None:

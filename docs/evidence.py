@@ -30,10 +30,11 @@ from seatrial.sampling.diagnostics import complaints, diagnose
 from seatrial.sampling.run import ChainSettings
 from seatrial.sampling.sampler import SAMPLERS, sample
 from seatrial.sampling.target import evaluate
-from seatrial.selection.evidence import Evidence, EvidenceSettings, smc_evidence
+from seatrial.selection.evidence import EvidenceSettings, smc_evidence
 from seatrial.selection.importance import ImportanceSettings, importance_evidence
 from seatrial.selection.log_evidence import Keys, log_evidence
 from seatrial.selection.savage_dickey import savage_dickey
+from seatrial.selection.verdict import Evidence
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from studies.remus100.bridge import bridge_evidence

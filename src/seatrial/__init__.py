@@ -41,9 +41,9 @@ _HOME = {
     "half_normal": "seatrial.estimation.priors",
     "truncated_normal": "seatrial.estimation.priors",
     "log_evidence": "seatrial.selection.log_evidence:log_evidence",
-    "Evidence": "seatrial.selection.evidence",
+    "Evidence": "seatrial.selection.verdict",
     "EvidenceSettings": "seatrial.selection.evidence",
-    "compare": "seatrial.selection.verdict",
+    "compare": "seatrial.selection.compare",
     "Selection": "seatrial.selection.verdict",
     "load_vehicle": "seatrial.vehicles.catalogue",
     "vehicle_names": "seatrial.vehicles.catalogue",
@@ -179,9 +179,10 @@ if TYPE_CHECKING:
     from seatrial.report.page import write_report
     from seatrial.sampling.run import ChainSettings, Draws
     from seatrial.sampling.tempered_smc import SMCSettings
-    from seatrial.selection.evidence import Evidence, EvidenceSettings
+    from seatrial.selection.compare import compare
+    from seatrial.selection.evidence import EvidenceSettings
     from seatrial.selection.log_evidence import log_evidence
-    from seatrial.selection.verdict import Selection, compare
+    from seatrial.selection.verdict import Evidence, Selection
     from seatrial.vehicles.actuators import Actuator
     from seatrial.vehicles.catalogue import PublishedVehicle as Vehicle
     from seatrial.vehicles.catalogue import load_vehicle, make_vehicle, vehicle_names

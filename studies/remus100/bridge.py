@@ -18,7 +18,7 @@ from seatrial.core.errors import InputError, NumericalError
 from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.sampling.diagnostics import MIN_ESS
 from seatrial.sampling.target import evaluate
-from seatrial.selection.evidence import Evidence
+from seatrial.selection.verdict import Evidence
 
 ProposalShape = Literal["normal", "t"]
 FREEDOM = 5.0

@@ -18,8 +18,9 @@ from seatrial.report.numbers import plain
 from seatrial.sampling.run import ChainSettings
 from seatrial.sampling.sampler import SAMPLERS, sample
 from seatrial.sampling.tempered_smc import SMCSettings
-from seatrial.selection.evidence import Evidence, EvidenceSettings, smc_evidence
+from seatrial.selection.evidence import EvidenceSettings, smc_evidence
 from seatrial.selection.importance import ImportanceSettings, importance_evidence
+from seatrial.selection.verdict import Evidence
 from studies.remus100.bridge import bridge_evidence
 from studies.remus100.nested import nested_evidence
 from studies.remus100.panels import COLUMN, PAGE, TEXT, key, name_axes, panels, symbol, with_unit

@@ -6,7 +6,8 @@ from seatrial.core.errors import NumericalError
 from seatrial.core.reporter import Progress, no_progress
 from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.sampling.nested import sample_nested
-from seatrial.selection.evidence import Evidence, combine_nested
+from seatrial.selection.evidence import combine_nested
+from seatrial.selection.verdict import Evidence
 
 
 def nested_evidence(

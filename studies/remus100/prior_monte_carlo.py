@@ -31,7 +31,7 @@ from seatrial.estimation.simulation.sensor_errors import noise_name
 from seatrial.estimation.simulation.trial_data import TrialData
 from seatrial.sampling.diagnostics import MIN_ESS
 from seatrial.sampling.target import LANES
-from seatrial.selection.evidence import Evidence
+from seatrial.selection.verdict import Evidence
 from seatrial.vehicles.simulate import move_by
 
 # Log-likelihoods of many draws of which most cannot matter, each simulated only as long as it might.

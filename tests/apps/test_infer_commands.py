@@ -11,7 +11,7 @@ import pytest
 from seatrial.apps.running import Exit
 from seatrial.campaign.config import templates
 from seatrial.campaign.selection import evidence
-from seatrial.selection.evidence import Evidence
+from seatrial.selection.verdict import Evidence
 from tests.apps.test_cli import results, run
 from tests.campaign.small import write_small
 

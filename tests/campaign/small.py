@@ -5,9 +5,9 @@ import sys
 from contextlib import contextmanager
 from pathlib import Path
 
-from seatrial.campaign.store.estimates import KnownParameter
-from seatrial.campaign.store.stored_result import Store, write_stamped_json
-from seatrial.campaign.store.structures import NextTrial, StoredCoefficient
+from seatrial.campaign.store.estimates import Known, KnownParameter, StoredCoefficient
+from seatrial.campaign.store.stored_result import Store, StoredResult
+from seatrial.campaign.store.structures import NextTrial, Summary
 
 SMALL = """
 [campaign]
@@ -92,28 +92,41 @@ def write_summary(
     **found: tuple[float, float],
 ) -> None:
     """Write the summary of a campaign that has been run: mean and standard deviation of what it found, all else blank."""
-    numbers = dict.fromkeys(list(StoredCoefficient.__dataclass_fields__)[3:], 0.0)
-    rows = [
-        {"name": name, "unit": "", "label": name, **numbers, "mean": mean, "sd": sd}
+    numbers = dict.fromkeys(list(StoredCoefficient.__dataclass_fields__)[3:-2], 0.0)
+    rows = (
+        StoredCoefficient(**{"name": name, "unit": "", "label": name, **numbers, "mean": mean, "sd": sd})
         for name, (mean, sd) in found.items()
-    ]
+    )
     blank = dict.fromkeys(KnownParameter.__dataclass_fields__, 0.0)
-    partners = [{**blank, "name": a, "unit": "", "partner": b, "correlation": r} for a, b, r in correlated]
-    known = {"stage": "after", "structure": chosen, "parameters": partners, "directions": [], "verdict": []}
-    known["symmetry"] = []
-    blank = {
-        "name": "small",
-        "structures": [],
-        "verdicts": [],
-        "cautions": [],
-        "alarms": [],
-        "usable": True,
-        "choice_alarms": [],
-    }
-    blank |= {"fits": [], "pooled": [], "baselines": []}
-    content = {"chosen": chosen, "terms": list(terms), "coefficients": rows, "known": known}
-    following = dict.fromkeys(NextTrial.__dataclass_fields__)
-    write_stamped_json(Store(folder).summary, {**blank, **content, "next_trial": following}, "any")
+    partners = (
+        KnownParameter(**{**blank, "name": a, "unit": "", "partner": b, "correlation": r}) for a, b, r in correlated
+    )
+    summary = Summary(
+        name="small",
+        chosen=chosen,
+        terms=terms,
+        coefficients=tuple(rows),
+        usable=True,
+        known=Known("after", chosen, tuple(partners), (), ()),
+        next_trial=NextTrial("", False, None),
+        quoted="chosen",
+        **dict.fromkeys(
+            (
+                "structures",
+                "verdicts",
+                "cautions",
+                "findings",
+                "alarms",
+                "choice_alarms",
+                "fits",
+                "pooled",
+                "baselines",
+                "averaged",
+            ),
+            (),
+        ),
+    )
+    StoredResult(Store(folder).summary, "any", Summary).write(summary)
 
 
 # Which files are opened, as Python itself tells it.

@@ -13,7 +13,7 @@ from seatrial.campaign.inference.calibration import calibrate
 from seatrial.campaign.store.calibration import Calibrated
 from seatrial.campaign.store.stored_result import Store
 from seatrial.core.errors import InputError
-from seatrial.estimation.diagnostics.calibration import DRAWS, Calibration
+from seatrial.estimation.diagnostics.calibration import DRAWS
 from seatrial.report.figure_files import write_calibration_picture
 from tests.campaign.small import write_small
 
@@ -33,9 +33,9 @@ def found(small):
 
 @pytest.mark.proof
 def test_ranks_of_every_parameter(found, small):
-    assert found.calibration.names == ("X_uabsu", "T_nabsn", "X_u", "sigma_u", "log-likelihood")
-    assert found.calibration.ranks.shape == (24, 5)
-    assert found.calibration.outside() == ()
+    assert found.names == ("X_uabsu", "T_nabsn", "X_u", "sigma_u", "log-likelihood")
+    assert found.ranks.shape == (24, 5)
+    assert found.outside() == ()
     assert found.lines()[-1].startswith(
         "calibrated: the ranks lie inside the band that holds all 5 quantities with 99 %"
     )
@@ -64,7 +64,7 @@ def test_resumes_to_the_same_bits(found, small, monkeypatch):
     again = calibrate(campaign, trials, 24, METHOD)
     assert set(numbers) == set(range(24))
     assert len(numbers) < 24 + 12
-    assert np.array_equal(again.calibration.ranks, found.calibration.ranks)
+    assert np.array_equal(again.ranks, found.ranks)
     assert np.array_equal(again.health, found.health, equal_nan=True)
 
 
@@ -82,7 +82,7 @@ def test_a_posterior_that_is_too_narrow_is_caught(small, monkeypatch):
     monkeypatch.setattr(module, "find_method", lambda name: narrow)
     spoilt = calibrate(campaign, trials, 32, METHOD)
     Store(campaign.folder).calibration(METHOD).unlink()
-    assert {"X_uabsu", "T_nabsn", "X_u"} <= set(spoilt.calibration.outside())
+    assert {"X_uabsu", "T_nabsn", "X_u"} <= set(spoilt.outside())
     said = " ".join(spoilt.lines())
     assert "the posterior is overconfident" in said
     assert "so the sampling is not the cause of the uneven ranks" in said
@@ -106,7 +106,7 @@ def spoken(health, ranks=None):
     """What is said of the sampling in a calibration of one quantity whose replicates have these diagnostics."""
     health = np.asarray(health, float)
     ranks = np.arange(len(health))[:, None] % (DRAWS + 1) if ranks is None else ranks
-    return Calibrated(Calibration(("a",), ranks), "given", "M-0", 0.0, health).mixing_words()
+    return Calibrated(("a",), ranks, "given", "M-0", 0.0, health).mixing_words()
 
 
 GOOD = (1.01, 800.0, 0.0, np.nan)

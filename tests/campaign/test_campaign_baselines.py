@@ -39,17 +39,17 @@ def curves(trials, errors):
 
 def test_they_are_fitted_to_the_fitted_run_alone_and_kept(yaw):
     campaign, trials, found = yaw
-    assert [one.name for one in found.curves] == [*BASELINES, "accelerations"]
+    assert [*found.names] == [*BASELINES, "accelerations"]
     assert (found.channels, found.records, found.refused) == (("v", "r"), ("2",), {})
-    for one in found.curves[:-1]:
-        alone = BASELINES[one.name].fit(trials.fit, campaign.channels, ("delta_r", "u"))
+    for name, mean in zip(found.names[:-1], found.mean, strict=False):
+        alone = BASELINES[name].fit(trials.fit, campaign.channels, ("delta_r", "u"))
         columns = [campaign.channels.index(channel) for channel in alone.channels]
-        np.testing.assert_allclose(one.means[0][:, columns], alone.predict(trials.predict[0]), rtol=1e-6, atol=1e-9)
-        assert one.parameters == pytest.approx(dict(alone.parameters), rel=1e-6)
-    assert np.isnan(next(one for one in found.curves if one.name == "nomoto").noise_sd[0])
+        np.testing.assert_allclose(mean[:, columns], alone.predict(trials.predict[0]), rtol=1e-6, atol=1e-9)
+        assert found.parameters[name] == pytest.approx(dict(alone.parameters), rel=1e-6)
+    assert np.isnan(found.noise_sd[found.names.index("nomoto"), 0])
     kept = stored_baselines(campaign, trials)
     assert kept.state() == "current"
-    assert Results(campaign.folder).baselines().curves[2].words == "a first-order lag of the controls"
+    assert [*Results(campaign.folder).baselines().words.values()][2] == "a first-order lag of the controls"
     flow = Workflow(campaign)
     assert flow.state("baselines") == "current"
 

@@ -17,8 +17,8 @@ from seatrial.campaign.selection.evidence import agreement_counts, agreement_wor
 from seatrial.estimation.priors import Normal, Uniform
 from seatrial.sampling.nested import NestedRun
 from seatrial.selection import log_evidence
-from seatrial.selection.evidence import Evidence
 from seatrial.selection.log_evidence import EvidenceRun, EvidenceTask, MethodResult
+from seatrial.selection.verdict import Evidence
 from tests.campaign.small import write_small
 from tests.estimation_cases import posterior
 from tests.selection.targets import far_peaks, one_peak, peaks, spike_on_slab

@@ -9,9 +9,8 @@ import xarray as xr
 from seatrial.campaign.inference.coefficient_csv import averaged_rows, write_averaged, write_coefficients
 from seatrial.campaign.store.estimates import Estimate
 from seatrial.core.display_units import shown_as_written
-from seatrial.selection.evidence import Evidence
 from seatrial.selection.structures import Structure
-from seatrial.selection.verdict import select
+from seatrial.selection.verdict import Evidence, select
 
 SI = shown_as_written({})
 
@@ -20,7 +19,8 @@ def made(label: str, seed: int, **means: float) -> Estimate:
     """An estimate whose draws are normal about these means."""
     names = list(means)
     draws = np.random.default_rng(seed).normal(list(means.values()), 0.5, (4, 500, len(names)))
-    told = {"draws": (("chain", "draw", "parameter"), draws), "unit": ("parameter", ["kg/s"] * len(names))}
+    told = {"draws": (("chain", "draw", "parameter"), draws)}
+    told |= {"unit": ("parameter", ["kg/s"] * len(names)), "label": ("parameter", names)}
     told |= {"mean": ("parameter", draws.mean((0, 1))), "sd": ("parameter", draws.std((0, 1)))}
     blank = ("mode", "mcse", "r_hat", "ess_bulk", "ess_tail")
     told |= {name: ("parameter", np.full(len(names), np.nan)) for name in blank}
@@ -41,21 +41,21 @@ def test_averages_are_those_of_a_mixture_of_draws(tmp_path):
     rich, simple = made("M-0", 1, X_u=-4.0, X_uabsu=2.0), made("M-1", 2, X_uabsu=3.0)
     evidences = [Evidence(0.0, 0.0, "by hand"), Evidence(float(np.log(3.0)), 0.0, "by hand")]
     selection = select([rich.structure, simple.structure], evidences, ["X_u"])
-    found = {row["name"]: row for row in averaged_rows([rich, simple], selection)}
+    found = {row.name: row for row in averaged_rows([rich, simple], selection)}
     # Three draws of the simple structure to one of the other, which is what their probabilities are.
     absent = np.concatenate([rich.draws(["X_u"])[:, 0], np.zeros(3 * 2000)])
     both = np.concatenate([rich.draws(["X_uabsu"])[:, 0], np.tile(simple.draws(["X_uabsu"])[:, 0], 3)])
     for name, drawn, inclusion in (("X_u", absent, 0.25), ("X_uabsu", both, 1.0)):
-        assert found[name]["mean"] == pytest.approx(drawn.mean())
-        assert found[name]["sd"] == pytest.approx(drawn.std())
-        assert found[name]["inclusion"] == pytest.approx(inclusion)
-        assert found[name]["inclusion"] <= 1.0
-        assert (found[name]["lower_95"], found[name]["upper_95"]) == pytest.approx(shortest(drawn))
-    assert found["X_u"]["upper_95"] == 0.0  # three in four structures lack it
-    assert (found["X_u"]["model_error_cause"], found["X_uabsu"]["model_error_cause"]) == ("a force X_u3", "")
+        assert found[name].mean == pytest.approx(drawn.mean())
+        assert found[name].sd == pytest.approx(drawn.std())
+        assert found[name].inclusion == pytest.approx(inclusion)
+        assert found[name].inclusion <= 1.0
+        assert (found[name].lower_95, found[name].upper_95) == pytest.approx(shortest(drawn))
+    assert found["X_u"].upper_95 == 0.0  # three in four structures lack it
+    assert (found["X_u"].model_error_cause, found["X_uabsu"].model_error_cause) == ("a force X_u3", "")
     between = 0.25 * 0.75 * rich.draws(["X_u"]).mean() ** 2
-    assert found["X_u"]["model_error_sd"] == pytest.approx(np.sqrt(0.25 * 6.0**2 + between))
-    assert np.isnan(found["X_uabsu"]["model_error_sd"])
+    assert found["X_u"].model_error_sd == pytest.approx(np.sqrt(0.25 * 6.0**2 + between))
+    assert found["X_uabsu"].model_error_sd is None
     path = write_averaged(tmp_path, list(found.values()), SI)
     written = list(csv.DictReader(path.open()))
     assert [row["name"] for row in written] == ["X_u", "X_uabsu"]
@@ -77,7 +77,7 @@ def test_what_all_structures_have_is_included_with_probability_one_and_no_more()
     for seed in range(20):
         logs = np.random.default_rng(seed).normal(size=7)
         found = select([one.structure for one in structures], [Evidence(x, 0.0, "by hand") for x in logs], ["X_uabsu"])
-        assert averaged_rows(structures, found)[0]["inclusion"] <= 1.0
+        assert averaged_rows(structures, found)[0].inclusion <= 1.0
         assert found.inclusion["X_uabsu"] <= 1.0
 
 

@@ -8,13 +8,13 @@ from seatrial.campaign.selection.criteria import (
     Criteria,
     Pair,
     _criteria_in,
-    _dataset,
+    _stored,
     criteria_cautions,
     criteria_lines,
     differences,
 )
-from seatrial.campaign.store.stored_result import write_dataset
-from seatrial.campaign.store.structures import read_criteria
+from seatrial.campaign.store.stored_result import StoredResult
+from seatrial.campaign.store.structures import StoredCriteria
 from seatrial.selection.criteria import DevianceCriteria, MonteCarloValue, PredictiveCriterion
 from seatrial.selection.structures import Structure
 
@@ -72,16 +72,17 @@ def test_what_is_missing_or_doubtful_is_said_once():
 
 def test_criteria_survive_the_disk(tmp_path):
     kept, path = made("M-0", 2.0).predictive, tmp_path / "M-0.nc"
-    write_dataset(path, _dataset(list(kept.values()), ""), "key")
-    back = _criteria_in(read_criteria(path))
+    file = StoredResult(path, "key", StoredCriteria)
+    file.write(_stored(list(kept.values()), ""))
+    back = _criteria_in(file.read())
     assert back.keys() == kept.keys()
     for name, one in kept.items():
         assert back[name].value == one.value
         assert back[name].effective == pytest.approx(one.effective, nan_ok=True)
         np.testing.assert_array_equal(back[name].pointwise, one.pointwise)
         np.testing.assert_array_equal(back[name].k_hat, one.k_hat)
-    write_dataset(path, _dataset([], "because"), "key")
-    assert _criteria_in(read_criteria(path)) == {}
+    file.write(_stored([], "because"))
+    assert _criteria_in(file.read()) == {}
 
 
 @pytest.mark.parametrize(

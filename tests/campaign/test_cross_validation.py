@@ -1,7 +1,7 @@
 """Runs left out, as a stored command: what is said first, which error model is recommended, and campaigns that cannot have it."""
 
 import tomllib
-from dataclasses import asdict, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,10 +17,10 @@ from seatrial.campaign.store.cross_validation import (
     Candidate,
     ChannelScores,
     CrossValidation,
-    decode_cross_validation,
     gap,
 )
 from seatrial.core.errors import InputError, NumericalError
+from seatrial.core.serialise import from_plain, to_plain
 from tests.campaign.small import write_small
 
 
@@ -87,7 +87,7 @@ def test_what_was_refused_is_told_and_not_scored():
 
 def test_as_json():
     both = found(LIKELY, BETTER)
-    again = decode_cross_validation({**asdict(both)})
+    again = from_plain(CrossValidation, to_plain(both))
     assert again == both
     assert np.isclose(again.probability(LIKELY), 1 / (1 + np.exp(-4.0)))
 

@@ -288,7 +288,7 @@ def test_the_whole_loop_with_chains_on_designs_as_they_are_found(tmp_path, kind)
         row = outcome.chosen.data.sel(parameter=name)
         assert abs(float(row["mean"]) - true) < 4 * float(row["sd"])
     assert outcome.next.basis == "the posterior of M-0"
-    assert outcome.summary["next_trial"]["best"]["gain_nat"] < outcome.first.best.gain[outcome.first.best.best]
+    assert outcome.summary.next_trial.best.gain_nat < outcome.first.best.gain[outcome.first.best.best]
     by_mode = best_mode(posterior_modes(made, outcome.trials))
     quick = design_next_by_mode(made, by_mode.drawn)
     np.testing.assert_allclose(quick.sd_before, outcome.next.sd_before, rtol=0.2)

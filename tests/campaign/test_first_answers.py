@@ -13,8 +13,8 @@ from seatrial.campaign.config.taken_as_exact import taken_as_exact
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.inference.quick_estimates import _smoothed, keep_mode, posterior_modes, regressions
 from seatrial.campaign.prior.cautions import file_cautions
-from seatrial.campaign.store.predictions import read_predictions
-from seatrial.campaign.store.stored_result import Store
+from seatrial.campaign.store.predictions import Predictions
+from seatrial.campaign.store.stored_result import Store, read_result
 from seatrial.campaign.workflow import whole_run
 from seatrial.campaign.workflow.steps import LOOP
 from seatrial.core.dataset_file import open_dataset
@@ -135,7 +135,7 @@ def test_the_mode_predicts_what_was_held_back(tmp_path):
     (answer,) = posterior_modes(campaign, trials)
     assert answer.held_back is not None
     keep_mode(campaign, trials, answer)
-    kept = read_predictions(Store(tmp_path).mode_predictions)
+    kept = read_result(Predictions, Store(tmp_path).mode_predictions, "run")
     assert (kept.records, kept.held_back, kept.channels) == (("2",), ("2",), ("u",))
     assert (kept.fits, kept.pooled) == (answer.held_back.fits, answer.held_back.pooled)
     curves = open_dataset(Store(tmp_path).mode_predictions)

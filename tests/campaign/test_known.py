@@ -1,14 +1,15 @@
 """What is kept of identifiability: numbers against the closed form of a linear problem, and the same after a round trip."""
 
 import json
-from dataclasses import asdict, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from seatrial.campaign.inference.identifiability import _known
-from seatrial.campaign.store.estimates import BY_ITSELF, decode_known
+from seatrial.campaign.store.estimates import BY_ITSELF, Known
 from seatrial.core.display_units import shown_as_written
+from seatrial.core.serialise import from_plain, to_plain
 from seatrial.estimation.diagnostics.identifiability import identify
 from seatrial.estimation.posterior.posterior import Parameter
 from seatrial.estimation.priors import Normal
@@ -94,4 +95,4 @@ def test_it_survives_the_disk():
     without_derivatives = judged(np.full((9, 3), np.nan))[0]
     assert without_derivatives.directions == ()
     for known in (judged(regressors())[0], without_derivatives):
-        assert decode_known(json.loads(json.dumps(asdict(known), allow_nan=False))) == known
+        assert from_plain(Known, json.loads(json.dumps(to_plain(known), allow_nan=False))) == known

@@ -32,19 +32,19 @@ def finished(tmp_path_factory):
 def test_truth_is_inside_the_stated_uncertainty(finished):
     _, outcome = finished
     truth = outcome.campaign.truth
-    for row in outcome.summary["coefficients"]:
-        if row["name"] in truth:
-            assert abs(row["mean"] - truth[row["name"]]) < 4 * row["sd"]
+    for row in outcome.summary.coefficients:
+        if row.name in truth:
+            assert abs(row.mean - truth[row.name]) < 4 * row.sd
 
 
 def test_probabilities_and_words_are_complete(finished):
     _, outcome = finished
     summary = outcome.summary
-    assert sum(item["probability"] for item in summary["structures"]) == pytest.approx(1.0)
-    assert len(summary["structures"]) == 2
-    assert any("X_u" in verdict for verdict in summary["verdicts"])
-    assert summary["next_trial"]["best"]["gain_nat"] > 0
-    assert summary["alarms"] == []
+    assert sum(item.probability for item in summary.structures) == pytest.approx(1.0)
+    assert len(summary.structures) == 2
+    assert any("X_u" in verdict for verdict in summary.verdicts)
+    assert summary.next_trial.best.gain_nat > 0
+    assert summary.alarms == ()
 
 
 def test_results_are_plain_files_others_can_read(finished):
@@ -158,7 +158,7 @@ def test_a_log_for_which_nothing_was_designed_is_fitted_and_the_next_trial_desig
     campaign = load_campaign(tmp_path)
     outcome = run_loop(campaign, SilentReporter())
     assert outcome.first is outcome.promised is None
-    assert outcome.summary["next_trial"]["best"]["gain_nat"] > 0
+    assert outcome.summary.next_trial.best.gain_nat > 0
     write_report(outcome)
     assert {step.name: step.state for step in standing(tmp_path)}["report"] == "current"
     design_first(campaign)
@@ -172,10 +172,10 @@ def test_what_was_found_is_kept_where_no_next_trial_is_allowed(tmp_path, finishe
     (tmp_path / "campaign.toml").write_text(text + '[limits.distance]\nupper = "1 m"\n')
     outcome = run_loop(load_campaign(tmp_path), SilentReporter())
     assert outcome.next is None
-    words = outcome.summary["next_trial"]["words"]
+    words = outcome.summary.next_trial.words
     assert words.startswith("no trial is proposed: ")
     assert "distance travelled at most 1 m" in words
-    assert outcome.summary["alarms"] == []
+    assert outcome.summary.alarms == ()
     assert "distance travelled at most 1 m" in write_report(outcome).read_text()
     assert _next_of(tmp_path, monkeypatch) == Exit.ALARMS
     assert "distance travelled at most 1 m" in capsys.readouterr().out
@@ -198,8 +198,8 @@ def test_a_log_is_fitted_and_reported_without_a_design(tmp_path, finished):
     text = write_log_campaign(tmp_path, record, design=False)
     campaign = load_campaign(tmp_path)
     outcome = run_loop(campaign, SilentReporter())
-    assert outcome.summary["next_trial"]["best"] is None
-    assert "add [design] to the campaign" in outcome.summary["next_trial"]["words"]
+    assert outcome.summary.next_trial.best is None
+    assert "add [design] to the campaign" in outcome.summary.next_trial.words
     assert "The next trial" not in write_report(outcome).read_text()
     with pytest.raises(InputError, match=r"key design\n"):
         design_first(campaign)

@@ -259,7 +259,7 @@ def test_a_log_goes_on_with_the_design(gone_on):
         assert abs(float(row["mean"]) - true) < 4 * float(row["sd"])
         assert float(row["sd"]) < 0.3 * float(row["prior_sd"])
     assert outcome.next.basis == "the posterior of M-0"
-    assert outcome.summary["next_trial"]["best"]["gain_nat"] < outcome.first.best.gain[outcome.first.best.best]
+    assert outcome.summary.next_trial.best.gain_nat < outcome.first.best.gain[outcome.first.best.best]
     assert xr.load_dataset(store.next_design, engine="h5netcdf").attrs["basis"] == outcome.next.basis
     states = {step.name: step.state for step in standing(folder)}
     assert states == {

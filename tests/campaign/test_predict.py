@@ -14,7 +14,8 @@ from seatrial.campaign.inference.judge_predictions import (
     held_back_lines,
     trial_verdicts,
 )
-from seatrial.campaign.store.predictions import Fit, decode_fit
+from seatrial.campaign.store.predictions import Fit
+from seatrial.core.serialise import from_plain, to_plain
 from seatrial.estimation.prediction.fit_verdict import judge_fit
 from seatrial.estimation.prediction.pooled_coverage import pooled_verdict, run_residuals
 from seatrial.estimation.prediction.prediction_scores import Score
@@ -143,4 +144,4 @@ def test_many_trials_with_one_trouble_are_counted_and_not_listed():
 
 def test_a_fit_is_plain_numbers_and_words():
     one = fit("1", held_back=True)
-    assert decode_fit(json.loads(json.dumps(vars(one), allow_nan=False))) == one
+    assert from_plain(Fit, json.loads(json.dumps(to_plain(one), allow_nan=False))) == one

@@ -8,8 +8,8 @@ import pytest
 from seatrial.apps.campaign_text import written_units
 from seatrial.apps.dashboard.pages.results import coefficients
 from seatrial.apps.dashboard.result_plots import marginals
+from seatrial.campaign.store.results import Results
 from seatrial.campaign.store.stored_result import Store
-from seatrial.campaign.store.structures import read_summary
 from seatrial.core.display_units import shown_as_written
 from seatrial.report.numbers import with_sd
 from tests.apps.test_cli import run
@@ -30,7 +30,7 @@ def test_value_and_unit_agree_wherever_they_stand(monkeypatch, capsys, tmp_path)
     code, out, _ = run(monkeypatch, capsys, "run", folder, "--quiet")
     assert code == 0
     store = Store(folder)
-    (row,) = (one for one in read_summary(store.summary, "run").coefficients if one.name == "T_nabsn")
+    (row,) = (one for one in Results(store.folder).summary().coefficients if one.name == "T_nabsn")
     mean, sd = PER_REVOLUTION * row.mean, PER_REVOLUTION * row.sd
     assert row.unit == "kg m/rad^2"
     written = written_units(folder)
@@ -43,7 +43,7 @@ def test_value_and_unit_agree_wherever_they_stand(monkeypatch, capsys, tmp_path)
         assert float(line["mean"]) == pytest.approx(mean, rel=1e-9)
         assert float(line["sd"]) == pytest.approx(sd, rel=1e-9)
     shown = shown_as_written(dict(written))
-    page = coefficients(read_summary(store.summary, "run"), shown)
+    page = coefficients(Results(store.folder).summary(), shown)
     assert with_sd(mean, sd) in page
     (one,) = (one for one in marginals((("M-0", store.posterior("M-0")),), (), written) if one.name == "T_nabsn")
     assert one.unit == UNIT

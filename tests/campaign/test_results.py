@@ -50,7 +50,7 @@ def test_an_outcome_prints_its_answer_and_each_picture_takes_it(finished):
     said = repr(outcome)
     assert all(f"\n{name} " in said for name in outcome.chosen.names)
     assert all(verdict in said for verdict in outcome.selection.verdicts)
-    assert said.endswith(f"Next: {outcome.summary['next_trial']['words']}")
+    assert said.endswith(f"Next: {outcome.summary.next_trial.words}")
     assert outcome._repr_html_().count("<table") == 2
     names = list(outcome.chosen.names)
     for draw, axes in ((plot.fit, 2), (plot.residuals, 2), (plot.posteriors, len(names)), (plot.traces, len(names))):
@@ -68,11 +68,11 @@ def test_what_is_read_is_what_was_found(finished):
         results.selection(),
         results.posterior(outcome.chosen.structure.label),
     )
-    assert [row.mean for row in summary.coefficients] == [row["mean"] for row in outcome.summary["coefficients"]]
+    assert [row.mean for row in summary.coefficients] == [row.mean for row in outcome.summary.coefficients]
     assert summary.known == outcome.known
     assert summary.fits == outcome.fits == results.predictions().fits
-    assert summary.structures == selection.structures
-    assert [one.log_evidence for one in selection.structures] == [one.log_value for one in outcome.selection.evidences]
+    assert summary.structures == selection.rows
+    assert [one.log_evidence for one in summary.structures] == [one.log_value for one in outcome.selection.evidences]
     assert set(posterior.structure.terms) == set(outcome.chosen.structure.terms)
     np.testing.assert_array_equal(posterior.draws(), outcome.chosen.draws())
     swept, best = results.next_design(), outcome.next.best
@@ -85,7 +85,7 @@ def test_a_result_of_other_fields_says_so(tmp_path):
     content = json.loads(Store(tmp_path).summary.read_text())
     del content["chosen"], content["sha256_of_content"]
     write_stamped_json(Store(tmp_path).summary, content, "key")
-    with pytest.raises(InputError, match=r"(?s)other fields \(KeyError: 'chosen'\).*run `seatrial run"):
+    with pytest.raises(InputError, match=r"(?s)other fields \(ValueError: chosen: Field required\).*run `seatrial run"):
         Results(tmp_path).summary()
 
 

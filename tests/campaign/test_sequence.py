@@ -63,7 +63,7 @@ def test_a_lag_that_no_structure_has_is_told_and_stops_the_sequence(tmp_path):
     assert abs(effect.by) > 1
     assert proposal.trial is None
     assert any("the model lacks" in line for line in proposal.lines)
-    assert any("the model lacks" in text for text in outcome.summary["cautions"])
+    assert any("the model lacks" in text for text in outcome.summary.cautions)
 
 
 @pytest.mark.parametrize(("current", "said"), [(2.0, 1), (0.3, 0)])
@@ -146,7 +146,7 @@ def test_proposals_weigh_goal_doubt_and_gain(tmp_path):
     assert "raise `particles`" in choice.first[0]
     stopped = propose(replace(met, selection=selection)).lines[-1]
     assert stopped == "stop: the goal is met: X_u to 900 %", "which asks for no model"
-    mean = {row["name"]: row["mean"] for row in outcome.summary["coefficients"]}["X_u"]
+    mean = {row.name: row.mean for row in outcome.summary.coefficients}["X_u"]
     other = with_goal(outcome, Goal(sds={"X_u": 9 * abs(mean), "N_r": 1.0}))
     assert propose(other).lines[-1] == "stop: the goal is met: X_u to 900 % and no N_r in the model"
     assert any(line.startswith("X_u is known to") and line.endswith(" 1 % wanted") for line in strict_lines(outcome))
@@ -171,13 +171,13 @@ def test_residuals_that_contradict_the_noise_are_an_alarm_wherever_a_probability
     assert undecided_words(doubted).endswith(IF_NOISE)
     found = replace(outcome, selection=doubted)
     summary = summarise(found)
-    assert alarm in summary["alarms"]
-    assert alarm in summary["choice_alarms"]
-    assert summary["usable"]
+    assert alarm in summary.alarms
+    assert alarm in summary.choice_alarms
+    assert summary.usable
     assert f"with probability {max(doubted.probability):.2f}{IF_NOISE}" in propose(found).standing[0]
     assert propose(found).quoted == alarm
     assert "The choice of the model is not reliable" in answer(found)
-    assert alarm not in summarise(outcome)["alarms"]
+    assert alarm not in summarise(outcome).alarms
 
 
 def test_what_is_missing_stands_in_place_of_stop(tmp_path):
@@ -196,8 +196,8 @@ def test_what_is_missing_stands_in_place_of_stop(tmp_path):
         assert remedy in found.lines[-1]
     init_campaign(tmp_path / "own", "design")
     example = load_campaign(tmp_path / "own").goal
-    for row in outcome.summary["coefficients"]:
-        row["sd"] = 1e-3 * abs(row["mean"])
+    rows = tuple(replace(row, sd=1e-3 * abs(row.mean)) for row in outcome.summary.coefficients)
+    outcome = replace(outcome, summary=replace(outcome.summary, coefficients=rows))
     told = propose(with_goal(outcome, example)).lines[-1]
     assert told.startswith(
         "the goal is met: X_uabsu to 3 %; before you stop, state in [goal] how well you need to know it"
@@ -223,8 +223,11 @@ def test_no_goal_is_met_by_standard_deviations_that_do_not_hold(tmp_path):
     assert unmet.first[0].startswith("first correct what failed: run 1: so slow; likewise ")
     assert unmet.beside([unmet.quoted]).first == ("first correct what failed: see the caution about it",)
     assert unmet.beside(["another"]) is unmet
-    (row,) = (one for one in outcome.summary["coefficients"] if one["name"] == "X_u")
-    row["model_error_sd"] = 20 * abs(row["mean"])
+    rows = tuple(
+        replace(row, model_error_sd=20 * abs(row.mean)) if row.name == "X_u" else row
+        for row in outcome.summary.coefficients
+    )
+    outcome = replace(outcome, summary=replace(outcome.summary, coefficients=rows))
     assert any(line.startswith("X_u is known to 2000 %, 900 % wanted") for line in propose(outcome).lines)
 
 

@@ -18,7 +18,7 @@ from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.design.sweep import design_first
 from seatrial.campaign.inference.calibration import calibrate
 from seatrial.campaign.inference.estimate import estimate_all
-from seatrial.campaign.selection.evidence import select_structure, structure_rows
+from seatrial.campaign.selection.evidence import select_structure
 from seatrial.campaign.store.stored_result import Store
 from seatrial.core.errors import InputError
 from tests.campaign.small import NO_X_U, write_small
@@ -91,7 +91,7 @@ def test_a_campaign_with_a_worker_killed_in_every_part(here, there, monkeypatch)
     assert_same(here, there, lambda store: store.design)
     assert_same(here, there, lambda store: store.calibration(METHOD))
     assert_same(here, there, lambda store: store.posterior("M-0"))
-    assert structure_rows(selection) == structure_rows(select_structure(here, trials))
+    assert selection.rows == select_structure(here, trials).rows
     assert not list(there.folder.rglob("*.npz"))
 
 

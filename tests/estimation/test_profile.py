@@ -172,7 +172,7 @@ def test_words_and_units_of_an_interval():
     numbers = (np.zeros(1), np.zeros(1), np.zeros((1, 1)))
 
     def line(lower, upper, unit="kg"):
-        return Profile("X_u", unit, 1.0, *numbers, lower, upper, (-5.0, 7.0)).line
+        return Profile("X_u", unit, "X_{u}", 1.0, *numbers, lower, upper, (-5.0, 7.0)).line
 
     assert line(0.5, 2.5) == "X_u: 95 % interval 0.5 to 2.5 kg by profile likelihood"
     assert line(0.5, 2.5, "1") == "X_u: 95 % interval 0.5 to 2.5 by profile likelihood"

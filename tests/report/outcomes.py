@@ -11,12 +11,13 @@ from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.design.sweep import Designs
+from seatrial.campaign.inference.coefficient_csv import averaged_rows
 from seatrial.campaign.selection.runner_up import NEXT, change_words, contending
 from seatrial.campaign.store.baselines import FittedBaselines
 from seatrial.campaign.store.cross_validation import OWN, Candidate, ChannelScores, CrossValidation
-from seatrial.campaign.store.estimates import Direction, Estimate, Known, KnownParameter
+from seatrial.campaign.store.estimates import Direction, Estimate, Known, KnownParameter, StoredCoefficient
 from seatrial.campaign.store.predictions import Fit
-from seatrial.campaign.store.structures import Contenders, Screened
+from seatrial.campaign.store.structures import BestDesign, Contenders, NextTrial, Screened, Summary
 from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.record import Channel, Provenance, Record, make_record
@@ -25,9 +26,8 @@ from seatrial.estimation.prediction.baseline_comparison import Comparison, Predi
 from seatrial.estimation.prediction.fit_verdict import judge_fit
 from seatrial.estimation.prediction.pooled_coverage import Pooled, pooled_verdict, run_residuals
 from seatrial.estimation.prediction.prediction_scores import Score, unscored
-from seatrial.selection.evidence import Evidence
 from seatrial.selection.structures import Structure
-from seatrial.selection.verdict import Selection, select
+from seatrial.selection.verdict import Evidence, Selection, select
 
 EVIL = "<script>alert(1)</script>"
 FITTED, HELD = ("1", '<b>$x_1$ & "y"'), "held_2"
@@ -107,16 +107,26 @@ def make_outcome(folder: Path, alarms: tuple[str, ...] = (), gain: float = 1.0) 
     fits = tuple(
         _fit(record.label, channel) for record in (*trials.fit, *trials.predict) for channel in campaign.channels
     )
-    summary = {
-        "coefficients": [_row(chosen, name) for name in chosen.names],
-        "verdicts": list(selection.verdicts),
-        "cautions": [f"held-back run {HELD} is predicted poorly: 40% of the variance of u explained"],
-        "findings": [],
-        "alarms": list(alarms),
-        "choice_alarms": [],
-        "usable": not any(text.startswith(f"{chosen.structure.label}: ") for text in alarms),
-        "next_trial": {"best": _next_trial(next_design)},
-    }
+    summary = Summary(
+        name=campaign.name,
+        chosen=chosen.structure.label,
+        terms=chosen.structure.terms,
+        coefficients=tuple(_row(chosen, name) for name in chosen.names),
+        structures=selection.rows,
+        verdicts=selection.verdicts,
+        cautions=(f"held-back run {HELD} is predicted poorly: 40% of the variance of u explained",),
+        findings=(),
+        alarms=alarms,
+        choice_alarms=(),
+        usable=not any(text.startswith(f"{chosen.structure.label}: ") for text in alarms),
+        known=make_known(chosen),
+        fits=fits,
+        pooled=make_pooled(0.02),
+        baselines=make_compared(0.02),
+        next_trial=NextTrial("", False, _best_design(next_design)),
+        averaged=averaged_rows(estimates, selection),
+        quoted=selection.quoted,
+    )
     return Outcome(
         campaign,
         trials,
@@ -127,7 +137,7 @@ def make_outcome(folder: Path, alarms: tuple[str, ...] = (), gain: float = 1.0) 
         fits,
         _predictions(campaign, trials),
         make_pooled(0.02),
-        FittedBaselines(("u",), (HELD,), (), {"nomoto": f"no yaw rate r is among the channels {EVIL}"}),
+        make_baselines(),
         make_compared(0.02),
         make_known(chosen),
         None,
@@ -239,6 +249,13 @@ def make_contenders(campaign: Campaign, selection: Selection, nats: float = 5.0)
     )
 
 
+def make_baselines() -> FittedBaselines:
+    """None that could be fitted."""
+    nothing = np.empty((0, 1)), np.empty(0, int), np.empty((0, 0, 1))
+    refused = {"nomoto": f"no yaw rate r is among the channels {EVIL}"}
+    return FittedBaselines(("u",), (HELD,), (), {}, {}, *nothing, refused)
+
+
 def make_known(estimate: Estimate) -> Known:
     """A parameter that is known, one known only together with the next, and others that the data do not touch."""
     names, units = estimate.names, map(str, estimate.data["unit"].values)
@@ -338,20 +355,14 @@ def _estimate(structure: Structure, random: np.random.Generator) -> Estimate:
     return Estimate(structure, data)
 
 
-def _row(estimate: Estimate, name: str) -> dict:
+def _row(estimate: Estimate, name: str) -> StoredCoefficient:
     row = estimate.data.sel(parameter=name)
     mean, sd = float(row["mean"]), float(row["sd"])
     numbers = {key: float(row[key]) for key in ("r_hat", "ess_bulk", "ess_tail")}
-    return {
-        "name": name,
-        "label": str(row["label"].values),
-        "unit": str(row["unit"].values),
-        "mean": mean,
-        "sd": sd,
-        **numbers,
-        "lower_95": mean - 2 * sd,
-        "upper_95": mean + 2 * sd,
-    }
+    others = dict.fromkeys(("mcse", "mode", "prior_mean", "prior_sd", "geweke"), 0.0)
+    ends = {"lower_95": mean - 2 * sd, "upper_95": mean + 2 * sd}
+    texts = {key: str(row[key].values) for key in ("unit", "label")}
+    return StoredCoefficient(name=name, mean=mean, sd=sd, **texts, **numbers, **others, **ends)
 
 
 def _filter(campaign: Campaign, trials: Trials, random: np.random.Generator) -> xr.Dataset:
@@ -409,19 +420,9 @@ def _designs(campaign: Campaign, gain: float) -> Designs:
     return Designs((sweep,), {"chirp": "its periods are too long"}, "a posterior", names, np.full(3, 0.02))
 
 
-def _next_trial(designs: Designs) -> dict:
+def _best_design(designs: Designs) -> BestDesign:
     sweep, names = designs.best, designs.names
     row, column = sweep.best
-    return {
-        "family": sweep.family.kind,
-        "control": "tau_X",
-        "unit": "kg m/s^2",
-        "trim": 0.0,
-        "amplitude": float(sweep.amplitude[row]),
-        "words": f"run {EVIL}",
-        "period": float(sweep.period[column]),
-        "gain_nat": float(sweep.gain[row, column]),
-        "peak_speed": 1.0,
-        "sd_before": dict.fromkeys(names, 0.02),
-        "sd_after": dict.fromkeys(names, 0.01),
-    }
+    numbers = float(sweep.amplitude[row]), float(sweep.period[column]), float(sweep.gain[row, column])
+    sds = dict.fromkeys(names, 0.02), dict.fromkeys(names, 0.01)
+    return BestDesign(sweep.family.kind, "tau_X", "kg m/s^2", 0.0, *numbers, *sds)

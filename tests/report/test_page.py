@@ -156,8 +156,8 @@ def test_a_probability_of_a_model_stands_once_and_the_average_beside_the_chosen_
     moments = [moments_of(outcome, estimate) for estimate in outcome.estimates]
     name = "X_uabsu"
     digits, average = digits_of(outcome)[name], averaged(moments, outcome.selection.probability)[name]
-    row = next(item for item in outcome.summary["coefficients"] if item["name"] == name)
-    chosen = digits.pair(row["mean"], row["sd"])
+    row = next(item for item in outcome.summary.coefficients if item.name == name)
+    chosen = digits.pair(row.mean, row.sd)
     assert f'<td class="value" data-head="Chosen model">{chosen}</td>' in html
     assert f'<td data-head="Averaged">{digits.pair(*average)}</td>' in html
 
@@ -214,9 +214,8 @@ def test_what_need_not_be_seen_at_first_is_folded(outcome, html, tmp_path):
     seen, folded = parameters.split(" in detail: delay, noise")
     assert all(f"<code>{name}</code>" in seen for name in outcome.chosen.structure.terms)
     assert "<code>sigma_u</code>" in folded
-    flagged = next(row for row in outcome.summary["coefficients"] if row["name"] == "sigma_u") | {"ess_bulk": 3.0}
-    rows = [flagged if row["name"] == "sigma_u" else row for row in outcome.summary["coefficients"]]
-    told = render(replace(outcome, summary=outcome.summary | {"coefficients": rows}))
+    rows = [replace(row, ess_bulk=3.0) if row.name == "sigma_u" else row for row in outcome.summary.coefficients]
+    told = render(replace(outcome, summary=replace(outcome.summary, coefficients=tuple(rows))))
     seen, _ = part(told, "parameters", "method").split(" in detail: delay, noise")
     assert "<code>sigma_u</code>" in seen  # what is flagged is never folded away
 
@@ -270,7 +269,7 @@ def test_the_bold_value_is_the_one_that_the_rule_names(tmp_path):
     assert bold == expected
     assert f"Bold: the value to quote.</strong> It is {QUOTED['averaged']}." in render(open_)
     decided = render(replace(made, selection=replace(made.selection, probability=np.eye(4)[0])))
-    means = {row["name"]: (row["mean"], row["sd"]) for row in made.summary["coefficients"]}
+    means = {row.name: (row.mean, row.sd) for row in made.summary.coefficients}
     assert bold_values(decided) == [
         ("With model error", digits["X_tau_X"].pair(means["X_tau_X"][0], 0.3 * TRUE["X_tau_X"])),
         *(("Chosen model", digits[name].pair(*means[name])) for name in ("X_u", "X_uabsu")),
@@ -286,13 +285,13 @@ def test_the_terminal_says_which_value_to_quote(tmp_path, capsys):
     for p, quoted in (((0.6, 0.3, 0.1, 0.0), "averaged"), ((1.0, 0.0, 0.0, 0.0), "chosen")):
         selection = replace(made.selection, probability=np.array(p), probability_error=np.zeros(4))
         outcome = replace(made, selection=selection)
-        outcome = replace(outcome, summary=summarise(outcome) | {"next_trial": made.summary["next_trial"]})
+        outcome = replace(outcome, summary=replace(summarise(outcome), next_trial=made.summary.next_trial))
         answer = Answer("run")
         _tell_and_report(answer, outcome, propose(outcome))
         lines = capsys.readouterr().out.splitlines()
         at = lines.index(f"  to quote: {QUOTED[quoted]}")
         rows = [re.fullmatch(r"    (.*?) +\S+ ± (\S+) .*", line) for line in lines[at + 1 :]]
-        told = {row["name"]: row["model_error_sd"] or row["sd"] for row in outcome.summary["averaged"]}
+        told = {row.name: row.model_error_sd or row.sd for row in outcome.summary.averaged}
         expected = [[name, f"{sd:.3g}"] for name, sd in told.items()] if quoted == "averaged" else []
         assert [list(row.groups()) for row in takewhile(bool, rows)] == expected
         assert answer.told["result"]["quoted"] == quoted
@@ -318,7 +317,7 @@ def test_a_caution_about_the_noise_is_told_once(outcome):
     told = {"level": "caution", "about": COLOURED, "reason": "residuals of u are correlated"}
     told |= {"advice": "set estimation.residuals", "outside": (), "ahead": ""}
     fits = tuple(replace(fit, **told) for fit in outcome.fits if not fit.held_back)
-    summary = outcome.summary | {"cautions": fit_complaints(fits)}
+    summary = replace(outcome.summary, cautions=tuple(fit_complaints(fits)))
     noise = {"names": ["X_u"], "cause": "blocks", "remedy": "set estimation.residuals", "is_noise": True}
     outcome.chosen.data.attrs["model_error_findings"] = json.dumps([noise])
     html = render(replace(outcome, summary=summary, fits=fits))
@@ -342,7 +341,7 @@ def test_a_page_without_cautions_has_none_in_any_section(tmp_path):
         outcome = replace(undecided, first=made.next, promised=promised)
         outcome = replace(outcome, summary=summarise(outcome))
         html = render(outcome)
-        assert len(outcome.summary["cautions"]) == count
+        assert len(outcome.summary.cautions) == count
         assert ("there is no caution" in html) == (count == 0) == ('<li class="caution">' not in html)
         assert "No design of this family would decide" in html or nats > 3
 
@@ -351,7 +350,7 @@ def test_what_is_folded_is_counted(tmp_path):
     outcome = make_outcome(tmp_path)
     words = ("the first", "another one", "something else", "and one more")
     for count, said in ((2, ""), (3, "1 more caution<"), (4, "2 more cautions<")):
-        html = render(replace(outcome, summary=outcome.summary | {"cautions": list(words[:count])}))
+        html = render(replace(outcome, summary=replace(outcome.summary, cautions=tuple(words[:count]))))
         assert said in html
         assert ("more caution" in html) == bool(said)
 
@@ -371,16 +370,11 @@ def test_chains_that_never_moved_do_not_break_the_page(tmp_path):
             estimate.data[name][...] = 0.0
         for name in ("r_hat", "ess_bulk", "ess_tail"):
             estimate.data[name][...] = np.nan
-    for row in outcome.summary["coefficients"]:
-        row |= {
-            "mean": 0.3,
-            "sd": 0.0,
-            "lower_95": 0.3,
-            "upper_95": 0.3,
-            "r_hat": np.nan,
-            "ess_bulk": np.nan,
-            "ess_tail": np.nan,
-        }
+    numbers = dict.fromkeys(("mean", "lower_95", "upper_95"), 0.3) | dict.fromkeys(
+        ("r_hat", "ess_bulk", "ess_tail"), np.nan
+    )
+    rows = tuple(replace(row, sd=0.0, **numbers) for row in outcome.summary.coefficients)
+    outcome = replace(outcome, summary=replace(outcome.summary, coefficients=rows))
     assert "0.3000" in render(outcome)
 
 
@@ -421,7 +415,8 @@ def test_a_model_beside_simpler_ones(tmp_path, html):
 
 def test_the_headline_tells_a_model_that_is_beaten_from_one_that_fails(tmp_path):
     beaten = replace(alarmed(tmp_path), compared=make_compared(0.2))
-    beaten.summary["alarms"].append(beaten.compared[0].sentence)
+    alarms = (*beaten.summary.alarms, beaten.compared[0].sentence)
+    beaten = replace(beaten, summary=replace(beaten.summary, alarms=alarms))
     assert answer(beaten).startswith(
         "Do not use this model: another predicts better. Held-back runs: a first-order lag of the controls predicts u better"
     )

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from seatrial.estimation.posterior.profile import DROP, Profile
+from seatrial.estimation.posterior.profile_result import DROP, Profile
 from seatrial.report.drawing import draw_svg
 from seatrial.report.figures.posterior import Panel, profile_figure
 
@@ -18,7 +18,7 @@ def profile(kind: str) -> Profile:
         upper, bounds = np.inf, (-9.0, float(values[-1]))
     if kind == "flat":
         lower, drop = -np.inf, 0.1 * drop
-    return Profile("X_u", "kg/s", -3.0, values, drop, values[:, None], lower, upper, bounds)
+    return Profile("X_u", "kg/s", "X_{u}", -3.0, values, drop, values[:, None], lower, upper, bounds)
 
 
 def labels_of(axes) -> list[str]:

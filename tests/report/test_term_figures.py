@@ -100,7 +100,7 @@ def test_the_section_says_what_was_left_out(outcome):
     counted = models_section(replace(outcome, selection=some))["agreement"]
     assert counted.endswith(f"agree on 3 of 4 evidences; nested sampling decided that of {some.structures[1].label}.")
     text = "<b>rows</b> follow one another"
-    counted = outcome.summary | {"cautions": [text]}
+    counted = replace(outcome.summary, cautions=(text,))
     for summary, kind in ((counted, "caution"), (outcome.summary, "finding")):
         doubted = replace(outcome, screened=make_screened(text), summary=summary)
         finding = models_section(doubted)["screening"]["cautions"][-1]

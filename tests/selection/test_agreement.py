@@ -13,7 +13,7 @@ from seatrial.sampling.target import evaluate
 from seatrial.sampling.tempered_smc import SMCResult, SMCSettings
 from seatrial.selection import further_modes as search
 from seatrial.selection import log_evidence as module
-from seatrial.selection.evidence import Evidence, EvidenceSettings, combine_runs
+from seatrial.selection.evidence import EvidenceSettings, combine_runs
 from seatrial.selection.importance import FREE
 from seatrial.selection.log_evidence import (
     EvidenceRun,
@@ -25,6 +25,7 @@ from seatrial.selection.log_evidence import (
     run_task,
 )
 from seatrial.selection.method_agreement import judge
+from seatrial.selection.verdict import Evidence
 from tests.estimation_cases import linear_gaussian
 from tests.selection.targets import far_peaks, one_peak, peaks, spike_on_slab, unlike_peaks, wide_regression
 from tests.selection.test_evidence import parabola, runs

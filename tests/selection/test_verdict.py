@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from scipy.special import softmax
 
-from seatrial.selection.evidence import Evidence
 from seatrial.selection.structures import Structure, all_structures, structure_rules
-from seatrial.selection.verdict import Shortlist, _doubt, averaged, pair_verdicts, select, term_verdict
+from seatrial.selection.verdict import Evidence, Shortlist, _doubt, averaged, pair_verdicts, select, term_verdict
 
 OPTIONAL = ("X_u", "X_uabsu")
 STRUCTURES = all_structures(structure_rules(["T_nabsn"], OPTIONAL))

@@ -3,7 +3,7 @@
 Where a result has an attribute by the name of a key, `picked` takes it; what is named or made otherwise is written out.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 from seatrial.apps import result_shapes as shapes
@@ -20,8 +20,7 @@ def picked(found: Any, shape: type, **others: Any) -> dict[str, Any]:
 
 def parameters(estimate: Any) -> list[dict[str, Any]]:
     """Return the posterior of each parameter of an estimate."""
-    rows = estimate.summary().reset_index(names="name").to_dict("records")
-    return [{key: row[key] for key in shapes.Parameter.__annotations__} for row in rows]
+    return [picked(one, shapes.Parameter) for one in estimate.parameters]
 
 
 def fits(found: Iterable[Any]) -> list[dict[str, Any]]:
@@ -81,21 +80,7 @@ def first_answer(one: Any) -> dict[str, Any]:
 
 def selected(selection: Any) -> dict[str, Any]:
     """Return which terms the data support."""
-    columns = (selection.structures, selection.evidences, selection.probability, selection.probability_error)
-    structures = [
-        picked(
-            evidence,
-            shapes.Structure,
-            label=structure.label,
-            terms=structure.terms,
-            log_evidence=evidence.log_value,
-            log_evidence_error=evidence.std_error,
-            log_evidence_resolution=evidence.resolution,
-            probability=probability,
-            probability_error=error,
-        )
-        for structure, evidence, probability, error in zip(*columns, strict=True)
-    ]
+    structures = [picked(one, shapes.Structure) for one in selection.rows]
     inclusion = [
         {"term": term, "probability": value, "error": selection.inclusion_error.get(term)}
         for term, value in selection.inclusion.items()
@@ -130,7 +115,7 @@ def cross_validated(found: Any) -> dict[str, Any]:
 
 def profiles(found: Any) -> dict[str, Any]:
     """Return profile likelihoods."""
-    return {"structure": found.structure.label, "profiles": [picked(one, shapes.Profile) for one in found.profiles]}
+    return {"structure": found.structure, "profiles": [picked(one, shapes.Profile) for one in found.profiles]}
 
 
 def design(sweep: Any, at: tuple[int, int] | None = None) -> dict[str, Any]:
@@ -247,13 +232,12 @@ def tuning(found: Iterable[Any]) -> dict[str, Any]:
 
 def calibration(found: Any) -> dict[str, Any]:
     """Return which quantities are not calibrated."""
-    ranks = found.calibration
     return {
         "structure": found.structure,
         "method": found.method,
-        "replicates": ranks.ranks.shape[0],
-        "outside": ranks.outside(),
-        "p_values": dict(zip(ranks.names, ranks.p_values(), strict=True)),
+        "replicates": found.ranks.shape[0],
+        "outside": found.outside(),
+        "p_values": dict(zip(found.names, found.p_values(), strict=True)),
     }
 
 
@@ -267,14 +251,14 @@ def next_trial(designs: Any, proposal: Any) -> dict[str, Any]:
     return {"trial": design(sweep, (int(at[0]), int(at[1]))), "advice": proposal.words}
 
 
-def run(outcome: Any, proposal: Any, averaged: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+def run(outcome: Any, proposal: Any) -> dict[str, Any]:
     """Return what the whole loop found."""
     chosen = outcome.chosen
     return {
         "chosen": chosen.structure.label,
         "terms": chosen.structure.terms,
         "parameters": parameters(chosen),
-        "averaged": averaged,
+        "averaged": [picked(one, shapes.Averaged) for one in outcome.summary.averaged],
         "quoted": outcome.selection.quoted,
         **{key: value for key, value in selected(outcome.selection).items() if key != "chosen"},
         "fits": fits(outcome.fits),

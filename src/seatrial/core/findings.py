@@ -8,7 +8,8 @@ Level = Literal["pass", "note", "caution", "alarm"]
 """A pass found nothing wrong; a note casts no doubt on a result; an alarm forbids using it."""
 LEVELS: tuple[Level, ...] = ("alarm", "caution", "note", "pass")
 """In order of gravity."""
-Value = bool | int | float | str | tuple["Value", ...]
+Scalar = bool | int | float | str
+Value = Scalar | tuple[Scalar | tuple[Scalar, ...], ...]
 
 
 @dataclass(frozen=True)
@@ -68,5 +69,5 @@ def _decode(item: Mapping[str, Any]) -> Finding:
     return Finding(item["code"], item["level"], tuple(item["subject"]), values, tuple(item["remedies"]))
 
 
-def _as_tuple(value: Any) -> Value:
+def _as_tuple(value: Any) -> Any:
     return tuple(map(_as_tuple, value)) if isinstance(value, list | tuple) else value

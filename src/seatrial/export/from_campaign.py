@@ -16,8 +16,8 @@ from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.config.vehicle import WholeVehicle
 from seatrial.campaign.inference.estimate import stored_estimates
 from seatrial.campaign.store.estimates import Estimate
-from seatrial.campaign.store.stored_result import Store
-from seatrial.campaign.store.structures import Summary, read_summary
+from seatrial.campaign.store.stored_result import Store, read_result
+from seatrial.campaign.store.structures import Summary
 from seatrial.campaign.workflow.steps import NotCurrent, Workflow
 from seatrial.core.coefficients import CoefficientName, is_coefficient
 from seatrial.core.errors import InputError, nearest
@@ -70,7 +70,7 @@ def stored_estimate(campaign: Campaign, label: str | None = None) -> Estimate:
         InputError: results missing or made from another configuration, or an unknown structure.
     """
     store, remedy = Store(campaign.folder), f"run `seatrial run {campaign.folder}` first"
-    summary = read_summary(store.summary, f"seatrial run {campaign.folder}")
+    summary = read_result(Summary, store.summary, f"seatrial run {campaign.folder}")
     if summary.seatrial_version != __version__:
         raise _stale(campaign.folder, f"results of seatrial {summary.seatrial_version}", remedy)
     flow = Workflow(campaign)
@@ -90,7 +90,7 @@ def stored_estimate(campaign: Campaign, label: str | None = None) -> Estimate:
     kept = stored_estimates(campaign, trials)[labels[chosen]]
     if not kept.is_current():
         raise _stale(campaign.folder, "another configuration, or none", remedy)
-    return kept.read(kept.path)
+    return kept.read()
 
 
 def _alone(campaign: Campaign, estimate: Estimate) -> tuple[ExportedVehicle, ExportProvenance]:
@@ -111,7 +111,7 @@ def _alone(campaign: Campaign, estimate: Estimate) -> tuple[ExportedVehicle, Exp
             remedy="give the mass, and the inertia of axes that turn, and estimate again",
         )
     estimated = _estimated(
-        estimate, structure, read_summary(Store(campaign.folder).summary, f"seatrial run {campaign.folder}")
+        estimate, structure, read_result(Summary, Store(campaign.folder).summary, f"seatrial run {campaign.folder}")
     )
     means = dict(zip(estimated.names, map(float, estimated.mean), strict=True))
     coefficients = {**hull.fixed, **means}

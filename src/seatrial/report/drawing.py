@@ -200,7 +200,7 @@ def sentence_of(outcome: "Outcome", text: str) -> Markup:
 
 def finding_of(outcome: "Outcome", text: str) -> dict[str, str | Markup]:
     """Return a sentence as a finding of the page: a caution only if the summary counts it, so that no section has one of its own."""
-    kind = "caution" if text in outcome.summary["cautions"] else "finding"
+    kind = "caution" if text in outcome.summary.cautions else "finding"
     return {"kind": kind, "text": sentence_of(outcome, text)}
 
 

@@ -10,7 +10,6 @@ from markupsafe import escape
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.accelerations import RATE, SmoothedChannel
 from seatrial.campaign.design.relay import relay_loop
-from seatrial.campaign.inference.profile import Profiled
 from seatrial.campaign.prior.predictive import PriorPredictive
 from seatrial.campaign.prior.summary import prior_summary
 from seatrial.campaign.rehearsal.result import Rehearsal
@@ -21,6 +20,7 @@ from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import shown_unit
 from seatrial.core.files import write_text
 from seatrial.core.record import Record
+from seatrial.estimation.posterior.profile_result import Profiles
 from seatrial.report.drawing import draw_svg, prior_panels, prior_spreads, signal_axis, signal_symbol
 from seatrial.report.figures.checks import Progressed, prior_motions, rank_figure, rehearsal_figure
 from seatrial.report.figures.fit import SmoothedSignal, smoothed_record
@@ -64,11 +64,11 @@ def write_calibration_picture(folder: Path, name: str, result: Calibrated) -> Pa
     """Write `calibration-METHOD.svg`, atomically, and return its path."""
     path = folder / f"calibration-{result.method}.svg"
     words = (
-        f"{name}: {len(result.calibration.ranks)} truths from the priors, result again by {result.method}; "
-        f"pale bands hold all {len(result.calibration.names)} in 99 % of cases"
+        f"{name}: {len(result.ranks)} truths from the priors, result again by {result.method}; "
+        f"pale bands hold all {len(result.names)} in 99 % of cases"
     )
     with own_settings():
-        write_text(path, draw_svg(rank_figure(result.calibration, words), "calibration"))
+        write_text(path, draw_svg(rank_figure(result, words), "calibration"))
     return path
 
 
@@ -102,15 +102,12 @@ def write_prior_picture(folder: Path, name: str, result: PriorPredictive) -> Pat
 # The picture of profile likelihoods: a stand-alone SVG in the campaign's folder.
 
 
-def write_profile_picture(folder: Path, name: str, truth: Mapping[str, float], result: Profiled) -> Path:
+def write_profile_picture(folder: Path, name: str, truth: Mapping[str, float], result: Profiles) -> Path:
     """Write `profile.svg` in the campaign's folder, atomically, and return its path."""
     path = folder / "profile.svg"
-    panels = [
-        Panel(profile, label_mathtext(label), truth.get(profile.name))
-        for profile, label in zip(result.profiles, result.labels, strict=True)
-    ]
+    panels = [Panel(profile, label_mathtext(profile.label), truth.get(profile.name)) for profile in result.profiles]
     words = [
-        f"{name}: profile likelihoods of {result.structure.label}, the other parameters following",
+        f"{name}: profile likelihoods of {result.structure}, the other parameters following",
         "shaded: 95 % interval, where the best fit falls by less than 1.92 (dashed)"
         + "; dotted: true value" * bool(truth),
         *(["orange: open, as far as the prior reaches the best fit does not fall so far"] if result.open else []),

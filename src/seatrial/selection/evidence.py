@@ -1,8 +1,7 @@
 """Evidence of one structure with its Monte Carlo error, from independent runs of tempered SMC or of nested sampling."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
 
 import jax
 import numpy as np
@@ -11,13 +10,10 @@ from scipy.special import ndtri, stdtrit
 from seatrial.core.argument_checks import check_count, check_kind
 from seatrial.core.errors import NumericalError
 from seatrial.core.reporter import Progress, no_progress
-from seatrial.core.result_table import table_html, table_text
 from seatrial.sampling.nested import NestedRun, batch_of
 from seatrial.sampling.target import Target
 from seatrial.sampling.tempered_smc import SMCResult, SMCSettings, sample_tempered_smc
-
-if TYPE_CHECKING:
-    from pandas import DataFrame
+from seatrial.selection.verdict import Evidence
 
 PRIOR_REPEATS = 4
 """Repeats' worth of trust in the expected variance of one run."""
@@ -25,55 +21,6 @@ MIN_ALIVE_SHARE = 0.05
 """Share of the prior that must be simulable for its particles to be trusted."""
 MAX_NESTED_SPREAD = 4.0
 """Spread of runs of nested sampling, in their stated errors, that chance does not explain."""
-
-
-@dataclass(frozen=True)
-class Evidence:
-    """Log marginal likelihood of the data under one structure.
-
-    Attributes:
-        log_value: estimate, nats.
-        std_error: its Monte Carlo standard error.
-        method: how it was computed.
-        diagnostics: numbers that say whether to trust it.
-        status: empty if healthy, else what is wrong in words.
-    """
-
-    log_value: float
-    std_error: float
-    method: str
-    diagnostics: dict[str, Any] = field(default_factory=dict)
-    status: str = ""
-
-    @property
-    def resolution(self) -> float | None:
-        """Smallest difference, nats, that the methods which confirm the value would have noticed; None where none confirms it."""
-        return self.diagnostics.get("resolution")
-
-    def summary(self) -> "DataFrame":
-        """Return a table of one row: log evidence and its standard error, nats, the difference that its check resolves, method, and
-        what is wrong with it."""
-        from pandas import DataFrame
-
-        row = {"log_value": self.log_value, "std_error": self.std_error, "resolution": self.resolution}
-        row |= {"method": self.method, "status": self.status}
-        return DataFrame([row], index=["evidence"])
-
-    @property
-    def _heading(self) -> str:
-        return "Log evidence, nats"
-
-    @property
-    def _remarks(self) -> list[str]:
-        return [*([self.status] if self.status else []), *([self.check_words] if self.resolution else [])]
-
-    @property
-    def check_words(self) -> str:
-        """What the check resolves: methods that both miss a part of the posterior that holds less, or the same part, agree."""
-        return f"the check resolves {self.resolution:.2g} nat"
-
-    __repr__ = table_text
-    _repr_html_ = table_html
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,8 @@ from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.estimation.priors.box import CORNER
 from seatrial.sampling.diagnostics import MIN_ESS
 from seatrial.sampling.target import Target, evaluate
-from seatrial.selection.evidence import Evidence, EvidenceSettings
+from seatrial.selection.evidence import EvidenceSettings
+from seatrial.selection.verdict import Evidence
 
 FREEDOM = 8.0
 WIDE_SHARE, WIDE_SCALE = 0.2, 2.0

@@ -32,10 +32,11 @@ from seatrial.estimation.posterior.posterior import Posterior, as_key, check_pos
 from seatrial.sampling.nested import NestedRun, sample_nested
 from seatrial.sampling.target import evaluate
 from seatrial.sampling.tempered_smc import SMCResult
-from seatrial.selection.evidence import Evidence, EvidenceSettings, combine_nested, combine_runs
+from seatrial.selection.evidence import EvidenceSettings, combine_nested, combine_runs
 from seatrial.selection.further_modes import further_modes, sample_cold, sample_warm
 from seatrial.selection.importance import ImportanceSettings, importance_evidence
 from seatrial.selection.method_agreement import MAX_CHECK_ERROR, METHOD_ORDER, Method, judge
+from seatrial.selection.verdict import Evidence
 
 MAX_REPEATS = 4
 """Repeats of tempered SMC, in multiples of those asked for."""

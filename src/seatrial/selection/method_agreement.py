@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from seatrial.estimation.prediction.remedies import listed
-from seatrial.selection.evidence import Evidence
+from seatrial.selection.verdict import Evidence
 
 Method = Literal["smc", "importance", "nested"]
 METHOD_ORDER: tuple[Method, ...] = ("importance", "smc", "nested")

@@ -1,32 +1,16 @@
-"""From evidences to probabilities with their Monte Carlo error, and to words an engineer can act on."""
+"""From evidences to probabilities with their Monte Carlo error, and to words an engineer can act on; without JAX."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import chain, combinations
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from seatrial.core.argument_checks import check_kind, check_mapping
-from seatrial.core.errors import InputError, NumericalError
-from seatrial.core.reporter import Progress, check_progress, no_progress
 from seatrial.core.result_table import table_html, table_text
-from seatrial.estimation.posterior.mode import Mode, higher_mode
-from seatrial.estimation.posterior.output_error import OutputError
-from seatrial.estimation.posterior.posterior import Posterior, as_key, check_posterior
-from seatrial.estimation.posterior.replicate import motions
-from seatrial.estimation.prediction.fit_verdict import LIKELY as LIKELY_CORRELATED
-from seatrial.estimation.prediction.fit_verdict import UNDERSTATED
-from seatrial.estimation.prediction.prediction import noise_sd, slow_noise
-from seatrial.estimation.prediction.prediction_scores import integrated_correlation, new_residuals
+from seatrial.core.serialise import AS_LIST
 from seatrial.estimation.prediction.remedies import listed
-from seatrial.estimation.simulation.sensor_errors import drift_name, drift_time_name
-from seatrial.estimation.simulation.trial_data import TrialData
-from seatrial.selection.evidence import Evidence, EvidenceSettings
-from seatrial.selection.log_evidence import EvidenceSchedule, Keys, find_own_mode, keys_of, run_schedule
 from seatrial.selection.structures import Structure
 
 if TYPE_CHECKING:
@@ -40,6 +24,73 @@ OTHER_NOISE = (
     "these probabilities hold for the noise that is modelled, which the residuals contradict: correct the noise first"
 )
 """What is said of probabilities where the residuals are correlated."""
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Log marginal likelihood of the data under one structure.
+
+    Attributes:
+        log_value: estimate, nats.
+        std_error: its Monte Carlo standard error.
+        method: how it was computed.
+        diagnostics: numbers that say whether to trust it.
+        status: empty if healthy, else what is wrong in words.
+    """
+
+    log_value: float
+    std_error: float
+    method: str
+    diagnostics: dict[str, Any] = field(default_factory=dict)
+    status: str = ""
+
+    @property
+    def resolution(self) -> float | None:
+        """Smallest difference, nats, that the methods which confirm the value would have noticed; None where none confirms it."""
+        return self.diagnostics.get("resolution")
+
+    def summary(self) -> "DataFrame":
+        """Return a table of one row: log evidence and its standard error, nats, the difference that its check resolves, method, and
+        what is wrong with it."""
+        from pandas import DataFrame
+
+        row = {"log_value": self.log_value, "std_error": self.std_error, "resolution": self.resolution}
+        row |= {"method": self.method, "status": self.status}
+        return DataFrame([row], index=["evidence"])
+
+    @property
+    def _heading(self) -> str:
+        return "Log evidence, nats"
+
+    @property
+    def _remarks(self) -> list[str]:
+        return [*([self.status] if self.status else []), *([self.check_words] if self.resolution else [])]
+
+    @property
+    def check_words(self) -> str:
+        """What the check resolves: methods that both miss a part of the posterior that holds less, or the same part, agree."""
+        return f"the check resolves {self.resolution:.2g} nat"
+
+    __repr__ = table_text
+    _repr_html_ = table_html
+
+
+@dataclass(frozen=True)
+class StructureRow:
+    """One candidate with its evidence, nats, and its probability; each with its Monte Carlo standard error.
+
+    The resolution is the smallest difference, nats, that the check of the evidence would have noticed; none without a check.
+    """
+
+    label: str
+    terms: tuple[str, ...]
+    log_evidence: float
+    log_evidence_error: float
+    log_evidence_resolution: float | None
+    probability: float
+    probability_error: float
+    method: str
+    status: str
 
 
 @dataclass(frozen=True)
@@ -62,14 +113,33 @@ class Selection:
 
     structures: tuple[Structure, ...]
     evidences: tuple[Evidence, ...]
-    probability: Float[np.ndarray, " m"]
-    probability_error: Float[np.ndarray, " m"]
+    probability: Annotated[Float[np.ndarray, " m"], AS_LIST]
+    probability_error: Annotated[Float[np.ndarray, " m"], AS_LIST]
     inclusion: Mapping[str, float]
     inclusion_error: Mapping[str, float]
     chosen: int
     verdicts: tuple[str, ...]
     alarms: tuple[str, ...]
     residuals: str = ""
+
+    @property
+    def rows(self) -> tuple[StructureRow, ...]:
+        """Each structure with its evidence and its probability."""
+        columns = (self.structures, self.evidences, self.probability, self.probability_error)
+        return tuple(
+            StructureRow(
+                structure.label,
+                structure.terms,
+                evidence.log_value,
+                evidence.std_error,
+                evidence.resolution,
+                float(probability),
+                float(error),
+                evidence.method,
+                evidence.status,
+            )
+            for structure, evidence, probability, error in zip(*columns, strict=True)
+        )
 
     @property
     def undecided(self) -> dict[str, float]:
@@ -267,144 +337,6 @@ def blunt_deciders(
             if np.searchsorted(EDGES, low) != np.searchsorted(EDGES, high):
                 found.setdefault(index, []).append(term)
     return found
-
-
-def compare(
-    posteriors: Mapping[str, Posterior],
-    settings: EvidenceSettings = EvidenceSettings(),
-    key: jax.Array | int = 0,
-    progress: Progress = no_progress,
-) -> Selection:
-    """Compare posteriors of the same data by their evidences, equally probable before.
-
-    Args:
-        posteriors: by label. A parameter that some have and others lack is a term in question.
-        settings: of each evidence.
-        key: random key, or a seed.
-        progress: called with the evidences that are there, and how many there will be.
-
-    Returns:
-        the probability of each, that of each term in question, and both in words.
-
-    Raises:
-        InputError: fewer than two, something that is no posterior, posteriors of different measurements, or settings of something else.
-        NumericalError: an evidence that cannot be computed.
-    """
-    for label, posterior in check_mapping(posteriors, "posteriors", "write {label: posterior}").items():
-        check_posterior(posterior, f'posteriors["{label}"]')
-    check_kind(settings, EvidenceSettings, "settings", "leave them out, or write EvidenceSettings(repeats=4)")
-    if len(posteriors) < 2:
-        raise InputError(
-            "posteriors",
-            found=f"{len(posteriors)} posteriors",
-            expected="two at least",
-            remedy="use `log_evidence` for one alone",
-        )
-    check_progress(progress)
-    _check_same_data(posteriors)
-    structures = [Structure(label, posterior.names) for label, posterior in posteriors.items()]
-    shared = set.intersection(*(set(structure.terms) for structure in structures))
-    optional = [name for name in dict.fromkeys(chain(*(one.terms for one in structures))) if name not in shared]
-    evidences, keys = [], [keys_of(own) for own in jax.random.split(as_key(key), len(posteriors))]
-    modes = _exchanged([*posteriors.values()], keys)
-    schedules = [EvidenceSchedule(settings.repeats, mode) for mode in modes]
-    for posterior, schedule, own in zip(posteriors.values(), schedules, keys, strict=True):
-        run_schedule(posterior, schedule, own, settings)
-        evidences.append(schedule.evidence())
-        progress(len(evidences), len(posteriors))
-    for index in blunt_deciders(structures, evidences, optional):
-        if schedules[index].sharpen():
-            run_schedule([*posteriors.values()][index], schedules[index], keys[index], settings)
-            evidences[index] = schedules[index].evidence()
-    best = max(range(len(evidences)), key=lambda index: evidences[index].log_value)
-    residuals = _residual_doubt([*posteriors.values()][best], modes[best], as_key(key))
-    return select(structures, evidences, optional, residuals=residuals)
-
-
-def _residual_doubt(posterior: Posterior, mode: Mode | None, key: jax.Array) -> str:
-    """Say why the residuals of a posterior of records, at its mode, are not the noise that is modelled; empty where they may be.
-
-    Those of filter error are not looked at: process noise correlates a simulation also where it is right.
-    """
-    likelihood, data = posterior.likelihood, posterior.data
-    if mode is None or not isinstance(likelihood, OutputError):
-        return ""
-    values = {name: jnp.asarray(value) for name, value in zip(mode.names, mode.values, strict=True)}
-    shown = np.asarray(motions(likelihood, values, data, key))
-    for column, sensor in enumerate(likelihood.simulator.sensors):
-        sd, slow, runs = float(noise_sd(sensor, values)), slow_noise(sensor, values), []
-        for trial in range(len(likelihood.labels)):
-            time, measured = _measured(posterior, trial, sensor.channel)
-            there = np.asarray(data.channels[column].present[trial]) > 0
-            runs.append((time, new_residuals(time, (measured - shown[trial, there, column]) / sd, slow)))
-        found = integrated_correlation(runs)
-        if found.p_value < LIKELY_CORRELATED and found.sd_factor > UNDERSTATED:
-            remedy = (
-                "look for a missing term"
-                if sensor.noise == "drifting"
-                else f'give the sensor noise="drifting", and priors to {drift_name(sensor.channel)} and {drift_time_name(sensor.channel)}'
-            )
-            return (
-                f"residuals of {sensor.channel} are correlated, and the stated standard deviations are too small, by a factor of "
-                f"about {found.sd_factor:.1f}; {remedy}"
-            )
-    return ""
-
-
-def _exchanged(posteriors: Sequence[Posterior], keys: Sequence[Keys]) -> list[Mode | None]:
-    """Return the mode of each posterior, or a higher one to which those of the others lead; None where none was found."""
-    modes: list[Mode | None] = []
-    for posterior, own in zip(posteriors, keys, strict=True):
-        try:
-            modes.append(find_own_mode(posterior, own.importance))
-        except NumericalError:
-            modes.append(None)
-    for index, posterior in enumerate(posteriors):
-        others = [mode for place, mode in enumerate(modes) if place != index and mode is not None]
-        modes[index] = higher_mode(posterior, modes[index], others) or modes[index]
-    return modes
-
-
-def _check_same_data(posteriors: Mapping[str, Posterior]) -> None:
-    """Refuse posteriors of other measurements than those of the first: evidences of different data say nothing of the models."""
-    of_records = [pair for pair in posteriors.items() if isinstance(pair[1].data, TrialData)]
-    for label, other in of_records[1:]:
-        first, one = of_records[0]
-        if differs := _difference(one, other):
-            raise InputError(
-                f'posteriors["{label}"]',
-                found=f'other data than in posteriors["{first}"]: {differs}',
-                expected="the same measurements at the same times, so that the evidences can be compared",
-                remedy="give `make_posterior` the same records, in the same order, and the same sensors for each model",
-            )
-
-
-def _difference(one: Posterior, other: Posterior) -> str:
-    """Return in words what differs first in the measurements of two posteriors; empty where nothing does."""
-    channels = one.likelihood.channels
-    if set(channels) != set(other.likelihood.channels):
-        return f"measured {', '.join(other.likelihood.channels)} against {', '.join(channels)}"
-    count, counted = len(one.likelihood.labels), len(other.likelihood.labels)
-    if count != counted:
-        return f"{counted} records against {count}"
-    for trial, label in enumerate(one.likelihood.labels):
-        for channel in channels:
-            (t, x), (s, y) = _measured(one, trial, channel), _measured(other, trial, channel)
-            of = f'{channel} of record "{label}"'
-            if t.size != s.size:
-                return f"{s.size} measurements of {of} against {t.size}"
-            if not np.allclose(t, s, rtol=0.0, atol=1e-6):
-                return f"other times of {of}"
-            if not np.array_equal(x, y):
-                return f"{np.count_nonzero(x != y)} of {x.size} measurements of {of}"
-    return ""
-
-
-def _measured(posterior: Posterior, trial: int, channel: str) -> tuple[np.ndarray, np.ndarray]:
-    """Return when a channel was measured in a trial, s from its first sample, and what."""
-    shown = posterior.data.channels[posterior.likelihood.channels.index(channel)]
-    there = np.asarray(shown.present[trial]) > 0
-    return posterior.data.time[trial][there], np.asarray(shown.measured[trial])[there]
 
 
 def averaged(

@@ -4,8 +4,8 @@ import jax
 import numpy as np
 import pytest
 
-from seatrial.selection.evidence import Evidence
 from seatrial.selection.importance import importance_evidence
+from seatrial.selection.verdict import Evidence
 from studies.remus100 import evidence
 from studies.remus100.evidence import probability
 from studies.remus100.tests.studies import TINY, A, study

@@ -3,6 +3,7 @@
 import os
 import shutil
 import time
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
@@ -13,11 +14,12 @@ from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.data.simulate import record_keys
 from seatrial.campaign.design.sweep import design_key
 from seatrial.campaign.store.stored_result import Store, write_stamped_json
-from seatrial.campaign.store.structures import StoredSelection, StoredStructure
 from seatrial.campaign.workflow.status import standing
 from seatrial.campaign.workflow.steps import NotCurrent
 from seatrial.core.dataset_file import write_dataset
 from seatrial.core.errors import InputError
+from seatrial.selection.structures import Structure
+from seatrial.selection.verdict import Evidence, select
 from tests.campaign.small import write_small
 
 STEPS = ["design", "simulate", "estimate", "select", "predict", "next", "report"]
@@ -80,9 +82,7 @@ def test_a_current_step_that_failed_a_check_says_so(tmp_path, monkeypatch):
 
         def stored(self, name):
             return [
-                SimpleNamespace(
-                    path=name, read={"estimates": lambda _: posterior, "selection": lambda _: evidence}[name]
-                )
+                SimpleNamespace(path=name, read={"estimates": lambda: posterior, "selection": lambda: evidence}[name])
             ]
 
         def seen(self, name):
@@ -90,9 +90,8 @@ def test_a_current_step_that_failed_a_check_says_so(tmp_path, monkeypatch):
 
     label = SimpleNamespace(label="M-0")
     posterior = SimpleNamespace(structure=label, alarms=["the chains disagree about X_u"])
-    doubtful = StoredStructure("M-0", ("X_u",), 10.0, 0.1, "bridge", {}, "nested sampling <differs>", 0.5, 0.01)
-    sure = StoredStructure("M-1", (), 10.0, 0.1, "bridge", {}, "", 0.5, 0.01)
-    evidence = StoredSelection((doubtful, sure), {}, {}, "M-0", ())
+    doubtful = Evidence(10.0, 0.1, "bridge", {}, "nested sampling <differs>")
+    evidence = select((Structure("M-0", ("X_u",)), Structure("M-1", ())), (doubtful, replace(doubtful, status="")), [])
     monkeypatch.setattr(module, "Workflow", Flow)
     found = {step.name: step for step in standing(write_small(tmp_path))}
     assert found["estimate"].alarms == ("M-0: the chains disagree about X_u",)

@@ -101,6 +101,6 @@ def calibrate(
         answer.say("\n".join(found.lines()))
         answer.give(**results.calibration(found))
         answer.wrote("picture", write_calibration_picture(campaign.folder, campaign.name, found))
-        return Exit.ALARMS if found.calibration.outside() else Exit.OK
+        return Exit.ALARMS if found.outside() else Exit.OK
 
     with_campaign(folder, quiet, work, context)

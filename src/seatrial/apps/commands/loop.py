@@ -142,8 +142,8 @@ def _by_loop(campaign: Any, reporter: Any) -> _Found:
     own = evaluate_schedule_after(outcome.campaign, outcome.chosen, outcome.next) if outcome.next else None
     proposal = propose(outcome)
     wanted = outcome.undesigned and any(outcome.undesigned in line for line in proposal.advice)
-    alarms = [*outcome.summary["alarms"], *([outcome.undesigned] if wanted else [])]
-    return _Found(proposal, outcome.next, own, alarms, outcome.summary["cautions"])
+    alarms = [*outcome.summary.alarms, *([outcome.undesigned] if wanted else [])]
+    return _Found(proposal, outcome.next, own, alarms, outcome.summary.cautions)
 
 
 def _by_mode(campaign: Any, reporter: Any) -> _Found:
@@ -166,26 +166,25 @@ def _by_mode(campaign: Any, reporter: Any) -> _Found:
 
 def _tell_and_report(answer: Answer, outcome: Any, proposal: Any) -> Exit:
     from seatrial.campaign.inference.baselines import comparison_lines
-    from seatrial.campaign.inference.coefficient_csv import averaged_rows, write_averaged, write_coefficients
+    from seatrial.campaign.inference.coefficient_csv import write_averaged, write_coefficients
     from seatrial.campaign.inference.judge_predictions import fit_complaints
     from seatrial.campaign.store.estimates import with_model_error
     from seatrial.campaign.store.structures import QUOTED
-    from seatrial.core.findings import decoded
     from seatrial.report.page import write_report
 
     summary = outcome.summary
     shown = outcome.campaign.shown
-    for row in summary["coefficients"]:
-        factor, unit = shown(row["name"], row["unit"])
-        numbers = f"{factor * row['mean']:>12.5g} ± {factor * row['sd']:<10.3g} {unit}"
-        more = with_model_error(row["model_error_sd"], row["model_error_cause"], factor)
-        answer.say(f"  {row['name']:<16} {numbers}{more}")
+    for row in summary.coefficients:
+        factor, unit = shown(row.name, row.unit)
+        numbers = f"{factor * row.mean:>12.5g} ± {factor * row.sd:<10.3g} {unit}"
+        more = with_model_error(row.model_error_sd, row.model_error_cause, factor)
+        answer.say(f"  {row.name:<16} {numbers}{more}")
     if not outcome.own_alarms:
-        answer.say(f"  to quote: {QUOTED[summary['quoted']]}")
-        for row in summary["averaged"] if summary["quoted"] == "averaged" else ():
-            factor, unit = shown(row["name"], row["unit"])
-            sd = row["model_error_sd"] or row["sd"]
-            answer.say(f"    {row['name']:<14} {factor * row['mean']:>12.5g} ± {factor * sd:<10.3g} {unit}")
+        answer.say(f"  to quote: {QUOTED[summary.quoted]}")
+        for row in summary.averaged if summary.quoted == "averaged" else ():
+            factor, unit = shown(row.name, row.unit)
+            sd = row.model_error_sd or row.sd
+            answer.say(f"    {row.name:<14} {factor * row.mean:>12.5g} ± {factor * sd:<10.3g} {unit}")
     for finding in outcome.wider_findings:
         answer.say(f"  {finding.sentence}")
     for fit in outcome.fits:
@@ -194,20 +193,19 @@ def _tell_and_report(answer: Answer, outcome: Any, proposal: Any) -> Exit:
         answer.say(f"  held-back runs together: {one.level}; {one.words}")
     for line in comparison_lines(outcome.baselines, outcome.compared):
         answer.say(f"  {line}")
-    for verdict in summary["verdicts"]:
+    for verdict in summary.verdicts:
         answer.say(verdict)
-    for line in proposal.beside(summary["cautions"]).lines:
+    for line in proposal.beside(summary.cautions).lines:
         answer.say(f"next: {line}")
     folder = outcome.campaign.folder
-    averages = averaged_rows(outcome.estimates, outcome.selection)
-    answer.give(**results.run(outcome, proposal, averages))
+    answer.give(**results.run(outcome, proposal))
     answer.wrote("report", write_report(outcome))
     answer.wrote("coefficients", write_coefficients(folder, outcome.estimates, shown, outcome.selection))
-    answer.wrote("averaged", write_averaged(folder, averages, shown))
+    answer.wrote("averaged", write_averaged(folder, summary.averaged, shown))
     told = fit_complaints([fit for fit in outcome.fits if not fit.advice], outcome.pooled)
     told += [one.sentence for one in outcome.compared]
-    answer.give_findings(decoded(summary["findings"]))
-    return answer.finish(summary["alarms"], [text for text in summary["cautions"] if text not in told])
+    answer.give_findings(summary.findings)
+    return answer.finish(summary.alarms, [text for text in summary.cautions if text not in told])
 
 
 def _said_of(fit: Any) -> str:

@@ -49,12 +49,12 @@ from seatrial.campaign.data.unmapped import unmapped
 from seatrial.campaign.design.evaluate import plan_as_run, plan_of
 from seatrial.campaign.design.prior_state_space import prior_draws
 from seatrial.campaign.design.schedule import write_schedule
-from seatrial.campaign.design.sweep import read_designs
+from seatrial.campaign.design.sweep import designs_of
 from seatrial.campaign.inference.judge_predictions import predict_held_back
 from seatrial.campaign.prior.cautions import file_cautions
-from seatrial.campaign.store.designs import read_sweeps
-from seatrial.campaign.store.estimates import read_estimate
-from seatrial.campaign.store.stored_result import Store
+from seatrial.campaign.store.designs import SweptDesigns
+from seatrial.campaign.store.results import Results
+from seatrial.campaign.store.stored_result import Store, read_result
 from seatrial.campaign.workflow.status import standing
 from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError
@@ -317,8 +317,9 @@ def look_at(folder: str, which: str, family: int, row: int, column: int) -> Clic
     """
     campaign, store = load_campaign(folder), Store(Path(folder))
     path = store.design if which == "design" else store.next_design
-    kind = read_sweeps(path).families[family]
-    sweep = next(one for one in read_designs(campaign, path).sweeps if one.family.kind == kind)
+    stored = read_result(SweptDesigns, path, f"seatrial {which} {folder}")
+    kind = stored.families[family]
+    sweep = next(one for one in designs_of(campaign, stored).sweeps if one.family.kind == kind)
     if not (0 <= row < sweep.amplitude.size and 0 <= column < sweep.period.size):
         raise InputError("design", found="none there", expected="one of the grid", remedy="reload the page")
     chosen = chosen_of(sweep, (row, column))
@@ -408,7 +409,7 @@ def candidate(folder: str, label: str, run: str) -> dict[str, np.ndarray]:
             expected=f"at most {MOST_PREDICTED} to predict from the page",
             remedy="cut the record, or give [import] a step",
         )
-    estimate = read_estimate(store.posterior(label))
+    estimate = Results(Path(folder)).posterior(label)
     (curves,) = predict_held_back(campaign, estimate, Trials((record,), (record,), "")).curves
     found = {"time": curves["time"] + origin_of(record.provenance.options, record.provenance.source)}
     for at, name in enumerate(campaign.channels):
@@ -530,9 +531,8 @@ def _believed(campaign: Campaign, which: str):
         model = campaign.model(campaign.full)
         draws = prior_draws(campaign, model)
         return model, draws[len(draws) // 2 :]
-    store = Store(campaign.folder)
-    label = read_sweeps(store.next_design).basis.removeprefix("the posterior of ")
-    estimate = read_estimate(store.posterior(label))
+    results = Results(campaign.folder)
+    estimate = results.posterior(results.next_design().basis.removeprefix("the posterior of "))
     model = campaign.model(estimate.structure)
     table = estimate.draws([term.text for term in model.coefficients])
     return model, table[:: max(1, len(table) // 400)][:400]

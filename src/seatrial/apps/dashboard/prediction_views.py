@@ -12,7 +12,8 @@ from seatrial.apps.dashboard import result_plots
 from seatrial.apps.dashboard.downsample import Envelope, Load, rows_of
 from seatrial.apps.dashboard.record_views import Index, index_of, view_of
 from seatrial.apps.dashboard.view_models import FitAbout
-from seatrial.campaign.store.predictions import Predictions, read_predictions
+from seatrial.campaign.store.predictions import Predictions
+from seatrial.campaign.store.stored_result import read_header
 from seatrial.core.dataset_file import stored
 from seatrial.core.display_units import shown_unit
 from seatrial.core.normal import Z90
@@ -33,7 +34,7 @@ def predicted(path: Path) -> Predictions:
     Raises:
         InputError: missing or damaged.
     """
-    return read_predictions(path)
+    return read_header(Predictions, path, "seatrial run")
 
 
 def fit_about(path: Path, index: int, channel: int) -> FitAbout:

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from seatrial.apps.dashboard.view_models import EstimatedStructure, EstimatedValue, Marginal, Swept
-from seatrial.campaign.store.designs import read_sweeps
-from seatrial.campaign.store.estimates import Estimate, read_estimate
-from seatrial.campaign.store.stored_result import decoding
+from seatrial.campaign.store.designs import SweptDesigns
+from seatrial.campaign.store.estimates import Estimate
+from seatrial.campaign.store.stored_result import decoding, read_result
 from seatrial.core.dataset import Dataset
 from seatrial.core.dataset_file import open_dataset, write_dataset
 from seatrial.core.display_units import Shown, shown_as_written, shown_unit
@@ -36,7 +36,7 @@ def swept(path: Path) -> Swept:
     Raises:
         InputError: missing or damaged.
     """
-    stored = read_sweeps(path)
+    stored = read_result(SweptDesigns, path, "seatrial design")
     factor, unit = shown_unit(stored.control)
     best = np.unravel_index(np.nanargmax(stored.worth), stored.worth.shape)
     return Swept(
@@ -74,7 +74,7 @@ def estimated(paths: tuple[Path, ...], written: tuple[tuple[str, str], ...]) -> 
     shown, found = shown_as_written(dict(written)), []
     for path in paths:
         with decoding(path, "seatrial run"):
-            found.append(_estimated(read_estimate(path), shown))
+            found.append(_estimated(read_result(Estimate, path, "seatrial estimate"), shown))
     return tuple(found)
 
 
@@ -112,7 +112,7 @@ def marginals(
     Raises:
         InputError: missing or damaged.
     """
-    data = {label: read_estimate(path).data for label, path in paths}
+    data = {label: read_result(Estimate, path, "seatrial estimate").data for label, path in paths}
     chosen, *_ = data.values()
     shown = shown_as_written(dict(written))
     with decoding(paths[0][1].parent, "seatrial run"):

@@ -17,8 +17,8 @@ from seatrial.campaign.config.schema import CampaignFile, PriorTable
 from seatrial.campaign.config.templates import example_of
 from seatrial.campaign.config.toml import parse_toml, read_text
 from seatrial.campaign.config.vehicle_table import UNKNOWN, VehicleTable
-from seatrial.campaign.store.stored_result import FILE_NAME, Store
-from seatrial.campaign.store.structures import read_mode, read_summary
+from seatrial.campaign.store.stored_result import FILE_NAME, Store, read_result
+from seatrial.campaign.store.structures import StoredMode, Summary
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError
 from seatrial.core.files import is_there
@@ -110,9 +110,9 @@ def _earlier(folder: Path, item: str, where: str) -> _Earlier:
         )
     find(folder, str(Path(item) / result.relative_to(there)), where)  # a link may lead outside
     if result == store.mode:
-        mode = read_mode(result, f"seatrial estimate {there} --by mode")
+        mode = read_result(StoredMode, result, f"seatrial estimate {there} --by mode")
         return _Earlier(mode.terms, mode.found, _strong(mode.correlations))
-    summary = read_summary(result, f"seatrial run {there}")
+    summary = read_result(Summary, result, f"seatrial run {there}")
     pairs = ((one.name, one.partner, one.correlation) for one in summary.known.parameters if one.partner)
     return _Earlier(summary.terms, {row.name: (row.mean, row.sd) for row in summary.coefficients}, _strong(pairs))
 

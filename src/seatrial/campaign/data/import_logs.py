@@ -19,10 +19,8 @@ from seatrial.campaign.data.simulate import check_simulated, simulated_records
 from seatrial.campaign.data.unmapped import check_mapped
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.argument_checks import check_kind
-from seatrial.core.dataset import Dataset
 from seatrial.core.errors import InputError, located
 from seatrial.core.record import Record, Role
-from seatrial.core.record_file import read_record, record_dataset
 from seatrial.core.reporter import SILENT, Reporter
 from seatrial.core.result_table import text_html
 from seatrial.core.signals import QUATERNION
@@ -151,16 +149,16 @@ def stored_record(
         InputError: a name that cannot be a file's, or files that are missing.
     """
     key = _key(campaign, imports, run, hash_of)
-    return StoredResult(Store(campaign.folder).record(run), key, read_record)
+    return StoredResult(Store(campaign.folder).record(run), key, Record)
 
 
 def _import_run(campaign: Campaign, imports: Imports, run: str) -> tuple[Record, str]:
     kept = stored_record(campaign, imports, run)
 
-    def read_files() -> Dataset:
+    def read_files() -> Record:
         with located(campaign.where("import")):
             aligned = _with_late_end(imports, run, _aligned(campaign, imports, run, imports.ends.get(run, {})))
-        return record_dataset(with_rebuilt_controls(campaign, aligned))
+        return with_rebuilt_controls(campaign, aligned)
 
     return kept.read_or_make(read_files), kept.key
 

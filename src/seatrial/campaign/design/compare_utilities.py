@@ -13,7 +13,7 @@ from seatrial.campaign.design.evaluate import check_whole_trials, plan_of
 from seatrial.campaign.design.sweep import design_first, design_key
 from seatrial.campaign.design.utility import UTILITY_DRAWS
 from seatrial.campaign.inference.posterior import random_key
-from seatrial.campaign.store.designs import EXPECTED, Measures, read_measures
+from seatrial.campaign.store.designs import EXPECTED, Measures
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.dataset import Dataset
 from seatrial.core.errors import InputError, NumericalError
@@ -33,7 +33,7 @@ SETTINGS = GainSettings(inner=256)
 def stored_measures(campaign: Campaign, count: int) -> StoredResult[Measures]:
     """Return where the measures of so many designs are kept, and what they depend on."""
     key = key_of("measures", count, design_key(campaign))
-    return StoredResult(Store(campaign.folder).measures, key, read_measures)
+    return StoredResult(Store(campaign.folder).measures, key, Measures)
 
 
 def compare_measures(campaign: Campaign, count: int, reporter: Reporter = SILENT) -> Measures:
@@ -49,7 +49,7 @@ def compare_measures(campaign: Campaign, count: int, reporter: Reporter = SILENT
         NumericalError: the motion diverges at a draw of the priors.
     """
     check_comparison(campaign)
-    return stored_measures(campaign, count).read_or_make(lambda: _compute(campaign, count, reporter))
+    return stored_measures(campaign, count).read_or_make(lambda: Measures(_compute(campaign, count, reporter)))
 
 
 def check_comparison(campaign: Campaign) -> None:

@@ -1,7 +1,5 @@
 """A schedule of one's own, weighed beside the best of the families by the same measure, and judged against every limit."""
 
-from dataclasses import asdict
-from functools import partial
 from pathlib import PurePath
 
 import numpy as np
@@ -15,7 +13,7 @@ from seatrial.campaign.design.residual_noise import with_residual_noise
 from seatrial.campaign.design.schedule import write_own
 from seatrial.campaign.design.sweep import Designs, coefficient_draws, design_first, design_key
 from seatrial.campaign.design.utility import criterion_of, utility_draws
-from seatrial.campaign.store.designs import OwnTrial, read_own_trial
+from seatrial.campaign.store.designs import OwnTrial
 from seatrial.campaign.store.estimates import Drawn
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.reporter import SILENT, Reporter
@@ -29,8 +27,7 @@ from seatrial.vehicles.model import VehicleModel
 def stored_own(campaign: Campaign, own: OwnSchedule) -> StoredResult[OwnTrial]:
     """Return where the judgement of a campaign's own schedule is kept, and what it depends on."""
     key = key_of("own", design_key(campaign), *_plain(own))
-    read = partial(read_own_trial, made_by=f"seatrial design {campaign.folder}")
-    return StoredResult(Store(campaign.folder).own_design, key, read)
+    return StoredResult(Store(campaign.folder).own_design, key, OwnTrial, f"seatrial design {campaign.folder}")
 
 
 def evaluate_own_schedule(campaign: Campaign, reporter: Reporter = SILENT) -> OwnTrial | None:
@@ -45,10 +42,9 @@ def evaluate_own_schedule(campaign: Campaign, reporter: Reporter = SILENT) -> Ow
     kept, model = stored_own(campaign, own), campaign.model(campaign.full)
     write_own(Store(campaign.folder).schedule(kept.path), own.schedule, PurePath(own.source).name)
 
-    def judge() -> dict:
-        return asdict(
-            evaluate_schedule(campaign, own, model, prior_draws(campaign, model), design_first(campaign, reporter))
-        )
+    def judge() -> OwnTrial:
+        designs = design_first(campaign, reporter)
+        return evaluate_schedule(campaign, own, model, prior_draws(campaign, model), designs)
 
     return kept.read_or_make(judge)
 

@@ -1,7 +1,5 @@
 """The free-form trial: not a member of a family but every level chosen, by gradients, inside all limits."""
 
-from dataclasses import asdict
-from functools import partial
 from math import inf
 from pathlib import Path
 
@@ -15,7 +13,7 @@ from seatrial.campaign.design.schedule import write_schedule
 from seatrial.campaign.design.sweep import design_first, design_key
 from seatrial.campaign.design.thrust_commands import commands_of
 from seatrial.campaign.inference.posterior import random_key
-from seatrial.campaign.store.designs import FreeTrial, read_free_trial
+from seatrial.campaign.store.designs import FreeTrial
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError
@@ -43,8 +41,7 @@ RISK = 0.75
 def stored_free_trial(campaign: Campaign, levels: int) -> StoredResult[FreeTrial]:
     """Return where the free-form trial is kept, and what it depends on."""
     key = key_of("free form", "active", levels, design_key(campaign))
-    read = partial(read_free_trial, made_by=f"seatrial design {campaign.folder}")
-    return StoredResult(Store(campaign.folder).free_design, key, read)
+    return StoredResult(Store(campaign.folder).free_design, key, FreeTrial, f"seatrial design {campaign.folder}")
 
 
 def design_free_trial(campaign: Campaign, levels: int, reporter: Reporter = SILENT) -> tuple[FreeTrial, Path]:
@@ -64,7 +61,7 @@ def design_free_trial(campaign: Campaign, levels: int, reporter: Reporter = SILE
             f"in straight lines from level to level; {int(campaign.family.active / campaign.family.ramp)} levels or fewer keep the ramp"
         )
     kept = stored_free_trial(campaign, levels)
-    found = kept.read_or_make(lambda: asdict(_search(campaign, levels, reporter)))
+    found = kept.read_or_make(lambda: _search(campaign, levels, reporter))
     manoeuvre = _form(campaign.family, levels).manoeuvre(np.array(found.levels))
     about = {"design": design_key(campaign)}
     path = Store(campaign.folder).schedule(kept.path)

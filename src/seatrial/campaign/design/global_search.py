@@ -1,7 +1,5 @@
 """The best design between the points of the grid: amplitude and period of every family by global search (CMA-ES)."""
 
-from dataclasses import asdict
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +12,7 @@ from seatrial.campaign.design.schedule import write_schedule
 from seatrial.campaign.design.sweep import design_first, design_key
 from seatrial.campaign.design.thrust_commands import commands_of
 from seatrial.campaign.design.utility import criterion_of, utility_draws
-from seatrial.campaign.store.designs import Searched, read_searched
+from seatrial.campaign.store.designs import Searched
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.errors import InputError
 from seatrial.core.reporter import SILENT, Reporter
@@ -32,8 +30,7 @@ POPULATION = 16
 def stored_search(campaign: Campaign, budget: int) -> StoredResult[Searched]:
     """Return where the design found by a global search is kept, and what it depends on."""
     key = key_of("searched", list(Searched.__dataclass_fields__), budget, design_key(campaign))
-    read = partial(read_searched, made_by=f"seatrial design {campaign.folder}")
-    return StoredResult(Store(campaign.folder).searched, key, read)
+    return StoredResult(Store(campaign.folder).searched, key, Searched, f"seatrial design {campaign.folder}")
 
 
 def search_design(campaign: Campaign, budget: int, reporter: Reporter = SILENT) -> tuple[Searched, Family, Path]:
@@ -53,7 +50,7 @@ def search_design(campaign: Campaign, budget: int, reporter: Reporter = SILENT) 
     """
     check_search(campaign, budget)
     kept = stored_search(campaign, budget)
-    found = kept.read_or_make(lambda: asdict(_search(campaign, budget, reporter)))
+    found = kept.read_or_make(lambda: _search(campaign, budget, reporter))
     family = next(one for one in campaign.families if one.kind == found.kind)
     manoeuvre = family.manoeuvre(found.amplitude, found.period)
     about = {"design": design_key(campaign)}

@@ -1,7 +1,6 @@
 """The self-oscillating test: its amplitude and threshold chosen, and its loop closed on every vehicle that is believed possible."""
 
-from dataclasses import asdict, dataclass
-from functools import partial
+from dataclasses import dataclass
 from math import inf
 from pathlib import Path
 
@@ -18,7 +17,7 @@ from seatrial.campaign.design.sweep import design_first, design_key
 from seatrial.campaign.design.thrust_commands import commands_of
 from seatrial.campaign.design.utility import UTILITY_DRAWS
 from seatrial.campaign.inference.posterior import random_key
-from seatrial.campaign.store.designs import RelayTrial, read_relay_trial
+from seatrial.campaign.store.designs import RelayTrial
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.compiled.programs import program
 from seatrial.core.display_units import shown_unit
@@ -189,8 +188,12 @@ RANGE = (0.05, 0.5, 0.95)
 
 def stored_relay(campaign: Campaign) -> StoredResult[RelayTrial]:
     """Return where the self-oscillating test is kept, and what it depends on."""
-    read = partial(read_relay_trial, made_by=f"seatrial design {campaign.folder}")
-    return StoredResult(Store(campaign.folder).relay_design, key_of("self-oscillation", design_key(campaign)), read)
+    return StoredResult(
+        Store(campaign.folder).relay_design,
+        key_of("self-oscillation", design_key(campaign)),
+        RelayTrial,
+        f"seatrial design {campaign.folder}",
+    )
 
 
 def design_relay_trial(campaign: Campaign, reporter: Reporter = SILENT) -> tuple[RelayTrial, Path]:
@@ -205,7 +208,7 @@ def design_relay_trial(campaign: Campaign, reporter: Reporter = SILENT) -> tuple
         NumericalError: the vehicle diverges at the prior means.
     """
     loop, kept = relay_loop(campaign), stored_relay(campaign)
-    found = kept.read_or_make(lambda: asdict(_search(campaign, loop, reporter)))
+    found = kept.read_or_make(lambda: _search(campaign, loop, reporter))
     path = Store(campaign.folder).schedule(kept.path)
     foreseen, _ = loop.foreseen(found.amplitude, found.threshold)
     law = {"family": loop.family.as_plain(), "amplitude": found.amplitude, "threshold": found.threshold}

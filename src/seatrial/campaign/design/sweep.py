@@ -1,10 +1,7 @@
 """Design of the first trial from the priors, and of the next one from the posterior."""
 
-import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -20,16 +17,14 @@ from seatrial.campaign.design.residual_noise import with_residual_noise
 from seatrial.campaign.design.schedule import write_schedule
 from seatrial.campaign.design.thrust_commands import commands_of
 from seatrial.campaign.design.utility import design_filter, prediction_lines
-from seatrial.campaign.store.designs import edge_words, read_sweeps
+from seatrial.campaign.store.designs import SweptDesigns, edge_words
 from seatrial.campaign.store.estimates import Drawn, Estimate, OfStructure
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.compiled.batching import on_accelerator
 from seatrial.core.argument_checks import check_kind
-from seatrial.core.dataset import Dataset
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.reporter import SILENT, Progress, Reporter
 from seatrial.core.result_table import text_html
-from seatrial.core.signals import signal_unit
 from seatrial.design.limit_conflicts import remedy_of_any
 from seatrial.design.sweep import LANES, Sweep, sweep_family
 from seatrial.design.trial_plan import TrialPlan
@@ -167,16 +162,6 @@ def _joined(parts: Sequence[_Rows], sweeps: Sequence[Sweep | None], amplitude: n
     return replace(known, amplitude=np.asarray(amplitude, float), **{name: column(name) for name in ARRAYS})
 
 
-SWEPT = {
-    "gain": "entropy reduction of the coefficients",
-    "worth": "what makes a design the best",
-    "peak_speed": "largest magnitude of the first state in the expected motion",
-    "final_sd": "predicted sd after the trial",
-    "length": "time at which the trial is ended",
-}
-"""What is kept of every design."""
-
-
 def design_key(campaign: Campaign) -> str:
     """Key of the first design."""
     return key_of(
@@ -248,15 +233,17 @@ class Designs:
         return "" if worth == gain else f"; utility {worth:.3g} {self.unit}".rstrip()
 
 
-def stored_first(campaign: Campaign) -> StoredResult[Designs]:
+def stored_first(campaign: Campaign) -> StoredResult[SweptDesigns]:
     """Return where the first design is kept, and what it depends on."""
-    return StoredResult(Store(campaign.folder).design, design_key(campaign), partial(read_designs, campaign))
+    return StoredResult(
+        Store(campaign.folder).design, design_key(campaign), SweptDesigns, f"seatrial design {campaign.folder}"
+    )
 
 
-def stored_next(campaign: Campaign, estimate: OfStructure) -> StoredResult[Designs]:
+def stored_next(campaign: Campaign, estimate: OfStructure) -> StoredResult[SweptDesigns]:
     """Return where the design of the next trial is kept, and what it depends on."""
     key = key_of("next", design_key(campaign), estimate.key, estimate.structure.terms)
-    return StoredResult(Store(campaign.folder).next_design, key, partial(read_designs, campaign))
+    return StoredResult(Store(campaign.folder).next_design, key, SweptDesigns, f"seatrial next {campaign.folder}")
 
 
 def design_first(campaign: Campaign, reporter: Reporter = SILENT) -> Designs:
@@ -274,12 +261,12 @@ def design_first(campaign: Campaign, reporter: Reporter = SILENT) -> Designs:
     """
     check_kind(campaign, Campaign, "campaign", "read it with `load_campaign`")
 
-    def sweep() -> Dataset:
+    def sweep() -> SweptDesigns:
         model = campaign.model(campaign.full)
         belief, draws = believed(campaign.coefficient_priors(model)), prior_draws(campaign, model)
         return _sweep(campaign, campaign.full, belief, draws, "the priors", reporter)
 
-    return stored_first(campaign).read_or_make(sweep)
+    return _designs(campaign, stored_first(campaign), sweep)
 
 
 def is_designed(campaign: Campaign) -> bool:
@@ -291,15 +278,16 @@ def design_next(campaign: Campaign, estimate: Estimate, reporter: Reporter = SIL
     """Sweep the grid for a structure from what its posterior says of coefficients and noise so far; a current result is read."""
 
     basis = f"the posterior of {estimate.structure.label}"
-    return stored_next(campaign, estimate).read_or_make(lambda: _sweep_after(campaign, estimate, basis, reporter))
+    kept = stored_next(campaign, estimate)
+    return _designs(campaign, kept, lambda: _sweep_after(campaign, estimate, basis, reporter))
 
 
 def design_next_by_mode(campaign: Campaign, drawn: Drawn, reporter: Reporter = SILENT) -> Designs:
     """Likewise from draws about the posterior mode of a structure."""
     key = key_of("next by mode", design_key(campaign), drawn.structure.terms, drawn.draws().tolist())
-    kept = StoredResult(Store(campaign.folder).mode_design, key, partial(read_designs, campaign))
+    kept = StoredResult(Store(campaign.folder).mode_design, key, SweptDesigns)
     basis = f"the posterior mode of {drawn.structure.label}"
-    return kept.read_or_make(lambda: _sweep_after(campaign, drawn, basis, reporter))
+    return _designs(campaign, kept, lambda: _sweep_after(campaign, drawn, basis, reporter))
 
 
 def coefficient_draws(drawn: Drawn, seed: int) -> Float[np.ndarray, "S k"]:
@@ -308,31 +296,36 @@ def coefficient_draws(drawn: Drawn, seed: int) -> Float[np.ndarray, "S k"]:
     return draws[np.random.default_rng(seed).permutation(len(draws))[: 2 * HALF]]
 
 
-def read_designs(campaign: Campaign, path: Path) -> Designs:
-    """Read stored sweeps; the schedule of the best trial is written again where it is missing or not the same."""
-    stored, families = read_sweeps(path), {family.kind: family for family in campaign.families}
+def _designs(campaign: Campaign, kept: StoredResult[SweptDesigns], make: Callable[[], SweptDesigns]) -> Designs:
+    """Read or make sweeps; the schedule of the best trial is written again where it is missing or not the same."""
+    found = designs_of(campaign, kept.read_or_make(make))
+    sample_time = campaign.family.sample_time
+    schedule, about = Store(campaign.folder).schedule(kept.path), {"design": design_key(campaign)}
+    write_schedule(schedule, found.best.best_manoeuvre(), sample_time, about=about, commands=commands_of(campaign))
+    return found
+
+
+def designs_of(campaign: Campaign, stored: SweptDesigns) -> Designs:
+    """Return stored sweeps with the families of the campaign."""
+    families = {family.kind: family for family in campaign.families}
     sweeps = []
     for i, kind in enumerate(stored.families):
         ended = stored.length[i] if campaign.design.per == "second" else None
         arrays = stored.gain[i], stored.peak_speed[i], stored.final_sd[i], stored.trim, stored.worth[i], ended
         sweeps.append(Sweep(families[kind], stored.amplitude, stored.period, *arrays))
-    found = Designs(
+    return Designs(
         tuple(sorted(sweeps, key=lambda sweep: -sweep.worth[sweep.best])),
         stored.refused,
         stored.basis,
         stored.names,
         stored.sd_before,
-        utility_unit(campaign.design),
+        stored.unit,
         stored.safety,
         stored.prediction,
     )
-    sample_time = campaign.family.sample_time
-    schedule, about = Store(campaign.folder).schedule(path), {"design": design_key(campaign)}
-    write_schedule(schedule, found.best.best_manoeuvre(), sample_time, about=about, commands=commands_of(campaign))
-    return found
 
 
-def _sweep_after(campaign: Campaign, drawn: Drawn, basis: str, reporter: Reporter) -> Dataset:
+def _sweep_after(campaign: Campaign, drawn: Drawn, basis: str, reporter: Reporter) -> SweptDesigns:
     structure = drawn.structure
     draws = drawn.draws([name for name in structure.terms if name in drawn.names])
     belief = Gaussian(draws.mean(0), np.linalg.cholesky(np.atleast_2d(np.cov(draws, rowvar=False))))
@@ -347,7 +340,7 @@ def _sweep(
     draws: np.ndarray,
     basis: str,
     reporter: Reporter,
-) -> Dataset:
+) -> SweptDesigns:
     model, families, (amplitude, period) = campaign.model(structure), campaign.families, campaign.design.grid()
     check_autopilot(campaign, model, draws, reporter)
     scales, plan, trim = (
@@ -370,38 +363,25 @@ def _sweep(
             remedy=remedy_of_any(errors.values()),
         )
     best = max(sweeps, key=lambda sweep: np.nanmax(sweep.worth))
-    units = {
-        "gain": "nat",
-        "worth": utility_unit(campaign.design),
-        "peak_speed": signal_unit(model.states[0]),
-        "final_sd": "SI",
-        "length": "s",
-    }
     safety = safety_lines(campaign.motion_limits, campaign.design.probability, plan, best, draws)
-    return Dataset(
-        {
-            name: (
-                ("family", "amplitude", "period", *(("coefficient",) if name == "final_sd" else ())),
-                np.stack([_kept(sweep, name) for sweep in sweeps]) * (scales if name == "final_sd" else 1.0),
-                {"units": units[name], "long_name": SWEPT[name]},
-            )
-            for name in SWEPT
-        }
-        | {"sd_before": (("coefficient",), scales, {"units": "SI", "long_name": "sd before the trial"})},
-        coords={
-            "family": [sweep.family.kind for sweep in sweeps],
-            "amplitude": ("amplitude", amplitude, {"units": "SI"}),
-            "period": ("period", period, {"units": "s"}),
-            "coefficient": [term.text for term in model.coefficients],
-        },
-        attrs={
-            "basis": basis,
-            "control": campaign.family.control,
-            "trim": json.dumps(trim),
-            "refused": json.dumps(refused),
-            "safety": json.dumps(safety),
-            "prediction": json.dumps(prediction_lines(campaign, plan_as_run(plan, best), best.best_controls(), draws)),
-        },
+    stacked = {
+        name: np.stack([_kept(sweep, name) for sweep in sweeps])
+        for name in ("gain", "worth", "peak_speed", "final_sd", "length")
+    }
+    return SweptDesigns(
+        families=tuple(sweep.family.kind for sweep in sweeps),
+        control=campaign.family.control,
+        trim=trim,
+        amplitude=amplitude,
+        period=period,
+        **stacked | {"final_sd": stacked["final_sd"] * scales},
+        names=tuple(term.text for term in model.coefficients),
+        sd_before=scales,
+        basis=basis,
+        refused=refused,
+        safety=tuple(safety),
+        prediction=tuple(prediction_lines(campaign, plan_as_run(plan, best), best.best_controls(), draws)),
+        unit=utility_unit(campaign.design),
     )
 
 

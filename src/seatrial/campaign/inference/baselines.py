@@ -1,16 +1,14 @@
 """Baselines beside the model: fitted to the same records, scored on the same held-back ones, and what follows from that."""
 
-import json
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
-from seatrial.campaign.store.baselines import FittedBaselines, read_baselines
+from seatrial.campaign.store.baselines import FittedBaselines
 from seatrial.campaign.store.estimates import HasKey
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
-from seatrial.core.dataset import Dataset
 from seatrial.core.reporter import SILENT, Reporter
 from seatrial.estimation.prediction.acceleration_baseline import WORDS, acceleration_baseline
 from seatrial.estimation.prediction.baseline_comparison import Comparison, Predicted, Run, compare
@@ -23,7 +21,7 @@ def stored_baselines(campaign: Campaign, trials: HasKey) -> StoredResult[FittedB
     """Return where the baselines are kept, and what they depend on."""
     full = campaign.full.terms
     key = key_of("baselines", trials.key, full, campaign.vehicle, campaign.channels)
-    return StoredResult(Store(campaign.folder).baselines, key, read_baselines)
+    return StoredResult(Store(campaign.folder).baselines, key, FittedBaselines, f"seatrial run {campaign.folder}")
 
 
 def has_held_back(campaign: Campaign) -> bool:
@@ -44,7 +42,7 @@ def fit_all_baselines(campaign: Campaign, trials: Trials, reporter: Reporter = S
     if not has_held_back(campaign):
         return None
 
-    def make() -> Dataset:
+    def make() -> FittedBaselines:
         model = campaign.model(campaign.full)
         family = [*BASELINES.values(), acceleration_baseline(model)]
         progress = reporter.progress("baselines")
@@ -55,7 +53,7 @@ def fit_all_baselines(campaign: Campaign, trials: Trials, reporter: Reporter = S
             fitted += found
             refused |= why
         progress(len(family), len(family))
-        return _dataset(campaign.channels, trials, fitted, {one.name: one.words for one in family}, refused)
+        return _predicted(campaign.channels, trials, fitted, {one.name: one.words for one in family}, refused)
 
     return stored_baselines(campaign, trials).read_or_make(make)
 
@@ -77,7 +75,7 @@ def compare_with_baselines(
         if not any(np.isfinite(run.measured).any() for run in runs):
             continue
         ours = [Predicted(one["mean"][:, column], one["sd"][:, column]) for one in curves]
-        others = {one.words: predicted for one in baselines.curves if (predicted := one.of_channel(column)) is not None}
+        others = baselines.of_channel(column)
         if others:
             compared.append(compare(channel, runs, ours, others, [WORDS]))
     return tuple(compared)
@@ -109,14 +107,14 @@ def comparison_cautions(compared: Sequence[Comparison]) -> list[str]:
     return [one.sentence for one in compared if one.level == "caution"]
 
 
-def _dataset(
+def _predicted(
     channels: Sequence[str],
     trials: Trials,
     fitted: Sequence[FittedBaseline],
     words: Mapping[str, str],
     refused: Mapping[str, str],
-) -> Dataset:
-    """Return what is stored; the held-back records lie one after another on `sample`."""
+) -> FittedBaselines:
+    """Predict with each baseline; the held-back records lie one after another on `sample`."""
     lengths = [record.time.size for record in trials.predict]
     mean = np.full((len(fitted), sum(lengths), len(channels)), np.nan)
     noise_sd = np.full((len(fitted), len(channels)), np.nan)
@@ -124,17 +122,14 @@ def _dataset(
         columns = [list(channels).index(channel) for channel in one.channels]
         mean[at][:, columns] = np.concatenate([one.predict(record) for record in trials.predict])
         noise_sd[at, columns] = one.noise_sd
-    return Dataset(
-        {
-            "record": ("sample", np.repeat(np.arange(len(lengths)), lengths)),
-            "mean": (("baseline", "sample", "channel"), mean),
-            "noise_sd": (("baseline", "channel"), noise_sd),
-        },
-        coords={"baseline": [one.name for one in fitted], "channel": list(channels)},
-        attrs={
-            "records": json.dumps([record.label for record in trials.predict]),
-            "words": json.dumps(dict(words)),
-            "parameters": json.dumps({one.name: dict(one.parameters) for one in fitted}),
-            "refused": json.dumps(dict(refused)),
-        },
+    return FittedBaselines(
+        tuple(channels),
+        tuple(record.label for record in trials.predict),
+        tuple(one.name for one in fitted),
+        {one.name: words[one.name] for one in fitted},
+        {one.name: dict(one.parameters) for one in fitted},
+        noise_sd,
+        np.repeat(np.arange(len(lengths)), lengths),
+        mean,
+        dict(refused),
     )

@@ -16,19 +16,17 @@ from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.estimate import estimate_key
 from seatrial.campaign.inference.posterior import random_key
-from seatrial.campaign.store.calibration import Calibrated, read_calibration
+from seatrial.campaign.store.calibration import Calibrated
 from seatrial.campaign.store.estimates import HasKey
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of, load_checkpoint, save_checkpoint
 from seatrial.compiled.batching import map_lanes
 from seatrial.compiled.programs import program
-from seatrial.core.dataset import Dataset
 from seatrial.core.errors import NumericalError
 from seatrial.core.reporter import SILENT, Progress, Reporter
 from seatrial.estimation.diagnostics.calibration import ranks_of, spread_evenly
 from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.estimation.posterior.replicate import replicate
 from seatrial.estimation.posterior.sample_posterior import Draw, find_method
-from seatrial.sampling.run import Mixing
 from seatrial.sampling.target import VECTOR
 
 AT_ONCE = 8
@@ -41,7 +39,9 @@ LIKELIHOOD = "log-likelihood"
 def stored_calibration(campaign: Campaign, trials: HasKey, replicates: int, method: str) -> StoredResult[Calibrated]:
     """Return where the ranks of a calibration are kept, and what they depend on."""
     key = key_of(_key(campaign, trials, method), replicates)
-    return StoredResult(Store(campaign.folder).calibration(method), key, read_calibration)
+    return StoredResult(
+        Store(campaign.folder).calibration(method), key, Calibrated, f"seatrial calibrate {campaign.folder}"
+    )
 
 
 def _key(campaign: Campaign, trials: HasKey, method: str) -> str:
@@ -70,19 +70,16 @@ def calibrate(
     structure, _ = campaign.full, find_method(method)
     checkpoint = Store(campaign.folder).checkpoint(f"calibration-{method}")
 
-    def run() -> Dataset:
+    def run() -> Calibrated:
         workers, study = workers_of(campaign, reporter), Study(campaign, trials.fit, method)
         names = study.posterior(structure).names
         progress = reporter.progress(f"calibrate {structure.label} by {method}")
         found = _Found(checkpoint, key_of(_key(campaign, trials, method), "by number"))
         _replicate_all(study, found, replicates, progress, workers)
         arrays = found.arrays(range(replicates))
-        dims = {"rank": ("replicate", "quantity"), "tries": ("replicate",), "health": ("replicate", "diagnostic")}
-        return Dataset(
-            {name: (dims[name], value) for name, value in arrays.items()},
-            {"quantity": [*names, LIKELIHOOD], "diagnostic": list(Mixing._fields)},
-            {"structure": structure.label, "method": method},
-        )
+        refused = 1.0 - replicates / float(arrays["tries"].sum())
+        quantities = (*names, LIKELIHOOD)
+        return Calibrated(quantities, arrays["rank"], method, structure.label, refused, arrays["health"])
 
     kept = stored_calibration(campaign, trials, replicates, method)
     return kept.read_or_make(run, lambda: checkpoint.unlink(missing_ok=True))

@@ -15,6 +15,7 @@ each structure weighing P_i, and zero weighing as much as the structures without
 import csv
 import io
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict
 from math import isnan, nan
 from pathlib import Path
 from typing import Any
@@ -23,6 +24,7 @@ import numpy as np
 
 from seatrial.campaign.store.estimates import Estimate
 from seatrial.campaign.store.stored_result import Store
+from seatrial.campaign.store.structures import StoredAverage
 from seatrial.core.display_units import Shown
 from seatrial.core.files import write_text
 from seatrial.estimation.diagnostics.robust_errors import TELLING
@@ -82,22 +84,21 @@ def write_coefficients(
     return _write(Store(folder).coefficients, OF_STRUCTURES, rows, shown)
 
 
-def write_averaged(folder: Path, rows: Sequence[Mapping[str, Any]], shown: Shown) -> Path:
+def write_averaged(folder: Path, rows: Sequence[StoredAverage], shown: Shown) -> Path:
     """Write `results/averaged.csv`, the rows of `averaged_rows`, atomically; returns its path."""
-    return _write(Store(folder).averaged, AVERAGED, rows, shown)
+    return _write(Store(folder).averaged, AVERAGED, map(asdict, rows), shown)
 
 
-def averaged_rows(estimates: Sequence[Estimate], selection: Selection) -> list[dict[str, Any]]:
+def averaged_rows(estimates: Sequence[Estimate], selection: Selection) -> tuple[StoredAverage, ...]:
     """Return each parameter averaged over all structures by their probabilities, SI, and the probability of those that have it.
 
-    `model_error_sd` is NaN where it is not larger than `sd` by more than a half; its cause is that of the structure that adds most to it.
+    The cause of a standard deviation with model error is that of the structure that adds most to it.
     """
-    within, wide, units = [], [], {}
+    within, wide = [], []
     for one in estimates:
         means, sds = ({name: float(one.data[key].sel(parameter=name)) for name in one.names} for key in ("mean", "sd"))
         within.append({name: (means[name], sds[name]) for name in one.names})
         wide.append({name: (means[name], one.wider(name) or sds[name]) for name in one.names})
-        units |= dict(zip(one.names, map(str, one.data["unit"].values), strict=True))
     with_error = averaged(wide, selection.probability)
     rows = []
     for name, (mean, sd) in averaged(within, selection.probability).items():
@@ -109,20 +110,22 @@ def averaged_rows(estimates: Sequence[Estimate], selection: Selection) -> list[d
             max(have_it, key=lambda pair: pair[1] * (pair[0].wider(name) or 0.0) ** 2),
         )
         is_wider = wider > TELLING * sd
+        about = have_it[0][0].data.sel(parameter=name)
         rows.append(
-            {
-                "name": name,
-                "unit": units[name],
-                "mean": mean,
-                "sd": sd,
-                "lower_95": lower,
-                "upper_95": upper,
-                "model_error_sd": wider if is_wider else nan,
-                "model_error_cause": most.wider_cause(name) if is_wider else "",
-                "inclusion": inclusion,
-            }
+            StoredAverage(
+                name=name,
+                unit=str(about["unit"].values),
+                label=str(about["label"].values),
+                mean=mean,
+                sd=sd,
+                lower_95=lower,
+                upper_95=upper,
+                model_error_sd=wider if is_wider else None,
+                model_error_cause=most.wider_cause(name) if is_wider else "",
+                inclusion=inclusion,
+            )
         )
-    return rows
+    return tuple(rows)
 
 
 def _interval(draws: Sequence[tuple[np.ndarray, float]], absent: float) -> tuple[float, float]:
@@ -152,7 +155,9 @@ def _write(path: Path, columns: Sequence[str], rows: Iterable[Mapping[str, Any]]
     writer.writerow(columns)
     for row in rows:
         factor, unit = shown(row["name"], row["unit"])
-        said = {**row, "unit": unit} | {key: factor * row[key] for key in QUANTITIES if key in row}
-        writer.writerow(["" if isinstance(said[key], float) and isnan(said[key]) else said[key] for key in columns])
+        numbers = {key: factor * row[key] for key in QUANTITIES if row.get(key) is not None}
+        said = {key: value for key, value in {**row, "unit": unit, **numbers}.items() if value is not None}
+        cells = (said.get(key, "") for key in columns)
+        writer.writerow(["" if isinstance(cell, float) and isnan(cell) else cell for cell in cells])
     write_text(path, stream.getvalue())
     return path

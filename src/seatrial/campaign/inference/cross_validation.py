@@ -5,7 +5,7 @@ campaign can have (`error_models`).
 """
 
 from collections.abc import Sequence
-from dataclasses import asdict, fields, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -23,7 +23,6 @@ from seatrial.campaign.store.cross_validation import (
     ChannelScores,
     CrossValidation,
     gap,
-    read_cross_validation,
 )
 from seatrial.campaign.store.estimates import HasKey
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
@@ -39,10 +38,9 @@ STATED = ErrorModel(OWN, "the campaign's own")
 
 def stored_cross_validation(campaign: Campaign, trials: HasKey) -> StoredResult[CrossValidation]:
     """Return where the result is kept, as far as it is there, and what it depends on."""
-    layout = [field.name for kind in (Candidate, ChannelScores) for field in fields(kind)]
     keys = {one.label: estimate_key(campaign, one, trials) for one in campaign.structures}
-    read = partial(read_cross_validation, made_by=f"seatrial crossvalidate {campaign.folder}")
-    return StoredResult(Store(campaign.folder).cross_validation, key_of("cross-validation", layout, keys), read)
+    path, key = Store(campaign.folder).cross_validation, key_of("cross-validation", keys)
+    return StoredResult(path, key, CrossValidation, f"seatrial crossvalidate {campaign.folder}")
 
 
 def cross_validate(campaign: Campaign, trials: Trials, reporter: Reporter = SILENT) -> CrossValidation:
@@ -58,7 +56,7 @@ def cross_validate(campaign: Campaign, trials: Trials, reporter: Reporter = SILE
     """
     _check_runs(campaign, trials)
     kept = stored_cross_validation(campaign, trials)
-    found = list(kept.read(kept.path).candidates) if kept.is_current() else []
+    found = list(kept.read().candidates) if kept.is_current() else []
     work = [(structure, STATED) for structure in campaign.structures]
     study = Study(campaign, trials.fit)
     labels = tuple(record.label for record in trials.fit)
@@ -101,7 +99,7 @@ def best_campaign(campaign: Campaign, trials: Trials, found: CrossValidation) ->
 def current_cross_validation(campaign: Campaign, trials: HasKey) -> CrossValidation | None:
     """Return the result if it has been made and is current; nothing is computed."""
     kept = stored_cross_validation(campaign, trials)
-    return kept.read(kept.path) if kept.is_current() else None
+    return kept.read() if kept.is_current() else None
 
 
 def _check_runs(campaign: Campaign, trials: Trials) -> None:
@@ -133,7 +131,7 @@ def _cautions(trials: Trials) -> list[str]:
 def _keep(
     kept: StoredResult[CrossValidation], labels: Sequence[str], cautions: Sequence[str], found: Sequence[Candidate]
 ) -> None:
-    kept.write({"runs": list(labels), "candidates": [asdict(one) for one in found], "cautions": list(cautions)})
+    kept.write(CrossValidation(tuple(labels), tuple(found), tuple(cautions)))
 
 
 def _compute(

@@ -3,7 +3,6 @@
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -20,7 +19,7 @@ from seatrial.campaign.inference.modes import structure_modes
 from seatrial.campaign.inference.omitted_effects import causes_of, findings_of, left_out, tried_effects
 from seatrial.campaign.inference.posterior import is_whole, random_key, widest
 from seatrial.campaign.inference.prior_and_record import check_prior_of
-from seatrial.campaign.store.estimates import Estimate, HasKey, LeftOut, read_estimate
+from seatrial.campaign.store.estimates import Estimate, HasKey, LeftOut
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of, load_checkpoint, save_checkpoint
 from seatrial.compiled.programs import program
 from seatrial.compiled.random_keys import fold_in
@@ -68,7 +67,8 @@ def stored_estimates(campaign: Campaign, trials: HasKey) -> dict[Structure, Stor
         one: StoredResult(
             Store(campaign.folder).posterior(one.label),
             estimate_key(campaign, one, trials),
-            partial(read_estimate, structure=one),
+            Estimate,
+            f"seatrial estimate {campaign.folder}",
         )
         for one in campaign.structures
     }
@@ -102,7 +102,7 @@ def estimate_all(campaign: Campaign, trials: Trials, reporter: Reporter = SILENT
                 save_checkpoint(checkpoint, checkpoint_keys[structure], result.run)
                 shown[index](result.done, result.total)
                 return result
-            kept[structure].write(result.data)
+            kept[structure].write(Estimate(structure, result.data))
             checkpoint.unlink(missing_ok=True)
             shown[index](1, 1)
             return None
@@ -118,7 +118,7 @@ def estimate_all(campaign: Campaign, trials: Trials, reporter: Reporter = SILENT
             for one in missing
         ]
         workers.run(_advance, study, begun, done, on_progress)
-    return [result.read(result.path) for result in kept.values()]
+    return [result.read() for result in kept.values()]
 
 
 class _Begun(NamedTuple):

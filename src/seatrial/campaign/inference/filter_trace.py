@@ -12,7 +12,6 @@ from seatrial.campaign.inference.posterior import initial_state
 from seatrial.campaign.store.estimates import Estimate, OfStructure
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.dataset import Dataset
-from seatrial.core.dataset_file import open_dataset
 from seatrial.core.display_units import plain
 from seatrial.core.record import Record
 from seatrial.design.prior_belief import STATE_SD
@@ -32,7 +31,7 @@ def stored_filter(campaign: Campaign, estimate: OfStructure) -> StoredResult[Dat
     """Return where the traces of the filter are kept, and what they depend on."""
     gained = campaign.process_sds(campaign.model(estimate.structure)).tolist()
     key = key_of("filter", estimate.key, list(campaign.noise.values()), gained)
-    return StoredResult(Store(campaign.folder).filter, key, open_dataset)
+    return StoredResult(Store(campaign.folder).filter, key, Dataset, f"seatrial run {campaign.folder}")
 
 
 def trace_filter(campaign: Campaign, estimate: Estimate, trials: Trials) -> Dataset:

@@ -5,9 +5,7 @@ change of all parameters at once, in shares of their values, that makes the data
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, fields, replace
-from functools import partial
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,7 +14,7 @@ from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.vehicle import WholeVehicle
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.design.sweep import design_key
-from seatrial.campaign.store.estimates import Direction, Drawn, Estimate, Known, KnownParameter, OfStructure, read_known
+from seatrial.campaign.store.estimates import Direction, Drawn, Estimate, Known, KnownParameter, OfStructure
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.coefficients import CoefficientName
 from seatrial.design.sweep import Sweep
@@ -33,24 +31,20 @@ NAMED = 0.1
 def stored_known_after(campaign: Campaign, estimate: OfStructure) -> StoredResult[Known]:
     """Return where it is kept what a fit tells about each parameter, and what that depends on."""
     path = Store(campaign.folder).known(estimate.structure.label)
-    read = partial(read_known, made_by=f"seatrial estimate {campaign.folder}")
-    return StoredResult(path, key_of("known", _LAYOUT, estimate.key, dict(campaign.prior_units)), read)
+    key = key_of("known", estimate.key, dict(campaign.prior_units))
+    return StoredResult(path, key, Known, f"seatrial estimate {campaign.folder}")
 
 
 def stored_known_before(campaign: Campaign) -> StoredResult[Known]:
     """Return where it is kept what the best design would tell about each parameter, and what that depends on."""
-    read = partial(read_known, made_by=f"seatrial design {campaign.folder}")
-    return StoredResult(
-        Store(campaign.folder).known_design,
-        key_of("known", _LAYOUT, design_key(campaign), dict(campaign.prior_units)),
-        read,
-    )
+    key = key_of("known", design_key(campaign), dict(campaign.prior_units))
+    return StoredResult(Store(campaign.folder).known_design, key, Known, f"seatrial design {campaign.folder}")
 
 
 def known_after(campaign: Campaign, estimate: Estimate, trials: Trials) -> Known:
     """Judge a fit by the information of its data at the mode and the covariance of its draws; a current result is read."""
 
-    def judge() -> dict[str, Any]:
+    def judge() -> Known:
         posterior = Study(campaign, trials.fit).posterior(estimate.structure)
         values = estimate.data["mode"].values
         information = likelihood_information(posterior, values)
@@ -60,7 +54,7 @@ def known_after(campaign: Campaign, estimate: Estimate, trials: Trials) -> Known
         wider = {name: estimate.wider(name) or 0.0 for name in estimate.names}
         parameters = tuple(replace(one, wider=wider[one.name]) for one in known.parameters)
         symmetry = symmetry_of(campaign, estimate, estimate.prior_curves)
-        return asdict(replace(known, parameters=parameters, symmetry=symmetry))
+        return replace(known, parameters=parameters, symmetry=symmetry)
 
     return stored_known_after(campaign, estimate).read_or_make(judge)
 
@@ -86,7 +80,7 @@ def known_before(campaign: Campaign, sweep: Sweep) -> Known:
     """Judge the best design for the full structure at its prior means, sensors as rare as they are; a current result is read."""
     structure = campaign.full
 
-    def judge() -> dict[str, Any]:
+    def judge() -> Known:
         model, family = campaign.model(structure), campaign.family
         units = {term.text: model.unit_of(term) for term in model.coefficients}
         parameters = [
@@ -102,7 +96,7 @@ def known_before(campaign: Campaign, sweep: Sweep) -> Known:
         trial = sweep.best_controls(), family.sample_time, start, noise
         through = campaign.pilot(model.controls), campaign.expected_process(model)
         found = identifiability_of_design(parameters, model, *trial, campaign.hull.trim, *through)
-        return asdict(_known(found, None, structure.label))
+        return _known(found, None, structure.label)
 
     return stored_known_before(campaign).read_or_make(judge)
 
@@ -159,6 +153,3 @@ def _directions(found: Identifiability, information: np.ndarray) -> tuple[Direct
             )
         )
     return tuple(said)
-
-
-_LAYOUT = [field.name for kind in (Known, KnownParameter, Direction) for field in fields(kind)]

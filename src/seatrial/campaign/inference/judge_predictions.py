@@ -1,9 +1,7 @@
 """How well the estimated vehicle predicts records, those it was fitted to and those held back, and whether that will do."""
 
-import json
 from collections.abc import Mapping, Sequence
-from dataclasses import fields, replace
-from pathlib import Path
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import jax
@@ -14,10 +12,9 @@ from seatrial.campaign.config.import_table import Imports
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.posterior import build_likelihood, build_parameters, first_sd, random_key, shared_model
 from seatrial.campaign.store.estimates import Drawn, Estimate, HasKey, OfStructure
-from seatrial.campaign.store.predictions import Fit, read_predictions
+from seatrial.campaign.store.predictions import Fit, Predictions
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.dataset import Dataset
-from seatrial.core.dataset_file import open_dataset
 from seatrial.core.record import Record
 from seatrial.core.signals import ACTUAL
 from seatrial.estimation.posterior.filter_error import FilterError
@@ -91,45 +88,34 @@ def predict_held_back(campaign: Campaign, drawn: Drawn, trials: Trials) -> HeldB
     return HeldBack(tuple(fits), _pooled(campaign, pieces, fits), tuple(pieces))
 
 
-def held_back_curves(predictions: Dataset) -> tuple[dict[str, np.ndarray], ...]:
+def held_back_curves(predictions: Predictions) -> tuple[dict[str, np.ndarray], ...]:
     """Return `CURVES` of each record that was not fitted, of `predict_all`."""
-    labels, held_back = (json.loads(predictions.attrs[name]) for name in ("records", "held_back"))
-    index = predictions["record"].values
+    data = predictions.data
+    index = data["record"].values
     return tuple(
-        {name: predictions[name].values[index == at] for name in CURVES}
-        for at, one in enumerate(labels)
-        if one in held_back
+        {name: data[name].values[index == at] for name in CURVES}
+        for at, one in enumerate(predictions.records)
+        if one in predictions.held_back
     )
 
 
-def stored_predictions(
-    campaign: Campaign, estimate: OfStructure, trials: HasKey
-) -> StoredResult[tuple[list[Fit], Dataset]]:
+def stored_predictions(campaign: Campaign, estimate: OfStructure, trials: HasKey) -> StoredResult[Predictions]:
     """Return where the predictions are kept, and what they depend on."""
-    names = [field.name for of in (Fit, Pooled) for field in fields(of)]
-    key = key_of("predictions", names, estimate.key, trials.key)
-
-    def read(path: Path) -> tuple[list[Fit], Dataset]:
-        return list(read_predictions(path).fits), open_dataset(path)
-
-    return StoredResult(Store(campaign.folder).predictions, key, read)
+    key = key_of("predictions", estimate.key, trials.key)
+    return StoredResult(Store(campaign.folder).predictions, key, Predictions, f"seatrial run {campaign.folder}")
 
 
-def predict_all(campaign: Campaign, estimate: Estimate, trials: Trials) -> tuple[list[Fit], Dataset]:
-    """Predict every record with draws from the posterior; returns the fits and the stored curves.
+def predict_all(campaign: Campaign, estimate: Estimate, trials: Trials) -> Predictions:
+    """Predict every record with draws from the posterior."""
 
-    The curves lie on `sample`, the records one after another: record index, time, measured, mean, and the standard
-    deviations of the motion (coefficients unknown) and of a measurement (noise added).
-    """
-
-    def predict() -> Dataset:
+    def predict() -> Predictions:
         records, count = [*trials.fit, *trials.predict], len(trials.fit)
         pieces = [_predict(campaign, estimate, record) for record in records]
         fits = _fitted(campaign, estimate, trials, pieces[:count])
         for record, piece in zip(trials.predict, pieces[count:], strict=True):
             fits += _fits(campaign, estimate, record, piece, trials.fit)
         predicted = HeldBack(tuple(fits), _pooled(campaign, pieces[count:], fits), tuple(pieces))
-        return _dataset(campaign.channels, estimate.structure, records, trials.predict, predicted)
+        return _predictions(campaign.channels, estimate.structure, records, trials.predict, predicted)
 
     return stored_predictions(campaign, estimate, trials).read_or_make(predict)
 
@@ -151,35 +137,29 @@ def keep_held_back(
         key: what the mode depends on.
         predicted: of `predict_held_back`.
     """
-    kept = StoredResult(Store(campaign.folder).mode_predictions, key_of("held back", key), read_predictions)
-    kept.read_or_make(lambda: _dataset(campaign.channels, structure, records, records, predicted))
+    kept = StoredResult(Store(campaign.folder).mode_predictions, key_of("held back", key), Predictions)
+    kept.read_or_make(lambda: _predictions(campaign.channels, structure, records, records, predicted))
 
 
-def _dataset(
+def _predictions(
     channels: Sequence[str],
     structure: Structure,
     records: Sequence[Record],
     held_back: Sequence[Record],
     predicted: HeldBack,
-) -> Dataset:
-    """Return what is kept of predictions: `CURVES` of all records, one after another, and what was found of them."""
+) -> Predictions:
+    """Return predictions, the `CURVES` of all records one after another."""
     pieces = predicted.curves
     columns = {name: np.concatenate([piece[name] for piece in pieces]) for name in CURVES}
-    return Dataset(
+    data = Dataset(
         {
             "time": ("sample", columns["time"], {"unit": "s"}),
             "record": ("sample", np.repeat(np.arange(len(records)), [record.time.size for record in records])),
             **{name: (("sample", "channel"), columns[name]) for name in CURVES[1:]},
-        },
-        coords={"channel": list(channels)},
-        attrs={
-            "records": json.dumps([record.label for record in records]),
-            "held_back": json.dumps([record.label for record in held_back]),
-            "structure": structure.label,
-            "fits": json.dumps([fit.__dict__ for fit in predicted.fits]),
-            "pooled": json.dumps([one.__dict__ for one in predicted.pooled]),
-        },
+        }
     )
+    labels, unseen = (tuple(record.label for record in some) for some in (records, held_back))
+    return Predictions(labels, unseen, tuple(channels), predicted.fits, predicted.pooled, structure.label, data)
 
 
 def trial_verdicts(fits: Sequence[Fit]) -> dict[str, FitVerdict]:
@@ -188,11 +168,6 @@ def trial_verdicts(fits: Sequence[Fit]) -> dict[str, FitVerdict]:
         label: worst([fit.verdict for fit in fits if fit.record == label])
         for label in dict.fromkeys(fit.record for fit in fits)
     }
-
-
-def pooled_of(predictions: Dataset) -> tuple[Pooled, ...]:
-    """Return how each channel of all held-back records together is predicted, of `predict_all`."""
-    return tuple(Pooled(**item) for item in json.loads(predictions.attrs["pooled"]))
 
 
 def held_back_lines(held_back: HeldBack) -> list[str]:

@@ -31,7 +31,8 @@ from seatrial.campaign.inference.omitted_effects import causes_of, findings_of, 
 from seatrial.campaign.inference.posterior import is_whole, random_key
 from seatrial.campaign.inference.prior_and_record import check_prior_of
 from seatrial.campaign.store.estimates import with_model_error
-from seatrial.campaign.store.stored_result import Store, key_of, write_stamped_json
+from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
+from seatrial.campaign.store.structures import StoredMode
 from seatrial.core.errors import NumericalError
 from seatrial.core.findings import Finding, Message
 from seatrial.core.record import Record
@@ -179,15 +180,11 @@ def keep_mode(campaign: Campaign, trials: Trials, best: FirstAnswer) -> None:
     found = {name: pair for name, _, (pair,) in best.rows}
     matrix = np.corrcoef(best.drawn.draws(tuple(found)).T)
     pairs = [(a, b, float(matrix[i, j])) for (i, a), (j, b) in combinations(enumerate(found), 2)]
-    told = {
-        "terms": best.structure.terms,
-        "found": found,
-        "correlations": pairs,
-        "units": {name: unit for name, unit, _ in best.rows},
-        "wider": {name: (sd, best.wider_causes.get(name, "")) for name, sd in best.wider.items()},
-    }
+    wider = {name: (sd, best.wider_causes.get(name, "")) for name, sd in best.wider.items()}
+    units = {name: unit for name, unit, _ in best.rows}
     key = key_of("mode", estimate_key(campaign, best.structure, trials))
-    write_stamped_json(Store(campaign.folder).mode, told, key)
+    kept = StoredResult(Store(campaign.folder).mode, key, StoredMode)
+    kept.write(StoredMode(best.structure.terms, found, tuple(pairs), units, wider))
     if best.held_back is not None and trials.predict:
         keep_held_back(campaign, best.structure, trials.predict, key, best.held_back)
 

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +10,6 @@ from jaxtyping import Bool, Float, Int
 from scipy.special import betaincinv
 
 from seatrial.core.dataset import Dataset
-from seatrial.core.dataset_file import open_dataset
 
 ADAPTIVE = "adaptive"
 WITHIN = 1.64
@@ -191,11 +189,6 @@ class Rehearsal:
             return f"against {name}: no difference beyond chance, {_signed(saved)} trials of {of.value:.1f}"
         verb = "saves" if saved.value > 0 else "costs"
         return f"against {name}: redesigning each trial {verb} {abs(saved.value):.2f} ± {saved.error:.2f} trials of {of.value:.1f}"
-
-
-def read_rehearsal(path: Path) -> Rehearsal:
-    """Read a stored rehearsal; errors as `open_dataset`."""
-    return Rehearsal(open_dataset(path))
 
 
 def _mean(values: np.ndarray) -> Mean:

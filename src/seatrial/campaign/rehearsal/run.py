@@ -25,7 +25,7 @@ from seatrial.campaign.design.plan import goal_of
 from seatrial.campaign.design.sweep import design_first, design_key
 from seatrial.campaign.inference.posterior import random_key
 from seatrial.campaign.rehearsal.designs import RANDOM, Design, DesignSpace, design_space
-from seatrial.campaign.rehearsal.result import ADAPTIVE, Rehearsal, read_rehearsal
+from seatrial.campaign.rehearsal.result import ADAPTIVE, Rehearsal
 from seatrial.campaign.rehearsal.vehicles import Vehicle, draw_vehicle, joint_posterior, run_trial
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.dataset import Dataset
@@ -80,7 +80,7 @@ def rehearse(campaign: Campaign, truths: int, reporter: Reporter = SILENT) -> Re
             "rehearsal", found=f"{truths} vehicles", expected=f"{FEWEST_VEHICLES} at least", remedy="ask for more"
         )
     kept = stored_rehearsal(campaign)
-    outcomes = _outcomes(kept.read(kept.path).data) if kept.is_current() else []
+    outcomes = _outcomes(kept.read().data) if kept.is_current() else []
     if len(outcomes) < truths:
         designs = design_first(campaign, reporter)
         space = design_space(campaign, designs)
@@ -91,9 +91,9 @@ def rehearse(campaign: Campaign, truths: int, reporter: Reporter = SILENT) -> Re
         report(len(outcomes), truths)
         while len(outcomes) < truths:
             outcomes.append(_rehearse_one(campaign, goal, space, fixed, len(outcomes)))
-            kept.write(_dataset(campaign, (ADAPTIVE, *fixed, "random"), outcomes))
+            kept.write(Rehearsal(_dataset(campaign, (ADAPTIVE, *fixed, "random"), outcomes)))
             report(len(outcomes), truths)
-    return Rehearsal(kept.read(kept.path).data.isel(vehicle=slice(truths)))
+    return Rehearsal(kept.read().data.isel(vehicle=slice(truths)))
 
 
 def known_after(campaign: Campaign, records: Sequence[Record], most: int) -> tuple[np.ndarray, np.ndarray]:
@@ -112,7 +112,9 @@ def known_after(campaign: Campaign, records: Sequence[Record], most: int) -> tup
 
 def stored_rehearsal(campaign: Campaign) -> StoredResult[Rehearsal]:
     """Return where a rehearsal is kept, of as many vehicles as there are so far, and what it depends on."""
-    return StoredResult(Store(campaign.folder).rehearsal, rehearsal_key(campaign), read_rehearsal)
+    return StoredResult(
+        Store(campaign.folder).rehearsal, rehearsal_key(campaign), Rehearsal, f"seatrial rehearse {campaign.folder}"
+    )
 
 
 def rehearsal_key(campaign: Campaign) -> str:

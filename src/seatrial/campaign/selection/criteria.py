@@ -3,11 +3,10 @@
 Which to use when, and why DIC and BPIC decide so little: `docs/criteria.md`.
 """
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import jax.numpy as jnp
 import numpy as np
@@ -19,8 +18,7 @@ from seatrial.campaign.inference.estimate import estimate_key
 from seatrial.campaign.inference.posterior import build_posterior, random_key
 from seatrial.campaign.store.estimates import Estimate, HasKey, OfStructure
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
-from seatrial.campaign.store.structures import StoredCriteria, read_criteria
-from seatrial.core.dataset import Dataset
+from seatrial.campaign.store.structures import StoredCriteria
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.reporter import SILENT, Progress, Reporter, no_progress, run_side_by_side
 from seatrial.estimation.posterior.mode import find_mode
@@ -73,7 +71,8 @@ class Criteria:
 def stored_criteria(campaign: Campaign, estimate: OfStructure) -> StoredResult[StoredCriteria]:
     """Return where the criteria of a structure are kept, and what they depend on."""
     path = Store(campaign.folder).criteria(estimate.structure.label)
-    return StoredResult(path, key_of("criteria", estimate.key, MOST), read_criteria)
+    key = key_of("criteria", estimate.key, MOST)
+    return StoredResult(path, key, StoredCriteria, f"seatrial criteria {campaign.folder}")
 
 
 def stored_future(
@@ -81,7 +80,8 @@ def stored_future(
 ) -> StoredResult[StoredCriteria]:
     """Return where the leave-future-out of a structure is kept, and what it depends on."""
     key = key_of("future", estimate_key(campaign, estimate.structure, trials), edges.tolist())
-    return StoredResult(Store(campaign.folder).future(estimate.structure.label), key, read_criteria)
+    path = Store(campaign.folder).future(estimate.structure.label)
+    return StoredResult(path, key, StoredCriteria, f"seatrial criteria {campaign.folder}")
 
 
 def criteria_all(
@@ -152,7 +152,7 @@ def _both(
     return Criteria(estimate.structure, deviance, found, edges, refused)
 
 
-def _compute(campaign: Campaign, estimate: Estimate, trials: Trials) -> Dataset:
+def _compute(campaign: Campaign, estimate: Estimate, trials: Trials) -> StoredCriteria:
     posterior = build_posterior(campaign, estimate.structure, trials.fit)
     draws = thin_draws(estimate.data["draws"].values, MOST)
     refused, found = "", []
@@ -166,7 +166,7 @@ def _compute(campaign: Campaign, estimate: Estimate, trials: Trials) -> Dataset:
     except InputError as error:
         refused = f"AIC, BIC, WAIC and PSIS-LOO need the density of each measurement by itself, but found {error.found}"
     deviance = deviance_criteria(posterior, draws)
-    return _dataset(found, refused).assign_attrs(deviance=json.dumps([tuple(one) for one in deviance]))
+    return _stored(found, refused, tuple(tuple(one) for one in deviance))
 
 
 def _at_maximum(posterior: Posterior, key: Array, estimate: Estimate) -> list[PredictiveCriterion]:
@@ -178,7 +178,7 @@ def _at_maximum(posterior: Posterior, key: Array, estimate: Estimate) -> list[Pr
 
 def _predict(
     campaign: Campaign, structure: Structure, trials: Trials, edges: np.ndarray, progress: Progress
-) -> Dataset:
+) -> StoredCriteria:
     """Leave-future-out of one structure; where it cannot be had, the reason."""
     past = past_of(partial(build_posterior, campaign, structure), trials.fit)
     blocks = edges.size - 1
@@ -190,45 +190,50 @@ def _predict(
 
     try:
         found = leave_future_out(watched, edges, random_key(campaign.seed, f"future {structure.terms}"))
-        dataset = _dataset([found.criterion], "")
+        criteria = _stored([found.criterion], "")
     except (InputError, NumericalError) as error:
-        dataset = _dataset(
+        criteria = _stored(
             [], f"no leave-future-out of {structure.label}: {error.found if isinstance(error, InputError) else error}"
         )
     progress(blocks, blocks)
-    return dataset
+    return criteria
 
 
-def _dataset(found: Sequence[PredictiveCriterion], refused: str) -> Dataset:
-    """Criteria by their contributions; what is one number of each goes into an attribute."""
-    numbers = {
-        one.method: [
-            one.value.value,
-            one.value.error,
-            one.std_error,
-            None if np.isnan(one.effective) else one.effective,
-            one.status,
-        ]
-        for one in found
-    }
-    columns = {f"pointwise {one.method}": ("point", one.pointwise) for one in found}
-    columns |= {f"k_hat {one.method}": ("point", one.k_hat) for one in found if one.k_hat.size}
-    return Dataset(columns, attrs={"criteria": json.dumps(numbers), "refused": refused})
+def _stored(
+    found: Sequence[PredictiveCriterion], refused: str, deviance: tuple[tuple[float, float], ...] = ()
+) -> StoredCriteria:
+    shape = len(found), max((one.pointwise.size for one in found), default=0)
+    tails = [one.k_hat if one.k_hat.size else np.full(shape[1], np.nan) for one in found]
+    return StoredCriteria(
+        methods=tuple(one.method for one in found),
+        value=np.array([one.value.value for one in found], float),
+        error=np.array([one.value.error for one in found], float),
+        std_error=np.array([one.std_error for one in found], float),
+        effective=np.array([one.effective for one in found], float),
+        pointwise=np.array([one.pointwise for one in found], float).reshape(shape),
+        k_hat=np.array(tails, float).reshape(shape),
+        status=tuple(one.status for one in found),
+        refused=refused,
+        deviance=deviance,
+    )
 
 
 def _criteria_in(stored: StoredCriteria) -> dict[str, PredictiveCriterion]:
-    found: dict[str, Any] = {}
-    for name, one in stored.criteria.items():
-        found[name] = PredictiveCriterion(
-            one.method,
-            MonteCarloValue(one.value, one.error),
-            one.std_error,
-            one.effective,
-            one.pointwise,
-            one.k_hat,
-            one.status,
-        )  # pyright: ignore[reportArgumentType]
-    return found
+    columns = (stored.methods, stored.value, stored.error, stored.std_error, stored.effective)
+    return {
+        method: PredictiveCriterion(
+            cast(Any, method),
+            MonteCarloValue(float(value), float(error)),
+            float(std_error),
+            float(effective),
+            pointwise,
+            k_hat[~np.isnan(k_hat)],
+            status,
+        )
+        for method, value, error, std_error, effective, pointwise, k_hat, status in zip(
+            *columns, stored.pointwise, stored.k_hat, stored.status, strict=True
+        )
+    }
 
 
 # Criteria side by side, in words: each structure's difference to the best, what that tells apart, and nested pairs by

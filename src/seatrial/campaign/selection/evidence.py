@@ -20,7 +20,6 @@ from seatrial.campaign.inference.quick_estimates import draw_about_mode
 from seatrial.campaign.selection.screening import shortlist_of
 from seatrial.campaign.store.estimates import HasKey
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of, load_checkpoint, save_checkpoint
-from seatrial.campaign.store.structures import StoredSelection, read_selection
 from seatrial.core.argument_checks import check_kind
 from seatrial.core.errors import NumericalError
 from seatrial.core.reporter import SILENT, Progress, Reporter
@@ -28,7 +27,7 @@ from seatrial.estimation.posterior.mode import find_mode
 from seatrial.estimation.prediction.remedies import listed
 from seatrial.sampling.nested import NestedRun
 from seatrial.sampling.tempered_smc import SMCResult, SMCSettings
-from seatrial.selection.evidence import Evidence, EvidenceSettings
+from seatrial.selection.evidence import EvidenceSettings
 from seatrial.selection.log_evidence import (
     NESTED_RUNS,
     PROGRESS_STEPS,
@@ -41,7 +40,7 @@ from seatrial.selection.log_evidence import (
 )
 from seatrial.selection.method_agreement import METHOD_LABELS, Method, agrees, value_of
 from seatrial.selection.structures import Structure
-from seatrial.selection.verdict import Selection, blunt_deciders, select, selection_alarms
+from seatrial.selection.verdict import Evidence, Selection, blunt_deciders, select
 
 
 def select_structure(campaign: Campaign, trials: Trials, reporter: Reporter = SILENT) -> Selection:
@@ -62,12 +61,13 @@ def select_structure(campaign: Campaign, trials: Trials, reporter: Reporter = SI
     check_kind(campaign, Campaign, "campaign", "read it with `load_campaign`")
     check_kind(trials, Trials, "trials", "make them with `get_trials`")
 
-    def compute() -> dict[str, Any]:
-        selection = _select(campaign, trials, _evidences(campaign, trials, reporter))
-        residuals = _residual_doubt(campaign, selection.structures[selection.chosen], trials)
-        return _as_json(selection) | {"residuals": residuals}
+    def compute() -> Selection:
+        evidences, shortlist = _evidences(campaign, trials, reporter), shortlist_of(campaign, trials)
+        by_evidence = partial(select, campaign.structures, evidences, campaign.structure.optional, shortlist)
+        residuals = _residual_doubt(campaign, campaign.structures[by_evidence().chosen], trials)
+        return by_evidence(residuals)
 
-    selection = _selection(campaign, trials, stored_selection(campaign, trials).read_or_make(compute))
+    selection = stored_selection(campaign, trials).read_or_make(compute)
     # Also where it was there already: a kill may have come between writing it and this.
     for path in Store(campaign.folder).checkpoint("evidence").parent.glob("evidence-*.npz"):
         path.unlink()
@@ -77,7 +77,7 @@ def select_structure(campaign: Campaign, trials: Trials, reporter: Reporter = SI
 def current_selection(campaign: Campaign, trials: Trials) -> Selection | None:
     """The selection if it has been made and is current; nothing is computed."""
     kept = stored_selection(campaign, trials)
-    return _selection(campaign, trials, kept.read(kept.path)) if kept.is_current() else None
+    return kept.read() if kept.is_current() else None
 
 
 def agreement_words(evidence: Evidence) -> str:
@@ -131,33 +131,11 @@ def evidence_key(campaign: Campaign, structure: Structure, trials: HasKey) -> st
     return key_of(name, estimate_key(campaign, structure, trials), campaign.selection)
 
 
-def stored_selection(campaign: Campaign, trials: HasKey) -> StoredResult[StoredSelection]:
+def stored_selection(campaign: Campaign, trials: HasKey) -> StoredResult[Selection]:
     """Return where the selection is kept, and what it depends on."""
     keys = {structure.label: evidence_key(campaign, structure, trials) for structure in campaign.structures}
-    read = partial(read_selection, made_by=f"seatrial select {campaign.folder}")
-    return StoredResult(Store(campaign.folder).selection, key_of("selection with residuals", keys), read)
-
-
-def _selection(campaign: Campaign, trials: Trials, stored: StoredSelection) -> Selection:
-    return _select(campaign, trials, _as_stored(stored), stored.residuals)
-
-
-def _as_stored(stored: StoredSelection) -> list[Evidence]:
-    return [
-        Evidence(one.log_evidence, one.evidence_error, one.method, one.diagnostics, one.status)
-        for one in stored.structures
-    ]
-
-
-def stored_alarms(stored: StoredSelection) -> tuple[str, ...]:
-    """Return why the probabilities of a stored selection are not to be trusted; see `selection_alarms`."""
-    residuals = stored.residuals if len(stored.structures) > 1 else ""
-    return selection_alarms([one.label for one in stored.structures], _as_stored(stored), residuals)
-
-
-def _select(campaign: Campaign, trials: Trials, evidences: list[Evidence], residuals: str = "") -> Selection:
-    shortlist = shortlist_of(campaign, trials)
-    return select(campaign.structures, evidences, campaign.structure.optional, shortlist, residuals)
+    path, key = Store(campaign.folder).selection, key_of("selection with residuals", keys)
+    return StoredResult(path, key, Selection, f"seatrial select {campaign.folder}")
 
 
 def _residual_doubt(campaign: Campaign, structure: Structure, trials: Trials) -> str:
@@ -302,29 +280,3 @@ class _StoredSchedule:
 
     def _checkpoint(self, method: Method, repeat: int) -> Path:
         return Store(self.campaign.folder).checkpoint(f"evidence-{self.structure.label}-{method}-{repeat}")
-
-
-def structure_rows(selection: Selection) -> list[dict[str, Any]]:
-    """Each structure with its terms, evidence and probability."""
-    return [
-        {
-            "label": structure.label,
-            "terms": list(structure.terms),
-            "evidence": evidence.__dict__,
-            "probability": float(probability),
-            "probability_error": float(error),
-        }
-        for structure, evidence, probability, error in zip(
-            selection.structures, selection.evidences, selection.probability, selection.probability_error, strict=True
-        )
-    ]
-
-
-def _as_json(selection: Selection) -> dict:
-    return {
-        "structures": structure_rows(selection),
-        "inclusion": dict(selection.inclusion),
-        "inclusion_error": dict(selection.inclusion_error),
-        "chosen": selection.structures[selection.chosen].label,
-        "verdicts": list(selection.verdicts),
-    }

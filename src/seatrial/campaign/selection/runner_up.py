@@ -19,7 +19,7 @@ from seatrial.campaign.inference.posterior import build_likelihood, shared_model
 from seatrial.campaign.prior.predictive import speeds
 from seatrial.campaign.store.estimates import Estimate, HasKey, OfStructure
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
-from seatrial.campaign.store.structures import Contenders, largest_of, read_contenders
+from seatrial.campaign.store.structures import Contenders, largest_of
 from seatrial.compiled.programs import program
 from seatrial.core.dataset import Dataset
 from seatrial.core.errors import NumericalError
@@ -346,7 +346,7 @@ def stored_contenders(
 ) -> StoredResult[Contenders]:
     """Return where the comparison of two structures is kept, and what it depends on."""
     key = key_of("contenders", design_key(campaign), best.key, runner.key, trials.key)
-    return StoredResult(Store(campaign.folder).contenders, key, read_contenders)
+    return StoredResult(Store(campaign.folder).contenders, key, Contenders, f"seatrial select {campaign.folder}")
 
 
 def compare_contenders(
@@ -363,12 +363,12 @@ def compare_contenders(
         reporter: who is told.
     """
 
-    def compute() -> Dataset:
+    def compute() -> Contenders:
         progress = reporter.progress("compare the best structure with the runner-up")
         progress(0, 1)
-        dataset = _dataset(campaign, best, runner, trials, sweep)
+        data = _dataset(campaign, best, runner, trials, sweep)
         progress(1, 1)
-        return dataset
+        return Contenders(data)
 
     return stored_contenders(campaign, best, runner, trials).read_or_make(compute)
 

@@ -10,7 +10,7 @@ from seatrial.campaign.inference.posterior import build_posterior, random_key
 from seatrial.campaign.inference.quick_estimates import ignored
 from seatrial.campaign.store.estimates import HasKey
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
-from seatrial.campaign.store.structures import Screened, read_screening
+from seatrial.campaign.store.structures import Screened
 from seatrial.core.dataset import Dataset
 from seatrial.core.errors import InputError
 from seatrial.core.reporter import SILENT, Reporter
@@ -32,7 +32,8 @@ KEPT = 50
 
 def stored_screening(campaign: Campaign, trials: HasKey) -> StoredResult[Screened]:
     """Return where the screening is kept, and what it depends on."""
-    return StoredResult(Store(campaign.folder).screening, screening_key(campaign, trials), read_screening)
+    path, key = Store(campaign.folder).screening, screening_key(campaign, trials)
+    return StoredResult(path, key, Screened, f"seatrial select {campaign.folder}")
 
 
 def screen_terms(campaign: Campaign, trials: Trials, reporter: Reporter = SILENT) -> Screened:
@@ -42,13 +43,13 @@ def screen_terms(campaign: Campaign, trials: Trials, reporter: Reporter = SILENT
         InputError: a vehicle whose added mass is sought, velocities not measured, or records that cannot tell the terms apart.
     """
 
-    def compute() -> Dataset:
+    def compute() -> Screened:
         progress = reporter.progress(f"screen {count_structures(campaign.rules)} structures")
         progress(0, 1)
         coupled = not campaign.vehicle.equations(campaign.full)
-        dataset = (_screen_about_mode if coupled else _screen_rows)(campaign, trials)
+        data = (_screen_about_mode if coupled else _screen_rows)(campaign, trials)
         progress(1, 1)
-        return dataset
+        return Screened(data)
 
     return stored_screening(campaign, trials).read_or_make(compute)
 

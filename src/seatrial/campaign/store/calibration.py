@@ -1,12 +1,10 @@
 """A stored calibration: ranks of the truth among draws, and whether the draws themselves are why they are uneven."""
 
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from seatrial.core.dataset_file import open_dataset
 from seatrial.estimation.diagnostics.calibration import DRAWS, Calibration
 
 MANY_REFUSED = 0.05
@@ -26,23 +24,21 @@ MANY_POOR = 0.02
 
 
 @dataclass(frozen=True, eq=False)
-class Calibrated:
-    """Result of a calibration, and what it was made of.
+class Calibrated(Calibration):
+    """Ranks of a calibration of a campaign, and what they were made of.
 
     Attributes:
-        calibration: ranks.
         method: how posteriors were drawn.
         structure: label of the structure.
         refused: share of the prior's draws that could not be simulated, and were drawn again.
-        health: of each replicate, r of them: R-hat, effective sample size, share of divergent transitions, share of moves made, NaN
-            where the method has no such number, shape (r, 4).
+        health: of each replicate: R-hat, effective sample size, share of divergent transitions, share of moves made, NaN where the
+            method has no such number.
     """
 
-    calibration: Calibration
     method: str
     structure: str
     refused: float
-    health: Float[np.ndarray, "r 4"]
+    health: Float[np.ndarray, "replicate diagnostic"]
 
     def poor(self) -> Bool[np.ndarray, " r"]:
         """Replicates whose draws did not mix well, by the method's own diagnostics."""
@@ -57,14 +53,14 @@ class Calibrated:
 
     def lines(self) -> list[str]:
         """What was found, in words."""
-        outside, k = self.calibration.outside(), len(self.calibration.names)
+        outside, k = self.outside(), len(self.names)
         band = f"the band that holds {'it' if k == 1 else f'all {k} quantities'} with 99 % probability"
         verdict = (
             f"calibrated: the ranks lie inside {band}"
             if not outside
             else f"not calibrated: the ranks of {', '.join(outside)} leave {band}"
         )
-        said = [*self.calibration.lines(), self.mixing_words()]
+        said = [*super().lines(), self.mixing_words()]
         if self.refused > MANY_REFUSED:
             said.append(
                 f"{self.refused:.0%} of the prior could not be simulated and was drawn again; `seatrial prior` shows why"
@@ -81,7 +77,7 @@ class Calibrated:
         ]
         numbers = ", ".join(worst)
         if not poor.any():
-            end = ": so the sampling is not the cause of the uneven ranks" if self.calibration.outside() else ""
+            end = ": so the sampling is not the cause of the uneven ranks" if self.outside() else ""
             return f"the draws mixed well in all {r} replicates ({numbers}){end}"
         said = f"the draws mixed poorly in {poor.sum()} of {r} replicates ({numbers})"
         if poor.mean() < MANY_POOR:
@@ -89,11 +85,3 @@ class Calibrated:
         return (
             f"{said}: this may be the cause of uneven ranks, not the posterior; try another method, or narrower priors"
         )
-
-
-def read_calibration(path: Path) -> Calibrated:
-    """Read the ranks of a calibration."""
-    data = open_dataset(path)
-    refused = 1.0 - data.sizes["replicate"] / float(data["tries"].sum())
-    ranks = Calibration(tuple(map(str, data["quantity"].values)), data["rank"].values)
-    return Calibrated(ranks, data.attrs["method"], data.attrs["structure"], refused, data["health"].values)

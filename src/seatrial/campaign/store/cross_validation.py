@@ -2,12 +2,8 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
 
 import numpy as np
-
-from seatrial.campaign.store.stored_result import decoding, read_json
 
 CLEAR, SMALL = 2.0, 4.0
 """Standard errors, and nats, beyond which a difference is one: below four nats the standard error itself is unreliable (Sivula,
@@ -281,27 +277,6 @@ def gap(one: Candidate, other: Candidate) -> Gap:
 def crps_gap(one: Candidate, other: Candidate, channel: int) -> Gap:
     """Return by how much the mean CRPS of the first is lower, SI."""
     return _paired(other.channels[channel].crps, one.channels[channel].crps, mean=True)
-
-
-def read_cross_validation(path: Path, made_by: str) -> CrossValidation:
-    """Read how well each candidate predicts runs left out."""
-    content = read_json(path, made_by)
-    with decoding(path, made_by):
-        return decode_cross_validation(content)
-
-
-def decode_cross_validation(content: dict[str, Any]) -> CrossValidation:
-    """Return the candidates from their JSON."""
-    return CrossValidation(
-        tuple(content["runs"]), tuple(_decode(item) for item in content["candidates"]), tuple(content["cautions"])
-    )
-
-
-def _decode(item: dict[str, Any]) -> Candidate:
-    channels = tuple(ChannelScores(**{**one, "crps": tuple(one["crps"])}) for one in item["channels"])
-    lists = {name: tuple(item[name]) for name in ("terms", "lines", "elpd", "errors", "k_hat", "refitted")}
-    coefficients = tuple((str(name), float(value), float(sd)) for name, value, sd in item["coefficients"])
-    return Candidate(**{**item, **lists, "channels": channels, "coefficients": coefficients})
 
 
 def _paired(one: Sequence[float], other: Sequence[float], mean: bool = False) -> Gap:

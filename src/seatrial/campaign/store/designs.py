@@ -1,23 +1,20 @@
 """Stored designs: sweeps, a schedule of one's own, the free-form trial, the self-oscillating test, the global search, measures."""
 
 import json
-from dataclasses import dataclass, fields
-from pathlib import Path
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
 from jaxtyping import Float
 
-from seatrial.campaign.store.stored_result import decoding, read_json
 from seatrial.core.dataset import Dataset
-from seatrial.core.dataset_file import open_dataset
 from seatrial.core.display_units import Shown, shown_unit
 from seatrial.design.utility_agreement import Agreement, compare_utilities
 
 
 @dataclass(frozen=True, eq=False)
 class SweptDesigns:
-    """Every design of F families on one grid of A amplitudes and P periods, SI, NaN where a limit is broken; k coefficients.
+    """Every design of the families on one grid of amplitudes and periods, SI, NaN where a limit is broken.
 
     Attributes:
         families: kinds of the manoeuvres.
@@ -36,24 +33,36 @@ class SweptDesigns:
         refused: families without a design inside the limits, and why.
         safety: how surely the best design keeps each limit of the motion.
         prediction: how well the stated prediction is known before and after it.
+        unit: of `worth`.
     """
 
-    families: tuple[str, ...]
+    families: Annotated[tuple[str, ...], "family"]
     control: str
     trim: tuple[tuple[str, float], ...]
-    amplitude: Float[np.ndarray, " A"]
-    period: Float[np.ndarray, " P"]
-    gain: Float[np.ndarray, "F A P"]
-    worth: Float[np.ndarray, "F A P"]
-    peak_speed: Float[np.ndarray, "F A P"]
-    final_sd: Float[np.ndarray, "F A P k"]
-    length: Float[np.ndarray, "F A P"]
-    names: tuple[str, ...]
-    sd_before: Float[np.ndarray, " k"]
+    amplitude: Float[np.ndarray, " amplitude"] = field(metadata={"units": "SI"})
+    period: Float[np.ndarray, " period"] = field(metadata={"units": "s"})
+    gain: Float[np.ndarray, "family amplitude period"] = field(
+        metadata={"units": "nat", "long_name": "entropy reduction of the coefficients"}
+    )
+    worth: Float[np.ndarray, "family amplitude period"] = field(
+        metadata={"long_name": "makes a design the best, in `unit`"}
+    )
+    peak_speed: Float[np.ndarray, "family amplitude period"] = field(
+        metadata={"long_name": "largest magnitude of the first state"}
+    )
+    final_sd: Float[np.ndarray, "family amplitude period coefficient"] = field(
+        metadata={"units": "SI", "long_name": "predicted sd after the trial"}
+    )
+    length: Float[np.ndarray, "family amplitude period"] = field(
+        metadata={"units": "s", "long_name": "time at which the trial is ended"}
+    )
+    names: Annotated[tuple[str, ...], "coefficient"]
+    sd_before: Float[np.ndarray, " coefficient"] = field(metadata={"units": "SI", "long_name": "sd before the trial"})
     basis: str
     refused: dict[str, str]
     safety: tuple[str, ...]
     prediction: tuple[str, ...]
+    unit: str
 
 
 EXPECTED = "expected information gain"
@@ -291,9 +300,6 @@ class Searched:
     budget: int
 
 
-# Readers: of the errors that they raise see `read_json` and `open_dataset`.
-
-
 def edge_words(amplitudes: int, periods: int, best: tuple[int, int]) -> str:
     """Say that the best of a grid of designs lies on its edge, and which key to widen; empty where it does not.
 
@@ -309,58 +315,3 @@ def edge_words(amplitudes: int, periods: int, best: tuple[int, int]) -> str:
     keys = " and ".join(f"design.{name}" for name in edges)
     lies = "lies" if len(edges) == 1 else "lie"
     return f"the best {' and '.join(edges)} {lies} on the edge of the grid: widen {keys} if the limits allow it"
-
-
-def read_sweeps(path: Path) -> SweptDesigns:
-    """Read the designs of the first trial, or of the next one."""
-    data = open_dataset(path)
-    arrays = {
-        name: np.asarray(data[name])
-        for name in ("amplitude", "period", "gain", "worth", "peak_speed", "final_sd", "length", "sd_before")
-    }
-    return SweptDesigns(
-        families=tuple(map(str, data["family"].values)),
-        control=str(data.attrs["control"]),
-        trim=tuple((str(name), float(value)) for name, value in json.loads(data.attrs["trim"])),
-        names=tuple(map(str, data["coefficient"].values)),
-        basis=str(data.attrs["basis"]),
-        refused=json.loads(data.attrs["refused"]),
-        safety=tuple(json.loads(data.attrs["safety"])),
-        prediction=tuple(json.loads(data.attrs["prediction"])),
-        **arrays,
-    )
-
-
-def read_measures(path: Path) -> Measures:
-    """Read every measure of some designs."""
-    return Measures(open_dataset(path))
-
-
-def read_free_trial(path: Path, made_by: str) -> FreeTrial:
-    """Read the free-form trial."""
-    return _read_trial(FreeTrial, path, made_by)
-
-
-def read_own_trial(path: Path, made_by: str) -> OwnTrial:
-    """Read what a schedule of one's own is worth."""
-    return _read_trial(OwnTrial, path, made_by)
-
-
-def read_relay_trial(path: Path, made_by: str) -> RelayTrial:
-    """Read the self-oscillating test."""
-    return _read_trial(RelayTrial, path, made_by)
-
-
-def read_searched(path: Path, made_by: str) -> Searched:
-    """Read the design found by a global search."""
-    return _read_trial(Searched, path, made_by)
-
-
-def _read_trial(kind: Any, path: Path, made_by: str) -> Any:
-    content = read_json(path, made_by)
-    with decoding(path, made_by):
-        return kind(**{field.name: _tuples(content[field.name]) for field in fields(kind)})
-
-
-def _tuples(value: Any) -> Any:
-    return tuple(_tuples(item) for item in value) if isinstance(value, list) else value

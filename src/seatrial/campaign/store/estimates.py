@@ -2,19 +2,14 @@
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
-from jaxtyping import Float
 
-from seatrial.campaign.store.stored_result import decoding, read_json
-from seatrial.core.coefficients import CoefficientName, is_coefficient
+from seatrial.core.coefficients import is_coefficient
 from seatrial.core.dataset import Dataset
-from seatrial.core.dataset_file import open_dataset
 from seatrial.core.display_units import Shown
-from seatrial.core.errors import InputError
 from seatrial.core.findings import Message, decoded
 from seatrial.core.result_table import table_html, table_text
 from seatrial.estimation.prediction.remedies import listed, measured, percent
@@ -66,6 +61,43 @@ class Drawn(Protocol):
     def draws(self, names: Sequence[str] | None = None) -> np.ndarray:
         """Draws of the named parameters, SI, shape (n, k)."""
         ...
+
+
+@dataclass(frozen=True)
+class StoredCoefficient:
+    """One parameter of the chosen structure, SI: its posterior, its prior, and the health of its draws."""
+
+    name: str
+    unit: str
+    label: str
+    mean: float
+    sd: float
+    mcse: float
+    mode: float
+    prior_mean: float
+    prior_sd: float
+    r_hat: float
+    ess_bulk: float
+    ess_tail: float
+    geweke: float
+    lower_95: float
+    upper_95: float
+    model_error_sd: float | None = None
+    model_error_cause: str = ""
+
+    @property
+    def judged_sd(self) -> float:
+        """Standard deviation by which values of different fits are compared: with model error if that is larger."""
+        return self.sd if self.model_error_sd is None else self.model_error_sd
+
+    def in_unit(self, factor: float, unit: str) -> "StoredCoefficient":
+        """Return it in another unit, of which there are `factor` in an SI unit."""
+        wider = None if self.model_error_sd is None else factor * self.model_error_sd
+        scaled = {
+            name: factor * getattr(self, name) for name in ("mean", "sd", "mcse", "mode", "prior_mean", "prior_sd")
+        }
+        ends = {name: factor * getattr(self, name) for name in ("lower_95", "upper_95")}
+        return replace(self, **scaled, **ends, model_error_sd=wider, unit=unit)
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,6 +153,39 @@ class Estimate:
 
         lower, upper = array_stats.hdi(np.sort(self.draws([name])[:, 0]), prob=0.95)
         return float(lower), float(upper)
+
+    @property
+    def parameters(self) -> tuple[StoredCoefficient, ...]:
+        """Each parameter with its posterior and its prior, SI."""
+        return tuple(map(self._parameter, self.names))
+
+    def _parameter(self, name: str) -> StoredCoefficient:
+        row, (lower, upper) = self.data.sel(parameter=name), self.interval(name)
+        numbers = {
+            key: float(row[key])
+            for key in (
+                "mean",
+                "sd",
+                "mcse",
+                "mode",
+                "prior_mean",
+                "prior_sd",
+                "r_hat",
+                "ess_bulk",
+                "ess_tail",
+                "geweke",
+            )
+        }
+        return StoredCoefficient(
+            name=name,
+            unit=str(row["unit"].values),
+            label=str(row["label"].values),
+            **numbers,
+            lower_95=lower,
+            upper_95=upper,
+            model_error_sd=self.wider(name),
+            model_error_cause=self.wider_cause(name),
+        )
 
     def prior_curves(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
         """Prior density of each parameter: values that increase, and the density per unit there, SI."""
@@ -387,73 +452,3 @@ class LeftOut:
             f"the model lacks {self.words}: with it {self.moves} would move by {abs(self.by):.2g} of its standard deviations, "
             f"so that the uncertainty stated is too small; {self.remedy}"
         )
-
-
-@dataclass(frozen=True, eq=False)
-class StoredProfile:
-    """Profile likelihood of one parameter; the attributes are those of `seatrial.estimation.posterior.profile.Profile`."""
-
-    name: str
-    unit: str
-    best: float
-    values: Float[np.ndarray, " n"]
-    drop: Float[np.ndarray, " n"]
-    others: Float[np.ndarray, "n d"]
-    lower: float
-    upper: float
-    bounds: tuple[float, float]
-
-
-# Readers: of the errors that they raise see `read_json` and `open_dataset`.
-
-
-def read_estimate(path: Path, structure: Structure | None = None) -> Estimate:
-    """Read the posterior of a structure, by default that which the file is named after and whose terms are its parameters."""
-    data = open_dataset(path)
-    if structure is None:
-        structure = Structure(path.stem, tuple(name for name in map(str, data["parameter"].values) if _is_term(name)))
-    return Estimate(structure, data)
-
-
-def read_known(path: Path, made_by: str) -> Known:
-    """Read what is known about each parameter of one structure, or of the best design."""
-    content = read_json(path, made_by)
-    with decoding(path, made_by):
-        return decode_known(content)
-
-
-def decode_known(content: dict[str, Any]) -> Known:
-    """Return what is known about each parameter from its JSON."""
-    return Known(
-        content["stage"],
-        content["structure"],
-        tuple(KnownParameter(**item) for item in content["parameters"]),
-        tuple(
-            Direction(item["sd"], tuple((str(a), float(b)) for a, b in item["moves"]), tuple(item["relative"]))
-            for item in content["directions"]
-        ),
-        tuple(content["verdict"]),
-        tuple(content["symmetry"]),
-    )
-
-
-def read_profiles(path: Path, made_by: str) -> dict[str, StoredProfile]:
-    """Read profile likelihoods by parameter; an open end is null in the file, since JSON has no infinity."""
-    content = read_json(path, made_by)
-    with decoding(path, made_by):
-        return {item["name"]: _decode_profile(item) for item in content["profiles"]}
-
-
-def _decode_profile(item: dict[str, Any]) -> StoredProfile:
-    ends = {
-        side: sign * float("inf") if item[side] is None else item[side] for side, sign in (("lower", -1), ("upper", 1))
-    }
-    arrays = {name: np.array(item[name], float) for name in ("values", "drop", "others")}
-    return StoredProfile(**{**item, **arrays, **ends, "bounds": tuple(item["bounds"])})
-
-
-def _is_term(name: str) -> bool:
-    try:
-        return bool(CoefficientName.parse(name))
-    except InputError:
-        return False

@@ -1,13 +1,9 @@
 """Stored predictions: how well the estimated vehicle predicts each channel of each record, and all that were held back together."""
 
-import json
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
+from typing import Annotated
 
-import numpy as np
-
-from seatrial.core.dataset_file import stored, text_of
+from seatrial.core.dataset import Dataset
 from seatrial.estimation.prediction.fit_verdict import FitLevel, FitVerdict
 from seatrial.estimation.prediction.pooled_coverage import Pooled
 from seatrial.estimation.prediction.prediction_scores import Score
@@ -62,9 +58,9 @@ class Fit(Score):
         return FitVerdict(self.level, self.about, self.reason, self.advice)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Predictions:
-    """Which records are predicted, and how well; the curves are in the same file.
+    """Which records are predicted, and how well.
 
     Attributes:
         records: labels, in the order of the curves.
@@ -73,33 +69,14 @@ class Predictions:
         fits: each channel of each record.
         pooled: each channel of all held-back records together; empty without such records.
         structure: label of the structure that predicts.
+        data: curves on `sample`, the records one after another: `time`, s, index of the `record`, and by `channel` what was `measured`, the
+            `mean`, and the standard deviations `motion_sd`, of the coefficients alone, and `sd`, with the noise of the sensor.
     """
 
     records: tuple[str, ...]
     held_back: tuple[str, ...]
-    channels: tuple[str, ...]
+    channels: Annotated[tuple[str, ...], "channel"]
     fits: tuple[Fit, ...]
     pooled: tuple[Pooled, ...]
     structure: str
-
-
-def read_predictions(path: Path) -> Predictions:
-    """Read how well each record is predicted; the curves are left on the disk."""
-    with stored(path) as file:
-        records, held_back, fits, pooled, structure = (
-            text_of(file.attrs[name]) for name in ("records", "held_back", "fits", "pooled", "structure")
-        )
-        channels = tuple(text_of(name) for name in np.asarray(file["channel"]).tolist())
-    return Predictions(
-        tuple(json.loads(records)),
-        tuple(json.loads(held_back)),
-        channels,
-        tuple(decode_fit(item) for item in json.loads(fits)),
-        tuple(Pooled(**item) for item in json.loads(pooled)),
-        structure,
-    )
-
-
-def decode_fit(item: dict[str, Any]) -> Fit:
-    """Return how one channel is predicted from its JSON."""
-    return Fit(**{**item, "pit": tuple(item["pit"]), "outside": tuple(item["outside"])})
+    data: Dataset

@@ -11,41 +11,19 @@ Whether a result still belongs to the campaign file is not asked: `seatrial.camp
 from dataclasses import dataclass
 from pathlib import Path
 
-from seatrial.campaign.rehearsal.result import Rehearsal, read_rehearsal
-from seatrial.campaign.store.baselines import FittedBaselines, read_baselines
-from seatrial.campaign.store.calibration import Calibrated, read_calibration
-from seatrial.campaign.store.cross_validation import CrossValidation, read_cross_validation
-from seatrial.campaign.store.designs import (
-    FreeTrial,
-    Measures,
-    RelayTrial,
-    Searched,
-    SweptDesigns,
-    read_free_trial,
-    read_measures,
-    read_relay_trial,
-    read_searched,
-    read_sweeps,
-)
-from seatrial.campaign.store.estimates import Estimate, Known, StoredProfile, read_estimate, read_known, read_profiles
-from seatrial.campaign.store.predictions import Predictions, read_predictions
-from seatrial.campaign.store.stored_result import Store
-from seatrial.campaign.store.structures import (
-    Contenders,
-    Screened,
-    StoredCriteria,
-    StoredSelection,
-    Summary,
-    read_contenders,
-    read_criteria,
-    read_screening,
-    read_selection,
-    read_summary,
-)
+from seatrial.campaign.rehearsal.result import Rehearsal
+from seatrial.campaign.store.baselines import FittedBaselines
+from seatrial.campaign.store.calibration import Calibrated
+from seatrial.campaign.store.cross_validation import CrossValidation
+from seatrial.campaign.store.designs import FreeTrial, Measures, RelayTrial, Searched, SweptDesigns
+from seatrial.campaign.store.estimates import Estimate, Known
+from seatrial.campaign.store.predictions import Predictions
+from seatrial.campaign.store.stored_result import Result, Store, read_result
+from seatrial.campaign.store.structures import Contenders, Screened, StoredCriteria, StoredMode, Summary
 from seatrial.core.dataset import Dataset
-from seatrial.core.dataset_file import open_dataset
 from seatrial.core.record import Record
-from seatrial.core.record_file import read_record
+from seatrial.estimation.posterior.profile_result import Profiles
+from seatrial.selection.verdict import Selection
 
 
 @dataclass(frozen=True)
@@ -61,91 +39,95 @@ class Results:
 
     def summary(self) -> Summary:
         """Read everything that an engineer copies out."""
-        return read_summary(self.store.summary, self._by("run"))
+        return self._read(Summary, self.store.summary, "run")
+
+    def mode(self) -> StoredMode:
+        """Read the posterior mode of the most probable structure."""
+        return self._read(StoredMode, self.store.mode, "estimate --by mode")
 
     def design(self) -> SweptDesigns:
         """Read every design of the first trial."""
-        return read_sweeps(self.store.design)
+        return self._read(SweptDesigns, self.store.design, "design")
 
     def next_design(self) -> SweptDesigns:
         """Read every design of the next trial."""
-        return read_sweeps(self.store.next_design)
+        return self._read(SweptDesigns, self.store.next_design, "next")
 
     def free_form(self) -> FreeTrial:
         """Read the free-form trial."""
-        return read_free_trial(self.store.free_design, self._by("design"))
+        return self._read(FreeTrial, self.store.free_design, "design")
 
     def relay(self) -> RelayTrial:
         """Read the self-oscillating test."""
-        return read_relay_trial(self.store.relay_design, self._by("design"))
+        return self._read(RelayTrial, self.store.relay_design, "design")
 
     def searched(self) -> Searched:
         """Read the design found by a global search."""
-        return read_searched(self.store.searched, self._by("design"))
+        return self._read(Searched, self.store.searched, "design")
 
     def measures(self) -> Measures:
         """Read every measure of some designs."""
-        return read_measures(self.store.measures)
+        return self._read(Measures, self.store.measures, "design")
 
     def rehearsal(self) -> Rehearsal:
         """Read how many trials each strategy needed on vehicles drawn from the priors."""
-        return read_rehearsal(self.store.rehearsal)
+        return self._read(Rehearsal, self.store.rehearsal, "rehearse")
 
     def record(self, run: str) -> Record:
         """Read the record of one trial."""
-        return read_record(self.store.record(run))
+        return self._read(Record, self.store.record(run), "import")
 
     def screening(self) -> Screened:
         """Read the screening of every structure."""
-        return read_screening(self.store.screening)
+        return self._read(Screened, self.store.screening, "select")
 
     def posterior(self, label: str) -> Estimate:
         """Read the posterior of one structure."""
-        return read_estimate(self.store.posterior(label))
+        return self._read(Estimate, self.store.posterior(label), "estimate")
 
-    def selection(self) -> StoredSelection:
+    def selection(self) -> Selection:
         """Read evidences, probabilities and verdicts."""
-        return read_selection(self.store.selection, self._by("select"))
+        return self._read(Selection, self.store.selection, "select")
 
     def contenders(self) -> Contenders:
         """Read the comparison of the best structure with the runner-up."""
-        return read_contenders(self.store.contenders)
+        return self._read(Contenders, self.store.contenders, "select")
 
     def criteria(self, label: str) -> StoredCriteria:
         """Read the information criteria of one structure."""
-        return read_criteria(self.store.criteria(label))
+        return self._read(StoredCriteria, self.store.criteria(label), "criteria")
 
     def future(self, label: str) -> StoredCriteria:
         """Read the leave-future-out of one structure."""
-        return read_criteria(self.store.future(label))
+        return self._read(StoredCriteria, self.store.future(label), "criteria")
 
     def cross_validation(self) -> CrossValidation:
         """Read how well each structure and model of the error predicts runs left out."""
-        return read_cross_validation(self.store.cross_validation, self._by("crossvalidate"))
+        return self._read(CrossValidation, self.store.cross_validation, "crossvalidate")
 
     def known(self, label: str) -> Known:
         """Read what the data tell about each parameter of one structure."""
-        return read_known(self.store.known(label), self._by("estimate"))
+        return self._read(Known, self.store.known(label), "estimate")
 
-    def profiles(self, label: str) -> dict[str, StoredProfile]:
+    def profiles(self, label: str) -> Profiles:
         """Read the profile likelihoods of one structure's parameters."""
-        return read_profiles(self.store.profiles(label), self._by("profile"))
+        return self._read(Profiles, self.store.profiles(label), "profile")
 
     def calibration(self, method: str) -> Calibrated:
         """Read the ranks of a calibration by one method."""
-        return read_calibration(self.store.calibration(method))
+        return self._read(Calibrated, self.store.calibration(method), "calibrate")
 
     def predictions(self) -> Predictions:
         """Read how well each record is predicted."""
-        return read_predictions(self.store.predictions)
+        return self._read(Predictions, self.store.predictions, "run")
 
     def baselines(self) -> FittedBaselines:
         """Read what baselines say of the held-back records."""
-        return read_baselines(self.store.baselines)
+        return self._read(FittedBaselines, self.store.baselines, "run")
 
     def filter(self) -> Dataset:
         """Read the traces of the filter, the records one after another on `sample`."""
-        return open_dataset(self.store.filter)
+        return self._read(Dataset, self.store.filter, "run")
 
-    def _by(self, command: str) -> str:
-        return f"seatrial {command} {self.folder}"
+    def _read(self, kind: type[Result], path: Path, command: str) -> Result:
+        return read_result(kind, path, f"seatrial {command} {self.folder}")

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
-from typing import Any, Generic, Literal, TypeVar
+from typing import Any, Generic, Literal, TypeVar, cast
 from zipfile import ZIP_STORED
 
 import numpy as np
@@ -23,7 +23,13 @@ from seatrial.core.dataset import Dataset
 from seatrial.core.dataset_file import SEAL, is_sealed, open_dataset, stored, text_of
 from seatrial.core.errors import InputError
 from seatrial.core.files import atomic_path, depend_on, open_regular, read_bytes, set_aside, sha256_of_json, write_json
+from seatrial.core.record import Record
+from seatrial.core.record_file import read_record, record_dataset
+from seatrial.core.serialise import from_dataset, from_plain, labels_of, to_dataset, to_plain
 
+FORMAT = 2
+"""Format of results on disk: raise it when a type of `StoredResult` changes, so that what was written before is made again. Records have
+a format of their own."""
 FILE_NAME = "campaign.toml"
 """What a campaign is, in its folder."""
 
@@ -220,7 +226,7 @@ class Store:
 
 def key_of(*parts: Any) -> str:
     """Key of a result: hash of everything it depends on, the package version included; parts as `as_json` takes them."""
-    return sha256_of_json([__version__, as_json(parts)])
+    return sha256_of_json([__version__, FORMAT, as_json(parts)])
 
 
 def as_json(part: Any) -> Any:
@@ -273,17 +279,19 @@ State = Literal["current", "stale", "missing"]
 
 @dataclass(frozen=True)
 class StoredResult(Generic[Result]):
-    """One result of a step: where it is kept, what it depends on, and how it is read.
+    """One result of a step: where it is kept, what it depends on, and its type, by which it is read and written.
 
     Attributes:
         path: of the file; NetCDF or JSON, as its name says.
         key: of everything that it depends on.
-        read: how the file is read; whatever `InputError` that raises of a current file is damage.
+        kind: type of the result, as `seatrial.core.serialise` takes it; or `Dataset`, or `Record`.
+        command: makes the result.
     """
 
     path: Path
     key: str
-    read: Callable[[Path], Result]
+    kind: type[Result]
+    command: str = "seatrial run"
 
     def is_current(self) -> bool:
         """Return whether it is there as it would be computed now; a damaged file is set aside, and said."""
@@ -296,39 +304,100 @@ class StoredResult(Generic[Result]):
             return "missing"
         return "current" if stamp_of(self.path) == self.key else "stale"
 
-    def write(self, content: "Dataset | Mapping[str, Any]") -> None:
-        """Write it with its key, atomically."""
-        write: Callable[..., None] = write_stamped_json if self.path.suffix == ".json" else write_dataset
-        write(self.path, content, self.key)
+    def read(self) -> Result:
+        """Read it; errors as `read_result`."""
+        return read_result(self.kind, self.path, self.command)
 
-    def read_or_make(
-        self, make: "Callable[[], Dataset | Mapping[str, Any]]", after: Callable[[], object] | None = None
-    ) -> Result:
+    def write(self, result: Result) -> None:
+        """Write it with its key, atomically."""
+        if self.path.suffix == ".json":
+            write_stamped_json(self.path, to_plain(result), self.key)
+        elif isinstance(result, Dataset):
+            write_dataset(self.path, result, self.key)
+        else:
+            write_dataset(
+                self.path, record_dataset(result) if isinstance(result, Record) else to_dataset(result), self.key
+            )
+
+    def read_or_make(self, make: Callable[[], Result], after: Callable[[], object] | None = None) -> Result:
         """Read it if it is current and sound; otherwise make it, write it, and read what was written.
 
         Args:
-            make: computes its content.
+            make: computes it.
             after: is called once what was made is safe on disk, such as to remove checkpoints.
         """
         if self.is_current():
             try:
-                return self.read(self.path)
+                return self.read()
             except InputError as damage:
                 set_aside(self.path, damage.found)
         self.write(make())
         if after is not None:
             after()
-        return self.read(self.path)
+        return self.read()
+
+
+def read_result(kind: type[Result], path: Path, command: str) -> Result:
+    """Read a result by its type.
+
+    Args:
+        kind: see `StoredResult`.
+        path: of the file.
+        command: makes the result.
+
+    Raises:
+        InputError: missing, damaged or edited, or of another format; the remedy names the command.
+    """
+    if kind is Record:
+        return cast(Result, read_record(path))
+    if path.suffix != ".json":
+        return _from_dataset(kind, open_dataset(path), path, command)
+    content = read_json(path, command)
+    _check_format(content.get("format"), path, command)
+    with decoding(path, command):
+        return from_plain(kind, content)
+
+
+def read_header(kind: type[Result], path: Path, command: str) -> Result:
+    """Read of a result in NetCDF what is no array, however long its curves are: its `data` is empty. Arguments as `read_result`."""
+    with stored(path) as file:
+        attrs = {
+            name: text_of(value) if isinstance(value, bytes | str) else value for name, value in file.attrs.items()
+        }
+        labels = {
+            dim: [text_of(name) for name in np.asarray(file[dim]).tolist()] for dim in labels_of(kind) if dim in file
+        }
+    return _from_dataset(kind, Dataset(coords=labels, attrs=attrs), path, command)
+
+
+def _from_dataset(kind: type[Result], dataset: Dataset, path: Path, command: str) -> Result:
+    _check_format(dataset.attrs.get("format"), path, command)
+    with decoding(path, command):
+        return cast(Result, dataset) if kind is Dataset else from_dataset(kind, dataset)
+
+
+def _check_format(written: Any, path: Path, command: str) -> None:
+    if written != FORMAT:
+        raise InputError(
+            str(path),
+            found=f"a result of format {1 if written is None else written}",
+            expected=f"format {FORMAT}, which this version reads",
+            remedy=f"run `{command}` to make it again",
+        )
 
 
 def write_dataset(path: Path, dataset: Dataset, key: str) -> None:
     """Write a stamped NetCDF file, atomically."""
-    dataset_file.write_dataset(path, dataset.assign_attrs(key=key, seatrial_version=__version__))
+    stamp = {"key": key, "seatrial_version": __version__}
+    # A record has a format of its own.
+    dataset_file.write_dataset(
+        path, dataset.assign_attrs(**stamp, **({} if "format" in dataset.attrs else {"format": FORMAT}))
+    )
 
 
 def write_stamped_json(path: Path, content: Mapping[str, Any], key: str) -> None:
     """Write a stamped JSON file with the hash of its content, atomically."""
-    stamped = {"key": key, "seatrial_version": __version__, **content}
+    stamped = {"key": key, "seatrial_version": __version__, "format": FORMAT, **content}
     write_json(path, {SEAL: sha256_of_json(stamped), **stamped})
 
 
@@ -369,7 +438,7 @@ def decoding(path: Path, made_by: str) -> Iterator[None]:
     except (KeyError, TypeError, ValueError, AttributeError) as cause:
         raise InputError(
             str(path),
-            found=f"a result with other fields ({type(cause).__name__}: {cause})",
+            found=f"a result with other fields ({type(cause).__name__}: {' '.join(str(cause).split())[:200]})",
             expected=f"a result of seatrial {__version__}",
             remedy=f"delete it and run `{made_by}` again",
         ) from cause

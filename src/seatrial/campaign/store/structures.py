@@ -1,111 +1,21 @@
 """Stored results about structures: the selection, the summary, the screening, the two contenders, information criteria."""
 
-import json
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from dataclasses import dataclass
+from typing import Annotated, Literal
 
 import numpy as np
+from jaxtyping import Float
 
-from seatrial.campaign.store.baselines import decode_comparison
-from seatrial.campaign.store.estimates import Known, decode_known
-from seatrial.campaign.store.predictions import Fit, decode_fit
-from seatrial.campaign.store.stored_result import decoding, read_json
+from seatrial import __version__
+from seatrial.campaign.store.estimates import Known, StoredCoefficient
+from seatrial.campaign.store.predictions import Fit
 from seatrial.core.dataset import Dataset
-from seatrial.core.dataset_file import open_dataset
 from seatrial.core.display_units import shown_unit
-from seatrial.core.findings import Message, decoded
+from seatrial.core.findings import Message
 from seatrial.estimation.prediction.baseline_comparison import Comparison
 from seatrial.estimation.prediction.pooled_coverage import Pooled
-
-if TYPE_CHECKING:
-    from seatrial.selection.verdict import Selection
-
-
-@dataclass(frozen=True)
-class StoredStructure:
-    """One candidate structure, its evidence and its probability.
-
-    Attributes:
-        label: of the structure.
-        terms: its coefficients.
-        log_evidence: nats.
-        evidence_error: its Monte Carlo standard error, nats.
-        method: how the evidence was computed.
-        diagnostics: numbers that say whether to trust it.
-        status: empty if healthy, else what is wrong in words.
-        probability: of the structure, equal prior probabilities.
-        probability_error: its Monte Carlo standard error.
-    """
-
-    label: str
-    terms: tuple[str, ...]
-    log_evidence: float
-    evidence_error: float
-    method: str
-    diagnostics: dict[str, Any]
-    status: str
-    probability: float
-    probability_error: float
-
-
-@dataclass(frozen=True)
-class StoredSelection:
-    """Which terms the data support.
-
-    Attributes:
-        structures: candidates, those of most terms first.
-        inclusion: probability that each optional term is needed.
-        inclusion_error: its Monte Carlo standard error.
-        chosen: label of the most probable structure.
-        verdicts: one sentence for each question.
-        residuals: why those of the chosen structure are not the noise that is modelled; empty where they may be.
-    """
-
-    structures: tuple[StoredStructure, ...]
-    inclusion: dict[str, float]
-    inclusion_error: dict[str, float]
-    chosen: str
-    verdicts: tuple[str, ...]
-    residuals: str = ""
-
-
-@dataclass(frozen=True)
-class StoredCoefficient:
-    """One parameter of the chosen structure, SI: its posterior, its prior, and the health of its draws."""
-
-    name: str
-    unit: str
-    label: str
-    mean: float
-    sd: float
-    mcse: float
-    mode: float
-    prior_mean: float
-    prior_sd: float
-    r_hat: float
-    ess_bulk: float
-    ess_tail: float
-    geweke: float
-    lower_95: float
-    upper_95: float
-    model_error_sd: float | None = None
-    model_error_cause: str = ""
-
-    @property
-    def judged_sd(self) -> float:
-        """Standard deviation by which values of different fits are compared: with model error if that is larger."""
-        return self.sd if self.model_error_sd is None else self.model_error_sd
-
-    def in_unit(self, factor: float, unit: str) -> "StoredCoefficient":
-        """Return it in another unit, of which there are `factor` in an SI unit."""
-        wider = None if self.model_error_sd is None else factor * self.model_error_sd
-        scaled = {
-            name: factor * getattr(self, name) for name in ("mean", "sd", "mcse", "mode", "prior_mean", "prior_sd")
-        }
-        ends = {name: factor * getattr(self, name) for name in ("lower_95", "upper_95")}
-        return replace(self, **scaled, **ends, model_error_sd=wider, unit=unit)
+from seatrial.selection.verdict import DECIDED, Selection, StructureRow
 
 
 @dataclass(frozen=True)
@@ -215,16 +125,16 @@ class Summary:
         pooled: how each channel of all held-back records together is predicted.
         baselines: how the model stands beside simple predictors on the held-back records, channel by channel.
         next_trial: what to run next.
-        seatrial_version: that wrote it.
         averaged: each parameter averaged over the structures.
-        quoted: whose values to quote, by `QUOTED`; empty where an earlier version wrote it.
+        quoted: whose values to quote, by `QUOTED`.
+        seatrial_version: that wrote it.
     """
 
     name: str
     chosen: str
     terms: tuple[str, ...]
     coefficients: tuple[StoredCoefficient, ...]
-    structures: tuple[StoredStructure, ...]
+    structures: tuple[StructureRow, ...]
     verdicts: tuple[str, ...]
     cautions: tuple[str, ...]
     findings: tuple[Message, ...]
@@ -236,9 +146,9 @@ class Summary:
     pooled: tuple[Pooled, ...]
     baselines: tuple[Comparison, ...]
     next_trial: NextTrial
-    seatrial_version: str
     averaged: tuple[StoredAverage, ...]
-    quoted: Literal["chosen", "averaged", ""]
+    quoted: Literal["chosen", "averaged"]
+    seatrial_version: str = __version__
 
 
 SHOWN = 5
@@ -305,7 +215,6 @@ def verdicts_by_axis(inclusion: Mapping[str, float]) -> list[str]:
         inclusion: probability of each optional term.
     """
     from seatrial.core.coefficients import CoefficientName
-    from seatrial.selection.verdict import DECIDED
 
     axes: dict[str, dict[str, list[str]]] = {}
     for term, p in inclusion.items():
@@ -367,11 +276,11 @@ class Contenders:
         """Samples of one manoeuvre."""
         return self.data.isel(sample=np.flatnonzero(self.data["which"].values == manoeuvre))
 
-    def cautions(self, selection: "Selection") -> list[str]:
+    def cautions(self, selection: Selection) -> list[str]:
         """Return that no design would decide between the two, if these data have not; empty if one would, or nothing is open."""
         return [] if selection.is_settled or self.nats > ENOUGH else [self.trial_words(selection)]
 
-    def lines(self, selection: "Selection") -> list[str]:
+    def lines(self, selection: Selection) -> list[str]:
         """What the runner-up would change, what is undecided, and which trial would decide, in words."""
         return [self.difference_words(), undecided_words(selection), self.trial_words(selection)]
 
@@ -392,7 +301,7 @@ class Contenders:
         change = f"{self.labels[1]}, {data.attrs['change']}"
         return f"the runner-up ({change}) would change {name} by at most {' and '.join(parts)}; {end}"
 
-    def trial_words(self, selection: "Selection") -> str:
+    def trial_words(self, selection: Selection) -> str:
         """Which design of the best family would decide between the two, or that none would."""
         best, runner = self.labels
         if selection.is_settled:
@@ -418,12 +327,12 @@ def largest_of(values: np.ndarray) -> tuple[int, int]:
     return int(row), int(column)
 
 
-def condition_of(selection: "Selection") -> str:
+def condition_of(selection: Selection) -> str:
     """Say under which condition the probabilities hold; empty where nothing speaks against them."""
     return IF_NOISE if selection.residuals else "" if selection.is_reliable else IF_RELIABLE
 
 
-def undecided_words(selection: "Selection") -> str:
+def undecided_words(selection: Selection) -> str:
     """Name the terms about which these data leave doubt."""
     doubtful = [f"{term} ({p:.2f})" for term, p in selection.undecided.items()]
     unless = condition_of(selection)
@@ -433,75 +342,32 @@ def undecided_words(selection: "Selection") -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class StoredCriterion:
-    """One information criterion of one structure, as a deviance: the attributes are those of `PredictiveCriterion`."""
-
-    method: str
-    value: float
-    error: float
-    std_error: float
-    effective: float
-    pointwise: np.ndarray
-    k_hat: np.ndarray
-    status: str
-
-
-@dataclass(frozen=True, eq=False)
 class StoredCriteria:
-    """Criteria of one structure: by their names, why others do not exist, and those of the deviance with their errors."""
+    """Information criteria of one structure, or its leave-future-out, as deviances.
 
-    criteria: dict[str, StoredCriterion]
+    Attributes:
+        methods: which criteria there are.
+        value: of each.
+        error: its Monte Carlo error.
+        std_error: its standard error over the measurements.
+        effective: number of parameters, NaN where it needs none.
+        pointwise: contribution of each measurement, or of each block of time.
+        k_hat: tail index of the importance weights of each, NaN where there are none.
+        status: empty if healthy, else what is wrong in words.
+        refused: why other criteria do not exist; empty if they do.
+        deviance: those of the deviance with their errors.
+    """
+
+    methods: Annotated[tuple[str, ...], "method"]
+    value: Float[np.ndarray, " method"]
+    error: Float[np.ndarray, " method"]
+    std_error: Float[np.ndarray, " method"]
+    effective: Float[np.ndarray, " method"]
+    pointwise: Float[np.ndarray, "method point"]
+    k_hat: Float[np.ndarray, "method point"]
+    status: tuple[str, ...]
     refused: str
-    deviance: tuple[tuple[float, float], ...]
-
-
-# Readers: of the errors that they raise see `read_json` and `open_dataset`.
-
-
-def read_selection(path: Path, made_by: str) -> StoredSelection:
-    """Read evidences, probabilities and verdicts."""
-    content = read_json(path, made_by)
-    with decoding(path, made_by):
-        return StoredSelection(
-            tuple(_decode_structure(item) for item in content["structures"]),
-            content["inclusion"],
-            content["inclusion_error"],
-            content["chosen"],
-            tuple(content["verdicts"]),
-            content["residuals"],
-        )
-
-
-def _decode_next(content: Mapping[str, Any]) -> NextTrial:
-    best = content["best"]
-    return NextTrial(content["words"], content["stop"], None if best is None else BestDesign(**best))
-
-
-def read_summary(path: Path, made_by: str) -> Summary:
-    """Read the summary of a finished campaign."""
-    content = read_json(path, made_by)
-    with decoding(path, made_by):
-        return Summary(
-            name=content["name"],
-            chosen=content["chosen"],
-            terms=tuple(content["terms"]),
-            coefficients=tuple(StoredCoefficient(**item) for item in content["coefficients"]),
-            structures=tuple(_decode_structure(item) for item in content["structures"]),
-            verdicts=tuple(content["verdicts"]),
-            cautions=tuple(content["cautions"]),
-            findings=decoded(content.get("findings", ())),  # none of earlier versions
-            alarms=tuple(content["alarms"]),
-            choice_alarms=tuple(content["choice_alarms"]),
-            usable=bool(content["usable"]),
-            known=decode_known(content["known"]),
-            fits=tuple(decode_fit(item) for item in content["fits"]),
-            pooled=tuple(Pooled(**item) for item in content["pooled"]),
-            baselines=tuple(decode_comparison(item) for item in content["baselines"]),
-            next_trial=_decode_next(content["next_trial"]),
-            seatrial_version=content["seatrial_version"],
-            averaged=tuple(StoredAverage(**item) for item in content.get("averaged", ())),  # none of earlier versions
-            quoted=content.get("quoted", ""),
-        )
+    deviance: tuple[tuple[float, float], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -521,49 +387,3 @@ class StoredMode:
     correlations: tuple[tuple[str, str, float], ...]
     units: dict[str, str]
     wider: dict[str, tuple[float, str]]
-
-
-def read_mode(path: Path, made_by: str) -> StoredMode:
-    """Read the posterior mode of the most probable structure."""
-    content = read_json(path, made_by)
-    with decoding(path, made_by):
-        found = {name: (float(value), float(sd)) for name, (value, sd) in content["found"].items()}
-        pairs = tuple((str(a), str(b), float(r)) for a, b, r in content["correlations"])
-        wider = {name: (float(sd), str(cause)) for name, (sd, cause) in content.get("wider", {}).items()}
-        return StoredMode(tuple(content["terms"]), found, pairs, dict(content.get("units", {})), wider)
-
-
-def read_screening(path: Path) -> Screened:
-    """Read the screening of every structure."""
-    return Screened(open_dataset(path))
-
-
-def read_contenders(path: Path) -> Contenders:
-    """Read the comparison of the best structure with the runner-up."""
-    return Contenders(open_dataset(path))
-
-
-def read_criteria(path: Path) -> StoredCriteria:
-    """Read the information criteria of one structure, or its leave-future-out."""
-    data, found = open_dataset(path), {}
-    for method, (value, error, std_error, effective, status) in json.loads(data.attrs["criteria"]).items():
-        k_hat = data[f"k_hat {method}"].values if f"k_hat {method}" in data else np.empty(0)
-        count, pointwise = np.nan if effective is None else effective, data[f"pointwise {method}"].values
-        found[method] = StoredCriterion(method, value, error, std_error, count, pointwise, k_hat, status)
-    deviance = tuple((float(value), float(error)) for value, error in json.loads(data.attrs.get("deviance", "[]")))
-    return StoredCriteria(found, data.attrs["refused"], deviance)
-
-
-def _decode_structure(item: dict[str, Any]) -> StoredStructure:
-    evidence = item["evidence"]
-    return StoredStructure(
-        item["label"],
-        tuple(item["terms"]),
-        evidence["log_value"],
-        evidence["std_error"],
-        evidence["method"],
-        evidence["diagnostics"],
-        evidence["status"],
-        item["probability"],
-        item["probability_error"],
-    )

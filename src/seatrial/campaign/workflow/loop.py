@@ -1,8 +1,7 @@
 """The whole loop: design, simulate or import, estimate, select, and say what to run next; once, or trial after trial."""
 
-from dataclasses import asdict, replace
-from math import isnan
-from typing import Any
+from dataclasses import replace
+from typing import cast
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.check import record_doubts
@@ -16,18 +15,17 @@ from seatrial.campaign.inference.judge_predictions import (
     fit_complaints,
     held_back_cautions,
     held_back_curves,
-    pooled_of,
 )
-from seatrial.campaign.selection.evidence import structure_rows
-from seatrial.campaign.store.estimates import Estimate
+from seatrial.campaign.store.predictions import Predictions
 from seatrial.campaign.store.stored_result import seal_of
+from seatrial.campaign.store.structures import BestDesign, NextTrial, Summary
 from seatrial.campaign.workflow.next_trial import Proposal, propose
 from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.campaign.workflow.steps import LOOP, Workflow, stored_summary
 from seatrial.campaign.workflow.whole_run import WholeRun, size_of
 from seatrial.core.argument_checks import check_kind
 from seatrial.core.errors import InputError
-from seatrial.core.findings import Finding, Message, accept, encoded
+from seatrial.core.findings import Finding, Message, accept
 from seatrial.core.reporter import SILENT, Reporter
 from seatrial.core.signals import signal_unit
 from seatrial.estimation.simulation.sensor_errors import noise_name
@@ -69,29 +67,29 @@ def run_loop(campaign: Campaign, reporter: Reporter = SILENT) -> Outcome:
             if step.name == "candidates":
                 whole.resize(size_of(found["candidates"], found["trials"]))
     screened, cautions = found["screening"]
-    fits, predictions = found["predictions"]
+    predictions: Predictions = found["predictions"]
     same = ("trials", "selection", "chosen", "filter", "known", "promised", "first", "next", "contenders")
     outcome = Outcome(
         campaign=found["candidates"],
         estimates=tuple(found["estimates"]),
-        fits=tuple(fits),
-        predictions=predictions,
-        pooled=pooled_of(predictions),
+        fits=predictions.fits,
+        predictions=predictions.data,
+        pooled=predictions.pooled,
         baselines=found["baselines"],
         compared=compare_with_baselines(found["baselines"], held_back_curves(predictions)),
         screened=screened,
         screening_cautions=tuple(cautions),
-        summary={},
+        summary=cast(Summary, None),  # made below, of all the rest
         cross_validation=current_cross_validation(found["candidates"], found["trials"]),
         undesigned=f"{undesigned.where}: {undesigned.sentence()}" if undesigned else "",
         **{name: found[name] for name in same},
     )
-    outcome = replace(outcome, summary=summarise(outcome))
+    summary = summarise(outcome)
+    outcome = replace(outcome, summary=summary)
     proposal = propose(outcome)
-    outcome.summary["next_trial"] |= {
-        "words": "; ".join(proposal.beside(outcome.summary["cautions"]).words),
-        "stop": proposal.trial is None,
-    }
+    words = "; ".join(proposal.beside(summary.cautions).words)
+    next_trial = replace(summary.next_trial, words=words, stop=proposal.trial is None)
+    outcome = replace(outcome, summary=replace(summary, next_trial=next_trial))
     kept = stored_summary(Workflow(campaign))
     kept.write(outcome.summary)
     return replace(outcome, seal=seal_of(kept.path) or "")
@@ -117,8 +115,8 @@ def run_sequence(campaign: Campaign, reporter: Reporter = SILENT) -> tuple[Outco
         add_trial(campaign, proposal.trial)
 
 
-def summarise(outcome: Outcome) -> dict[str, Any]:
-    """Coefficients of the chosen structure, probabilities, verdicts, warnings and the numbers of the next trial, JSON-able, SI."""
+def summarise(outcome: Outcome) -> Summary:
+    """Summarise everything but the words about the next trial, which rest on the summary."""
     campaign, chosen, selection = outcome.campaign, outcome.chosen, outcome.selection
     records = [*outcome.trials.fit, *outcome.trials.predict]
     # In order of gravity: what touches the values that are printed, then the records, then what nothing rests on.
@@ -134,26 +132,26 @@ def summarise(outcome: Outcome) -> dict[str, Any]:
     cautions += [*outcome.screening_cautions, *outcome.idle_complaints]
     findings = accept((one for one in cautions if isinstance(one, Finding)), campaign.accepted)
     cautions = [one for one in cautions if not (isinstance(one, Finding) and one.code in campaign.accepted)]
-    return {
-        "name": campaign.name,
-        "chosen": chosen.structure.label,
-        "terms": list(chosen.structure.terms),
-        "coefficients": [_coefficient(chosen, name) for name in chosen.names],
-        "averaged": [_averaged(outcome, row) for row in averaged_rows(outcome.estimates, selection)],
-        "quoted": selection.quoted,
-        "structures": structure_rows(selection),
-        "verdicts": list(selection.verdicts),
-        "cautions": sentences(cautions),
-        "alarms": [*outcome.own_alarms, *outcome.other_alarms],
-        "findings": encoded(findings),
-        "choice_alarms": outcome.choice_alarms,
-        "usable": not outcome.own_alarms,
-        "known": asdict(outcome.known),
-        "fits": [fit.__dict__ for fit in outcome.fits],
-        "pooled": [one.__dict__ for one in outcome.pooled],
-        "baselines": [asdict(one) for one in outcome.compared],
-        "next_trial": {"best": None if outcome.next is None else _best_design(outcome.next)},
-    }
+    return Summary(
+        name=campaign.name,
+        chosen=chosen.structure.label,
+        terms=chosen.structure.terms,
+        coefficients=chosen.parameters,
+        structures=selection.rows,
+        verdicts=selection.verdicts,
+        cautions=tuple(sentences(cautions)),
+        findings=tuple(findings),
+        alarms=(*outcome.own_alarms, *outcome.other_alarms),
+        choice_alarms=tuple(outcome.choice_alarms),
+        usable=not outcome.own_alarms,
+        known=outcome.known,
+        fits=outcome.fits,
+        pooled=outcome.pooled,
+        baselines=outcome.compared,
+        next_trial=NextTrial("", False, None if outcome.next is None else _best_design(outcome.next)),
+        averaged=averaged_rows(outcome.estimates, selection),
+        quoted=selection.quoted,
+    )
 
 
 def _fitted_noise(outcome: Outcome) -> list[float]:
@@ -166,47 +164,18 @@ def _fitted_noise(outcome: Outcome) -> list[float]:
     ]
 
 
-def _best_design(designs: Designs) -> dict[str, Any]:
+def _best_design(designs: Designs) -> BestDesign:
     """The best design of the next trial in numbers, SI."""
     sweep = designs.best
     row, column = sweep.best
-    return {
-        "family": sweep.family.kind,
-        "control": sweep.family.control,
-        "unit": signal_unit(sweep.family.control),
-        "trim": sweep.family.trim,
-        "amplitude": float(sweep.amplitude[row]),
-        "period": float(sweep.period[column]),
-        "gain_nat": float(sweep.gain[row, column]),
-        "sd_before": dict(zip(designs.names, map(float, designs.sd_before), strict=True)),
-        "sd_after": dict(zip(designs.names, map(float, sweep.final_sd[row, column]), strict=True)),
-    }
-
-
-def _averaged(outcome: Outcome, row: dict[str, Any]) -> dict[str, Any]:
-    """Return a row of `averaged_rows` as the summary keeps it."""
-    label = next(
-        str(one.data.sel(parameter=row["name"])["label"].values)
-        for one in outcome.estimates
-        if row["name"] in one.names
+    return BestDesign(
+        family=sweep.family.kind,
+        control=sweep.family.control,
+        unit=signal_unit(sweep.family.control),
+        trim=sweep.family.trim,
+        amplitude=float(sweep.amplitude[row]),
+        period=float(sweep.period[column]),
+        gain_nat=float(sweep.gain[row, column]),
+        sd_before=dict(zip(designs.names, map(float, designs.sd_before), strict=True)),
+        sd_after=dict(zip(designs.names, map(float, sweep.final_sd[row, column]), strict=True)),
     )
-    wider = row["model_error_sd"]
-    return {**row, "label": label, "model_error_sd": None if isnan(wider) else wider}
-
-
-def _coefficient(estimate: Estimate, name: str) -> dict[str, Any]:
-    row, (lower, upper) = estimate.data.sel(parameter=name), estimate.interval(name)
-    numbers = {
-        key: float(row[key])
-        for key in ("mean", "sd", "mcse", "mode", "prior_mean", "prior_sd", "r_hat", "ess_bulk", "ess_tail", "geweke")
-    }
-    return {
-        "name": name,
-        "unit": str(row["unit"].values),
-        "label": str(row["label"].values),
-        **numbers,
-        "model_error_sd": estimate.wider(name),
-        "model_error_cause": estimate.wider_cause(name),
-        "lower_95": lower,
-        "upper_95": upper,
-    }

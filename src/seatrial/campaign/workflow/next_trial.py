@@ -174,7 +174,7 @@ def propose_by_mode(campaign: Campaign, first: FirstAnswer, designs: Designs, tr
 
 def _within(outcome: Outcome) -> str:
     """What the expected standard deviations do not contain; empty where nothing is known of that."""
-    is_wider = any(row.get("model_error_sd") for row in outcome.summary["coefficients"])
+    is_wider = any(row.model_error_sd for row in outcome.summary.coefficients)
     return WITHIN if is_wider else ""
 
 
@@ -219,7 +219,7 @@ def _noise(outcome: Outcome) -> str:
 
 
 def _known(outcome: Outcome) -> Known:
-    return {row["name"]: (row["mean"], row["sd"]) for row in outcome.summary["coefficients"]}
+    return {row.name: (row.mean, row.sd) for row in outcome.summary.coefficients}
 
 
 def _unmet(outcome: Outcome) -> dict[str, float]:
@@ -229,8 +229,7 @@ def _unmet(outcome: Outcome) -> dict[str, float]:
 
 def _for_goal(outcome: Outcome) -> Known:
     """Mean and standard deviation of each coefficient, with model error where that makes it wider."""
-    rows = outcome.summary["coefficients"]
-    return {row["name"]: (row["mean"], row.get("model_error_sd") or row["sd"]) for row in rows}
+    return {row.name: (row.mean, row.judged_sd) for row in outcome.summary.coefficients}
 
 
 def _in_doubt(outcome: Outcome) -> bool:

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from html import escape
-from typing import Any
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
@@ -13,7 +12,7 @@ from seatrial.campaign.store.baselines import FittedBaselines
 from seatrial.campaign.store.cross_validation import CrossValidation
 from seatrial.campaign.store.estimates import Estimate, Known, ModelErrorFinding
 from seatrial.campaign.store.predictions import Fit
-from seatrial.campaign.store.structures import Contenders, Screened
+from seatrial.campaign.store.structures import Contenders, Screened, Summary
 from seatrial.core.dataset import Dataset
 from seatrial.estimation.prediction.baseline_comparison import Comparison
 from seatrial.estimation.prediction.pooled_coverage import Pooled
@@ -67,7 +66,7 @@ class Outcome:
     screened: Screened | None
     screening_cautions: tuple[str, ...]
     contenders: Contenders | None
-    summary: dict[str, Any]
+    summary: Summary
     seal: str = ""
     undesigned: str = ""
     cross_validation: CrossValidation | None = None
@@ -82,8 +81,8 @@ class Outcome:
 
     @property
     def _next(self) -> list[str]:
-        proposed = self.summary.get("next_trial")
-        return [f"Next: {proposed['words']}"] if proposed else []
+        words = self.summary.next_trial.words
+        return [f"Next: {words}"] if words else []
 
     @property
     def own_alarms(self) -> list[str]:

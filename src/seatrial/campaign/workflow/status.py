@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 from seatrial.campaign.config.load import load_campaign
-from seatrial.campaign.selection.evidence import stored_alarms
 from seatrial.campaign.store.stored_result import State, Store, seal_of
 from seatrial.campaign.workflow.steps import LOOP, Workflow, stored_summary
 from seatrial.core.files import is_there
@@ -52,10 +51,10 @@ def standing(folder: Path) -> tuple[StepState, ...]:
 def _alarms(flow: Workflow, name: str) -> tuple[str, ...]:
     """Read the alarms of the posteriors, or of the evidence; of a step that is current."""
     if name == "estimates":
-        estimates = [one.read(one.path) for one in flow.stored(name)]
+        estimates = [one.read() for one in flow.stored(name)]
         return tuple(f"{one.structure.label}: {text}" for one in estimates for text in one.alarms)
     if name == "selection":
-        return tuple(text for one in flow.stored(name) for text in stored_alarms(one.read(one.path)))
+        return tuple(text for one in flow.stored(name) for text in one.read().alarms)
     return ()
 
 
@@ -67,7 +66,7 @@ def _page(flow: Workflow) -> StepState:
     summary = stored_summary(flow)
     if summary.state() != "current" or drawn_from(store.report) != seal_of(store.summary):
         return StepState("report", "stale", "report")
-    return StepState("report", "current", "report", tuple(summary.read(summary.path).alarms))
+    return StepState("report", "current", "report", tuple(summary.read().alarms))
 
 
 def drawn_from(page: Path) -> str:

@@ -5,18 +5,18 @@ of the campaign file and of the keys of what the step needs.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, fields
-from functools import lru_cache, partial
+from dataclasses import dataclass
+from functools import lru_cache
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.store.stored_result import State, Store, StoredResult, key_of
-from seatrial.campaign.store.structures import Summary, read_summary
+from seatrial.campaign.store.structures import Summary
 from seatrial.core.errors import InputError
 from seatrial.core.files import depend_on
-from seatrial.core.record_file import read_record
+from seatrial.core.record import Record
 from seatrial.core.reporter import SILENT, Reporter
 from seatrial.logs.formats.registry import hash_of_log
 from seatrial.selection.structures import Structure
@@ -192,14 +192,14 @@ def _stored_trials(campaign: Campaign) -> Iterator[StoredResult]:
         raise NotCurrent
     if imports is None:
         yield from (
-            StoredResult(store.record(label), key, read_record) for label, key in simulate.record_keys(campaign).items()
+            StoredResult(store.record(label), key, Record) for label, key in simulate.record_keys(campaign).items()
         )
         return
     for run in imports.runs:
         try:
             yield import_logs.stored_record(campaign, imports, run, _hash_of)
         except InputError:
-            yield StoredResult(store.record(run), "", read_record)
+            yield StoredResult(store.record(run), "", Record)
 
 
 def _seen_trials(stored: Sequence[StoredResult], campaign: Campaign) -> UnreadTrials:
@@ -238,10 +238,8 @@ def stored_summary(flow: Workflow) -> StoredResult[Summary]:
             keys.append([one.key for one in flow.stored(step.name)])
         except NotCurrent:
             keys.append(None)
-    read = partial(read_summary, made_by=f"seatrial run {campaign.folder}")
-    layout = [field.name for field in fields(Summary)]
-    key = key_of("summary", layout, keys, campaign.name, campaign.prior_units, campaign.goal, sorted(campaign.accepted))
-    return StoredResult(Store(campaign.folder).summary, key, read)
+    key = key_of("summary", keys, campaign.name, campaign.prior_units, campaign.goal, sorted(campaign.accepted))
+    return StoredResult(Store(campaign.folder).summary, key, Summary, f"seatrial run {campaign.folder}")
 
 
 def _shortlisted(stored: Sequence[StoredResult], campaign: Campaign, trials: Any) -> Campaign:

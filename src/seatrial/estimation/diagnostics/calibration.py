@@ -9,6 +9,7 @@ the k-th part of the allowance (Bonferroni), whatever their ranks have to do wit
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Annotated
 
 import numpy as np
 import scipy
@@ -26,15 +27,15 @@ AT = np.arange(1, DRAWS + 1) / (DRAWS + 1)
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """Ranks of many replicates; r replicates, k quantities.
+    """Ranks of many replicates.
 
     Attributes:
         names: quantities: parameters, and the log-likelihood.
-        ranks: of the true value among `DRAWS` posterior draws, shape (r, k).
+        ranks: of the true value among `DRAWS` posterior draws.
     """
 
-    names: tuple[str, ...]
-    ranks: Int[np.ndarray, "r k"]
+    names: Annotated[tuple[str, ...], "quantity"]
+    ranks: Int[np.ndarray, "replicate quantity"]
 
     def counts(self) -> Int[np.ndarray, "k bins"]:
         """Return the histogram of each quantity's ranks."""

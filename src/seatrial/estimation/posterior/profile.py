@@ -12,14 +12,13 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
 
 from seatrial.core.argument_checks import check_kind, check_known, check_names
 from seatrial.core.errors import NumericalError
-from seatrial.core.result_table import text_html
 from seatrial.estimation.posterior.information import slopes_of_present
 from seatrial.estimation.posterior.mode import Mode
 from seatrial.estimation.posterior.posterior import Posterior, check_posterior
+from seatrial.estimation.posterior.profile_result import DROP, Profile
 
 # Climb the log-likelihood from many starts at once, inside the prior's bounds, with a parameter held in each.
 #
@@ -118,7 +117,6 @@ def _newton(
     return step * scale, float(0.5 * along @ (vectors.T @ slope[free]))
 
 
-DROP = 1.92
 CROSSING = float(np.sqrt(2 * DROP))
 """Value of r at the ends of the interval."""
 STEP = 0.5
@@ -126,65 +124,6 @@ STEP = 0.5
 CLOSE = 1e-3
 """Accuracy of r at the ends of an interval."""
 MOST_POINTS = 40
-
-
-@dataclass(frozen=True, eq=False)
-class Profile:
-    """Profile likelihood of one parameter.
-
-    Attributes:
-        name: parameter.
-        unit: its SI unit.
-        best: its maximum-likelihood value.
-        values: points, ascending, in its unit.
-        drop: fall of the profile log-likelihood from its maximum at each of them, >= 0.
-        others: parameter values, all of them, at each point, shape (n, d).
-        lower: lower end of the 95 % interval; -inf where the interval is open.
-        upper: upper end; inf where open.
-        bounds: where the prior ends, or six of its standard deviations from its mean.
-    """
-
-    name: str
-    unit: str
-    best: float
-    values: Float[np.ndarray, " n"]
-    drop: Float[np.ndarray, " n"]
-    others: Float[np.ndarray, "n d"]
-    lower: float
-    upper: float
-    bounds: tuple[float, float]
-
-    def __repr__(self) -> str:
-        """Print the interval."""
-        return self.line
-
-    _repr_html_ = text_html
-
-    @property
-    def kind(self) -> str:
-        """`closed`, `open below`, `open above` or `flat`."""
-        below, above = np.isinf(self.lower), np.isinf(self.upper)
-        return "flat" if below and above else "open below" if below else "open above" if above else "closed"
-
-    @property
-    def line(self) -> str:
-        """The interval in words."""
-        unit = "" if self.unit == "1" else f" {self.unit}"
-        if self.kind == "closed":
-            return f"{self.name}: 95 % interval {self.lower:.4g} to {self.upper:.4g}{unit} by profile likelihood"
-        low, high = self.bounds
-        if self.kind == "flat":
-            return (
-                f"{self.name}: the profile likelihood is flat, no value from {low:.4g} to {high:.4g}{unit} can be ruled out; "
-                "fix it, or run a trial that excites it"
-            )
-        end, inside = (
-            (f"below {self.upper:.4g}", low) if self.kind == "open below" else (f"above {self.lower:.4g}", high)
-        )
-        return (
-            f"{self.name} is known on one side only, {end}{unit}: the profile likelihood does not fall by {DROP} as far as "
-            f"{inside:.4g}, the end of its prior"
-        )
 
 
 def profile_likelihood(posterior: Posterior, mode: Mode, names: Sequence[str] | None = None) -> tuple[Profile, ...]:
@@ -319,6 +258,7 @@ def _profile(problem: Slope, best: Maxima, index: int, paths: Sequence[_Path]) -
     return Profile(
         parameter.name,
         parameter.unit,
+        parameter.label,
         float(best.values[0, index]),
         np.array([point.values[index] for point in points]),
         np.array([0.5 * point.root**2 for point in points]),

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from seatrial.core.normal import normal_density
-from seatrial.estimation.posterior.profile import DROP, Profile
+from seatrial.estimation.posterior.profile_result import DROP, Profile
 from seatrial.report.figures.style import (
     BAND,
     BLUE,

@@ -50,10 +50,10 @@ def trial_section(outcome: Outcome) -> dict[str, Any]:
 
 def next_section(outcome: Outcome) -> dict[str, Any]:
     """Return what `next.html` prints; nothing where no trial is designed."""
-    if outcome.next is None:
+    trial = outcome.summary.next_trial.best
+    if outcome.next is None or trial is None:
         return {}
-    trial, proposal = outcome.summary["next_trial"]["best"], propose(outcome)
-    names = list(trial["sd_before"])
+    proposal = propose(outcome)
     return {
         "figures": sweep_drawings(outcome, outcome.next, "next"),
         "families": _families(outcome.next),
@@ -62,7 +62,7 @@ def next_section(outcome: Outcome) -> dict[str, Any]:
         "said": [sentence_of(outcome, line) for line in (*proposal.standing[1:], *proposal.expected[1:])],
         "best": best_words(outcome.next),
         "model": model_said(outcome, outcome.chosen.structure.label),
-        "rows": _sd_rows(outcome, names, list(trial["sd_before"].values()), list(trial["sd_after"].values())),
+        "rows": _sd_rows(outcome, [*trial.sd_before], [*trial.sd_before.values()], [*trial.sd_after.values()]),
     }
 
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from seatrial.campaign.store.estimates import Direction, Known, KnownParameter
+from seatrial.campaign.store.estimates import Direction, Known, KnownParameter, StoredCoefficient
 from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.core.coefficients import CoefficientName, is_coefficient
 from seatrial.report.drawing import (
@@ -39,7 +39,7 @@ def parameters_section(outcome: Outcome) -> dict[str, Any]:
     """Return what `parameters.html` prints."""
     chosen, known = outcome.chosen, outcome.known
     items = {item.name: item for item in known.parameters}
-    rows = [_row(outcome, row, items.get(row["name"], UNKNOWN)) for row in outcome.summary["coefficients"]]
+    rows = [_row(outcome, row, items.get(row.name, UNKNOWN)) for row in outcome.summary.coefficients]
     matrix = correlation(chosen.draws())
     paired = _most_correlated(matrix)
     several = len(known.parameters) > 1
@@ -52,7 +52,7 @@ def parameters_section(outcome: Outcome) -> dict[str, Any]:
         "more_kinds": other_kinds([row["name"] for row in more]),
         "tried_effects": _tried_effects(outcome),
         "verdict": []
-        if set(known.verdict) <= set(outcome.summary["cautions"]) and known.verdict
+        if set(known.verdict) <= set(outcome.summary.cautions) and known.verdict
         else verdict_of(outcome, known),
         "directions": [_direction(item, labels_of(outcome)) for item in known.directions] if several else [],
         "corner": _corner(outcome, paired),
@@ -107,12 +107,12 @@ def verdict_of(outcome: Outcome, known: Known) -> list[dict[str, Any]]:
     return [finding_of(outcome, text) for text in (*(known.verdict or (known.separately,)), *known.symmetry)]
 
 
-def _row(outcome: Outcome, item: dict[str, Any], known: KnownParameter) -> dict[str, Any]:
-    name, digits = item["name"], digits_of(outcome)[item["name"]]
+def _row(outcome: Outcome, item: StoredCoefficient, known: KnownParameter) -> dict[str, Any]:
+    name, digits = item.name, digits_of(outcome)[item.name]
     factor = factors_of(outcome)[name]
-    ess, partner = min(item["ess_bulk"], item["ess_tail"]), known.partner
+    ess, partner = min(item.ess_bulk, item.ess_tail), known.partner
     flags = {
-        "r_hat_bad": not item["r_hat"] <= MAX_R_HAT,
+        "r_hat_bad": not item.r_hat <= MAX_R_HAT,
         "ess_bad": not ess >= MIN_ESS,
         "little": known.left > LITTLE,
         "strong": abs(known.correlation) > STRONG,
@@ -120,9 +120,9 @@ def _row(outcome: Outcome, item: dict[str, Any], known: KnownParameter) -> dict[
     return {
         "name": name,
         **unit_row(outcome, name),
-        "interval": f"{digits.bare(factor * item['lower_95'])} to {digits.bare(factor * item['upper_95'])}",
+        "interval": f"{digits.bare(factor * item.lower_95)} to {digits.bare(factor * item.upper_95)}",
         "prior": prior_words(prior_of(outcome, name), digits.exponent),
-        "r_hat": f"{item['r_hat']:.3f}" if np.isfinite(item["r_hat"]) else DASH,
+        "r_hat": f"{item.r_hat:.3f}" if np.isfinite(item.r_hat) else DASH,
         "ess": f"{ess:.0f}" if np.isfinite(ess) else DASH,
         "left": f"{short(100 * known.left, 2)} %" if np.isfinite(known.left) else DASH,
         "correlation": decimals(known.correlation, 3) if partner else DASH,

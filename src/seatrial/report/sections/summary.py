@@ -1,8 +1,7 @@
 """The first screen: the answer in a sentence, the values, which model, what next and what is wrong."""
 
 import re
-from collections.abc import Callable, Mapping, Sequence
-from math import isnan
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,10 +10,10 @@ from markupsafe import Markup
 from seatrial.campaign.config.taken_as_exact import taken_as_exact
 from seatrial.campaign.inference.coefficient_csv import averaged_rows
 from seatrial.campaign.inference.judge_predictions import held_back_alarms
-from seatrial.campaign.store.structures import QUOTED, RARE, condition_of
+from seatrial.campaign.store.structures import QUOTED, RARE, StoredAverage, condition_of
 from seatrial.campaign.workflow.next_trial import propose
 from seatrial.campaign.workflow.outcome import Outcome
-from seatrial.core.findings import Finding, decoded
+from seatrial.core.findings import Finding
 from seatrial.estimation.prediction.baseline_comparison import CLEAR
 from seatrial.estimation.prediction.fit_verdict import WORSE_THAN_MEAN, explained_share
 from seatrial.estimation.prediction.remedies import listed
@@ -57,7 +56,7 @@ _NUMBER = re.compile(r"(?<![-\w])\d+(\.\d+)?")
 
 def summary_section(outcome: Outcome) -> dict[str, Any]:
     """Return what `summary.html` prints."""
-    proposal, (rows, others) = propose(outcome).beside(outcome.summary["cautions"]), _rows(outcome)
+    proposal, (rows, others) = propose(outcome).beside(outcome.summary.cautions), _rows(outcome)
     return {
         "name": outcome.campaign.name,
         "answer": answer(outcome),
@@ -116,11 +115,12 @@ def answer(outcome: Outcome) -> Markup:
 
 def find(outcome: Outcome, kind: str) -> list[dict[str, Any]]:
     """Return the sentences of a kind, what is said of the chosen structure first, and once for many parameters."""
-    texts = list(outcome.summary[{"alarm": "alarms", "finding": "verdicts", "caution": "cautions"}[kind]])
+    summary = outcome.summary
+    texts = list({"alarm": summary.alarms, "finding": summary.verdicts, "caution": summary.cautions}[kind])
     if kind == "alarm":
         texts.sort(key=lambda text: (text not in outcome.held_back_alarms, text not in outcome.own_alarms))
     found = [{"kind": kind, "text": text} for text in _sentences(outcome, texts)]
-    findings = decoded(outcome.summary["findings"])
+    findings = outcome.summary.findings
     accepted = sentences(one for one in findings if isinstance(one, Finding) and one.is_accepted)
     return found + [
         {"kind": "finding", "text": text} for text in _sentences(outcome, accepted if kind == "caution" else [])
@@ -223,7 +223,7 @@ def other_kinds(names: Sequence[str]) -> str:
 
 def _rows(outcome: Outcome) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """Return a row of each coefficient, and of each other parameter."""
-    chosen, means = outcome.chosen, {row["name"]: row for row in averaged_rows(outcome.estimates, outcome.selection)}
+    chosen, means = outcome.chosen, {row.name: row for row in averaged_rows(outcome.estimates, outcome.selection)}
     terms, inclusion = chosen.structure.terms, outcome.selection.inclusion
     lacking = [name for name in means if name not in chosen.names and inclusion.get(name, 0.0) >= RARE]
     vehicle = [*(name for name in chosen.names if name in terms), *lacking]
@@ -231,21 +231,21 @@ def _rows(outcome: Outcome) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]
     return [_row(outcome, name, means[name]) for name in vehicle], [_row(outcome, name, means[name]) for name in others]
 
 
-def _row(outcome: Outcome, name: str, average: Mapping[str, Any]) -> dict[str, Any]:
+def _row(outcome: Outcome, name: str, average: StoredAverage) -> dict[str, Any]:
     """Return a row of the table; `quoted` names the cell of the value to quote, and is empty if there is none."""
     digits, item = (
         digits_of(outcome)[name],
-        next((row for row in outcome.summary["coefficients"] if row["name"] == name), None),
+        next((row for row in outcome.summary.coefficients if row.name == name), None),
     )
     truth, wider = truth_of(outcome), outcome.chosen.wider(name) if item else None
     factor = factors_of(outcome)[name]
     quoted = "average" if outcome.selection.quoted == "averaged" else "value" if wider is None else "wider"
-    value = digits.pair(factor * item["mean"], factor * item["sd"]) if item else ""
+    value = digits.pair(factor * item.mean, factor * item.sd) if item else ""
     wider_text = "" if wider is None else f"± {digits.bare(factor * wider)}"
     if item and wider is not None and quoted == "wider":
-        wider_text = digits.pair(factor * item["mean"], factor * wider)
-    within = digits.pair(factor * average["mean"], factor * average["sd"])
-    wide = factor * average["model_error_sd"]
+        wider_text = digits.pair(factor * item.mean, factor * wider)
+    within = digits.pair(factor * average.mean, factor * average.sd)
+    wide = average.model_error_sd
     return {
         "name": name,
         **unit_row(outcome, name),
@@ -253,13 +253,11 @@ def _row(outcome: Outcome, name: str, average: Mapping[str, Any]) -> dict[str, A
         "value": value,
         "wider": wider_text,
         "cause": name_html(outcome.chosen.wider_cause(name), labels_of(outcome)),
-        "average": within if isnan(wide) else digits.pair(factor * average["mean"], wide),
-        "average_is_wider": not isnan(wide),
+        "average": within if wide is None else digits.pair(factor * average.mean, factor * wide),
+        "average_is_wider": wide is not None,
         "differs": within != value,
         "truth": digits.bare(truth[name]) if name in truth else "",
-        "outside": bool(
-            item and name in truth and not factor * item["lower_95"] <= truth[name] <= factor * item["upper_95"]
-        ),
+        "outside": bool(item and name in truth and not factor * item.lower_95 <= truth[name] <= factor * item.upper_95),
     }
 
 

@@ -14,8 +14,10 @@ from seatrial.apps.campaign_text import written_units
 from seatrial.apps.dashboard.app_context import AppContext, markup, say
 from seatrial.apps.dashboard.page_layout import LOOK, link, section, table
 from seatrial.apps.dashboard.result_charts import Side, sides_chart
+from seatrial.campaign.store.estimates import StoredCoefficient
+from seatrial.campaign.store.results import Results
 from seatrial.campaign.store.stored_result import Store
-from seatrial.campaign.store.structures import BestDesign, StoredCoefficient, Summary, read_summary
+from seatrial.campaign.store.structures import BestDesign, Summary
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import shown_as_written
 from seatrial.core.errors import InputError, SeatrialError
@@ -53,7 +55,7 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
             with holder:
                 try:
                     there = context.campaign_paths.folder(str(form.value))
-                    ours, theirs = (read_summary(Store(one).summary, f"seatrial run {one}") for one in (folder, there))
+                    ours, theirs = (Results(one).summary() for one in (folder, there))
                 except (SeatrialError, OSError) as error:
                     say(error)
                     return

@@ -16,20 +16,16 @@ from seatrial.apps.dashboard.page_layout import LOOK, link, links_html, section,
 from seatrial.apps.dashboard.result_charts import Probability, fit_charts, marginal_chart, probability_chart
 from seatrial.apps.dashboard.view_models import EstimatedStructure, EstimatedValue, Marginal
 from seatrial.apps.dashboard.worker_pool import stamp
-from seatrial.campaign.store.estimates import ModelErrorFinding
+from seatrial.campaign.store.estimates import ModelErrorFinding, StoredCoefficient
 from seatrial.campaign.store.predictions import Predictions
+from seatrial.campaign.store.results import Results
 from seatrial.campaign.store.stored_result import Store
 from seatrial.campaign.store.structures import (
     QUOTED,
     RARE,
     StoredAverage,
-    StoredCoefficient,
     StoredMode,
-    StoredSelection,
     Summary,
-    read_mode,
-    read_selection,
-    read_summary,
 )
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import Shown, shown_as_written
@@ -39,6 +35,7 @@ from seatrial.estimation.prediction.remedies import listed
 from seatrial.report.labels import label_html, name_html, sentence_about
 from seatrial.report.numbers import Digits, percent, probability, short, times_ten, typeset, unit_html, with_sd
 from seatrial.selection.structures import Structure, structure_names
+from seatrial.selection.verdict import Selection
 
 MOST = 12
 CANDIDATES = 4
@@ -60,7 +57,7 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
 async def _results(context: AppContext, campaign: str, folder: Path) -> None:
     store = Store(folder)
     try:
-        summary = read_summary(store.summary, f"seatrial run {folder}")
+        summary = Results(folder).summary()
     except (SeatrialError, OSError) as error:
         if store.summary.exists():
             say(error)
@@ -116,7 +113,7 @@ async def _before_a_choice(context: AppContext, campaign: str, folder: Path) -> 
             await fill(ui.element("div"), asked, lambda found: markup(estimated_html(found)), "reading …")
             return
         try:
-            mode = read_mode(store.mode, f"seatrial estimate {folder} --by mode")
+            mode = Results(folder).mode()
         except (SeatrialError, OSError) as error:
             say(error)
             return
@@ -415,7 +412,7 @@ async def _posteriors(
     await show()
 
 
-def by_origin(chosen: StoredSelection, summary: Summary) -> dict[str, list[str]]:
+def by_origin(chosen: Selection, summary: Summary) -> dict[str, list[str]]:
     """Optional terms, the most probable first, by what their probability comes from: simulated structures differ in them, or not."""
     ranked = sorted(chosen.inclusion, key=lambda term: -chosen.inclusion[term])
     counts = {term: sum(term in one.terms for one in summary.structures) for term in ranked}
@@ -451,7 +448,7 @@ def _models(store: Store, summary: Summary) -> None:
                 probability_chart(bars, "Probability of each model, with one standard error")
                 markup("<figcaption>Probability of each model, with one standard error.</figcaption>")
             try:
-                chosen = read_selection(store.selection, "seatrial select")
+                chosen = Results(store.folder).selection()
             except (SeatrialError, OSError):
                 chosen = None
             if chosen is not None:
@@ -465,7 +462,7 @@ def _models(store: Store, summary: Summary) -> None:
             name_html(names[one.label], labels) + (" (chosen)" if one.label == summary.chosen else ""),
             f"{one.label}: {' '.join(one.terms)}",
             probability(one.probability, one.probability_error),
-            f"{one.log_evidence:.2f} ± {max(one.evidence_error, 0.01):.2f}",
+            f"{one.log_evidence:.2f} ± {max(one.log_evidence_error, 0.01):.2f}",
             sentence_about(one.status, names, labels) if one.status else "",
         ]
         for one in ranked
