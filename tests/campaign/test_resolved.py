@@ -28,7 +28,7 @@ from seatrial.campaign.selection import evidence
 from seatrial.campaign.selection.evidence import evidence_key
 from seatrial.campaign.selection.screening import screening_key
 from seatrial.campaign.store.stored_result import as_json, key_of
-from seatrial.campaign.workflow.steps import UnreadTrials
+from seatrial.campaign.workflow.steps import TrialsKey
 from seatrial.core.errors import InputError
 from seatrial.core.record import Channel, Provenance, make_record
 from seatrial.estimation.priors import LogUniform, Uniform
@@ -240,10 +240,10 @@ def file_keys(folder):
     """Keys that need no look into a log, nor a result of another step."""
     campaign = load_campaign(folder)
     if campaign.imports is None:
-        trials = UnreadTrials(list(record_keys(campaign).values())[-1])
+        trials = TrialsKey(list(record_keys(campaign).values())[-1])
     else:
         records = [stored_record(campaign, campaign.imports, run, str).key for run in campaign.imports.runs]
-        trials = UnreadTrials(trials_key(campaign.imports, records))
+        trials = TrialsKey(trials_key(campaign.imports, records))
     first = [design_key(campaign)] if campaign.trial_design else []
     return [*first, evidence_key(campaign, campaign.full, trials), screening_key(campaign, trials)]
 

@@ -10,7 +10,7 @@ from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.simulate import record_keys
 from seatrial.campaign.inference.estimate import estimate_key
 from seatrial.campaign.store.stored_result import Store, write_dataset
-from seatrial.campaign.workflow.steps import UnreadTrials
+from seatrial.campaign.workflow.steps import TrialsKey
 from seatrial.core.dataset import Dataset
 from tests.campaign.small import write_small, write_summary
 
@@ -32,7 +32,7 @@ def finished(folder: Path, *replacements: tuple[str, str], alarms=(), beside=(),
     keys = record_keys(campaign)
     for label, key in keys.items():
         write_dataset(Store(folder).record(label), Dataset(), key)
-    trials = UnreadTrials([*keys.values()][-1])
+    trials = TrialsKey([*keys.values()][-1])
     for structure in campaign.structures:
         names = [*structure.terms, "sigma_u", *beside]
         mean = np.array([MEAN.get(name, 0.05) for name in names])

@@ -48,7 +48,7 @@ def _refuse_chains_unasked(campaign: Any) -> None:
     flow, folder = Workflow(campaign), campaign.folder
     if not Store(folder).mode.is_file() or flow.state("estimates") == "current" or flow.state("trials") != "current":
         return
-    missing = [step.name for step in LOOP if step.stored and flow.state(step.name) != "current"]
+    missing = [step.name for step in LOOP if step.files and flow.state(step.name) != "current"]
     seconds = sum(expected_seconds(missing, size_of(flow.get("candidates"), flow.get("trials"))).values())
     words = f"`seatrial run {folder}` samples it and writes the report"
     if campaign.is_simulated and campaign.goal is not None:  # that would run further trials too

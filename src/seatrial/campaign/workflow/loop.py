@@ -52,7 +52,7 @@ def run_loop(campaign: Campaign, reporter: Reporter = SILENT) -> Outcome:
     if campaign.trial_design is not None:
         campaign.control_trim(campaign.model(campaign.full))
     standing = Workflow(campaign)
-    whole = WholeRun(reporter, [step.name for step in LOOP if step.stored and standing.state(step.name) != "current"])
+    whole = WholeRun(reporter, [step.name for step in LOOP if step.files and standing.state(step.name) != "current"])
     flow, found, undesigned = Workflow(campaign, whole), {}, None
     with whole:
         for step in LOOP:

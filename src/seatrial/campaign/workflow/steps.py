@@ -2,14 +2,15 @@
 
 A step is given the same things to make its result and to find its key, so that no result outlives what it was made from: a key is made
 of the campaign file and of the keys of what the step needs.
+
+Each step imports its work when it is first asked for, since most bring libraries that others do not need.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
-from importlib import import_module
+from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.store.stored_result import State, Store, StoredResult, key_of
@@ -22,52 +23,15 @@ from seatrial.logs.formats.registry import hash_of_log
 from seatrial.selection.structures import Structure
 
 
-class _Module:
-    """A module of campaigns; each of its functions imports it when called, since most bring libraries that others do not need."""
-
-    def __init__(self, name: str):
-        self._name = f"seatrial.campaign.{name}"
-
-    def __getattr__(self, function: str) -> Callable[..., Any]:
-        return lambda *given: getattr(import_module(self._name), function)(*given)
-
-
-import_logs = _Module("data.import_logs")
-simulate = _Module("data.simulate")
-batch = _Module("design.batch")
-compare_utilities = _Module("design.compare_utilities")
-free_form = _Module("design.free_form")
-global_search = _Module("design.global_search")
-plan = _Module("design.plan")
-evaluate_schedule = _Module("design.evaluate_schedule")
-relay = _Module("design.relay")
-sensor_choice = _Module("design.sensor_choice")
-sweep = _Module("design.sweep")
-baselines = _Module("inference.baselines")
-calibration = _Module("inference.calibration")
-cross_validation = _Module("inference.cross_validation")
-estimate = _Module("inference.estimate")
-filter_trace = _Module("inference.filter_trace")
-identifiability = _Module("inference.identifiability")
-judge_predictions = _Module("inference.judge_predictions")
-profile = _Module("inference.profile")
-prior = _Module("prior.predictive")
-rehearsal = _Module("rehearsal.run")
-criteria = _Module("selection.criteria")
-evidence = _Module("selection.evidence")
-runner_up = _Module("selection.runner_up")
-screening = _Module("selection.screening")
-
-
 @dataclass(frozen=True)
-class UnreadTrials:
+class TrialsKey:
     """What stands for records of which only the key is known."""
 
     key: str
 
 
 @dataclass(frozen=True)
-class UnreadEstimate:
+class EstimateKey:
     """What stands for the posterior of a structure of which only the key is known."""
 
     key: str
@@ -78,10 +42,24 @@ class NotCurrent(Exception):
     """A step on which another depends is not current, so that the key of the other cannot be known."""
 
 
-def _must_be_current(stored: Sequence[StoredResult], *_: Any) -> None:
+def require_current(stored: Sequence[StoredResult], *_: Any) -> None:
     """Return nothing, since nobody looks into this result to find a key."""
     if any(one.state() != "current" for one in stored):
         raise NotCurrent
+
+
+class Work(NamedTuple):
+    """The functions of a step, which are given what it needs.
+
+    Attributes:
+        compute: returns its result; what is stored and current is read, all else computed and stored.
+        stored: what it stores, found from the same needs of which only the keys are known; None for what is only derived from others.
+        seen: what other steps see of it where only keys are looked at, from what is stored and the needs; it raises `NotCurrent`.
+    """
+
+    compute: Callable[..., Any]
+    stored: Callable[..., Iterable[StoredResult]] | None = None
+    seen: Callable[..., Any] = require_current
 
 
 @dataclass(frozen=True)
@@ -91,22 +69,23 @@ class Step:
     Attributes:
         name: of its result.
         needs: what it is given: results of other steps, `campaign`, `reporter`, or a setting of the call.
-        make: returns its result; what is stored and current is read, all else computed and stored.
-        stored: what it stores, found from the same needs of which only the keys are known; None for what is only derived from others.
-        files: pattern of these files below `results`.
-        seen: what other steps see of it where only keys are looked at, from what is stored and the needs; it raises `NotCurrent`.
+        load: imports its functions.
+        files: pattern of what it stores, below `results`; empty where that is nothing.
         listed: its name where a campaign's standing is shown; empty where it is not shown.
         command: that makes it current.
     """
 
     name: str
     needs: tuple[str, ...]
-    make: Callable[..., Any]
-    stored: Callable[..., Iterable[StoredResult]] | None = None
+    load: Callable[[], Work]
     files: str = ""
-    seen: Callable[..., Any] = _must_be_current
     listed: str = ""
     command: str = ""
+
+    @cached_property
+    def work(self) -> Work:
+        """Its functions."""
+        return self.load()
 
 
 class Workflow:
@@ -131,7 +110,7 @@ class Workflow:
         """
         if name not in self._made:
             step = STEPS[name]
-            self._made[name] = step.make(*(self.get(need) for need in step.needs))
+            self._made[name] = step.work.compute(*(self.get(need) for need in step.needs))
         return self._made[name]
 
     def stored(self, name: str) -> tuple[StoredResult, ...]:
@@ -141,7 +120,8 @@ class Workflow:
             NotCurrent: what it needs is not current.
         """
         step = STEPS[name]
-        return () if step.stored is None else tuple(step.stored(*self._views(step)))
+        stored = step.work.stored if step.files else None
+        return () if stored is None else tuple(stored(*self._views(step)))
 
     def state(self, name: str) -> State:
         """Return whether a step is current; nothing is computed, and of datasets no more is read than the header."""
@@ -163,92 +143,253 @@ class Workflow:
         """
         if name not in self._seen:
             step, given = STEPS[name], self._views(STEPS[name])
-            self._seen[name] = step.make(*given) if step.stored is None else step.seen(self.stored(name), *given)
+            work = step.work
+            self._seen[name] = work.seen(self.stored(name), *given) if step.files else work.compute(*given)
         return self._seen[name]
 
     def _views(self, step: Step) -> list[Any]:
         return [self.seen(need) for need in step.needs if need != "reporter"]
 
 
-# What the steps store, and what is seen of it, where that takes more than one line.
+# The work of the steps of the loop.
 
 
-def _first(campaign: Campaign, reporter: Reporter) -> Any:
-    """Return the designs from the priors: of imported trials those that were made before, if they still belong to the campaign."""
-    if campaign.trial_design is None or not (campaign.imports is None or sweep.is_designed(campaign)):
-        return None
-    return sweep.design_first(campaign, reporter)
+def _first() -> Work:
+    from seatrial.campaign.design.sweep import design_first, is_designed, stored_first
+
+    def compute(campaign: Campaign, reporter: Reporter) -> Any:
+        """Return the designs from the priors: of imported trials those that were made before, if they still belong to the campaign."""
+        if campaign.trial_design is None or not (campaign.imports is None or is_designed(campaign)):
+            return None
+        return design_first(campaign, reporter)
+
+    return Work(compute, lambda campaign: [] if campaign.trial_design is None else [stored_first(campaign)])
 
 
-def _next(candidates: Campaign, chosen: Any, reporter: Reporter) -> Any:
-    """Return the designs from the posterior, of a campaign that designs trials."""
-    return None if candidates.trial_design is None else sweep.design_next(candidates, chosen, reporter)
+def _trials() -> Work:
+    from seatrial.campaign.data.import_logs import get_trials, stored_record, trials_key
+    from seatrial.campaign.data.simulate import record_keys
+
+    def stored(campaign: Campaign) -> Iterator[StoredResult]:
+        """Yield the records; one whose log is missing has no key."""
+        store, imports = Store(campaign.folder), campaign.imports
+        if not campaign.has_records:
+            raise NotCurrent
+        if imports is None:
+            yield from (StoredResult(store.record(label), key, Record) for label, key in record_keys(campaign).items())
+            return
+        for run in imports.runs:
+            try:
+                yield stored_record(campaign, imports, run, _hash_of)
+            except InputError:
+                yield StoredResult(store.record(run), "", Record)
+
+    def seen(stored: Sequence[StoredResult], campaign: Campaign) -> TrialsKey:
+        require_current(stored)
+        keys = [one.key for one in stored]
+        return TrialsKey(keys[-1] if campaign.imports is None else trials_key(campaign.imports, keys))
+
+    return Work(get_trials, stored, seen)
 
 
-def _stored_trials(campaign: Campaign) -> Iterator[StoredResult]:
-    """Yield the records; one whose log is missing has no key."""
-    store, imports = Store(campaign.folder), campaign.imports
-    if not campaign.has_records:
-        raise NotCurrent
-    if imports is None:
-        yield from (
-            StoredResult(store.record(label), key, Record) for label, key in simulate.record_keys(campaign).items()
-        )
-        return
-    for run in imports.runs:
-        try:
-            yield import_logs.stored_record(campaign, imports, run, _hash_of)
-        except InputError:
-            yield StoredResult(store.record(run), "", Record)
+def _screening() -> Work:
+    from seatrial.campaign.selection.screening import can_be_screened, screening_of, stored_screening
 
-
-def _seen_trials(stored: Sequence[StoredResult], campaign: Campaign) -> UnreadTrials:
-    _must_be_current(stored)
-    keys = [one.key for one in stored]
-    return UnreadTrials(keys[-1] if campaign.imports is None else import_logs.trials_key(campaign.imports, keys))
-
-
-def _seen_estimates(stored: Sequence[StoredResult], campaign: Campaign, trials: UnreadTrials) -> list[UnreadEstimate]:
-    return [UnreadEstimate(one.key, structure) for one, structure in zip(stored, campaign.structures, strict=True)]
-
-
-def _seen_selection(stored: Sequence[StoredResult], campaign: Campaign, trials: Any) -> Any:
-    """Return the selection itself, which says what is chosen."""
-    _must_be_current(stored)
-    return evidence.current_selection(campaign, trials)
-
-
-def _stored_contenders(campaign: Campaign, selection: Any, trials: Any) -> Iterator[StoredResult]:
-    if campaign.trial_design is None:
-        return
-    best, *others = (
-        UnreadEstimate(estimate.estimate_key(campaign, one, trials), one) for one in runner_up.contending(selection)
+    return Work(
+        screening_of,
+        lambda campaign, trials: [stored_screening(campaign, trials)] if can_be_screened(campaign) else [],
     )
-    yield from (runner_up.stored_contenders(campaign, best, runner, trials) for runner in others)
 
 
-def stored_summary(flow: Workflow) -> StoredResult[Summary]:
-    """Return where the summary is kept, and what it depends on: every result of the loop, and what the campaign says of names and goals.
+def _candidates() -> Work:
+    """Return the campaign with what a screening has left of its structures."""
+    from seatrial.campaign.selection.screening import stored_screening, with_shortlist
 
-    Results whose keys cannot be known count as none: as long as no design was made for imported trials, what it promised is one.
-    """
-    campaign, keys = flow.campaign, []
-    for step in LOOP:
-        try:
-            keys.append([one.key for one in flow.stored(step.name)])
-        except NotCurrent:
-            keys.append(None)
-    key = key_of("summary", keys, campaign.name, campaign.prior_units, campaign.goal, sorted(campaign.accepted))
-    return StoredResult(Store(campaign.folder).summary, key, Summary, f"seatrial run {campaign.folder}")
+    def seen(stored: Sequence[StoredResult], campaign: Campaign, trials: Any) -> Campaign:
+        require_current(stored)
+        return with_shortlist(campaign, trials)
 
-
-def _shortlisted(stored: Sequence[StoredResult], campaign: Campaign, trials: Any) -> Campaign:
-    _must_be_current(stored)
-    return screening.with_shortlist(campaign, trials)
+    return Work(
+        with_shortlist,
+        lambda campaign, trials: [stored_screening(campaign, trials)] if campaign.is_large else [],
+        seen,
+    )
 
 
-def _promised(campaign: Campaign, first: Any) -> Any:
-    return None if first is None else identifiability.known_before(campaign, first.best)
+def _estimates() -> Work:
+    from seatrial.campaign.inference.estimate import estimate_all, stored_estimates
+
+    def seen(stored: Sequence[StoredResult], campaign: Campaign, trials: TrialsKey) -> list[EstimateKey]:
+        return [EstimateKey(one.key, structure) for one, structure in zip(stored, campaign.structures, strict=True)]
+
+    return Work(estimate_all, lambda campaign, trials: stored_estimates(campaign, trials).values(), seen)
+
+
+def _selection() -> Work:
+    from seatrial.campaign.selection.evidence import current_selection, select_structure, stored_selection
+
+    def seen(stored: Sequence[StoredResult], campaign: Campaign, trials: Any) -> Any:
+        """Return the selection itself, which says what is chosen."""
+        require_current(stored)
+        return current_selection(campaign, trials)
+
+    return Work(select_structure, lambda campaign, trials: [stored_selection(campaign, trials)], seen)
+
+
+def _known() -> Work:
+    from seatrial.campaign.inference.identifiability import known_after, stored_known_after
+
+    return Work(known_after, lambda campaign, chosen, trials: [stored_known_after(campaign, chosen)])
+
+
+def _promised() -> Work:
+    from seatrial.campaign.inference.identifiability import known_before, stored_known_before
+
+    return Work(
+        lambda campaign, first: None if first is None else known_before(campaign, first.best),
+        lambda campaign, first: [] if campaign.trial_design is None else [stored_known_before(campaign)],
+    )
+
+
+def _filter() -> Work:
+    from seatrial.campaign.inference.filter_trace import stored_filter, trace_filter
+
+    return Work(trace_filter, lambda campaign, full, trials: [stored_filter(campaign, full)])
+
+
+def _predictions() -> Work:
+    from seatrial.campaign.inference.judge_predictions import predict_all, stored_predictions
+
+    return Work(predict_all, lambda campaign, chosen, trials: [stored_predictions(campaign, chosen, trials)])
+
+
+def _baselines() -> Work:
+    from seatrial.campaign.inference.baselines import fit_all_baselines, has_held_back, stored_baselines
+
+    return Work(
+        fit_all_baselines,
+        lambda campaign, trials: [stored_baselines(campaign, trials)] if has_held_back(campaign) else [],
+    )
+
+
+def _next() -> Work:
+    from seatrial.campaign.design.sweep import design_next, stored_next
+
+    return Work(
+        lambda campaign, chosen, reporter: (
+            None if campaign.trial_design is None else design_next(campaign, chosen, reporter)
+        ),
+        lambda campaign, chosen: [] if campaign.trial_design is None else [stored_next(campaign, chosen)],
+    )
+
+
+def _contenders() -> Work:
+    from seatrial.campaign.inference.estimate import estimate_key
+    from seatrial.campaign.selection.runner_up import contending, find_contenders, stored_contenders
+
+    def stored(campaign: Campaign, selection: Any, trials: Any) -> Iterator[StoredResult]:
+        if campaign.trial_design is None:
+            return
+        best, *others = (EstimateKey(estimate_key(campaign, one, trials), one) for one in contending(selection))
+        yield from (stored_contenders(campaign, best, runner, trials) for runner in others)
+
+    return Work(find_contenders, stored)
+
+
+# The work of the steps beside the loop.
+
+
+def _prior() -> Work:
+    from seatrial.campaign.prior.predictive import predict_from_prior
+
+    return Work(predict_from_prior)
+
+
+def _design() -> Work:
+    from seatrial.campaign.design.sweep import design_first, stored_first
+
+    return Work(design_first, lambda campaign: [stored_first(campaign)])
+
+
+def _own() -> Work:
+    from seatrial.campaign.design.evaluate_schedule import evaluate_own_schedule, stored_own
+
+    return Work(
+        evaluate_own_schedule,
+        lambda campaign: [] if (own := campaign.design.own) is None else [stored_own(campaign, own)],
+    )
+
+
+def _free_form() -> Work:
+    from seatrial.campaign.design.free_form import design_free_trial, stored_free_trial
+
+    return Work(design_free_trial, lambda campaign, levels: [stored_free_trial(campaign, levels)])
+
+
+def _relay() -> Work:
+    from seatrial.campaign.design.relay import design_relay_trial, stored_relay
+
+    return Work(design_relay_trial, lambda campaign: [stored_relay(campaign)])
+
+
+def _searched() -> Work:
+    from seatrial.campaign.design.global_search import search_design, stored_search
+
+    return Work(search_design, lambda campaign, budget: [stored_search(campaign, budget)])
+
+
+def _measures() -> Work:
+    from seatrial.campaign.design.compare_utilities import compare_measures, stored_measures
+
+    return Work(compare_measures, lambda campaign, designs: [stored_measures(campaign, designs)])
+
+
+def _batch() -> Work:
+    from seatrial.campaign.design.batch import plan_together
+
+    return Work(plan_together)
+
+
+def _plan() -> Work:
+    from seatrial.campaign.design.plan import plan_trials
+
+    return Work(plan_trials)
+
+
+def _sensors() -> Work:
+    from seatrial.campaign.design.sensor_choice import sensor_table
+
+    return Work(sensor_table)
+
+
+def _rehearsal() -> Work:
+    from seatrial.campaign.rehearsal.run import rehearse, stored_rehearsal
+
+    return Work(rehearse, lambda campaign, vehicles: [stored_rehearsal(campaign)])
+
+
+def _profiles() -> Work:
+    from seatrial.campaign.inference.profile import profile_all, stored_profiles
+
+    return Work(profile_all, lambda campaign, trials, parameters: [stored_profiles(campaign, trials)])
+
+
+def _criteria() -> Work:
+    from seatrial.campaign.selection.criteria import criteria_all, stored_criteria
+
+    return Work(criteria_all, lambda campaign, estimates, *_: [stored_criteria(campaign, one) for one in estimates])
+
+
+def _cross_validation() -> Work:
+    from seatrial.campaign.inference.cross_validation import cross_validate, stored_cross_validation
+
+    return Work(cross_validate, lambda campaign, trials: [stored_cross_validation(campaign, trials)])
+
+
+def _calibration() -> Work:
+    from seatrial.campaign.inference.calibration import calibrate, stored_calibration
+
+    return Work(calibrate, lambda campaign, trials, *settings: [stored_calibration(campaign, trials, *settings)])
 
 
 def _hash_of(path: Path) -> str:
@@ -267,205 +408,77 @@ def _hashed(path: Path, size: int, changed: int) -> str:
 
 
 LOOP = (
-    Step(
-        "first",
-        ("campaign", "reporter"),
-        _first,
-        lambda campaign: [] if campaign.trial_design is None else [sweep.stored_first(campaign)],
-        "design.nc",
-        listed="design",
-        command="design",
-    ),
-    Step(
-        "trials",
-        ("campaign", "reporter"),
-        import_logs.get_trials,
-        _stored_trials,
-        "records/*.nc",
-        _seen_trials,
-        listed="records",
-        command="import",
-    ),
-    Step(
-        "screening",
-        ("campaign", "trials", "reporter"),
-        screening.screening_of,
-        lambda campaign, trials: (
-            [screening.stored_screening(campaign, trials)] if screening.can_be_screened(campaign) else []
-        ),
-        "screening.nc",
-    ),
-    Step(  # the campaign with what a screening has left of its structures
-        "candidates",
-        ("campaign", "trials", "reporter"),
-        screening.with_shortlist,
-        lambda campaign, trials: [screening.stored_screening(campaign, trials)] if campaign.is_large else [],
-        "screening.nc",
-        _shortlisted,
-    ),
+    Step("first", ("campaign", "reporter"), _first, "design.nc", listed="design", command="design"),
+    Step("trials", ("campaign", "reporter"), _trials, "records/*.nc", listed="records", command="import"),
+    Step("screening", ("campaign", "trials", "reporter"), _screening, "screening.nc"),
+    Step("candidates", ("campaign", "trials", "reporter"), _candidates, "screening.nc"),
     Step(
         "estimates",
         ("candidates", "trials", "reporter"),
-        estimate.estimate_all,
-        lambda campaign, trials: estimate.stored_estimates(campaign, trials).values(),
+        _estimates,
         "posterior/*.nc",
-        _seen_estimates,
         listed="estimate",
         command="estimate",
     ),
     Step(
         "selection",
         ("candidates", "trials", "reporter"),
-        evidence.select_structure,
-        lambda campaign, trials: [evidence.stored_selection(campaign, trials)],
+        _selection,
         "selection.json",
-        _seen_selection,
         listed="select",
         command="select",
     ),
-    Step("chosen", ("estimates", "selection"), lambda estimates, selection: estimates[selection.chosen]),
-    Step("full", ("estimates",), lambda estimates: estimates[0]),
-    Step(
-        "known",
-        ("candidates", "chosen", "trials"),
-        identifiability.known_after,
-        lambda campaign, chosen, trials: [identifiability.stored_known_after(campaign, chosen)],
-        "known/*.json",
-    ),
-    Step(
-        "promised",
-        ("campaign", "first"),
-        _promised,
-        lambda campaign, first: (
-            [] if campaign.trial_design is None else [identifiability.stored_known_before(campaign)]
-        ),
-        "known/design.json",
-    ),
-    Step(
-        "filter",
-        ("candidates", "full", "trials"),
-        filter_trace.trace_filter,
-        lambda campaign, full, trials: [filter_trace.stored_filter(campaign, full)],
-        "filter.nc",
-    ),
+    Step("chosen", ("estimates", "selection"), lambda: Work(lambda estimates, selection: estimates[selection.chosen])),
+    Step("full", ("estimates",), lambda: Work(lambda estimates: estimates[0])),
+    Step("known", ("candidates", "chosen", "trials"), _known, "known/*.json"),
+    Step("promised", ("campaign", "first"), _promised, "known/design.json"),
+    Step("filter", ("candidates", "full", "trials"), _filter, "filter.nc"),
     Step(
         "predictions",
         ("candidates", "chosen", "trials"),
-        judge_predictions.predict_all,
-        lambda campaign, chosen, trials: [judge_predictions.stored_predictions(campaign, chosen, trials)],
+        _predictions,
         "predictions.nc",
         listed="predict",
         command="run",
     ),
-    Step(
-        "baselines",
-        ("campaign", "trials", "reporter"),
-        baselines.fit_all_baselines,
-        lambda campaign, trials: (
-            [baselines.stored_baselines(campaign, trials)] if baselines.has_held_back(campaign) else []
-        ),
-        "baselines.nc",
-    ),
-    Step(
-        "next",
-        ("candidates", "chosen", "reporter"),
-        _next,
-        lambda campaign, chosen: [] if campaign.trial_design is None else [sweep.stored_next(campaign, chosen)],
-        "next.nc",
-        listed="next",
-        command="next",
-    ),
-    Step(
-        "contenders",
-        ("candidates", "selection", "trials", "reporter"),
-        runner_up.find_contenders,
-        _stored_contenders,
-        "contenders.nc",
-    ),
+    Step("baselines", ("campaign", "trials", "reporter"), _baselines, "baselines.nc"),
+    Step("next", ("candidates", "chosen", "reporter"), _next, "next.nc", listed="next", command="next"),
+    Step("contenders", ("candidates", "selection", "trials", "reporter"), _contenders, "contenders.nc"),
 )
 """Steps of the whole loop, in the order in which they are made."""
 BESIDE = (
-    Step("prior", ("campaign", "reporter"), prior.predict_from_prior),
+    Step("prior", ("campaign", "reporter"), _prior),
+    Step("design", ("campaign", "reporter"), _design, "design.nc"),
+    Step("own", ("campaign", "reporter"), _own, "own.json"),
+    Step("free_form", ("campaign", "levels", "reporter"), _free_form, "free_form.json"),
+    Step("relay", ("campaign", "reporter"), _relay, "self_oscillation.json"),
+    Step("searched", ("campaign", "budget", "reporter"), _searched, "searched.json"),
+    Step("measures", ("campaign", "designs", "reporter"), _measures, "measures.nc"),
+    Step("batch", ("campaign", "together", "reporter"), _batch),
+    Step("plan", ("campaign", "so_far", "reporter"), _plan),
+    Step("sensors", ("campaign", "reporter"), _sensors),
+    Step("rehearsal", ("campaign", "vehicles", "reporter"), _rehearsal, "rehearsal.nc"),
+    Step("profiles", ("campaign", "trials", "parameters", "reporter"), _profiles, "profiles/*.json"),
     Step(
-        "design",
-        ("campaign", "reporter"),
-        sweep.design_first,
-        lambda campaign: [sweep.stored_first(campaign)],
-        "design.nc",
+        "criteria", ("candidates", "estimates", "trials", "from_time", "block", "reporter"), _criteria, "criteria/*.nc"
     ),
-    Step(
-        "own",
-        ("campaign", "reporter"),
-        evaluate_schedule.evaluate_own_schedule,
-        lambda campaign: [] if (own := campaign.design.own) is None else [evaluate_schedule.stored_own(campaign, own)],
-        "own.json",
-    ),
-    Step(
-        "free_form",
-        ("campaign", "levels", "reporter"),
-        free_form.design_free_trial,
-        lambda campaign, levels: [free_form.stored_free_trial(campaign, levels)],
-        "free_form.json",
-    ),
-    Step(
-        "relay",
-        ("campaign", "reporter"),
-        relay.design_relay_trial,
-        lambda campaign: [relay.stored_relay(campaign)],
-        "self_oscillation.json",
-    ),
-    Step(
-        "searched",
-        ("campaign", "budget", "reporter"),
-        global_search.search_design,
-        lambda campaign, budget: [global_search.stored_search(campaign, budget)],
-        "searched.json",
-    ),
-    Step(
-        "measures",
-        ("campaign", "designs", "reporter"),
-        compare_utilities.compare_measures,
-        lambda campaign, designs: [compare_utilities.stored_measures(campaign, designs)],
-        "measures.nc",
-    ),
-    Step("batch", ("campaign", "together", "reporter"), batch.plan_together),
-    Step("plan", ("campaign", "so_far", "reporter"), plan.plan_trials),
-    Step("sensors", ("campaign", "reporter"), sensor_choice.sensor_table),
-    Step(
-        "rehearsal",
-        ("campaign", "vehicles", "reporter"),
-        rehearsal.rehearse,
-        lambda campaign, vehicles: [rehearsal.stored_rehearsal(campaign)],
-        "rehearsal.nc",
-    ),
-    Step(
-        "profiles",
-        ("campaign", "trials", "parameters", "reporter"),
-        profile.profile_all,
-        lambda campaign, trials, parameters: [profile.stored_profiles(campaign, trials)],
-        "profiles/*.json",
-    ),
-    Step(
-        "criteria",
-        ("candidates", "estimates", "trials", "from_time", "block", "reporter"),
-        criteria.criteria_all,
-        lambda campaign, estimates, *_: [criteria.stored_criteria(campaign, one) for one in estimates],
-        "criteria/*.nc",
-    ),
-    Step(
-        "cross_validation",
-        ("candidates", "trials", "reporter"),
-        cross_validation.cross_validate,
-        lambda campaign, trials: [cross_validation.stored_cross_validation(campaign, trials)],
-        "cross_validation.json",
-    ),
-    Step(
-        "calibration",
-        ("campaign", "trials", "replicates", "method", "reporter"),
-        calibration.calibrate,
-        lambda campaign, trials, *settings: [calibration.stored_calibration(campaign, trials, *settings)],
-        "calibration-*.nc",
-    ),
+    Step("cross_validation", ("candidates", "trials", "reporter"), _cross_validation, "cross_validation.json"),
+    Step("calibration", ("campaign", "trials", "replicates", "method", "reporter"), _calibration, "calibration-*.nc"),
 )
 """Steps that are made when they are asked for."""
 STEPS = {step.name: step for step in (*LOOP, *BESIDE)}
+
+
+def stored_summary(flow: Workflow) -> StoredResult[Summary]:
+    """Return where the summary is kept, and what it depends on: every result of the loop, and what the campaign says of names and goals.
+
+    Results whose keys cannot be known count as none: as long as no design was made for imported trials, what it promised is one.
+    """
+    campaign, keys = flow.campaign, []
+    for step in LOOP:
+        try:
+            keys.append([one.key for one in flow.stored(step.name)])
+        except NotCurrent:
+            keys.append(None)
+    key = key_of("summary", keys, campaign.name, campaign.prior_units, campaign.goal, sorted(campaign.accepted))
+    return StoredResult(Store(campaign.folder).summary, key, Summary, f"seatrial run {campaign.folder}")
