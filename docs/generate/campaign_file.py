@@ -19,6 +19,8 @@ writes this page). `seatrial init DIR --template NAME` writes a commented file t
 
 - A quantity with a dimension is text with a unit, such as `"200 rpm"`. A plain number is SI, in the unit of the coefficient.
 - A key without a default is optional unless "required" stands there.
+- `seatrial schema > DIR/campaign.schema.json` lets an editor complete the keys, show their meaning and mark mistakes. The first line of a
+  template, `#:schema campaign.schema.json`, names that file for editors with Taplo, such as Even Better TOML of VS Code.
 - An unknown key, or one that has no effect beside the others, is refused with its line and a remedy.
 - `{ a = 1, b = 2 }` on one line is the same as a table of its own.
 

@@ -12,6 +12,8 @@ from typing import Any
 from unittest.mock import patch
 
 from attacks.outcome import Outcome, Watchman, told
+from seatrial.apps.questions import questions
+from seatrial.campaign.config.templates import template_text
 
 ODD = (
     *("", " ", "0", "-1", "1e308", "1e999", "nan", "inf", "-inf", "1,5", "9" * 400, "\u0661", "\0", "\u00e9", "x y z", "..", "'", '"'),
@@ -23,13 +25,13 @@ ODD = (
 
 def odd_options(number: int, random: Random, place: Path, watchman: Watchman) -> Outcome:
     """Begin a campaign by options, or by answers as in a terminal, of which some are odd."""
-    from tests.apps.test_init_command import OWN
-
-    said = [shlex.split(OWN), _PUBLISHED][number % 2]
-    pairs = [(option, _odd(random, value)) for option, value in zip(said[::2], said[1::2], strict=True)]
-    words = [f"{option}={value}" for option, value in pairs if random.random() > 0.03]
-    answers = [one for value in _ANSWERS for one in dict.fromkeys((_odd(random, value), value))]
-    if asks := number % 5 == 4:
+    keys = [one for one in questions(template_text("design")) if random.random() < 0.9]
+    answers = [
+        "own",
+        *(one for question in keys for one in dict.fromkeys((_odd(random, question.value), question.value))),
+    ]
+    words = [f"{option}={_odd(random, value)}" for option, value in _OPTIONS if random.random() < 0.6]
+    if asks := number % 5 < 3:
         words = []
     elif number % 3 == 0:
         words.append("--json")
@@ -45,17 +47,7 @@ def odd_options(number: int, random: Random, place: Path, watchman: Watchman) ->
     return Outcome("escape", f"{what}: {'; '.join(seen)}") if seen else found._replace(line=f"{what}: {found.line}")
 
 
-_PUBLISHED = shlex.split(
-    "--vehicle remus100_hall_anstee --moves u,v,r --seek Y_uv --seek Y_uudelta_r --seek N_uv --seek N_uudelta_r "
-    "--speed '1.54 m/s' --control 'delta_r 0 deg, -15 to 15 deg, 20 deg/s' --control 'n 1194 rpm' --sensor 'r 0.3 deg/s, 5 Hz' "
-    "--limit 'r -10 to 10 deg/s' --goal 'N_uv 20 %' --duration '60 s' --name turns"
-)
-_ANSWERS = (
-    *("own", "45 kg", "u", "1.5 m/s", "X_udot -1.5", "", "0.1", "X_uabsu -8 to -2 kg/m", "T_nabsn 0.02 to 0.06 N/(rev/s)^2", ""),
-    *("X_u -5 to 0", "", "n 1000 rpm, 500 to 1500 rpm, 600 rpm/s", "", "u 0.02 m/s, 5 Hz", "", "u above 0.4 m/s", "", "60 s"),
-    *("X_uabsu 5 %", "", "otter"),
-)  # fmt: skip
-"""What is right in a terminal, in the order of the questions; behind an odd answer comes the right one."""
+_OPTIONS = (("--template", "design"), ("--vehicle", "remus100_hall_anstee"), ("--log", "dive.csv"))
 
 
 def _odd(random: Random, value: str) -> str:

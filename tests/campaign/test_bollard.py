@@ -498,7 +498,7 @@ def test_terms_about_another_voltage_are_refused(tmp_path, pull):
 
 
 REFUSED = {
-    "no force": ([("[sensors.force_X]", "[sensors.u]")], ('channel "u"', "force_X")),
+    "no force": ([('[sensors.force_X]\nnoise = "', '[sensors.u]\nnoise = "0.1 m/s"  # "')], ('channel "u"', "force_X")),
     "a force that is not in the log": ([('channels.force_X = { column = "gauge", unit = "N" }', "")], ("force_X",)),
     "a force in metres": ([('"gauge", unit = "N"', '"gauge", unit = "m"')], ("force_X", "N")),
     "no voltage": ([('channels.V = { column = "battery", unit = "V" }', "")], ("no column for V",)),

@@ -8,7 +8,7 @@ import pytest
 
 from seatrial.campaign.compute.shared_work import Study
 from seatrial.campaign.config.load import load_campaign
-from seatrial.campaign.config.log_campaign import log_campaign_text
+from seatrial.campaign.config.vehicle_campaign import vehicle_campaign_text
 from seatrial.campaign.data.check import check_records
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.inference import prior_and_record
@@ -53,7 +53,7 @@ def rov(folder, motion, yaw=0.0, depth_scale=1.0, rate_scale=1.0, more=""):
     names = ["t", *(f"pwm{k}_us" for k in range(1, 9)), "u_mps", "v_mps", "w_mps", "p_rad_s", "q_rad_s", "r_rad_s"]
     names += ["q_w", "q_x", "q_y", "q_z", "depth_m"]
     np.savetxt(folder / "dive.csv", columns, delimiter=",", header=",".join(names), comments="", fmt="%.7g")
-    text = log_campaign_text(folder, "bluerov2_heavy", folder / "dive.csv")
+    text = vehicle_campaign_text(folder, "bluerov2_heavy", folder / "dive.csv")
     (folder / "campaign.toml").write_text(text.replace("[design]", more + "\n[design]"))
     return load_campaign(folder)
 

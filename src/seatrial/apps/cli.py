@@ -46,6 +46,7 @@ COMMANDS = {
     "report": Command("loop:report", "the page of results"),
     "run": Command("loop:run", "the whole loop, with the report"),
     "explain": Command("catalogue:explain"),
+    "schema": Command("catalogue:schema"),
     "benchmark": Command("benchmark:benchmark"),
     "serve": Command("serve:serve"),
     "export": Command("export:export", "the estimated vehicle as files for a simulator"),

@@ -46,6 +46,12 @@ class Explain(TypedDict):
     codes: list[Code]
 
 
+class CampaignSchema(TypedDict):
+    """`schema`: the JSON Schema of a campaign file."""
+
+    campaign_schema: dict[str, object]
+
+
 class Named(TypedDict):
     """A quantity by its name, and its SI unit."""
 
@@ -727,6 +733,7 @@ class Benchmark(TypedDict, total=False):
 RESULTS = {
     "vehicle": Vehicle,
     "explain": Explain,
+    "schema": CampaignSchema,
     "init": Init,
     "prior": Prior,
     "design": Designs,

@@ -1,4 +1,4 @@
-"""A campaign begun from the page: the rows say what `seatrial init` reads, and a file is checked before it is written."""
+"""A campaign begun from the page: its values are asked for, and a file is checked before it is written."""
 
 import tomllib
 
@@ -8,41 +8,23 @@ import pytest
 from seatrial.apps.dashboard import model_queries as thinking
 from seatrial.apps.dashboard.logs import look_into
 from seatrial.apps.dashboard.map_draft import MapDraft
-from seatrial.apps.dashboard.new_campaign_rows import kinds
 from seatrial.campaign.config.load import load_campaign
-from seatrial.campaign.config.new_campaign import OWN, PUBLISHED
-from seatrial.campaign.config.new_campaign_file import campaign_text
 from seatrial.core.errors import InputError
 from tests.campaign.small import write_small
 
-PARTS = {"seek": "sought", "control": "controls", "sensor": "sensors", "limit": "limits"}
-"""Attribute of a campaign for each option whose name differs."""
-
-
-def said_in_form(new):
-    said = {kind.option: tuple(map(kind.line, map(dict, kind.rows(new)))) for kind in kinds(bool(new.vehicle))}
-    texts = {"vehicle": new.vehicle, "mass": new.mass, "speed": new.speed, "duration": new.duration}
-    texts |= {"moves": ",".join(new.moves), "thrust_deduction": new.thrust_deduction}
-    return tuple({option: value for option, value in {**texts, **said}.items() if value}.items())
-
-
-@pytest.mark.parametrize("new", [OWN, PUBLISHED])
-def test_the_rows_of_the_form_say_the_campaign_they_were_filled_from(new, tmp_path):
-    for kind in kinds(bool(new.vehicle)):
-        read = tuple(kind.read(kind.line(row), "row") for row in kind.rows(new))
-        assert read == getattr(new, PARTS.get(kind.option, kind.option))
-    found, cautions = thinking.begun(str(tmp_path), new.name, "", said_in_form(new))
-    assert cautions == ()
-    assert tomllib.loads(found) == tomllib.loads(campaign_text(new))
-
 
 def test_a_form_that_makes_no_campaign_is_refused_and_nothing_is_written(tmp_path):
-    said = {**dict(said_in_form(OWN)), "sensor": ("v 0.02 m/s",)}
-    with pytest.raises(InputError, match="--sensor v"):
-        thinking.begun(str(tmp_path), "my boat", "", tuple(said.items()))
+    with pytest.raises(InputError, match=r"key limits\.n"):
+        thinking.begun(str(tmp_path), "my boat", "design", (("limits.n.lower", "1700 rpm"),))
     with pytest.raises(InputError, match="no such template"):
         thinking.begun(str(tmp_path), "my boat", "../design", ())
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_form_asks_for_the_prior_of_each_term(tmp_path):
+    keys = {one.key for one in thinking.asked(str(tmp_path), "design", (("structure.optional", "X_uu"),))}
+    assert {"prior.X_uu.lower", "prior.X_uabsu.lower", "vehicle.mass"} <= keys
+    assert "prior.X_u.lower" not in keys
 
 
 def test_a_template_begins_a_campaign_of_the_given_name(tmp_path):
@@ -58,14 +40,8 @@ def test_a_template_begins_a_campaign_of_the_given_name(tmp_path):
     assert not is_of_template(tmp_path)
 
 
-def test_what_is_published_of_each_vehicle_can_be_sought():
-    found = {one.name: one.terms for one in thinking.published_terms()}
-    assert {one.name for one in PUBLISHED.sought} <= set(found[PUBLISHED.vehicle])
-    assert found["remus100_surge"] == ("X_u", "X_uabsu", "T_nabsn")
-
-
 def test_every_control_may_have_a_rate_in_the_form_of_limits(tmp_path):
-    text, _ = thinking.begun(str(tmp_path), "my boat", "", said_in_form(PUBLISHED))
+    text, _ = thinking.begun(str(tmp_path), "my boat", "steering", ())
     (tmp_path / "campaign.toml").write_text(text)
     limits = tomllib.loads(text)["limits"]
     asked = thinking.form_data(str(tmp_path))
@@ -79,7 +55,7 @@ def test_every_control_may_have_a_rate_in_the_form_of_limits(tmp_path):
 def test_a_log_is_looked_into_and_mapped_before_there_is_an_import(tmp_path):
     from seatrial.apps.dashboard.edits import Mapped, with_channel, with_map
 
-    text, _ = thinking.begun(str(tmp_path), "my boat", "", said_in_form(OWN))
+    text, _ = thinking.begun(str(tmp_path), "my boat", "design", ())
     (tmp_path / "campaign.toml").write_text(text)
     (tmp_path / "dive.csv").write_text(
         "time_s,speed,rpm\n" + "".join(f"{0.1 * i:.1f},1.5,{900 + i}\n" for i in range(99))
@@ -277,7 +253,7 @@ def test_an_import_that_is_written_in_one_line_is_left_to_a_text_editor(tmp_path
 def test_a_log_whose_time_has_a_strange_name_is_mapped_once_its_column_is_chosen(tmp_path):
     from seatrial.apps.dashboard.edits import Mapped, with_channel, with_map, with_time
 
-    text, _ = thinking.begun(str(tmp_path), "my boat", "", said_in_form(OWN))
+    text, _ = thinking.begun(str(tmp_path), "my boat", "design", ())
     (tmp_path / "campaign.toml").write_text(text)
     stamps = [100 * (i - (i == 50)) for i in range(99)]
     (tmp_path / "dive.csv").write_text("Zeit;Fahrt\n" + "".join(f"{t};{1.5 + 0.0001 * t}\n" for t in stamps))

@@ -738,30 +738,22 @@ def test_what_is_wrong_with_a_new_campaign_stands_beside_its_field(tmp_path, pag
     with served(tmp_path / "served") as (address, _):
         page.goto(f"{address}new")
         page.get_by_label("Name", exact=True).fill("boat")
+        page.get_by_label("mass").wait_for()
         for field, value, told in (
-            ("Thrust deduction", "1", "less than 1"),
-            ("Mass in air", "0 kg", "a number above zero"),
-            ("Duration of a trial", "0.5 s", "a tenth of the duration"),
+            ("thrust_deduction", "1", "less than 1"),
+            ("mass", "0 kg", "a number above zero"),
+            ("mass", "30 pounds", "unknown unit"),
+            ("duration", "0.5 s", "a tenth of the duration"),
         ):
-            form = page.get_by_label(field)
+            form = page.get_by_label(field, exact=True)
             good = form.input_value()
             form.fill(value)
             page.get_by_role("button", name="Show the campaign file").click()
             beside = page.locator(".q-field--error")
-            beside.filter(has=page.get_by_label(field)).get_by_text(told).wait_for()
+            beside.filter(has=page.get_by_label(field, exact=True)).get_by_text(told).wait_for()
             assert beside.count() == 1
-            assert "campaign.toml" not in page.locator("#main").inner_text().replace("one file, campaign.toml", "")
             form.fill(good)
             form.blur()
-            beside.wait_for(state="detached")
-        name = page.get_by_label("signal").first
-        name.fill("v")
-        page.get_by_label("noise").first.fill("0.05")
-        page.get_by_role("button", name="Show the campaign file").click()
-        page.locator("p.wrong", has_text='channel "v"').wait_for()
-        assert page.locator(".q-field--error").count() == 1
-        name.fill("u")
-        page.get_by_label("Thrust deduction").fill("0")
         page.get_by_role("button", name="Show the campaign file").click()
         page.get_by_text("It can be used.").wait_for()
     assert page.said == []

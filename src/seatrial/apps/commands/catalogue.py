@@ -1,5 +1,6 @@
-"""Pages of the published vehicles and of the codes of findings."""
+"""Pages of the published vehicles and of the codes of findings, and the schema of a campaign file."""
 
+import json
 from typing import Annotated
 
 import typer
@@ -41,3 +42,15 @@ def explain(
     entries = ENTRIES if code is None else {code: entry_of(code, "CODE")}
     answer.say((listing() if code is None else explanation(code)).rstrip("\n"))
     answer.give(codes=[{"code": name, "title": entry.title} for name, entry in entries.items()])
+
+
+def schema() -> None:
+    """Print the JSON Schema of a campaign file, with which an editor completes and checks it.
+
+    The first line of a template names it: write it beside campaign.toml, into campaign.schema.json.
+    """
+    from seatrial.campaign.config.schema import json_schema
+
+    answer, found = current_answer(), json_schema()
+    answer.say(json.dumps(found, indent=2, ensure_ascii=False))
+    answer.give(campaign_schema=found)

@@ -1,136 +1,66 @@
-"""A campaign file to begin from: a template, what is said by options, or what is asked in a terminal."""
+"""A campaign file to begin from: a template, a published vehicle, a log of one, or answers in a terminal."""
 
-import shlex
 import sys
-from collections.abc import Callable, Iterable
-from functools import partial
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 from seatrial.apps.answer import current_answer, echo
 from seatrial.apps.running import Folder
 
-
-def _one(metavar: str, meaning: str) -> Any:
-    return typer.Option(metavar=metavar, help=meaning)
-
-
-def _line(meaning: str) -> Any:
-    return typer.Option(metavar="LINE", help=f"{meaning} May be given again.")
-
-
-# Quantities are written as in the file; each line of a list as `seatrial.campaign.config.new_campaign` reads it.
 Template = Annotated[
     str | None,
-    _one(
-        "<remus100|design|steering|log|bollard>",
-        "A template: remus100 is simulated; design and steering have no data yet; log (one propeller, surge) and bollard read a CSV log. "
-        "With several thrusters: docs/how-to/own_log.md, Two thrusters that push and turn.",
+    typer.Option(
+        metavar="<remus100|design|steering|log|bollard>",
+        help="A template: remus100 is simulated; design and steering have no data yet; log (one propeller, surge) and bollard read a "
+        "CSV log. With several thrusters: docs/how-to/own_log.md, Two thrusters that push and turn.",
     ),
 ]
 Vehicle = Annotated[
-    str | None, _one("NAME", "Published vehicle, see `seatrial vehicle`; for your own vehicle give --mass instead.")
+    str | None,
+    typer.Option(metavar="NAME", help="Published vehicle, see `seatrial vehicle`; for your own take --template."),
 ]
-Mass = Annotated[str | None, _one("QUANTITY", 'Mass of your own vehicle in air, such as "30 kg".')]
-Inertia = Annotated[str | None, _one("THREE", 'Its moments of inertia, if it turns: "0.2, 3.4, 3.4 kg m^2".')]
-Moves = Annotated[
-    str | None, _one("NAMES", "Velocities of the model, such as u,v,r; if not given, u, or all that are published.")
-]
-Known = Annotated[list[str] | None, _line('A known coefficient, in SI units: "X_udot -1.0".')]
-Deduction = Annotated[
-    str | None, _one("SHARE", "Thrust deduction, the share of the thrust that is lost at the stern, such as 0.1.")
-]
-Seek = Annotated[
-    list[str] | None,
-    _line(
-        'A coefficient to find, with its plausible range: "X_uabsu -4.5 to -1.5 kg/m"; if it is published, the name is enough.',
-    ),
-]
-Optional = Annotated[
-    list[str] | None, _line("A coefficient in doubt, written like --seek: the data decide whether the model needs it.")
-]
-Speed = Annotated[str | None, _one("QUANTITY", 'Speed at which a trial begins, such as "1.5 m/s".')]
-Control = Annotated[
-    list[str] | None,
-    _line(
-        'A control: trim, range, rate of change: "n 1200 rpm, 700 to 1600 rpm, 800 rpm/s". The trial moves the first one; for '
-        "others the trim is enough.",
-    ),
-]
-Sensor = Annotated[list[str] | None, _line('A sensor: noise of one sample, rate: "u 0.05 m/s, 5 Hz".')]
-Limit = Annotated[list[str] | None, _line('A limit of the motion: "u above 0.5 m/s", "distance below 150 m".')]
-Duration = Annotated[str | None, _one("TIME", 'Duration of one trial; "60 s" if not given.')]
-Goal = Annotated[list[str] | None, _line('How well a coefficient must be known: "X_uabsu 3 %".')]
 Log = Annotated[
-    Path | None, _one("FILE", "A log of the published vehicle: its columns are guessed, and the campaign imports it.")
+    Path | None,
+    typer.Option(
+        metavar="FILE", help="A log of the published vehicle: its columns are guessed, and the campaign imports it."
+    ),
 ]
-Name = Annotated[str | None, _one("TEXT", "Name of the campaign, for headings.")]
 
 
-def init(
-    folder: Folder,
-    template: Template = None,
-    vehicle: Vehicle = None,
-    mass: Mass = None,
-    inertia: Inertia = None,
-    moves: Moves = None,
-    known: Known = None,
-    thrust_deduction: Deduction = None,
-    seek: Seek = None,
-    optional: Optional = None,
-    speed: Speed = None,
-    control: Control = None,
-    sensor: Sensor = None,
-    limit: Limit = None,
-    duration: Duration = None,
-    goal: Goal = None,
-    log: Log = None,
-    name: Name = None,
-) -> None:
+def init(folder: Folder, template: Template = None, vehicle: Vehicle = None, log: Log = None) -> None:
     """Write a commented campaign file.
 
-    The options describe the vehicle, or name a template. Without options it asks, in a terminal.
+    Without options it asks, in a terminal, for each value of a template; elsewhere it writes the template remus100.
     """
-    said = {
-        **{"vehicle": vehicle, "mass": mass, "inertia": inertia, "moves": moves, "known": known},
-        **{"thrust_deduction": thrust_deduction, "seek": seek, "optional": optional, "speed": speed},
-        **{"control": control, "sensor": sensor, "limit": limit, "goal": goal, "name": name, "duration": duration},
-    }
-    given = {option: value for option, value in said.items() if value}
-    _check_beside(template, given)
-    if log is not None:
-        _write_of_log(folder, log, given)
-        return
-    if template is None and not given and _is_terminal() and not current_answer().as_json:
-        answers = _asked()
-        if isinstance(answers, str):
-            template = answers
-        else:
-            given = answers
-            echo(f"the same command with options:\n  {_command(folder, given)}")
-    if given:
-        _write_new(folder, given)
+    from seatrial.core.errors import InputError
+
+    if template is not None and (vehicle is not None or log is not None):
+        raise InputError(
+            f"--template {template}",
+            found="--vehicle or --log beside it",
+            expected="a template, or a published vehicle",
+            remedy="leave --template out, or edit the file that it writes",
+        )
+    if log is not None and vehicle is None:
+        raise InputError(
+            "--log",
+            found="no --vehicle beside it",
+            expected="--vehicle",
+            remedy="for a vehicle of your own take --template log, and the map of `seatrial inspect LOG --map`",
+        )
+    if vehicle is not None:
+        _write_of_vehicle(folder, vehicle, log)
+    elif template is None and _is_terminal() and not current_answer().as_json:
+        _ask_all(folder)
     else:
         _write_template(folder, template or "remus100")
 
 
 def _is_terminal() -> bool:
     return sys.stdin.isatty() and sys.stdout.isatty()
-
-
-def _check_beside(template: str | None, given: dict[str, Any]) -> None:
-    """Refuse a template together with what would change it."""
-    from seatrial.core.errors import InputError
-
-    if template is not None and given:
-        raise InputError(
-            f"--template {template}",
-            found="--" + ", --".join(option.replace("_", "-") for option in given) + " beside it",
-            expected="a template, or what is known of a vehicle",
-            remedy="leave --template out, or edit what it writes",
-        )
 
 
 def _write_template(folder: Path, template: str) -> None:
@@ -146,185 +76,113 @@ def _write_template(folder: Path, template: str) -> None:
             answer.say(f"instead, --template {other}: {meaning}")
 
 
-def _write_of_log(folder: Path, log: Path, said: dict[str, Any]) -> None:
-    """Write the campaign of a published vehicle and a log of it.
-
-    Raises:
-        InputError: no vehicle, or something else beside it than what moves and a name.
-    """
+def _write_of_vehicle(folder: Path, vehicle: str, log: Path | None) -> None:
     from seatrial.campaign.config.load import check_text
-    from seatrial.campaign.config.log_campaign import log_campaign_text
-    from seatrial.campaign.config.new_campaign import listed_names
-    from seatrial.campaign.config.new_campaign_file import told_by_options
-    from seatrial.campaign.config.templates import write_campaign
-    from seatrial.core.errors import InputError
+    from seatrial.campaign.config.vehicle_campaign import vehicle_campaign_text
 
-    if "vehicle" not in said or (others := sorted({*said} - {"vehicle", "moves", "name"})):
-        raise InputError(
-            "--log",
-            found="no --vehicle beside it" if "vehicle" not in said else "--" + ", --".join(others) + " beside it",
-            expected="--vehicle, and --moves or --name at most",
-            remedy="for a vehicle of your own take --template log, and the map of `seatrial inspect LOG --map`",
+    text = vehicle_campaign_text(folder, vehicle, log)
+    check_text(folder, text)
+    if log is None:
+        following = f"correct its trim and sensors, then: seatrial prior {folder}; seatrial design {folder}"
+        _write(folder, text, vehicle, following)
+    else:
+        following = f"seatrial import {folder}; seatrial check {folder}; seatrial estimate {folder} --by mode"
+        _write(
+            folder,
+            text,
+            f"{vehicle} and its log {log.name}",
+            f"look at its map and its law of thrust, then: {following}",
         )
-    text = log_campaign_text(
-        folder, said["vehicle"], log, tuple(listed_names(said.get("moves", ""))), said.get("name", "")
-    )
-    with told_by_options(lambda key: "--moves" if key == "vehicle.moves" else f"--log {log}"):
-        check_text(folder, text)
+
+
+def _write(folder: Path, text: str, subject: str, following: str) -> None:
+    from seatrial.campaign.config.templates import write_campaign
+
     path, answer = write_campaign(folder, text), current_answer()
-    answer.say(f"wrote {path}: {said['vehicle']} and its log {log.name}")
+    answer.say(f"wrote {path}: {subject}")
     answer.name_file("campaign", path)
     answer.give(template=None)
-    answer.say("look at its map and its law of thrust, then:")
-    answer.say(f"seatrial import {folder}; seatrial check {folder}; seatrial estimate {folder} --by mode")
+    answer.say(following)
 
 
-def _write_new(folder: Path, said: dict[str, Any]) -> None:
-    """Write what was said, once it makes a campaign that can be used."""
-    from seatrial.campaign.config.load import check_text
-    from seatrial.campaign.config.new_campaign import new_campaign
-    from seatrial.campaign.config.new_campaign_file import campaign_text, option_of, told_by_options
-    from seatrial.campaign.config.templates import init_campaign
-    from seatrial.core.coefficients import CoefficientName
-
-    new = new_campaign(said)
-    with told_by_options(partial(option_of, new)):
-        check_text(folder, campaign_text(new))
-    path, answer = init_campaign(folder, new), current_answer()
-    answer.say(f"wrote {path}: {new.name}")
-    answer.name_file("campaign", path)
-    answer.give(template=None)
-    for one in (*new.sought, *new.optional):
-        if one.lower:
-            unit = one.unit or f"{CoefficientName.parse(one.name).unit} (SI, as no unit was given)"
-            answer.say(f"read {one.name}: {one.lower} to {one.upper} {unit}")
-    answer.say(f"next, see the priors as speeds: seatrial prior {folder}; then: seatrial design {folder}")
+# In a terminal: one line for each question, read at once, and asked again if it cannot be read.
 
 
-def _command(folder: Path, said: dict[str, Any]) -> str:
-    """Return the command that says the same."""
-    words = ["seatrial", "init", str(folder)]
-    for option, value in said.items():
-        for text in [value] if isinstance(value, str) else value:
-            words += [f"--{option.replace('_', '-')}", text]
-    return shlex.join(words)
-
-
-# What is asked in a terminal: one line for each question, read at once, and asked again where it cannot be.
-
-
-def _asked() -> dict[str, Any] | str:
-    """Ask for what a campaign needs; returns it as options have it, or the name of a template."""
-    from seatrial.campaign.config import new_campaign as parts
-    from seatrial.campaign.config.new_campaign_file import SURGE
-    from seatrial.campaign.config.templates import TEMPLATES
+def _ask_all(folder: Path) -> None:
+    """Ask for what a campaign begins from, then for the values of its template."""
+    from seatrial.campaign.config.templates import TEMPLATES, template_text
     from seatrial.vehicles.catalogue import vehicle_names
 
-    published = vehicle_names()
-    echo(
-        "Begin with a published vehicle, your own vehicle, or a template. You can change every answer later in the file."
-    )
-    echo("  published: " + ", ".join(published))
+    echo("Begin with a published vehicle, your own vehicle, or a template. You can change every answer in the file.")
+    echo("  published: " + ", ".join(vehicle_names()))
     echo("  templates: " + "; ".join(f"{name}, {meaning}" for name, meaning in TEMPLATES.items()))
-    first = _ask("vehicle, template or own", _one_of((*published, *TEMPLATES, "own")), "own")
+    first = _ask_one_of("vehicle, template or own", (*vehicle_names(), *TEMPLATES, "own"))
     if first in TEMPLATES:
-        return first
-    said: dict[str, Any] = {} if first == "own" else {"vehicle": first}
-    if first == "own":
-        said["mass"] = _ask("mass in air, such as 30 kg", _quantity_text("kg"))
-    if not first.endswith(SURGE):
-        said["moves"] = _ask(
-            "velocities of the model, of u v w p q r", _text_of(parts.read_moves), "u" if first == "own" else "u,v,r"
-        )
-        said["speed"] = _ask("speed at which a trial begins, such as 1.5 m/s", _quantity_text("m/s"))
-    if first == "own":
-        if set(said["moves"]) & set("pqr"):
-            said["inertia"] = _ask(
-                "inertia about its three axes, such as 0.2, 3.4, 3.4 kg m^2", _text_of(parts.read_inertia)
-            )
-        said["known"] = _several('known coefficients, such as "X_udot -1.0"', parts.read_known)
-        said["thrust_deduction"] = _ask(
-            "thrust deduction, the share of the thrust that is lost at the stern", _quantity_text("1"), "0"
-        )
+        _write_template(folder, first)
+    elif first != "own":
+        log = typer.prompt("a log of it, or an empty line", default="", show_default=False).strip()
+        _write_of_vehicle(folder, first, Path(log) if log else None)
     else:
-        _say_published(first, said.get("moves", "u"))
-    range_of = 'such as "X_uabsu -4.5 to -1.5 kg/m"' + (", or a published name alone" if first != "own" else "")
-    sought = partial(parts.read_sought, is_published=first != "own")
-    said["seek"] = _several(f"coefficients to find, {range_of}", sought, least=1)
-    said["optional"] = _several("coefficients in doubt, which the data keep or drop", sought)
-    example = "n 1200 rpm, 700 to 1600 rpm, 800 rpm/s"
-    said["control"] = _several(
-        f'controls, first the one that moves: trim, range, rate; "{example}"', parts.read_control, 1
-    )
-    said["sensor"] = _several('sensors: noise of one sample, rate; "u 0.05 m/s, 5 Hz"', parts.read_sensor, 1)
-    said["limit"] = _several('limits of the motion, such as "u above 0.5 m/s"', parts.read_limit)
-    said["duration"] = _ask("duration of a trial", _quantity_text("s"), "60 s")
-    names = [line.split()[0] for line in (*said["seek"], *said["optional"])]
-    goal = partial(parts.read_goal, among=names)
-    said["goal"] = _several('how well coefficients must be known, such as "X_uabsu 3 %"', goal)
-    said["name"] = _ask("name of the campaign", _one_text, "first trial")
-    return {option: value for option, value in said.items() if value and value != "0"}
+        echo("Each value is an example: press Enter to keep it.")
+        text = _checked(folder, _ask(template_text("design")))
+        following = f"next, see the priors as speeds: seatrial prior {folder}; then: seatrial design {folder}"
+        _write(folder, text, "your own vehicle", following)
 
 
-def _say_published(name: str, moves: str) -> None:
-    """Print what is published of a vehicle in some motions."""
-    from seatrial.campaign.config.new_campaign import listed_names
-    from seatrial.vehicles.catalogue import load_surge, load_vehicle, surge_names
+def _ask(text: str) -> str:
+    """Ask for every value of a campaign file; an answer may add questions or take some away, as that for the terms does."""
+    from seatrial.apps.questions import questions
 
-    if name in surge_names():
-        known: Iterable[str] = load_surge(name).coefficients
-    else:
-        known = load_vehicle(name).terms(tuple(listed_names(moves)))
-    echo("  published: " + " ".join(known))
+    asked: set[str] = set()
+    while following := next((one.key for one in questions(text) if one.key not in asked), None):
+        asked.add(following)
+        text = _ask_value(text, following)
+    return text
 
 
-def _ask(question: str, read: Callable[[str, str], str], default: str = "") -> str:
-    """Ask until the answer can be read."""
+def _ask_value(text: str, key: str) -> str:
+    """Ask for one value until the answer can be read."""
+    from seatrial.apps.questions import answered, questions
     from seatrial.core.errors import InputError
 
+    question = next(one for one in questions(text) if one.key == key)
     while True:
-        text = typer.prompt(question, default=default, show_default=bool(default)).strip()
+        answer = typer.prompt(f"{question.key}, {question.meaning}", default=question.value).strip()
         try:
-            return read(text, question)
+            return answered(text, {key: answer})
         except InputError as error:
             echo(f"  {error.sentence()}")
 
 
-def _several(question: str, read: Callable[[str, str], Any], least: int = 0) -> list[str]:
-    """Ask for one line after another until an empty one."""
-    echo(f"{question}; an empty line ends")
+def _checked(folder: Path, text: str) -> str:
+    """Check the whole file, and ask again for the value that an error names.
 
-    def kept(text: str, place: str) -> str:
-        if text or len(found) < least:
-            read(text, place)
-        return text
-
-    found: list[str] = []
-    while text := _ask(f"  {len(found) + 1}", kept):
-        found.append(text)
-    return found
-
-
-def _one_of(names: Iterable[str]) -> Callable[[str, str], str]:
-    from seatrial.core.argument_checks import check_choice
-
-    return lambda text, place: check_choice(text, tuple(names), place)
-
-
-def _text_of(read: Callable[[str, str], Any]) -> Callable[[str, str], str]:
-    """Return what keeps an answer as it was written, once it can be read."""
-    return lambda text, place: (read(text, place), text)[1]
-
-
-def _quantity_text(unit: str) -> Callable[[str, str], str]:
-    from seatrial.core.units import quantity
-
-    return lambda text, place: (quantity(text, unit, place), text)[1]
-
-
-def _one_text(text: str, place: str) -> str:
+    Raises:
+        InputError: an error that names none of the values.
+    """
+    from seatrial.apps.questions import key_at, questions
+    from seatrial.campaign.config.load import check_text
     from seatrial.core.errors import InputError
 
-    if not text:
-        raise InputError(place, found="nothing", expected="an answer", remedy="Ctrl-C leaves everything as it is")
-    return text
+    while True:
+        try:
+            check_text(folder, text)
+        except InputError as error:
+            key = key_at(error.where, [one.key for one in questions(text)])
+            if key is None:
+                raise
+            echo(f"{key}: {error.sentence()}")
+            text = _ask_value(text, key)
+        else:
+            return text
+
+
+def _ask_one_of(question: str, names: Iterable[str]) -> str:
+    from seatrial.core.argument_checks import check_choice
+    from seatrial.core.errors import InputError
+
+    while True:
+        try:
+            return check_choice(typer.prompt(question, default="own").strip(), tuple(names), question)
+        except InputError as error:
+            echo(f"  {error.sentence()}")

@@ -3,7 +3,7 @@
 import tempfile
 from contextlib import suppress
 from dataclasses import replace
-from functools import lru_cache, partial
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple, get_args
 
@@ -16,7 +16,6 @@ from seatrial.apps.dashboard.downsample import Envelope, Load
 from seatrial.apps.dashboard.edits import BOUNDS
 from seatrial.apps.dashboard.logs import LogColumn, samples_of
 from seatrial.apps.dashboard.model_edits import Range, with_priors, with_terms
-from seatrial.apps.dashboard.new_campaign_rows import TERMS
 from seatrial.apps.dashboard.record_views import Index, about, index_of, origin_of, view_of
 from seatrial.apps.dashboard.view_models import (
     COMPARED,
@@ -28,21 +27,20 @@ from seatrial.apps.dashboard.view_models import (
     Margin,
     ModelData,
     NoisePrior,
-    PublishedTerms,
     RecordAbout,
     SensorNoise,
     Stage,
 )
+from seatrial.apps.questions import Question, answered, questions
 from seatrial.apps.toml_edit import set_key
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.load import check_text, load_campaign
-from seatrial.campaign.config.new_campaign import new_campaign
-from seatrial.campaign.config.new_campaign_file import campaign_text, option_of, told_by_options
 from seatrial.campaign.config.quantities import Residuals
 from seatrial.campaign.config.sensor_table import ATTITUDE
 from seatrial.campaign.config.templates import template_text
 from seatrial.campaign.config.toml import toml_content
 from seatrial.campaign.config.truth import true_coefficients
+from seatrial.campaign.config.vehicle_campaign import vehicle_campaign_text
 from seatrial.campaign.data.import_logs import Trials, read_tables, read_untrimmed
 from seatrial.campaign.data.simulate import chosen_of
 from seatrial.campaign.data.unmapped import unmapped
@@ -79,10 +77,25 @@ from seatrial.logs.align import common_interval
 from seatrial.manoeuvres.family import design_words
 from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.manoeuvres.schedule import schedule_of
-from seatrial.vehicles.catalogue import load_surge, load_vehicle, surge_names, vehicle_names
+from seatrial.vehicles.catalogue import load_vehicle, vehicle_names
 
 MOST_PREDICTED = 100_000
 """Samples of a record that are predicted while somebody waits, at most: 200 draws are simulated over each."""
+
+COMMON_TERMS = (
+    "X_u",
+    "X_uabsu",
+    "T_nabsn",
+    "X_udot",
+    "Y_v",
+    "Y_vabsv",
+    "N_r",
+    "N_rabsr",
+    "N_uv",
+    "N_ur",
+    "N_uudelta_r",
+)
+"""Names that are offered while one types; any other that has a meaning may be typed too."""
 
 
 def steps(folder: str) -> tuple[Stage, ...]:
@@ -196,7 +209,7 @@ def model_data(folder: str) -> ModelData:
         tuple(structure.get("optional", ())),
         {name: _prior_words(table) for name, table in file.get("prior", {}).items()},
         published,
-        tuple(dict.fromkeys(term for term in (*published, *TERMS) if term not in terms)),
+        tuple(dict.fromkeys(term for term in (*published, *COMMON_TERMS) if term not in terms)),
         {key: getattr(campaign.estimation, key) for key in ("warmup", "draws")},
     )
 
@@ -231,36 +244,30 @@ def _prior_words(table: dict[str, Any]) -> str:
     return f"{table.get('distribution', '')}, {', '.join(numbers)} {table.get('unit', '')}".strip()
 
 
-def published_terms() -> tuple[PublishedTerms, ...]:
-    """Published vehicles from which a campaign may begin, and the coefficients that are published of each."""
-    found = []
-    for name in vehicle_names():
-        if name in surge_names():
-            found.append(PublishedTerms(name, tuple(load_surge(name).coefficients)))
-        elif terms := (vehicle := load_vehicle(name)).terms(vehicle.moves):
-            found.append(PublishedTerms(name, tuple(terms)))
-    return tuple(found)
-
-
-def begun(folder: str, name: str, template: str, said: tuple[tuple[str, Any], ...]) -> tuple[str, tuple[str, ...]]:
+def begun(folder: str, name: str, start: str, answers: tuple[tuple[str, str], ...]) -> tuple[str, tuple[str, ...]]:
     """Return the text of a new campaign's file, checked, and what to know about it though it can be used.
 
     Args:
         folder: where it is to stand.
         name: of the campaign.
-        template: to begin from; empty where the form was filled in.
-        said: in the form, as options of `seatrial init`.
+        start: template or published vehicle.
+        answers: to its questions, by key.
 
     Raises:
         InputError: no such template, or a campaign that cannot be used.
     """
-    if template:
-        text = set_key(template_text(template), "campaign", "name", name)
-        return text, check(folder, text)
-    new = new_campaign({**dict(said), "name": name})
-    with told_by_options(partial(option_of, new)):
-        text = campaign_text(new)
-        return text, check(folder, text)
+    text = set_key(answered(beginning(folder, start), dict(answers)), "campaign", "name", name)
+    return text, check(folder, text)
+
+
+def beginning(folder: str, start: str) -> str:
+    """Return the file of a template or of a published vehicle, before any answer; errors as `begun`."""
+    return vehicle_campaign_text(Path(folder), start) if start in vehicle_names() else template_text(start)
+
+
+def asked(folder: str, start: str, answers: tuple[tuple[str, str], ...]) -> tuple[Question, ...]:
+    """Return the questions about a new campaign that some answers leave; errors as `begun`."""
+    return questions(answered(beginning(folder, start), dict(answers)))
 
 
 def check(folder: str, text: str) -> tuple[str, ...]:

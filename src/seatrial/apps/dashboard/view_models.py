@@ -251,13 +251,6 @@ class ModelData(NamedTuple):
     """Size of the chains, by key of `[estimation]`."""
 
 
-class PublishedTerms(NamedTuple):
-    """A published vehicle to begin from, and its published coefficients."""
-
-    name: str
-    terms: tuple[str, ...]
-
-
 class ExportTarget(NamedTuple):
     """A target of `seatrial export`: why it cannot be, empty where it can, and which terms it does not support."""
 

@@ -174,7 +174,10 @@ class DesignTable(Table):
     trim: OfControl | None = Field(
         default=None, description="value about which the control is driven; if not given, that of `[vehicle]`"
     )
-    together: dict[Annotated[str, noted("beside")], Annotated[BesideTable, BeforeValidator(_as_beside)]] = Field(
+    together: dict[
+        Annotated[str, noted("beside")],
+        Annotated[BesideTable, BeforeValidator(_as_beside, json_schema_input_type=str | BesideTable)],
+    ] = Field(
         default={}, description="other controls that move at the same time, by name, each with its largest amplitude"
     )
     duration: Seconds = Field(description="length of the trial")

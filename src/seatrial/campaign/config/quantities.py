@@ -43,7 +43,11 @@ class Table(BaseModel):
 
 def refused(found: str, expected: str, remedy: str, key: str = "") -> PydanticCustomError:
     """Return the error of a value or of a table that a validator refuses; `key` is that of the table which is at fault."""
-    return PydanticCustomError(REFUSED, "{found}", {"found": found, "expected": expected, "remedy": remedy, "key": key})
+    return PydanticCustomError(
+        REFUSED,
+        "{found}; expected {expected}; {remedy}",
+        {"found": found, "expected": expected, "remedy": remedy, "key": key},
+    )
 
 
 @dataclass(frozen=True)

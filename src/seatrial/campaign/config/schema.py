@@ -345,3 +345,32 @@ class CampaignFile(Table):
     selection: SelectionTable = SelectionTable()
     checks: ChecksTable = ChecksTable()
     compute: ComputeTable = ComputeTable()
+
+
+def json_schema() -> dict[str, Any]:
+    """Return the JSON Schema of a campaign file, by which editors complete keys, show their meaning, and mark mistakes."""
+    return {"$schema": "http://json-schema.org/draft-07/schema#", **_for_editors(CampaignFile.model_json_schema())}
+
+
+def _for_editors(node: Any) -> Any:
+    """Return a part of the schema as a file is written: units in the text, defaults with their unit, and no null, which TOML lacks."""
+    if isinstance(node, list):
+        return [_for_editors(one) for one in node]
+    if not isinstance(node, dict):
+        return node
+    node = {key: _for_editors(one) for key, one in node.items() if not (key == "title" and isinstance(one, str))}
+    if node.get("default", 0) in (None, inf):
+        del node["default"]
+    if "anyOf" in node:
+        kinds = [one for one in node.pop("anyOf") if one != {"type": "null"}]
+        node = {**kinds[0], **node} if len(kinds) == 1 else {**node, "anyOf": kinds}
+    if isinstance(unit := node.pop("unit", None), str):
+        if isinstance(default := node.get("default"), float) and not unit.startswith("that"):
+            node["default"] = f"{default:g} {unit}"
+        if "description" in node:
+            node["description"] = f"{node['description']} [{unit}]"
+        else:  # one of several kinds, or of a list
+            node["description"] = f"[{unit}]"
+    elif unit is not None:
+        node["unit"] = unit
+    return node

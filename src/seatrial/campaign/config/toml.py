@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Annotated, Any, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
+from pydantic.fields import FieldInfo
 
 from seatrial.campaign.config.quantities import REFUSED, RENAMED
 from seatrial.core.errors import InputError, nearest
@@ -298,11 +299,10 @@ def _as_input_error(
     refusals = [error for other, error in errors if other == place and error["type"] == REFUSED]
     if refusals:
         said = refusals[0].get("ctx", {})
+        parts = (*place, said["key"]) if said["key"] else place
+        key = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in parts).removeprefix(".")
         return InputError(
-            key_place(path, text, ".".join(map(str, (*place, said["key"])))) if said["key"] else where,
-            found=said["found"],
-            expected=said["expected"],
-            remedy=said["remedy"],
+            key_place(path, text, key), found=said["found"], expected=said["expected"], remedy=said["remedy"]
         )
     alike = [error for other, error in errors if other == place]
     return InputError(
@@ -362,6 +362,17 @@ def _keys_at(schema: type[BaseModel], place: Sequence[str | int]) -> list[str]:
     for part in place:
         kinds = [inner for kind in kinds for inner in _inside(kind, part)]
     return [key for kind in kinds if _is_table(kind) for key in _fields(kind)]
+
+
+def field_at(schema: type[BaseModel], place: Sequence[str | int]) -> FieldInfo | None:
+    """Return the field that describes a key: its own, or that of the table of which the key is a free name; None if there is none."""
+    kinds: list[Any] = [schema]
+    found = None
+    for part in place:
+        fields = [{f.alias or name: f for name, f in kind.model_fields.items()} for kind in kinds if _is_table(kind)]
+        found = next((one[str(part)] for one in fields if str(part) in one), found)
+        kinds = [inner for kind in kinds for inner in _inside(kind, part)]
+    return found if kinds else None
 
 
 def _inside(kind: Any, part: str | int) -> list[Any]:

@@ -11,7 +11,6 @@ import numpy as np
 import scipy
 
 from seatrial.campaign.config.campaign import Campaign
-from seatrial.campaign.config.new_campaign import OWN
 from seatrial.campaign.config.schema import Goal
 from seatrial.campaign.data.simulate import Chosen, chosen_of
 from seatrial.campaign.design.residual_noise import noise_words
@@ -23,6 +22,9 @@ from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.estimation.prediction.remedies import listed, percent
 from seatrial.manoeuvres.family import design_words
 from seatrial.selection.verdict import DECIDED
+
+EXAMPLE_GOAL = Goal({"X_uabsu": 0.03}, trials=4)
+"""That of the template `design`."""
 
 Known = dict[str, tuple[float, float]]
 """Mean and standard deviation of each coefficient, SI."""
@@ -139,8 +141,7 @@ def before_stop(campaign: Campaign, is_tested: bool) -> list[str]:
     missing = []
     if campaign.imports is not None and not is_tested:
         missing.append(f"test the model, because no run was held back: {hold_back_words(campaign.imports)}")
-    example = Goal({name: float(share.removesuffix("%")) / 100.0 for name, share in OWN.goal}, trials=OWN.trials)
-    if campaign.goal == example:
+    if campaign.goal == EXAMPLE_GOAL:
         missing.append("state in [goal] how well you need to know it: this goal is the example of the template")
     return missing
 

@@ -5,8 +5,6 @@ from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
 
-from seatrial.campaign.config.new_campaign import OWN, PUBLISHED, NewCampaign
-from seatrial.campaign.config.new_campaign_file import campaign_text
 from seatrial.campaign.store.stored_result import FILE_NAME
 from seatrial.core.argument_checks import check_kind, check_path
 from seatrial.core.errors import InputError, nearest
@@ -20,9 +18,6 @@ TEMPLATES = {
     "bollard": "a CSV log of a vehicle tied to a force gauge: its thrust",
 }
 """What each template is, by name."""
-WRITTEN = {"design": OWN, "steering": PUBLISHED}
-"""Those that are written from what is known; the others are files."""
-
 EXAMPLE_VEHICLE = "YOUR VEHICLE"
 """Name of the vehicle in the template of a log."""
 _PLACEHOLDER = re.compile(rf"^[^#\n]*\"({EXAMPLE_VEHICLE}|[A-Z]+ COLUMN)\b", re.MULTILINE)
@@ -33,23 +28,21 @@ def has_placeholders(text: str) -> bool:
     return _PLACEHOLDER.search(text) is not None
 
 
-def init_campaign(folder: Path | str, template: str | NewCampaign) -> Path:
+def init_campaign(folder: Path | str, template: str) -> Path:
     """Write a campaign file into a folder, which is made if missing.
 
     Args:
         folder: of the new campaign.
         template: `remus100` (simulated), `design` or `steering` (no data yet), `log` (a CSV log) or `bollard` (a CSV log of a
-            force gauge); or what is known of a vehicle.
+            force gauge).
 
     Returns:
         the path of the file.
 
     Raises:
-        InputError: no such template, something that cannot be written, or a folder that holds a campaign already.
+        InputError: no such template, a file that cannot be written, or a folder that holds a campaign already.
     """
-    return write_campaign(
-        folder, campaign_text(template) if isinstance(template, NewCampaign) else template_text(template)
-    )
+    return write_campaign(folder, template_text(template))
 
 
 def write_campaign(folder: Path | str, text: str) -> Path:
@@ -84,8 +77,6 @@ def template_text(template: str) -> str:
             expected="; ".join(f"{name}, {meaning}" for name, meaning in TEMPLATES.items()),
             remedy=nearest(template, TEMPLATES),
         )
-    if template in WRITTEN:
-        return campaign_text(WRITTEN[template])
     return files(__name__).joinpath(f"{template}.toml").read_text(encoding="utf-8")
 
 

@@ -1,16 +1,20 @@
-"""The campaign file of a published vehicle and a log of it: what the log holds is mapped, and what is believed stands beside it."""
+"""The campaign file of a published vehicle: of a log of it, whose columns are mapped, or before there is any."""
 
 import json
 import os
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
+from seatrial.core.coefficients import CoefficientName
+from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError
 from seatrial.core.signals import ANGLES, OVER_EARTH, POSITIONS, QUATERNION, RATES, thruster_controls
 from seatrial.logs.guess import COMMAND, best
 from seatrial.logs.inspect import LogSummary, inspect_log
-from seatrial.vehicles.catalogue import PublishedVehicle, load_vehicle, surge_names
+from seatrial.vehicles.catalogue import PublishedVehicle, load_surge, load_vehicle, surge_names
+from seatrial.vehicles.thrusters import controls_of
 
 _NOISE = {
     **dict.fromkeys("uvw", "0.02 m/s"),
@@ -22,6 +26,8 @@ _NOISE = {
 """What is believed of a sensor before anything is known of it; up to five times as much is found by the fit."""
 _AMPLITUDES = {"f": ("5 N", "20 N"), "n": ("50 rpm", "200 rpm"), "d": ("2 deg", "10 deg"), "t": ("5 N", "20 N")}
 """Of a next trial, by the first letter of the control."""
+SCHEMA_LINE = "#:schema campaign.schema.json"
+"""First line of a campaign file, by which editors with Taplo find what `seatrial schema` prints."""
 _FINEST, _COARSEST = 0.02, 0.2
 """Steps of a record, s."""
 _LAW = """# Thrust of a command in N, by powers of the pulse width less neutral: a guess, about a common thruster of small ROVs at 16 V.
@@ -54,19 +60,21 @@ sd = 0.01""",
 }
 
 
-def log_campaign_text(folder: Path, vehicle: str, log: Path, moves: tuple[str, ...] = (), name: str = "") -> str:
-    """Return the campaign file of a published vehicle with a log of it, commented.
+def vehicle_campaign_text(folder: Path, vehicle: str, log: Path | None = None, name: str = "") -> str:
+    """Return the campaign file of a published vehicle, commented: of a log of it, or before there is any.
 
     Args:
         folder: of the campaign, which need not be there yet.
         vehicle: name in the catalogue.
         log: of a trial; the file names it relative to its folder, so that both can be moved together.
-        moves: velocities that are modelled; none for all that are published.
         name: of the campaign; empty for one that is made up.
 
     Raises:
-        InputError: a vehicle of surge alone, a log that cannot be read, or one in which no control or nothing that it does can be told.
+        InputError: a vehicle without named coefficients, or of surge alone with a log; a log that cannot be read, or one in which no
+            control or nothing that it does can be told.
     """
+    if log is None:
+        return _before_any_log(vehicle, name)
     if vehicle in surge_names():
         raise InputError(
             f"--vehicle {vehicle}",
@@ -75,9 +83,8 @@ def log_campaign_text(folder: Path, vehicle: str, log: Path, moves: tuple[str, .
             remedy="take the template log and the map of `seatrial inspect LOG --map`",
         )
     body, summary = load_vehicle(vehicle), inspect_log(log.resolve())
-    axes = moves or body.moves
     controls = _controls(body, summary)
-    sensors = _sensors(summary, axes)
+    sensors = _sensors(summary, body.moves)
     if body.thrusters and not controls:
         _say_too_few(vehicle, body, summary, log)
     if missing := [what for what, found in (("control", controls), ("sensor", sensors)) if not found]:
@@ -89,12 +96,16 @@ def log_campaign_text(folder: Path, vehicle: str, log: Path, moves: tuple[str, .
         )
     positions = [axis for axis in POSITIONS if axis in sensors]
     parts = [
-        _head(name or f"{vehicle}, {log.stem}", log),
-        _vehicle(vehicle, moves, positions),
+        _head(
+            name or f"{vehicle}, {log.stem}",
+            f"from the log {log.name}: check the map at the end, the thrust, and the noise of the sensors",
+            "seatrial import DIR; seatrial check DIR; seatrial estimate DIR --by mode. `seatrial inspect LOG` lists its columns",
+        ),
+        _vehicle(vehicle, positions),
         *([_LAW] if any(guess.unit == COMMAND for guess in best(summary.guesses, controls)) else []),
-        "[structure]\nalways = " + json.dumps(list(body.terms(axes))),
+        "[structure]\nalways = " + json.dumps(list(body.terms(body.moves))),
         *([_BELIEVED] if _is_commanded(summary, controls) else []),
-        *(text for axis, text in _TRIM.items() if body.thrusters and set(axis) & {*axes}),
+        *(text for axis, text in _TRIM.items() if body.thrusters and set(axis) & {*body.moves}),
         _measured(sensors),
         '# The log determines the initial state.\n[estimation]\ninitial = "estimated"',
         _next_trial(controls[0]),
@@ -102,6 +113,47 @@ def log_campaign_text(folder: Path, vehicle: str, log: Path, moves: tuple[str, .
         summary.as_toml([*controls, *_mapped(sensors, summary)], _named(folder, log)).rstrip("\n"),
     ]
     return "\n\n".join(parts) + "\n"
+
+
+def _before_any_log(vehicle: str, name: str) -> str:
+    """Return the campaign file of a vehicle of which nothing was recorded: the trial begins at rest unless a trim is published."""
+    if vehicle in surge_names():
+        entry = load_surge(vehicle)
+        terms, controls, axes, trim = tuple(entry.coefficients), ("n",), ("u",), {}
+    else:
+        body = load_vehicle(vehicle)
+        axes, terms = body.moves, body.terms(body.moves)
+        named = [CoefficientName.parse(term) for term in terms]
+        controls = controls_of(body.thrusters, named, axes) if body.thrusters else body.controls
+        at_rest = {"u": "0 m/s"} | {one: f"0 {shown_unit(one)[1]}" for one in controls}
+        trim = {one: value for one, value in at_rest.items() if one not in body.hull.trim}
+        if not terms:
+            raise InputError(
+                f"--vehicle {vehicle}",
+                found="a vehicle whose forces are no sum of named coefficients",
+                expected="a vehicle with coefficients to estimate",
+                remedy="choose another one: `seatrial vehicle` lists them",
+            )
+    sensors = [axis for axis in axes if axis not in "w"] + ["z"] * ("w" in axes)
+    angles = [angle for angle, rate in zip(ANGLES, "pqr", strict=True) if rate in axes]
+    sensors += ["attitude"] if len(angles) == len(ANGLES) else angles
+    return (
+        "\n\n".join(
+            (
+                _head(
+                    name or f"{vehicle}, first trial",
+                    "before there are any data: check the trim, the noise of the sensors and the trial",
+                    "seatrial prior DIR; seatrial design DIR. The trim is where a trial begins; limits stand under [limits.NAME]",
+                ),
+                _vehicle(vehicle, ["z"] * ("z" in sensors), trim),
+                "[structure]\nalways = " + json.dumps(list(terms)),
+                _measured(sensors),
+                '# The log determines the initial state.\n[estimation]\ninitial = "estimated"',
+                _next_trial(controls[0]),
+            )
+        )
+        + "\n"
+    )
 
 
 def _named(folder: Path, log: Path) -> str:
@@ -112,22 +164,22 @@ def _named(folder: Path, log: Path) -> str:
         return log.resolve().as_posix()
 
 
-def _head(name: str, log: Path) -> str:
+def _head(name: str, subject: str, commands: str) -> str:
     return (
-        f"# A campaign from the log {log.name}: check the map at the end, the thrust, and the noise of the sensors.\n"
-        "# seatrial import DIR; seatrial check DIR; seatrial estimate DIR --by mode. `seatrial inspect LOG` shows the contents of the log."
+        f"{SCHEMA_LINE}\n# A campaign {subject}.\n# {commands}."
         f"\n\n[campaign]\nname = {json.dumps(name, ensure_ascii=False)}\nseed = 1"
     )
 
 
-def _vehicle(vehicle: str, moves: tuple[str, ...], positions: list[str]) -> str:
+def _vehicle(vehicle: str, positions: list[str], trim: Mapping[str, str] | None = None) -> str:
+    stated = ", ".join(f'{name} = "{value}"' for name, value in (trim or {}).items())
     lines = [
         "# Priors are about the published coefficients; published_prior_sd is their sd. `seatrial vehicle NAME` shows the coefficients.",
         "[vehicle]",
         f'catalogue = "{vehicle}"',
-        *([f"moves = {json.dumps(list(moves))}"] if moves else []),
         *([f"positions = {json.dumps(positions)}"] if positions else []),
         'published_prior_sd = "60 %"',
+        *([f"trim = {{ {stated} }}"] if stated else []),
     ]
     return "\n".join(lines)
 

@@ -1,13 +1,14 @@
-"""A campaign file from a log: what the log holds is mapped, the file can be used, and a run is cut to where it was the vehicle's own."""
+"""A campaign file of a published vehicle: the columns of its log are mapped, the file can be used, and a run is cut by conditions."""
 
 import numpy as np
 import pytest
 
 from seatrial.campaign.config.load import check_text, load_campaign
-from seatrial.campaign.config.log_campaign import log_campaign_text
+from seatrial.campaign.config.vehicle_campaign import vehicle_campaign_text
 from seatrial.campaign.data.import_logs import import_trials
 from seatrial.campaign.data.unmapped import unmapped
 from seatrial.core.errors import InputError
+from seatrial.vehicles.catalogue import vehicle_names
 from tests.campaign.small import write_small
 from tests.cases import RPM
 from tests.logs.log_writers import json_mcap, mavlink_json, ros_store
@@ -46,21 +47,28 @@ def log_of(folder, moving=8, count=10):
 
 def test_a_log_makes_a_campaign(tmp_path):
     path = log_of(tmp_path)
-    campaign = check_text(tmp_path, log_campaign_text(tmp_path, "bluerov2_heavy", path))
+    campaign = check_text(tmp_path, vehicle_campaign_text(tmp_path, "bluerov2_heavy", path))
     (file,) = campaign.imports.files
     assert set(file.channels) == {*"uvwpqr", "phi", "theta", "psi", *(f"f_{k}" for k in range(1, 9))}
     assert (file.channels["f_8"].column, file.channels["r"].unit, campaign.imports.step) == ("pwm[7]", "deg/s", 0.1)
     assert file.path == "dive.csv"
     assert {"X_u", "gain_f", "lag_f", "net_weight", "z_b"} <= set(campaign.priors)
     beside = tmp_path / "rov"
-    level = check_text(beside, log_campaign_text(beside, "bluerov2_heavy", path, ("u", "v", "r")))
-    assert {"psi", "u", "v", "r"} == {name for name in level.channels if not name.startswith("f_")}
-    assert level.imports.files[0].path == "../dive.csv"
+    assert (
+        check_text(beside, vehicle_campaign_text(beside, "bluerov2_heavy", path)).imports.files[0].path == "../dive.csv"
+    )
+
+
+@pytest.mark.parametrize("vehicle", [name for name in vehicle_names() if name != "remus100_fossen"])
+def test_each_published_vehicle_makes_a_campaign_before_there_is_a_log(tmp_path, vehicle):
+    campaign = check_text(tmp_path, vehicle_campaign_text(tmp_path, vehicle))
+    assert campaign.full.terms
+    assert not campaign.has_records
 
 
 def test_what_is_needed_and_not_mapped_is_known(tmp_path):
     """A quaternion is made of three angles, velocities along the body are made of those over the earth; a thruster is made of nothing."""
-    text = log_campaign_text(tmp_path, "bluerov2_heavy", log_of(tmp_path))
+    text = vehicle_campaign_text(tmp_path, "bluerov2_heavy", log_of(tmp_path))
 
     def missing(*gone, more=""):
         kept = [line for line in text.splitlines() if not line.startswith(tuple(f"channels.{name} " for name in gone))]
@@ -83,19 +91,19 @@ def test_a_log_without_the_vehicles_controls_is_refused(tmp_path):
     with pytest.raises(
         InputError, match=r"4 outputs to thrusters: pwm\[0\] \(f_1\)[^$]*8, one for each[^$]*vehicle.thrusters"
     ):
-        log_campaign_text(tmp_path, "bluerov2_heavy", few)
-    still = check_text(tmp_path, log_campaign_text(tmp_path, "bluerov2_heavy", log_of(tmp_path, moving=5)))
+        vehicle_campaign_text(tmp_path, "bluerov2_heavy", few)
+    still = check_text(tmp_path, vehicle_campaign_text(tmp_path, "bluerov2_heavy", log_of(tmp_path, moving=5)))
     assert still.imports.files[0].channels["f_8"].column == "pwm[7]"
     path = log_of(tmp_path)
     with pytest.raises(InputError, match="no column that may be a control"):
-        log_campaign_text(tmp_path, "remus100_prestero", path)
+        vehicle_campaign_text(tmp_path, "remus100_prestero", path)
     with pytest.raises(InputError, match="surge alone"):
-        log_campaign_text(tmp_path, "remus100_surge", path)
+        vehicle_campaign_text(tmp_path, "remus100_surge", path)
 
 
 def test_a_run_is_kept_while_its_conditions_hold(tmp_path):
     """Armed from 1.0 s to the end, above 14.05 V until 1.9 s, the last stamp at which it is still held being that of the next row."""
-    text = log_campaign_text(tmp_path, "bluerov2_heavy", log_of(tmp_path), ("u", "v", "r"))
+    text = vehicle_campaign_text(tmp_path, "bluerov2_heavy", log_of(tmp_path))
     when = '[[import.keep]]\npath = "dive.csv"\nwhen = "armed == 1 and volts > 14.05"\n\n[[import.files]]'
     campaign_file = tmp_path / "campaign.toml"
     campaign_file.write_text(text.replace("[[import.files]]", when, 1))
