@@ -110,8 +110,8 @@ def test_a_run_in_other_units_is_an_alarm(known, factor):
     record = run(known, "2", WAVE, 1)
     found, _ = predicted(known, replace(record, measurement=factor * record.measurement))
     together, alone = held_back_alarms(found.fits, found.pooled)
-    assert together.startswith("held-back runs: 0% of u in 1 held-back run lies inside")
-    assert "wrong unit" in alone
+    assert (together.code, together.values["coverage"]) == ("bands-too-narrow", 0.0)
+    assert alone.remedies[-1] == "look-at-trial"
     assert f"u up to {factor * record.measurement.max():.3g} m/s" in found.fits[0].words
 
 
@@ -126,7 +126,7 @@ def test_a_run_whose_inputs_never_move_is_unjudged(known):
     steady = 1.54 * np.sqrt(2.93 / 6.28e-4)
     found, _ = predicted(known, run(known, "2", np.full(300, steady), 3))
     assert found.fits[0].level == "unjudged"
-    assert "tests little" in found.fits[0].reason
+    assert found.fits[0].verdict.code == "noise-hides-motion"
 
 
 def test_two_runs_of_the_same_input_are_told(known):

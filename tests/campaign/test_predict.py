@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 
 from seatrial.campaign.inference.judge_predictions import (
-    MOST_NAMED,
     HeldBack,
     disowned,
     fit_complaints,
@@ -19,6 +18,7 @@ from seatrial.core.serialise import from_plain, to_plain
 from seatrial.estimation.prediction.fit_verdict import judge_fit
 from seatrial.estimation.prediction.pooled_coverage import pooled_verdict, run_residuals
 from seatrial.estimation.prediction.prediction_scores import Score
+from seatrial.messages.render import MAX_RUNS_NAMED, remedy, sentences
 
 NUMBERS = {
     "nrmse": 0.5,
@@ -50,14 +50,14 @@ def fit(record, *, held_back=False, channel="u", coverage=0.9, variance=1.0, exp
         coefficient_share=0.1,
     )
     verdict = judge_fit(score, channel, held_back, "white")
-    return Fit(**vars(score), record=record, held_back=held_back, channel=channel, **verdict._asdict())
+    return Fit(**vars(score), record=record, held_back=held_back, channel=channel, verdict=verdict)
 
 
 def test_a_trial_is_as_bad_as_its_worst_channel():
     fits = [fit("1"), fit("1", channel="udot", coverage=0.7, variance=2.5), fit("2")]
     verdicts = trial_verdicts(fits)
     assert {label: verdict.level for label, verdict in verdicts.items()} == {"1": "caution", "2": "pass"}
-    assert "udot" in verdicts["1"].reason
+    assert verdicts["1"].subject == ("udot",)
 
 
 def test_complaints_are_few_and_the_gravest_is_first():
@@ -67,11 +67,11 @@ def test_complaints_are_few_and_the_gravest_is_first():
         fit("3", correlation=0.7, white=1e-9),
         fit("4", held_back=True, coverage=0.2, variance=30.0),
     ]
-    (alarm,) = held_back_alarms(fits, [])
+    (alarm,) = sentences(held_back_alarms(fits, []))
     assert alarm.startswith("held-back run 4: 20% of u lies inside the 90 % band")
-    (said,) = fit_complaints(fits)
+    (said,) = sentences(fit_complaints(fits))
     assert said.startswith("run 2: residuals of u are correlated (+0.60 over 0.1 s)")
-    assert "by a factor of about 2.0; likewise 3; set estimation.residuals" in said
+    assert "by a factor of about 2.0; likewise 3. Set estimation.residuals" in said
     assert fit_complaints(fits[:1]) == []
 
 
@@ -79,18 +79,18 @@ def test_correlated_residuals_of_all_channels_are_one_caution():
     fits = [
         fit(run, channel=channel, correlation=0.6, white=1e-9) for run in ("a", "b") for channel in ("u", "r", "udot")
     ]
-    (said,) = fit_complaints(fits)
+    (said,) = sentences(fit_complaints(fits))
     assert said.startswith("run a: residuals of u are correlated (+0.60 over 0.1 s)")
     assert "[prior.tau_u]" in said
-    assert "; likewise b; likewise r of a, b; likewise udot of a, b; set estimation.residuals" in said
+    assert "; likewise b; likewise r of a, b; likewise udot of a, b. Set estimation.residuals" in said
     assert disowned(fits) == said
     assert disowned(fits[:0]) == ""
 
 
 def test_what_to_do_is_told_once_for_all_channels_and_runs():
     narrow = [fit(run, channel=channel, coverage=0.7, variance=2.5) for channel in ("u", "r") for run in ("a", "b")]
-    (said,) = fit_complaints(narrow)
-    assert said.endswith("is too small; likewise b; likewise r of a, b; look for outliers or a missing term")
+    (said,) = sentences(fit_complaints(narrow))
+    assert said.endswith("is too small; likewise b; likewise r of a, b. Look for outliers or a missing term")
     assert narrow[0].finding == narrow[0].reason
     assert narrow[0].words == f"{narrow[0].reason}; {narrow[0].advice}"
 
@@ -98,8 +98,8 @@ def test_what_to_do_is_told_once_for_all_channels_and_runs():
 def test_where_a_run_leaves_the_fitted_range_is_told_once():
     outside = ("u up to 2 m/s where the fit saw 1",)
     poor = replace(fit("a", held_back=True, explained=0.3), outside=outside)
-    (first, left) = fit_complaints([poor, replace(fit("b", held_back=True), outside=outside)])
-    assert "; it goes beyond what was fitted: u up to 2 m/s where the fit saw 1; add a term" in first
+    (first, left) = sentences(fit_complaints([poor, replace(fit("b", held_back=True), outside=outside)]))
+    assert "; it goes beyond what was fitted: u up to 2 m/s where the fit saw 1. Add a term" in first
     assert left == "held-back run b goes beyond what was fitted: u up to 2 m/s where the fit saw 1"
 
 
@@ -115,8 +115,8 @@ def pooled(scale):
 def test_held_back_runs_that_fail_together_are_an_alarm_even_where_none_fails_alone():
     fits = [fit(str(i), held_back=True, coverage=0.75) for i in range(4)]
     (alarm,) = held_back_alarms(fits, [pooled(0.2)])
-    assert alarm.startswith("held-back runs: ")
-    assert "widen the bands 2.0 times" in alarm
+    assert (alarm.code, alarm.level) == ("bands-too-narrow", "alarm")
+    assert "widen the bands 2.0 times" in remedy(alarm)
     assert held_back_alarms(fits, [pooled(0.1)]) == []
 
 
@@ -124,8 +124,8 @@ def test_what_could_not_be_judged_is_said_and_is_no_alarm():
     time = np.arange(3) * 0.1
     few = pooled_verdict([run_residuals(time, np.array([0.1, -0.1, 0.1]), np.zeros(3), np.zeros(3), 0.1)], "u")
     assert held_back_alarms([], [few]) == []
-    (said,) = fit_complaints([], [few])
-    assert "too few to say whether the bands hold" in said
+    (found,) = fit_complaints([], [few])
+    assert found.code == "runs-too-few"
 
 
 def test_lines_say_worse_than_the_mean_and_by_how_much_where_a_percentage_would_be_negative():
@@ -137,9 +137,9 @@ def test_lines_say_worse_than_the_mean_and_by_how_much_where_a_percentage_would_
 
 
 def test_many_trials_with_one_trouble_are_counted_and_not_listed():
-    said = fit_complaints([fit(str(i), held_back=True, explained=0.3) for i in range(20)])
+    said = sentences(fit_complaints([fit(str(i), held_back=True, explained=0.3) for i in range(20)]))
     assert len(said) == 1
-    assert "; likewise " + ", ".join(map(str, range(1, MOST_NAMED + 1))) + ", others; add " in said[0]
+    assert "; likewise " + ", ".join(map(str, range(1, MAX_RUNS_NAMED + 1))) + ", others. Add " in said[0]
 
 
 def test_a_fit_is_plain_numbers_and_words():

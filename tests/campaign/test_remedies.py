@@ -15,10 +15,10 @@ from seatrial.campaign.inference import prior_and_record
 from seatrial.campaign.inference.omitted_effects import _ways
 from seatrial.campaign.inference.posterior import build_posterior
 from seatrial.core.errors import InputError
+from seatrial.core.findings import Finding
 from seatrial.estimation.diagnostics.candidate_effects import candidate_effects
 from seatrial.estimation.diagnostics.prior_checks import _remedy
 from seatrial.estimation.posterior.posterior import Parameter
-from seatrial.estimation.prediction.fit_verdict import slow_remedy
 from seatrial.estimation.priors import LogUniform
 from seatrial.messages.render import remedy
 from tests.campaign.small import SMALL
@@ -122,7 +122,7 @@ def test_a_file_that_is_refused(tmp_path, name):
 
 @pytest.mark.parametrize("kind", ["coloured", "drifting"])
 def test_the_remedy_of_correlated_residuals(tmp_path, kind):
-    said = slow_remedy(kind, "u")
+    said = remedy(Finding("residuals-correlated", "caution", ("u",), {}, (f"{kind}-noise",)))
     before = NOISE_PRIORS + TAU_PRIOR if kind == "drifting" else NOISE_PRIORS
     text = SMALL.replace("[estimation]\n", f'[estimation]\nresiduals = "{kind}"\n') + before + sections(said)
     if kind == "drifting":

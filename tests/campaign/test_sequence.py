@@ -244,8 +244,8 @@ def test_a_model_that_fails_on_held_back_runs_stops_the_sequence_and_takes_the_h
     outcome = replace(make_outcome(tmp_path), pooled=make_pooled(0.05))
     assert propose(outcome).trial is None
     stop = next(line for line in propose(outcome).lines if line.startswith("stop: "))
-    assert "the model fails where it was not fitted: held-back runs: " in stop
-    assert "widen the bands" in stop
+    assert "the model fails where it was not fitted: " in stop
+    assert "Widen the bands" in stop
     headline = str(answer(outcome))
     assert headline.startswith("The model fails on runs that it was not fitted to.")
-    assert "widen the bands" in headline
+    assert "Widen the bands" in headline

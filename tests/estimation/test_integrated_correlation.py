@@ -86,11 +86,10 @@ def test_a_small_slow_error_is_a_caution_with_its_factor():
     assert abs(score.correlation) < 0.1
     assert whiteness(time, measured - motion).neighbours == pytest.approx(0.081, abs=0.03)
     found = judge_fit(score, "u", False, "white")
-    assert (found.level, found.about) == ("caution", "slow and white residuals")
-    assert 'set estimation.residuals = "drifting"' in found.advice
-    assert ", and lasting" in found.reason
-    assert float(found.reason.split("by a factor of about ")[1]) == pytest.approx(3.0, rel=0.3)
-    assert judge_fit(score, "u", True, "white").about == ""
+    assert (found.level, found.code) == ("caution", "residuals-correlated")
+    assert (found.remedies, found.values["faint"]) == (("drifting-noise",), True)
+    assert found.values["factor"] == pytest.approx(3.0, rel=0.3)
+    assert judge_fit(score, "u", True, "white").level == "pass"
 
 
 @pytest.mark.parametrize(("rho", "factor"), [(0.6, 2.0), (0.8, 3.0)])

@@ -60,18 +60,18 @@ def test_right_bands_pass_and_narrow_ones_fail_with_the_factor_that_mends_them()
     assert (right.level, right.runs, right.samples) == ("pass", 6, 2400)
     assert right.lower < 0.9 < right.upper
     wrong = pooled_verdict(white_runs(1.8), "u")
-    assert (wrong.level, wrong.about) == ("fail", "bands do not hold")
+    assert (wrong.level, wrong.verdict.code) == ("fail", "bands-too-narrow")
     assert wrong.widen_lower < 1.8 < wrong.widen_upper
-    assert "widen the bands 1.8 times (1.7 to 1.9)" in wrong.advice
+    assert wrong.verdict.remedies[0] == "widen-bands"
     wide = pooled_verdict(white_runs(0.5), "u")
-    assert (wide.level, wide.about) == ("caution", "bands too wide")
+    assert (wide.level, wide.verdict.code) == ("caution", "bands-too-wide")
 
 
 def test_runs_that_tell_nothing_alone_tell_something_together():
     alone, together = pooled_verdict(slow_runs(2.0, 1), "u"), pooled_verdict(slow_runs(2.0, 12), "u")
     assert alone.effective < 20
     assert alone.level == "unjudged"
-    assert "too few to say" in alone.reason
+    assert alone.verdict.code == "runs-too-few"
     assert together.effective > 20
     assert together.level == "fail"
 
@@ -122,9 +122,9 @@ def test_a_run_of_three_samples_is_not_judged():
 
 
 @pytest.mark.parametrize(
-    ("noise", "level", "about"), [(0.75, "caution", "little motion predicted"), (0.5, "fail", "bands do not hold")]
+    ("noise", "level", "code"), [(0.75, "caution", "little-motion-predicted"), (0.5, "fail", "bands-too-narrow")]
 )
-def test_a_run_s_own_mean_that_predicts_better_is_never_passed(noise, level, about):
+def test_a_run_s_own_mean_that_predicts_better_is_never_passed(noise, level, code):
     motion, random = np.sin(0.3 * TIME), np.random.default_rng(6)
     runs = [
         run_residuals(TIME, motion + 0.3 * random.normal(size=400), -0.05 * motion, np.zeros(400), noise)
@@ -132,7 +132,7 @@ def test_a_run_s_own_mean_that_predicts_better_is_never_passed(noise, level, abo
     ]
     found = pooled_verdict(runs, "u")
     assert found.explained < 0
-    assert (found.level, found.about) == (level, about)
+    assert (found.level, found.verdict.code) == (level, code)
 
 
 def test_what_was_not_measured_or_diverges():
@@ -141,7 +141,7 @@ def test_what_was_not_measured_or_diverges():
     assert pooled_verdict([], "u").level == "unjudged"
     away = run_residuals(TIME, np.zeros(400), np.where(TIME > 9, np.inf, 0.0), np.zeros(400), 1.0)
     found = pooled_verdict([away, *white_runs(1.0, 2)], "u")
-    assert (found.level, found.about) == ("fail", "diverges")
+    assert (found.level, found.verdict.code) == ("fail", "runs-diverge")
 
 
 def test_one_run_that_is_beyond_chance_among_as_many_fails_all():
@@ -150,7 +150,7 @@ def test_one_run_that_is_beyond_chance_among_as_many_fails_all():
     assert found.upper > 0.9 or found.coverage > 0.6
     assert found.p_value < 0.00135
     assert found.level == "fail"
-    assert f"{found.least:.0%} to {found.most:.0%} by run" in found.reason
+    assert (found.verdict.values["least"], found.verdict.values["most"]) == (found.least, found.most)
 
 
 def test_so_few_inside_are_no_pass_where_chance_allows_them():
@@ -158,7 +158,7 @@ def test_so_few_inside_are_no_pass_where_chance_allows_them():
     sets = [[run(slow(8.0, 100 * trial + seed, 1.35)) for seed in range(3)] for trial in range(40)]
     found = [pooled_verdict(one, "u") for one in sets]
     assert not [one for one in found if one.level == "pass" and one.coverage < 0.85]
-    assert any("too few inside for a pass" in one.reason for one in found)
+    assert any(one.verdict.code == "bands-doubtful" for one in found)
 
 
 def test_samples_are_worth_what_their_squared_correlation_leaves():

@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from seatrial.estimation.prediction.fit_verdict import FitVerdict, judge_fit, worst
+from seatrial.core.findings import Finding
+from seatrial.estimation.prediction.fit_verdict import judge_fit, worst
 from seatrial.estimation.prediction.prediction import within_bounds
 from seatrial.estimation.prediction.prediction_scores import DIVERGES, SlowNoise, score_channel
 from seatrial.estimation.priors import Normal, Uniform
+from seatrial.messages.render import statement
 
 TIME = np.arange(1200) * 0.05
 MOTION = np.sin(0.4 * TIME)
@@ -33,7 +35,7 @@ def slow(tau, scale=NOISE, seed=1):
     return scale * np.array(e)
 
 
-def verdict(score, held_back=False, noise="white", feedback=False) -> FitVerdict:
+def verdict(score, held_back=False, noise="white", feedback=False) -> Finding:
     return judge_fit(score, "u", held_back, noise, feedback=feedback)
 
 
@@ -65,33 +67,30 @@ def test_false_alarms_are_rare():
 
 
 @pytest.mark.parametrize(
-    ("scale", "level", "about"),
+    ("scale", "level", "code"),
     [
-        (1.25, "pass", ""),
-        (1.6, "caution", "band too narrow"),
-        (2.5, "fail", "errors beyond what is stated"),
-        (0.6, "caution", "band too wide"),
+        (1.25, "pass", "prediction-agrees"),
+        (1.6, "caution", "band-too-narrow"),
+        (2.5, "alarm", "errors-beyond-stated"),
+        (0.6, "caution", "band-too-wide"),
     ],
 )
-def test_size_of_the_errors(scale, level, about):
+def test_size_of_the_errors(scale, level, code):
     found = verdict(scored(white(scale * NOISE)), held_back=True)
-    assert (found.level, found.about) == (level, about)
+    assert (found.level, found.code) == (level, code)
 
 
 def test_outliers_fail_by_their_size():
     errors = white()
     errors[::40] += 2.0
-    assert verdict(scored(errors)).level == "fail"
+    assert verdict(scored(errors)).level == "alarm"
 
 
 def test_white_noise_on_slow_residuals():
     """Half of the variance is white: the correlation of neighbours, 0.45, would say a factor of 1.6, and it is sqrt((1 + 20) / 2) = 3.2."""
     found = verdict(scored(np.sqrt(0.5) * (slow(0.5) + white())))
-    assert 'set estimation.residuals = "drifting"' in found.advice
-    assert "[prior.drift_u]" in found.advice
-    assert "[prior.drift_time_u]" in found.advice
-    factor = float(found.reason.split("by a factor of about ")[1])
-    assert factor == pytest.approx(3.2, rel=0.3)
+    assert (found.code, found.remedies) == ("residuals-correlated", ("drifting-noise",))
+    assert found.values["factor"] == pytest.approx(3.2, rel=0.3)
 
 
 def test_an_uncertain_motion_is_one_error_and_not_a_thousand():
@@ -100,67 +99,62 @@ def test_an_uncertain_motion_is_one_error_and_not_a_thousand():
     assert off.coverage < 0.01
     assert off.effective < 1.1
     found = verdict(off, held_back=True)
-    assert found.level == "unjudged"
-    assert "worth one independent sample, too few to judge whether its band holds" in found.reason
-    assert "worth 9.9 independent samples, too few" in verdict(replace(off, effective=9.97), held_back=True).reason
-    assert verdict(scored(white(0.01) + 0.5, motion_sd=0.002, noise=0.01), held_back=True).level == "fail"
+    assert found.level == "note"
+    assert (found.code, found.values["effective"]) == ("samples-too-few", off.effective)
+    assert verdict(replace(off, effective=9.97), held_back=True).code == "samples-too-few"
+    assert verdict(scored(white(0.01) + 0.5, motion_sd=0.002, noise=0.01), held_back=True).level == "alarm"
 
 
 def test_slow_residuals():
     """The factor is that of an autoregressive process, sqrt((1 + rho) / (1 - rho)) = 3.2 for 0.25 s in steps of 0.05 s."""
     errors = slow(0.25)
     found = verdict(scored(errors))
-    assert found.about == "correlated residuals"
-    assert "by a factor of about 3." in found.reason
-    assert 'set estimation.residuals = "coloured"' in found.advice
-    assert '[prior.tau_u], for example with distribution = "log-uniform", lower = 0.05 and upper = 10.0' in found.advice
+    assert found.code == "residuals-correlated"
+    assert found.values["factor"] == pytest.approx(3.2, rel=0.2)
+    assert found.remedies == ("coloured-noise",)
     assert verdict(scored(errors, slow=SlowNoise(0.25, 1.0)), noise="coloured").level == "pass"
     through = verdict(scored(errors), feedback=True)
-    assert through.about == "biased through the autopilot"
-    assert 'set estimation.likelihood = "filter-error"' in through.advice
+    assert through.code == "residuals-biased"
+    assert through.remedies == ("filter-error",)
     assert verdict(scored(white()), feedback=True).level == "pass"
     both = np.sqrt(0.5) * (errors + white())
-    mixed = verdict(scored(np.sqrt(0.5) * (slow(2.0) + white()))).advice
-    assert 'set estimation.residuals = "drifting", white noise on a slow error' in mixed
-    assert "[prior.drift_u]" in mixed
-    assert "[prior.drift_time_u]" in mixed
+    assert verdict(scored(np.sqrt(0.5) * (slow(2.0) + white()))).remedies == ("drifting-noise",)
     assert verdict(scored(both, slow=SlowNoise(0.25, 0.5)), noise="coloured").level == "pass"
-    assert verdict(scored(both, slow=SlowNoise(0.25, 1.0)), noise="coloured").about == "correlated beyond the model"
-    assert "or look for" in verdict(scored(both, slow=SlowNoise(0.25, 1.0)), noise="coloured").advice
-    assert verdict(scored(both, slow=SlowNoise(0.25, 1.0)), noise="drifting").advice == "look for a missing term"
+    assert verdict(scored(both, slow=SlowNoise(0.25, 1.0)), noise="coloured").code == "residuals-beyond-model"
+    assert verdict(scored(both, slow=SlowNoise(0.25, 1.0)), noise="coloured").remedies[1:] == ("missing-term",)
+    assert verdict(scored(both, slow=SlowNoise(0.25, 1.0)), noise="drifting").remedies == ("missing-term",)
     wrong = verdict(scored(errors, slow=SlowNoise(0.01, 1.0)), noise="coloured")
-    assert wrong.about == "correlated beyond the model"
-    assert "too large" in verdict(scored(white() - np.roll(white(), 1), noise=1.4 * NOISE)).reason
+    assert wrong.code == "residuals-beyond-model"
+    assert verdict(scored(white() - np.roll(white(), 1), noise=1.4 * NOISE)).code == "residuals-opposite"
 
 
 def test_a_lopsided_error():
     found = verdict(scored(NOISE * (np.random.default_rng(2).exponential(size=TIME.size) - 0.3)))
-    assert found.about == "errors not normal"
-    assert "on one side" in found.reason
+    assert found.code == "errors-not-normal"
+    assert found.values["side"] > 0.5
 
 
 def test_little_motion_explained():
     hidden = verdict(scored(white(5.0), noise=5.0))
-    assert hidden.about == "noise hides the motion"
+    assert hidden.code == "noise-hides-motion"
     ignorant = verdict(scored(white(), mean=-MOTION, motion_sd=2.0), held_back=True)
-    assert ignorant.level == "unjudged"
-    assert "u is predicted worse than by the run's own mean" in ignorant.reason
-    assert "uncertainty of the coefficients allows" in ignorant.reason
-    assert "next trial" in ignorant.advice
+    assert ignorant.level == "note"
+    assert ignorant.values["explained"] < 0
+    assert (ignorant.values["why"], ignorant.remedies) == ("coefficients-uncertain", ("next-trial",))
 
 
 def test_the_coefficients_are_blamed_only_where_their_uncertainty_covers_the_errors():
     """Half the motion is missed and the band is wide: by the coefficients, by slow noise of the fit, or by pushes of process noise."""
     missed, wide = 0.1 * MOTION, np.full(TIME.size, 0.8)
     noise = scored(white(), mean=missed, noise=0.6, slow=SlowNoise(1.2, 1.0))
-    said = verdict(replace(noise, effective=20.0, noise_share=0.4), held_back=True, noise="coloured").reason
-    assert "because of the residuals of the fit, 0.6 m/s with a correlation time of 1.2 s" in said
-    assert "not because the coefficients are uncertain" in said
+    found = verdict(replace(noise, effective=20.0, noise_share=0.4), held_back=True, noise="coloured")
+    assert found.code == "predicted-poorly"
+    assert (found.values["noise_sd"], found.values["correlation_time"]) == (0.6, 1.2)
     known = scored(white(), mean=missed, motion_sd=0.8)
-    assert "next trial" in verdict(replace(known, effective=20.0), held_back=True).advice
+    assert verdict(replace(known, effective=20.0), held_back=True).remedies == ("next-trial",)
     pushed = score_channel(TIME, MOTION + white(), missed, wide, NOISE, coefficient_sd=0.01 * wide)
     assert pushed.coefficient_share < 0.001
-    assert "next trial" not in verdict(replace(pushed, effective=20.0), held_back=True).advice
+    assert "next-trial" not in verdict(replace(pushed, effective=20.0), held_back=True).remedies
 
 
 def test_a_measurement_that_never_changes():
@@ -168,20 +162,15 @@ def test_a_measurement_that_never_changes():
     assert found.explained == found.nrmse == 0.0
     assert found.missing == "the measurement never changes"
     assert found.rmse == 0.0
-    assert "never changes" in verdict(found).reason
-    assert verdict(found).level == "unjudged"
+    assert "signal-constant" in (verdict(found).code, verdict(found).values.get("why"))
+    assert verdict(found).level == "note"
 
 
 def test_a_channel_without_measurements():
     found = score_channel(TIME, np.full(TIME.size, np.nan), MOTION, np.zeros(TIME.size), NOISE)
     assert found.samples == 0
     assert repr(found).startswith("Score: 0 samples; ")
-    assert verdict(found, held_back=True) == FitVerdict(
-        "unjudged",
-        "not measured",
-        "nothing was measured of u: the prediction cannot be judged",
-        "check the channel map",
-    )
+    assert verdict(found, held_back=True) == Finding("channel-not-measured", "note", ("u",), {}, ("check-map",))
 
 
 @pytest.mark.parametrize("count", [1, 2, 5])
@@ -191,25 +180,25 @@ def test_a_few_measurements(count):
     found = score_channel(TIME, measured, MOTION, np.full(TIME.size, 0.01), NOISE)
     assert 0 < found.samples <= count + 1
     assert np.isfinite([x for x in vars(found).values() if isinstance(x, float)]).all()
-    assert verdict(found).reason
+    assert statement(verdict(found))
 
 
 def test_a_prediction_that_diverges_fails():
     mean = np.where(TIME > 30, np.inf, MOTION)
     found = score_channel(TIME, MOTION, mean, np.zeros(TIME.size), NOISE)
-    assert verdict(found).level == "fail"
-    assert "without bound" in verdict(found).reason
+    assert verdict(found).level == "alarm"
+    assert verdict(found).code == "prediction-diverges"
 
 
 def test_the_worst_channel_speaks_for_the_trial():
     levels = [
-        FitVerdict("pass", "", "a"),
-        FitVerdict("caution", "x", "b"),
-        FitVerdict("fail", "y", "c"),
-        FitVerdict("fail", "z", "d"),
+        Finding("prediction-agrees", "pass"),
+        Finding("band-too-wide", "caution"),
+        Finding("errors-beyond-stated", "alarm"),
+        Finding("prediction-diverges", "alarm"),
     ]
-    assert worst(levels).reason == "c"
-    assert worst(levels[:2]).reason == "b"
+    assert worst(levels) == levels[2]
+    assert worst(levels[:2]) == levels[1]
 
 
 @pytest.mark.parametrize(("inside", "narrow"), [(11, True), (12, False)])
@@ -217,7 +206,7 @@ def test_so_few_samples_in_the_band_are_no_chance_by_the_binomial_law(inside, na
     """Of 18 independent samples, each inside with probability 0.9, 11 or fewer are in 0.12 % of trials, 12 or fewer in 0.64 %."""
     assert (stats.binom(18, 0.9).cdf(inside) < 0.00135) == narrow
     score = replace(scored(white()), effective=18.0, coverage=inside / 18, variance=1.0)
-    assert (verdict(score).about == "band too narrow") == narrow
+    assert (verdict(score).code == "band-too-narrow") == narrow
 
 
 def changed(**numbers):
@@ -230,63 +219,61 @@ def changed(**numbers):
 
 
 @pytest.mark.parametrize(
-    ("numbers", "about"),
+    ("numbers", "code"),
     [
-        ({"coverage": 0.81}, ""),
-        ({"coverage": 0.79}, "band too narrow"),
-        ({"coverage": 0.61}, "band too narrow"),
-        ({"coverage": 0.59}, "errors beyond what is stated"),
-        ({"coverage": 0.59, "effective": 2.0}, "too little to judge"),
-        ({"variance": 1.95}, ""),
-        ({"variance": 2.05}, "band too narrow"),
-        ({"variance": 3.95}, "band too narrow"),
-        ({"variance": 4.05}, "errors beyond what is stated"),
-        ({"variance": 2.05, "effective": 2.0}, "too little to judge"),
-        ({"variance": 0.55, "coverage": 0.99}, ""),
-        ({"variance": 0.45, "coverage": 0.99}, "band too wide"),
-        ({"variance": 0.45, "coverage": 0.97}, ""),
-        ({"variance": 0.45, "coverage": 0.99, "effective": 5.0}, "too little to judge"),
-        ({"variance": 0.45, "coverage": 0.99, "missing": "the measurement never changes"}, "never changes"),
-        ({"effective": 10.0}, ""),
-        ({"effective": 9.9}, "too little to judge"),
-        ({"effective": 1.0, "variance": 10.2}, "too little to judge"),
-        ({"effective": 1.0, "variance": 10.4}, "errors beyond what is stated"),
-        ({"explained": 0.51}, ""),
-        ({"explained": 0.49}, "predicted poorly"),
-        ({"explained": 0.49, "noise_share": 0.49}, "predicted poorly"),
-        ({"explained": 0.49, "noise_share": 0.51}, "noise hides the motion"),
-        ({"correlation": 0.11, "white": 0.001}, "correlated residuals"),
-        ({"correlation": -0.11, "white": 0.001}, "opposite residuals"),
-        ({"correlation": 0.09, "white": 0.001}, ""),
-        ({"correlation": -0.09, "sd_factor": 0.5, "white": 0.001}, ""),
-        ({"correlation": 0.5, "white": 0.02}, ""),
-        ({"pit_distance": 0.11}, "errors not normal"),
-        ({"pit_distance": 0.09}, ""),
-        ({"pit_distance": 0.16, "effective": 100.0}, ""),
-        ({"pit_distance": 0.17, "effective": 100.0}, "errors not normal"),
+        ({"coverage": 0.81}, "prediction-agrees"),
+        ({"coverage": 0.79}, "band-too-narrow"),
+        ({"coverage": 0.61}, "band-too-narrow"),
+        ({"coverage": 0.59}, "errors-beyond-stated"),
+        ({"coverage": 0.59, "effective": 2.0}, "samples-too-few"),
+        ({"variance": 1.95}, "prediction-agrees"),
+        ({"variance": 2.05}, "band-too-narrow"),
+        ({"variance": 3.95}, "band-too-narrow"),
+        ({"variance": 4.05}, "errors-beyond-stated"),
+        ({"variance": 2.05, "effective": 2.0}, "samples-too-few"),
+        ({"variance": 0.55, "coverage": 0.99}, "prediction-agrees"),
+        ({"variance": 0.45, "coverage": 0.99}, "band-too-wide"),
+        ({"variance": 0.45, "coverage": 0.97}, "prediction-agrees"),
+        ({"variance": 0.45, "coverage": 0.99, "effective": 5.0}, "samples-too-few"),
+        ({"variance": 0.45, "coverage": 0.99, "missing": "the measurement never changes"}, "signal-constant"),
+        ({"effective": 10.0}, "prediction-agrees"),
+        ({"effective": 9.9}, "samples-too-few"),
+        ({"effective": 1.0, "variance": 10.2}, "samples-too-few"),
+        ({"effective": 1.0, "variance": 10.4}, "errors-beyond-stated"),
+        ({"explained": 0.51}, "prediction-agrees"),
+        ({"explained": 0.49}, "predicted-poorly"),
+        ({"explained": 0.49, "noise_share": 0.49}, "predicted-poorly"),
+        ({"explained": 0.49, "noise_share": 0.51}, "noise-hides-motion"),
+        ({"correlation": 0.11, "white": 0.001}, "residuals-correlated"),
+        ({"correlation": -0.11, "white": 0.001}, "residuals-opposite"),
+        ({"correlation": 0.09, "white": 0.001}, "prediction-agrees"),
+        ({"correlation": -0.09, "sd_factor": 0.5, "white": 0.001}, "prediction-agrees"),
+        ({"correlation": 0.5, "white": 0.02}, "prediction-agrees"),
+        ({"pit_distance": 0.11}, "errors-not-normal"),
+        ({"pit_distance": 0.09}, "prediction-agrees"),
+        ({"pit_distance": 0.16, "effective": 100.0}, "prediction-agrees"),
+        ({"pit_distance": 0.17, "effective": 100.0}, "errors-not-normal"),
     ],
 )
-def test_each_departure_counts_from_where_it_matters_and_is_no_chance(numbers, about):
+def test_each_departure_counts_from_where_it_matters_and_is_no_chance(numbers, code):
     """Errors 1.4 times those stated, half the variance, a tenth of a correlation; 1.63 over the root of the samples is chance."""
     found = changed(**numbers)
-    assert (found.about, found.level != "pass") == (about, bool(about))
+    assert (found.code, found.level == "pass") == (code, code == "prediction-agrees")
 
 
-@pytest.mark.parametrize(
-    ("pit", "said"), [((0.1, 0.1, 0.4, 0.4), "80% of it on one side"), ((0.7, 0.0, 0.1, 0.2), "70% of it on one side")]
-)
-def test_the_side_to_which_errors_lie_is_told(pit, said):
-    assert said in changed(pit_distance=0.3, pit=pit).reason
-    assert "one side" not in changed(pit_distance=0.3, pit=(0.45, 0.0, 0.1, 0.45)).reason
+@pytest.mark.parametrize(("pit", "side"), [((0.1, 0.1, 0.4, 0.4), 0.8), ((0.7, 0.0, 0.1, 0.2), 0.7)])
+def test_the_side_to_which_errors_lie_is_reported(pit, side):
+    assert changed(pit_distance=0.3, pit=pit).values["side"] == pytest.approx(side)
+    assert changed(pit_distance=0.3, pit=(0.45, 0.0, 0.1, 0.45)).values["side"] == 0.0
 
 
 def test_a_bad_fit_is_told_otherwise_than_a_bad_prediction():
     poor = replace(scored(white()), explained=0.3, pit_distance=0.0)
-    assert verdict(poor).about == "fitted poorly"
-    assert "missing term" in verdict(scored(white(2.5 * NOISE))).advice
-    assert "another condition" in verdict(scored(white(2.5 * NOISE)), held_back=True).advice
-    assert "fit more trials" in verdict(scored(white(1.6 * NOISE)), held_back=True).advice
-    assert "fit more trials" not in verdict(scored(white(1.6 * NOISE))).advice
+    assert verdict(poor).code == "fitted-poorly"
+    assert verdict(scored(white(2.5 * NOISE))).remedies == ("look-at-residuals",)
+    assert verdict(scored(white(2.5 * NOISE)), held_back=True).remedies == ("look-at-trial",)
+    assert verdict(scored(white(1.6 * NOISE)), held_back=True).remedies == ("more-trials",)
+    assert verdict(scored(white(1.6 * NOISE))).remedies == ("outliers-or-term",)
 
 
 def test_samples_that_a_trial_is_worth():
@@ -312,19 +299,18 @@ def test_scores_of_the_whole_distribution_by_hand():
 def test_a_run_in_other_units_fails_however_short(factor, samples):
     rate = np.radians(5) * np.cos(0.4 * TIME[:samples])
     found = score_channel(TIME[:samples], factor * rate, rate, np.full(samples, 0.002), 0.005)
-    said = judge_fit(found, "r", held_back=True, noise="white")
-    assert said.level == "fail"
-    assert "wrong unit" in said.advice
+    judged = judge_fit(found, "r", held_back=True, noise="white")
+    assert (judged.level, judged.remedies) == ("alarm", ("look-at-trial",))
 
 
 def test_a_run_of_three_samples_is_unjudged():
     found = score_channel(TIME[:3], MOTION[:3] + np.array([0.1, -0.1, 0.05]), MOTION[:3], np.full(3, 0.01), NOISE)
-    assert verdict(found, held_back=True).level == "unjudged"
+    assert verdict(found, held_back=True).level == "note"
 
 
 def test_a_run_that_leaves_the_fitted_range_is_told_to_be_fitted_too():
-    said = judge_fit(scored(white(2.5 * NOISE)), "u", True, "white", outside=True)
-    assert said.advice.startswith("fit a run that goes as far, or else look at this trial")
+    judged = judge_fit(scored(white(2.5 * NOISE)), "u", True, "white", outside=True)
+    assert judged.remedies == ("fit-as-far", "look-at-trial")
 
 
 def test_gaps_are_left_out():
@@ -360,4 +346,4 @@ def test_a_prediction_that_goes_far_beyond_what_was_measured_diverges(far, missi
     for mean, sd in ((far, 0.1), (0.0, far)):
         score = score_channel(time, measured, np.full(40, mean), np.full(40, sd), noise_sd=0.1)
         assert score.missing == missing
-    assert (judge_fit(score, "u", True, "white").level == "fail") == bool(missing)
+    assert (judge_fit(score, "u", True, "white").level == "alarm") == bool(missing)

@@ -285,7 +285,7 @@ def _fit(label: str, channel: str) -> Fit:
             150, 20.0, **numbers, **shape, correlation=0.9, second=0.8, interval=0.1, white=1e-9, sd_factor=4.4
         )
     verdict = judge_fit(score, channel, held_back, "white")
-    return Fit(**vars(score), record=label, held_back=held_back, channel=channel, **verdict._asdict())
+    return Fit(**vars(score), record=label, held_back=held_back, channel=channel, verdict=verdict)
 
 
 def _record(label: str, random: np.random.Generator) -> Record:

@@ -118,6 +118,7 @@ class Fit(TypedDict):
     record: str
     held_back: bool
     channel: str
+    code: str
     level: str
     reason: str
     advice: str

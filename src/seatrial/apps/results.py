@@ -25,7 +25,7 @@ def parameters(estimate: Any) -> list[dict[str, Any]]:
 
 def fits(found: Iterable[Any]) -> list[dict[str, Any]]:
     """Return how channels of records are predicted."""
-    return [picked(one, shapes.Fit, reason=one.words) for one in found]
+    return [picked(one, shapes.Fit, code=one.verdict.code, reason=one.words) for one in found]
 
 
 def known(found: Any) -> list[dict[str, Any]]:

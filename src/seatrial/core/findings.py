@@ -1,15 +1,16 @@
 """Findings: results of checks as plain data, which numerical packages return and `messages` puts into words."""
 
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import asdict, dataclass, field, replace
-from typing import Any, Literal
+from dataclasses import dataclass, field, replace
+from typing import Literal
 
 Level = Literal["pass", "note", "caution", "alarm"]
 """A pass found nothing wrong; a note casts no doubt on a result; an alarm forbids using it."""
 LEVELS: tuple[Level, ...] = ("alarm", "caution", "note", "pass")
 """In order of gravity."""
 Scalar = bool | int | float | str
-Value = Scalar | tuple[Scalar | tuple[Scalar, ...], ...]
+Row = Scalar | tuple[Scalar, ...]
+Value = Scalar | tuple[Row | tuple[Row, ...], ...]
 
 
 @dataclass(frozen=True)
@@ -45,29 +46,10 @@ Message = Finding | str
 
 
 def accept(findings: Iterable[Finding], codes: Collection[str]) -> list[Finding]:
-    """Return findings in which cautions and alarms of accepted codes are notes without a remedy."""
+    """Return findings in which those of accepted codes are notes without a remedy."""
     return [
         replace(one, level="note", remedies=()).among(accepted=True)
-        if one.code in codes and one.level in ("caution", "alarm")
+        if one.code in codes and one.level != "pass"
         else one
         for one in findings
     ]
-
-
-def encoded(messages: Iterable[Message]) -> list[Any]:
-    """Return messages as JSON has them."""
-    return [asdict(one) if isinstance(one, Finding) else one for one in messages]
-
-
-def decoded(items: Iterable[Any]) -> tuple[Message, ...]:
-    """Return messages from their JSON."""
-    return tuple(one if isinstance(one, str) else _decode(one) for one in items)
-
-
-def _decode(item: Mapping[str, Any]) -> Finding:
-    values = {name: _as_tuple(value) for name, value in item["values"].items()}
-    return Finding(item["code"], item["level"], tuple(item["subject"]), values, tuple(item["remedies"]))
-
-
-def _as_tuple(value: Any) -> Any:
-    return tuple(map(_as_tuple, value)) if isinstance(value, list | tuple) else value

@@ -1,6 +1,6 @@
 """Findings in words: one sentence each, its remedies, and groups of equal findings."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from seatrial.core.findings import Finding, Message
@@ -19,12 +19,18 @@ def statement(finding: Finding, also: Sequence[str] = ()) -> str:
         also: other runs with an equal finding.
     """
     text = filled_in(ENTRIES[finding.code].template(finding.level), finding.subject, finding.values)
-    if finding.level == "pass":
+    if finding.level == "pass" and isinstance(ENTRIES[finding.code].sentence, Mapping):
         return f"{text} of {listed(finding.subject)} passes"
     if controls := finding.values.get("closed_loop"):
         text = f"{text}; not judged, as {listed(controls)} is computed from measured channels"
+    if likewise := finding.values.get("likewise"):
+        text = f"{text}; likewise {_runs_alike(finding.subject, likewise)}"
+    if isinstance(outside := finding.values.get("outside"), tuple) and outside:
+        text = f"{text}; it goes beyond what was fitted: {', '.join(map(str, outside))}"
+    if ahead := finding.values.get("ahead"):
+        text = f"{text}; {ahead}"
     if run := finding.values.get("run"):
-        text = f"run {run}: {text}"
+        text = f"{'held-back ' if finding.values.get('held_back') else ''}run {run}: {text}"
     if structure := finding.values.get("structure"):
         text = f"{structure}: {text}"
     if finding.is_accepted:
@@ -46,11 +52,21 @@ def sentence(finding: Finding, form: Form = "command", also: Sequence[str] = ())
     return f"{text}. {do[:1].upper()}{do[1:]}" if do else text
 
 
+def _runs_alike(subject: tuple[str, ...], likewise: Any) -> str:
+    """Return the other runs and channels with the same finding: `b, c; likewise r of a, b`."""
+    parts = []
+    for channel, runs in likewise:
+        named = ", ".join([*runs[:MAX_RUNS_NAMED], *(["others"] if len(runs) > MAX_RUNS_NAMED else [])])
+        parts.append(named if channel == subject[0] else f"{channel} of {named}")
+    return "; likewise ".join(parts)
+
+
 def grouped(findings: Iterable[Finding]) -> list[tuple[Finding, tuple[str, ...]]]:
     """Return the findings, of those that differ in run and numbers only the first, with the runs of the others."""
     groups: dict[tuple, list[Finding]] = {}
     for one in findings:
-        key = (one.code, one.level, one.subject, one.values.get("structure"), "run" in one.values, one.is_accepted)
+        where = (one.values.get("structure"), "run" in one.values, one.values.get("held_back"))
+        key = (one.code, one.level, one.subject, one.remedies, *where, one.is_accepted)
         groups.setdefault(key, []).append(one)
     return [
         (first, tuple(str(other.values["run"]) for other in others if "run" in other.values))

@@ -254,7 +254,7 @@ def _first_answers(campaign: Any, reporter: Any, answer: Answer, by: By, window:
 
 def _judge_unseen(
     answer: Answer, baselines: Any, labels: list[str], evidences: list[Any], held_back: list[Any]
-) -> tuple[list[str], list[str]]:
+) -> tuple[list[Any], list[str]]:
     """Say how the most probable structure stands beside the baselines; returns what forbids to rely on it on other runs, and doubts."""
     from seatrial.campaign.inference.baselines import (
         compare_with_baselines,
@@ -272,8 +272,11 @@ def _judge_unseen(
     lines = comparison_lines(baselines, compared)
     answer.give(baselines=results.baselines(compared))
     answer.say("\n".join([f"{which}, compared with baselines", *(f"  {line}" for line in lines)]))
-    alarms = comparison_alarms(compared) + held_back_alarms(held_back[best].fits, held_back[best].pooled)
-    return [f"{which}, {text}" for text in alarms], [f"{which}, {text}" for text in comparison_cautions(compared)]
+    failed = held_back_alarms(held_back[best].fits, held_back[best].pooled)
+    alarms = [f"{which}, {text}" for text in comparison_alarms(compared)] + [
+        one.among(structure=which) for one in failed
+    ]
+    return alarms, [f"{which}, {text}" for text in comparison_cautions(compared)]
 
 
 def _seconds(text: str | None, option: str) -> float | None:

@@ -170,6 +170,7 @@ def _tell_and_report(answer: Answer, outcome: Any, proposal: Any) -> Exit:
     from seatrial.campaign.inference.judge_predictions import fit_complaints
     from seatrial.campaign.store.estimates import with_model_error
     from seatrial.campaign.store.structures import QUOTED
+    from seatrial.messages.render import sentence, sentences
     from seatrial.report.page import write_report
 
     summary = outcome.summary
@@ -190,7 +191,7 @@ def _tell_and_report(answer: Answer, outcome: Any, proposal: Any) -> Exit:
     for fit in outcome.fits:
         answer.say(f"  {_said_of(fit)}")
     for one in outcome.pooled:
-        answer.say(f"  held-back runs together: {one.level}; {one.words}")
+        answer.say(f"  held-back runs together: {one.level}; {sentence(one.verdict)}")
     for line in comparison_lines(outcome.baselines, outcome.compared):
         answer.say(f"  {line}")
     for verdict in summary.verdicts:
@@ -202,7 +203,7 @@ def _tell_and_report(answer: Answer, outcome: Any, proposal: Any) -> Exit:
     answer.wrote("report", write_report(outcome))
     answer.wrote("coefficients", write_coefficients(folder, outcome.estimates, shown, outcome.selection))
     answer.wrote("averaged", write_averaged(folder, summary.averaged, shown))
-    told = fit_complaints([fit for fit in outcome.fits if not fit.advice], outcome.pooled)
+    told = sentences(fit_complaints([fit for fit in outcome.fits if not fit.advice], outcome.pooled))
     told += [one.sentence for one in outcome.compared]
     answer.give_findings(summary.findings)
     return answer.finish(summary.alarms, [text for text in summary.cautions if text not in told])

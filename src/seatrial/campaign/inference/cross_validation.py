@@ -28,6 +28,7 @@ from seatrial.campaign.store.estimates import HasKey
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.reporter import SILENT, Progress, Reporter
+from seatrial.messages.render import sentence
 from seatrial.selection.leave_one_run_out import LEAST_RUNS, LeaveOneRunOut, leave_one_run_out, mean_score
 from seatrial.selection.structures import Structure
 
@@ -200,7 +201,7 @@ def _channels(left: LeaveOneRunOut) -> tuple[ChannelScores, ...]:
             mean_score(left, name, "coverage_50"),
             mean_score(left, name, "coverage"),
             bands.level,
-            bands.words,
+            sentence(bands.verdict),
         )
         for name, bands in left.bands.items()
     )

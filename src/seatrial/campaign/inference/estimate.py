@@ -26,8 +26,9 @@ from seatrial.compiled.random_keys import fold_in
 from seatrial.core.argument_checks import check_kind
 from seatrial.core.dataset import Dataset
 from seatrial.core.errors import NumericalError
-from seatrial.core.findings import Message, encoded
+from seatrial.core.findings import Message
 from seatrial.core.reporter import SILENT, Progress, Reporter
+from seatrial.core.serialise import to_plain
 from seatrial.estimation.diagnostics.prior_checks import information_complaints
 from seatrial.estimation.diagnostics.robust_errors import RobustErrors, robust_errors
 from seatrial.estimation.posterior.mode import Mode
@@ -253,7 +254,7 @@ def _dataset(
             "acceptance": draws.acceptance,
             "laplace_log_evidence": mode.log_evidence,
             "alarms": json.dumps(complaints(names, health) + complaints_of_draws(draws)),
-            "cautions": json.dumps(encoded(cautions)),
+            "cautions": json.dumps(to_plain(tuple(cautions), tuple[Message, ...])),
             "at_bounds": json.dumps([sentence for _, sentence in mode.at_bounds]),
         },
     )

@@ -15,18 +15,18 @@ from seatrial.campaign.store.estimates import Drawn, Estimate, HasKey, OfStructu
 from seatrial.campaign.store.predictions import Fit, Predictions
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.dataset import Dataset
+from seatrial.core.findings import Finding, Message
 from seatrial.core.record import Record
 from seatrial.core.signals import ACTUAL
 from seatrial.estimation.posterior.filter_error import FilterError
 from seatrial.estimation.posterior.output_error import OutputError, initial_name
 from seatrial.estimation.prediction.fit_verdict import (
-    DISOWNING,
     LEVELS,
     POOR,
-    FitVerdict,
+    UNRELIABLE_SD,
+    check_residuals,
     explained_short,
     judge_fit,
-    residual_verdict,
     worst,
 )
 from seatrial.estimation.prediction.fitted_range import outside_fitted
@@ -36,7 +36,7 @@ from seatrial.estimation.prediction.pooled_coverage import (
     pooled_verdict,
     run_residuals,
     shared_motion,
-    unjudged,
+    without_numbers,
 )
 from seatrial.estimation.prediction.prediction import (
     ANY,
@@ -53,18 +53,15 @@ from seatrial.estimation.prediction.prediction_scores import (
     new_residuals,
     score_channel,
 )
-from seatrial.estimation.prediction.remedies import listed, with_advice
+from seatrial.estimation.prediction.remedies import listed
 from seatrial.estimation.prediction.short_horizon import ShortHorizon, short_horizons
 from seatrial.estimation.priors import Normal
 from seatrial.estimation.simulation.sensor_errors import Noise
 from seatrial.estimation.simulation.trial_data import TrialData
+from seatrial.messages.render import sentence
 from seatrial.selection.structures import Structure
 
 N_DRAWS = 200
-MOST_NAMED = 6
-"""Trials that one sentence names."""
-LEAVES = "leaves its course by itself"
-"""What the verdict is about where a vehicle that is well predicted for a while cannot be for a whole run."""
 CURVES = ("time", "measured", "mean", "motion_sd", "sd")
 """What is kept of a prediction at each sample."""
 
@@ -162,7 +159,7 @@ def _predictions(
     return Predictions(labels, unseen, tuple(channels), predicted.fits, predicted.pooled, structure.label, data)
 
 
-def trial_verdicts(fits: Sequence[Fit]) -> dict[str, FitVerdict]:
+def trial_verdicts(fits: Sequence[Fit]) -> dict[str, Finding]:
     """Verdict of each record, by its label: the gravest of its channels."""
     return {
         label: worst([fit.verdict for fit in fits if fit.record == label])
@@ -180,39 +177,44 @@ def held_back_lines(held_back: HeldBack) -> list[str]:
             if not fit.samples or fit.missing == DIVERGES
             else f"{share}{fit.coverage:.0%} inside the 90 % band"
         )
-        ahead = fit.reason if fit.about == LEAVES else fit.ahead
+        ahead = fit.reason if fit.verdict.code == "course-left" else fit.ahead
         head = f"held-back run {fit.record}: {fit.channel:<8} {fit.level}; {scores}"
         said.append("; ".join(filter(None, (head, *fit.outside, ahead, fit.advice if ahead else ""))))
-    return said + [f"held-back runs together: {one.level}; {one.words}" for one in held_back.pooled]
+    return said + [f"held-back runs together: {one.level}; {sentence(one.verdict)}" for one in held_back.pooled]
 
 
-def held_back_alarms(fits: Sequence[Fit], pooled: Sequence[Pooled]) -> list[str]:
-    """What forbids to rely on the model, for runs that it was not fitted to: all of them together first, then each that fails alone."""
-    together = [f"held-back runs: {one.words}" for one in pooled if one.level == "fail"]
-    return together + [_sentence(group) for group in _alike(fits) if _is_alarm(group[0])]
+def held_back_alarms(fits: Sequence[Fit], pooled: Sequence[Pooled]) -> list[Finding]:
+    """Return what forbids to rely on the model, for runs that were not fitted: all of them together first, then each that fails alone."""
+    together = [one.verdict for one in pooled if one.level == "fail"]
+    return together + [_finding(group) for group in _alike(fits) if _is_alarm(group[0])]
 
 
-def fit_complaints(fits: Sequence[Fit], pooled: Sequence[Pooled] = ()) -> list[str]:
-    """What else keeps trials from passing, in words, what is graver first; one sentence for trials with the same trouble."""
-    together = [f"held-back runs: {one.words}" for one in pooled if one.level in ("caution", "unjudged")]
+def fit_complaints(fits: Sequence[Fit], pooled: Sequence[Pooled] = ()) -> list[Message]:
+    """Return what else keeps trials from passing, what is graver first; one finding for trials with the same trouble."""
+    together = [one.verdict for one in pooled if one.level in ("caution", "unjudged")]
     groups = _alike(fits)
-    told = {first.record for first, *_ in groups}
-    beyond = {fit.record: fit.outside for fit in fits if fit.outside and fit.record not in told}
+    named = {first.record for first, *_ in groups}
+    beyond = {fit.record: fit.outside for fit in fits if fit.outside and fit.record not in named}
     left = [
         f"held-back run {record} goes beyond what was fitted: {', '.join(words)}" for record, words in beyond.items()
     ]
-    return together + [_sentence(group) for group in groups if not _is_alarm(group[0])] + left
+    return [*together, *(_finding(group) for group in groups if not _is_alarm(group[0])), *left]
 
 
-def fitted_failures(fits: Sequence[Fit]) -> list[str]:
-    """Say which fitted runs the model does not explain."""
-    return [_sentence(group) for group in _alike(fits) if group[0].level == "fail" and not group[0].held_back]
+def fitted_failures(fits: Sequence[Fit]) -> list[Finding]:
+    """Return which fitted runs the model does not explain."""
+    return [_finding(group) for group in _alike(fits) if group[0].level == "fail" and not group[0].held_back]
 
 
 def disowned(fits: Sequence[Fit]) -> str:
-    """Say why the stated standard deviations do not hold, as fitted runs show: residuals are not the noise that is modelled; else empty."""
+    """Return why the stated standard deviations do not hold: residuals of fitted runs are not the noise that is modelled; or empty."""
     return next(
-        (_sentence(group) for group in _alike(fits) if group[0].about in DISOWNING and not group[0].held_back), ""
+        (
+            sentence(_finding(group))
+            for group in _alike(fits)
+            if group[0].verdict.code in UNRELIABLE_SD and not group[0].held_back
+        ),
+        "",
     )
 
 
@@ -244,27 +246,25 @@ def _is_alarm(fit: Fit) -> bool:
 
 def _alike(fits: Sequence[Fit]) -> list[list[Fit]]:
     """Return fits that do not pass, what is graver first, those with the same trouble together."""
-    groups: dict[tuple[str, str, bool], list[Fit]] = {}
+    groups: dict[tuple, list[Fit]] = {}
     for fit in sorted(fits, key=lambda fit: -LEVELS.index(fit.level)):
         if fit.level != "pass":
-            groups.setdefault((fit.level, fit.about, fit.held_back), []).append(fit)
+            verdict = fit.verdict
+            key = (verdict.level, verdict.code, verdict.values.get("why"), verdict.remedies[:1], fit.held_back)
+            groups.setdefault(key, []).append(fit)
     return list(groups.values())
 
 
-def _sentence(group: Sequence[Fit]) -> str:
-    """Tell a trouble: what was found of the first, the names of the others, and what to do for all."""
+def _finding(group: Sequence[Fit]) -> Finding:
+    """Return the finding of the first of some fits with the same trouble, with the names of the others."""
     first, *others = group
     records: dict[str, list[str]] = {first.channel: []}
     for fit in others:
         records.setdefault(fit.channel, []).append(fit.record)
-    same = records.pop(first.channel)
-    likewise = [_some(same)] * bool(same) + [f"{channel} of {_some(of)}" for channel, of in records.items()]
-    found = "; likewise ".join([f"{'held-back ' * first.held_back}run {first.record}: {first.found}", *likewise])
-    return with_advice(found, first.advice)
-
-
-def _some(labels: list[str]) -> str:
-    return ", ".join(labels[:MOST_NAMED] + ["others"] * (len(labels) > MOST_NAMED))
+    likewise = tuple((channel, tuple(runs)) for channel, runs in records.items() if runs)
+    return first.verdict.among(
+        run=first.record, held_back=first.held_back, outside=first.outside, ahead=first.ahead, likewise=likewise
+    )
 
 
 def _predict(campaign: Campaign, drawn: Drawn, record: Record) -> dict[str, Any]:
@@ -343,15 +343,17 @@ def _fits(
     for channel, score in scores.items():
         near = ahead.get(channel) if channel in lost else None
         words = near.words(channel) if near is not None else _unseen(piece, record) if channel in lost else ""
-        remedies = _remedies(campaign, near.horizon) if near is not None and near.is_good else []
+        remedies = _remedies(campaign) if near is not None and near.is_good else ()
         if near is not None and near.leaves:
-            verdict, words = FitVerdict("caution", LEAVES, words, " or ".join(remedies)), ""
+            values = {"words": words, "horizon": near.horizon}
+            verdict, words = Finding("course-left", "caution", (channel,), values, remedies), ""
         else:
             lacks, feedback = _lacks(campaign, channel), bool(campaign.autopilot.loops)
             verdict = judge_fit(score, channel, held_back, _noise(campaign, channel), bool(outside), lacks, feedback)
-            verdict = verdict._replace(advice="; or ".join(filter(None, (verdict.advice, *remedies))))
+            if remedies and near is not None:
+                verdict = replace(verdict, remedies=(*verdict.remedies, *remedies)).among(horizon=near.horizon)
         of = {"record": record.label, "held_back": held_back, "channel": channel, "outside": outside, "ahead": words}
-        found.append(Fit(**vars(score), **of, **verdict._asdict()))
+        found.append(Fit(**vars(score), **of, verdict=verdict))
     return found
 
 
@@ -368,14 +370,14 @@ def _fitted(campaign: Campaign, drawn: Drawn, trials: Trials, pieces: Sequence[M
     for column, channel in enumerate(campaign.channels):
         of = channel, False, _noise(campaign, channel), bool(campaign.autopilot.loops)
         own = [at for at, fit in enumerate(fits) if fit.channel == channel]
-        if len(own) < 2 or pieces[0]["filtered"] or any(residual_verdict(fits[at], *of) for at in own):
+        if len(own) < 2 or pieces[0]["filtered"] or any(check_residuals(fits[at], *of) for at in own):
             continue
         together = integrated_correlation([_new_residuals(piece, column) for piece in pieces])
         for at in own:
             score = replace(fits[at], white=together.p_value, sd_factor=together.sd_factor)
-            found = residual_verdict(score, *of)
-            if found and score.level in ("pass", "unjudged"):
-                fits[at] = replace(score, **found._asdict())
+            verdict = check_residuals(score, *of)
+            if verdict and score.level in ("pass", "unjudged"):
+                fits[at] = replace(score, verdict=verdict)
     return fits
 
 
@@ -422,24 +424,23 @@ def _unseen(piece: Mapping[str, Any], record: Record) -> str:
 
 
 def _lacks(campaign: Campaign, channel: str) -> tuple[str, ...]:
-    """What the model may lack, but for what the campaign has already."""
+    """Return remedies for what the model may lack, but for what the campaign has already."""
     filtered = campaign.estimation.likelihood == "filter-error"
     slow = _noise(campaign, channel) in ("coloured", "drifting")
-    change = 'likelihood = "filter-error"' if slow else 'residuals = "drifting"'
-    error = () if filtered else (f"a model of the error ({change})",)
-    return ("a term", *(() if campaign.has_delay else ("a delay",)), *error)
+    error = () if filtered else ("filter-error",) if slow else ("add-error-model",)
+    return ("add-term", *(() if campaign.has_delay else ("add-delay",)), *error)
 
 
 def _noise(campaign: Campaign, channel: str) -> Noise:
     return next(sensor.noise for sensor in campaign.sensor_models if sensor.channel == channel)
 
 
-def _remedies(campaign: Campaign, horizon: float) -> list[str]:
-    """What helps a vehicle that cannot be simulated for long, and the campaign does not have yet."""
-    filtered = campaign.estimation.likelihood == "filter-error"
+def _remedies(campaign: Campaign) -> tuple[str, ...]:
+    """Return what helps a vehicle that cannot be simulated for long, and the campaign does not have yet."""
+    if campaign.estimation.likelihood == "filter-error":
+        return ()
     cut = campaign.imports is None or campaign.imports.split is not None
-    found = [] if filtered else ['set estimation.likelihood = "filter-error"']
-    return found + ([] if filtered or cut else [f'cut the runs by [import] split = "{horizon:.2g} s"'])
+    return ("filter-error",) if cut else ("filter-error", "split-runs")
 
 
 def _pooled(campaign: Campaign, pieces: Sequence[Mapping[str, Any]], fits: Sequence[Fit]) -> tuple[Pooled, ...]:
@@ -447,10 +448,9 @@ def _pooled(campaign: Campaign, pieces: Sequence[Mapping[str, Any]], fits: Seque
     found = []
     for column, channel in enumerate(campaign.channels if pieces else ()):
         own = [fit for fit in fits if fit.held_back and fit.channel == channel]
-        kept = [piece for piece, fit in zip(pieces, own, strict=True) if fit.about != LEAVES]
+        kept = [piece for piece, fit in zip(pieces, own, strict=True) if fit.verdict.code != "course-left"]
         if not kept:
-            reason = f"the bands of {channel} over whole runs cannot be judged, since the vehicle leaves its course by itself"
-            found.append(unjudged(channel, len(pieces), reason))
+            found.append(without_numbers(Finding("runs-leave-course", "note", (channel,)), len(pieces)))
             continue
         runs = [
             run_residuals(

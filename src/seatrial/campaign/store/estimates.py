@@ -10,8 +10,9 @@ import numpy as np
 from seatrial.core.coefficients import is_coefficient
 from seatrial.core.dataset import Dataset
 from seatrial.core.display_units import Shown
-from seatrial.core.findings import Message, decoded
+from seatrial.core.findings import Message
 from seatrial.core.result_table import table_html, table_text
+from seatrial.core.serialise import from_plain
 from seatrial.estimation.prediction.remedies import listed, measured, percent
 from seatrial.messages.render import sentences
 from seatrial.selection.structures import Structure
@@ -130,7 +131,7 @@ class Estimate:
     @property
     def cautions(self) -> tuple[Message, ...]:
         """What a reader must know."""
-        return decoded(json.loads(self.data.attrs["cautions"]))
+        return from_plain(tuple[Message, ...], json.loads(self.data.attrs["cautions"]))
 
     @property
     def at_bounds(self) -> list[str]:

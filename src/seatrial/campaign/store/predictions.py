@@ -4,10 +4,12 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from seatrial.core.dataset import Dataset
-from seatrial.estimation.prediction.fit_verdict import FitLevel, FitVerdict
+from seatrial.core.findings import Finding
+from seatrial.estimation.prediction.fit_verdict import FIT_LEVELS, FitLevel
 from seatrial.estimation.prediction.pooled_coverage import Pooled
 from seatrial.estimation.prediction.prediction_scores import Score
 from seatrial.estimation.prediction.remedies import with_advice
+from seatrial.messages.render import remedy, statement
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -18,10 +20,7 @@ class Fit(Score):
         record: label.
         held_back: whether the record was not used in the fit.
         channel: measured channel.
-        level: pass, unjudged, caution or fail.
-        about: what the verdict is about in a few words; empty for a pass.
-        reason: what was found and what it means.
-        advice: what to do; empty for a pass.
+        verdict: what the scores mean.
         outside: where a held-back record leaves the range of states and inputs that was fitted, in words.
         ahead: how far ahead a held-back record is predicted that is not predicted as a whole, and why, in words; else empty.
     """
@@ -29,12 +28,24 @@ class Fit(Score):
     record: str
     held_back: bool
     channel: str
-    level: FitLevel
-    about: str
-    reason: str
-    advice: str = ""
+    verdict: Finding
     outside: tuple[str, ...] = ()
     ahead: str = ""
+
+    @property
+    def level(self) -> FitLevel:
+        """Pass, unjudged, caution or fail."""
+        return FIT_LEVELS[self.verdict.level]
+
+    @property
+    def reason(self) -> str:
+        """What was found and what it means."""
+        return statement(self.verdict)
+
+    @property
+    def advice(self) -> str:
+        """What to do; empty for a pass."""
+        return remedy(self.verdict)
 
     @property
     def found(self) -> str:
@@ -51,11 +62,6 @@ class Fit(Score):
     def words(self) -> str:
         """The same, and what to do."""
         return with_advice(self.finding, self.advice)
-
-    @property
-    def verdict(self) -> FitVerdict:
-        """Level, subject, reason and advice."""
-        return FitVerdict(self.level, self.about, self.reason, self.advice)
 
 
 @dataclass(frozen=True, eq=False)

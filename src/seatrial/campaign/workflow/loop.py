@@ -13,6 +13,7 @@ from seatrial.campaign.inference.cross_validation import current_cross_validatio
 from seatrial.campaign.inference.filter_trace import filter_complaints
 from seatrial.campaign.inference.judge_predictions import (
     fit_complaints,
+    held_back_alarms,
     held_back_cautions,
     held_back_curves,
 )
@@ -130,7 +131,8 @@ def summarise(outcome: Outcome) -> Summary:
     cautions += held_back_cautions(campaign, outcome.trials)
     cautions += filter_complaints(outcome.filter, _fitted_noise(outcome))
     cautions += [*outcome.screening_cautions, *outcome.idle_complaints]
-    findings = accept((one for one in cautions if isinstance(one, Finding)), campaign.accepted)
+    failed = held_back_alarms(outcome.fits, outcome.pooled)
+    findings = accept([*failed, *(one for one in cautions if isinstance(one, Finding))], campaign.accepted)
     cautions = [one for one in cautions if not (isinstance(one, Finding) and one.code in campaign.accepted)]
     return Summary(
         name=campaign.name,

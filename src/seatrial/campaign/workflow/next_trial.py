@@ -21,6 +21,7 @@ from seatrial.campaign.store.structures import BETTER_EVIDENCE, Contenders, cond
 from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.estimation.prediction.remedies import listed, percent
 from seatrial.manoeuvres.family import design_words
+from seatrial.messages.render import sentences
 from seatrial.selection.verdict import DECIDED
 
 EXAMPLE_GOAL = Goal({"X_uabsu": 0.03}, trials=4)
@@ -271,9 +272,11 @@ def _beside_wanted(share: float, wanted: float) -> str:
 
 def _wrong(outcome: Outcome) -> Proposal | None:
     """What forbids to believe the model; None where nothing does."""
-    found = [("the model does not explain what it was fitted to", text) for text in fitted_failures(outcome.fits)]
+    found = [
+        ("the model does not explain what it was fitted to", text) for text in sentences(fitted_failures(outcome.fits))
+    ]
     found += [("an effect is missing", effect.sentence) for effect in outcome.chosen.left_out]
-    unseen = held_back_alarms(outcome.fits, outcome.pooled)
+    unseen = sentences(held_back_alarms(outcome.fits, outcome.pooled))
     found += [("the model fails where it was not fitted", text) for text in unseen]
     if not found:
         return None

@@ -16,6 +16,7 @@ from seatrial.campaign.store.structures import Contenders, Screened, Summary
 from seatrial.core.dataset import Dataset
 from seatrial.estimation.prediction.baseline_comparison import Comparison
 from seatrial.estimation.prediction.pooled_coverage import Pooled
+from seatrial.messages.render import sentences
 from seatrial.selection.verdict import DECIDED, Selection
 
 
@@ -93,7 +94,9 @@ class Outcome:
     @property
     def held_back_alarms(self) -> list[str]:
         """Those of them that held-back runs raise: simpler predictors are better, or the model fails there."""
-        return [*comparison_alarms(self.compared), *held_back_alarms(self.fits, self.pooled)]
+        accepted = self.campaign.accepted
+        failed = [one for one in held_back_alarms(self.fits, self.pooled) if one.code not in accepted]
+        return [*comparison_alarms(self.compared), *sentences(failed)]
 
     @property
     def disowned(self) -> str:

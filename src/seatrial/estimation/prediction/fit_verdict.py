@@ -4,16 +4,14 @@ A departure counts when it matters (the limits below) and when it is more than c
 independent samples that the trial is worth.
 """
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from scipy.special import betainc, chdtr, chdtrc
 
-from seatrial.core.display_units import shown_unit
-from seatrial.core.usual_priors import DRIFT_TIME_PRIOR, SIZE_PRIOR, TIME_PRIOR
+from seatrial.core.findings import Finding, Level, Value
 from seatrial.estimation.prediction.prediction_scores import DIVERGES, Score
-from seatrial.estimation.prediction.remedies import count_below
 
 if TYPE_CHECKING:
     from seatrial.estimation.simulation.sensor_errors import Noise
@@ -21,6 +19,8 @@ if TYPE_CHECKING:
 FitLevel = Literal["pass", "unjudged", "caution", "fail"]
 LEVELS: tuple[FitLevel, ...] = ("pass", "unjudged", "caution", "fail")
 """In order of gravity; unjudged is neither passed nor failed, for want of independent samples or of motion."""
+FIT_LEVELS: Mapping[Level, FitLevel] = {"pass": "pass", "note": "unjudged", "caution": "caution", "alarm": "fail"}
+"""Verdict on a run by the level of its finding."""
 
 POOR = 0.5
 """Share of variance explained below which less is known of the motion than is not."""
@@ -45,7 +45,7 @@ MIXED = 3.0
 """Partial autocorrelation of order two, in its standard error 1 / sqrt(n), from which noise is said to be a mixture."""
 RARE = 0.00135
 """Probability below which a departure is not put down to chance: three standard errors on one side."""
-FEWEST = 10.0
+MIN_EFFECTIVE_SAMPLES = 10.0
 """Effective samples from which on bands are judged: of fewer, one outside more or less changes the verdict."""
 ONE_SAMPLE = 10.3
 """Mean square of normalised residuals that is no chance even where all samples are worth one: chi-square of one, three standard errors."""
@@ -53,28 +53,11 @@ KS_CHANCE = 1.63
 """1 % point of the Kolmogorov-Smirnov distance times the root of the number of samples."""
 
 
-COLOURED, MIXED_COLOUR, BIASED = DISOWNING = (
-    "correlated residuals",
-    "slow and white residuals",
-    "biased through the autopilot",
-)
-"""What verdicts are about that say that stated standard deviations are too small."""
+UNRELIABLE_SD = ("residuals-correlated", "residuals-biased")
+"""Codes of findings by which stated standard deviations are too small."""
 WORSE_THAN_MEAN, WORSE_THAN_MEANS = "worse than the run's own mean", "worse than the runs' own means"
-LACKS = ("a term", "a delay", "a model of the error")
-"""What a model may lack that misses motion."""
-
-
-_FARTHER = "fit a run that goes as far, or else "
-"""What to do first where a run leaves the fitted range."""
-
-
-class FitVerdict(NamedTuple):
-    """A level, what it is about in a few words, the reason, which is what was found and means, and what to do, empty for a pass."""
-
-    level: FitLevel
-    about: str
-    reason: str
-    advice: str = ""
+LACKS = ("add-term", "add-delay", "add-error-model")
+"""Remedies for what a model may lack that misses motion."""
 
 
 def judge_fit(
@@ -85,8 +68,8 @@ def judge_fit(
     outside: bool = False,
     lacks: Sequence[str] = LACKS,
     feedback: bool = False,
-) -> FitVerdict:
-    """Say what the scores of one channel mean; of several departures the first in order of gravity.
+) -> Finding:
+    """Judge the scores of one channel; of several departures the first in order of gravity. A pass is a finding too.
 
     Args:
         score: of the channel.
@@ -94,34 +77,24 @@ def judge_fit(
         held_back: whether its run was not fitted.
         noise: as what its noise is modelled.
         outside: whether the run leaves the range that was fitted.
-        lacks: what the model may lack and does not have yet.
+        lacks: remedies for what the model may lack and does not have yet.
         feedback: whether what the sensors showed made the controls, through an autopilot.
     """
-    use = "prediction" if held_back else "fit"
     if not score.samples:
-        return FitVerdict(
-            "unjudged",
-            "not measured",
-            f"nothing was measured of {channel}: the {use} cannot be judged",
-            "check the channel map",
-        )
+        return Finding("channel-not-measured", "note", (channel,), {}, ("check-map",))
+    farther = ("fit-as-far",) if outside else ()
     if score.missing == DIVERGES:
-        return FitVerdict(
-            "fail",
-            "diverges",
-            f"the simulated {channel} grows without bound: the model cannot move as this trial did",
-            f"{_FARTHER * outside}check units and signs, or narrow the priors to damping that dissipates",
-        )
-    if score.effective < FEWEST and score.variance < ONE_SAMPLE:
+        return Finding("prediction-diverges", "alarm", (channel,), {}, (*farther, "tame-priors"))
+    if score.effective < MIN_EFFECTIVE_SAMPLES and score.variance < ONE_SAMPLE:
         return _few(score, channel, held_back, noise, feedback, lacks)
-    found = _sizes(score, channel, held_back, outside) or _motion(score, channel, held_back, lacks)
-    if found is None or (found.level == "unjudged" and not held_back):
-        found = residual_verdict(score, channel, held_back, noise, feedback) or found
-    return found or _shape(score, channel) or FitVerdict("pass", "", _praise(score, channel))
+    result = _sizes(score, channel, held_back, farther) or _motion(score, channel, held_back, lacks)
+    if result is None or (result.level == "note" and not held_back):
+        result = check_residuals(score, channel, held_back, noise, feedback) or result
+    return result or _shape(score, channel) or Finding("prediction-agrees", "pass", (channel,), _scores(score))
 
 
-def residual_verdict(score: Score, channel: str, held_back: bool, noise: "Noise", feedback: bool) -> FitVerdict | None:
-    """Say that residuals remember, by more than chance and by enough to matter; None where they do not. Arguments as `judge_fit`."""
+def check_residuals(score: Score, channel: str, held_back: bool, noise: "Noise", feedback: bool) -> Finding | None:
+    """Report residuals that remember, by more than chance and by enough to matter; None where they do not. Arguments as `judge_fit`."""
     # Standard deviations that are too large do less harm: more than usual has to speak for that.
     chance = LIKELY if score.sd_factor > 1 else RARE
     if score.white > chance or 1 / UNDERSTATED < score.sd_factor < UNDERSTATED:
@@ -131,48 +104,32 @@ def residual_verdict(score: Score, channel: str, held_back: bool, noise: "Noise"
     # fitted to a run takes slow errors away.
     if is_faint and (held_back or score.sd_factor < 1):
         return None
-    lasting = ", and lasting" if is_faint else ""
-    result = f"residuals of {channel} are correlated ({score.correlation:+.2f} over {score.interval:.2g} s{lasting})"
-    if noise in ("coloured", "drifting"):
-        remedy = (
-            "look for a missing term"
-            if noise == "drifting"
-            else f"{slow_remedy('drifting', channel)}, or look for a missing term"
-        )
-        return FitVerdict(
-            "caution",
-            "correlated beyond the model",
-            f"{result} after the fitted correlation is taken out: they have more than one time scale, and stated standard "
-            "deviations are rough",
-            remedy,
-        )
-    if score.sd_factor < 1:
-        return FitVerdict(
-            "caution",
-            "opposite residuals",
-            f"{result}, so they are not white noise: neighbours have opposite errors, and the stated standard deviations are "
-            "too large",
-            "check whether the sensor or the import filtered or differenced the channel",
-        )
-    if feedback:
-        return FitVerdict(
-            "caution",
-            BIASED,
-            f"{result}: the autopilot puts these errors into the controls, which biases the coefficients, and more data do not help",
-            'set estimation.likelihood = "filter-error"',
-        )
     # An autoregression, r_k = phi^k, has no partial autocorrelation of order two; white noise beside a slow error, r_k = a phi^k, has.
     # Where a is small, that one is lost in the noise, but the sum of r_k is not.
     partial = (score.second - score.correlation**2) / max(1 - score.correlation**2, 1e-3)
     alone = 2 * score.correlation / max(1 - score.correlation, 1e-3)
     mixed = partial > MIXED / np.sqrt(score.samples) or score.sd_factor**2 - 1 > BEYOND_ONE_TIME * alone
-    return FitVerdict(
-        "caution",
-        MIXED_COLOUR if mixed else COLOURED,
-        f"{result}, so they are not white noise: the stated standard deviations are too small, by a factor of about "
-        f"{score.sd_factor:.1f}",
-        slow_remedy("drifting" if mixed else "coloured", channel),
-    )
+    values: dict[str, Value] = {
+        "correlation": float(score.correlation),
+        "interval": float(score.interval),
+        "factor": float(score.sd_factor),
+        "faint": bool(is_faint),
+    }
+    if noise in ("coloured", "drifting"):
+        remedies = ("missing-term",) if noise == "drifting" else ("drifting-noise", "missing-term")
+        return Finding("residuals-beyond-model", "caution", (channel,), values, remedies)
+    if score.sd_factor < 1:
+        return Finding("residuals-opposite", "caution", (channel,), values, ("check-filtering",))
+    if feedback:
+        return Finding("residuals-biased", "caution", (channel,), values, ("filter-error",))
+    remedy = "drifting-noise" if mixed else "coloured-noise"
+    return Finding("residuals-correlated", "caution", (channel,), values, (remedy,))
+
+
+def _scores(score: Score) -> dict[str, Value]:
+    """Return the scores that sentences name."""
+    names = ("coverage", "variance", "explained", "effective", "noise_sd", "correlation_time")
+    return {name: float(getattr(score, name)) for name in names}
 
 
 def either(words: Sequence[str]) -> str:
@@ -200,146 +157,59 @@ def explained_share(share: float, runs: int = 1, digits: int = 0) -> str:
     return f"{share:.{1 if share > 0.99 else digits}%}"
 
 
-def worst(verdicts: Sequence[FitVerdict]) -> FitVerdict:
-    """Return the gravest verdict of a trial's channels, the first of them where several are as grave."""
-    return max(verdicts, key=lambda verdict: LEVELS.index(verdict.level))
+def worst(findings: Sequence[Finding]) -> Finding:
+    """Return the gravest finding of a trial's channels, the first of them where several are as grave."""
+    return max(findings, key=lambda one: LEVELS.index(FIT_LEVELS[one.level]))
 
 
-def _few(
-    score: Score, channel: str, held_back: bool, noise: "Noise", feedback: bool, lacks: Sequence[str]
-) -> FitVerdict:
-    """Say that a run tells too little of its band, and what it shows nevertheless."""
-    if not held_back and (found := residual_verdict(score, channel, held_back, noise, feedback)):
-        return found
+def _few(score: Score, channel: str, held_back: bool, noise: "Noise", feedback: bool, lacks: Sequence[str]) -> Finding:
+    """Report that a run is worth too few samples to judge its band, and what it shows nevertheless."""
+    if not held_back and (correlated := check_residuals(score, channel, held_back, noise, feedback)):
+        return correlated
     motion = _motion(score, channel, held_back, lacks)
-    worth = (
-        "one independent sample"
-        if score.effective < 1.5
-        else f"{count_below(score.effective, FEWEST)} independent samples"
-    )
-    return FitVerdict(
-        "unjudged",
-        motion.about if motion else "too little to judge",
-        f"{channel} of this run is worth {worth}, too few to judge whether its band holds ({FEWEST:.0f} are needed; "
-        f"{score.coverage:.0%} lies inside the 90 % band); "
-        + (motion.reason if motion else explained_words(score.explained, channel)),
-        motion.advice if motion else "",
-    )
+    if motion is None:
+        return Finding("samples-too-few", "note", (channel,), _scores(score))
+    return Finding("samples-too-few", "note", (channel,), {**_scores(score), "why": motion.code}, motion.remedies)
 
 
-def _sizes(score: Score, channel: str, held_back: bool, outside: bool) -> FitVerdict | None:
+def _sizes(score: Score, channel: str, held_back: bool, farther: tuple[str, ...]) -> Finding | None:
     """Return the errors much larger or smaller than stated; samples in the band are binomial, the sum of squares chi-square."""
-    n = max(score.effective, 1.0)
+    n, values = max(score.effective, 1.0), _scores(score)
     short = betainc(n * (1 - score.coverage), n * score.coverage + 1, 0.1) < RARE
     large = chdtrc(n, n * score.variance) < RARE
     small = chdtr(n, n * score.variance) < RARE
-    result = f"{score.coverage:.0%} of {channel} lies inside the 90 % band and errors are {np.sqrt(score.variance):.1f} times those stated"
     if (short and score.coverage < BROKEN) or (large and score.variance > BURST):
-        do = (
-            f"{_FARTHER * outside}look at this trial for a sensor fault, a wrong unit or another condition (current, load, trim), then "
-            "add a term or fit it too"
-            if held_back
-            else "look at its residuals for outliers, a wrong unit or a missing term"
-        )
-        return FitVerdict(
-            "fail", "errors beyond what is stated", f"{result}: do not rely on its stated uncertainty", do
-        )
+        remedies = (*farther, "look-at-trial") if held_back else ("look-at-residuals",)
+        return Finding("errors-beyond-stated", "alarm", (channel,), values, remedies)
     if (short and score.coverage < NARROW) or (large and score.variance > SPREAD):
-        do = (
-            f"{_FARTHER * outside}fit more trials like it, or add a term"
-            if held_back
-            else "look for outliers or a missing term"
-        )
-        return FitVerdict("caution", "band too narrow", f"{result}: the stated uncertainty is too small", do)
+        remedies = (*farther, "more-trials") if held_back else ("outliers-or-term",)
+        return Finding("band-too-narrow", "caution", (channel,), values, remedies)
     if small and not score.missing and score.variance < TAME and score.coverage > WIDE:
-        return FitVerdict(
-            "caution",
-            "band too wide",
-            f"{result}: this trial was quieter than the stated noise, so the band promises less than the model can do",
-            "check whether the trials have the same sensors",
-        )
+        return Finding("band-too-wide", "caution", (channel,), values, ("compare-sensors",))
     return None
 
 
-def _motion(score: Score, channel: str, held_back: bool, lacks: Sequence[str]) -> FitVerdict | None:
+def _motion(score: Score, channel: str, held_back: bool, lacks: Sequence[str]) -> Finding | None:
     """Little of the motion explained, and why: noise, ignorance or a wrong model, which sizes let through as honestly stated."""
+    values = _scores(score)
     if score.missing:
-        return FitVerdict(
-            "unjudged",
-            "never changes",
-            f"the measured {channel} never changes: how much of its motion is explained has no meaning",
-            "test on a trial that moves",
-        )
+        return Finding("signal-constant", "note", (channel,), values, ("moving-trial",))
     if score.explained >= POOR:
         return None
-    result, left = explained_words(score.explained, channel), _noise_words(score, channel)
     if held_back and score.coefficient_share > POOR and score.variance < BURST:
-        return FitVerdict(
-            "caution",
-            "coefficients uncertain",
-            f"{result}, which is what the uncertainty of the coefficients allows: they are not known well enough to predict it",
-            "run the next trial that is proposed",
-        )
+        return Finding("coefficients-uncertain", "caution", (channel,), values, ("next-trial",))
     if score.noise_share > POOR:
-        return FitVerdict(
-            "unjudged",
-            "noise hides the motion",
-            f"{result}: the residuals of the fit, {left}, are as large as the motion of this run, so this run tests little",
-            "use one that moves more, or add a term if the sensor is better than that",
-        )
+        return Finding("noise-hides-motion", "note", (channel,), values, ("move-more",))
     if held_back:
-        return FitVerdict(
-            "caution",
-            "predicted poorly",
-            f"{result}: the model misses most of the motion; its band is wide because of the residuals of the fit, "
-            f"{left}, not because the coefficients are uncertain",
-            f"add {either(lacks)}",
-        )
-    return FitVerdict(
-        "caution",
-        "fitted poorly",
-        f"{result}: the model misses most of the motion",
-        "add a term, a delay or an estimated initial state",
-    )
+        return Finding("predicted-poorly", "caution", (channel,), values, tuple(lacks))
+    return Finding("fitted-poorly", "caution", (channel,), values, ("add-term", "add-delay", "estimated-start"))
 
 
-def _noise_words(score: Score, channel: str) -> str:
-    """Size of the noise of the fit, and its correlation time."""
-    factor, unit = shown_unit(channel)
-    slow = f" with a correlation time of {score.correlation_time:.2g} s" if score.correlation_time else ""
-    return f"{score.noise_sd * factor:.2g} {unit}{slow}"
-
-
-def slow_remedy(kind: "Noise", channel: str) -> str:
-    """Say how to model residuals that are slow, or white noise on slow ones, and with which priors."""
-    from seatrial.estimation.simulation.sensor_errors import correlation_name, drift_name, drift_time_name
-
-    if kind == "coloured":
-        return (
-            f'set estimation.residuals = "coloured", and for each channel add a section of its correlation time in s, here '
-            f"[prior.{correlation_name(channel)}], for example with {TIME_PRIOR}"
-        )
-    return (
-        'set estimation.residuals = "drifting", white noise on a slow error, and for each channel add sections of the size and of the '
-        f"correlation time of the slow one, here [prior.{drift_name(channel)}], for example with {SIZE_PRIOR}, and "
-        f"[prior.{drift_time_name(channel)}], in s, up to three times the duration of a run, for example with {DRIFT_TIME_PRIOR}, "
-        f"in place of [prior.{correlation_name(channel)}] where there is one"
-    )
-
-
-def _shape(score: Score, channel: str) -> FitVerdict | None:
+def _shape(score: Score, channel: str) -> Finding | None:
     """Return the errors of the right size that are not normal, or lie to one side."""
     if score.pit_distance <= max(MISSHAPEN, KS_CHANCE / np.sqrt(max(score.effective, 1.0))):
         return None
     below = sum(score.pit[: len(score.pit) // 2])
-    side = f", {max(below, 1 - below):.0%} of it on one side of the prediction" if abs(below - 0.5) > MISSHAPEN else ""
-    return FitVerdict(
-        "caution",
-        "errors not normal",
-        f"errors of {channel} are not spread as stated (off by {score.pit_distance:.2f}{side}): probabilities are rough",
-        "look for a bias of the sensor or outliers",
-    )
-
-
-def _praise(score: Score, channel: str) -> str:
-    return f"{explained_words(score.explained, channel)} and {score.coverage:.0%} lies inside the 90 % band"
+    side = float(max(below, 1 - below)) if abs(below - 0.5) > MISSHAPEN else 0.0
+    values = {"distance": float(score.pit_distance), "side": side}
+    return Finding("errors-not-normal", "caution", (channel,), values, ("check-bias",))

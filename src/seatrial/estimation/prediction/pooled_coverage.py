@@ -22,9 +22,11 @@ import numpy as np
 from jaxtyping import Float
 from scipy.special import betainc, betaincinv, chdtrc, ndtri
 
+from seatrial.core.findings import Finding, Value
 from seatrial.estimation.prediction.fit_verdict import (
     BROKEN,
     BURST,
+    FIT_LEVELS,
     LACKS,
     NARROWER,
     ONE_SAMPLE,
@@ -33,12 +35,8 @@ from seatrial.estimation.prediction.fit_verdict import (
     TAME,
     WIDE,
     FitLevel,
-    FitVerdict,
-    either,
-    explained_words,
 )
 from seatrial.estimation.prediction.prediction_scores import LaggedProducts, coverage, lagged_products
-from seatrial.estimation.prediction.remedies import count_below, with_advice
 
 ENOUGH = 20.0
 """Effective samples from which on all runs together may pass: of ten, slow errors twice those stated leave 85 % inside by chance too often
@@ -90,10 +88,7 @@ class Pooled:
         widen: factor on the half-width of the bands with which 90 % of the samples would lie inside.
         widen_lower: lower end of its 95 % range.
         widen_upper: upper end.
-        level: pass, unjudged, caution or fail.
-        about: what the verdict is about in a few words; empty for a pass.
-        reason: what was found and what it means.
-        advice: what to do; empty for a pass.
+        verdict: what the numbers mean.
     """
 
     channel: str
@@ -111,15 +106,12 @@ class Pooled:
     widen: float
     widen_lower: float
     widen_upper: float
-    level: FitLevel
-    about: str
-    reason: str
-    advice: str = ""
+    verdict: Finding
 
     @property
-    def words(self) -> str:
-        """Reason, and what to do."""
-        return with_advice(self.reason, self.advice)
+    def level(self) -> FitLevel:
+        """Pass, unjudged, caution or fail."""
+        return FIT_LEVELS[self.verdict.level]
 
 
 def run_residuals(
@@ -165,15 +157,20 @@ def pooled_verdict(
 
     Args:
         runs: residuals of every held-back run, each predicted without having been fitted.
-        channel: name of the channel, for the words.
+        channel: its name.
         shared: mean squared correlation of two samples, of whichever runs, that comes from the motion being uncertain; by default
             that motion is taken as one error that all runs share, which judges least.
-        lacks: what the model may lack and does not have yet.
+        lacks: remedies for what the model may lack and does not have yet.
     """
     runs = [run for run in runs if run.z.size]
     z = np.concatenate([run.z for run in runs]) if runs else np.empty(0)
     if not z.size or not np.isfinite(z).all():
-        return _without_numbers(channel, len(runs), z.size)
+        verdict = (
+            Finding("runs-diverge", "alarm", (channel,), {}, ("tame-priors",))
+            if z.size
+            else Finding("runs-not-measured", "note", (channel,))
+        )
+        return without_numbers(verdict, len(runs), z.size)
     sizes = np.array([run.z.size for run in runs], float)
     if shared is None:
         shared = float(np.average([run.motion_share for run in runs], weights=sizes)) ** 2
@@ -202,10 +199,10 @@ def pooled_verdict(
         "variance": variance,
         **dict(zip(("widen", "widen_lower", "widen_upper"), band_factor(z, n), strict=True)),
     }
-    found = Pooled(**numbers, level="pass", about="", reason="")
     noisy = sum(run.noise for run in runs) > POOR * total
     uncertain = float(np.average([run.motion_share for run in runs], weights=sizes)) > POOR
-    return Pooled(**numbers, **_judge(found, noisy or uncertain, f"{either(lacks)} is missing")._asdict())
+    unjudged = Pooled(**numbers, verdict=Finding("bands-agree", "pass", (channel,)))
+    return replace(unjudged, verdict=_judge(unjudged, noisy or uncertain, tuple(lacks)))
 
 
 class MotionProducts(NamedTuple):
@@ -310,76 +307,30 @@ def _worth_by_scatter(runs: Sequence[RunResiduals], sizes: Float[np.ndarray, " r
     return max(1.0, mean * (1 - mean) * (1 - spread) / (among * spread))
 
 
-def _judge(pooled: Pooled, excused: bool, mend: str) -> FitVerdict:
-    """Say what the numbers mean; `excused` where noise or uncertain coefficients explain the errors, `mend` is what may be wrong."""
-    n, inside = max(pooled.effective, 1.0), _inside(pooled)
+def _judge(pooled: Pooled, excused: bool, lacks: tuple[str, ...]) -> Finding:
+    """Judge the numbers; `excused` where noise or uncertain coefficients explain the errors, `lacks` as `pooled_verdict`."""
+    n, subject = max(pooled.effective, 1.0), (pooled.channel,)
+    names = ("runs", "coverage", "lower", "upper", "effective", "least", "most", "p_value", "explained")
+    values: dict[str, Value] = {name: getattr(pooled, name) for name in (*names, "widen", "widen_lower", "widen_upper")}
     large = _probability_of_so_large(pooled.variance, n) < RARE
     short = (pooled.upper < BAND and pooled.coverage < NARROWER) or (pooled.least < BROKEN and pooled.p_value < RARE)
     if short or large or pooled.variance >= ONE_SAMPLE:
-        return FitVerdict(
-            "fail",
-            "bands do not hold",
-            f"{inside}: the stated bands do not hold (p = {pooled.p_value:.1g})",
-            f"widen the bands {_factor(pooled)}, and do not rely on the standard deviations of the coefficients either; {mend}",
-        )
+        return Finding("bands-too-narrow", "alarm", subject, values, ("widen-bands", *lacks))
     if n < ENOUGH:
-        return FitVerdict(
-            "unjudged",
-            "too little to judge",
-            f"{inside}: too few to say whether the bands hold ({ENOUGH:.0f} are needed)",
-            "hold back more or longer runs",
-        )
+        return Finding("runs-too-few", "note", subject, values, ("hold-back-more",))
     if pooled.explained < 0:
-        said = f"{inside}, but {explained_words(pooled.explained, pooled.channel)}"
         if not excused:
-            return FitVerdict("fail", "motion not predicted", f"{said}: the model does not predict this motion", mend)
-        return FitVerdict(
-            "caution",
-            "little motion predicted",
-            f"{said}: the bands are as wide as all motion of these runs, which therefore do not show that the model predicts",
-            "hold back runs that move more",
-        )
+            return Finding("motion-not-predicted", "alarm", subject, values, lacks)
+        return Finding("little-motion-predicted", "caution", subject, values, ("hold-back-moving",))
     if pooled.coverage < NARROWER:
-        return FitVerdict(
-            "unjudged",
-            "too little to judge",
-            f"{inside}: too few inside for a pass, but with so few independent samples this may be chance; bands "
-            f"{_factor(pooled)} as wide would have held 90 %",
-            f"hold back more or longer runs; if it stays, {mend}",
-        )
+        return Finding("bands-doubtful", "note", subject, values, ("hold-back-more", *lacks))
     if pooled.lower > BAND and pooled.coverage > WIDE and pooled.variance < TAME:
-        return FitVerdict(
-            "caution",
-            "bands too wide",
-            f"{inside}: bands {_factor(pooled)} as wide are enough; these runs are quieter than the fitted noise",
-        )
-    return FitVerdict("pass", "", f"{inside}, which does not contradict 90 %")
+        return Finding("bands-too-wide", "caution", subject, values)
+    return Finding("bands-agree", "pass", subject, values)
 
 
-def _inside(pooled: Pooled) -> str:
-    runs = f"{pooled.runs} held-back run{'s' * (pooled.runs != 1)}"
-    apart = f"; {pooled.least:.0%} to {pooled.most:.0%} by run" if pooled.runs > 1 else ""
-    return (
-        f"{pooled.coverage:.0%} of {pooled.channel} in {runs} lies inside the 90 % band (95 % range {pooled.lower:.0%} to "
-        f"{pooled.upper:.0%} by {count_below(pooled.effective, ENOUGH)} effective samples{apart})"
-    )
-
-
-def _factor(pooled: Pooled) -> str:
-    return f"{pooled.widen:.1f} times ({pooled.widen_lower:.1f} to {pooled.widen_upper:.1f})"
-
-
-def unjudged(channel: str, runs: int, reason: str) -> Pooled:
-    """Return that so many runs of a channel cannot be judged, and why."""
+def without_numbers(verdict: Finding, runs: int, samples: int = 0) -> Pooled:
+    """Return a verdict on a channel of so many runs that has no numbers."""
     numbers: dict[str, Any] = {field.name: 0.0 for field in fields(Pooled)}
-    verdict = FitVerdict("unjudged", "cannot be judged", reason)
-    return Pooled(**{**numbers, "channel": channel, "runs": runs, "samples": 0, **verdict._asdict()})
-
-
-def _without_numbers(channel: str, runs: int, samples: int) -> Pooled:
-    none = unjudged(channel, runs, f"nothing was measured of {channel} in held-back runs: it cannot be judged")
-    if not samples:
-        return none
-    reason = f"the simulated {channel} grows without bound on held-back runs: the model cannot move as they did"
-    advice = "check units and signs, or narrow the priors to damping that dissipates"
-    return replace(none, samples=samples, level="fail", about="diverges", reason=reason, advice=advice)
+    own = {"channel": verdict.subject[0], "runs": runs, "samples": samples, "verdict": verdict}
+    return Pooled(**{**numbers, **own})

@@ -9,11 +9,20 @@ from seatrial.campaign.inference.judge_predictions import trial_verdicts
 from seatrial.campaign.store.predictions import Fit
 from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.core.display_units import shown_unit
+from seatrial.core.findings import Finding
 from seatrial.core.record import Record
 from seatrial.estimation.prediction.baseline_comparison import Comparison, PooledScore
-from seatrial.estimation.prediction.fit_verdict import FEWEST, LEVELS, NARROW, POOR, FitVerdict, explained_share
+from seatrial.estimation.prediction.fit_verdict import (
+    FIT_LEVELS,
+    LEVELS,
+    MIN_EFFECTIVE_SAMPLES,
+    NARROW,
+    POOR,
+    explained_share,
+)
 from seatrial.estimation.prediction.pooled_coverage import Pooled
 from seatrial.estimation.prediction.remedies import count_below
+from seatrial.messages.render import statement
 from seatrial.report.drawing import draw, model_said, record_curves
 from seatrial.report.figures.fit import record_fit, record_residuals
 from seatrial.report.labels import sentence_html
@@ -55,7 +64,7 @@ def fits_section(outcome: Outcome) -> dict[str, Any]:
         "counts": [
             f"{count} {NOUNS[level][count != 1]}"
             for level in LOOKS
-            if (count := sum(verdict.level == level for verdict in verdicts.values()))
+            if (count := sum(FIT_LEVELS[verdict.level] == level for verdict in verdicts.values()))
         ],
         "has_held_back": bool(held_back),
         "pooled": [_together(one) for one in outcome.pooled],
@@ -65,12 +74,10 @@ def fits_section(outcome: Outcome) -> dict[str, Any]:
     }
 
 
-def _weight(
-    outcome: Outcome, label: str, verdicts: dict[str, FitVerdict], held_back: set[str]
-) -> tuple[int, bool, float]:
+def _weight(outcome: Outcome, label: str, verdicts: dict[str, Finding], held_back: set[str]) -> tuple[int, bool, float]:
     """Order runs by how much they say against the model: by verdict, held-back ones first, and the worst predicted of these."""
     explained = [fit.explained for fit in outcome.fits if fit.record == label and fit.samples and not fit.missing]
-    level = LEVELS.index(verdicts[label].level) if label in verdicts else -1
+    level = LEVELS.index(FIT_LEVELS[verdicts[label].level]) if label in verdicts else -1
     return level, label in held_back, -min(explained, default=1.0)
 
 
@@ -122,7 +129,7 @@ def _together(one: Pooled) -> dict[str, Any]:
         "channel": one.channel,
         "level": one.level,
         "kind": LOOKS[one.level],
-        "reason": sentence_html(one.reason, {}),
+        "reason": sentence_html(statement(one.verdict), {}),
         "runs": one.runs,
         "samples": one.samples,
         "p": _p_value(one.p_value) if number else DASH,
@@ -185,7 +192,7 @@ def _row(fit: Fit) -> dict[str, Any]:
         "white": _p_value(fit.white) if number else "",
         "interval": short(fit.interval, 2),
         "samples": fit.samples,
-        "effective": count_below(fit.effective, FEWEST),
+        "effective": count_below(fit.effective, MIN_EFFECTIVE_SAMPLES),
     }
 
 

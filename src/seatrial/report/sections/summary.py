@@ -92,7 +92,7 @@ def answer(outcome: Outcome) -> Markup:
     own, elsewhere = outcome.own_alarms, outcome.other_alarms
     failed = outcome.held_back_alarms
     if failed:
-        unseen = held_back_alarms(outcome.fits, outcome.pooled)
+        unseen = sentences(held_back_alarms(outcome.fits, outcome.pooled))
         others = len(own) + len(elsewhere) - len(failed)
         more = Markup(" {} failed too.").format(_checks(others)) if others else Markup("")
         what = (

@@ -32,6 +32,7 @@ from seatrial.core.display_units import Shown, shown_as_written
 from seatrial.core.errors import InputError, SeatrialError
 from seatrial.estimation.prediction.fit_verdict import explained_share
 from seatrial.estimation.prediction.remedies import listed
+from seatrial.messages.render import statement
 from seatrial.report.labels import label_html, name_html, sentence_about
 from seatrial.report.numbers import Digits, percent, probability, short, times_ten, typeset, unit_html, with_sd
 from seatrial.selection.structures import Structure, structure_names
@@ -347,7 +348,7 @@ async def _fits(context: AppContext, store: Store) -> None:
                 Markup('<span class="verdict {}">{}</span>').format(one.level, one.level),
                 typeset(explained_share(one.explained, one.runs)),
                 percent(one.coverage) if one.effective else "",
-                one.reason,
+                statement(one.verdict),
             ]
             for one in found.pooled
         ]
