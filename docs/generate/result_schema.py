@@ -1,146 +1,101 @@
-"""JSON Schema of what `--json` prints, and its page, from the types of `seatrial.apps.result_shapes`.
+"""The page of what `--json` prints, from its JSON Schema."""
 
-`python docs/generate/result_schema.py` writes the schema into the package.
+import inspect
+import re
+from typing import Any
+
+from seatrial.apps.answer import SCHEMA
+from seatrial.apps.result_schema import RESULTS, schema
+
+WORDS = {"string": "text", "integer": "integer", "number": "number", "boolean": "true or false", "null": "null"}
+HEAD = f"""# What `--json` prints
+
+Every command that has a result takes `--json`: it prints one document on standard output and nothing else. Progress,
+cautions and alarms still go to standard error; `--quiet` leaves the progress out. Numbers are in SI and radians, and
+`null` stands where there is none.
+
+| key | type | |
+|---|---|---|
+| `schema` | integer | version of these documents, {SCHEMA}; keys may be added to it, none is renamed or removed |
+| `seatrial` | text | version of the program |
+| `command` | text | that was run |
+| `exit` | integer | its exit code |
+| `error` | Problem or null | why there is no result |
+| `result` | see below, or null | what was found |
+| `files` | texts by name | what was written |
+| `cautions`, `alarms` | texts | what to know before using the result, and why not to use it |
+| `findings` | list of Finding | cautions and alarms with their codes and values, and accepted findings |
+
+A wrong option ends with code 2 and prints no document, nor does a command that is interrupted. The command
+`python -m seatrial.apps.result_schema` prints the JSON Schema of the documents.
 """
-
-import json
-import types
-from pathlib import Path
-from typing import Any, Union, get_args, get_origin, get_type_hints, is_typeddict
-
-from seatrial.apps import result_shapes as shapes
-
-FILE = Path(shapes.__file__).with_name("results.schema.json")
-SIMPLE = {str: "string", int: "integer", float: "number", bool: "boolean", type(None): "null"}
-
-
-def schema() -> dict[str, Any]:
-    """Return the schema of every document; which result it has is said by its command."""
-    found: dict[str, Any] = {}
-    texts = {"type": "array", "items": {"type": "string"}}
-    either = {
-        command: {"anyOf": [_schema_of(shape, found), {"type": "null"}]} for command, shape in shapes.RESULTS.items()
-    }
-    properties = {
-        "schema": {"const": shapes.SCHEMA},
-        "seatrial": {"type": "string"},
-        "command": {"enum": list(shapes.RESULTS)},
-        "exit": {"type": "integer"},
-        "error": {"anyOf": [_schema_of(shapes.Problem, found), {"type": "null"}]},
-        "result": {},
-        "files": {"type": "object", "additionalProperties": {"type": "string"}},
-        "cautions": texts,
-        "alarms": texts,
-        "findings": {"type": "array", "items": _schema_of(shapes.Finding, found)},
-    }
-    cases = [
-        {"if": {"properties": {"command": {"const": command}}}, "then": {"properties": {"result": result}}}
-        for command, result in either.items()
-    ]
-    head = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "What seatrial prints with --json"}
-    return head | _object(properties, list(properties)) | {"allOf": cases, "$defs": dict(sorted(found.items()))}
 
 
 def page() -> str:
     """Return the page of the documents: what they share, then the result of each command, key by key."""
-    parts = [
-        "# What `--json` prints",
-        "",
-        "Every command that has a result takes `--json`: it prints one document on standard output and nothing else. Progress,",
-        "cautions and alarms still go to standard error; `--quiet` leaves the progress out. Numbers are in SI and radians, and",
-        "`null` stands where there is none.",
-        "",
-        "| key | type | |",
-        "|---|---|---|",
-        f"| `schema` | integer | version of these documents, {shapes.SCHEMA}; keys may be added to it, none is renamed or removed |",
-        "| `seatrial` | text | version of the program |",
-        "| `command` | text | that was run |",
-        "| `exit` | integer | its exit code |",
-        "| `error` | Problem or null | why there is no result |",
-        "| `result` | see below, or null | what was found |",
-        "| `files` | texts by name | what was written |",
-        "| `cautions`, `alarms` | texts | what to know before using the result, and why not to use it |",
-        "| `findings` | list of Finding | cautions and alarms with their codes and values, and accepted findings |",
-        "",
-        "A wrong option ends with code 2 and prints no document, nor does a command that is interrupted. The JSON Schema comes with the",
-        "package, as `seatrial/apps/results.schema.json`.",
-        "",
-    ]
-    shown: set[str] = set()
-    for command, shape in shapes.RESULTS.items():
+    whole = schema()
+    definitions, shown = whole["$defs"], set()
+    parts = [HEAD]
+    for case in whole["allOf"]:
+        command = case["if"]["properties"]["command"]["const"]
         parts += [f"## {command}", ""]
-        for one in _types_in(shape):
-            parts += _rows(one, shown)
-    parts += ["## Problem", "", *_rows(shapes.Problem, shown), "## Finding", "", *_rows(shapes.Finding, shown)]
+        for name in _names_in(case["then"]):
+            parts += _tables(name, definitions, shown)
+    parts += ["## Problem", ""]
+    for name in ("Problem", "Finding"):
+        parts += _tables(name, definitions, shown)
+    assert set(RESULTS) <= {part.removeprefix("## ") for part in parts}
     return "\n".join(parts)
 
 
-def _rows(shape: Any, shown: set[str]) -> list[str]:
+def _tables(name: str, definitions: dict[str, Any], shown: set[str]) -> list[str]:
     """Return the table of a type, and below it those of the types in it that have not been shown."""
-    said = " ".join((shape.__doc__ or "").split())
-    if shape.__name__ in shown:
-        return [
-            f"As {said.split('`')[1] if '`' in said else shape.__name__}: the same keys, `{shape.__name__}` above.",
-            "",
-        ]
-    shown.add(shape.__name__)
-    hints = get_type_hints(shape)
-    rows = [f"| `{key}` | {_words(kind)} |" for key, kind in hints.items()]
-    parts = [f"**{shape.__name__}.** {said}", "", "| key | type |", "|---|---|", *rows, ""]
-    for kind in hints.values():
-        for inner in _types_in(kind):
-            if inner.__name__ not in shown:
-                parts += _rows(inner, shown)
+    described = definitions[name]
+    text, meanings = _docstring(described.get("description", ""))
+    if name in shown:
+        first = text.split("`")[1] if "`" in text else name
+        return [f"As {first}: the same keys, `{name}` above.", ""]
+    shown.add(name)
+    rows = []
+    for key, kind in described.get("properties", {}).items():
+        meaning = meanings.get(key) or " ".join(kind.get("description", "").split())
+        rows.append(f"| `{key}` | {_words(kind)} | {meaning} |".replace("|  |", "| |"))
+    parts = [f"**{name}.** {text}", "", "| key | type | |", "|---|---|---|", *rows, ""]
+    for inner in _names_in(described.get("properties", {})):
+        if inner not in shown:
+            parts += _tables(inner, definitions, shown)
     return parts
 
 
-def _words(kind: Any) -> str:
-    if is_typeddict(kind):
-        return kind.__name__
-    origin, inside = get_origin(kind), get_args(kind)
-    if origin is list:
-        return f"list of {_words(inside[0])}"
-    if origin is dict:
-        return f"{_words(inside[1])} by name"
-    if origin in (Union, types.UnionType):
-        return " or ".join("null" if one is type(None) else _words(one) for one in inside)
-    return {str: "text", int: "integer", float: "number", bool: "true or false", object: "any value"}[kind]
+def _docstring(text: str) -> tuple[str, dict[str, str]]:
+    """Return the text of a docstring, and the meaning of each attribute."""
+    head, _, attributes = inspect.cleandoc(text).partition("Attributes:\n")
+    found = re.findall(r"^ {4}(\w+): (.*(?:\n {8}.*)*)", attributes, re.MULTILINE)
+    return " ".join(head.split()), {name: " ".join(meaning.split()) for name, meaning in found}
 
 
-def _types_in(kind: Any) -> list[Any]:
-    return [kind] if is_typeddict(kind) else [inner for one in get_args(kind) for inner in _types_in(one)]
+def _words(kind: dict[str, Any]) -> str:
+    if "$ref" in kind:
+        return kind["$ref"].rsplit("/", 1)[1]
+    if "enum" in kind or "const" in kind:
+        return "one of " + ", ".join(f"`{one}`" for one in kind.get("enum", [kind.get("const")]))
+    if "anyOf" in kind:
+        return " or ".join(dict.fromkeys(_words(one) for one in kind["anyOf"]))
+    types = kind.get("type", "object")
+    if isinstance(types, list):
+        return " or ".join(WORDS[one] for one in types if one != "null")
+    if types == "array":
+        inside = [*kind.get("prefixItems", ()), *([kind["items"]] if kind.get("items") else [])]
+        return "list of " + (" and ".join(dict.fromkeys(map(_words, inside))) or "anything")
+    if types == "object":
+        values = kind.get("additionalProperties")
+        return f"{_words(values)} by name" if isinstance(values, dict) and values else "anything by name"
+    return WORDS[types]
 
 
-def _schema_of(kind: Any, definitions: dict[str, Any]) -> dict[str, Any]:
-    if is_typeddict(kind):
-        name = kind.__name__
-        if name not in definitions:
-            definitions[name] = {}
-            properties = {key: _schema_of(inner, definitions) for key, inner in get_type_hints(kind).items()}
-            described = {"description": " ".join((kind.__doc__ or "").split())}
-            definitions[name] = described | _object(properties, sorted(kind.__required_keys__))
-        return {"$ref": f"#/$defs/{name}"}
-    origin, inside = get_origin(kind), get_args(kind)
-    if origin is list:
-        return {"type": "array", "items": _schema_of(inside[0], definitions)}
-    if origin is dict:
-        return {"type": "object", "additionalProperties": _schema_of(inside[1], definitions)}
-    if origin in (Union, types.UnionType):
-        found = [_schema_of(one, definitions) for one in inside]
-        if all(set(one) == {"type"} for one in found):
-            return {"type": [one["type"] for one in found]}
-        return {"anyOf": found}
-    return {} if kind is object else {"type": SIMPLE[kind]}
-
-
-def _object(properties: dict[str, Any], required: list[str]) -> dict[str, Any]:
-    return {"type": "object", "properties": properties, "required": required, "additionalProperties": False}
-
-
-def text() -> str:
-    """Return the file that the package holds."""
-    return json.dumps(schema(), indent=1) + "\n"
-
-
-if __name__ == "__main__":
-    FILE.write_text(text(), encoding="utf-8")
+def _names_in(kind: Any) -> list[str]:
+    """Return the types that a schema names, in its order."""
+    if isinstance(kind, dict):
+        own = [kind["$ref"].rsplit("/", 1)[1]] if "$ref" in kind else []
+        return list(dict.fromkeys(own + [name for value in kind.values() for name in _names_in(value)]))
+    return [name for value in kind for name in _names_in(value)] if isinstance(kind, list) else []

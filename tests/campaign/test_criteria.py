@@ -6,7 +6,6 @@ import pytest
 from seatrial.campaign.selection.criteria import (
     FUTURE,
     Criteria,
-    Pair,
     _criteria_in,
     _stored,
     criteria_cautions,
@@ -14,7 +13,7 @@ from seatrial.campaign.selection.criteria import (
     differences,
 )
 from seatrial.campaign.store.stored_result import StoredResult
-from seatrial.campaign.store.structures import StoredCriteria
+from seatrial.campaign.store.structures import NestedPair, StoredCriteria
 from seatrial.selection.criteria import DevianceCriteria, MonteCarloValue, PredictiveCriterion
 from seatrial.selection.structures import Structure
 
@@ -95,6 +94,6 @@ def test_criteria_survive_the_disk(tmp_path):
     ],
 )
 def test_a_pair_says_whether_both_ways_agree(value, evidence, status, agrees, words):
-    pair = Pair("X_u", "M-0", "M-1", value, 0.05, evidence, status)
+    pair = NestedPair("X_u", "M-0", "M-1", value, 0.05, evidence, status)
     assert pair.agrees == agrees
     assert words in pair.line

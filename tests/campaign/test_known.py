@@ -78,8 +78,11 @@ def test_the_table_names_the_verdict_or_says_that_there_is_none():
     assert alone.verdict == ()
     assert alone.lines(shown_as_written({}))[-1].strip() == BY_ITSELF
     first, *others = alone.parameters
-    assert replace(alone, parameters=(replace(first, wider=0.4 * abs(first.value)), *others)).separately == BY_ITSELF
-    unsure = replace(alone, parameters=(replace(first, wider=0.9 * abs(first.value)), *others))
+    assert (
+        replace(alone, parameters=(replace(first, model_error_sd=0.4 * abs(first.value)), *others)).separately
+        == BY_ITSELF
+    )
+    unsure = replace(alone, parameters=(replace(first, model_error_sd=0.9 * abs(first.value)), *others))
     assert "with model error not X_u:" in unsure.separately
 
 

@@ -336,7 +336,7 @@ def test_a_page_without_cautions_has_none_in_any_section(tmp_path):
     known = replace(made.known, verdict=(), parameters=tuple(quiet))
     promised = replace(made.known, stage="before", verdict=("X_u would be 0 ± 2",))
     for nats, wider, count in ((5.0, 0.0, 0), (0.01, 0.0, 1), (0.01, 9.0, 2)):
-        unsure = replace(known, parameters=(replace(quiet[0], wider=wider), *quiet[1:]))
+        unsure = replace(known, parameters=(replace(quiet[0], model_error_sd=wider), *quiet[1:]))
         undecided = replace(made, known=unsure, contenders=make_contenders(made.campaign, selection, nats))
         outcome = replace(undecided, first=made.next, promised=promised)
         outcome = replace(outcome, summary=summarise(outcome))

@@ -8,6 +8,7 @@ import json
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
+from dataclasses import is_dataclass
 from enum import IntEnum
 from math import isfinite
 from pathlib import Path
@@ -19,6 +20,9 @@ from seatrial import __version__
 from seatrial.core.errors import InputError, NumericalError, SeatrialError, file_error
 from seatrial.core.findings import Finding, Level, Message, accept
 from seatrial.core.visible import visible
+
+SCHEMA = 1
+"""Version of the documents that `--json` prints."""
 
 
 def echo(text: str = "", err: bool = False) -> None:
@@ -60,6 +64,10 @@ class Answer:
     def give(self, **result: Any) -> None:
         """Add to the result that `--json` prints; arrays become lists, and what is no number null."""
         self.told["result"] |= plain(result)
+
+    def give_result(self, result: Any) -> None:
+        """Print with `--json` a result as its family defines it."""
+        self.give(**plain(result))
 
     def wrote(self, what: str, path: Path) -> None:
         """Say where something was written."""
@@ -113,8 +121,6 @@ class Answer:
 
     def document(self, code: int, error: Exception | None = None) -> str:
         """Return the document that `--json` prints."""
-        from seatrial.apps.result_shapes import SCHEMA
-
         whole = {"schema": SCHEMA, "seatrial": __version__, "command": self.command, "exit": code, "error": None}
         whole |= self.told
         if error is not None:
@@ -165,6 +171,10 @@ def plain(value: Any) -> Any:
         return value
     if isinstance(value, float):
         return value if isfinite(value) else None
+    if is_dataclass(value):
+        from seatrial.core.serialise import to_plain  # with it pydantic, which a kept answer does not need
+
+        return to_plain(value, stored=False)
     if isinstance(value, Mapping):
         return {str(key): plain(one) for key, one in value.items()}
     if isinstance(value, list | tuple | set | frozenset):

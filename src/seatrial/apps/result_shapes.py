@@ -1,13 +1,7 @@
-"""What `--json` prints, as types: one document for each command, all numbers in SI and radians, null where there is none.
+"""Parts of what `--json` prints that no family of results defines: what commands put together. `result_schema.py` has the whole."""
 
-`seatrial/apps/results.schema.json` is made of these types by `python docs/generate/result_schema.py`. A key is added when a command
-finds more; none is renamed, removed or given another meaning without raising `SCHEMA`.
-"""
+from typing_extensions import TypedDict
 
-from typing import TypedDict
-
-SCHEMA = 1
-"""Version of the documents."""
 Number = float | None
 
 
@@ -59,56 +53,6 @@ class Named(TypedDict):
     unit: str
 
 
-class Parameter(Named):
-    """Posterior of one parameter, SI: mean, standard deviation, shortest 95 % interval, both within the model, mode, and the health of its
-    draws.
-
-    `model_error_sd` is the standard deviation that survives an error of the model, null where it is not larger by more than a half;
-    `model_error_cause` says what makes most of it.
-    """
-
-    mean: Number
-    sd: Number
-    lower_95: Number
-    upper_95: Number
-    mode: Number
-    model_error_sd: Number
-    model_error_cause: str
-    r_hat: Number
-    ess_bulk: Number
-    ess_tail: Number
-
-
-class Averaged(Named):
-    """A parameter averaged over all structures by their probabilities, SI; absent counts as zero. `sd` and the shortest 95 % interval hold
-    within the structures, `model_error_sd` also if they are wrong; null where it is not larger by more than a half. `model_error_cause`
-    says what makes most of it.
-    """
-
-    mean: Number
-    sd: Number
-    lower_95: Number
-    upper_95: Number
-    model_error_sd: Number
-    model_error_cause: str
-    inclusion: Number
-
-
-class Known(Named):
-    """How well one parameter is known, SI: its standard deviation, over its value, over the prior's, and its closest companion.
-
-    `model_error_sd` is that of `Parameter`; null of a design.
-    """
-
-    value: Number
-    sd: Number
-    model_error_sd: Number
-    relative: Number
-    left: Number
-    partner: str
-    correlation: Number
-
-
 class Fit(TypedDict):
     """How one channel of one record is predicted from its inputs alone, SI; shares are of the measured variance or of the samples.
 
@@ -131,78 +75,14 @@ class Fit(TypedDict):
     coverage: Number
 
 
-class Baseline(TypedDict):
-    """How the model stands beside simple predictors on one channel of the held-back records."""
-
-    channel: str
-    level: str
-    p_value: Number
-    sentence: str
-
-
-class EstimatedStructure(TypedDict):
-    """One structure with its parameters; `model_error` says what the ± with model error is made of and how to get rid of it."""
-
-    label: str
-    terms: list[str]
-    parameters: list[Parameter]
-    model_error: list[str]
-    log_evidence_laplace: Number
-    known: list[Known]
-    symmetry: list[str]
-    held_back: list[Fit]
-
-
 class FirstValue(Named):
-    """One number of a first answer, SI; `by` says how it was found. The ± with model error is that of `Parameter`: null of a regression."""
+    """One number of a first answer, SI, found as `by` says; `model_error_sd` is that of `StoredCoefficient`, null of a regression."""
 
     by: str
     value: Number
     sd: Number
     model_error_sd: Number
     model_error_cause: str
-
-
-class FirstStructure(TypedDict):
-    """First answer of one structure; `model_error` as in `EstimatedStructure`."""
-
-    label: str
-    terms: list[str]
-    values: list[FirstValue]
-    model_error: list[str]
-    log_evidence_laplace: Number
-    held_back: list[Fit]
-    symmetry: list[str]
-
-
-class Estimate(TypedDict, total=False):
-    """`estimate`: `structures` by chains, `first_answers` with `--by mode` and `--by equation-error`.
-
-    `taken_as_exact` says which inertias and forces all coefficients scale with.
-    """
-
-    by: str
-    taken_as_exact: str
-    structures: list[EstimatedStructure]
-    first_answers: list[FirstStructure]
-    baselines: list[Baseline]
-
-
-class Structure(TypedDict):
-    """One candidate with its evidence, nats, and its probability; each with its Monte Carlo standard error.
-
-    The resolution is the smallest difference, nats, that the check of the evidence would have noticed; null without a check.
-    """
-
-    label: str
-    terms: list[str]
-    log_evidence: Number
-    log_evidence_error: Number
-    log_evidence_resolution: Number
-    probability: Number
-    probability_error: Number
-    method: str
-    status: str
 
 
 class Inclusion(TypedDict):
@@ -213,15 +93,6 @@ class Inclusion(TypedDict):
     error: Number
 
 
-class Select(TypedDict):
-    """`select`."""
-
-    chosen: str
-    structures: list[Structure]
-    inclusion: list[Inclusion]
-    verdicts: list[str]
-
-
 class Criterion(TypedDict):
     """One criterion of one structure with its Monte Carlo error; `unit` says which way is better."""
 
@@ -230,64 +101,6 @@ class Criterion(TypedDict):
     value: Number
     error: Number
     status: str
-
-
-class Ratio(TypedDict):
-    """Savage-Dickey log Bayes factor of a term between two structures, nats."""
-
-    term: str
-    larger: str
-    smaller: str
-    value: Number
-    error: Number
-    agrees: bool
-
-
-class Criteria(TypedDict):
-    """`criteria`."""
-
-    criteria: list[Criterion]
-    savage_dickey: list[Ratio]
-
-
-class LeftOut(TypedDict):
-    """One structure under one model of the error: log density of each run given the others, nats."""
-
-    structure: str
-    terms: list[str]
-    error_model: str
-    elpd: list[Number]
-    total: Number
-    log_evidence: Number
-    status: str
-    refused: str
-
-
-class CrossValidate(TypedDict):
-    """`crossvalidate`."""
-
-    runs: list[str]
-    best: str
-    recommended: str | None
-    candidates: list[LeftOut]
-
-
-class Profile(Named):
-    """Profile likelihood of one parameter, SI: its 95 % interval, null at an end that is open, and the curve."""
-
-    kind: str
-    best: Number
-    lower: Number
-    upper: Number
-    values: list[Number]
-    drop: list[Number]
-
-
-class Profiles(TypedDict):
-    """`profile`."""
-
-    structure: str
-    profiles: list[Profile]
 
 
 class Design(TypedDict):
@@ -301,39 +114,6 @@ class Design(TypedDict):
     period: Number
     gain_nat: Number
     worth: Number
-
-
-class FreeForm(TypedDict):
-    """A schedule of no fixed shape: levels of the control, SI, and D criteria, nats."""
-
-    levels: list[Number]
-    utility: Number
-    beside: Number
-    family: str
-
-
-class SelfOscillation(TypedDict):
-    """A self-oscillating test, SI."""
-
-    control: str
-    output: str
-    amplitude: Number
-    threshold: Number
-    gain: Number
-    utility: Number
-    oscillates: Number
-
-
-class Searched(TypedDict):
-    """The design found between the points of the grid, SI."""
-
-    kind: str
-    amplitude: Number
-    period: Number
-    utility: Number
-    beside: Number
-    evaluations: int
-    unit: str
 
 
 class Batch(TypedDict):
@@ -351,32 +131,6 @@ class SensorRow(TypedDict):
     sensors: str
     utility: Number
     sd: dict[str, Number]
-
-
-class Ranking(TypedDict):
-    """How one measure ranks designs beside their simulated information gain; regret in nats."""
-
-    name: str
-    correlation: Number
-    regret: Number
-    regret_error: Number
-
-
-class _Design(TypedDict):
-    designs: list[Design]
-    refused: dict[str, str]
-    coefficients: list[Known]
-
-
-class Designs(_Design, total=False):
-    """`design`: the best of each family, the best of all first; then what its options asked for."""
-
-    free_form: FreeForm
-    self_oscillation: SelfOscillation
-    searched: Searched
-    batch: Batch
-    sensors: list[SensorRow]
-    rankings: list[Ranking]
 
 
 class Stage(TypedDict):
@@ -552,25 +306,6 @@ class Next(TypedDict):
     advice: list[str]
 
 
-class Run(TypedDict):
-    """`run` and `report`: the chosen structure, what supports it, how it predicts, and what to run next.
-
-    `quoted` says whose values to quote, with `model_error_sd` if it is not null: `chosen`, those of `parameters`, or `averaged`.
-    """
-
-    chosen: str
-    terms: list[str]
-    parameters: list[Parameter]
-    averaged: list[Averaged]
-    quoted: str
-    structures: list[Structure]
-    inclusion: list[Inclusion]
-    verdicts: list[str]
-    fits: list[Fit]
-    baselines: list[Baseline]
-    next: Next
-
-
 class Clock(Named):
     """One clock of a table: length, s, rate, Hz."""
 
@@ -669,7 +404,7 @@ class Loss(TypedDict):
 
 
 class ExportedCoefficient(Named):
-    """An estimated coefficient of an export, SI: `sd` within the exported model, the others as in `Parameter`."""
+    """An estimated coefficient of an export, SI: `sd` within the exported model, the others as in `StoredCoefficient`."""
 
     mean: Number
     sd: Number
@@ -677,7 +412,7 @@ class ExportedCoefficient(Named):
 
 
 class ExportedAverage(Named):
-    """A coefficient averaged over all structures, as in `Averaged`."""
+    """A coefficient averaged over all structures, as in `StoredAverage`."""
 
     mean: Number
     sd: Number
@@ -729,32 +464,3 @@ class Benchmark(TypedDict, total=False):
     not_beaten: list[str]
     sets: list[SetName]
     methods: list[str]
-
-
-RESULTS = {
-    "vehicle": Vehicle,
-    "explain": Explain,
-    "schema": CampaignSchema,
-    "init": Init,
-    "prior": Prior,
-    "design": Designs,
-    "plan": Plan,
-    "rehearse": Rehearsal,
-    "simulate": Records,
-    "inspect": Log | Logs,
-    "import": Records,
-    "estimate": Estimate,
-    "profile": Profiles,
-    "select": Select,
-    "criteria": Criteria,
-    "crossvalidate": CrossValidate,
-    "check": Check,
-    "tuning": Tuning,
-    "calibrate": Calibration,
-    "next": Next,
-    "report": Run,
-    "run": Run,
-    "benchmark": Benchmark,
-    "export": Export,
-}
-"""Type of `result` in the document of each command."""

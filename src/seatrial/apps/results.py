@@ -18,38 +18,23 @@ def picked(found: Any, shape: type, **others: Any) -> dict[str, Any]:
     return {key: others[key] if key in others else getattr(found, key) for key in shape.__annotations__}
 
 
-def parameters(estimate: Any) -> list[dict[str, Any]]:
-    """Return the posterior of each parameter of an estimate."""
-    return [picked(one, shapes.Parameter) for one in estimate.parameters]
-
-
 def fits(found: Iterable[Any]) -> list[dict[str, Any]]:
     """Return how channels of records are predicted."""
     return [picked(one, shapes.Fit, code=one.verdict.code, reason=one.words) for one in found]
 
 
-def known(found: Any) -> list[dict[str, Any]]:
-    """Return what is known of each parameter."""
-    return [picked(one, shapes.Known, model_error_sd=one.wider or None) for one in found.parameters]
-
-
-def baselines(compared: Iterable[Any]) -> list[dict[str, Any]]:
-    """Return how a model stands beside baselines."""
-    return [picked(one, shapes.Baseline) for one in compared]
-
-
 def estimated(estimate: Any, held_back: Any, known_after: Any) -> dict[str, Any]:
     """Return one structure by chains."""
-    return picked(
-        estimate.structure,
-        shapes.EstimatedStructure,
-        parameters=parameters(estimate),
-        model_error=[estimate.wider_words, *(one.sentence for one in estimate.wider_findings)],
-        log_evidence_laplace=float(estimate.data.attrs["laplace_log_evidence"]),
-        known=known(known_after),
-        symmetry=known_after.symmetry,
-        held_back=fits(held_back.fits),
-    )
+    return {
+        "label": estimate.structure.label,
+        "terms": estimate.structure.terms,
+        "parameters": estimate.parameters,
+        "model_error": [estimate.wider_words, *(one.sentence for one in estimate.wider_findings)],
+        "log_evidence_laplace": float(estimate.data.attrs["laplace_log_evidence"]),
+        "known": known_after.parameters,
+        "symmetry": known_after.symmetry,
+        "held_back": fits(held_back.fits),
+    }
 
 
 def first_answer(one: Any) -> dict[str, Any]:
@@ -75,18 +60,17 @@ def first_answer(one: Any) -> dict[str, Any]:
         "log_evidence_laplace": one.log_evidence,
         "held_back": held_back,
     }
-    return picked(one.structure, shapes.FirstStructure, symmetry=one.symmetry, **told)
+    return {"label": one.structure.label, "terms": one.structure.terms, "symmetry": one.symmetry, **told}
 
 
 def selected(selection: Any) -> dict[str, Any]:
     """Return which terms the data support."""
-    structures = [picked(one, shapes.Structure) for one in selection.rows]
     inclusion = [
         {"term": term, "probability": value, "error": selection.inclusion_error.get(term)}
         for term, value in selection.inclusion.items()
     ]
     chosen = selection.structures[selection.chosen].label
-    return {"chosen": chosen, "structures": structures, "inclusion": inclusion, "verdicts": selection.verdicts}
+    return {"chosen": chosen, "structures": selection.rows, "inclusion": inclusion, "verdicts": selection.verdicts}
 
 
 def criteria(found: Sequence[Any], pairs: Sequence[Any]) -> dict[str, Any]:
@@ -99,7 +83,7 @@ def criteria(found: Sequence[Any], pairs: Sequence[Any]) -> dict[str, Any]:
             picked(value, shapes.Criterion, structure=one.structure.label, criterion=name, status=status)
             for name, (value, status) in of.items()
         ]
-    return {"criteria": rows, "savage_dickey": [picked(pair, shapes.Ratio) for pair in pairs]}
+    return {"criteria": rows, "savage_dickey": pairs}
 
 
 def cross_validated(found: Any) -> dict[str, Any]:
@@ -109,13 +93,8 @@ def cross_validated(found: Any) -> dict[str, Any]:
         "runs": found.runs,
         "best": found.best.name,
         "recommended": None if recommended is None else recommended.name,
-        "candidates": [picked(one, shapes.LeftOut) for one in found.candidates],
+        "candidates": found.candidates,
     }
-
-
-def profiles(found: Any) -> dict[str, Any]:
-    """Return profile likelihoods."""
-    return {"structure": found.structure, "profiles": [picked(one, shapes.Profile) for one in found.profiles]}
 
 
 def design(sweep: Any, at: tuple[int, int] | None = None) -> dict[str, Any]:
@@ -135,7 +114,7 @@ def design(sweep: Any, at: tuple[int, int] | None = None) -> dict[str, Any]:
 
 def designs(found: Any, promised: Any) -> dict[str, Any]:
     """Return the best design of each family, and what the best of all promises."""
-    return {"designs": list(map(design, found.sweeps)), "refused": found.refused, "coefficients": known(promised)}
+    return {"designs": list(map(design, found.sweeps)), "refused": found.refused, "coefficients": promised.parameters}
 
 
 def batch(found: Any) -> dict[str, Any]:
@@ -257,12 +236,12 @@ def run(outcome: Any, proposal: Any) -> dict[str, Any]:
     return {
         "chosen": chosen.structure.label,
         "terms": chosen.structure.terms,
-        "parameters": parameters(chosen),
-        "averaged": [picked(one, shapes.Averaged) for one in outcome.summary.averaged],
+        "parameters": chosen.parameters,
+        "averaged": outcome.summary.averaged,
         "quoted": outcome.selection.quoted,
         **{key: value for key, value in selected(outcome.selection).items() if key != "chosen"},
         "fits": fits(outcome.fits),
-        "baselines": baselines(outcome.compared),
+        "baselines": outcome.compared,
         "next": next_trial(outcome.next, proposal),
     }
 

@@ -28,7 +28,8 @@ Work = Callable[[Any, Any, Answer], Exit]
 Json = Annotated[
     bool,
     typer.Option(
-        "--json", help="Print one JSON document instead of lines; seatrial/apps/results.schema.json lists its keys."
+        "--json",
+        help="Print one JSON document instead of lines; `python -m seatrial.apps.result_schema` lists its keys.",
     ),
 ]
 INTERACTIVE = ("serve",)

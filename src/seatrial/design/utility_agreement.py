@@ -6,8 +6,9 @@ the interval reaches to the correlation of normal variables that would show as m
 """
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import scipy
@@ -21,7 +22,8 @@ RESAMPLES = 2000
 LEVEL = 0.95
 
 
-class Agreement(NamedTuple):
+@dataclass(frozen=True)
+class Agreement:
     """What one cheap utility is worth beside the expensive one.
 
     Attributes:

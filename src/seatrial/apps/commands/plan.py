@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from seatrial.apps import result_shapes, results
+from seatrial.apps import results
 from seatrial.apps.answer import Answer, Exit
 from seatrial.apps.running import Folder, Quiet, with_campaign
 
@@ -188,7 +188,7 @@ def _each(answer: Answer, options: list[Callable[[], list[str]]]) -> None:
 
 def _free_form(flow: Any, answer: Answer) -> list[str]:
     found, schedule = flow.get("free_form")
-    answer.give(free_form=results.picked(found, result_shapes.FreeForm))
+    answer.give(free_form=found)
     answer.name_file("free-form schedule", schedule)
     return [*found.lines(), f"schedule: {schedule}"]
 
@@ -197,7 +197,7 @@ def _self_oscillation(flow: Any, answer: Answer) -> list[str]:
     from seatrial.report.figure_files import write_relay_picture
 
     test, schedule = flow.get("relay")
-    answer.give(self_oscillation=results.picked(test, result_shapes.SelfOscillation))
+    answer.give(self_oscillation=test)
     answer.name_file("self-oscillation schedule", schedule)
     return [*test.lines(), f"expected schedule: {schedule}; picture: {write_relay_picture(flow.campaign, test)}"]
 
@@ -218,12 +218,12 @@ def _searched(flow: Any, answer: Answer) -> list[str]:
     from seatrial.campaign.design.global_search import search_lines
 
     found, family, schedule = flow.get("searched")
-    answer.give(searched=results.picked(found, result_shapes.Searched))
+    answer.give(searched=found)
     answer.name_file("searched schedule", schedule)
     return [*search_lines(found, family), f"schedule: {schedule}"]
 
 
 def _compared(flow: Any, answer: Answer) -> list[str]:
     found = flow.get("measures")
-    answer.give(rankings=[results.picked(one, result_shapes.Ranking) for one in found.agreements])
+    answer.give(rankings=found.agreements)
     return found.lines()

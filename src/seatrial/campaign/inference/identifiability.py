@@ -51,8 +51,7 @@ def known_after(campaign: Campaign, estimate: Estimate, trials: Trials) -> Known
         cov = np.atleast_2d(np.cov(estimate.draws().T))
         found = identify(posterior.present_parameters, values, information, cov=cov, at=campaign.hull.trim)
         known = _known(found, information, estimate.structure.label)
-        wider = {name: estimate.wider(name) or 0.0 for name in estimate.names}
-        parameters = tuple(replace(one, wider=wider[one.name]) for one in known.parameters)
+        parameters = tuple(replace(one, model_error_sd=estimate.wider(one.name)) for one in known.parameters)
         symmetry = symmetry_of(campaign, estimate, estimate.prior_curves)
         return replace(known, parameters=parameters, symmetry=symmetry)
 

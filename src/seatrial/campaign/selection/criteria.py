@@ -18,7 +18,7 @@ from seatrial.campaign.inference.estimate import estimate_key
 from seatrial.campaign.inference.posterior import build_posterior, random_key
 from seatrial.campaign.store.estimates import Estimate, HasKey, OfStructure
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
-from seatrial.campaign.store.structures import StoredCriteria
+from seatrial.campaign.store.structures import NestedPair, StoredCriteria
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.reporter import SILENT, Progress, Reporter, no_progress, run_side_by_side
 from seatrial.estimation.posterior.mode import find_mode
@@ -258,44 +258,6 @@ class Difference(NamedTuple):
         return bool(self.delta >= max(SMALL_DIFFERENCE, 2 * self.error))
 
 
-class Pair(NamedTuple):
-    """Log Bayes factor of a term between two nested structures by Savage-Dickey, and by their evidences if these are there.
-
-    Attributes:
-        term: the term.
-        larger: label of the structure that has it.
-        smaller: label of the one that has not.
-        value: log Z(larger) - log Z(smaller), nats; NaN where there is none.
-        error: its standard error.
-        evidence: the same from evidences, with its error; None where these have not been computed.
-        status: empty if healthy.
-    """
-
-    term: str
-    larger: str
-    smaller: str
-    value: float
-    error: float
-    evidence: tuple[float, float] | None
-    status: str
-
-    @property
-    def agrees(self) -> bool:
-        """Whether both ways give the same number, as far as their errors tell; true where one is missing."""
-        if self.evidence is None or self.status or not np.isfinite(self.value):
-            return True
-        return abs(self.value - self.evidence[0]) <= max(3 * float(np.hypot(self.error, self.evidence[1])), 0.2)
-
-    @property
-    def line(self) -> str:
-        """The pair in words."""
-        head = f"{self.term}, {self.larger} against {self.smaller}: "
-        value = f"log Bayes factor {self.value:+.2f} ± {self.error:.2f}" if np.isfinite(self.value) else "none"
-        by = "" if self.evidence is None else f"; by evidence {self.evidence[0]:+.2f} ± {self.evidence[1]:.2f}"
-        agreed = "" if self.evidence is None or self.status else ", agreed" if self.agrees else ", NOT agreed"
-        return head + value + by + agreed + (f"; {self.status}" if self.status else "")
-
-
 def differences(found: Sequence[Criteria]) -> dict[str, list[Difference]]:
     """Of every criterion, how far each structure is behind the best one, which has (0, 0)."""
     table = {}
@@ -362,7 +324,7 @@ def criteria_cautions(found: Sequence[Criteria]) -> list[str]:
 
 def nested_pairs(
     campaign: Campaign, estimates: Sequence[Estimate], trials: Trials, selection: Selection | None
-) -> list[Pair]:
+) -> list[NestedPair]:
     """Savage-Dickey ratio of every optional term whose absence is another candidate with the same unknowns otherwise.
 
     Args:
@@ -386,21 +348,21 @@ def nested_pairs(
 
 def _pair(
     posterior: Posterior, z: np.ndarray, term: str, larger: Estimate, smaller: Estimate, selection: Selection | None
-) -> Pair:
+) -> NestedPair:
     labels = larger.structure.label, smaller.structure.label
     evidence = None if selection is None else _evidence(selection, *labels)
     lower, upper = (float(bound) for bound in posterior.parameters[posterior.names.index(term)].prior.bounds)
     if not lower < 0 < upper:
-        return Pair(
+        return NestedPair(
             term, *labels, np.nan, np.nan, evidence, "0 is not inside the prior, so only evidences compare them"
         )
     try:
         ratio = savage_dickey(posterior, term, z)
     except InputError as error:
-        return Pair(term, *labels, np.nan, np.nan, evidence, error.sentence(with_remedy=False))
+        return NestedPair(term, *labels, np.nan, np.nan, evidence, error.sentence(with_remedy=False))
     except NumericalError as error:
-        return Pair(term, *labels, np.nan, np.nan, evidence, str(error))
-    return Pair(term, *labels, ratio.log_value, ratio.std_error, evidence, ratio.status)
+        return NestedPair(term, *labels, np.nan, np.nan, evidence, str(error))
+    return NestedPair(term, *labels, ratio.log_value, ratio.std_error, evidence, ratio.status)
 
 
 def _evidence(selection: Selection, larger: str, smaller: str) -> tuple[float, float]:

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from pydantic import computed_field
 
 CLEAR, SMALL = 2.0, 4.0
 """Standard errors, and nats, beyond which a difference is one: below four nats the standard error itself is unreliable (Sivula,
@@ -76,6 +77,7 @@ class Candidate:
     status: str = ""
     refused: str = ""
 
+    @computed_field
     @property
     def total(self) -> float:
         """Sum over runs, nats; higher is better."""

@@ -307,7 +307,7 @@ class KnownParameter:
         left: `sd` over the prior's.
         partner: the parameter it is most strongly correlated with; empty if it is the only one.
         correlation: with that one.
-        wider: standard deviation that survives an error of the model; 0 where it is not larger by more than a half.
+        model_error_sd: standard deviation that survives an error of the model; None where it is not larger by more than a half.
     """
 
     name: str
@@ -318,17 +318,19 @@ class KnownParameter:
     left: float
     partner: str
     correlation: float
-    wider: float = 0.0
+    model_error_sd: float | None = None
 
     @property
     def is_unsure(self) -> bool:
         """Whether an error of the model leaves little more than the sign of a coefficient."""
-        return is_coefficient(self.name) and self.wider > UNSURE * abs(self.value)
+        return is_coefficient(self.name) and (self.model_error_sd or 0.0) > UNSURE * abs(self.value)
 
     @property
     def known_to(self) -> str:
         """`relative` in words, and what it is with an error of the model where that is more."""
-        shares = [self.relative] + [self.relative * self.wider / self.sd] * (self.wider > 0 and self.sd > 0)
+        shares = [self.relative]
+        if self.model_error_sd and self.sd > 0:
+            shares.append(self.relative * self.model_error_sd / self.sd)
         words = ["not at all" if share >= VAIN else percent(share) for share in shares]
         return words[0] if len(words) == 1 or words[0] == words[1] else f"{words[0]}, {words[1]} with model error"
 

@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 import numpy as np
 from jaxtyping import Float
+from pydantic import computed_field
 
 from seatrial import __version__
 from seatrial.campaign.store.estimates import Known, StoredCoefficient
@@ -368,6 +369,46 @@ class StoredCriteria:
     status: tuple[str, ...]
     refused: str
     deviance: tuple[tuple[float, float], ...] = ()
+
+
+@dataclass(frozen=True)
+class NestedPair:
+    """Log Bayes factor of a term between two nested structures by Savage-Dickey, and by their evidences if these are there.
+
+    Attributes:
+        term: the term.
+        larger: label of the structure that has it.
+        smaller: label of the one that has not.
+        value: log Z(larger) - log Z(smaller), nats; NaN where there is none.
+        error: its standard error.
+        evidence: the same from evidences, with its error; None where these have not been computed.
+        status: empty if healthy.
+    """
+
+    term: str
+    larger: str
+    smaller: str
+    value: float
+    error: float
+    evidence: tuple[float, float] | None
+    status: str
+
+    @computed_field
+    @property
+    def agrees(self) -> bool:
+        """Whether both ways give the same number, as far as their errors tell; true where one is missing."""
+        if self.evidence is None or self.status or not np.isfinite(self.value):
+            return True
+        return abs(self.value - self.evidence[0]) <= max(3 * float(np.hypot(self.error, self.evidence[1])), 0.2)
+
+    @property
+    def line(self) -> str:
+        """The pair in words."""
+        head = f"{self.term}, {self.larger} against {self.smaller}: "
+        value = f"log Bayes factor {self.value:+.2f} ± {self.error:.2f}" if np.isfinite(self.value) else "none"
+        by = "" if self.evidence is None else f"; by evidence {self.evidence[0]:+.2f} ± {self.evidence[1]:.2f}"
+        agreed = "" if self.evidence is None or self.status else ", agreed" if self.agrees else ", NOT agreed"
+        return head + value + by + agreed + (f"; {self.status}" if self.status else "")
 
 
 @dataclass(frozen=True)
