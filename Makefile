@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PEERS := .venv-peers
 DEMO := outputs/remus100
-PAGES := tests/apps tests/campaign tests/core tests/docs tests/report
+PAGES := tests/cli tests/dashboard tests/campaign tests/core tests/docs tests/report
 CAMPAIGNS := $(PAGES) tests/logs tests/benchmark
 
 .PHONY: run test test-campaigns test-library quick proof proof-campaigns proof-library lint types imports examples bench figures notebooks docs dist lock clean

@@ -201,7 +201,7 @@ def _make_record(example: str, duration: int, folder: Path) -> None:
 
 def _click(base: Path) -> None:
     """Have a session of the dashboard make the design of a new campaign, with empty caches and with those that were left."""
-    from seatrial.apps.session import Session
+    from seatrial.dashboard.session import Session
 
     for kind, goal in (("empty caches", CLICK_GOALS[1]), ("full caches", CLICK_GOALS[0])):
         folder = base / f"click-{kind[:5].strip()}"
@@ -276,7 +276,7 @@ def _measure(words: Sequence[str], cache: Path) -> Cost:
 _MEASURED = """
 import atexit, resource, sys
 atexit.register(lambda: print("peak memory", resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, "kB", file=sys.stderr))
-from seatrial.apps.cli import main
+from seatrial.cli.main import main
 main()
 """
 

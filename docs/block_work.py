@@ -107,7 +107,7 @@ def _run_command(command: str) -> tuple[int, str]:
 
 
 def _seatrial(arguments: list[str]) -> None:
-    from seatrial.apps.cli import main
+    from seatrial.__main__ import main
 
     before, sys.argv = sys.argv, ["seatrial", *arguments]
     try:

@@ -12,10 +12,10 @@ from equation_error_ranks import equation_error_ranks
 from matplotlib.figure import Figure
 
 import seatrial
-from seatrial.apps.console import ConsoleReporter
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.inference.calibration import calibrate
+from seatrial.cli.console import ConsoleReporter
 from seatrial.core.files import write_text
 from seatrial.estimation.diagnostics.calibration import DRAWS, Calibration
 from seatrial.report.drawing import draw_svg

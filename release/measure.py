@@ -16,7 +16,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 PLACES = ("src/seatrial", "studies")
 TESTS = ("tests", "studies")
-WORD_PACKAGES = ("messages", "cli", "report", "dashboard", "apps")
+WORD_PACKAGES = ("messages", "cli", "report", "dashboard")
 """Packages of src whose work is words."""
 MIN_WORDS = 4
 """Words of text in a function that returns text, from which it composes sentences."""

@@ -2,7 +2,7 @@
 
 import typer
 
-from seatrial.apps.cli import app
+from seatrial.__main__ import app
 
 
 def page() -> str:

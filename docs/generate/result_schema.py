@@ -4,8 +4,8 @@ import inspect
 import re
 from typing import Any
 
-from seatrial.apps.answer import SCHEMA
-from seatrial.apps.result_schema import RESULTS, schema
+from seatrial.cli.answer import SCHEMA
+from seatrial.cli.result_schema import RESULTS, schema
 
 WORDS = {"string": "text", "integer": "integer", "number": "number", "boolean": "true or false", "null": "null"}
 HEAD = f"""# What `--json` prints
@@ -27,7 +27,7 @@ cautions and alarms still go to standard error; `--quiet` leaves the progress ou
 | `findings` | list of Finding | cautions and alarms with their codes and values, and accepted findings |
 
 A wrong option ends with code 2 and prints no document, nor does a command that is interrupted. The command
-`python -m seatrial.apps.result_schema` prints the JSON Schema of the documents.
+`python -m seatrial.cli.result_schema` prints the JSON Schema of the documents.
 """
 
 

@@ -12,8 +12,8 @@ from typing import Any
 from unittest.mock import patch
 
 from attacks.outcome import Outcome, Watchman, told
-from seatrial.apps.questions import questions
 from seatrial.campaign.config.templates import template_text
+from seatrial.cli.questions import questions
 
 ODD = (
     *("", " ", "0", "-1", "1e308", "1e999", "nan", "inf", "-inf", "1,5", "9" * 400, "\u0661", "\0", "\u00e9", "x y z", "..", "'", '"'),
@@ -72,8 +72,8 @@ def _odd(random: Random, value: str) -> str:
 
 def _init(folder: Path, words: list[str], answers: list[str] | None, output: io.StringIO) -> tuple[int, str]:
     """Run the command in this process; returns its exit status and what it says on standard error."""
-    from seatrial.apps.cli import main
-    from seatrial.apps.commands import init
+    from seatrial.__main__ import main
+    from seatrial.cli.commands import init
 
     errors = io.StringIO()
     typed = io.StringIO("\n".join(answers or []))

@@ -103,7 +103,7 @@ def mirror(number: int, random: Random, place: Path, watchman: Watchman) -> Outc
 
 def command(*arguments: str) -> tuple[int, str]:
     """Run a command of seatrial in this process; returns its exit status and what it printed. A mistake of ours is raised."""
-    from seatrial.apps.cli import main
+    from seatrial.__main__ import main
 
     printed, kept = io.StringIO(), sys.argv
     sys.argv = ["seatrial", *arguments]

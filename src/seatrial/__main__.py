@@ -1,5 +1,17 @@
-"""`python -m seatrial`: the command line."""
+"""`seatrial` and `python -m seatrial`: the commands about campaigns, and the one that serves them as web pages."""
 
-from seatrial.apps.cli import main
+from seatrial.cli import main as cli
+from seatrial.cli.running import run_app
+from seatrial.dashboard.command import serve
 
-main()
+COMMANDS = cli.COMMANDS | {"serve": cli.Command(serve)}
+app = cli.app_of(COMMANDS)
+
+
+def main() -> None:
+    """Run the command line; errors meant for the user are printed without a traceback."""
+    run_app(app)
+
+
+if __name__ == "__main__":
+    main()

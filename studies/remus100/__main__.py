@@ -5,7 +5,7 @@ from typing import Annotated, Any
 
 import typer
 
-from seatrial.apps.running import Exit, Quiet, run_app, watched
+from seatrial.cli.running import Exit, Quiet, run_app, watched
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 

@@ -4,10 +4,10 @@ import re
 
 import pytest
 
-from seatrial.apps.toml_edit import set_key
 from seatrial.campaign.config import toml as toml_file
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import import_trials
+from seatrial.cli.toml_edit import set_key
 from seatrial.core.errors import InputError
 from tests.campaign.small import SMALL, write_small
 from tests.campaign.test_whole_vehicle import pitch

@@ -7,10 +7,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from seatrial.apps.cli import main
-from seatrial.apps.running import Exit
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.inference.posterior import build_posterior
+from seatrial.cli.main import main
+from seatrial.cli.running import Exit
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.estimation.diagnostics.prior_checks import check_prior_contains_data, information_complaints
 from seatrial.estimation.posterior import mode as mode_module

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from seatrial.apps.cli import app
 from seatrial.campaign.config.earlier_campaigns import lost_correlations
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.check import check_records
@@ -16,6 +15,7 @@ from seatrial.campaign.design.sweep import design_first
 from seatrial.campaign.inference.posterior import build_posterior, initial_state, random_key
 from seatrial.campaign.prior.predictive import speeds
 from seatrial.campaign.selection.runner_up import noise_of
+from seatrial.cli.main import app
 from seatrial.core.errors import InputError
 from seatrial.estimation.diagnostics.identifiability import identifiability_of_fit
 from seatrial.estimation.posterior.mode import find_mode

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from seatrial.apps.cli import app
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.check import check_records, record_doubts, step_cautions
 from seatrial.campaign.data.import_logs import get_trials
+from seatrial.cli.main import app
 from seatrial.core.errors import NumericalError
 
 CAMPAIGN = """

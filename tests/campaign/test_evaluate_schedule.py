@@ -5,7 +5,6 @@ import json
 import numpy as np
 import pytest
 
-from seatrial.apps.running import Exit
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.config.named_files import folders_outside
 from seatrial.campaign.data.import_logs import get_trials
@@ -19,13 +18,14 @@ from seatrial.campaign.inference.quick_estimates import best_mode, posterior_mod
 from seatrial.campaign.store.stored_result import Store
 from seatrial.campaign.workflow.loop import run_loop
 from seatrial.campaign.workflow.next_trial import propose_by_mode
+from seatrial.cli.running import Exit
 from seatrial.core.display_units import shown_as_written
 from seatrial.core.errors import InputError
 from seatrial.manoeuvres.free_form import SteppedInput
 from seatrial.manoeuvres.relay import RelayFamily
 from seatrial.manoeuvres.schedule import Schedule
-from tests.apps.test_cli import run
 from tests.campaign.small import NO_X_U, write_small
+from tests.cli.test_cli import run
 
 RPM = np.pi / 30
 MINE = "time_s,n_rpm\n0,1194\n3,1194\n3,1394\n10,1394\n12,1000\n20,1000\n20,1194\n29.9,1194\n"

@@ -7,7 +7,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from seatrial.apps.commands.loop import _refuse_chains_unasked
 from seatrial.campaign.config.load import check_text, load_campaign
 from seatrial.campaign.config.taken_as_exact import taken_as_exact
 from seatrial.campaign.data.import_logs import get_trials
@@ -17,6 +16,7 @@ from seatrial.campaign.store.predictions import Predictions
 from seatrial.campaign.store.stored_result import Store, read_result
 from seatrial.campaign.workflow import whole_run
 from seatrial.campaign.workflow.steps import LOOP
+from seatrial.cli.commands.loop import _refuse_chains_unasked
 from seatrial.core.dataset_file import open_dataset
 from seatrial.core.errors import InputError
 from seatrial.vehicles.simulate import simulate

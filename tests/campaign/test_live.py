@@ -14,7 +14,6 @@ import pytest
 from scipy.optimize import least_squares
 from typer.testing import CliRunner
 
-from seatrial.apps.cli import app
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.config.schema import Goal
 from seatrial.campaign.data.import_logs import import_trials
@@ -27,6 +26,7 @@ from seatrial.campaign.live.recursion import live_recursion, within_bounds
 from seatrial.campaign.live.session import LiveSettings, Session
 from seatrial.campaign.live.session_files import Kept, import_lines, with_session
 from seatrial.campaign.live.sources import GrowingText, MavlinkUdp, Piece, PipedText, open_source
+from seatrial.cli.main import app
 from seatrial.core.errors import InputError
 from seatrial.estimation.priors.box import Uniform
 from seatrial.filters.run import filter_within

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from seatrial.apps.answer import Exit
-from seatrial.apps.cli import main
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.design.sweep import design_first
 from seatrial.campaign.store.stored_result import Store, stamp_of
 from seatrial.campaign.workflow.loop import run_loop
 from seatrial.campaign.workflow.status import standing
+from seatrial.cli.answer import Exit
+from seatrial.cli.main import main
 from seatrial.core.errors import InputError
 from seatrial.core.files import watching_files
 from seatrial.core.reporter import SilentReporter

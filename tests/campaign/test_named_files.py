@@ -6,11 +6,11 @@ from typing import get_args
 
 import pytest
 
-from seatrial.apps.running import Exit, with_campaign
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.config.named_files import VARIABLE, find, folders_outside, keep_within
 from seatrial.campaign.config.schema import CampaignFile
 from seatrial.campaign.data.import_logs import import_trials, read_untrimmed
+from seatrial.cli.running import Exit, with_campaign
 from seatrial.core.errors import InputError
 from tests.campaign.small import write_small, write_summary
 

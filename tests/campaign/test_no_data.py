@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from seatrial.apps.running import Exit
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.config.schema import CampaignFile
 from seatrial.campaign.config.templates import TEMPLATES, init_campaign
@@ -19,11 +18,12 @@ from seatrial.campaign.rehearsal.run import rehearse
 from seatrial.campaign.store.stored_result import Store
 from seatrial.campaign.workflow.loop import run_loop
 from seatrial.campaign.workflow.status import standing
+from seatrial.cli.running import Exit
 from seatrial.core.errors import InputError
 from seatrial.report.page import write_report
 from seatrial.report.sections.designs import trial_section
-from tests.apps.test_cli import results, run
 from tests.campaign.small import NO_X_U, write_small
+from tests.cli.test_cli import results, run
 
 TRUTH = "[truth]\nX_uabsu = -2.93\nT_nabsn = 6.28e-4\n"
 BY_HAND = (

@@ -5,15 +5,15 @@ import re
 
 import pytest
 
-from seatrial.apps.campaign_text import written_units
-from seatrial.apps.dashboard.pages.results import coefficients
-from seatrial.apps.dashboard.result_plots import marginals
 from seatrial.campaign.store.results import Results
 from seatrial.campaign.store.stored_result import Store
+from seatrial.cli.campaign_text import written_units
 from seatrial.core.display_units import shown_as_written
+from seatrial.dashboard.pages.results import coefficients
+from seatrial.dashboard.result_plots import marginals
 from seatrial.report.numbers import with_sd
-from tests.apps.test_cli import run
 from tests.campaign.small import NO_X_U, write_small
+from tests.cli.test_cli import run
 
 UNIT = "N/(rev/s)^2"
 PER_REVOLUTION = 39.47841760435743

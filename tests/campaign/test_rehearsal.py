@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from seatrial.apps.running import Exit
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.design.sweep import design_first
 from seatrial.campaign.rehearsal import run as module
@@ -16,10 +15,11 @@ from seatrial.campaign.rehearsal.result import Rehearsal
 from seatrial.campaign.rehearsal.run import rehearse
 from seatrial.campaign.rehearsal.vehicles import draw_vehicle, run_trial
 from seatrial.campaign.store.stored_result import Store
+from seatrial.cli.running import Exit
 from seatrial.core.errors import InputError
 from seatrial.vehicles.catalogue import load_surge
-from tests.apps.test_cli import results, run
 from tests.campaign.small import NO_X_U, write_small
+from tests.cli.test_cli import results, run
 
 pytestmark = pytest.mark.proof
 

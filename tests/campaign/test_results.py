@@ -28,7 +28,7 @@ def test_reading_imports_neither_jax_nor_xarray(finished):
     folder, _ = finished
     script = (
         "import sys; from pathlib import Path; from seatrial.campaign.store.results import Results\n"
-        "from seatrial.apps.dashboard.result_plots import marginals\n"
+        "from seatrial.dashboard.result_plots import marginals\n"
         f"found = Results(Path({str(folder)!r}))\n"
         "label = found.summary().chosen\n"
         "found.design(), found.next_design(), found.record('trial'), found.screening(), found.contenders(), found.filter()\n"

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from seatrial.apps.cli import app
 from seatrial.campaign.config.load import check_text, load_campaign
 from seatrial.campaign.config.truth import true_coefficients
 from seatrial.campaign.data.import_logs import get_trials
@@ -27,6 +26,7 @@ from seatrial.campaign.design.global_search import search_design
 from seatrial.campaign.design.relay import design_relay_trial
 from seatrial.campaign.design.schedule import write_schedule
 from seatrial.campaign.store.stored_result import Store
+from seatrial.cli.main import app
 from seatrial.core.errors import InputError
 from seatrial.manoeuvres.relay import RelayFamily
 from seatrial.manoeuvres.schedule import Schedule

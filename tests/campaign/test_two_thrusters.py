@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from seatrial.apps.cli import app
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.check import check_records, summary_line
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.prior.cautions import doubtful_radii
+from seatrial.cli.main import app
 from seatrial.core.errors import InputError
 from seatrial.messages.render import statement
 from seatrial.vehicles.catalogue import load_vehicle, vehicle_names

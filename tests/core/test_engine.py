@@ -153,7 +153,7 @@ def test_the_users_cache_is_kept(tmp_path):
 
 
 def test_a_command_configures(tmp_path):
-    code = "import sys; sys.argv = ['seatrial', '--version']; from seatrial.apps.cli import main\ntry: main()\nexcept SystemExit: pass\n"
+    code = "import sys; sys.argv = ['seatrial', '--version']; from seatrial.cli.main import main\ntry: main()\nexcept SystemExit: pass\n"
     told = run_python(
         f"{code}import os; print(os.environ['JAX_COMPILATION_CACHE_DIR'], os.environ['JAX_ENABLE_X64'])", tmp_path
     )

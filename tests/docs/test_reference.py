@@ -12,7 +12,7 @@ sys.path.insert(0, str(DOCS))
 from generate import campaign_file, coefficients, command_line, mathtext  # noqa: E402
 
 import seatrial  # noqa: E402
-from seatrial.apps.cli import COMMANDS  # noqa: E402
+from seatrial.__main__ import COMMANDS  # noqa: E402
 from seatrial.campaign.config.schema import CampaignFile, CampaignTable  # noqa: E402
 from seatrial.core.signals import SIGNALS  # noqa: E402
 

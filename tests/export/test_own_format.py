@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from seatrial.apps import results
+from seatrial.cli import results
 from seatrial.core.errors import InputError
 from seatrial.core.signals import RATES
 from seatrial.export.reading import read_exported

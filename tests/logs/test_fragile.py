@@ -7,9 +7,9 @@ import sys
 import numpy as np
 import pytest
 
-from seatrial.apps.dashboard.logs import look_into
 from seatrial.core import processes as apart
 from seatrial.core.errors import InputError
+from seatrial.dashboard.logs import look_into
 from seatrial.logs.formats.protocol import LogFile
 from seatrial.logs.formats.registry import catalogue, read_columns
 from seatrial.logs.inspect import inspect_log

@@ -7,9 +7,9 @@ from math import pi
 import numpy as np
 import pytest
 
-from seatrial.apps.cli import main
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import import_trials
+from seatrial.cli.main import main
 from seatrial.core.errors import InputError
 from seatrial.logs import summary
 from seatrial.logs.formats.protocol import Block, ColumnInfo, LogFile, TableInfo

@@ -11,12 +11,12 @@ from itertools import takewhile
 import numpy as np
 import pytest
 
-from seatrial.apps.answer import Answer
-from seatrial.apps.commands.loop import _tell_and_report
 from seatrial.campaign.inference.judge_predictions import fit_complaints
 from seatrial.campaign.store.structures import QUOTED
 from seatrial.campaign.workflow.loop import summarise
 from seatrial.campaign.workflow.next_trial import propose
+from seatrial.cli.answer import Answer
+from seatrial.cli.commands.loop import _tell_and_report
 from seatrial.messages.catalogue import ENTRIES
 from seatrial.messages.render import sentences
 from seatrial.report.drawing import digits_of, moments_of

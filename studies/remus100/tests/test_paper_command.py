@@ -5,10 +5,10 @@ import sys
 
 import pytest
 
-from seatrial.apps.running import Exit, run_app
+from seatrial.cli.running import Exit, run_app
 from studies.remus100.__main__ import app
 from studies.remus100.registry import ENTRIES
-from tests.apps.test_cli import results
+from tests.cli.test_cli import results
 
 MISTAKES = {
     "unknown item": (["--only", "tabel-3"], ['"tabel-3"', 'did you mean "table-3"?']),

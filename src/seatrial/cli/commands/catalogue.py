@@ -1,0 +1,56 @@
+"""Pages of the published vehicles and of the codes of findings, and the schema of a campaign file."""
+
+import json
+from typing import Annotated
+
+import typer
+
+from seatrial.cli import results
+from seatrial.cli.answer import current_answer
+
+
+def vehicle(
+    name: Annotated[str | None, typer.Argument(help="A vehicle of the catalogue; all of them if left out.")] = None,
+    names: Annotated[bool, typer.Option("--names", help="List the names alone, one a line.")] = False,
+) -> None:
+    """List the published vehicles, or show one of them."""
+    from seatrial.core.errors import InputError
+    from seatrial.report.vehicle_page import vehicle_page
+    from seatrial.vehicles.catalogue import load_vehicle, vehicle_names
+
+    answer = current_answer()
+    if names and name is not None:
+        raise InputError("--names", found=f"it and {name}", expected="one of them", remedy="leave one of them out")
+    if name is None:
+        titles = {one: load_vehicle(one).hull.name for one in vehicle_names()}
+        answer.say("\n".join(one if names else f"{one:<24} {title}" for one, title in titles.items()))
+        answer.give(vehicles=[{"name": one, "title": title} for one, title in titles.items()])
+    else:
+        found = load_vehicle(name)
+        answer.say(vehicle_page(name, found).rstrip("\n"))
+        answer.give(vehicle=results.vehicle(name, found))
+
+
+def explain(
+    code: Annotated[str | None, typer.Argument(help="Code of a finding; all codes are listed if left out.")] = None,
+) -> None:
+    """Explain a finding: its meaning, how it is decided, and what to do."""
+    from seatrial.messages.catalogue import ENTRIES, entry_of
+    from seatrial.messages.explain import explanation, listing
+
+    answer = current_answer()
+    entries = ENTRIES if code is None else {code: entry_of(code, "CODE")}
+    answer.say((listing() if code is None else explanation(code)).rstrip("\n"))
+    answer.give(codes=[{"code": name, "title": entry.title} for name, entry in entries.items()])
+
+
+def schema() -> None:
+    """Print the JSON Schema of a campaign file, with which an editor completes and checks it.
+
+    The first line of a template names it: write it beside campaign.toml, into campaign.schema.json.
+    """
+    from seatrial.campaign.config.schema import json_schema
+
+    answer, found = current_answer(), json_schema()
+    answer.say(json.dumps(found, indent=2, ensure_ascii=False))
+    answer.give(campaign_schema=found)

@@ -1,0 +1,106 @@
+"""Whether it may be believed: the filter's tuning, and the calibration of the stated uncertainty."""
+
+from typing import Annotated, Any
+
+import typer
+
+from seatrial.cli import results
+from seatrial.cli.running import Answer, Exit, Folder, Quiet, with_campaign
+from seatrial.sampling.names import DEFAULT, METHODS
+
+
+def check(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
+    """Check records for wrong signs, units, delays and outliers.
+
+    It also says which terms each record can determine, and writes a plot of the raw signals.
+    """
+
+    def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
+        if not campaign.has_records:
+            return _say_what_is_missing(campaign, answer)
+        from seatrial.campaign.data.check import check_records, summary_line
+        from seatrial.campaign.data.thruster_check import thruster_lines
+        from seatrial.campaign.prior.cautions import vehicle_cautions
+        from seatrial.campaign.workflow.steps import Workflow
+        from seatrial.report.figure_files import write_check_picture
+
+        trials = Workflow(campaign, reporter).get("trials")
+        pictures = [write_check_picture(campaign.folder, record) for record in (*trials.fit, *trials.predict)]
+        if lines := thruster_lines(campaign):
+            answer.say("\n".join(lines))
+        judged = check_records(campaign, trials)
+        for one, picture in zip(judged, pictures, strict=True):
+            answer.say("\n".join(one.lines()))
+            answer.say(f"  raw plot: {picture}")
+            answer.name_file(f"raw plot of {one.record.label}", picture)
+        answer.say(summary_line(judged))
+        answer.give(**results.checked(judged))
+        for text in vehicle_cautions(campaign):
+            answer.caution(text)
+        return Exit.ALARMS if any(one.level == "alarm" for one in judged) else Exit.OK
+
+    with_campaign(folder, quiet, work, context)
+
+
+def _say_what_is_missing(campaign: Any, answer: Answer) -> Exit:
+    """Of a campaign without a record: that its file can be used, whether it is designed, and how it goes on."""
+    from seatrial.campaign.data.no_record import no_record
+    from seatrial.campaign.prior.cautions import file_cautions
+    from seatrial.campaign.workflow.status import standing
+
+    answer.say(f"{campaign.path} is valid; there is no record to check yet")
+    design, records, *_ = standing(campaign.folder)
+    answer.say(f"  {design.name}: {design.state}; {records.name}: {records.state}")
+    answer.say(f"to go on: {no_record(campaign).remedy}")
+    answer.give(records=[])
+    return answer.finish([], file_cautions(campaign))
+
+
+def tuning(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
+    """Check the tuning of the filter, and say what to change.
+
+    P is the uncertainty at the start, Q the process noise, R the noise of the sensors.
+    """
+
+    def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
+        from seatrial.campaign.inference.filter_tuning import WHERE, check_filter
+        from seatrial.campaign.workflow.steps import Workflow
+
+        flow = Workflow(campaign, reporter)
+        checks = check_filter(campaign, flow.get("full"), flow.get("trials"))
+        for check in checks:
+            answer.say(f"record {check.record.label}")
+            answer.say("\n".join(check.lines()))
+        answer.say(WHERE)
+        answer.give(**results.tuning(checks))
+        return Exit.OK if all(check.tuned for check in checks) else Exit.ALARMS
+
+    with_campaign(folder, quiet, work, context)
+
+
+def calibrate(
+    context: typer.Context,
+    folder: Folder,
+    replicates: Annotated[int, typer.Option(min=20, max=100_000, help="Number of simulated records.")] = 400,
+    method: Annotated[
+        str,
+        typer.Option(help=f"{', '.join(METHODS[:-1])} or {METHODS[-1]}."),
+    ] = DEFAULT,
+    quiet: Quiet = False,
+) -> None:
+    """Test the stated uncertainty on simulated records.
+
+    True values are drawn from the priors, records are simulated and estimated, and the rank of each true value is counted.
+    """
+
+    def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
+        from seatrial.campaign.workflow.steps import Workflow
+        from seatrial.report.figure_files import write_calibration_picture
+
+        found = Workflow(campaign, reporter, replicates=replicates, method=method).get("calibration")
+        answer.say("\n".join(found.lines()))
+        answer.give(**results.calibration(found))
+        answer.wrote("picture", write_calibration_picture(campaign.folder, campaign.name, found))
+        return Exit.ALARMS if found.outside() else Exit.OK
+
+    with_campaign(folder, quiet, work, context)

@@ -1,0 +1,132 @@
+"""Vehicles out to simulators, and trials out to vehicles."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from seatrial.cli import results
+from seatrial.cli.answer import Answer, Exit, current_answer
+from seatrial.cli.running import Quiet, watched
+
+_TARGETS = "<gz|stonefish|fossen|holoocean|json|csv|mavlink|ros2|mcap>"
+_TRIALS = "csv, json, mavlink, ros2 or mcap"
+
+
+def export(
+    what: Annotated[
+        str, typer.Argument(metavar="DIR|VEHICLE", help="Folder of a finished campaign, or a vehicle of the catalogue.")
+    ],
+    to: Annotated[
+        str | None, typer.Option("--to", metavar=_TARGETS, help=f"Simulator or file format; with --trial {_TRIALS}.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="FOLDER", help="Where to write; DIR/export/<target> if not given.")
+    ] = None,
+    trial: Annotated[
+        bool, typer.Option("--trial", help="Export the trial to run next instead of the vehicle.")
+    ] = False,
+    structure: Annotated[
+        str | None, typer.Option(help="Label of another structure than the chosen one, such as M-1.")
+    ] = None,
+    rest: Annotated[
+        str | None,
+        typer.Option(metavar="VEHICLE", help="Published vehicle that supplies what the campaign does not model."),
+    ] = None,
+    schedule: Annotated[
+        str | None, typer.Option(help="With --trial: another schedule of results/, such as design.")
+    ] = None,
+    engine: Annotated[
+        str | None,
+        typer.Option(
+            metavar="<dart|other>", help="With --to gz: dart, or other for an engine without added mass of its own."
+        ),
+    ] = None,
+    density: Annotated[
+        str | None,
+        typer.Option(metavar="QUANTITY", help='Density of the water, for simulators; "1025 kg/m^3" if not given.'),
+    ] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Export the vehicle to a simulator, or the next trial.
+
+    Every file lists unsupported terms, and how much they change the motion.
+    """
+
+    def work(reporter: Any) -> Exit:
+        from seatrial.core.units import quantity
+
+        folder = Path(what)
+        if trial:
+            _only("--trial", structure=structure, rest=rest, engine=engine, density=density)
+            return _trial(folder, to, out, schedule)
+        _only("a vehicle, without --trial", schedule=schedule)
+        options = {"engine": engine, "density": None if density is None else quantity(density, "kg/m^3", "--density")}
+        return _vehicle(what, to, out, structure, rest, options)
+
+    watched(quiet, work)
+
+
+def _vehicle(
+    what: str, to: str | None, out: Path | None, structure: str | None, rest: str | None, options: dict[str, Any]
+) -> Exit:
+    from seatrial.core.errors import InputError
+    from seatrial.export.to_target import export_to
+    from seatrial.export.write import EXPORTERS, make_exporter
+
+    if to is None:
+        raise InputError(
+            "--to", found="nothing", expected="one of " + ", ".join(EXPORTERS), remedy="for example `--to gz`"
+        )
+    is_folder = Path(what).exists()
+    if not is_folder:
+        _only("a published vehicle", structure=structure, rest=rest)
+    here = Path(what) / "export" if is_folder else Path("export") / what
+    folder = out or here / make_exporter(to, **options).name
+    statement, paths = export_to(what, to, folder, structure=structure, rest=rest, **options)
+    _say(statement.lines, paths).give(**results.exported(statement))
+    return Exit.ALARMS if statement.provenance.cautions else Exit.OK
+
+
+def _trial(folder: Path, to: str | None, out: Path | None, schedule: str | None) -> Exit:
+    from seatrial.core.errors import InputError
+    from seatrial.export.trials.trial import read_trial
+    from seatrial.export.trials.write import write_plain, write_trial
+
+    if not folder.exists():
+        raise InputError(
+            "--trial",
+            found=f'"{folder}", which is no folder',
+            expected="the folder of a campaign, whose next trial is to be run",
+            remedy="name it; a vehicle of the catalogue has no trials",
+        )
+    trial = read_trial(folder, schedule)
+    place = out or folder / "export" / "trial"
+    paths, without = write_plain(trial, place) if to is None else (write_trial(trial, place, (to,)), "")
+    answer = _say(trial.lines, paths)
+    answer.give(trial=trial.manoeuvre, control=trial.control)
+    if without:
+        answer.say(f"no script for MAVLink: {without}")
+    return Exit.ALARMS if trial.caution else Exit.OK
+
+
+def _say(lines: Sequence[str], paths: Sequence[Path]) -> Answer:
+    """Print what an export says of itself, and its files."""
+    answer = current_answer()
+    answer.say("\n".join(lines))
+    for path in paths:
+        answer.say(f"wrote: {path}")
+        answer.name_file(path.name, path)
+    return answer
+
+
+def _only(place: str, **options: Any) -> None:
+    """Refuse options that have no meaning where they stand."""
+    from seatrial.core.errors import InputError
+
+    for name, value in options.items():
+        if value is not None:
+            raise InputError(
+                f"--{name}", found=f"{value}, together with {place}", expected="nothing", remedy=f"leave --{name} out"
+            )

@@ -1,0 +1,298 @@
+"""What the records say: coefficients, how well each is known, and the terms they support."""
+
+from enum import StrEnum
+from typing import Annotated, Any
+
+import typer
+
+from seatrial.cli import results
+from seatrial.cli.running import Answer, Exit, Folder, Quiet, with_campaign
+
+
+class By(StrEnum):
+    """Ways to estimate."""
+
+    CHAINS = "chains"
+    MODE = "mode"
+    EQUATION_ERROR = "equation-error"
+
+
+def estimate(
+    context: typer.Context,
+    folder: Folder,
+    by: Annotated[
+        By,
+        typer.Option(
+            help="chains: sample the whole posterior. mode, equation-error: first answers without chains, not checked; "
+            "the mode is kept for a later campaign's priors_from."
+        ),
+    ] = By.CHAINS,
+    window: Annotated[
+        str | None,
+        typer.Option(
+            metavar="TIME",
+            help='With equation-error: width of the window that smooths the speed, such as "2 s", instead of using the channel udot.',
+        ),
+    ] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Estimate the coefficients of every structure."""
+
+    def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
+        _refuse_window(by, window)
+        seconds = _seconds(window, "--window")
+        if by is By.CHAINS:
+            return _by_chains(campaign, reporter, answer)
+        return _first_answers(campaign, reporter, answer, by, seconds)
+
+    with_campaign(folder, quiet, work, context if by is By.CHAINS else None)
+
+
+def profile(
+    context: typer.Context,
+    folder: Folder,
+    parameter: Annotated[
+        list[str] | None, typer.Option(help="Parameter to profile; may be given several times. All if not given.")
+    ] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Show the range of each parameter that the data alone allow."""
+
+    def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
+        from seatrial.campaign.workflow.steps import Workflow
+        from seatrial.report.figure_files import write_profile_picture
+
+        found = Workflow(campaign, reporter, parameters=parameter or []).get("profiles")
+        answer.say("\n".join(found.lines()))
+        answer.give_result(found)
+        answer.wrote("picture", write_profile_picture(campaign.folder, campaign.name, campaign.truth, found))
+        return Exit.OK
+
+    with_campaign(folder, quiet, work, context)
+
+
+def select(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
+    """Decide which terms the data support."""
+
+    def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
+        from seatrial.campaign.selection.evidence import agreement_words
+        from seatrial.campaign.workflow.steps import Workflow
+        from seatrial.report.figure_files import write_select_picture
+
+        flow = Workflow(campaign, reporter)
+        screened, cautions = flow.get("screening")
+        if screened is not None:
+            answer.say("\n".join(screened.lines()))
+        campaign, selection = flow.get("candidates"), flow.get("selection")
+        for structure, evidence, probability in zip(
+            selection.structures, selection.evidences, selection.probability, strict=True
+        ):
+            value = f"log evidence {evidence.log_value:.3f} ± {evidence.std_error:.3f}"
+            answer.say(f"{structure.label}  {value}  probability {probability:.3f}  {' '.join(structure.terms)}")
+            answer.say(f"  {agreement_words(evidence)}")
+        for verdict in selection.verdicts:
+            answer.say(verdict)
+        answer.give(**results.selected(selection))
+        contenders = flow.get("contenders")
+        if contenders is not None:
+            answer.say("\n".join(contenders.lines(selection)))
+        if screened is not None or contenders is not None:
+            answer.wrote("picture", write_select_picture(campaign, selection, screened, contenders))
+        never = [term for term in campaign.rules.never if term in campaign.structure.optional]
+        if never:
+            cautions = [*cautions, f"the rules leave out {', '.join(never)}: no structure has it"]
+        return answer.finish(list(selection.alarms), [*cautions, *selection.cautions])
+
+    with_campaign(folder, quiet, work, context)
+
+
+def criteria(
+    context: typer.Context,
+    folder: Folder,
+    first: Annotated[
+        str | None,
+        typer.Option(
+            metavar="TIME",
+            help="Leave-future-out: length of the first stretch, never predicted; a third of the longest record if not given.",
+        ),
+    ] = None,
+    block: Annotated[
+        str | None,
+        typer.Option(
+            metavar="TIME",
+            help="Leave-future-out: length of each predicted block; a twentieth of the rest if not given.",
+        ),
+    ] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Compare structures by AIC, BIC, WAIC and others."""
+
+    def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
+        from seatrial.campaign.selection.criteria import (
+            criteria_cautions,
+            criteria_lines,
+            future_edges,
+            nested_pairs,
+        )
+        from seatrial.campaign.selection.evidence import current_selection
+        from seatrial.campaign.workflow.steps import Workflow
+
+        lengths = {"from_time": _seconds(first, "--first"), "block": _seconds(block, "--block")}
+        flow = Workflow(campaign, reporter, **lengths)
+        trials, campaign = flow.get("trials"), flow.get("candidates")
+        future_edges(trials, *lengths.values())
+        estimates, found = flow.get("estimates"), flow.get("criteria")
+        answer.say("\n".join(criteria_lines(found)))
+        pairs = nested_pairs(campaign, estimates, trials, current_selection(campaign, trials))
+        if pairs:
+            answer.say("Savage-Dickey, nats in favour of the term:")
+        for pair in pairs:
+            answer.say(f"  {pair.line}")
+        answer.give(**results.criteria(found, pairs))
+        alarms = [text for item in estimates for text in item.alarms]
+        alarms += [f"evidence and Savage-Dickey do not agree about {pair.line}" for pair in pairs if not pair.agrees]
+        return answer.finish(alarms, criteria_cautions(found))
+
+    with_campaign(folder, quiet, work, context)
+
+
+def _by_chains(campaign: Any, reporter: Any, answer: Answer) -> Exit:
+    from seatrial.campaign.config.taken_as_exact import taken_as_exact
+    from seatrial.campaign.inference.coefficient_csv import write_coefficients
+    from seatrial.campaign.inference.identifiability import known_after
+    from seatrial.campaign.inference.judge_predictions import held_back_cautions, held_back_lines, predict_held_back
+    from seatrial.campaign.store.estimates import with_model_error
+    from seatrial.campaign.workflow.steps import Workflow
+
+    flow = Workflow(campaign, reporter)
+    trials = _checked_trials(campaign, flow, answer)
+    estimates = flow.get("estimates")
+    said, held_back, structures = [], [], []
+    for item in estimates:
+        answer.say(f"{item.structure.label}")
+        for name in item.names:
+            row = item.data.sel(parameter=name)
+            factor, unit = campaign.shown(name, str(row["unit"].values))
+            numbers = f"{factor * float(row['mean']):>12.5g} ± {factor * float(row['sd']):<10.3g} {unit}"
+            answer.say(f"  {name:<16} {numbers}{with_model_error(item.wider(name), item.wider_cause(name), factor)}")
+        for line in (item.wider_words, *(one.sentence for one in item.wider_findings)):
+            answer.say(f"  {line}")
+        for name, label, mean, sd, si in item.own_values():
+            factor, unit = campaign.shown(name, si)
+            answer.say(f"  {name} in run {label:<8} {factor * mean:>9.5g} ± {factor * sd:<10.3g} {unit}")
+        held_back.append(predict_held_back(flow.get("candidates"), item, trials))
+        for line in held_back_lines(held_back[-1]):
+            answer.say(f"  {line}")
+        known = known_after(flow.get("candidates"), item, trials)
+        answer.say("\n".join(known.lines(campaign.shown)))
+        said += known.verdict
+        structures.append(results.estimated(item, held_back[-1], known))
+    exact = taken_as_exact(campaign)
+    if exact:
+        answer.say(exact)
+    answer.give(by=By.CHAINS, structures=structures, taken_as_exact=exact)
+    answer.wrote("coefficients", write_coefficients(campaign.folder, estimates, campaign.shown))
+    alarms = [f"{item.structure.label}: {text}" for item in estimates for text in item.alarms]
+    evidences = [float(item.data.attrs["laplace_log_evidence"]) for item in estimates]
+    labels = [item.structure.label for item in estimates]
+    unseen, doubts = _judge_unseen(answer, flow.get("baselines"), labels, evidences, held_back)
+    doubts += held_back_cautions(campaign, trials)
+    doubts += [f"{item.structure.label}: {text}" for item in estimates[1:] for text in item.at_bounds]
+    return answer.finish(alarms + unseen, [*doubts, *(text for text in estimates[0].cautions if text not in said)])
+
+
+def _checked_trials(campaign: Any, flow: Any, answer: Answer) -> Any:
+    """Return the records, and say before anything is fitted what is wrong with them and with priors of earlier campaigns."""
+    from seatrial.campaign.config.earlier_campaigns import lost_correlations
+    from seatrial.campaign.data.check import record_doubts, step_cautions
+
+    trials = flow.get("trials")
+    doubts = (text for record in trials.fit for text in record_doubts(campaign, record))
+    answer.caution(*doubts, *step_cautions(campaign, trials), *lost_correlations(campaign))
+    return trials
+
+
+def _first_answers(campaign: Any, reporter: Any, answer: Answer, by: By, window: float | None) -> Exit:
+    from seatrial.campaign.config.taken_as_exact import taken_as_exact
+    from seatrial.campaign.inference.judge_predictions import held_back_cautions
+    from seatrial.campaign.inference.quick_estimates import (
+        MODE,
+        REGRESSION,
+        best_mode,
+        keep_mode,
+        posterior_modes,
+        regressions,
+    )
+    from seatrial.campaign.workflow.steps import Workflow
+
+    flow = Workflow(campaign, reporter)
+    trials, campaign = _checked_trials(campaign, flow, answer), flow.get("candidates")
+    found = posterior_modes(campaign, trials, reporter) if by is By.MODE else regressions(campaign, trials, window)
+    for one in found:
+        answer.say("\n".join(one.lines()))
+    exact = taken_as_exact(campaign)
+    answer.give(
+        by=by, first_answers=[results.first_answer(one) for one in found if not one.alarm], taken_as_exact=exact
+    )
+    if exact:
+        answer.say(exact)
+    answer.say(MODE if by is By.MODE else REGRESSION)
+    alarms = [one.alarm for one in found if one.alarm]
+    if by is By.MODE and len(alarms) < len(found):
+        keep_mode(campaign, trials, best_mode(found))
+    tested = [one for one in found if one.held_back is not None]
+    unseen, doubts = _judge_unseen(
+        answer,
+        flow.get("baselines") if tested else None,
+        [one.structure.label for one in tested],
+        [one.log_evidence for one in tested],
+        [one.held_back for one in tested],
+    )
+    doubts += held_back_cautions(campaign, trials) if by is By.MODE else []
+    return answer.finish(alarms + unseen, [*doubts, *(text for one in found for text in one.cautions)])
+
+
+def _judge_unseen(
+    answer: Answer, baselines: Any, labels: list[str], evidences: list[Any], held_back: list[Any]
+) -> tuple[list[Any], list[str]]:
+    """Say how the most probable structure stands beside the baselines; returns what forbids to rely on it on other runs, and doubts."""
+    from seatrial.campaign.inference.baselines import (
+        compare_with_baselines,
+        comparison_alarms,
+        comparison_cautions,
+        comparison_lines,
+    )
+    from seatrial.campaign.inference.judge_predictions import held_back_alarms
+
+    if not labels:
+        return [], []
+    best = max(range(len(labels)), key=lambda index: evidences[index])
+    which = labels[best] if len(labels) == 1 else f"{labels[best]}, the most probable"
+    compared = compare_with_baselines(baselines, held_back[best].curves)
+    lines = comparison_lines(baselines, compared)
+    answer.give(baselines=compared)
+    answer.say("\n".join([f"{which}, compared with baselines", *(f"  {line}" for line in lines)]))
+    failed = held_back_alarms(held_back[best].fits, held_back[best].pooled)
+    alarms = [f"{which}, {text}" for text in comparison_alarms(compared)] + [
+        one.among(structure=which) for one in failed
+    ]
+    return alarms, [f"{which}, {text}" for text in comparison_cautions(compared)]
+
+
+def _seconds(text: str | None, option: str) -> float | None:
+    """A time of the command line in seconds."""
+    from seatrial.core.units import quantity
+
+    return None if text is None else quantity(text, "s", option)
+
+
+def _refuse_window(by: By, window: str | None) -> None:
+    from seatrial.core.errors import InputError
+
+    if window is not None and by is not By.EQUATION_ERROR:
+        raise InputError(
+            "--window",
+            found=f"--by {by}",
+            expected="--by equation-error, which smooths the speed",
+            remedy="leave --window out",
+        )

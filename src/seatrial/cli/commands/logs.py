@@ -1,0 +1,78 @@
+"""Logs before they are imported: what they hold, and a channel map to begin with."""
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from seatrial.cli import results
+from seatrial.cli.answer import Exit, current_answer
+from seatrial.cli.running import Quiet, watched
+
+_PATIENCE = 2.0
+
+
+def inspect(
+    logs: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="LOG",
+            help="CSV, TSV, Parquet, NetCDF, MATLAB, NumPy archive, ROS 1 or 2 bag, MCAP, dataflash, MAVLink, PX4 or MOOS log; "
+            "several if the files of one run are to be mapped together.",
+        ),
+    ],
+    table: Annotated[
+        str | None, typer.Option(help="Only this topic, type of message, struct, group or variable.")
+    ] = None,
+    map_: Annotated[
+        bool, typer.Option("--map", help="Print only the guessed map, as [[import.files]] of a campaign file.")
+    ] = False,
+    only: Annotated[
+        list[str] | None, typer.Option(help="Channels to map, such as u,tau_X; all that can be guessed if not given.")
+    ] = None,
+    delimiter: Annotated[
+        str | None,
+        typer.Option(help='For text files: the character between cells, or "whitespace"; if not given, by the suffix.'),
+    ] = None,
+    skip_rows: Annotated[int, typer.Option(min=0, help="For text files: lines above the header.")] = 0,
+    encoding: Annotated[str, typer.Option(help="Encoding of text files.")] = "utf-8",
+    quiet: Quiet = False,
+) -> None:
+    """List the columns of a log, and guess its channel map.
+
+    Of several logs, a channel is mapped from the first that has it. A log that adds no channel is taken for another run. If the clocks of a
+    run do not meet, the shift is sought where both logs hold one quantity.
+    """
+
+    def work(reporter: Any) -> Exit:
+        from seatrial.logs.formats.protocol import TextLayout
+        from seatrial.logs.inspect import LogsTogether, inspect_log
+
+        layout = TextLayout(delimiter, skip_rows, encoding=encoding)
+        channels = [name for text in only or () for name in text.split(",")]
+        found = [inspect_log(log, table, layout, _late_progress(reporter, f"reading {log.name}")) for log in logs]
+        together, answer = LogsTogether(tuple(found), tuple(channels)), current_answer()
+        maps = together.maps()
+        said = maps if map_ else ["\n".join(lines) for lines in together.lines()]
+        answer.say("\n\n".join(text.rstrip("\n") for text in said))
+        told = [results.log(one, guessed) for one, guessed in zip(found, maps, strict=True)]
+        answer.give(**(told[0] if len(told) == 1 else {"logs": told}))
+        return Exit.OK
+
+    watched(quiet, work)
+
+
+def _late_progress(reporter: Any, title: str) -> Callable[[float], None]:
+    """Progress that shows itself only where the work takes over two seconds."""
+    started, report = time.monotonic(), None
+
+    def told(share: float) -> None:
+        nonlocal report
+        if report is None and share < 1 and time.monotonic() - started > _PATIENCE:
+            report = reporter.progress(title)
+        if report is not None:
+            report(round(1000 * share), 1000)
+
+    return told

@@ -1,0 +1,215 @@
+"""The whole loop, and its page."""
+
+from enum import StrEnum
+from typing import Annotated, Any, NamedTuple
+
+import typer
+
+from seatrial.cli import results
+from seatrial.cli.running import Answer, Exit, Folder, Quiet, with_campaign
+
+
+class NextBy(StrEnum):
+    """What a next trial is designed from."""
+
+    CHAINS = "chains"
+    MODE = "mode"
+
+
+def report(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
+    """Write report.html; compute what is missing first.
+
+    After `estimate --by mode` it names the command that samples the chains instead of starting them.
+    """
+
+    def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
+        from seatrial.campaign.workflow.loop import run_loop
+        from seatrial.campaign.workflow.next_trial import propose
+
+        _refuse_chains_unasked(campaign)
+        outcome = run_loop(campaign, reporter)
+        return _tell_and_report(answer, outcome, propose(outcome))
+
+    with_campaign(folder, quiet, work, context, also="run")
+
+
+def _refuse_chains_unasked(campaign: Any) -> None:
+    """Refuse to sample where the user has asked for the posterior mode only, and say how long the chains would take.
+
+    Raises:
+        InputError: a mode is kept, and the posteriors are not current.
+    """
+    from seatrial.campaign.store.stored_result import Store
+    from seatrial.campaign.workflow.steps import LOOP, Workflow
+    from seatrial.campaign.workflow.whole_run import expected_seconds, size_of
+    from seatrial.core.errors import InputError
+    from seatrial.core.reporter import duration_text
+
+    flow, folder = Workflow(campaign), campaign.folder
+    if not Store(folder).mode.is_file() or flow.state("estimates") == "current" or flow.state("trials") != "current":
+        return
+    missing = [step.name for step in LOOP if step.files and flow.state(step.name) != "current"]
+    seconds = sum(expected_seconds(missing, size_of(flow.get("candidates"), flow.get("trials"))).values())
+    words = f"`seatrial run {folder}` samples it and writes the report"
+    if campaign.is_simulated and campaign.goal is not None:  # that would run further trials too
+        words = f"`seatrial estimate {folder}` samples it and `seatrial report {folder}` then writes the report"
+    raise InputError(
+        str(folder),
+        found="the posterior mode alone, of `estimate --by mode`",
+        expected="the whole posterior of every structure, which the report is made of",
+        remedy=f"{words}, in about {duration_text(seconds)} by the size of the records and what such steps took on this machine",
+    )
+
+
+def run(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
+    """Run the whole loop and write report.html.
+
+    It continues where it stopped. On a simulated vehicle it runs trial after trial until the goal is met.
+    """
+
+    def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
+        from seatrial.campaign.workflow.loop import run_sequence
+
+        return _tell_and_report(answer, *run_sequence(campaign, reporter))
+
+    with_campaign(folder, quiet, work, context)
+
+
+def next_trial(
+    context: typer.Context,
+    folder: Folder,
+    execute: Annotated[
+        bool, typer.Option("--run", help="Run the proposed trial on the simulated vehicle, and propose again.")
+    ] = False,
+    by: Annotated[
+        NextBy,
+        typer.Option(
+            help="chains: run the whole loop. mode: answer from the posterior mode, without chains, while the boat waits."
+        ),
+    ] = NextBy.CHAINS,
+    quiet: Quiet = False,
+) -> None:
+    """Say which trial to run next, or why to stop."""
+
+    def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
+        from seatrial.campaign.data.simulate import add_trial, check_simulated
+        from seatrial.campaign.design.schedule import write_schedule
+        from seatrial.campaign.design.thrust_commands import commands_of
+        from seatrial.campaign.store.stored_result import Store
+
+        if execute:
+            check_simulated(campaign)
+        _ = campaign.design  # said before the loop is run
+        look = _by_loop if by is NextBy.CHAINS else _by_mode
+        found = look(campaign, reporter)
+        if execute and found.proposal.trial is not None:
+            answer.say("\n".join(found.proposal.lines))
+            add_trial(campaign, found.proposal.trial)
+            found = look(campaign, reporter)
+        proposal = found.proposal
+        answer.say("\n".join(proposal.lines))
+        if proposal.trial is not None:
+            manoeuvre = proposal.trial.manoeuvre(campaign.families)
+            path = write_schedule(
+                Store(folder).proposed, manoeuvre, campaign.family.sample_time, commands=commands_of(campaign)
+            )
+            answer.wrote("schedule", path)
+        if found.own is not None:
+            answer.say("\n".join(found.own.lines(campaign.shown)))
+        answer.give(**results.next_trial(found.designs, proposal))
+        return answer.finish(found.alarms, [*found.cautions, *(found.own.alarms if found.own else ())])
+
+    with_campaign(folder, quiet, work, context if not execute else None)
+
+
+class _Found(NamedTuple):
+    """The next trial, the designs it was chosen from, what the campaign's own schedule would teach now, and what is wrong."""
+
+    proposal: Any
+    designs: Any
+    own: Any
+    alarms: list[str]
+    cautions: list[str]
+
+
+def _by_loop(campaign: Any, reporter: Any) -> _Found:
+    """Propose by the whole loop."""
+    from seatrial.campaign.design.evaluate_schedule import evaluate_schedule_after
+    from seatrial.campaign.workflow.loop import run_loop
+    from seatrial.campaign.workflow.next_trial import propose
+
+    outcome = run_loop(campaign, reporter)
+    own = evaluate_schedule_after(outcome.campaign, outcome.chosen, outcome.next) if outcome.next else None
+    proposal = propose(outcome)
+    wanted = outcome.undesigned and any(outcome.undesigned in line for line in proposal.advice)
+    alarms = [*outcome.summary.alarms, *([outcome.undesigned] if wanted else [])]
+    return _Found(proposal, outcome.next, own, alarms, outcome.summary.cautions)
+
+
+def _by_mode(campaign: Any, reporter: Any) -> _Found:
+    """Propose by the posterior mode of the most probable structure."""
+    from seatrial.campaign.design.evaluate_schedule import evaluate_schedule_after
+    from seatrial.campaign.design.sweep import design_next_by_mode
+    from seatrial.campaign.inference.quick_estimates import MODE, best_mode, posterior_modes
+    from seatrial.campaign.workflow.next_trial import propose_by_mode
+    from seatrial.campaign.workflow.steps import Workflow
+
+    flow = Workflow(campaign, reporter)
+    trials, campaign = flow.get("trials"), flow.get("candidates")
+    modes = posterior_modes(campaign, trials, reporter)
+    first = best_mode(modes)
+    designs = design_next_by_mode(campaign, first.drawn, reporter)
+    proposal = propose_by_mode(campaign, first, designs, len(trials.fit))
+    cautions = [MODE, *(text for one in modes for text in ([one.alarm] if one.alarm else one.cautions))]
+    return _Found(proposal, designs, evaluate_schedule_after(campaign, first.drawn, designs), [], cautions)
+
+
+def _tell_and_report(answer: Answer, outcome: Any, proposal: Any) -> Exit:
+    from seatrial.campaign.inference.baselines import comparison_lines
+    from seatrial.campaign.inference.coefficient_csv import write_averaged, write_coefficients
+    from seatrial.campaign.inference.judge_predictions import fit_complaints
+    from seatrial.campaign.store.estimates import with_model_error
+    from seatrial.campaign.store.structures import QUOTED
+    from seatrial.messages.render import sentence, sentences
+    from seatrial.report.page import write_report
+
+    summary = outcome.summary
+    shown = outcome.campaign.shown
+    for row in summary.coefficients:
+        factor, unit = shown(row.name, row.unit)
+        numbers = f"{factor * row.mean:>12.5g} ± {factor * row.sd:<10.3g} {unit}"
+        more = with_model_error(row.model_error_sd, row.model_error_cause, factor)
+        answer.say(f"  {row.name:<16} {numbers}{more}")
+    if not outcome.own_alarms:
+        answer.say(f"  to quote: {QUOTED[summary.quoted]}")
+        for row in summary.averaged if summary.quoted == "averaged" else ():
+            factor, unit = shown(row.name, row.unit)
+            sd = row.model_error_sd or row.sd
+            answer.say(f"    {row.name:<14} {factor * row.mean:>12.5g} ± {factor * sd:<10.3g} {unit}")
+    for finding in outcome.wider_findings:
+        answer.say(f"  {finding.sentence}")
+    for fit in outcome.fits:
+        answer.say(f"  {_said_of(fit)}")
+    for one in outcome.pooled:
+        answer.say(f"  held-back runs together: {one.level}; {sentence(one.verdict)}")
+    for line in comparison_lines(outcome.baselines, outcome.compared):
+        answer.say(f"  {line}")
+    for verdict in summary.verdicts:
+        answer.say(verdict)
+    for line in proposal.beside(summary.cautions).lines:
+        answer.say(f"next: {line}")
+    folder = outcome.campaign.folder
+    answer.give(**results.run(outcome, proposal))
+    answer.wrote("report", write_report(outcome))
+    answer.wrote("coefficients", write_coefficients(folder, outcome.estimates, shown, outcome.selection))
+    answer.wrote("averaged", write_averaged(folder, summary.averaged, shown))
+    told = sentences(fit_complaints([fit for fit in outcome.fits if not fit.advice], outcome.pooled))
+    told += [one.sentence for one in outcome.compared]
+    answer.give_findings(summary.findings)
+    return answer.finish(summary.alarms, [text for text in summary.cautions if text not in told])
+
+
+def _said_of(fit: Any) -> str:
+    """One channel of one trial: how it was predicted, the verdict, and what keeps it from passing."""
+    use = "held-back run" if fit.held_back else "run"
+    return f"{use} {fit.record}: {fit.level}, {fit.finding}"

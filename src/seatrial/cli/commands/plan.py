@@ -1,0 +1,229 @@
+"""Before the trial: what the priors mean, the most informative trial, the plan of all trials."""
+
+import shlex
+from collections.abc import Callable
+from functools import partial
+from typing import Annotated, Any
+
+import typer
+
+from seatrial.cli import results
+from seatrial.cli.answer import Answer, Exit
+from seatrial.cli.running import Folder, Quiet, with_campaign
+
+
+def prior(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
+    """Show which speeds the priors allow, before any data."""
+
+    def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
+        from seatrial.campaign.prior.cautions import file_cautions
+        from seatrial.campaign.prior.summary import prior_alarms, prior_cautions, prior_lines
+        from seatrial.campaign.workflow.steps import Workflow
+        from seatrial.report.figure_files import write_prior_picture
+
+        found = Workflow(campaign, reporter).get("prior")
+        answer.say("\n".join(prior_lines(found, campaign.shown)))
+        answer.give(**results.prior(found))
+        answer.wrote("picture", write_prior_picture(campaign.folder, campaign.name, found))
+        return answer.finish(prior_alarms(found), [*file_cautions(campaign), *prior_cautions(found)])
+
+    with_campaign(folder, quiet, work, context)
+
+
+def design(
+    context: typer.Context,
+    folder: Folder,
+    free_form: Annotated[
+        int,
+        typer.Option(
+            min=0,
+            max=200,
+            help="Also design a schedule of no fixed shape, with this many levels of equal length, for example 24.",
+        ),
+    ] = 0,
+    self_oscillation: Annotated[
+        bool,
+        typer.Option("--self-oscillation", help="Also choose the self-oscillating test (zigzag) of [design.relay]."),
+    ] = False,
+    trials: Annotated[
+        int,
+        typer.Option(
+            min=0,
+            max=20,
+            help="Also choose this many different trials that are worth most together, for example 3.",
+        ),
+    ] = 0,
+    sensors: Annotated[
+        bool,
+        typer.Option("--sensors", help="Also compare the best design under other rates and noises of each sensor."),
+    ] = False,
+    search: Annotated[
+        int,
+        typer.Option(
+            min=0, max=100_000, help="Also search between the points of the grid, by CMA-ES with this many designs."
+        ),
+    ] = 0,
+    compare: Annotated[
+        int,
+        typer.Option(
+            min=0,
+            max=1000,
+            help="Also check the ranking: simulate the expected information gain of this many designs (5 or more), for example 12.",
+        ),
+    ] = 0,
+    quiet: Quiet = False,
+) -> None:
+    """Find the most informative trial inside the limits."""
+
+    def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
+        from seatrial.campaign.data.simulate import own_lines
+        from seatrial.campaign.prior.cautions import file_cautions
+        from seatrial.campaign.store.stored_result import Store
+        from seatrial.campaign.workflow.steps import Workflow
+
+        _check_options(campaign, free_form, self_oscillation, trials, search, compare)
+        settings = {"levels": free_form, "together": trials, "budget": search, "designs": max(compare, 5)}
+        flow = Workflow(campaign, reporter, **settings)
+        designs = flow.get("design")
+        first, *others = designs.lines()
+        answer.say(f"best design: {first}; schedule in {Store(folder).schedule(Store(folder).design)}")
+        for line in (*others, *filter(None, [designs.at_edge]), *designs.safety, *designs.prediction):
+            answer.say(f"  {line}")
+        promised = flow.get("promised")
+        answer.say(f"expected precision of each coefficient of {promised.structure} at the prior means:")
+        answer.say("\n".join(promised.lines(campaign.shown)))
+        own = flow.get("own")
+        if own is not None:
+            answer.say("\n".join((*own.lines(campaign.shown), *own_lines(campaign, campaign.design.own))))
+        answer.give(**results.designs(designs, promised))
+        answer.name_file("schedule", Store(folder).schedule(Store(folder).design))
+        options = {
+            _free_form: free_form,
+            _self_oscillation: self_oscillation,
+            _together: trials,
+            _sensors: sensors,
+            _searched: search,
+            _compared: compare,
+        }
+        _each(answer, [partial(option, flow, answer) for option, wanted in options.items() if wanted])
+        if not campaign.has_records:
+            answer.say(
+                f"after the trial, add its log to this campaign: `seatrial check {shlex.quote(str(folder))}` says how"
+            )
+        return answer.finish([] if own is None else own.alarms, file_cautions(campaign))
+
+    with_campaign(folder, quiet, work, context)
+
+
+def plan_campaign(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
+    """Plan all trials of a campaign within time and battery.
+
+    It prints their order, the chance of meeting the goals, and what to drop first. After a trial it plans the rest from the posterior mode.
+    """
+
+    def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
+        from seatrial.campaign.workflow.steps import Workflow
+
+        found = Workflow(campaign, reporter, so_far=_so_far(campaign, reporter)).get("plan")
+        answer.say("\n".join(found.lines()))
+        answer.give(**results.plan(found))
+        return answer.finish([], [])
+
+    with_campaign(folder, quiet, work, context)
+
+
+def _so_far(campaign: Any, reporter: Any) -> Any:
+    """Return what the records taught, by the mode; None where there are none yet."""
+    from seatrial.campaign.design.plan import SoFar
+    from seatrial.campaign.inference.quick_estimates import best_mode, posterior_modes
+    from seatrial.campaign.workflow.steps import Workflow
+
+    flow = Workflow(campaign, reporter)
+    if campaign.imports is None and flow.state("trials") != "current":
+        return None
+    trials = flow.get("trials")
+    candidates = flow.get("candidates")
+    first = best_mode(posterior_modes(candidates, trials, reporter))
+    return SoFar(first.drawn, trials.fit)
+
+
+def _check_options(
+    campaign: Any, free_form: int, self_oscillation: bool, trials: int, search: int, compare: int
+) -> None:
+    """Look for what each option needs before any work."""
+    from seatrial.campaign.design.compare_utilities import check_comparison
+    from seatrial.campaign.design.evaluate import check_whole_trials
+    from seatrial.campaign.design.free_form import check_free_trial
+    from seatrial.campaign.design.global_search import check_search
+    from seatrial.campaign.design.relay import check_relay
+
+    if free_form:
+        check_free_trial(campaign)
+    if self_oscillation:
+        check_relay(campaign)
+    if trials:
+        check_whole_trials(campaign, "--trials")
+    if search:
+        check_search(campaign, search)
+    if compare:
+        check_comparison(campaign)
+
+
+def _each(answer: Answer, options: list[Callable[[], list[str]]]) -> None:
+    """Print what each option finds; one that fails does not keep the others from running, and ends the command after them."""
+    from seatrial.cli.console import fail
+    from seatrial.core.errors import SeatrialError
+
+    failed = []
+    for option in options:
+        try:
+            answer.say("\n".join(option()))
+        except SeatrialError as error:
+            failed.append(error)
+    for error in failed[:-1]:
+        fail(str(error))
+    if failed:
+        raise failed[-1]
+
+
+def _free_form(flow: Any, answer: Answer) -> list[str]:
+    found, schedule = flow.get("free_form")
+    answer.give(free_form=found)
+    answer.name_file("free-form schedule", schedule)
+    return [*found.lines(), f"schedule: {schedule}"]
+
+
+def _self_oscillation(flow: Any, answer: Answer) -> list[str]:
+    from seatrial.report.figure_files import write_relay_picture
+
+    test, schedule = flow.get("relay")
+    answer.give(self_oscillation=test)
+    answer.name_file("self-oscillation schedule", schedule)
+    return [*test.lines(), f"expected schedule: {schedule}; picture: {write_relay_picture(flow.campaign, test)}"]
+
+
+def _together(flow: Any, answer: Answer) -> list[str]:
+    found = flow.get("batch")
+    answer.give(batch=results.batch(found))
+    return found.lines()
+
+
+def _sensors(flow: Any, answer: Answer) -> list[str]:
+    found = flow.get("sensors")
+    answer.give(sensors=results.sensor_rows(found))
+    return found.lines()
+
+
+def _searched(flow: Any, answer: Answer) -> list[str]:
+    from seatrial.campaign.design.global_search import search_lines
+
+    found, family, schedule = flow.get("searched")
+    answer.give(searched=found)
+    answer.name_file("searched schedule", schedule)
+    return [*search_lines(found, family), f"schedule: {schedule}"]
+
+
+def _compared(flow: Any, answer: Answer) -> list[str]:
+    found = flow.get("measures")
+    answer.give(rankings=found.agreements)
+    return found.lines()

@@ -1,0 +1,119 @@
+"""The command line: a table of commands, each a small function of `seatrial.cli.commands` that imports heavy libraries when called."""
+
+from collections.abc import Callable, Iterator, Mapping
+from typing import Annotated, Any, NamedTuple
+
+import typer
+from typer.core import TyperGroup
+
+from seatrial import __version__
+from seatrial.cli.commands.benchmark import benchmark
+from seatrial.cli.commands.catalogue import explain, schema, vehicle
+from seatrial.cli.commands.check import calibrate, check, tuning
+from seatrial.cli.commands.crossvalidate import crossvalidate
+from seatrial.cli.commands.data import import_logs, simulate
+from seatrial.cli.commands.export import export
+from seatrial.cli.commands.infer import criteria, estimate, profile, select
+from seatrial.cli.commands.init import init
+from seatrial.cli.commands.live import live
+from seatrial.cli.commands.logs import inspect
+from seatrial.cli.commands.loop import next_trial, report, run
+from seatrial.cli.commands.plan import design, plan_campaign, prior
+from seatrial.cli.commands.rehearse import rehearse
+from seatrial.cli.running import run_app, with_answer
+
+
+class Command(NamedTuple):
+    """One command.
+
+    Attributes:
+        function: of `seatrial.cli.commands`, as typer calls it.
+        makes: what it makes of a campaign, in a few words; the dashboard offers every command that makes something.
+    """
+
+    function: Callable[..., None]
+    makes: str = ""
+
+
+COMMANDS = {
+    "vehicle": Command(vehicle),
+    "init": Command(init),
+    "prior": Command(prior, "what the priors mean as speeds"),
+    "design": Command(design, "the most informative trial"),
+    "plan": Command(plan_campaign, "all trials of a day, and the chance of meeting the goals"),
+    "rehearse": Command(rehearse, "how many trials the goal will take"),
+    "simulate": Command(simulate, "the trial on the simulated vehicle"),
+    "inspect": Command(inspect),
+    "import": Command(import_logs, "records from logs"),
+    "live": Command(live),
+    "estimate": Command(estimate, "coefficients of every structure"),
+    "profile": Command(profile, "the range of each parameter that the data alone allow"),
+    "select": Command(select, "which terms the data support"),
+    "criteria": Command(criteria, "the structures by each information criterion"),
+    "crossvalidate": Command(crossvalidate, "which model predicts runs that were left out"),
+    "check": Command(check, "judge the records"),
+    "tuning": Command(tuning, "whether the filter is tuned"),
+    "calibrate": Command(calibrate, "whether the stated uncertainty is right"),
+    "next": Command(next_trial, "the next trial"),
+    "report": Command(report, "the page of results"),
+    "run": Command(run, "the whole loop, with the report"),
+    "explain": Command(explain),
+    "schema": Command(schema),
+    "benchmark": Command(benchmark),
+    "export": Command(export, "the estimated vehicle as files for a simulator"),
+}
+"""By name, in the order in which they are listed. To add a command, see the table of CONTRIBUTING."""
+
+
+class _Commands(Mapping[str, Any]):
+    """The commands as typer wants them, each built when it is looked up: building all takes longer than most help pages."""
+
+    def __init__(self, commands: Mapping[str, Command]):
+        self._commands = commands
+
+    def __getitem__(self, name: str) -> Any:
+        alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+        alone.command(name=name)(with_answer(name, self._commands[name].function))
+        return typer.main.get_command(alone)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._commands)
+
+    def __len__(self) -> int:
+        return len(self._commands)
+
+
+def app_of(commands: Mapping[str, Command]) -> typer.Typer:
+    """Return the command line of a table of commands."""
+
+    class Group(TyperGroup):
+        def __init__(self, **attrs: Any):
+            super().__init__(**attrs)
+            self.commands = _Commands(commands)  # pyright: ignore[reportAttributeAccessIssue]
+
+    app = typer.Typer(
+        cls=Group,
+        no_args_is_help=True,
+        pretty_exceptions_enable=False,
+        rich_markup_mode=None,
+        help="Identify the dynamics of underwater vehicles: design a trial, estimate the coefficients, select the terms that the data "
+        "support, and say what to run next.",
+        epilog="Exit codes: 0 done; 2 the input cannot be used (the message says what is wrong and what to do); 3 done, but a health "
+        "check failed (see the report); 4 the computation failed; 130 interrupted (run again to resume).",
+    )
+    app.callback(invoke_without_command=True)(_root)
+    return app
+
+
+def _root(version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False) -> None:
+    if version:
+        typer.echo(f"seatrial {__version__}")
+        raise typer.Exit
+
+
+app = app_of(COMMANDS)
+
+
+def main() -> None:
+    """Run the command line without the dashboard; errors meant for the user are printed without a traceback."""
+    run_app(app)

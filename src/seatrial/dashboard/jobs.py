@@ -1,0 +1,199 @@
+"""Commands on a campaign, in processes of their own: the same as in a shell, so they outlive the page and the dashboard.
+
+The process of a campaign stays after its command, so that the next one finds everything imported and compiled. What is running
+is read from the campaign's folder and remembered nowhere else: `.running.json` while it runs, and what it printed in
+`results/last_command.txt`, of a check in `results/last_check.txt`.
+"""
+
+import os
+import re
+import shlex
+import signal
+import socket
+from collections import OrderedDict
+from dataclasses import dataclass
+from io import BufferedReader
+from pathlib import Path
+
+from seatrial.campaign.store.stored_result import Store
+from seatrial.cli.campaign_lock import Occupant, occupant_of
+from seatrial.core.errors import InputError
+from seatrial.core.files import begin_file, open_regular
+from seatrial.core.visible import visible
+from seatrial.dashboard.command_options import STARTED
+from seatrial.dashboard.session import Session, how_it_ended
+
+TAIL = 16_000
+"""Bytes of output that are shown."""
+CHECK = "check"
+LOGS = ("last_command.txt", "last_check.txt")
+"""What was printed by the last command, and by the last check."""
+KEPT = 2
+"""Processes that stay without work: a few hundred megabytes each."""
+_OPTION = re.compile(r"--[a-z][a-z-]*(=[\w][\w ,.%\[\]+-]{0,80})?|[A-Za-z0-9][A-Za-z0-9_.-]{0,60}", re.ASCII)
+"""An option as a page writes it: neither a path nor anything that begins another option."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """What a campaign's folder says about the command at work on it, or the last one.
+
+    Attributes:
+        occupant: who works on it, or was killed while it did.
+        command: the last one that a dashboard started, as in a shell; empty where there was none.
+        output: the end of what that printed.
+        starting: whether it has been started and does not yet say so itself.
+    """
+
+    occupant: Occupant | None
+    command: str
+    output: str
+    starting: bool = False
+
+    @property
+    def word(self) -> str:
+        """Word of the command, such as check; empty where there was none."""
+        return " ".join(self.command.split()[1:2])
+
+    @property
+    def running(self) -> bool:
+        """Whether a command is at work."""
+        return self.starting or (self.occupant is not None and self.occupant.alive)
+
+    @property
+    def killed(self) -> bool:
+        """Whether the last one was killed without a word."""
+        return self.occupant is not None and not self.occupant.alive and not self.starting
+
+
+class Jobs:
+    """Starts and stops commands."""
+
+    def __init__(self):
+        self.sessions: OrderedDict[Path, Session] = OrderedDict()
+
+    def start(self, folder: Path, command: str, *options: str) -> None:
+        """Start a command on a campaign.
+
+        Raises:
+            InputError: another is at work, or the command or an option is none.
+            OSError: its output cannot be written.
+        """
+        if command not in STARTED:
+            raise InputError(
+                f"command {command[:40]!r}",
+                found="no such command",
+                expected=", ".join(STARTED),
+                remedy="use the shell",
+            )
+        for option in options:
+            if not _OPTION.fullmatch(option):
+                raise InputError(
+                    f"option {option[:40]!r}",
+                    found="characters that a page does not pass on",
+                    expected="letters, digits, spaces and , . % + - _",
+                    remedy="correct it, or use the shell",
+                )
+        there = self.look(folder)
+        if there.running:
+            words = there.occupant.words if there.occupant else "one that was just started"
+            raise InputError(
+                str(folder),
+                found=f"another command at work on this campaign: {words}",
+                expected="one at a time",
+                remedy="wait until it ends, or stop it; what it has finished is kept",
+            )
+        log = log_of(folder, command)
+        log.parent.mkdir(exist_ok=True)
+        line = [command, str(folder), *options]
+        with begin_file(log) as stream:
+            stream.write(visible(f"$ seatrial {shlex.join(line)}\n").encode())
+        self.session_of(folder).start(line, log)
+
+    def stop(self, folder: Path) -> None:
+        """Interrupt the command at work, as Ctrl-C does; it ends at once and can be resumed.
+
+        Raises:
+            InputError: nothing is at work, or it is at work on another machine.
+        """
+        occupant, ours = occupant_of(folder), self.sessions.get(folder)
+        if occupant is not None and occupant.alive and occupant.host == socket.gethostname():
+            os.kill(occupant.pid, signal.SIGINT)
+        elif ours is not None and ours.is_busy:
+            ours.interrupt()
+        else:
+            raise InputError(
+                str(folder),
+                found=occupant.words if occupant is not None and occupant.alive else "nothing at work",
+                expected="a command at work on this machine",
+                remedy="stop it where it runs" if occupant is not None and occupant.alive else "reload the page",
+            )
+
+    def look(self, folder: Path) -> Job:
+        """See what is at work on a campaign."""
+        ours = self.sessions.get(folder)
+        fresh = ours is not None and ours.is_busy and not self._has_ended(folder, ours)
+        occupant = occupant_of(folder)
+        starting = fresh and (occupant is None or not occupant.alive)
+        return Job(occupant, *_said_in(_latest_log(folder)), starting=starting)
+
+    def last_check(self, folder: Path) -> Job:
+        """See what the last check printed that a dashboard started, whatever was started since."""
+        return Job(None, *_said_in(log_of(folder, CHECK)))
+
+    def close(self) -> None:
+        """End the processes that have no work."""
+        for session in self.sessions.values():
+            session.close()
+        self.sessions.clear()
+
+    def session_of(self, folder: Path) -> Session:
+        """Return the process of a campaign; of those without work only the latest are kept."""
+        there = self.sessions.get(folder)
+        if there is None or not there.is_usable:
+            if there is not None:
+                there.close()
+            self.sessions[folder] = Session()
+        self.sessions.move_to_end(folder)
+        idle = [one for one, session in self.sessions.items() if not session.is_busy]
+        for one in idle[:-KEPT]:
+            self.sessions.pop(one).close()
+        return self.sessions[folder]
+
+    def _has_ended(self, folder: Path, session: Session) -> bool:
+        """Look whether a command has ended; a process that ended with it has its last words written, and is replaced."""
+        code = session.code()
+        if code is None:
+            return False
+        if words := how_it_ended(code):
+            with open_regular(_latest_log(folder), "ab") as stream:
+                stream.write(f"{words}\n".encode())
+        return True
+
+
+def log_of(folder: Path, command: str) -> Path:
+    """What the last check that a dashboard started printed, or the last other command."""
+    return Store(folder).results / LOGS[command == CHECK]
+
+
+def _latest_log(folder: Path) -> Path:
+    logs = [Store(folder).results / name for name in LOGS]
+    return max(logs, key=lambda log: log.stat().st_mtime_ns if log.exists() else 0)
+
+
+def _said_in(log: Path) -> tuple[str, str]:
+    """Command whose words a log holds, as in a shell, and the end of what it printed."""
+    first, _, rest = _end_of(log).partition("\n")
+    return (first.removeprefix("$ ") if first.startswith("$ ") else ""), rest
+
+
+def _end_of(path: Path) -> str:
+    """First line and the end of a text."""
+    try:
+        with BufferedReader(open_regular(path)) as stream:
+            head = stream.readline(2000)
+            here, size = stream.tell(), path.stat().st_size
+            stream.seek(max(here, size - TAIL))
+            return (head + stream.read(TAIL)).decode(errors="replace")
+    except (OSError, InputError):
+        return ""

@@ -1,0 +1,545 @@
+"""Questions that need the vehicle and so the whole package; answered in the thinking process."""
+
+import tempfile
+from contextlib import suppress
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, NamedTuple, get_args
+
+import jax.numpy as jnp
+import numpy as np
+
+from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.config.load import check_text, load_campaign
+from seatrial.campaign.config.quantities import Residuals
+from seatrial.campaign.config.sensor_table import ATTITUDE
+from seatrial.campaign.config.templates import template_text
+from seatrial.campaign.config.toml import toml_content
+from seatrial.campaign.config.truth import true_coefficients
+from seatrial.campaign.config.vehicle_campaign import vehicle_campaign_text
+from seatrial.campaign.data.import_logs import Trials, read_tables, read_untrimmed
+from seatrial.campaign.data.simulate import chosen_of
+from seatrial.campaign.data.unmapped import unmapped
+from seatrial.campaign.design.evaluate import plan_as_run, plan_of
+from seatrial.campaign.design.prior_state_space import prior_draws
+from seatrial.campaign.design.schedule import write_schedule
+from seatrial.campaign.design.sweep import designs_of
+from seatrial.campaign.inference.judge_predictions import predict_held_back
+from seatrial.campaign.prior.cautions import file_cautions
+from seatrial.campaign.store.designs import SweptDesigns
+from seatrial.campaign.store.results import Results
+from seatrial.campaign.store.stored_result import Store, read_result
+from seatrial.campaign.workflow.status import standing
+from seatrial.cli.campaign_text import CAMPAIGN
+from seatrial.cli.questions import Question, answered, questions
+from seatrial.cli.toml_edit import set_key
+from seatrial.core.display_units import shown_unit
+from seatrial.core.errors import InputError
+from seatrial.core.normal import Z90
+from seatrial.core.record import Record
+from seatrial.core.record_file import read_record
+from seatrial.core.signals import QUATERNION, RATES
+from seatrial.core.units import quantity
+from seatrial.core.usual_priors import DRIFT_TIMES, SIZES, TIMES
+from seatrial.dashboard import result_plots as drawings
+from seatrial.dashboard.downsample import Envelope, Load
+from seatrial.dashboard.edits import BOUNDS
+from seatrial.dashboard.logs import LogColumn, samples_of
+from seatrial.dashboard.model_edits import Range, with_priors, with_terms
+from seatrial.dashboard.record_views import Index, about, index_of, origin_of, view_of
+from seatrial.dashboard.view_models import (
+    COMPARED,
+    AxisAbout,
+    Clicked,
+    ExportTarget,
+    FormData,
+    Limit,
+    Margin,
+    ModelData,
+    NoisePrior,
+    RecordAbout,
+    SensorNoise,
+    Stage,
+)
+from seatrial.design.integrals import motion_signals
+from seatrial.design.safety import judge_safety
+from seatrial.design.sweep import Sweep
+from seatrial.estimation.posterior.unknowns import Unknown, unknowns_of_sensor
+from seatrial.estimation.simulation.sensor_errors import correlation_name, drift_name, drift_time_name
+from seatrial.export.from_campaign import of_campaign
+from seatrial.export.target import Exporter
+from seatrial.export.trials.trial import read_trial
+from seatrial.export.trials.write import FORMATS, check_format
+from seatrial.export.vehicle import ExportedVehicle, same_mass
+from seatrial.export.write import EXPORTERS, carried_by, make_exporter, untethered
+from seatrial.logs.align import common_interval
+from seatrial.manoeuvres.family import design_words
+from seatrial.manoeuvres.manoeuvre import Limits
+from seatrial.manoeuvres.schedule import schedule_of
+from seatrial.vehicles.catalogue import load_vehicle, vehicle_names
+
+MOST_PREDICTED = 100_000
+"""Samples of a record that are predicted while somebody waits, at most: 200 draws are simulated over each."""
+
+COMMON_TERMS = (
+    "X_u",
+    "X_uabsu",
+    "T_nabsn",
+    "X_udot",
+    "Y_v",
+    "Y_vabsv",
+    "N_r",
+    "N_rabsr",
+    "N_uv",
+    "N_ur",
+    "N_uudelta_r",
+)
+"""Names that are offered while one types; any other that has a meaning may be typed too."""
+
+
+def steps(folder: str) -> tuple[Stage, ...]:
+    """Which steps are current."""
+    return tuple(Stage(*step) for step in standing(Path(folder)))
+
+
+def ready() -> bool:
+    """Return True once everything is imported, units are known, and JAX has found its device."""
+    quantity("1 rpm", "rad/s", "nothing")
+    return drawings.ready() and bool(jnp.zeros(1).sum() == 0)
+
+
+def export_rests(folder: str) -> tuple[str, ...]:
+    """Published vehicles from which may be taken what a campaign does not model: whole ones that agree with what it does."""
+    try:
+        alone, _ = of_campaign(folder)
+    except InputError:
+        return ()
+    published = {name: load_vehicle(name) for name in vehicle_names()}
+    return tuple(
+        name
+        for name, one in published.items()
+        if set(one.moves) == set(RATES) and one.written is None and same_mass(alone.hull, one.hull)
+    )
+
+
+def export_targets(folder: str, rest: str) -> tuple[ExportTarget, ...]:
+    """Ask each target whether it can hold what the campaign has, and what of it the target does not support.
+
+    Args:
+        folder: of the campaign.
+        rest: published vehicle that supplies what it does not model; empty for none.
+    """
+    try:
+        vehicle, _ = of_campaign(folder, rest=rest or None)
+        found = [_export_target(make_exporter(name), vehicle) for name in EXPORTERS]
+    except InputError as error:
+        found = [ExportTarget(name, False, error.sentence(), ()) for name in EXPORTERS]
+    return (*found, *_trial_targets(folder))
+
+
+def _trial_targets(folder: str) -> list[ExportTarget]:
+    try:
+        trial = read_trial(folder)
+    except InputError as error:
+        return [ExportTarget(name, True, error.sentence(), ()) for name in FORMATS]
+    found, place = [], Path(folder) / "export" / "trial"
+    for name in FORMATS:
+        refusal = ""
+        try:
+            check_format(trial, name, place)
+        except InputError as error:
+            refusal = error.sentence()
+        found.append(ExportTarget(name, True, refusal, ()))
+    return found
+
+
+def _export_target(exporter: Exporter, vehicle: ExportedVehicle) -> ExportTarget:
+    try:
+        exporter.check(untethered(vehicle))
+    except InputError as error:
+        return ExportTarget(exporter.name, False, error.sentence(), ())
+    return ExportTarget(exporter.name, False, "", carried_by(exporter, vehicle).lost)
+
+
+def form_data(folder: str) -> FormData:
+    """Read a campaign for the forms."""
+    campaign = load_campaign(folder)
+    model, imports = campaign.model(campaign.full), campaign.imports
+    control = model.controls[0] if campaign.trial_design is None else campaign.family.control
+    commands = (*model.controls, *campaign.autopilot.trim)
+    stated = toml_content(campaign.path, campaign.text).get("limits", {})
+    limits = [
+        Limit(
+            name,
+            shown_unit(name)[1],
+            *(str(stated.get(name, {}).get(key, "")) for key in BOUNDS),
+            has_rate=name in commands,
+        )
+        for name in dict.fromkeys((control, *stated, *commands, *motion_signals(model)))
+    ]
+    is_shown = {control, *stated}
+    shown = true_coefficients(campaign, model)
+    return FormData(
+        campaign.name,
+        imports is not None,
+        campaign.is_simulated,
+        control,
+        (*model.controls, *campaign.channels),
+        tuple(model.controls),
+        tuple(one for one in limits if one.name in is_shown),
+        tuple(one for one in limits if one.name not in is_shown),
+        tuple(shown.items()) if campaign.is_simulated else (),
+        () if imports is None else imports.fit,
+        () if imports is None else imports.predict,
+    )
+
+
+def model_data(folder: str) -> ModelData:
+    """Read a campaign for the form of its model."""
+    campaign = load_campaign(folder)
+    file = toml_content(campaign.path, campaign.text)
+    structure = file["structure"]
+    terms = *structure.get("always", ()), *structure.get("optional", ())
+    published = tuple(campaign.vehicle.published)
+    return ModelData(
+        campaign.estimation.residuals,
+        tuple(_sensor_noise(campaign, name, table) for name, table in file["sensors"].items()),
+        tuple(structure.get("always", ())),
+        tuple(structure.get("optional", ())),
+        {name: _prior_words(table) for name, table in file.get("prior", {}).items()},
+        published,
+        tuple(dict.fromkeys(term for term in (*published, *COMMON_TERMS) if term not in terms)),
+        {key: getattr(campaign.estimation, key) for key in ("warmup", "draws")},
+    )
+
+
+def _sensor_noise(campaign: Campaign, name: str, table: dict[str, Any]) -> SensorNoise:
+    """Say what each kind of noise of a sensor needs; one of the whole attitude has a channel for each part of the quaternion."""
+    channels, unknown = QUATERNION if name == ATTITUDE else (name,), {}
+    for kind in get_args(Residuals):
+        sensors = [replace(one, noise=kind) for one in campaign.sensor_models if one.channel in channels]
+        unknown[kind] = tuple(
+            _noise_prior(one, sensor.channel)
+            for sensor in sensors
+            for one in unknowns_of_sensor(sensor, campaign.noise[sensor.channel])
+        )
+    return SensorNoise(name, str(table.get("residuals", "")), unknown)
+
+
+def _noise_prior(one: Unknown, channel: str) -> NoisePrior:
+    means = {
+        correlation_name(channel): f"correlation time of the errors of {channel} [s]",
+        drift_name(channel): f"size of the slow error of {channel} [{one.unit}]",
+        drift_time_name(channel): f"correlation time of the slow error of {channel} [s]",
+    }
+    lower, upper = SIZES if one.unit != "s" else DRIFT_TIMES if one.name == drift_time_name(channel) else TIMES
+    return NoisePrior(one.name, means.get(one.name, one.name), one.unit, str(lower), str(upper), one.default is None)
+
+
+def _prior_words(table: dict[str, Any]) -> str:
+    numbers = [
+        f"{key} {value:g}" for key, value in table.items() if isinstance(value, int | float) and key != "dissipative"
+    ]
+    return f"{table.get('distribution', '')}, {', '.join(numbers)} {table.get('unit', '')}".strip()
+
+
+def begun(folder: str, name: str, start: str, answers: tuple[tuple[str, str], ...]) -> tuple[str, tuple[str, ...]]:
+    """Return the text of a new campaign's file, checked, and what to know about it though it can be used.
+
+    Args:
+        folder: where it is to stand.
+        name: of the campaign.
+        start: template or published vehicle.
+        answers: to its questions, by key.
+
+    Raises:
+        InputError: no such template, or a campaign that cannot be used.
+    """
+    text = set_key(answered(beginning(folder, start), dict(answers)), "campaign", "name", name)
+    return text, check(folder, text)
+
+
+def beginning(folder: str, start: str) -> str:
+    """Return the file of a template or of a published vehicle, before any answer; errors as `begun`."""
+    return vehicle_campaign_text(Path(folder), start) if start in vehicle_names() else template_text(start)
+
+
+def asked(folder: str, start: str, answers: tuple[tuple[str, str], ...]) -> tuple[Question, ...]:
+    """Return the questions about a new campaign that some answers leave; errors as `begun`."""
+    return questions(answered(beginning(folder, start), dict(answers)))
+
+
+def check(folder: str, text: str) -> tuple[str, ...]:
+    """Check a campaign file before it is written; returns what to know about it though it can be used.
+
+    Raises:
+        InputError: what is wrong with it.
+    """
+    return tuple(file_cautions(check_text(Path(folder), text)))
+
+
+def channels_without_column(folder: str, text: str) -> dict[str, str]:
+    """Return the channels that a campaign file needs of its logs and does not map, each with the reason.
+
+    Raises:
+        InputError: what is wrong with it.
+    """
+    return unmapped(check_text(Path(folder), text))
+
+
+def check_term(folder: str, text: str, term: str) -> None:
+    """Check that the model of a campaign file may have one more term, left to the data or always in.
+
+    Raises:
+        InputError: why it may not.
+    """
+    place, content = Path(folder), toml_content(Path(folder) / CAMPAIGN, text)
+    always, optional = (list(content["structure"].get(role, ())) for role in ("always", "optional"))
+    if term not in content.get("prior", {}):
+        text = with_priors(place, text, [Range(term, "-1", "0", "")], [])
+    try:
+        check_text(place, with_terms(place, text, always, [*optional, term]))
+    except InputError as error:
+        with suppress(InputError):
+            check_text(place, with_terms(place, text, [*always, term], optional))
+            return
+        raise error from None
+
+
+def cautions(folder: str) -> tuple[str, ...]:
+    """Return what to know about a campaign file before a trial, though it can be used."""
+    return tuple(file_cautions(load_campaign(folder)))
+
+
+def look_at(folder: str, which: str, family: int, row: int, column: int) -> Clicked:
+    """Look at one design of a stored sweep: its control, its room inside every limit, and its schedule.
+
+    Args:
+        folder: of the campaign.
+        which: `design` or `next`.
+        family: as the file counts them.
+        row: of its amplitude.
+        column: of its period.
+    """
+    campaign, store = load_campaign(folder), Store(Path(folder))
+    path = store.design if which == "design" else store.next_design
+    stored = read_result(SweptDesigns, path, f"seatrial {which} {folder}")
+    kind = stored.families[family]
+    sweep = next(one for one in designs_of(campaign, stored).sweeps if one.family.kind == kind)
+    if not (0 <= row < sweep.amplitude.size and 0 <= column < sweep.period.size):
+        raise InputError("design", found="none there", expected="one of the grid", remedy="reload the page")
+    chosen = chosen_of(sweep, (row, column))
+    manoeuvre = chosen.manoeuvre(campaign.families)
+    planned = schedule_of(manoeuvre, sweep.family.sample_time)
+    with tempfile.TemporaryDirectory() as place:
+        schedule = write_schedule(Path(place) / "schedule.csv", manoeuvre, sweep.family.sample_time).read_text()
+    margins = (
+        *_of_control(campaign.limits, sweep, planned.controls[manoeuvre.control]),
+        *_of_motion(campaign, which, sweep, (row, column)),
+    )
+    words, values = design_words(sweep.family, chosen.amplitude, chosen.period), planned.controls[manoeuvre.control]
+    return Clicked(words, np.asarray(planned.time), values * shown_unit(manoeuvre.control)[0], margins, schedule)
+
+
+def whole_log(folder: str, run: str, files: tuple) -> RecordAbout:
+    """Say what the files of a run hold, before any trimming; read again when the files change, of which `files` tells."""
+    found, _ = _untrimmed(folder, run, files)
+    roles = {channel.name: str(channel.role) for channel in found.channels}
+    provenance = found.provenance
+    return about(roles, found.time.size, float(found.time[-1]), provenance.options, provenance.source)
+
+
+def whole_log_view(folder: str, run: str, files: tuple, start: float, end: float, columns: int) -> dict[str, Envelope]:
+    """Curves of `whole_log` between two times, in the units in which they are shown."""
+    found, index = _untrimmed(folder, run, files)
+    curves = view_of(index, _rows(found), start, end, columns)
+    return {name: _in_shown(name, curve) for name, curve in curves.items()}
+
+
+def axis_about(folder: str, text: str, run: str, files: tuple, compared: tuple[LogColumn, ...] = ()) -> AxisAbout:
+    """Say which channels the logs of a run would give, by a campaign file that is not saved yet, and when each was recorded.
+
+    Args:
+        folder: of the campaign.
+        text: of the file.
+        run: label of the record.
+        files: stamps of the logs.
+        compared: columns that are drawn one over another.
+    """
+    tracks = _tracks(folder, text, run, files, compared)
+    spans = [(float(one.time[0]), float(one.time[-1])) for one in tracks.values()]
+    channels = [(*span, one.role) for span, one in zip(spans, tracks.values(), strict=True) if one.role != COMPARED]
+    return AxisAbout(
+        tuple(tracks),
+        tuple("" if one.role == COMPARED else shown_unit(name)[1] for name, one in tracks.items()),
+        tuple(one.role for one in tracks.values()),
+        tuple(one.log for one in tracks.values()),
+        tuple(spans),
+        common_interval(channels),
+    )
+
+
+def axis_view(
+    folder: str,
+    text: str,
+    run: str,
+    files: tuple,
+    compared: tuple[LogColumn, ...],
+    start: float,
+    end: float,
+    columns: int,
+) -> dict[str, Envelope]:
+    """Curves of `axis_about` between two times, in the units in which they are shown."""
+    found = {}
+    for name, one in _tracks(folder, text, run, files, compared).items():
+        (curve,) = view_of(one.index, one.load, start, end, columns).values()
+        found[name] = curve if one.role == COMPARED else _in_shown(name, curve)
+    return found
+
+
+def candidate(folder: str, label: str, run: str) -> dict[str, np.ndarray]:
+    """Predict one record by one structure, as `seatrial predict` does by the chosen one.
+
+    Returns:
+        `time` in s, and of each channel its mean and the ends of its 90 % band in the unit in which it is shown, each of shape (n,).
+
+    Raises:
+        InputError: a structure without a posterior, or a record too long.
+    """
+    campaign, store = load_campaign(folder), Store(Path(folder))
+    record = read_record(store.record(run))
+    if record.time.size > MOST_PREDICTED:
+        raise InputError(
+            f"run {run}",
+            found=f"{record.time.size} samples",
+            expected=f"at most {MOST_PREDICTED} to predict from the page",
+            remedy="cut the record, or give [import] a step",
+        )
+    estimate = Results(Path(folder)).posterior(label)
+    (curves,) = predict_held_back(campaign, estimate, Trials((record,), (record,), "")).curves
+    found = {"time": curves["time"] + origin_of(record.provenance.options, record.provenance.source)}
+    for at, name in enumerate(campaign.channels):
+        mean, sd, factor = curves["mean"][:, at], curves["sd"][:, at], shown_unit(name)[0]
+        for part, values in ((name, mean), (f"{name} lower", mean - Z90 * sd), (f"{name} upper", mean + Z90 * sd)):
+            found[part] = values * factor
+    return found
+
+
+class _Track(NamedTuple):
+    """One channel or column of a log on the clock that all of them share: its times, s, its rows without gaps, and their index."""
+
+    log: str
+    role: str
+    time: np.ndarray
+    load: Load
+    index: Index
+
+
+@lru_cache(maxsize=1)
+def _tracks(folder: str, text: str, run: str, files: tuple, compared: tuple[LogColumn, ...]) -> dict[str, _Track]:
+    """What is compared, then the channels of the logs of a run, measurements first; s from the earliest stamp of these logs."""
+    del files  # part of the key only
+    tables = read_tables(check_text(Path(folder), text), run)
+    origin, found = min(table.epoch for table in tables), {}
+    for column in compared:
+        epoch, (time, values) = samples_of(column)
+        log = Path(column.path).name
+        if np.isfinite(values).any():
+            scaled = (values - np.nanmean(values)) / (np.nanstd(values) or 1.0)
+            found[f"{column.name} · {log}"] = _track(log, COMPARED, time + float(epoch - origin), scaled)
+    for role in ("measurement", "control"):
+        for table in tables:
+            for channel in table.channels:
+                if channel.role == role:
+                    time = table.time + float(table.epoch - origin)
+                    found[channel.name] = _track(table.source, role, time, table.columns[channel.name])
+    return found
+
+
+def _track(log: str, role: str, time: np.ndarray, values: np.ndarray) -> _Track:
+    known = np.isfinite(values)
+    rows = {"time": time[known], "value": values[known]}
+    load: Load = lambda a, b: {key: part[a:b] for key, part in rows.items()}  # noqa: E731
+    return _Track(log, role, rows["time"], load, index_of(rows["time"].size, load))
+
+
+@lru_cache(maxsize=1)
+def _untrimmed(folder: str, run: str, files: tuple) -> tuple[Record, Index]:
+    """The files of a run as one record, and its index."""
+    del files  # part of the key only
+    found = read_untrimmed(load_campaign(folder), run)
+    return found, index_of(found.time.size, _rows(found))
+
+
+def _rows(record: Record) -> Load:
+    columns = {"time": record.time, **{name: record.channel(name) for name in (*record.measured, *record.controls)}}
+    return lambda a, b: {name: values[a:b] for name, values in columns.items()}
+
+
+def _in_shown(name: str, curve: Envelope) -> Envelope:
+    factor = shown_unit(name)[0]
+    return Envelope(curve.time, curve.least * factor, curve.greatest * factor)
+
+
+def _of_control(limits: Limits, sweep: Sweep, values: np.ndarray) -> list[Margin]:
+    control = sweep.family.control
+    factor, unit = shown_unit(control)
+    fastest = float(np.abs(np.diff(values)).max(initial=0.0) / sweep.family.sample_time)
+    rows = [
+        (f"{control} at least", limits.lower, float(values.min()), 1, unit),
+        (f"{control} at most", limits.upper, float(values.max()), -1, unit),
+        (f"rate of {control} at most", limits.rate, fastest, -1, f"{unit}/s"),
+    ]
+    found = []
+    for what, bound, reached, sign, shown in rows:
+        if bound is not None:
+            room = sign * (reached - bound) * factor
+            kept = room >= -1e-9 * max(1.0, abs(bound * factor))
+            found.append(
+                Margin(
+                    what,
+                    f"{bound * factor:.4g} {shown}",
+                    f"{reached * factor:.4g} {shown}",
+                    f"{room:.3g} {shown}",
+                    kept,
+                )
+            )
+    return found
+
+
+def _of_motion(campaign: Campaign, which: str, sweep: Sweep, at: tuple[int, int]) -> list[Margin]:
+    """Room inside the limits of the motion, over draws of what is believed."""
+    if not campaign.motion_limits:
+        return []
+    model, draws = _believed(campaign, which)
+    plan = plan_of(campaign, model)
+    if sweep.length is not None and np.isfinite(sweep.length[at]):
+        plan = (
+            plan_as_run(plan, sweep)
+            if at == sweep.best
+            else plan.until(round(float(sweep.length[at]) / sweep.family.sample_time))
+        )
+    controls = sweep.controls(*at)[: plan.step.shape[0]][None]
+    probability = campaign.design.probability
+    safety = judge_safety(plan, controls, draws, campaign.motion_limits, probability)
+    found = []
+    for i, limit in enumerate(safety.limits):
+        factor, unit = limit.shown
+        room = float(safety.margin[0, i]) * factor
+        reached = f"kept in {int(safety.held[0, :, i].sum())} of {safety.draws} draws"
+        found.append(Margin(limit.words, f"probability {probability:g}", reached, f"{room:.3g} {unit}", room >= 0))
+    return found
+
+
+def _believed(campaign: Campaign, which: str):
+    """Model, and draws of its coefficients that had no part in choosing the design."""
+    if which == "design":
+        model = campaign.model(campaign.full)
+        draws = prior_draws(campaign, model)
+        return model, draws[len(draws) // 2 :]
+    results = Results(campaign.folder)
+    estimate = results.posterior(results.next_design().basis.removeprefix("the posterior of "))
+    model = campaign.model(estimate.structure)
+    table = estimate.draws([term.text for term in model.coefficients])
+    return model, table[:: max(1, len(table) // 400)][:400]

@@ -1,0 +1,122 @@
+"""The campaign file as text: all of it, also what no form has a field for, and a file that can no longer be read as a campaign."""
+
+import asyncio
+import re
+from difflib import unified_diff
+from functools import partial
+from pathlib import Path
+
+from markupsafe import Markup
+from nicegui import ui
+
+from seatrial.cli.campaign_text import CAMPAIGN, read_file, write_file
+from seatrial.core.errors import SeatrialError
+from seatrial.dashboard.app_context import AppContext, cautions_html, error_html, keep_form, markup, say
+from seatrial.dashboard.page_layout import button, link, section
+
+_MARK = """(() => {{
+  const area = document.querySelector("#main textarea"), lines = area.value.split("\\n"), at = {line} - 1;
+  const start = lines.slice(0, at).join("\\n").length + (at > 0);
+  area.focus();
+  area.setSelectionRange(start, start + lines[at].length);
+  area.scrollTop = Math.max(0, at - 3) * area.scrollHeight / lines.length;
+}})()"""
+"""Script that selects a line of the text and brings it into sight."""
+
+
+async def build(context: AppContext, campaign: str, folder: Path) -> None:
+    """Build the view."""
+    words = (
+        "Everything the forms write, and what they have no field for. It is checked as a whole before it is written."
+    )
+    with section(str(folder.name) + "/" + CAMPAIGN, words):
+        said = ui.element("div")
+        await keep_form(
+            folder / CAMPAIGN,
+            lambda: asyncio.to_thread(read_file, folder),
+            partial(FileForm, context, campaign, folder, said),
+        )
+        said.move()
+
+
+class FileForm:
+    """A field that holds the whole file; it is checked as a whole before anything is written.
+
+    Args:
+        context: what is served.
+        campaign: name of the campaign below the root.
+        folder: of it.
+        said: element for what is said; it stays when the form is built again, as after each save.
+        text: of the file.
+    """
+
+    def __init__(self, context: AppContext, campaign: str, folder: Path, said: ui.element, text: str) -> None:
+        self.context, self.campaign, self.folder, self.said, self.seen = context, campaign, folder, said, text
+        self.text = ui.textarea("campaign.toml, as TOML", value=text).props('outlined spellcheck="false"')
+        self.text.classes("mono wide whole").style("width: 100%")
+        with ui.element("div").classes("line"):
+            button("Check and save", self._save, main=True)
+            button("Undo my changes", self._take_back)
+
+    @property
+    def is_edited(self) -> bool:
+        """Whether something was typed that is not saved."""
+        return self.text.value != self.seen
+
+    def _take_back(self) -> None:
+        self.said.clear()
+        self.text.value = self.seen
+
+    def _say_changed(self) -> None:
+        """Say that the file changed since it was read; what was typed stays in the field."""
+        with self.said:
+            words = "Somebody changed the file since you began. Your text stays in the field. See what differs before you save."
+            markup(error_html(words, "Nothing was written."))
+            button("Show the difference", self._show_difference, main=True)
+
+    async def _show_difference(self) -> None:
+        """Show what saving would change of the file as it is now; from then on the typed text may take its place."""
+        self.said.clear()
+        with self.said:
+            try:
+                there = await asyncio.to_thread(read_file, self.folder)
+            except (SeatrialError, OSError) as error:
+                say(error)
+                return
+            now, typed = there.splitlines(), str(self.text.value).splitlines()
+            lines = "\n".join(unified_diff(now, typed, "the file as it is now", "your text", lineterm=""))
+            self.seen = there
+            if not lines:
+                markup('<p class="note" role="status">The file now says the same as your text.</p>')
+                return
+            words = (
+                '<p class="note" role="status">"Check and save" now writes your text: lines with - go, lines with + come. '
+                'To keep a line that somebody else wrote, put it into your text first.</p><pre tabindex="0">{}</pre>'
+            )
+            markup(Markup(words).format(lines))
+
+    async def _save(self) -> None:
+        self.said.clear()
+        text = str(self.text.value)
+        try:
+            cautions = await self.context.worker_pool.think("check", str(self.folder), text)
+            there = await asyncio.to_thread(read_file, self.folder)
+            if text != self.seen and there != self.seen:
+                self._say_changed()
+                return
+            if text != self.seen:
+                write_file(self.folder, text, self.seen)
+        except (SeatrialError, OSError) as error:
+            with self.said:
+                say(error)
+            if line := re.search(rf"{re.escape(CAMPAIGN)}:(\d+)", str(error)):
+                ui.run_javascript(_MARK.format(line=line[1]))
+            return
+        is_new, self.seen = text != self.seen, text
+        with self.said:
+            if is_new:
+                words = '<p class="done" role="status">Saved. Results made before may be stale now: <a href="{}">run again</a>.</p>'
+                markup(Markup(words).format(link("run", self.campaign)))
+            else:
+                markup('<p class="note" role="status">The file can be used. Nothing was changed.</p>')
+            markup(cautions_html(cautions))

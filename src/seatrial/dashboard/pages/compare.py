@@ -1,0 +1,186 @@
+"""Two campaigns side by side: each coefficient, and its difference in joint standard deviations, (a - b) / sqrt(sd_a^2 + sd_b^2).
+
+Each sd is the one with model error if that is larger: two models that are wrong do not contradict each other within their errors.
+"""
+
+from dataclasses import replace
+from math import hypot
+from pathlib import Path
+
+from markupsafe import Markup
+from nicegui import ui
+
+from seatrial.campaign.store.estimates import StoredCoefficient
+from seatrial.campaign.store.results import Results
+from seatrial.campaign.store.stored_result import Store
+from seatrial.campaign.store.structures import BestDesign, Summary
+from seatrial.cli.campaign_text import written_units
+from seatrial.core.coefficients import CoefficientName
+from seatrial.core.display_units import shown_as_written
+from seatrial.core.errors import InputError, SeatrialError
+from seatrial.dashboard.app_context import AppContext, markup, say
+from seatrial.dashboard.page_layout import LOOK, link, section, table
+from seatrial.dashboard.result_charts import Side, sides_chart
+from seatrial.report.labels import label_html
+from seatrial.report.numbers import decimals, unit_html, with_sd
+
+MOST = 12
+"""Campaigns without results that are named."""
+FAR = 3.0
+"""Joint standard deviations from which two values contradict each other."""
+
+
+async def build(context: AppContext, campaign: str, folder: Path) -> None:
+    """Build the view."""
+    there = [name for name in context.campaign_paths.campaigns() if name != campaign]
+    others = [name for name in there if Store(context.campaign_paths.folder(name)).summary.is_file()]
+    with section(
+        "Two campaigns side by side",
+        "Beyond 3 joint standard deviations two coefficients contradict each other, if both campaigns had the same vehicle and water; "
+        "each ± is with model error if that is larger. "
+        "Noise, bias and current belong to the sensors and the day: they are listed, not judged.",
+    ):
+        if not Store(folder).summary.is_file():
+            words = '<p>This campaign has no results of <code>seatrial run</code> yet: <a href="{}">Run</a>.</p>'
+            markup(Markup(words).format(link("run", campaign)))
+            return
+        if not others:
+            markup(nothing_beside(there, context.campaign_paths.root))
+            return
+        form = ui.select(others, value=others[0], label="Compare with").props(LOOK).classes("wide")
+        holder = ui.element("div")
+
+        def show() -> None:
+            holder.clear()
+            with holder:
+                try:
+                    there = context.campaign_paths.folder(str(form.value))
+                    ours, theirs = (Results(one).summary() for one in (folder, there))
+                except (SeatrialError, OSError) as error:
+                    say(error)
+                    return
+                shown = shown_as_written(dict(written_units(folder)))
+                ours, theirs = (
+                    replace(
+                        one, coefficients=tuple(row.in_unit(*shown(row.name, row.unit)) for row in one.coefficients)
+                    )
+                    for one in (ours, theirs)
+                )
+                names = campaign if campaign != "." else folder.name, str(form.value)
+                if shared := shared_sides(ours, theirs):
+                    sides_chart(shared, names)
+                markup(side_by_side(ours, theirs, *names))
+
+        form.on_value_change(show)
+        show()
+
+
+def nothing_beside(others: list[str], root: Path) -> Markup:
+    """Say why no campaign can stand beside this one: there is no other, or none that was run, each with a link to run it.
+
+    Args:
+        others: campaigns that were not run.
+        root: folder that is served.
+    """
+    if not others:
+        return Markup("<p>No other campaign is in {}. Serve a folder that holds several.</p>").format(root)
+    listed = Markup("").join(
+        Markup('<li><a href="{}">Run {}</a></li>').format(link("run", name), root.name if name == "." else name)
+        for name in others[:MOST]
+    )
+    more = Markup("<li>{} more</li>").format(len(others) - MOST) if len(others) > MOST else ""
+    words = "<p>No other campaign in {} has results of <code>seatrial run</code> yet. Go on with one of these:</p><ul>{}{}</ul>"
+    return Markup(words).format(root, listed, more)
+
+
+def shared_sides(ours: Summary, theirs: Summary) -> list[Side]:
+    """Coefficients of the vehicle that both campaigns estimate, in joint standard deviations from ours."""
+    other, found = {row.name: row for row in theirs.coefficients}, []
+    for row in ours.coefficients:
+        apart = joint_difference(row, other.get(row.name))
+        if apart is not None and is_of_vehicle(row.name):
+            own, others = row.judged_sd, other[row.name].judged_sd
+            joint = hypot(own, others)
+            found.append(Side(row.name, (0.0, -apart), (own / joint, others / joint)))
+    return found
+
+
+def is_of_vehicle(name: str) -> bool:
+    """Whether a parameter is a coefficient of the vehicle, not one of a sensor, a run or the water."""
+    try:
+        CoefficientName.parse(name)
+    except InputError:
+        return False
+    return True
+
+
+def side_by_side(ours: Summary, theirs: Summary, here: str, there: str) -> Markup:
+    """The tables of two summaries."""
+    rows: dict[bool, list[list[str | Markup]]] = {True: [], False: []}
+    tables = [{row.name: row for row in one.coefficients} for one in (ours, theirs)]
+    for name in dict.fromkeys([*tables[0], *tables[1]]):
+        a, b = (one.get(name) for one in tables)
+        known = a or b
+        assert known is not None
+        name_cell = label_html(known.label) + Markup(" <small>{}</small>").format(name)
+        units = dict.fromkeys(one.unit for one in (a, b) if one is not None)
+        values = [_value(a), _value(b), Markup(", ").join(map(unit_html, units))]
+        is_judged = is_of_vehicle(name)
+        rows[is_judged].append(
+            [name_cell, _judged(joint_difference(a, b)), *values] if is_judged else [name_cell, *values]
+        )
+    head, doubted = [here, there, "unit"], ours.choice_alarms or theirs.choice_alarms
+    facts = [
+        ["model", _model(ours), _model(theirs)],
+        ["probability of it", *(_probability(one) for one in (ours, theirs))],
+        *([["alarms about it", *("; ".join(one.choice_alarms) for one in (ours, theirs))]] if doubted else []),
+        ["information of the next trial", *(_promised(one.next_trial.best) for one in (ours, theirs))],
+        ["alarms", *(str(len(one.alarms)) for one in (ours, theirs))],
+        ["cautions", *(str(len(one.cautions)) for one in (ours, theirs))],
+    ]
+    return Markup("").join(
+        [
+            table(
+                ["coefficient", "difference, joint sd", *head], rows[True], "Coefficients of the vehicle", stacks=True
+            ),
+            table(["parameter", *head], rows[False], "Of sensors, runs and water", stacks=True)
+            if rows[False]
+            else Markup(""),
+            table(["of the whole", here, there], [list(row) for row in facts], "In all", left=3, stacks=True),
+        ]
+    )
+
+
+def _judged(apart: float | None) -> str | Markup:
+    if apart is None:
+        return ""
+    words = decimals(apart, 1)
+    return Markup('<span class="verdict fail">{}</span>').format(words) if abs(apart) > FAR else words
+
+
+def joint_difference(a: StoredCoefficient | None, b: StoredCoefficient | None) -> float | None:
+    """Difference of two estimates in joint standard deviations; None where one is missing, both are exact, or units differ.
+
+    A campaign with an unknown mass estimates coefficients per unit of effective mass: of another dimension.
+    """
+    if a is None or b is None or a.unit != b.unit:
+        return None
+    joint = hypot(a.judged_sd, b.judged_sd)
+    return (a.mean - b.mean) / joint if joint > 0 else None
+
+
+def _value(row: StoredCoefficient | None) -> str:
+    return "not in its model" if row is None else with_sd(row.mean, row.judged_sd)
+
+
+def _model(summary: Summary) -> str:
+    return f"{summary.chosen}: {' '.join(summary.terms)}"
+
+
+def _promised(best: BestDesign | None) -> str:
+    return "none is designed" if best is None else f"{best.gain_nat:.2f} nat"
+
+
+def _probability(summary: Summary) -> str:
+    found = next((one.probability for one in summary.structures if one.label == summary.chosen), float("nan"))
+    return decimals(found, 2)

@@ -1,0 +1,361 @@
+"""The design: what every trial of the grid would teach, the room the clicked one leaves, the limits, and the next run."""
+
+import math
+from functools import partial
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from markupsafe import Markup
+from nicegui import ui
+
+from seatrial.campaign.store.designs import edge_words
+from seatrial.campaign.store.stored_result import Store
+from seatrial.cli.campaign_text import CAMPAIGN, read_file, write_file, written_units
+from seatrial.core.coefficients import CoefficientName
+from seatrial.core.display_units import Shown, shown_as_written
+from seatrial.core.errors import SeatrialError
+from seatrial.dashboard.app_context import AppContext, cautions_html, fill, keep_current, keep_form, markup, say
+from seatrial.dashboard.edits import BOUNDS, with_limit
+from seatrial.dashboard.page_layout import LOOK, button, section, table
+from seatrial.dashboard.pages.work import Live, begin, made_part
+from seatrial.dashboard.result_charts import mark_chosen, schedule_chart, surface_chart
+from seatrial.dashboard.view_models import Clicked, FormData, Limit, Swept
+from seatrial.dashboard.worker_pool import stamp
+from seatrial.estimation.prediction.remedies import listed
+from seatrial.report.numbers import percent, short, unit_html
+
+UNTAUGHT = 0.999
+"""Share of a standard deviation from which on a trial has left it as it was."""
+WHICH = {"design": "the first trial, from the priors", "next": "the next trial, from the posterior"}
+
+
+async def build(context: AppContext, campaign: str, folder: Path) -> None:
+    """Build the view."""
+    paths = {"design": Store(folder).design, "next": Store(folder).next_design}
+
+    async def show() -> None:
+        there = [which for which, path in paths.items() if path.is_file()]
+        if there:
+            Surface(context, folder, paths, there[-1], there)
+        else:
+            words = "Run the design below: every trial of the grid is computed, which takes seconds to minutes."
+            with section("No design yet", words):
+                pass
+
+    await _cautions(context, folder)
+    await keep_current(ui.element("div"), lambda: tuple(map(stamp, paths.values())), show)
+    with section("Run it", "Results that no longer belong to the campaign file are computed again."):
+        with ui.element("div").classes("line"):
+            for command, words in (
+                ("prior", "What the priors mean"),
+                ("design", "Run the design"),
+                ("next", "Design the next trial"),
+            ):
+                start = partial(lambda name: (begin(context, folder, said, name), live.look()), command)
+                button(words, start, main=command == "design")
+        said = ui.element("div")
+        live = Live(context, folder)
+        await made_part(context, campaign, folder)
+    with section(
+        "Limits",
+        "Edits are checked as a whole, then written into campaign.toml; comments and order stay. An empty field is no limit.",
+    ):
+        told = ui.element("div")
+        await keep_form(
+            folder / CAMPAIGN,
+            lambda: context.form_data(folder),
+            lambda found: Limits(context, folder, found, told),
+        )
+
+
+async def _cautions(context: AppContext, folder: Path) -> None:
+    """Say what is worth correcting in the campaign file before a trial, and keep that up to date."""
+
+    def said(cautions: tuple[str, ...]) -> None:
+        markup(cautions_html(cautions))
+
+    async def show() -> None:
+        asked = context.worker_pool.think("cautions", str(folder), files=[folder / CAMPAIGN])
+        await fill(ui.element("div"), asked, said, "checking the campaign file …")
+
+    await keep_current(ui.element("div"), lambda: stamp(folder / CAMPAIGN), show)
+
+
+class Surface:
+    """The picture of a sweep that can be clicked, forms that do the same by keyboard, and the design that is looked at."""
+
+    def __init__(self, context: AppContext, folder: Path, paths: dict[str, Path], which: str, there: list[str]):
+        self.context, self.folder, self.paths, self.which = context, folder, paths, which
+        self.family, self.measure, self.found = 0, "gain", None
+        self.at = (0, 0)
+        with section("Information of each design", "Click a design, or choose its amplitude and period below."):
+            with ui.element("div").classes("line"):
+                options = {one: WHICH[one] for one in there}
+                ui.select(options, value=which, label="Sweep", on_change=self._other).props(LOOK)
+                self.families = ui.element("div").classes("part")
+            self.holder = ui.element("div")
+            self.forms = ui.element("div").classes("line")
+        with section("The design you chose"):
+            self.details = ui.element("div")
+        ui.timer(0.0, self.show, once=True)
+
+    async def show(self) -> None:
+        """Read the sweep and draw it, with its best design chosen."""
+        path = self.paths[self.which]
+        try:
+            found: Swept = await self.context.worker_pool.draw("swept", path, files=[path])
+        except (SeatrialError, OSError) as error:
+            self.holder.clear()
+            with self.holder:
+                say(error)
+            return
+        self.found = found
+        self.family, self.at = found.best[0], found.best[1:]
+        self._family_form(found)
+        await self._draw()
+
+    async def _other(self, event: Any) -> None:
+        self.which = event.value
+        await self.show()
+
+    def _family_form(self, found: Swept) -> None:
+        self.families.clear()
+        with self.families:
+            if len(found.families) > 1:
+                options = {i: name.replace("-", " ") for i, name in enumerate(found.families)}
+                ui.select(options, value=self.family, label="Family", on_change=self._to_family).props(LOOK)
+            if (found.worth != found.gain)[~(found.worth != found.worth)].any():
+                options = {"gain": "entropy reduction", "worth": "utility"}
+                ui.select(options, value=self.measure, label="Colour shows", on_change=self._to_measure).props(LOOK)
+
+    async def _to_family(self, event: Any) -> None:
+        self.family = event.value
+        worth = self.found.worth[self.family]  # pyright: ignore[reportOptionalMemberAccess]
+        flat = max(range(worth.size), key=lambda i: -math.inf if math.isnan(worth.flat[i]) else worth.flat[i])
+        self.at = divmod(flat, worth.shape[1])
+        await self._draw()
+
+    async def _to_measure(self, event: Any) -> None:
+        self.measure = event.value
+        await self._draw()
+
+    async def _draw(self) -> None:
+        found = self.found
+        assert found is not None
+        self._surface()
+        self.forms.clear()
+        with self.forms:
+            amplitudes = {i: f"{value:.4g} {found.unit}" for i, value in enumerate(found.amplitude)}
+            periods = {i: f"{value:.4g} s" for i, value in enumerate(found.period)}
+            self.amplitude = ui.select(amplitudes, value=self.at[0], label=f"Amplitude of {found.control}").props(LOOK)
+            self.period = ui.select(periods, value=self.at[1], label="Period").props(LOOK)
+            for form in (self.amplitude, self.period):
+                form.on_value_change(self._chosen)
+        await self._look()
+
+    def _surface(self) -> None:
+        assert self.found is not None
+        self.holder.clear()
+        with self.holder:
+            self.surface = surface_chart(self.found, self.family, self.measure, self.at).classes("surface")
+            self.surface.on(
+                "chart:click", self._clicked, js_handler="(e) => emit([e.seriesType, e.dataIndex, e.value])"
+            )
+
+            markup(legend_html(self.found.gain[self.family]))
+
+    async def _clicked(self, event: Any) -> None:
+        assert self.found is not None
+        kind, index, value = event.args
+        if kind == "heatmap":
+            self.at = int(value[1]), int(value[0])
+        elif kind == "line":  # the setting that varies
+            self.at = (0, int(index)) if len(self.found.amplitude) == 1 else (int(index), 0)
+        self.amplitude.value, self.period.value = self.at
+        await self._chosen_now()
+
+    async def _chosen(self) -> None:
+        chosen = int(self.amplitude.value), int(self.period.value)  # pyright: ignore[reportArgumentType]
+        if chosen != self.at:
+            self.at = chosen
+            await self._chosen_now()
+
+    async def _chosen_now(self) -> None:
+        assert self.found is not None
+        mark_chosen(self.surface, self.found, self.family, self.measure, self.at)
+        await self._look()
+
+    async def _look(self) -> None:
+        found = self.found
+        assert found is not None
+        self.details.clear()
+        answer = self.context.worker_pool.think(
+            "look_at",
+            str(self.folder),
+            self.which,
+            self.family,
+            *self.at,
+            files=[self.paths[self.which], self.folder / CAMPAIGN],
+        )
+        with self.details:
+            shown = shown_as_written(dict(written_units(self.folder)))
+            markup(what_it_teaches(found, self.family, *self.at, shown))
+            holder = ui.element("div")
+        await fill(
+            holder,
+            answer,
+            self._details,
+            "simulating this design, to see its distance from the limits …",
+        )
+
+    def _details(self, clicked: Clicked) -> None:
+        found, name = self.found, f"{self.which}_schedule.csv"
+        assert found is not None
+        markup(Markup("<p>{}</p>").format(clicked.words[:1].upper() + clicked.words[1:]))
+        with ui.element("div").classes("figures"):
+            schedule_chart(clicked.time, clicked.control, found.control, found.unit)
+        rows = [[one.what, _kept(one.kept), one.room, one.reached, one.bound] for one in clicked.margins]
+        head = ["limit", "kept?", "room left", "reached", "bound"]
+        markup(
+            table(head, rows, "Room inside the limits", stacks=True)
+            if rows
+            else "<p>No limits are set: write some below.</p>"
+        )
+        button("Download its schedule", lambda: ui.download(clicked.schedule.encode(), name, "text/csv"))
+
+
+def legend_html(gain: np.ndarray) -> Markup:
+    """Say what the marks in the picture of designs mean, and its grey where designs break a limit, whose gain is NaN."""
+    grey = Markup('; <span class="swatch" aria-hidden="true"></span> grey: a design that breaks a limit')
+    return Markup('<p class="note">★ best design; □ the one you chose{}.</p>').format(
+        grey if np.isnan(gain).any() else ""
+    )
+
+
+def what_it_teaches(found: Swept, family: int, row: int, column: int, shown: Shown) -> Markup:
+    """What a design promises: entropy reduction, and each standard deviation before and after, in the unit in which it is `shown`."""
+    gain = float(found.gain[family, row, column])
+    if math.isnan(gain):
+        return Markup('<p class="alarm">▲ This design breaks a limit; nothing else was computed for it.</p>')
+    worth, length = float(found.worth[family, row, column]), float(found.length[family, row, column])
+    lines = [f"entropy of the coefficients lowered by {short(gain)} nat"]
+    lines += [f"utility {short(worth)}"] * (worth != gain)
+    lines += [f"trial of {short(length)} s", f"from {found.basis}"]
+    rows = [
+        [
+            name,
+            short(factor * before),
+            short(factor * float(after)),
+            unit_html(unit),
+            percent(float(after) / before),
+        ]
+        for name, before, after in zip(found.names, found.sd_before, found.final_sd[family, row, column], strict=True)
+        for factor, unit in [shown(name, CoefficientName.parse(name).unit)]
+    ]
+    edge = edge_words(len(found.amplitude), len(found.period), (row, column))
+    said = [*filter(None, [edge]), *found.safety, *found.prediction] if (family, row, column) == found.best else []
+    more = Markup("").join(Markup("<li>{}</li>").format(line) for line in said)
+    return Markup("<p>{}.</p>{}{}{}").format(
+        "; ".join(lines)[:1].upper() + "; ".join(lines)[1:],
+        cautions_html(_untaught(found, found.final_sd[family, row, column])),
+        Markup('<ul class="findings">{}</ul>').format(more) if said else "",
+        table(
+            ["coefficient", "sd before", "sd after", "unit", "after / before"],
+            rows,
+            "Standard deviations",
+            stacks=True,
+        ),
+    )
+
+
+def _untaught(found: Swept, sd_after: np.ndarray) -> list[str]:
+    """Say about which coefficients a design says nothing, and what would; nothing where there is none such."""
+    names = [
+        name
+        for name, before, after in zip(found.names, found.sd_before, sd_after, strict=True)
+        if after > UNTAUGHT * before
+    ]
+    if not names:
+        return []
+    of = {name: {*CoefficientName.parse(name).signals} for name in found.names}
+    wanted, moved = ({*chain(*(of[one] for one in some))} for some in (names, of.keys() - {*names}))
+    signals = sorted(wanted - moved or wanted)
+    also = f" (`together` of [design] moves {listed(found.held)} as well)" if found.held else ""
+    them = "it" if len(names) == 1 else "them"
+    words = f"the trial says nothing about {listed(names)}: no measurement changes with {them}"
+    return [f"{words}. To learn about {them}, move {listed(signals)}{also}"]
+
+
+def _kept(kept: bool) -> Markup:
+    return Markup('<span class="verdict {}">{}</span>').format("pass" if kept else "fail", "kept" if kept else "broken")
+
+
+class Limits:
+    """The form of limits: text with units, as the file has them.
+
+    Args:
+        context: what is served.
+        folder: of the campaign.
+        found: what the file says.
+        said: element for what is said; it stays when the form is built again.
+    """
+
+    def __init__(self, context: AppContext, folder: Path, found: FormData, said: ui.element):
+        self.context, self.folder, self.said = context, folder, said
+        self.seen = read_file(folder)
+        self.fields: list[tuple[str, str, str, ui.input]] = []
+        for limit in found.limits:
+            self._row(limit)
+        self.rows = ui.element("div")
+        with ui.element("div").classes("line"):
+            if found.spare:
+                self.spare = {one.name: one for one in found.spare}
+                self.more = ui.select(list(self.spare), label="Limit another signal").props(f"{LOOK} clearable")
+                button("Add", self._add)
+            button("Check and save", self._save, main=True)
+
+    def _row(self, limit: Limit) -> None:
+        with ui.element("div").classes("line"):
+            for bound in BOUNDS if limit.has_rate else BOUNDS[:2]:
+                unit = f"{limit.unit}/s" if bound == "rate" else limit.unit
+                value = getattr(limit, bound)
+                form = ui.input(f"{limit.name}: {bound}", value=value, placeholder=f"none; such as 1 {unit}").props(
+                    "outlined stack-label hide-bottom-space"
+                )
+                self.fields.append((limit.name, bound, value, form))
+
+    def _add(self) -> None:
+        name = self.more.value
+        if name and all(one != name for one, *_ in self.fields):
+            with self.rows:
+                self._row(self.spare[name])
+
+    @property
+    def is_edited(self) -> bool:
+        """Whether something was typed that is not saved."""
+        return any((form.value or "").strip() != before for _, _, before, form in self.fields)
+
+    async def _save(self) -> None:
+        self.said.clear()
+        text, changed = self.seen, 0
+        with self.said:
+            try:
+                for name, bound, before, form in self.fields:
+                    if (form.value or "").strip() != before:
+                        text, changed = with_limit(self.folder, text, name, bound, form.value or ""), changed + 1
+                if not changed:
+                    markup("<p>Nothing was changed.</p>")
+                    return
+                cautions = await self.context.worker_pool.think("check", str(self.folder), text)
+                write_file(self.folder, text, self.seen)
+            except (SeatrialError, OSError) as error:
+                say(error)
+                return
+            self.seen = text
+            self.fields = [(name, bound, (form.value or "").strip(), form) for name, bound, _, form in self.fields]
+            markup(
+                '<p class="done" role="status">Saved in campaign.toml. What was designed before is stale now: run the design.</p>'
+            )
+            markup(cautions_html(cautions))

@@ -1,0 +1,106 @@
+"""What `seatrial live` says while the vehicle runs, for everybody on the boat: one sentence, and each coefficient against its goal."""
+
+import asyncio
+import shlex
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from markupsafe import Markup
+from nicegui import ui
+
+from seatrial.campaign.live.session_files import last_look
+from seatrial.core.reporter import duration_text
+from seatrial.dashboard.app_context import AppContext, markup
+
+EVERY = 1.0
+"""Seconds between looks."""
+SILENT = 5.0
+"""Seconds without a new look after which it is said that there is none."""
+SIGNS = {"go on": "▶", "stop": "■", "switch": "⇄", "wrong": "▲", "check": "!"}
+"""Sign before each kind of advice, so that colour alone says nothing."""
+
+
+WAYS = {
+    "A text file that grows, as a logger writes it": "seatrial live {} logs/today.csv",
+    "The output of another program, through a pipe": "your_logger | seatrial live {} -",
+    "MAVLink that arrives by UDP": "seatrial live {} udp:0.0.0.0:14550",
+    "The ROS 2 topics that [import] names": "seatrial live {} ros2",
+}
+"""Commands that follow a trial, by what they read."""
+
+
+async def build(context: AppContext, campaign: str, folder: Path) -> None:
+    """Build the page."""
+    del context, campaign
+    shown = markup("")
+    last = ""
+
+    async def look() -> None:
+        nonlocal last
+        found = await asyncio.to_thread(last_look, folder)
+        html = _none(folder) if found is None else look_html(found, time.time())
+        if html != last:
+            last = html
+            shown.set_content(html)
+
+    await look()
+    ui.timer(EVERY, look)
+
+
+def look_html(look: Mapping[str, Any], now: float) -> Markup:
+    """Return one look as a part of a page.
+
+    Args:
+        look: of `last_look`.
+        now: seconds since 1970.
+    """
+    kind, age = str(look["kind"]), max(0.0, now - float(look["at"]))
+    stale = age > SILENT
+    advice = Markup('<p class="advice {}" role="status"><span aria-hidden="true">{}</span> {}</p>').format(
+        "silent" if stale else kind.replace(" ", "-"),
+        "?" if stale else SIGNS.get(kind, ""),
+        f"nothing new for {duration_text(age)}; the last advice was: {look['advice']}" if stale else look["advice"],
+    )
+    rows = Markup("").join(_coefficient(one) for one in look["coefficients"])
+    innovations = ", ".join(f"{name} {value:.2f}" for name, value in look["innovations"].items() if value is not None)
+    rate = f" at {look['samples'] / look['time_s']:.3g} Hz" if look["time_s"] > 0 else ""
+    foot = [f"session {look['run']}: {look['samples']} samples over {duration_text(look['time_s'])}{rate}"]
+    if innovations:
+        foot.append(
+            f"innovations over what is expected, last 20 s: {innovations}; 1 is right, above 2.2 the model is wrong"
+        )
+    notes = Markup("").join(Markup('<p class="note">{}</p>').format(words) for words in foot)
+    return Markup('{}<section><h2>Coefficients</h2><div class="bars live">{}</div>{}</section>').format(
+        advice, rows, notes
+    )
+
+
+def _coefficient(one: Mapping[str, Any]) -> Markup:
+    """Return a row: its value, how far it is from its goal, and whether the input teaches it."""
+    mean, sd, goal = one["mean"], one["sd"], one["goal"]
+    share = f" ({abs(sd / mean):.1%})" if mean else ""
+    said = [] if goal is None else [f"goal ± {goal:.2g}" + (": met" if sd <= goal else "")]
+    said += {True: ["excited"], False: ["not excited"]}.get(one["excited"], [])
+    bar = Markup("")
+    if goal is not None:
+        words = f"{one['name']}: {min(goal / sd, 1.0):.0%} of the way to its goal" if sd > 0 else one["name"]
+        value = f"{min(goal / sd, 1.0) if sd > 0 else 1.0:.3f}"
+        bar = Markup('<progress max="1" value="{}" aria-label="{}"></progress>').format(value, words)
+    label = Markup("<label>{} <span>{:.4g} ± {:.2g} {}{}</span></label>").format(
+        one["name"], mean, sd, one["unit"], share
+    )
+    return Markup("<div>{}{}<small>{}</small></div>").format(label, bar, "; ".join(said))
+
+
+def _none(folder: Path) -> Markup:
+    place = shlex.quote(str(folder))
+    ways = Markup("").join(
+        Markup("<p>{}:</p><pre>{}</pre>").format(what, command.format(place)) for what, command in WAYS.items()
+    )
+    return Markup(
+        "<section><p>No trial has been followed yet. In a shell, while the vehicle runs, start one of these:</p>{}"
+        '<p class="note">It never commands the vehicle. This page then shows what it says, once a second, to everybody who looks.</p>'
+        "</section>"
+    ).format(ways)

@@ -1,0 +1,104 @@
+"""Records: what a log holds, which columns are which channels, where a record begins and ends, and whether it may be believed."""
+
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from markupsafe import Markup
+from nicegui import ui
+
+from seatrial.campaign.config.templates import has_placeholders
+from seatrial.campaign.store.stored_result import Store
+from seatrial.cli.campaign_text import CAMPAIGN, read_file
+from seatrial.core.errors import SeatrialError
+from seatrial.dashboard.app_context import AppContext, fill, keep_current, markup, say
+from seatrial.dashboard.jobs import CHECK
+from seatrial.dashboard.page_layout import button, link, section
+from seatrial.dashboard.pages.import_form import ImportForm
+from seatrial.dashboard.pages.new_campaign import EXAMPLES
+from seatrial.dashboard.pages.record_chart import RecordChart
+from seatrial.dashboard.pages.work import Live, begin, made_part
+from seatrial.dashboard.worker_pool import stamp
+
+OF_RECORDS = (CHECK, "import", "simulate")
+"""Commands that this page starts."""
+
+
+async def build(context: AppContext, campaign: str, folder: Path) -> None:
+    """Build the view."""
+    if is_of_template(folder):
+        words = '<ul class="cautions"><li>{} <a href="{}">Edit campaign.toml</a>, <a href="{}">change noise and terms</a>.</li></ul>'
+        markup(Markup(words).format(EXAMPLES, link("file", campaign), link("model", campaign)))
+    with section("What was recorded", "Raw data, downsampled, spikes kept."):
+
+        def records() -> list[Path]:
+            return sorted((Store(folder).results / "records").glob("*.nc"))
+
+        async def draw() -> None:
+            stored = [path.stem for path in records()]
+            await fill(
+                ui.element("div"),
+                context.form_data(folder),
+                lambda found: RecordChart(context, folder, found, stored, start).build(),
+            )
+
+        def seen() -> Any:
+            return tuple(map(stamp, records())) or stamp(folder / CAMPAIGN)
+
+        async def start() -> None:
+            await again(context, folder, said, live)
+
+        await keep_current(ui.element("div"), seen, draw)
+    with section(
+        "Checks",
+        "What seatrial check says: direction, size, delay, outliers, gaps, and which coefficients each record can determine.",
+    ):
+        live, said = Live(context, folder, OF_RECORDS), ui.element("div")
+
+        async def offer() -> None:
+            def build_button(words: str) -> None:
+                if words:
+                    button(words, start)
+
+            await fill(ui.element("div"), _anew(context, folder), build_button)
+
+        with ui.element("div").classes("line"):
+            button(
+                "Check the records", lambda: (begin(context, folder, said, "check"), live.look()), main=bool(records())
+            )
+            await keep_current(ui.element("div"), lambda: stamp(folder / CAMPAIGN), offer)
+        await made_part(context, campaign, folder, OF_RECORDS)
+    with section(
+        "A new log",
+        "Put a log into the campaign's folder, or send it from here. Preview it, say which column is which channel, and save.",
+    ):
+        ImportForm(context, campaign, folder, start).build()
+
+
+def is_of_template(folder: Path) -> bool:
+    """Whether the campaign file still has the places in capitals of a template."""
+    try:
+        return has_placeholders(read_file(folder))
+    except SeatrialError:  # said by the forms
+        return False
+
+
+async def _anew(context: AppContext, folder: Path) -> str:
+    """Say how records are made again; nothing where the campaign has none, or cannot be read, which is said where they are shown."""
+    with suppress(SeatrialError):
+        found = await context.form_data(folder)
+        return "Simulate again" if found.simulated else "Re-import" if found.imported else ""
+    return ""
+
+
+async def again(context: AppContext, folder: Path, said: ui.element, live: Any) -> None:
+    """Import or simulate the records again, as the campaign says."""
+    said.clear()
+    try:
+        found = await context.form_data(folder)
+    except SeatrialError as error:
+        with said:
+            say(error)
+        return
+    begin(context, folder, said, "simulate" if found.simulated else "import")
+    live.look()

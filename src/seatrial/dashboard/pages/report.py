@@ -1,0 +1,155 @@
+"""The report, the results as files, and the estimated vehicle out to simulators."""
+
+import asyncio
+from pathlib import Path
+
+from markupsafe import Markup
+from nicegui import ui
+
+from seatrial.campaign.store.stored_result import Store
+from seatrial.dashboard.app_context import AppContext, evidence_of, fill, keep_current, markup
+from seatrial.dashboard.page_layout import LOOK, button, link, section, table
+from seatrial.dashboard.pages.work import Live, begin
+from seatrial.dashboard.view_models import ExportTarget
+from seatrial.dashboard.worker_pool import stamp
+
+TARGETS = {
+    "gz": "vehicle: Gazebo (gz-sim)",
+    "stonefish": "vehicle: Stonefish",
+    "fossen": "vehicle: Fossen's Python simulator",
+    "holoocean": "vehicle: HoloOcean",
+    "json": "vehicle: JSON, documented",
+    "csv": "vehicle: CSV",
+    "trial csv": "next trial: CSV",
+    "trial json": "next trial: JSON",
+    "trial mavlink": "next trial: MAVLink script",
+    "trial ros2": "next trial: ROS 2 bag",
+    "trial mcap": "next trial: MCAP",
+}
+"""What `seatrial export` can write."""
+NOWHERE = "nowhere"
+
+
+async def build(context: AppContext, campaign: str, folder: Path) -> None:
+    """Build the view."""
+    with section("Report", "One page with everything, for archive and print; it needs no server."):
+        report = Store(folder).report
+
+        async def links() -> None:
+            _report_links(campaign, report.is_file())
+
+        await keep_current(ui.element("div"), lambda: stamp(report), links)
+        said = ui.element("div")
+        button("Write the report again", lambda: begin(context, folder, said, "report"), main=not report.is_file())
+    with section(
+        "Export",
+        "To a simulator or a vehicle: into export/ in the campaign's folder, listed under Files. Only what is possible is offered.",
+    ):
+
+        async def form() -> None:
+            await ExportForm(context, folder).show()
+
+        await keep_current(ui.element("div"), lambda: stamp(Store(folder).summary), form)
+    with section("At work"):
+        Live(context, folder)
+    with section("Files", "Results and exports, as they lie in the campaign's folder."):
+
+        async def files() -> None:
+            there = context.campaign_paths.files(campaign)
+            links = [
+                Markup('<a href="{}">{}</a>').format(link("download", campaign, file=name), name) for name in there
+            ]
+            markup(Markup('<p class="links">{}</p>').format(Markup("").join(links)))
+
+        await keep_current(ui.element("div"), lambda: context.campaign_paths.files(campaign), files)
+
+
+def _report_links(campaign: str, is_there: bool) -> None:
+    if not is_there:
+        markup("<p>No report yet.</p>")
+        return
+    words = '<a href="{}" target="_blank" rel="noopener">Open report.html</a><a href="{}">Download it</a>'
+    addresses = (
+        link("download", campaign, file="report.html", shown="1"),
+        link("download", campaign, file="report.html"),
+    )
+    markup(Markup('<p class="links">' + words + "</p>").format(*addresses))
+
+
+class ExportForm:
+    """What this campaign can export, asked of every target itself."""
+
+    def __init__(self, context: AppContext, folder: Path):
+        self.context, self.folder = context, folder
+        self.place = ui.element("div")
+
+    async def show(self, rest: str = "") -> None:
+        """Ask, and offer what is possible with what one published vehicle supplies; with none if empty."""
+        self.place.clear()
+        files = await asyncio.to_thread(evidence_of, self.folder)
+        think = self.context.worker_pool.think
+
+        async def asked() -> tuple[tuple[str, ...], tuple[ExportTarget, ...]]:
+            rests = await think("export_rests", str(self.folder), files=files)
+            return rests, await think("export_targets", str(self.folder), rest, files=files)
+
+        await fill(
+            self.place,
+            asked(),
+            lambda found: self._offer(rest, *found),
+            "checking which targets can represent this campaign …",
+        )
+
+    def _offer(self, rest: str, rests: tuple[str, ...], targets: tuple[ExportTarget, ...]) -> None:
+        possible = {option_of(one): one for one in targets if not one.refusal}
+        with ui.element("div").classes("line"):
+            if rests:
+                names = {"": NOWHERE} | {name: name for name in rests}
+                other = ui.select(names, value=rest, label="Motions not modelled, from").props(LOOK).classes("wide")
+                other.on_value_change(lambda event: self.show(event.value))
+            if possible:
+                shown = {option: TARGETS[option] for option in possible}
+                target = (
+                    ui.select(shown, value=next(iter(shown)), label="Simulator or format").props(LOOK).classes("wide")
+                )
+
+                def export() -> None:
+                    begin(self.context, self.folder, said, "export", *options_of(str(target.value), rest))
+
+                def unsupported() -> None:
+                    terms.set_content(unsupported_html(possible[str(target.value)]))
+
+                button("Export", export, main=True)
+                target.on_value_change(unsupported)
+        said, terms = ui.element("div"), markup("").props('aria-live="polite"')
+        if possible:
+            unsupported()
+        refused = [[TARGETS[option_of(one)], one.refusal] for one in targets if one.refusal]
+        if refused:
+            with ui.element("details").props("" if possible else "open"):
+                with ui.element("summary"):
+                    ui.label(f"Not possible for this campaign: {len(refused)}").style("display: inline")
+                markup(table(["target", "why not, and what to do"], refused, left=2))
+
+
+def option_of(target: ExportTarget) -> str:
+    """Key of `TARGETS`."""
+    return f"trial {target.name}" if target.is_trial else target.name
+
+
+def unsupported_html(target: ExportTarget) -> Markup:
+    """Which terms a target does not support."""
+    if target.is_trial:
+        return Markup("")
+    if not target.unsupported:
+        return Markup('<p class="note">All that is known of the vehicle is supported.</p>')
+    rows = Markup("").join(Markup("<li>{}</li>").format(one) for one in target.unsupported)
+    return Markup('<h3>Unsupported terms</h3><ul class="findings">{}</ul>').format(rows)
+
+
+def options_of(target: str, rest: str) -> list[str]:
+    """Options of the command for one of the targets; a trial has no rest."""
+    trial, _, name = target.rpartition(" ")
+    if trial:
+        return ["--trial", "--to", name]
+    return ["--to", name, *(["--rest", rest] if rest else [])]

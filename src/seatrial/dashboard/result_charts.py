@@ -1,0 +1,419 @@
+"""Charts of results: designs, posteriors, probabilities, predictions with their residuals, and two campaigns side by side."""
+
+from collections.abc import Sequence
+from functools import partial
+from math import isfinite
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from markupsafe import escape
+from nicegui import ui
+
+from seatrial.core.normal import Z90
+from seatrial.dashboard.app_context import AppContext
+from seatrial.dashboard.charts import (
+    DASHES,
+    SYMBOLS,
+    Curve,
+    Panel,
+    TimeChart,
+    axis,
+    chart,
+    colour,
+    faint,
+    legend_lines,
+    tooltip,
+)
+from seatrial.dashboard.view_models import FitAbout, Marginal, Swept
+from seatrial.report.figures.style import unit_label
+
+CHOSEN = "chosen design"
+VIRIDIS = ("#440154", "#414487", "#2a788e", "#22a884", "#7ad151", "#fde725")
+"""Ends and stops of the map of colours of the design surface, the same in every theme."""
+LONG = 20
+"""Letters of a name beside a bar, in a line, on a telephone."""
+NARROWEST = 250
+"""Pixels of the narrowest chart of a posterior: 16 rem less its margins."""
+WHEEL = [{"type": "inside", "filterMode": "none"}]
+_NUMBERS = "const digits = (value) => String(Number(Number(value).toPrecision(4)));"
+_SHORTENED = "(name) => name.length > 20 ? name.slice(0, 9) + '…' + name.slice(-10) : name"
+"""A name in a legend, so that two of them fit beside each other on a telephone."""
+_AT_POINT = f"""(one) => {{ {_NUMBERS} return one.value && one.value.length > 3 ? one.value[3] : one.name; }}"""
+_WHISKER = """(params, api) => {
+  const [low, high] = [1, 2].map((end) => api.coord([api.value(end), api.value(0)])), half = 5;
+  for (const end of [low, high]) end[1] += api.value(3);
+  const style = { stroke: api.visual("color"), lineWidth: 2, fill: "none" };
+  return { type: "path", style, shape: { pathData: `M${low[0]},${low[1] - half}v${2 * half}M${low[0]},${low[1]}H${high[0]}`
+    + `M${high[0]},${high[1] - half}v${2 * half}` } };
+}"""
+"""A bar in a row from one value to another, with ends, so many pixels below the middle of the row."""
+_HOVER = f"""(all) => {{ {_NUMBERS} const plain = (text) => text.replace(/[&<>"]/g, (c) => "&#" + c.charCodeAt(0) + ";");
+  const rows = all.map((one) => one.marker + plain(one.seriesName) + ": " + digits(one.value[1]));
+  return [digits(all[0].axisValue), ...rows].join("<br>"); }}"""
+
+
+def surface_chart(found: Swept, family: int, measure: str, at: tuple[int, int]) -> ui.echart:
+    """Draw what every design of a family is worth: cells of amplitude and period, a line where only one of them varies.
+
+    Args:
+        found: the sweep.
+        family: as its file counts them.
+        measure: `gain` or `worth`.
+        at: row and column that are chosen.
+    """
+    values = (found.gain if measure == "gain" else found.worth)[family]
+    what = "entropy reduction [nat]" if measure == "gain" else "utility"
+    names = unit_label(f"amplitude of {found.control}", found.unit), "period [s]"
+    title = f"Information of each design: {found.families[family].replace('-', ' ')}"
+    best = np.unravel_index(int(np.nanargmax(found.worth[family])), values.shape)
+    if min(values.shape) == 1:
+        return _sweep_line(found, values.ravel(), at[0] + at[1], int(best[0] + best[1]), (*names, what), title)
+    cells = [
+        [j, i, _value(values[i, j]), _words_of_cell(found, family, i, j, values[i, j], what)]
+        for i, j in np.ndindex(values.shape)
+        if isfinite(values[i, j])
+    ]
+    rows, columns = ([f"{one:.4g}" for one in grid] for grid in (found.amplitude, found.period))
+    top = float(np.nanmax(values))
+    options = {
+        "grid": {
+            "left": 70,
+            "right": 100,
+            "top": 16,
+            "bottom": 50,
+            "show": True,
+            "backgroundColor": faint("hatch", 60),
+        },
+        "xAxis": _categories(columns, names[1], nameLocation="middle", nameGap=28),
+        "yAxis": _categories(rows, names[0], nameLocation="middle", nameGap=56),
+        "tooltip": {**tooltip(_AT_POINT), "trigger": "item"},
+        "visualMap": {
+            "type": "continuous",
+            "min": float(np.nanmin(values)),
+            "max": top if top > float(np.nanmin(values)) else top + 1.0,
+            "seriesIndex": 0,
+            "dimension": 2,
+            "calculable": True,
+            "precision": 2,
+            "text": ["nat" if measure == "gain" else what, ""],
+            "right": 0,
+            "top": "middle",
+            "inRange": {"color": list(VIRIDIS)},
+            "textStyle": {"color": colour("ink")},
+        },
+        "dataZoom": [{**WHEEL[0], "xAxisIndex": 0}, {**WHEEL[0], "yAxisIndex": 0}],
+        "series": [
+            {"type": "heatmap", "name": what, "data": cells, "emphasis": {"itemStyle": {"borderColor": colour("ink")}}},
+            _mark("best design", [int(best[1]), int(best[0])], _STAR, 20),
+            _mark(CHOSEN, [at[1], at[0]], "rect", 24, hollow=True),
+        ],
+    }
+    return chart(options, title, 380)
+
+
+def _sweep_line(
+    found: Swept, values: np.ndarray, at: int, best: int, names: tuple[str, str, str], title: str
+) -> ui.echart:
+    over_period = len(found.amplitude) == 1
+    grid = found.period if over_period else found.amplitude
+    points = [[x, _value(y)] for x, y in zip(grid, values, strict=True)]
+    options = {
+        "grid": {"left": 60, "right": 20, "top": 34, "bottom": 46},
+        "xAxis": axis(names[1] if over_period else names[0], nameLocation="middle", nameGap=26, scale=True),
+        "yAxis": axis(names[2], scale=True, nameTextStyle={"color": colour("ink"), "align": "left"}),
+        "tooltip": tooltip(_HOVER),
+        "dataZoom": WHEEL,
+        "series": [
+            {"type": "line", "name": names[2], "data": points, "color": colour("blue"), "symbolSize": 7},
+            _mark("best design", points[best], _STAR, 20),
+            _mark(CHOSEN, points[at], "rect", 16, hollow=True),
+        ],
+    }
+    return chart(options, title, 300)
+
+
+def mark_chosen(element: ui.echart, found: Swept, family: int, measure: str, at: tuple[int, int]) -> None:
+    """Move the mark of the chosen design; what is zoomed stays so."""
+    values = (found.gain if measure == "gain" else found.worth)[family]
+    if min(values.shape) == 1:
+        grid = found.period if len(found.amplitude) == 1 else found.amplitude
+        place = [grid[at[0] + at[1]], _value(values.ravel()[at[0] + at[1]])]
+    else:
+        place = [at[1], at[0]]
+    element.run_chart_method("setOption", {"series": [{"id": CHOSEN, "data": [place]}]})
+
+
+def schedule_chart(time: np.ndarray, control: np.ndarray, name: str, unit: str) -> ui.echart:
+    """Draw the control of a design over time, in its unit, as it is held from each sample to the next."""
+    change = np.flatnonzero(np.diff(control, prepend=control[0] - 1.0))  # what is held needs one point
+    keep = np.union1d(np.union1d(change, change - 1)[1:], [0, time.size - 1])
+    options = {
+        "grid": {"left": 60, "right": 16, "top": 34, "bottom": 46},
+        "xAxis": axis("time [s]", nameLocation="middle", nameGap=26, min=0, max=float(time[-1])),
+        "yAxis": axis(unit_label(name, unit), scale=True, nameTextStyle={"color": colour("ink"), "align": "left"}),
+        "tooltip": tooltip(_HOVER),
+        "dataZoom": WHEEL,
+        "series": [
+            {
+                "type": "line",
+                "name": name,
+                "step": "end",
+                "showSymbol": False,
+                "color": colour("blue"),
+                "data": [[float(time[i]), float(control[i])] for i in keep],
+            }
+        ],
+    }
+    return chart(options, f"Control {name} of the design over time", 240)
+
+
+def marginal_chart(one: Marginal) -> ui.echart:
+    """Draw the posterior of one parameter, beside its prior, and the posteriors of other structures over it."""
+    chosen, *others = one.density
+    series = [
+        _stairs(chosen, one.edges, one.density[chosen], "blue", filled=True),
+        _curve("prior", one.grid, one.prior, "muted", "dashed"),
+        _curve("normal approximation", one.grid, one.normal, "ink", "solid"),
+    ]
+    for index, label in enumerate(others):
+        shade = ("orange", "purple", "dots")[index % 3]
+        series.append(_stairs(label, one.edges, one.density[label], shade))
+    series[0]["markArea"] = {
+        "silent": True,
+        "itemStyle": {"color": faint("blue", 12)},
+        "data": [[{"xAxis": one.interval[0]}, {"xAxis": one.interval[1]}]],
+    }
+    if one.truth is not None:
+        series[0]["markLine"] = {
+            "silent": True,
+            "symbol": "none",
+            "label": {"formatter": "true", "color": colour("ink")},
+            "lineStyle": {"color": colour("purple"), "type": "dotted", "width": 2},
+            "data": [{"xAxis": one.truth}],
+        }
+    top = max(float(np.nanmax(curve)) for curve in (*one.density.values(), one.prior, one.normal) if np.size(curve))
+    unit = unit_label(one.name, one.unit, one.exponent)
+    ends = {"min": float(one.edges[0]), "max": float(one.edges[-1])}
+    along = axis(unit, nameLocation="middle", nameGap=26, splitNumber=4, **ends)
+    along["axisLabel"] |= {"showMinLabel": False, "showMaxLabel": False}
+    above = 20 * legend_lines([line["name"] for line in series], NARROWEST) if others else 0
+    options = {
+        "grid": {"left": 12, "right": 12, "top": 24 + above, "bottom": 46},
+        "xAxis": along,
+        "yAxis": {"type": "value", "show": False, "min": 0, "max": 1.1 * top},
+        "legend": {"show": bool(others), "top": 0, "itemGap": 10, "textStyle": {"color": colour("ink")}},
+        "tooltip": tooltip(_HOVER),
+        "dataZoom": WHEEL,
+        "series": series,
+    }
+    return chart(options, f"Posterior of {one.name}", 220 + above)
+
+
+class Probability(NamedTuple):
+    """A bar: what it is of, its probability, and the standard error of that."""
+
+    label: str
+    share: float
+    error: float
+
+
+def probability_chart(bars: Sequence[Probability], title: str) -> ui.echart:
+    """Draw probabilities as bars with one standard error, the first on top."""
+    rows, is_long = [one.label for one in bars], any(len(one.label) > LONG for one in bars)
+    broken = {"yAxis": {"axisLabel": {"width": 7 * LONG, "overflow": "break", "lineHeight": 14}}}
+    words = [f"{escape(one.label)}: {one.share:.3f} ± {one.error:.2g}" for one in bars]
+    whiskers = [[i, max(0.0, one.share - one.error), min(1.0, one.share + one.error), 0] for i, one in enumerate(bars)]
+    share = [{"value": one.share, "name": text} for one, text in zip(bars, words, strict=True)]
+    options = {
+        "grid": {"left": 36, "right": 20, "top": 10, "bottom": 44, "containLabel": True},
+        "xAxis": axis("probability", nameLocation="middle", nameGap=26, min=0, max=1),
+        "yAxis": {**_categories(rows, ""), "inverse": True},
+        "tooltip": {**tooltip(_AT_POINT), "trigger": "item"},
+        "media": [{"query": {"maxWidth": 520}, "option": broken}] if is_long else [],
+        "series": [
+            {"type": "bar", "data": share, "color": colour("blue"), "barMaxWidth": 18},
+            _whiskers(whiskers, "ink"),
+        ],
+    }
+    return chart(options, title, 90 + (46 if is_long else 30) * len(bars))
+
+
+class Side(NamedTuple):
+    """One parameter of two campaigns: its name, and for each the distance from the first's mean and its own sd, in joint sd."""
+
+    name: str
+    at: tuple[float, float]
+    sd: tuple[float, float]
+
+
+def sides_chart(sides: Sequence[Side], names: tuple[str, str]) -> ui.echart:
+    """Draw the parameters of two campaigns side by side: means and 95 % intervals, in joint standard deviations."""
+    series: list[dict[str, Any]] = []
+    marks = "circle", SYMBOLS["orange"]
+    for which, (name, shade, shift) in enumerate(zip(names, ("blue", "orange"), (-6, 6), strict=True)):
+        ends, points = [], []
+        for i, one in enumerate(sides):
+            at, sd = one.at[which], one.sd[which]
+            ends.append([i, at - 1.96 * sd, at + 1.96 * sd, shift])
+            points.append([at, i, 0, f"{escape(name)}, {escape(one.name)}: {at:.2f} ± {sd:.2f}"])
+        dots = {"type": "scatter", "data": points, "symbolSize": 9, "symbolOffset": [0, shift], "symbol": marks[which]}
+        series += [{**_whiskers(ends, shade), "name": name}, {**dots, "name": name, "color": colour(shade)}]
+    options = {
+        "grid": {"left": 10, "right": 20, "top": 34, "bottom": 44, "containLabel": True},
+        "xAxis": axis(
+            "distance from the first, joint sd; lines: 95 % intervals", nameLocation="middle", nameGap=26, scale=True
+        ),
+        "yAxis": {**_categories([one.name for one in sides], ""), "inverse": True},
+        "legend": {
+            "top": 0,
+            "textStyle": {"color": colour("ink")},
+            ":formatter": _SHORTENED,
+            "data": [{"name": name, "icon": mark} for name, mark in zip(names, marks, strict=True)],
+        },
+        "tooltip": {**tooltip(_AT_POINT), "trigger": "item"},
+        "dataZoom": WHEEL,
+        "series": series,
+    }
+    return chart(options, "Parameters of both campaigns, means and 95 % intervals", 110 + 34 * len(sides))
+
+
+async def fit_charts(context: AppContext, path: Path, index: int, channel: int, about: FitAbout) -> None:
+    """Draw one channel of one record beside its prediction, its residuals below, and their autocorrelation."""
+    ask = partial(context.worker_pool.predict, "fit_view", path, index, channel, files=[path])
+    shade = "orange" if about.is_held_back else "blue"
+
+    async def view(low: float, high: float, columns: int) -> Any:
+        found = await ask(low, high, columns)
+        edge = np.full_like(found["residual"].time, Z90)
+        return {**found, "inside": found["residual"]._replace(least=-edge, greatest=edge)}
+
+    curves = (
+        Curve("band", "90 % band", shade, "band"),
+        Curve("measured", "measured", "dots", "dots"),
+        Curve("mean", "predicted", shade, "line"),
+    )
+    below = (Curve("inside", "90 % of residuals", shade, "band"), Curve("residual", "residual", "dots", "dots"))
+    panels = (Panel(about.channel, about.unit, curves, 200), Panel("residual", "sd", below, 110))
+    await TimeChart(panels, view, about.span, f"{about.channel}: measured, predicted, and residuals").build()
+    if about.lag.size:
+        correlation_chart(about, shade)
+
+
+def correlation_chart(about: FitAbout, shade: str) -> ui.echart:
+    """Draw the autocorrelation of residuals, and the band of white noise."""
+    least, greatest = float(about.correlation.min()), float(about.correlation.max())
+    reach = max(0.3, 1.1 * abs(least), 1.1 * greatest, 1.3 * about.white)
+    upward = axis(
+        "autocorrelation (modelled correlation not removed)",
+        min=-round(min(1.0, reach), 2),
+        max=round(min(1.05, reach), 2),
+        splitNumber=4,
+        nameTextStyle={"color": colour("ink"), "align": "left", "padding": [0, 0, 0, -54]},
+    )
+    # The ends are no round numbers: their labels would lie over those of the nearest ticks.
+    upward["axisLabel"] |= {"showMinLabel": False, "showMaxLabel": False}
+    options = {
+        "grid": {"left": 62, "right": 14, "top": 30, "bottom": 46},
+        "xAxis": axis("lag [s]", nameLocation="middle", nameGap=26, min=0),
+        "yAxis": upward,
+        "tooltip": tooltip(_HOVER),
+        "dataZoom": WHEEL,
+        "series": [
+            {
+                "type": "bar",
+                "name": "autocorrelation",
+                "color": colour(shade),
+                "barMaxWidth": 6,
+                "data": [[float(x), float(y)] for x, y in zip(about.lag, about.correlation, strict=True)],
+                "markArea": {
+                    "silent": True,
+                    "itemStyle": {"color": faint("muted", 25)},
+                    "data": [[{"yAxis": -about.white}, {"yAxis": about.white}]],
+                },
+            }
+        ],
+    }
+    return chart(
+        options,
+        "Autocorrelation of the residuals, before any fitted correlation is taken out; shaded: 95 % of white noise",
+        200,
+    )
+
+
+_STAR = "path://M0,-10L2.4,-3.1L9.5,-3.1L3.8,1.2L5.9,8.1L0,4L-5.9,8.1L-3.8,1.2L-9.5,-3.1L-2.4,-3.1Z"
+
+
+def _categories(names: Sequence[str], name: str, **more: Any) -> dict[str, Any]:
+    line = {"lineStyle": {"color": colour("muted")}}
+    labels = {"color": colour("ink"), "hideOverlap": True}
+    shown = {"axisLabel": labels, "axisLine": line, "axisTick": {"show": False}, "splitLine": {"show": False}}
+    return {
+        "type": "category",
+        "data": list(names),
+        "name": name,
+        "nameTextStyle": {"color": colour("ink")},
+        **shown,
+        **more,
+    }
+
+
+def _mark(name: str, at: Sequence[float | None], symbol: str, size: int, hollow: bool = False) -> dict[str, Any]:
+    style = {
+        "color": "transparent" if hollow else "#ffffff",
+        "borderColor": "#000000",
+        "borderWidth": 2.5 if hollow else 1,
+    }
+    if hollow:
+        style |= {"borderColor": "#ffffff", "shadowColor": "#000000", "shadowBlur": 3}
+    return {
+        "type": "scatter",
+        "id": name,
+        "name": name,
+        "silent": True,
+        "data": [list(at)],
+        "symbol": symbol,
+        "symbolSize": size,
+        "itemStyle": style,
+        "z": 5,
+    }
+
+
+def _whiskers(rows: list[list[Any]], shade: str) -> dict[str, Any]:
+    encode = {"x": [1, 2], "y": 0}
+    return {
+        "type": "custom",
+        ":renderItem": _WHISKER,
+        "data": rows,
+        "encode": encode,
+        "color": colour(shade),
+        "silent": True,
+    }
+
+
+def _stairs(name: str, edges: np.ndarray, density: np.ndarray, shade: str, filled: bool = False) -> dict[str, Any]:
+    points = [*zip(edges.tolist(), density.tolist(), strict=False), (float(edges[-1]), 0.0)]
+    area = {"areaStyle": {"color": faint(shade, 45)}} if filled else {}
+    line = {"width": 0 if filled else 1.5, "type": DASHES.get(shade, "solid")}
+    common = {"type": "line", "name": name, "step": "end", "showSymbol": False, "color": colour(shade)}
+    return {**common, "lineStyle": line, "data": [list(point) for point in points], **area}
+
+
+def _curve(name: str, x: np.ndarray, y: np.ndarray, shade: str, dash: str) -> dict[str, Any]:
+    line = {"type": dash, "width": 1.4, "color": colour(shade)}
+    data = [[float(a), float(f"{b:.5g}")] for a, b in zip(x, y, strict=True)]
+    return {"type": "line", "name": name, "showSymbol": False, "color": colour(shade), "lineStyle": line, "data": data}
+
+
+def _words_of_cell(found: Swept, family: int, row: int, column: int, value: float, what: str) -> str:
+    after = found.final_sd[family, row, column]
+    lines = [
+        f"{found.amplitude[row]:.4g} {found.unit}, {found.period[column]:.4g} s",
+        f"{what}: <b>{value:.4g}</b>",
+        *(f"sd of {escape(name)}: {sd:.3g}" for name, sd in list(zip(found.names, after, strict=True))[:6]),
+    ]
+    return "<br>".join(lines)
+
+
+def _value(value: float) -> float | None:
+    return float(f"{value:.6g}") if isfinite(value) else None

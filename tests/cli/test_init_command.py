@@ -1,0 +1,105 @@
+"""Beginning a campaign by a template, a vehicle or answers: the file loads and has the answers; an answer that cannot be is asked again."""
+
+import difflib
+
+import pytest
+from typer.testing import CliRunner
+
+from seatrial.campaign.config.load import check_text, load_campaign
+from seatrial.campaign.config.templates import template_text
+from seatrial.cli.commands import init as asked
+from seatrial.cli.main import app
+from seatrial.cli.questions import answered, questions, with_priors
+from seatrial.cli.running import Exit
+from seatrial.core.errors import InputError
+from tests.cli.test_cli import run
+
+
+def typed(folder, changes):
+    """Answer all questions of the template `design`, of which some have several answers, one after the other."""
+    lines, text = ["own"], template_text("design")
+    for key in [one.key for one in questions(text)]:
+        lines += changes.get(key, [""])
+    return CliRunner().invoke(app, ["init", str(folder)], input="\n".join(lines) + "\n")
+
+
+def test_answers_are_in_the_file_and_comments_stay(tmp_path):
+    text = template_text("design")
+    new = answered(text, {"vehicle.mass": "45 kg", "vehicle.trim.u": "2 kn", "goal.trials": "3", "sensors.u.rate": ""})
+    changed = [line for line in difflib.ndiff(text.splitlines(), new.splitlines()) if line[0] in "+-"]
+    assert changed == [
+        '- mass = "30 kg"',
+        '+ mass = "45 kg"',
+        '- trim = { u = "1.5 m/s", n = "1200 rpm" }',
+        '+ trim = { u = "2 kn", n = "1200 rpm" }',
+        '- rate = "5 Hz"',
+        "- trials = 4",
+        "+ trials = 3",
+    ]
+    assert check_text(tmp_path, new).hull.mass == 45.0
+    assert answered(text, {one.key: one.value for one in questions(text)}) == text
+
+
+@pytest.mark.parametrize(
+    ("key", "answer", "words"),
+    [
+        ("vehicle.mass", "45 pounds", "unknown unit"),
+        ("vehicle.mass", "45", "a plain number"),
+        ("vehicle.mass", "heavy", "a number and a unit"),
+        ("vehicle.thrust_deduction", "much", "a number"),
+    ],
+)
+def test_an_answer_of_another_kind_is_refused(key, answer, words):
+    with pytest.raises(InputError, match=words):
+        answered(template_text("design"), {key: answer})
+
+
+def test_each_term_has_a_prior_to_ask_for():
+    text = answered(template_text("design"), {"structure.optional": "X_uu, X_udu"})
+    keys = {one.key for one in questions(text)}
+    assert {"prior.X_uu.lower", "prior.X_udu.upper"} <= keys
+    assert not any(key.startswith("prior.X_u.") for key in keys)
+    assert with_priors(text) == text
+
+
+def test_in_a_terminal_it_asks_and_asks_again(monkeypatch, tmp_path):
+    monkeypatch.setattr(asked, "_is_terminal", lambda: True)
+    said = typed(
+        tmp_path / "boat",
+        {"campaign.name": ["otter"], "vehicle.mass": ["45 pounds", "45 kg"], "goal.sd.X_uabsu": ["5 %"]},
+    )
+    assert said.exit_code == 0, said.output
+    assert 'unknown unit "pounds"' in said.output
+    made = load_campaign(tmp_path / "boat")
+    assert (made.name, made.hull.mass, made.goal.shares) == ("otter", 45.0, {"X_uabsu": 0.05})
+
+
+def test_what_the_whole_file_refuses_is_asked_again(monkeypatch, tmp_path):
+    monkeypatch.setattr(asked, "_is_terminal", lambda: True)
+    said = typed(tmp_path / "boat", {"limits.n.lower": ["1700 rpm"], "estimation.initial": ["", "700 rpm"]})
+    assert said.exit_code == 0, said.output
+    assert "lower below upper" in said.output
+    assert load_campaign(tmp_path / "boat").limits.upper > load_campaign(tmp_path / "boat").limits.lower
+
+
+@pytest.mark.parametrize("first", ["steering", "remus100_hall_anstee\n"])
+def test_in_a_terminal_a_template_or_a_vehicle_is_one_answer(monkeypatch, tmp_path, first):
+    monkeypatch.setattr(asked, "_is_terminal", lambda: True)
+    said = CliRunner().invoke(app, ["init", str(tmp_path / "boat")], input=f"{first}\n")
+    assert said.exit_code == 0, said.output
+    assert load_campaign(tmp_path / "boat").full.terms
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--template", "design", "--vehicle", "remus100_prestero"], "beside it"),
+        (["--log", "dive.csv"], "no --vehicle beside it"),
+        (["--vehicle", "remus100_fossen"], "no sum of named coefficients"),
+    ],
+)
+def test_options_that_cannot_be_together_are_refused(monkeypatch, capsys, tmp_path, options, words):
+    code, _, err = run(monkeypatch, capsys, "init", tmp_path / "boat", *options)
+    assert code == Exit.BAD_INPUT
+    assert words in err
+    assert not (tmp_path / "boat").exists()

@@ -1,0 +1,759 @@
+"""A new user's way through the dashboard in a real browser: no error in its console, no request to anywhere else."""
+
+import json
+import os
+import re
+import shutil
+import time
+import tomllib
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import pytest
+
+from seatrial.campaign.store.stored_result import Store
+from seatrial.cli.campaign_lock import occupant_of
+from tests.campaign.small import NO_X_U, write_small
+from tests.dashboard.conftest import SLOW
+from tests.dashboard.served import served
+
+pytest.importorskip("nicegui", reason="the dashboard needs NiceGUI: pip install -e '.[dashboard]'")
+pytestmark = pytest.mark.proof
+
+
+def wait_for_end(folder: Path) -> None:
+    deadline = time.monotonic() + SLOW / 1000
+    while occupant_of(folder) is not None:
+        assert time.monotonic() < deadline
+        time.sleep(0.2)
+
+
+def choose(page, field: str, option: str) -> None:
+    """Choose an option of a field, both by their words."""
+    page.get_by_role("combobox", name=field, exact=True).click()
+    page.get_by_role("option", name=option, exact=True).click()
+    page.get_by_role("listbox").wait_for(state="detached")
+
+
+def test_from_a_limit_to_an_export(tmp_path, page):
+    folder = write_small(tmp_path / "served" / "boat", *NO_X_U, ("points = 4", "points = 3"))
+    with served(tmp_path / "served", kill=True) as (address, _):
+        page.goto(address)
+        page.get_by_role("link", name="Design").click()
+
+        # A limit is refused in words, then edited; the file keeps its comments, and nothing is half written.
+        upper = page.get_by_label("n: upper")
+        upper.fill("1500 kg")
+        page.get_by_role("button", name="Check and save").click()
+        assert "limits.n.upper" in page.get_by_role("alert").inner_text()
+        assert '"1500 rpm"' in (folder / "campaign.toml").read_text()
+        upper.fill("1400 rpm")
+        page.get_by_role("button", name="Check and save").click()
+        page.get_by_text("Saved in campaign.toml").wait_for()
+        assert 'upper = "1400 rpm"' in (folder / "campaign.toml").read_text()
+
+        # The design runs in a process of its own; then its surface can be clicked, or its forms used from the keyboard.
+        page.get_by_role("button", name="Run the design").click()
+        page.locator(".surface svg").wait_for()
+        page.get_by_text("Room inside the limits").wait_for()
+        page.get_by_role("combobox", name="Period").click()
+        page.get_by_role("option", name="2 s", exact=True).click()
+        page.get_by_text("period 2 s", exact=False).first.wait_for()
+        with page.expect_download() as download:
+            page.get_by_role("button", name="Download its schedule").click()
+        assert download.value.path().read_text().startswith("time_s,n_rpm\n0,")
+
+        # A run is stopped and resumed; then the dashboard is killed, which the run does not notice.
+        page.get_by_role("link", name="Run", exact=True).click()
+        page.get_by_role("button", name="Start or resume").click()
+        page.locator(".bars progress").first.wait_for()
+        page.get_by_role("button", name="Stop").click()
+        page.get_by_text("interrupted; run the same command again").wait_for()
+        page.get_by_role("button", name="Start or resume").click()
+        page.locator(".bars progress").first.wait_for()
+        there = occupant_of(folder)
+        assert there is not None
+        assert there.alive
+        assert page.said == []
+        page.goto("about:blank")
+    wait_for_end(folder)
+    assert json.loads(Store(folder).summary.read_text())["chosen"] == "M-0"
+    shutil.copytree(folder, tmp_path / "served" / "other boat")
+
+    with served(tmp_path / "served") as (address, _):
+        page.goto(f"{address}run?campaign=boat")
+        page.get_by_text("report: ").first.wait_for()
+        page.get_by_role("link", name="Results", exact=True).click()
+        for words in ("Parameters of M-0", "How well each record is predicted", "Run a repeated doublet"):
+            page.get_by_text(words).first.wait_for()
+        for title in ("Autocorrelation of the residuals", "Posterior of X_uabsu", "measured, predicted, and residuals"):
+            page.locator(f'[aria-label*="{title}"] svg').first.wait_for()
+        page.set_viewport_size({"width": 390, "height": 844})
+        assert page.locator("table.stacks").count() == 3
+        assert page.evaluate(
+            "[...document.querySelectorAll('.scroll:has(.stacks)')].every((one) => one.scrollWidth <= one.clientWidth)"
+        )
+        page.set_viewport_size({"width": 1000, "height": 900})
+        page.get_by_role("link", name="Compare").click()
+        page.get_by_text("difference, joint sd").wait_for()
+        assert page.locator("table td").first.inner_text() == "0.0"
+        page.set_viewport_size({"width": 390, "height": 844})
+        assert page.locator("table.stacks").count() == 3
+        assert page.evaluate(
+            "[document.documentElement, ...document.querySelectorAll('.scroll')].every((one) => one.scrollWidth <= one.clientWidth)"
+        )
+        page.set_viewport_size({"width": 1000, "height": 900})
+        page.get_by_role("link", name="Report and export").click()
+        with page.expect_popup() as popup:
+            page.get_by_role("link", name="Open report.html").click()
+        assert popup.value.get_by_text("Does it predict?").first.inner_text()
+        popup.value.close()  # menus do not move in a page behind another
+        page.get_by_role("combobox", name="Simulator or format").click()
+        page.get_by_role("option", name="vehicle: JSON").click()
+        page.get_by_role("button", name="Export").click()
+        page.locator("main a", has_text="export/json/").first.wait_for()
+        page.goto(f"{address}report?campaign=boat")
+        page.get_by_text("Not possible for this campaign").wait_for()
+        page.get_by_role("combobox", name="Motions not modelled, from").click()
+        page.get_by_role("option", name="remus100_hall_anstee").click()
+        page.get_by_text("Unsupported terms").wait_for()  # of Gazebo, which is the first that is possible now
+        page.get_by_role("combobox", name="Simulator or format").click()
+        page.get_by_role("option", name="vehicle: Gazebo").click()
+        page.get_by_role("button", name="Export").click()
+        page.locator("main a", has_text="export/gz/model.sdf").first.wait_for()
+    assert page.said == []
+    assert {urlsplit(url).hostname for url in page.asked if not url.startswith(("data:", "blob:", "about:"))} == {
+        "127.0.0.1"
+    }
+
+
+def test_a_log_is_sent_mapped_cut_and_checked_by_keyboard(tmp_path, page):
+    folder = write_small(tmp_path / "served")
+    log = tmp_path / "dive 1.csv"
+    rows = [
+        f"{0.1 * i:.1f},{1.5 + 0.2 * (i // 50 % 2) + 0.01 * (i * 7 % 5):.3f},{1200 + 200 * (i // 50 % 2)}"
+        for i in range(300)
+    ]
+    log.write_text("time_s,speed,rpm\n" + "\n".join(rows) + "\n")
+    with served(folder, "--token", "a token of this test") as (address, _):
+        page.goto(f"{address}")
+        assert "token" not in page.url
+        page.goto(f"{page.url}import?campaign=.")
+
+        # What cannot be read is not kept, and its name stays free; a log that no run reads may be sent again.
+        content = log.read_text()
+        log.write_bytes(b"\x89\x00\x01 no table\n" * 9)
+        page.locator("input[type=file]").set_input_files(log)
+        page.get_by_text("The file was not kept.").wait_for()
+        assert not (folder / "logs" / "dive 1.csv").exists()
+        log.write_text(content)
+        page.locator("input[type=file]").set_input_files(log)
+        page.get_by_text("Kept as logs/dive 1.csv").wait_for()
+        assert page.get_by_role("alert").count() == 0
+        page.locator("input[type=file]").set_input_files(log)
+        page.get_by_text("Kept as logs/dive 1.csv, in the place of the earlier log of that name").wait_for()
+
+        # By form: what is wrong is said in the row, what was typed stays, and nothing is written before it is checked.
+        before = (folder / "campaign.toml").read_text()
+        unit = page.get_by_label("u: unit")
+        unit.fill("kg")
+        page.get_by_role("button", name="Check and save this map").click()
+        said = page.locator(".channel", has=unit).get_by_role("alert").inner_text()
+        assert 'unit "kg"' in said
+        assert "campaign.toml" not in said
+        assert page.locator(".channel .q-field--error").count() == 1
+        assert page.locator(".channel .q-field--error").get_by_label("u: unit").count() == 1
+        assert unit.input_value() == "kg"
+        assert (folder / "campaign.toml").read_text() == before
+        unit.fill("m/s")
+        page.locator(".channel .q-field--error").wait_for(state="detached")
+        page.get_by_role("button", name="Check and save this map").click()
+        page.get_by_text("Now import the records: they will be shown above").wait_for()
+        assert "# [truth]" in (folder / "campaign.toml").read_text()
+        page.reload()
+        page.get_by_role("button", name="Check the records").click()
+        verdict = page.get_by_text(re.compile("record dive_1: (pass|caution|fail)")).first
+        verdict.wait_for()
+        page.goto(page.url.replace("/import", "/design"))
+        page.get_by_role("button", name="What the priors mean").click()
+        page.get_by_text("steady speed at").wait_for()
+        page.goto(page.url.replace("/design", "/import"))
+        verdict.wait_for()  # of the check, although another command was started since
+        assert page.get_by_text("steady speed at").count() == 0
+        chart = page.locator(".chart")
+        chart.locator("svg").wait_for()
+        begin, end = page.get_by_label("Begin [s]"), page.get_by_label("End [s]")
+        assert float(begin.input_value()) == 0.0
+        option = "getElement(+document.querySelector('.chart').id.slice(1)).chart.getOption()"
+        for name, ends in (("Zoom in", "25,75"), ("Later", "50,100"), ("Show the whole time", "0,100")):
+            page.get_by_role("button", name=name).press("Enter")
+            page.wait_for_function(
+                f"String({option}.dataZoom.flatMap((one) => [one.start, one.end])) === '{ends},{ends}'"
+            )
+        page.get_by_role("button", name="Select a range: then drag over the chart").press("Enter")
+        box = chart.bounding_box()
+        page.mouse.move(box["x"] + 200, box["y"] + 90)
+        page.mouse.down()
+        page.mouse.move(box["x"] + 500, box["y"] + 90, steps=6)
+        page.mouse.up()
+        page.wait_for_function("parseFloat(document.querySelector('input[aria-label=\"Begin [s]\"]').value) > 2")
+        assert float(end.input_value()) < 29.9
+        page.get_by_text("0 to 29.9 s of 29.9 s").wait_for()
+        page.get_by_role("button", name="Check, save and re-import").click()
+        page.get_by_text("0 to 29.9 s of 29.9 s").wait_for(state="detached")
+        page.get_by_text(re.compile(r"samples; [\d.]+ to [\d.]+ s of 29.9 s")).wait_for()
+        assert float(begin.input_value()) > 2
+        assert "start = " in (folder / "campaign.toml").read_text()
+        assert page.get_by_role("button", name="Simulate again").count() == 0
+        page.get_by_role("button", name="Re-import", exact=True).wait_for()
+    assert page.said == []
+
+
+def test_two_logs_with_clocks_of_their_own_are_lined_up_before_anything_is_saved(tmp_path, page):
+    folder = write_small(tmp_path / "served")
+    (folder / "logs").mkdir()
+    time = [0.1 * i for i in range(600)]
+    level = [(7 * (i // 40) ** 2) % 11 for i in range(600)]
+    motor = [f"{t:.1f},{1200 + 20 * one},{one}" for t, one in zip(time, level, strict=True)]
+    (folder / "logs" / "motor.csv").write_text("time_s,rpm,yaw_rate\n" + "\n".join(motor) + "\n")
+    doppler = [f"{5000 + t:.1f},{1.5 + 0.02 * one},{one}" for t, one in zip(time[100:], level[100:], strict=True)]
+    (folder / "logs" / "doppler.csv").write_text("time_s,speed,yaw_rate\n" + "\n".join(doppler) + "\n")
+    before = (folder / "campaign.toml").read_text()
+
+    with served(folder) as (address, _):
+        page.goto(f"{address}import?campaign=.")
+        for log, what in (("logs/doppler.csv", "speed"), ("logs/motor.csv", "rpm")):
+            choose(page, "A log in the campaign's folder", log)
+            page.get_by_role("button", name="Preview log").click()
+            page.get_by_role("combobox", name="n: column" if what == "rpm" else "u: column").wait_for()
+        page.get_by_role("button", name="Show before saving").click()
+        page.get_by_text("The logs do not overlap").wait_for()
+        page.get_by_role("button", name="Check and save this map").click()
+        page.get_by_text("Nothing was written. The logs do not overlap").wait_for()
+        choose(page, "Column of the log that stays", "yaw_rate · logs/motor.csv")
+        choose(page, "Same quantity in the log that moves", "yaw_rate · logs/doppler.csv")
+        page.get_by_role("button", name="Line up by correlation").click()
+        page.get_by_text("Correlation 1.000 with logs/doppler.csv shifted by -5000 s").wait_for()
+        page.locator('[aria-label="All channels over time"] svg').wait_for()
+        shift = page.get_by_label("logs/doppler.csv: shift [s]")
+        assert float(shift.input_value()) == -5000
+        assert (folder / "campaign.toml").read_text() == before
+
+        shift.fill("-4999.5")
+        shift.press("Enter")
+        page.get_by_text("doppler.csv: 10.5 s to 60.4 s").wait_for()
+        assert page.get_by_text("Correlation 1.000").count() == 0  # it was said of another shift
+        shift.fill("-5000")
+        shift.press("Enter")
+        for wait in range(20, 200, 20):  # a chart may be taken away before the browser has made it
+            page.get_by_role("button", name="Show before saving").click()
+            page.wait_for_timeout(wait)
+        page.get_by_text("Nothing is saved yet").wait_for()
+        page.get_by_role("button", name="Check and save this map").click()
+        page.get_by_text("Now import the records: they will be shown above").wait_for()
+        page.get_by_text("Nothing is saved yet").wait_for(state="detached")
+        assert 'path = "logs/doppler.csv"\nshift = "-5000 s"\n' in (folder / "campaign.toml").read_text()
+        page.reload()
+        page.get_by_role("button", name="Check the records").click()
+        page.get_by_text(re.compile("500 samples over 49.9 s")).first.wait_for()
+    assert page.said == []
+
+
+def test_a_second_run_of_two_logs_with_clocks_of_their_own_is_held_back(tmp_path, page):
+    folder = write_small(tmp_path / "served")
+    (folder / "logs").mkdir()
+    level = [(7 * (i // 40) ** 2) % 11 for i in range(600)]
+    for run, begin in (("a", 1_792_310_400), ("b", 1_792_312_200)):
+        drive = [f"{100 * i};{1200 + 20 * one};{one}" for i, one in enumerate(level)]
+        (folder / "logs" / f"drive_{run}.csv").write_text("t_ms;Schraube;gyro_z\n" + "\n".join(drive) + "\n")
+        nav = [f"{begin + 0.1 * i:.1f},{1.5 + 0.02 * one},{one}" for i, one in enumerate(level)][100:]
+        (folder / "logs" / f"nav_{run}.csv").write_text("unix_stamp,speed,yaw_rate\n" + "\n".join(nav) + "\n")
+    path = folder / "campaign.toml"
+    text = path.read_text()
+    before, after = text.index("[truth]"), text.find("\n[", text.index("[truth]") + 1)
+    of_run_a = """
+[import]
+fit = ["a"]
+[[import.files]]
+path = "logs/nav_a.csv"
+time = { column = "unix_stamp", unit = "s" }
+channels.u = { column = "speed", unit = "m/s" }
+[[import.files]]
+path = "logs/drive_a.csv"
+shift = "1792310400 s"
+time = { column = "t_ms", unit = "ms" }
+channels.n = { column = "Schraube", unit = "rpm" }
+"""
+    path.write_text(text[:before] + text[after + 1 :] + of_run_a)
+
+    with served(folder) as (address, _):
+        page.goto(f"{address}import?campaign=.")
+        choose(page, "A log in the campaign's folder", "logs/nav_b.csv")
+        page.get_by_role("button", name="Preview log").click()
+        page.get_by_text("Saving adds run nav_b, to fit, with this map.").wait_for()
+        choose(page, "This log is", "another run, held back to predict, with a map of its own")
+        page.get_by_label("Name of the run").fill("b")
+        page.get_by_text("Saving adds run b, held back to predict, with this map.").wait_for()
+        choose(page, "A log in the campaign's folder", "logs/drive_b.csv")
+        page.get_by_role("button", name="Preview log").click()
+        page.get_by_label("logs/drive_b.csv: shift [s]").wait_for()
+        page.get_by_text("Saving adds run b, held back to predict, with this map.").wait_for()
+        assert page.get_by_role("combobox", name="u: column").input_value() == "speed · logs/nav_b.csv"
+        assert page.get_by_role("combobox", name="n: column").input_value() == "Schraube · logs/drive_b.csv"
+        page.get_by_role("button", name="Check and save this map").click()
+        page.get_by_text("Nothing was written. The logs do not overlap").wait_for()
+        choose(page, "Column of the log that stays", "yaw_rate · logs/nav_b.csv")
+        choose(page, "Same quantity in the log that moves", "gyro_z · logs/drive_b.csv")
+        page.get_by_role("button", name="Line up by correlation").click()
+        page.get_by_text("Correlation 1.000 with logs/drive_b.csv").wait_for()
+        page.locator('[aria-label="All channels over time"] svg').wait_for()
+        page.get_by_role("button", name="Check and save this map").click()
+        page.get_by_text("Saved in campaign.toml. To fit: a; held back to predict: b. Now import").wait_for()
+        imports = tomllib.loads(path.read_text())["import"]
+        assert (imports["fit"], imports["predict"]) == (["a"], ["b"])
+        shifts = {one["path"]: (one["runs"], one.get("shift")) for one in imports["files"]}
+        assert shifts == {
+            "logs/nav_a.csv": (["a"], None),
+            "logs/drive_a.csv": (["a"], "1792310400 s"),
+            "logs/nav_b.csv": (["b"], None),
+            "logs/drive_b.csv": (["b"], "1792312200 s"),
+        }
+        page.get_by_role("button", name="Import the records").press("Enter")
+        page.get_by_text(re.compile("record b: 500 samples")).first.wait_for()
+    assert page.said == []
+
+
+def test_a_column_of_time_is_chosen_and_a_second_run_added(tmp_path, page):
+    folder = write_small(tmp_path / "served")
+    (folder / "logs").mkdir()
+    rows = [f"{100 * i},{1.5 + 0.2 * (i // 50 % 2)},{1200 + 200 * (i // 50 % 2)}" for i in range(300)]
+    for run in ("run_a", "run_b"):
+        (folder / "logs" / f"{run}.csv").write_text("Zeit,speed,rpm\n" + "\n".join(rows) + "\n")
+    before = (folder / "campaign.toml").read_text()
+
+    with served(folder) as (address, _):
+        page.goto(f"{address}import?campaign=.")
+        choose(page, "A log in the campaign's folder", "logs/run_a.csv")
+        page.get_by_role("button", name="Preview log").click()
+        time = page.get_by_role("combobox", name="time of run_a.csv: column")
+        page.get_by_text("guessed, as it rises in every row, most evenly").first.wait_for()
+        choose(page, "time of run_a.csv: column", "choose")
+        choose(page, "u: column", "not in a log")
+        choose(page, "n: column", "not in a log")
+        time.focus()
+        for key in ("Enter", "ArrowDown", "Enter"):
+            page.keyboard.press(key)
+            page.wait_for_timeout(300)
+        page.get_by_text("over 29.9 s of Zeit").first.wait_for(state="attached")
+        assert time.evaluate("(one) => one === document.activeElement")  # although no channel is mapped yet
+        choose(page, "time of run_a.csv: column", "choose")
+        page.get_by_text("over rows 1 to 300").first.wait_for(state="attached")
+        for channel, column, unit in (("u", "speed", "m/s"), ("n", "rpm", "rpm")):
+            choose(page, f"{channel}: column", f"{column} · rows")
+            page.get_by_label(f"{channel}: unit").fill(unit)
+        assert page.locator(".channel .small-picture", has_text="over rows 1 to 300").locator("path").count() == 2
+        choose(page, "n: column", "not in a log")
+        choose(page, "time of run_a.csv: column", "Zeit")
+        page.get_by_role("button", name="Check and save this map").click()
+        page.get_by_text("Choose a column: n is an input of the model.").wait_for()
+        assert page.locator(".channel .q-field--error").count() == 1
+        assert (folder / "campaign.toml").read_text() == before
+        choose(page, "time of run_a.csv: column", "choose")
+        choose(page, "n: column", "rpm · rows")
+        page.get_by_role("button", name="Check and save this map").click()
+        page.get_by_text("Choose the column of the time stamps, and its unit.").wait_for()
+        assert page.locator(".channel .q-field--error").count() == 1
+        assert (folder / "campaign.toml").read_text() == before
+        choose(page, "time of run_a.csv: column", "Zeit")
+        page.locator(".channel").get_by_text("over 29.9 s of Zeit").nth(1).wait_for()
+        page.get_by_role("button", name="Check and save this map").click()
+        page.get_by_text("Now import the records: they will be shown above").wait_for()
+        (file,) = tomllib.loads((folder / "campaign.toml").read_text())["import"]["files"]
+        assert file["time"] == {"column": "Zeit", "unit": "ms"}
+
+        choose(page, "A log in the campaign's folder", "logs/run_b.csv")
+        page.get_by_role("button", name="Preview log").click()
+        page.get_by_text(
+            "Saving adds run run_b, to fit, with this map. Run run_a keeps the map that it has."
+        ).wait_for()
+        assert page.get_by_label("Name of the run").input_value() == "run_b"
+        page.get_by_role("button", name="Add it, held back to predict").click()
+        page.get_by_text("Saved in campaign.toml: run_b is under predict").wait_for()
+        imports = tomllib.loads((folder / "campaign.toml").read_text())["import"]
+        assert (imports["fit"], imports["predict"]) == (["run_a"], ["run_b"])
+        assert [one["path"] for one in imports["files"]] == ["logs/{run}.csv"]
+        offered = page.get_by_role("button", name="Import the records")
+        assert page.evaluate("document.activeElement.innerText") == "Import the records"
+        assert page.locator(".channel").count() == 0  # the form is empty again
+        assert page.get_by_role("combobox", name="A log in the campaign's folder").input_value() == ""
+        offered.press("Enter")
+        page.get_by_text(re.compile("record run_b: 300 samples")).first.wait_for()
+        assert offered.count() == 0
+        assert page.evaluate("document.activeElement.id") == "main"
+    assert page.said == []
+
+
+def test_a_second_log_with_other_columns_is_a_run_with_a_map_of_its_own(tmp_path, page):
+    folder = write_small(tmp_path / "served")
+    (folder / "logs").mkdir()
+    for run, head, moved in (("log_1", "t,speed,rpm", 0.0), ("log_2", "stamp_s,dvl_kn,drive", 0.1)):
+        rows = [f"{0.1 * i:.1f},{1.5 + moved + 0.2 * (i // 50 % 2)},{1200 + 200 * (i // 50 % 2)}" for i in range(300)]
+        (folder / "logs" / f"{run}.csv").write_text("\n".join([head, *rows]) + "\n")
+
+    def imports():
+        return tomllib.loads((folder / "campaign.toml").read_text())["import"]
+
+    with served(folder) as (address, _):
+        page.goto(f"{address}import?campaign=.")
+        choose(page, "A log in the campaign's folder", "logs/log_1.csv")
+        page.get_by_role("button", name="Preview log").click()
+        page.get_by_role("button", name="Check and save this map").click()
+        page.get_by_text("Saved in campaign.toml. To fit: log_1. Now import").wait_for()
+
+        choose(page, "A log in the campaign's folder", "logs/log_2.csv")
+        page.get_by_role("button", name="Preview log").click()
+        page.get_by_text(
+            "Saving adds run log_2, to fit, with this map. Run log_1 keeps the map that it has."
+        ).wait_for()
+        assert page.get_by_text("with the columns of the map in campaign.toml").count() == 0
+        assert page.get_by_label("Name of the run").input_value() == "log_2"
+        choose(page, "This log is", "the only run, in the place of log_1")
+        page.get_by_text("Saving removes run log_1 from the campaign file, with the map of logs/log_1.csv.").wait_for()
+        choose(page, "This log is", "another run, to fit, with a map of its own")
+        page.get_by_text("Saving adds run log_2").wait_for()
+        for channel, column, unit in (("u", "dvl_kn", "m/s"), ("n", "drive", "rpm")):
+            choose(page, f"{channel}: column", f"{column} · rows")
+            page.get_by_label(f"{channel}: unit").fill(unit)
+        page.get_by_role("button", name="Check and save this map").click()
+        page.get_by_text("Saved in campaign.toml. To fit: log_1, log_2. Now import").wait_for()
+        found = imports()
+        assert found["fit"] == ["log_1", "log_2"]
+        assert [(one["path"], one["runs"]) for one in found["files"]] == [
+            ("logs/log_1.csv", ["log_1"]),
+            ("logs/log_2.csv", ["log_2"]),
+        ]
+        page.get_by_role("button", name="Import the records").press("Enter")
+        page.get_by_text(re.compile("record log_2: 300 samples")).first.wait_for()
+
+        choose(
+            page, "A log in the campaign's folder", "logs/log_1.csv"
+        )  # its own map is shown and changed, and no other
+        page.get_by_role("button", name="Preview log").click()
+        page.get_by_label("u: unit").wait_for()
+        assert page.get_by_label("Name of the run").input_value() == "log_1"
+        page.get_by_label("u: unit").fill("kn")
+        page.get_by_role("button", name="Check and save this map").click()
+        page.get_by_text("Saved in campaign.toml. To fit: log_1, log_2. Now import").wait_for()
+        found = {one["path"]: one["channels"]["u"]["unit"] for one in imports()["files"]}
+        assert found == {"logs/log_1.csv": "kn", "logs/log_2.csv": "m/s"}
+    assert page.said == []
+
+
+def test_a_run_of_a_shared_map_that_lacks_its_columns_is_offered_one_of_its_own(tmp_path, page):
+    folder = write_small(tmp_path / "served")
+    for run, head in ((1, "t,speed,rpm"), (2, "t,dvl_speed,motor_rpm")):
+        rows = [f"{0.1 * i:.1f},{1.5 + 0.2 * (i // 50 % 2)},{1200 + 200 * (i // 50 % 2)}" for i in range(300)]
+        (folder / f"log_{run}.csv").write_text("\n".join([head, *rows]) + "\n")
+    path = folder / "campaign.toml"
+    text = path.read_text()
+    before, after = text.index("[truth]"), text.find("\n[", text.index("[truth]") + 1)
+    shared = (
+        '\n[import]\nfit = ["1", "2"]\n[[import.files]]\npath = "log_{run}.csv"\ntime = { column = "t", unit = "s" }\n'
+        'channels.n = { column = "rpm", unit = "rpm" }\nchannels.u = { column = "speed", unit = "m/s" }\n'
+    )
+    path.write_text(text[:before] + (text[after + 1 :] if after > 0 else "") + shared)
+    with served(folder) as (address, _):
+        page.goto(f"{address}import?campaign=.")
+        page.get_by_role("combobox", name="A log in the campaign's folder").click()
+        page.get_by_role("option", name="log_2.csv").click()
+        page.get_by_role("button", name="Preview log").click()
+        page.get_by_text("Saving gives run 2 this map in the place of that of log_2.csv.").wait_for()
+        page.get_by_role("button", name="Check and save this map").click()
+        page.get_by_text("Saved in campaign.toml. To fit: 1, 2. Now import").wait_for()
+        files = tomllib.loads(path.read_text())["import"]["files"]
+        assert [(one["path"], one["runs"], one["channels"]["u"]["column"]) for one in files] == [
+            ("log_{run}.csv", ["1"], "speed"),
+            ("log_2.csv", ["2"], "dvl_speed"),
+        ]
+        page.get_by_role("button", name="Import the records").wait_for()
+        page.get_by_role("combobox", name="A log in the campaign's folder").click()
+        page.get_by_role("option", name="log_1.csv").click()
+        page.get_by_role("button", name="Preview log").click()
+        column = page.get_by_role("combobox", name="u: column", exact=True)
+        column.wait_for()
+        assert column.input_value() == "speed · rows"
+        column.click()
+        page.get_by_role("option", name="rpm · rows", exact=True).click()
+        page.get_by_label("u: unit").fill("cm/s")
+        page.get_by_role("button", name="Check and save this map").click()
+        page.get_by_text("Saved in campaign.toml. To fit: 1, 2. Now import").wait_for()
+        files = tomllib.loads(path.read_text())["import"]["files"]  # by the same path, with {run}
+        found = {one["path"]: (one["runs"], one["channels"]["u"]["column"]) for one in files}
+        assert found == {"log_2.csv": (["2"], "dvl_speed"), "log_{run}.csv": (["1"], "rpm")}
+    assert page.said == []
+
+
+def test_from_nothing_to_a_schedule_by_the_page_alone(tmp_path, page):
+    root, log = tmp_path / "served", tmp_path / "dive.csv"
+    root.mkdir()
+    log.write_text(
+        "time_s,speed,rpm\n" + "".join(f"{0.1 * i:.1f},{1.5 + 0.001 * i:.3f},{1200 + i}\n" for i in range(300))
+    )
+    with served(root) as (address, _):
+        page.goto(address)
+        page.get_by_role("button", name="New campaign").click()
+        page.get_by_label("Name").fill("../boat")
+        noise = page.get_by_role("group", name="sensor").get_by_label("noise")
+        noise.fill("5 cm")
+        page.get_by_role("button", name="Begin", exact=True).click()
+        page.get_by_text('"5 cm" under "noise": expected a number, such as 0.05').wait_for()
+        noise.fill("0.05")
+        trim = page.get_by_role("group", name="control").get_by_label("trim")
+        trim.fill("1700")
+        page.get_by_role("button", name="Begin", exact=True).click()
+        page.get_by_text("Nothing was written").wait_for()
+        page.get_by_text("expected letters, digits").wait_for()
+        page.get_by_text("expected a trim inside the range").wait_for()
+        assert list(root.iterdir()) == []
+        assert trim.input_value() == "1700"
+        page.get_by_label("Name").fill("boat")
+        trim.fill("1200")
+        page.get_by_role("button", name="Show the campaign file").click()
+        page.get_by_text("It can be used").wait_for()
+        assert list(root.iterdir()) == []
+        page.get_by_role("button", name="Begin", exact=True).click()
+        page.wait_for_url("**/design?campaign=boat")
+        assert page.get_by_label("n: upper").input_value() == "1600 rpm"
+        assert [path.name for path in root.rglob("*")] == ["boat", "campaign.toml"]
+
+        page.get_by_role("button", name="What the priors mean").click()
+        page.get_by_alt_text("prior.svg").wait_for()
+        page.get_by_role("button", name="Run the design").click()
+        page.locator(".surface svg").wait_for()
+        with page.expect_download() as download:
+            page.get_by_role("button", name="Download its schedule").click()
+        assert download.value.path().read_text().startswith("time_s,n_rpm\n0,1200\n")
+
+        page.get_by_role("link", name="Records").click()
+        page.get_by_text("No record yet: run the designed trial").wait_for()
+        page.locator("input[type=file]").set_input_files(log)
+        page.locator(".channel").get_by_text("1200 to 1499").wait_for()
+        page.get_by_role("button", name="Check and save this map").click()
+        page.get_by_text("Now import the records: they will be shown above").wait_for()
+        assert 'path = "logs/dive.csv"' in (root / "boat" / "campaign.toml").read_text()
+        page.goto(address)
+        page.locator("li.missing", has_text="import").wait_for()
+    assert page.said == []
+
+
+def test_noise_and_terms_are_chosen_by_keyboard(tmp_path, page):
+    folder = write_small(tmp_path / "served" / "boat", ("X_u = -1.21\n", ""))
+    before = (folder / "campaign.toml").read_text()
+
+    def choose(field, steps):
+        page.get_by_role("combobox", name=field, exact=True).focus()
+        page.keyboard.press("Enter")
+        page.get_by_role("listbox").wait_for()
+        for _ in range(steps):
+            page.keyboard.press("ArrowDown")
+        page.keyboard.press("Enter")
+        page.get_by_role("listbox").wait_for(state="hidden")
+
+    with served(tmp_path / "served") as (address, _):
+        page.goto(f"{address}model?campaign=boat")
+        choose("Noise of all sensors", 1)
+        tau = page.get_by_label("tau_u: largest")
+        tau.fill("soon")
+        choose("X_u", 1)
+        page.get_by_label("Another term").fill("X_uu")
+        page.get_by_label("Another term").press("Enter")
+        page.get_by_text("X_uabsu and X_uu differ only where u changes its sign").wait_for()
+        for name, said in (
+            ("X_foo", "X_foo is not a term: write for example X_u, X_uabsu"),
+            ("Y_v", "Y_v, which has no part in the motion: the model has no sway"),
+        ):
+            page.get_by_label("Another term").fill(name)
+            page.get_by_label("Another term").press("Enter")
+            page.get_by_text(said).wait_for()
+        page.get_by_label("Another term").fill("X_0")
+        page.get_by_label("Another term").press("Enter")
+        page.get_by_label("Remove X_0").press("Enter")
+        page.get_by_role("group", name="term X_0").wait_for(state="detached")
+        page.get_by_role("button", name="Check and save").press("Enter")
+        page.get_by_text('"soon": expected a number').wait_for()
+        assert page.get_by_role("group", name="term X_uu").locator(".q-field--error").count() == 2
+        tau.fill("20")
+        page.get_by_label("X_uu: least").fill("-1")
+        page.get_by_label("X_uu: largest").fill("0")
+        page.get_by_label("X_uu: unit").fill("kg")
+        page.get_by_role("button", name="Check and save").press("Enter")
+        page.get_by_role("group", name="term X_uu").get_by_text('unit "kg"').wait_for()
+        page.get_by_text("Nothing was written").wait_for()
+        assert (tau.input_value(), page.get_by_label("X_uu: unit").input_value()) == ("20", "kg")
+        assert (folder / "campaign.toml").read_text() == before
+        page.get_by_label("X_uu: unit").fill("kg/m")
+        page.get_by_role("button", name="Check and save").press("Enter")
+        page.get_by_text("Saved in campaign.toml").wait_for()
+        page.get_by_role("group", name="term X_u", exact=True).wait_for(state="detached")  # the form is built again
+        content = tomllib.loads((folder / "campaign.toml").read_text())
+        assert content["structure"] == {"always": ["X_uabsu", "T_nabsn"], "optional": ["X_uu"]}
+        assert content["estimation"]["residuals"] == "coloured"
+        assert content["prior"]["tau_u"]["upper"] == 20.0
+        assert "# [prior.X_u]" in (folder / "campaign.toml").read_text()
+        place = page.get_by_text("Saved in campaign.toml").bounding_box()
+        assert place["y"] + place["height"] <= page.viewport_size["height"]  # seen without scrolling
+    assert page.said == []
+
+
+def test_a_page_follows_what_a_shell_writes_and_keeps_its_colours(tmp_path, page):
+    folder = write_small(tmp_path / "served" / "boat")
+    with served(tmp_path / "served") as (address, _):
+        page.goto(f"{address}design?campaign=boat")
+        page.get_by_label("n: upper").wait_for()
+        page.get_by_label("Colours").select_option("dark")
+        text = (folder / "campaign.toml").read_text()
+        (folder / "campaign.toml").write_text(text.replace('"1500 rpm"', '"1450 rpm"'))
+        page.wait_for_function("document.querySelector('input[aria-label=\"n: upper\"]')?.value === '1450 rpm'")
+        page.get_by_label("n: lower").fill("100 rpm")
+        (folder / "campaign.toml").write_text(text)
+        time.sleep(3.0)  # a form that somebody fills in is not built again
+        assert page.get_by_label("n: lower").input_value() == "100 rpm"
+        page.goto(address)
+        assert page.evaluate("document.documentElement.dataset.theme") == "dark"
+        write_small(tmp_path / "served" / "second boat")
+        page.get_by_text("served/second boat").wait_for()
+    assert page.said == []
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
+def test_a_folder_that_cannot_be_written_is_said_in_words(tmp_path, page):
+    folder = write_small(tmp_path / "served")
+    folder.chmod(0o500)
+    with served(folder) as (address, _):
+        page.goto(f"{address}run?campaign=.")
+        page.get_by_role("button", name="Start or resume").click()
+        assert "Permission denied" in page.get_by_role("alert").inner_text()
+
+
+def test_the_whole_file_is_edited_and_a_mistake_marked(tmp_path, page):
+    folder = write_small(tmp_path / "served")
+    path = folder / "campaign.toml"
+    before, shows = path.read_text(), "(text) => document.querySelector('#main textarea')?.value === text"
+    with served(tmp_path / "served") as (address, _):
+        page.goto(f"{address}file?campaign=.")
+        field, save = page.get_by_label("campaign.toml, as TOML"), page.get_by_role("button", name="Check and save")
+        assert field.input_value() == before
+        field.fill(before.replace("upper = 1.2", "uper = 1.2"))
+        save.click()
+        assert "prior.X_u.uper" in page.get_by_role("alert").inner_text()
+        assert path.read_text() == before
+        marked = "(one) => one.value.slice(one.selectionStart, one.selectionEnd)"
+        page.wait_for_function("() => getSelection().toString() || document.activeElement.tagName === 'TEXTAREA'")
+        assert field.evaluate(marked) == "uper = 1.2"
+        page.get_by_role("button", name="Undo my changes").click()
+        page.wait_for_function(shows, arg=before)
+
+        field.fill(before.replace("upper = 1.2", "upper = 1.0"))
+        save.click()
+        page.get_by_text("Saved. Results made before").wait_for()
+        assert path.read_text() == before.replace("upper = 1.2", "upper = 1.0")
+        page.wait_for_timeout(4000)  # the form is built again, as the file has changed
+        assert page.get_by_text("Saved. Results made before").count() == 1
+
+        # What somebody else writes is shown where nothing was typed; it is never overwritten.
+        path.write_text(before)
+        page.wait_for_function(shows, arg=before)
+        page.get_by_label("campaign.toml, as TOML").fill(before.replace("upper = 1.2", "upper = 1.1"))
+        path.write_text(before + "\n# by another hand\n")
+        page.get_by_role("button", name="Check and save").click()
+        assert "Somebody changed the file since you began" in page.get_by_role("alert").inner_text()
+        assert path.read_text().endswith("# by another hand\n")
+        page.get_by_role("button", name="Show the difference").click()
+        page.get_by_text('"Check and save" now writes your text').wait_for()
+        shown = page.locator("#main pre").inner_text()
+        assert "-# by another hand" in shown
+        assert re.search(r"^\+.*upper = 1\.1", shown, re.MULTILINE)
+        typed = page.get_by_label("campaign.toml, as TOML")
+        assert "upper = 1.1" in typed.input_value()
+        typed.fill(typed.input_value() + "\n# by another hand\n")
+        page.get_by_role("button", name="Check and save").click()
+        page.get_by_text("Saved. Results made before").wait_for()
+        assert path.read_text() == before.replace("upper = 1.2", "upper = 1.1") + "\n# by another hand\n"
+
+        # A file that is no campaign any more can still be mended here.
+        path.write_text(before.replace("[campaign]", "[campaign"))
+        page.goto(f"{address}file?campaign=.")
+        page.get_by_label("campaign.toml, as TOML").fill(before)
+        page.get_by_role("button", name="Check and save").click()
+        page.get_by_text("Saved. Results made before").wait_for()
+    assert page.said == []
+    assert path.read_text() == before
+
+
+def test_hovered_values_are_those_of_the_view_after_a_zoom(tmp_path, page):
+    """As far as the mouse rests: what is told is what a chart tells when the mouse comes anew."""
+    folder = write_small(tmp_path / "served")
+    (folder / "logs").mkdir()
+    rows = [f"{0.05 * i:.2f},{1.5 + 0.001 * (i % 997):.4f},{1200 + i % 400}" for i in range(8000)]
+    (folder / "logs" / "dive.csv").write_text("time_s,speed,rpm\n" + "\n".join(rows) + "\n")
+    with served(folder) as (address, _):
+        page.goto(f"{address}import?campaign=.")
+        page.get_by_role("combobox", name="A log in the campaign's folder").click()
+        page.get_by_role("option", name="logs/dive.csv").click()
+        page.get_by_role("button", name="Preview log").click()
+        page.get_by_role("button", name="Check and save this map").click()
+        page.get_by_role("button", name="Import the records").click()
+        page.locator(".chart svg").first.wait_for()
+        end = page.get_by_label("End [s]")
+        end.fill("900")
+        page.get_by_role("button", name="Check, save and re-import").click()
+        page.get_by_text("at most 399.95 s: the whole record is 399.95 s long").wait_for()
+        assert "[import.trim" not in (folder / "campaign.toml").read_text()
+
+        chart = page.locator(".chart").first
+        chart.scroll_into_view_if_needed()
+        box = chart.bounding_box()
+        at = box["x"] + 0.6 * box["width"], box["y"] + 90
+        page.mouse.move(at[0] - 9, at[1])
+        page.mouse.move(*at)
+        parts = "[...document.querySelectorAll('.chart div')]"
+        told = f"{parts}.find((one) => one.innerText?.includes(' s\\n') && one.style.position).innerText"
+        page.wait_for_function(told)
+        before = page.evaluate(told)
+        for _ in range(15):
+            page.mouse.wheel(0, -400)
+            page.wait_for_timeout(100)
+        page.wait_for_timeout(1500)
+        after = page.evaluate(told)
+        page.mouse.move(at[0] - 60, at[1])
+        page.mouse.move(*at)
+        page.wait_for_timeout(500)
+        assert after == page.evaluate(told)
+        assert after != before
+    assert page.said == []
+
+
+def test_what_is_wrong_with_a_new_campaign_stands_beside_its_field(tmp_path, page):
+    (tmp_path / "served").mkdir()
+    with served(tmp_path / "served") as (address, _):
+        page.goto(f"{address}new")
+        page.get_by_label("Name", exact=True).fill("boat")
+        page.get_by_label("mass").wait_for()
+        for field, value, told in (
+            ("thrust_deduction", "1", "less than 1"),
+            ("mass", "0 kg", "a number above zero"),
+            ("mass", "30 pounds", "unknown unit"),
+            ("duration", "0.5 s", "a tenth of the duration"),
+        ):
+            form = page.get_by_label(field, exact=True)
+            good = form.input_value()
+            form.fill(value)
+            page.get_by_role("button", name="Show the campaign file").click()
+            beside = page.locator(".q-field--error")
+            beside.filter(has=page.get_by_label(field, exact=True)).get_by_text(told).wait_for()
+            assert beside.count() == 1
+            form.fill(good)
+            form.blur()
+        page.get_by_role("button", name="Show the campaign file").click()
+        page.get_by_text("It can be used.").wait_for()
+    assert page.said == []

@@ -1,0 +1,314 @@
+"""What pages say of results: where to go on, what colours mean, what a column is."""
+
+import asyncio
+import os
+import re
+from contextlib import nullcontext
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from markupsafe import Markup
+
+from seatrial.campaign.store.estimates import ModelErrorFinding
+from seatrial.campaign.store.stored_result import Store
+from seatrial.campaign.store.structures import QUOTED, StoredAverage, StoredCoefficient, StoredMode
+from seatrial.core.display_units import shown_as_written
+from seatrial.core.errors import InputError
+from seatrial.dashboard.app_context import fill
+from seatrial.dashboard.jobs import Jobs, log_of
+from seatrial.dashboard.logs import Column, Looked
+from seatrial.dashboard.map_draft import MapDraft
+from seatrial.dashboard.page_layout import VIEWS
+from seatrial.dashboard.pages.compare import nothing_beside
+from seatrial.dashboard.pages.design import legend_html, what_it_teaches
+from seatrial.dashboard.pages.one_axis import (
+    OneAxis,
+    delay_words,
+    lined_up_words,
+    panels_of,
+    shift_error,
+    span_words,
+)
+from seatrial.dashboard.pages.record_chart import RecordChart, ends_errors
+from seatrial.dashboard.pages.results import coefficients, estimated_html, next_html, of_mode
+from seatrial.dashboard.view_models import AxisAbout, EstimatedStructure, EstimatedValue, Swept, beside
+from seatrial.logs.clock_shift import ClockShift
+
+
+def test_after_stop_no_link_leads_to_the_next_trial(tmp_path):
+    store = Store(tmp_path)
+    schedule = store.schedule(store.next_design)
+    schedule.parent.mkdir(parents=True)
+    schedule.write_text("time_s,n_rpm\n")
+    run = next_html(Markup("run a doublet"), False, "boat", store)
+    assert run.count("href=") == 2
+    stop = next_html(Markup("stop: the goal is met"), True, "boat", store)
+    assert stop == "<p>stop: the goal is met</p>"
+
+
+def test_grey_is_explained_where_a_design_breaks_a_limit():
+    assert "breaks a limit" in legend_html(np.array([[1.0, np.nan]]))
+    assert "grey" not in legend_html(np.array([[1.0, 2.0]]))
+
+
+def test_a_design_names_the_coefficients_about_which_it_says_nothing():
+    names, before = ("X_uabsu", "N_rabsr", "N_ur"), np.array([5.0, 16.0, 6.0])
+
+    def told(after, held=("tau_N",)):
+        sd = np.asarray(after)[None, None, None]
+        gain = np.ones((1, 1, 1))
+        found = Swept(
+            *(("step",), "n", "rpm", (100.0,), (5.0,), gain, gain, (0, 0, 0), names, tuple(before), sd, gain, gain),
+            *("the priors", {}, (), (), held),
+        )
+        return what_it_teaches(found, 0, 0, 0, shown_as_written({}))
+
+    assert (
+        "The trial says nothing about N_rabsr and N_ur: no measurement changes with them. "
+        "To learn about them, move r (`together` of [design] moves tau_N as well)."
+        in told(before * [0.04, 1.0, 0.99999])
+    )
+    assert "with it. To learn about it, move r and u." in told(before * [0.04, 0.2, 1.0], ())
+    assert "says nothing" not in told(before * [0.04, 0.2, 0.9])
+
+
+@pytest.mark.parametrize(("imported", "label"), [(True, "logged"), (False, "commanded")])
+def test_a_control_of_a_log_is_not_called_commanded(tmp_path, imported, label):
+    chart = RecordChart(SimpleNamespace(), tmp_path, SimpleNamespace(imported=imported), [], SimpleNamespace())  # pyright: ignore[reportArgumentType]
+    assert chart._panel("n", "rpm", "control").curves[0].label == label
+    assert chart._panel("u", "m/s", "measurement").curves[0].label == "measured"
+
+
+def test_the_last_check_is_seen_whatever_was_started_since(tmp_path):
+    jobs = Jobs()
+    for age, (command, output) in enumerate([("check", "record 1: pass"), ("prior", "steady speed")]):
+        log = log_of(tmp_path, command)
+        log.parent.mkdir(exist_ok=True)
+        log.write_text(f"$ seatrial {command} boat\n{output}\n")
+        os.utime(log, (age, age))
+    assert (jobs.look(tmp_path).word, jobs.look(tmp_path).output) == ("prior", "steady speed\n")
+    assert (jobs.last_check(tmp_path).word, jobs.last_check(tmp_path).output) == ("check", "record 1: pass\n")
+
+
+def test_an_error_beside_its_field_names_no_line_of_the_file():
+    error = InputError(
+        "campaign.toml:31, key a.b", found='unit "kg"', expected='a unit like "m/s"', remedy="correct it"
+    )
+    assert beside(error) == 'unit "kg": expected a unit like "m/s"; correct it'
+
+
+def test_estimates_stand_by_structure_before_a_model_is_chosen():
+    force = ModelErrorFinding(("X_uabsu",), "a force X_u", "other structures have X_u")
+    delay = ModelErrorFinding(("X_uabsu", "sigma_u"), "a delay of the actuators", "give `delay` a prior")
+    both = replace(force, names=("X_u", "X_uabsu"))
+    found = (
+        EstimatedStructure("M-0", ("X_u",), (EstimatedValue("X_u", "X_{u}", "kg/s", -1.25, 0.23, None, ""),)),
+        EstimatedStructure(
+            "M-1",
+            ("X_uabsu",),
+            (EstimatedValue("X_uabsu", "X_{u|u|}", "kg/m", -3.92, 0.13, 0.478, "a force X_u"),),
+            (force,),
+            ("R-hat of X_uabsu is 1.2",),
+        ),
+        EstimatedStructure("M-2", ("X_uabsu",), (), (force, delay)),
+        EstimatedStructure("M-3", ("X_u", "X_uabsu"), (), (both,)),
+    )
+    html = estimated_html(found)
+    first, second, *_ = html.split("<caption>")[1:]
+    assert first.startswith("Parameters of M-0: X_u<")
+    assert "−1.25 ± 0.23" in first
+    assert "with model error" not in first
+    assert '<th scope="col">with model error' in second
+    assert "± 0.478 <small>a force X_u</small>" in second
+    assert '<th scope="col">mean ± sd, within the model' in second
+    assert '<td data-head="with model error">± 0.478' in second  # on a narrow screen, where the head is above each cell
+    said = re.sub("<[^>]*>", "", html).split("Where the model error comes from")[1]
+    assert (
+        "Xu|u| in M-1 and M-2; Xu and Xu|u| in M-3: most of the ± with model error is from a force Xu; other structures have Xu."
+        in said
+    )
+    assert (
+        "Xu|u| and sigma_u in M-2: most of the ± with model error is from a delay of the actuators; give `delay` a prior."
+        in said
+    )
+    assert html.count("most of the ± with model error") == 2
+    assert html.index("Do not use these numbers yet") < html.index("<caption>")
+
+
+def test_what_is_left_of_a_prior_has_two_digits_however_little_that_is():
+    numbers = dict.fromkeys(list(StoredCoefficient.__dataclass_fields__)[3:], 0.0)
+    numbers |= {"mean": -3.0, "model_error_sd": None}
+    rows = [
+        StoredCoefficient(f"X_{i}", "kg/m", "X_{u}", **{**numbers, "sd": sd, "prior_sd": 10.0})
+        for i, sd in enumerate((0.031, 0.99, 6.3))
+    ]
+    summary: Any = SimpleNamespace(
+        coefficients=rows, chosen="M-0", terms=("X_u",), averaged=(), quoted="chosen", usable=True
+    )
+    html = coefficients(summary, shown_as_written({}))
+    assert re.findall(r'data-head="sd / prior sd">([^<]*)<', html) == ["0.31 %", "9.9 %", "63 %"]
+
+
+@pytest.mark.parametrize(
+    ("quoted", "usable", "bold"),
+    [
+        ("chosen", True, ["−2.73 ± 0.26", "6.1 ± 1.0"]),
+        ("averaged", True, ["−2.88 ± 0.70", "5.0 ± 2.0", "1.0 ± 3.0"]),
+        ("averaged", False, []),
+        ("", True, []),
+    ],
+)
+def test_the_value_to_quote_is_the_only_bold_one(quoted, usable, bold):
+    """With model error where that is larger: 0.26 of the chosen model, 0.7 of the average; in the unit of the prior."""
+    numbers = dict.fromkeys(list(StoredCoefficient.__dataclass_fields__)[3:], 0.0) | {"model_error_cause": "X_u3"}
+    rows = [
+        StoredCoefficient(name, "kg/m", "X_{u}", **{**numbers, "mean": m, "sd": sd, "model_error_sd": wider})
+        for name, m, sd, wider in (("X_u", -2730.0, 110.0, 260.0), ("X_v", 6100.0, 1000.0, None))
+    ]
+    averages = [
+        StoredAverage(name, "kg/m", "X_{u}", m, sd, 0.0, 0.0, wider, "", inclusion)
+        for name, m, sd, wider, inclusion in (
+            ("X_u", -2880.0, 410.0, 700.0, 1.0),
+            ("X_v", 5000.0, 2000.0, None, 1.0),
+            ("X_w", 1000.0, 3000.0, None, 0.3),
+            ("X_r", 1000.0, 3000.0, None, 0.001),
+        )
+    ]
+    summary: Any = SimpleNamespace(
+        coefficients=rows, chosen="M-0", terms=("X_u",), averaged=averages, quoted=quoted, usable=usable
+    )
+    html = str(coefficients(summary, shown_as_written(dict.fromkeys(("X_u", "X_v", "X_w"), "t/m"))))
+    said, table = html[: html.index("<table")], html[html.index("<table") :]
+    assert re.findall("<strong>(.*?)</strong>", table) == bold
+    assert ("the value to quote" in said) == bool(bold)
+    assert not bold or QUOTED[quoted] in said
+
+
+def test_a_stored_mode_is_shown_with_its_model_error_in_the_unit_of_its_prior():
+    mode = StoredMode(
+        ("X_u",),
+        {"X_u": (-1.0, 0.1), "sigma_u": (0.02, 0.001)},
+        (),
+        {"X_u": "kg/s", "sigma_u": "m/s"},
+        {"X_u": (0.5, "a force X_uabsu")},
+    )
+    html = estimated_html([of_mode(mode, shown_as_written({"X_u": "t/s", "sigma_u": "cm/s"}))])
+    assert "± 5.00 × 10⁻⁴ <small>a force X_uabsu</small>" in html
+    assert "2.00 ± 0.10" in html
+    assert "cm/s" in html
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "same"),
+    [("thrust", "dvl_vx", False), ("gyro_z", "rate", True), ("yaw", "yaw", True), ("gyro_z", "dvl_vx", False)],
+)
+def test_columns_of_two_quantities_are_told(tmp_path, first, second, same):
+    channel_map = """[[import.files]]
+path = "a.csv"
+channels.tau_X = { column = "thrust", unit = "N" }
+channels.r = { column = "gyro_z", unit = "rad/s" }
+[[import.files]]
+path = "b.csv"
+channels.u = { column = "dvl_vx", unit = "m/s" }
+"""
+    columns = [Column(table, name, "", "0 to 1", "") for table, name in (("a", first), ("b", second))]
+    quantities = {("b", "rate"): "r"}
+    heads: dict[str, str] = {"a": "", "b": ""}
+    logs = {f"{one.table}.csv": Looked("CSV", (), (one,), (), heads, (), {}, quantities) for one in columns}
+    draft = MapDraft(tmp_path, channel_map=channel_map, logs=logs)
+    axis = OneAxis(SimpleNamespace(), draft, SimpleNamespace(), SimpleNamespace())  # pyright: ignore[reportArgumentType]
+    assert (axis._differ(*draft.columns) == "") == same
+
+
+def test_campaigns_that_were_not_run_are_named_with_a_link(tmp_path):
+    alone = nothing_beside([], tmp_path)
+    assert "Serve a folder that holds several" in alone
+    html = nothing_beside(["W2", "W3"], tmp_path)
+    assert "has results of <code>seatrial run</code> yet" in html
+    assert html.count('href="/run?campaign=W') == 2
+    assert "Serve a folder" not in html
+
+
+@pytest.mark.parametrize(
+    ("start", "end", "wrong"),
+    [
+        (0.0, 359.9, (None, None)),
+        (0.0, 900.0, (None, "at most 359.9 s: the whole record is 359.9 s long")),
+        (5.0, 4.0, ("has to be before the end", None)),
+        (-1.0, 20.0, ("a number of seconds, 0 or more", None)),
+        (
+            None,
+            None,
+            ("a number of seconds, 0 or more", "a number of seconds; the whole record is 359.9 s long"),
+        ),
+    ],
+)
+def test_the_ends_of_a_run_are_inside_it(start, end, wrong):
+    assert ends_errors(start, end, 359.9) == wrong
+    assert ends_errors(0.0, 359.9, 359.899996) == (None, None)  # as it was printed
+
+
+def test_a_shift_says_how_sharp_its_peak_is():
+    found = ClockShift(1.6004, 0.97, None, -0.4, 3.1)
+    words = lined_up_words(found, "logs/b.csv")
+    assert words == (
+        "Correlation 0.970 with logs/b.csv shifted by 1.6004 s. Between -0.4 and 3.1 s it is at least 99% of that."
+    )
+    assert "Between 1.594 and 1.612 s" in lined_up_words(found._replace(lower=1.594, upper=1.612), "b")
+    assert "not the same quantity" in delay_words("thrust", "dvl_vx")
+    epoch = found._replace(shift=1_792_310_400.0, rival=1_792_310_441.12, lower=1_792_310_399.9, upper=1_792_310_400.1)
+    assert " 41.1 s later fits almost as well, because the motion repeats" in lined_up_words(epoch, "b")
+    assert " 1230 s earlier fits almost as well" in lined_up_words(epoch._replace(rival=1_792_309_166.0), "b")
+
+
+@pytest.mark.parametrize(("shift", "is_wrong"), [(None, True), (1e300, True), (-1795772417.702, False), (0.0, False)])
+def test_a_shift_is_a_number_of_seconds_that_clocks_may_differ_by(shift, is_wrong):
+    assert (shift_error(shift) is not None) == is_wrong
+
+
+def test_what_is_compared_stands_in_one_panel_above_the_channels():
+    names, logs = ("yaw · a.csv", "gyro · b.csv", "u", "n"), ("a.csv", "b.csv", "b.csv", "a.csv")
+    roles = ("compared", "compared", "measurement", "control")
+    about = AxisAbout(names, ("", "", "m/s", "rpm"), roles, logs, ((0.0, 9.0), (2.0, 8.00000001)) * 2, (0.0, 8.0))
+    above, *below = panels_of(about)
+    assert [(one.name, one.colour) for one in above.curves] == [("yaw · a.csv", "blue"), ("gyro · b.csv", "orange")]
+    assert [(one.label, one.curves[0].kind, one.curves[0].colour) for one in below] == [
+        ("u", "line", "orange"),
+        ("n", "steps", "blue"),
+    ]
+    words = span_words(about)
+    assert "b.csv: 0 s to 9 s" in words
+    assert "The record: 0 s to 8 s, where every control is known and something is measured." in words
+
+
+def test_of_two_answers_for_one_part_of_a_page_the_last_is_shown():
+    built = []
+
+    class Part(nullcontext):
+        is_deleted = False
+
+        def clear(self):
+            built.clear()
+
+    async def later(seconds, what):
+        await asyncio.sleep(seconds)
+        return what
+
+    async def both():
+        part = Part()
+        await asyncio.gather(
+            fill(part, later(0.02, "first"), built.append, patience=9.0),
+            fill(part, later(0.01, "second"), built.append, patience=9.0),
+        )
+
+    asyncio.run(both())
+    assert built == ["second"]
+
+
+def test_every_view_stands_in_its_documentation():
+    text = (Path(__file__).parents[3] / "docs" / "dashboard.md").read_text()
+    assert [name for name in VIEWS.values() if f"\n| {name} |" not in text] == []

@@ -1,0 +1,242 @@
+"""What charts of results show: histograms that are densities, windows of predictions, axes that hold their bars, no foreign markup."""
+
+import json
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import xarray as xr
+
+pytest.importorskip("nicegui", reason="the dashboard needs NiceGUI: pip install -e '.[dashboard]'")
+
+from seatrial.campaign.store.structures import StoredCoefficient
+from seatrial.core.dataset_file import write_dataset
+from seatrial.core.display_units import shown_as_written
+from seatrial.core.errors import InputError
+from seatrial.dashboard import model_queries, prediction_views, result_charts, result_plots
+from seatrial.dashboard.charts import Curve, Panel, TimeChart, _series, legend_lines
+from seatrial.dashboard.downsample import Envelope
+from seatrial.dashboard.pages.compare import is_of_vehicle, joint_difference, shared_sides, side_by_side
+from seatrial.dashboard.pages.results import by_origin
+from seatrial.dashboard.view_models import FitAbout, Swept
+from tests.export.finished import finished
+
+
+@pytest.fixture
+def shown(monkeypatch):
+    """Options of charts, without a page."""
+    monkeypatch.setattr(result_charts, "chart", lambda options, title, height: options)
+
+
+def estimate(names, mean, sd, seed):
+    z = np.random.default_rng(seed).normal(size=(4, 5000, len(names)))
+    mean, sd = np.array(mean), np.array(sd)
+    at = mean[:, None] + sd[:, None] * np.linspace(-4, 4, 41)
+    each = "parameter"
+    return xr.Dataset(
+        {
+            "draws": (("chain", "draw", each), mean + sd * z),
+            **{name: (each, values) for name, values in {"mean": mean, "mode": mean, "laplace_sd": sd}.items()},
+            "prior_lower": (each, at[:, 0]),
+            "prior_upper": (each, at[:, -1]),
+            "prior_value": ((each, "point"), at),
+            "prior_density": ((each, "point"), np.full_like(at, 1 / 8) / sd[:, None]),
+            "label": (each, names),
+            "unit": (each, ["kg/m"] * len(names)),
+        },
+        coords={each: names},
+    )
+
+
+def test_posteriors_are_densities_in_the_unit_of_their_axis():
+    names, sd = ["X_uabsu", "T_nabsn"], [0.1, 2e-5]
+    data = {"M-0": estimate(names, [-2.9, 6.3e-4], sd, 0), "M-1": estimate(names[1:], [6.4e-4], sd[1:], 1)}
+    found = result_plots._marginal("T_nabsn", data, {"T_nabsn": 6.35e-4}, shown_as_written({}))
+    width = found.edges[1] - found.edges[0]
+    assert found.exponent == -4
+    assert list(found.density) == ["M-0", "M-1"]
+    assert found.truth == pytest.approx(6.35)
+    assert found.density["M-0"].sum() * width == pytest.approx(1.0, abs=0.002)  # all but the outermost draws
+    assert np.trapezoid(found.normal, found.grid) == pytest.approx(1.0, abs=0.01)
+    assert found.interval == pytest.approx((6.3 - 1.96 * 0.2, 6.3 + 1.96 * 0.2), abs=0.02)
+    inside = np.abs(found.grid - 6.3) < 0.5
+    assert found.prior[inside] == pytest.approx(1 / 8 / 0.2, rel=1e-6)
+
+
+def test_the_legend_of_posteriors_has_as_many_lines_as_it_needs(shown):
+    data = {f"M-{i}": estimate(["X_u"], [-2.9], [0.1], i) for i in range(4)}
+    one = result_plots._marginal("X_u", data, {}, shown_as_written({}))
+    options = result_charts.marginal_chart(one)
+    names = [line["name"] for line in options["series"]]
+    assert names == ["M-0", "prior", "normal approximation", "M-1", "M-2", "M-3"]
+    assert "type" not in options["legend"]
+    assert options["grid"]["top"] == 24 + 20 * legend_lines(names, result_charts.NARROWEST) == 84
+    alone = result_charts.marginal_chart(one._replace(density={"M-0": one.density["M-0"]}))
+    assert (alone["legend"]["show"], alone["grid"]["top"]) == (False, 24)
+
+
+def test_a_posterior_with_other_fields_is_said_in_words(tmp_path):
+    write_dataset(tmp_path / "M-0.nc", estimate(["X_u"], [-2.9], [0.1], 0).drop_vars("unit"))
+    with pytest.raises(InputError, match="a result with other fields") as said:
+        result_plots.estimated((tmp_path / "M-0.nc",), ())
+    assert "seatrial run" in said.value.remedy
+    with pytest.raises(InputError, match="a result with other fields"):
+        result_plots.marginals((("M-0", tmp_path / "M-0.nc"),), (), ())
+
+
+def test_a_held_control_is_drawn_as_steps_however_many_samples_a_column_has():
+    least, greatest = np.array([-1.0, -1.0, 1.0, -1.0, -1.0]), np.array([-1.0, 1.0, 1.0, 1.0, -1.0])
+    drawn = _series(Curve("n", "logged", "ink", "steps"), Envelope(np.arange(5.0), least, greatest))
+    assert drawn["step"] == "end"
+    assert [row[1] for row in drawn["data"]] == [-1, -1, -1, 1, 1, 1, 1, -1, -1, -1]
+    assert _series(Curve("u", "measured"), Envelope(np.arange(5.0), least, greatest))["step"] is False
+
+
+def test_a_window_of_a_prediction_is_that_of_the_whole(tmp_path, monkeypatch):
+    time = np.concatenate([np.arange(50) * 0.1, np.arange(80) * 0.1])
+    measured, mean = np.sin(time)[:, None], np.cos(time)[:, None]
+    rows = {"record": np.repeat([0, 1], [50, 80]), "time": time}
+    values = {"measured": measured, "mean": mean, "sd": np.full_like(mean, 0.5)}
+    data = xr.Dataset({**{k: ("row", v) for k, v in rows.items()}, **{k: (("row", "c"), v) for k, v in values.items()}})
+    write_dataset(tmp_path / "predictions.nc", data)
+    about = SimpleNamespace(records=("1", "2"), held_back=("2",), channels=("u",))
+    monkeypatch.setattr(prediction_views, "predicted", lambda _: about)
+    found = prediction_views.fit_view(tmp_path / "predictions.nc", 1, 0, 2.0, 4.0, 720)
+    inside = slice(50 + 19, 50 + 42)  # one row more at each end, as a line leaves the picture
+    assert found["mean"].time == pytest.approx(time[inside])
+    assert found["measured"].least == pytest.approx(measured[inside, 0])
+    assert found["band"].greatest - found["band"].least == pytest.approx(2 * 1.6449 * 0.5, rel=1e-4)
+    assert found["residual"].greatest == pytest.approx(((measured - mean) / 0.5)[inside, 0])
+    whole = prediction_views.fit_about(tmp_path / "predictions.nc", 1, 0)
+    assert (whole.span, whole.is_held_back) == (pytest.approx((0.0, 7.9)), True)
+
+
+@pytest.mark.parametrize("values", [[0.95, 0.6, -0.4], [-0.9, 0.5], [0.01, -0.02]])
+def test_the_axis_of_the_autocorrelation_holds_its_bars(shown, values):
+    about = FitAbout((0.0, 9.0), "u", "m/s", False, np.arange(1.0, len(values) + 1), np.array(values), 0.05)
+    ends = result_charts.correlation_chart(about, "blue")["yAxis"]
+    assert ends["min"] < min(*values, -about.white)
+    assert ends["max"] > max(*values, about.white)
+    assert not ends["axisLabel"]["showMinLabel"]
+    assert not ends["axisLabel"]["showMaxLabel"]
+
+
+def test_the_surface_leaves_out_what_breaks_a_limit_and_shows_no_foreign_markup(shown):
+    gain = np.array([[[1.0, 2.0], [np.nan, 3.0]]])
+    found = Swept(
+        *(("doublet",), "n", "rpm", (100.0, 200.0), (5.0, 10.0), gain, gain, (0, 1, 1), ("<b>X_u",), (1.0,)),
+        *(np.ones((1, 2, 2, 1)), gain, gain, "the priors", {}, (), (), ()),
+    )
+    options = result_charts.surface_chart(found, 0, "gain", (0, 0))
+    cells = options["series"][0]["data"]
+    assert [cell[:3] for cell in cells] == [[0, 0, 1.0], [1, 0, 2.0], [1, 1, 3.0]]
+    assert "<b>X_u" not in json.dumps(options)
+    assert options["series"][1]["data"] == [[1, 1]]
+
+
+def test_noise_of_two_campaigns_is_no_contradiction():
+    blank = dict.fromkeys(list(StoredCoefficient.__dataclass_fields__)[3:], 0.0) | {"model_error_sd": None}
+
+    def side(mean, noise, unit="kg/s", wider=None):
+        rows = (("X_u", mean, 0.1, unit, wider), ("sigma_u", noise, 0.001, "m/s", None))
+        return SimpleNamespace(
+            coefficients=tuple(
+                StoredCoefficient(n, u, "", **{**blank, "mean": m, "sd": s, "model_error_sd": w})
+                for n, m, s, u, w in rows
+            )
+        )
+
+    ours, theirs = side(-1.0, 0.05), side(-1.5, 0.08)
+    (found,) = shared_sides(ours, theirs)
+    apart = joint_difference(ours.coefficients[0], theirs.coefficients[0])
+    assert found.name == "X_u"
+    assert found.at == pytest.approx((0.0, -apart))
+    assert apart == pytest.approx(0.5 / np.hypot(0.1, 0.1))
+    wide = side(
+        -1.5, 0.08, wider=0.4
+    )  # its ± with model error: 1.2 joint standard deviations, where 3.5 would contradict
+    assert joint_difference(ours.coefficients[0], wide.coefficients[0]) == pytest.approx(0.5 / np.hypot(0.1, 0.4))
+    (found,) = shared_sides(ours, wide)
+    assert found.sd == pytest.approx((0.1 / np.hypot(0.1, 0.4), 0.4 / np.hypot(0.1, 0.4)))
+    per_mass = side(-1.5, 0.08, "1/s")  # of a campaign whose mass is unknown
+    assert shared_sides(ours, per_mass) == []
+    assert joint_difference(ours.coefficients[0], per_mass.coefficients[0]) is None
+    assert not any(map(is_of_vehicle, ("sigma_u", "bias_u", "lag_u", "current[1]", "u_0[run 1]")))
+
+
+def test_compare_prints_why_a_probability_means_nothing():
+    def side(*alarms):
+        structure = SimpleNamespace(label="M-0", probability=0.99)
+        about = {
+            "chosen": "M-0",
+            "terms": ("X_u",),
+            "structures": (structure,),
+            "next_trial": SimpleNamespace(best=None),
+        }
+        return SimpleNamespace(coefficients=(), alarms=alarms, choice_alarms=alarms, cautions=(), **about)
+
+    html = side_by_side(side("residuals of u are <correlated>"), side(), "a", "b")
+    assert "residuals of u are &lt;correlated&gt;" in html
+    assert "alarms about it" in html
+    assert "alarms about it" not in side_by_side(side(), side(), "a", "b")
+
+
+def test_only_targets_that_can_hold_the_vehicle_are_offered(tmp_path):
+    folder = str(finished(tmp_path / "c"))
+    alone = {one.name: one for one in model_queries.export_targets(folder, "") if not one.is_trial}
+    assert [name for name, one in alone.items() if not one.refusal] == ["json", "csv"]
+    assert "v w p q r" in alone["gz"].refusal
+    rests = model_queries.export_rests(folder)
+    assert "remus100_hall_anstee" in rests
+    assert "bluerov2_heavy" not in rests
+    whole = {one.name: one for one in model_queries.export_targets(folder, "remus100_hall_anstee") if not one.is_trial}
+    assert whole["gz"].refusal == ""
+    assert any("K_nabsn" in term for term in whole["gz"].unsupported)
+    trials = [one for one in model_queries.export_targets(folder, "") if one.is_trial]
+    assert all("no schedule" in one.refusal for one in trials)
+
+
+def test_probabilities_of_the_screening_stand_apart_from_those_of_simulated_structures():
+    selection = SimpleNamespace(inclusion={"X_u": 0.96, "X_u3": 0.11, "T_un": 0.24, "X_0": 0.3})
+    structures = (("X_u",), ("X_u", "T_un"), ("X_u", "X_0"))
+    summary = SimpleNamespace(structures=tuple(SimpleNamespace(terms=terms) for terms in structures))
+    simulated, screened = by_origin(selection, summary).values()
+    assert simulated == ["X_0", "T_un"]
+    assert screened == ["X_u", "X_u3"]
+
+
+def test_a_legend_has_as_many_lines_as_its_width_needs():
+    labels = ["90 % band", "measured", "predicted", "90 % of residuals", "residual"]
+    assert [legend_lines(labels, width) for width in (800, 340, 200, 100)] == [1, 2, 4, 5]
+    curves = tuple(Curve(label, label, "blue") for label in labels)
+    panels = (Panel("u", "m/s", curves[:3], 200), Panel("residual", "sd", curves[3:], 110))
+    drawn = {one.name: Envelope(*3 * [np.linspace(0.0, 1.0, 3)]) for one in curves}
+    options = TimeChart(panels, None, (0.0, 1.0), "u")._options(drawn)
+    assert "type" not in options["legend"]  # it never pages
+    wide, *layouts = (one["option"] for one in options["media"])
+    assert wide["legend"]["left"] == "30%"
+    for one in layouts:
+        first, second = one["grid"]
+        assert first["top"] + first["height"] < second["top"]
+        assert second["top"] + second["height"] == pytest.approx(wide["grid"][1]["top"] + wide["grid"][1]["height"])
+    narrow = next(one["option"] for one in options["media"][1:] if one["query"]["maxWidth"] == 380)
+    assert narrow["grid"][0]["top"] >= wide["grid"][0]["top"] + 40
+
+
+def test_curves_of_a_legend_differ_by_more_than_colour():
+    """Dots, bands, steps and three predicted lines: no two icons are alike, and a line has the dashes of its icon."""
+    curves = (
+        *(
+            Curve("a", "measured", "dots", "dots"),
+            Curve("b", "band", "blue", "band"),
+            Curve("c", "told", "ink", "steps"),
+        ),
+        *(Curve(shade, shade, shade) for shade in ("blue", "orange", "purple")),
+    )
+    chart = TimeChart((Panel("u", "m/s", curves),), None, (0.0, 1.0), "u")
+    drawn = {one.name: Envelope(*3 * [np.linspace(0.0, 1.0, 3)]) for one in curves}
+    options = chart._options(drawn)
+    icons = [one["icon"] for one in options["legend"]["data"]]
+    assert len(set(icons)) == len(curves)
+    assert [one["lineStyle"]["type"] for one in options["series"][3:]] == ["solid", "dashed", "dotted"]
+    assert [icon.count("M") for icon in icons[3:]] == [1, 3, 7]
