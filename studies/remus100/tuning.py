@@ -10,6 +10,7 @@ from seatrial.filters.noise_from_differences import noise_from_high_pass
 from seatrial.filters.run import FilterTrace
 from seatrial.filters.square_root import SquareRootUnscentedKalmanFilter
 from seatrial.filters.tuning import check_tuning
+from seatrial.messages.render import sentence
 from seatrial.numerics.gaussian import Gaussian
 from seatrial.report.figures.style import BLUE, INK, MUTED, ORANGE, PURPLE
 from seatrial.report.numbers import typeset
@@ -59,7 +60,7 @@ def tuning_part(study: Study) -> xr.Dataset:
                 }
             )
         )
-        said[change] = [finding.words for finding in check_tuning(_one(trace), space).findings]
+        said[change] = [sentence(finding) for finding in check_tuning(_one(trace), space).findings]
     report(len(CHANGES), len(CHANGES))
     stamps = STEP * np.arange(N_STEPS)
     noise = [noise_from_high_pass(stamps, trials.measured[0, :, i]) for i in range(2)]

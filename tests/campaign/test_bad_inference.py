@@ -142,8 +142,9 @@ def test_a_lag_against_its_lower_bound_is_none():
 
 
 def test_prior_and_data_that_contradict_each_other():
-    (said,) = cautions(*fitted(Normal(0.0, 1.0), 9.0, sd=0.5))
-    assert said.startswith("prior and data contradict each other about X_u: the data pull it to 7.2 1, where its prior")
+    (found,) = cautions(*fitted(Normal(0.0, 1.0), 9.0, sd=0.5))
+    assert (found.code, found.subject) == ("prior-contradicted", ("X_u",))
+    assert found.values["value"] == pytest.approx(7.2, abs=0.01)
     assert cautions(*fitted(Normal(0.0, 1.0), 2.0)) == []
 
 
@@ -155,11 +156,12 @@ def test_where_the_likelihood_is_nan_is_said_with_the_parameters():
     """A quarter of the prior, beyond 0.5."""
     target, mode = fitted(Uniform(-1.0, 1.0), -0.3, edge=0.5)
     assert mode.values == pytest.approx([-0.3, 0.2], abs=0.01)
-    (said,) = cautions(target, mode)
-    share, parameters = said.removeprefix("the model cannot be simulated in ").split(" of the prior, for example at ")
-    assert float(share.rstrip("%")) == pytest.approx(25, abs=4 * 100 * np.sqrt(0.25 * 0.75 / 512))
-    assert 0.5 < float(parameters.split("X_u = ")[1].split(",")[0]) < 1.0
-    assert "nearly always with X_u above 0.5" in said
+    (found,) = cautions(target, mode)
+    assert found.code == "prior-not-simulated"
+    assert found.values["share"] == pytest.approx(0.25, abs=4 * np.sqrt(0.25 * 0.75 / 512))
+    assert 0.5 < dict(found.values["example"])["X_u"] < 1.0
+    assert (found.values["parameter"], found.values["is_above"]) == ("X_u", True)
+    assert found.values["value"] == pytest.approx(0.5, abs=0.05)
 
 
 def test_where_the_likelihood_is_nan_everywhere_a_point_is_given():

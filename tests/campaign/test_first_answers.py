@@ -19,6 +19,7 @@ from seatrial.campaign.workflow.steps import LOOP
 from seatrial.cli.commands.loop import _refuse_chains_unasked
 from seatrial.core.dataset_file import open_dataset
 from seatrial.core.errors import InputError
+from seatrial.core.findings import Finding
 from seatrial.vehicles.simulate import simulate
 from tests.campaign.small import NO_X_U, write_small
 
@@ -124,7 +125,9 @@ def test_a_prior_that_the_data_contradict_is_told_beside_the_mode(tmp_path):
     wrong = 'distribution = "uniform"\nlower = -8.8\nupper = 0.0', 'distribution = "normal"\nmean = -9.0\nsd = 0.2'
     campaign = load_campaign(write_small(tmp_path, *NO_X_U, wrong))
     (answer,) = posterior_modes(campaign, get_trials(campaign))
-    assert "prior and data contradict each other about X_uabsu: the data pull it to -" in answer.caution
+    (found,) = [one for one in answer.cautions if isinstance(one, Finding) and one.code == "prior-contradicted"]
+    assert found.subject == ("X_uabsu",)
+    assert found.values["value"] < 0
 
 
 def test_the_mode_predicts_what_was_held_back(tmp_path):

@@ -33,19 +33,19 @@ def test_a_tuned_filter_needs_no_other_p_q_or_r(small):
     From priors this wide the filter is a little too sure of itself: its errors squared are five times what it states.
     """
     (one,) = check(small)
-    assert {finding.change for finding in one.report.findings} == {"trial"}
+    assert {finding.code for finding in one.report.findings} == {"not-settled"}
     assert one.tuned
     assert one.constants == ("X_uabsu", "T_nabsn", "X_u")
     sd, error, _ = one.noise["u"]
     assert abs(sd - 0.05) < 3 * error
     assert 0.1 < one.report.nees < 10.0
-    assert one.lines()[-1].endswith("run the trial longer")
+    assert one.lines()[-1].endswith("Run the trial longer")
 
 
 def test_too_large_a_process_noise_is_named(small):
     (one,) = check(small, ("[estimation]", f'{DRIFT}"1 m/s" }}\n[estimation]'))
-    assert [finding[:2] for finding in one.report.findings] == [("Q", "down")]
-    assert "lower Q of u" in one.lines()[-1]
+    assert [finding.values["what"] for finding in one.report.findings] == ["Q"]
+    assert "Lower Q of u" in one.lines()[-1]
     assert not one.tuned
 
 

@@ -11,6 +11,7 @@ from seatrial.filters.extended import ExtendedKalmanFilter
 from seatrial.filters.noise_from_differences import MAX_ORDER, _relative_error, noise_from_high_pass
 from seatrial.filters.run import run_filter
 from seatrial.filters.tuning import LEVEL, TuningReport, _band, _findings, check_tuning
+from seatrial.messages.render import sentence
 from tests.cases import X_U, naive_rk4, surge_rate
 from tests.estimation_cases import golden_motion
 from tests.filters.surge_trial import MEASUREMENT_SD, TRUE_STATE, surge_space
@@ -43,6 +44,11 @@ def report(seed, p=1.0, q=1.0, r=1.0, n=N, gaps=None):
     return check_tuning(run_filter(ExtendedKalmanFilter(), space, control, measured, step), space, truth)
 
 
+def changes_of(findings):
+    """What each finding changes, and in which direction."""
+    return [(finding.values["what"], finding.values["direction"]) for finding in findings]
+
+
 @pytest.mark.parametrize("gaps", [None, (3, 4)], ids=["complete", "two rates"])
 @pytest.mark.parametrize("seed", SEEDS)
 def test_well_tuned(seed, gaps):
@@ -61,38 +67,38 @@ def test_well_tuned(seed, gaps):
     ("factors", "change", "words"),
     [
         ({"r": 100}, ("R", "down"), ["smaller than R alone", "u to a standard deviation of 0.02", "udot"]),
-        ({"r": 0.01}, ("R", "up"), ["chases the noise", "raise R of u", "udot to a standard deviation of 0.0"]),
-        ({"q": 1e4}, ("Q", "down"), ["though not smaller than R", "chases the noise", "lower Q of u"]),
-        ({"q": 1e-4}, ("Q", "up"), ["are correlated in time", "raise Q of u"]),
-        ({"p": 1e6}, ("P", "down"), ["less than P_0 expects", "lower P_0 of X_uabsu, T_nabsn"]),
-        ({"p": 1e-3}, ("P", "up"), ["raise P_0 of X_uabsu, T_nabsn, then check again"]),
+        ({"r": 0.01}, ("R", "up"), ["chases the noise", "Raise R of u", "udot to a standard deviation of 0.0"]),
+        ({"q": 1e4}, ("Q", "down"), ["though not smaller than R", "chases the noise", "Lower Q of u"]),
+        ({"q": 1e-4}, ("Q", "up"), ["are correlated in time", "Raise Q of u"]),
+        ({"p": 1e6}, ("P", "down"), ["less than P_0 expects", "Lower P_0 of X_uabsu and T_nabsn"]),
+        ({"p": 1e-3}, ("P", "up"), ["Raise P_0 of X_uabsu and T_nabsn, then check again"]),
     ],
     ids=lambda x: str(x) if isinstance(x, dict) else "",
 )
 def test_the_wrong_matrix_is_named(factors, change, words, seed):
     findings = report(seed, **factors).findings
-    assert [finding[:2] for finding in findings] == [change]
-    assert all(word in findings[0].words for word in words)
+    assert changes_of(findings) == [change]
+    assert all(word in sentence(findings[0]) for word in words)
 
 
 def test_one_wrong_channel_is_named():
     (finding,) = report(0, r=np.array([1.0, 100.0])).findings
-    assert finding[:2] == ("R", "down")
-    assert "udot to a standard deviation of 0.05" in finding.words
-    assert "of u " not in finding.words
+    assert finding.code == "r-too-large"
+    assert finding.subject == ("udot",)
+    assert finding.values["sds"][0] == pytest.approx(0.05, rel=0.1)
 
 
 def test_noise_that_moves_the_constants_is_no_fault_of_p():
     """Measured noise taken for motion of u pushes a constant further than P_0 allows; small innovations tell it from a small P_0."""
     found = report(1, p=0.01, q=np.array([1e6, 1.0, 1.0]))
     assert found.moved > found.moved_band[1]
-    assert [finding[:2] for finding in found.findings] == [("Q", "down")]
+    assert changes_of(found.findings) == [("Q", "down")]
 
 
 def test_constants_that_may_drift_are_erratic():
     findings = report(0, q=np.array([1.0, 1e9, 1e9])).findings
-    assert {finding[:2] for finding in findings} == {("Q", "down")}
-    assert any("erratic" in finding.words and "lower Q of X_uabsu" in finding.words for finding in findings)
+    assert set(changes_of(findings)) == {("Q", "down")}
+    assert any((finding.code, finding.subject) == ("estimate-erratic", ("X_uabsu",)) for finding in findings)
 
 
 def test_trial_that_is_too_short_has_not_settled():
@@ -101,7 +107,7 @@ def test_trial_that_is_too_short_has_not_settled():
     control = np.where(np.arange(100)[:, None] < 80, control[0], control[0] + 40)
     space = surge_space(TRUE_STATE, 100 * PRIOR_SD, PROCESS_SD, MEASUREMENT_SD)
     found = check_tuning(run_filter(ExtendedKalmanFilter(), space, control, measured[:100], step[:100]), space)
-    assert ("trial", "longer") in [finding[:2] for finding in found.findings]
+    assert ("trial", "longer") in changes_of(found.findings)
     assert found.settling.min() < 0.75
     assert np.isnan(found.nees)
 
@@ -125,7 +131,7 @@ def test_wrong_truth_is_noticed():
     space = surge_space(TRUE_STATE, PRIOR_SD, PROCESS_SD, MEASUREMENT_SD)
     trace = run_filter(ExtendedKalmanFilter(), space, control, measured, step)
     (finding,) = check_tuning(trace, space, truth + 8 * np.asarray(trace.sds)[-1]).findings
-    assert "errors squared" in finding.words
+    assert finding.code == "states-beyond-stated"
 
 
 def test_traces_that_cannot_be_judged():
@@ -305,23 +311,23 @@ TUNED = TuningReport(
 )
 def test_each_finding_from_both_sides_of_its_limit(numbers, changes):
     found = _findings(replace(TUNED, **numbers), SPACE, [5000, 5000])
-    assert [finding[:2] for finding in found] == changes
+    assert changes_of(found) == changes
 
 
 def test_what_the_findings_say_in_numbers():
     def words(**numbers):
         (finding,) = _findings(replace(TUNED, **numbers), SPACE, [5000, 5000])
-        return finding.words
+        return sentence(finding)
 
     assert "moved 4 times as far" in words(moved=16.0)
     assert "20 times less" in words(moved=0.0025)
     assert "of T_nabsn grew by 20%" in words(settling=np.array([0.9, 1.2]))
     assert "of X_uabsu still fell by 40%" in words(settling=np.array([0.6, 0.9]))
     assert "NIS 1.5 for each" in words(nis=1.5, spread=np.array([1.0, 4.0]))
-    assert f"raise R of udot to a standard deviation of {2 * MEASUREMENT_SD[1]:.2g} or" in words(
+    assert f"Raise R of udot to a standard deviation of {2 * MEASUREMENT_SD[1]:.2g} or" in words(
         nis=1.5, spread=np.array([1.05, 4.0])
     )
-    assert f"lower R of u to a standard deviation of {0.5 * MEASUREMENT_SD[0]:.2g} or" in words(
+    assert f"Lower R of u to a standard deviation of {0.5 * MEASUREMENT_SD[0]:.2g} or" in words(
         spread=np.array([0.25, 1.0])
     )
     assert "of udot are correlated in time (-0.30)" in words(correlation=np.array([0.2, -0.3]), whiteness=np.zeros(2))
@@ -363,7 +369,7 @@ def test_twenty_measurements_in_the_second_half_are_enough(measured_in_half, jud
 def test_small_innovations_of_few_measurements_may_be_chance(counts, found):
     """A mean of 50 squares is below 0.7 by chance too often to tell, one of 5000 never is."""
     findings = _findings(replace(TUNED, spread=np.array([1.0, 0.7])), SPACE, counts)
-    assert [finding[:2] for finding in findings] == found
+    assert changes_of(findings) == found
 
 
 def test_a_signal_that_no_order_removes_counts_at_the_highest():

@@ -266,21 +266,13 @@ class Check(TypedDict):
     records: list[Checked]
 
 
-class Change(TypedDict):
-    """What of a filter to change: P, Q, R or the trial, and which way."""
-
-    change: str
-    direction: str
-    words: str
-
-
 class Tuned(TypedDict):
     """One record: normalised innovation squared with its band, and what to change."""
 
     record: str
     nis: Number
     nis_band: list[Number]
-    changes: list[Change]
+    changes: list[Finding]
 
 
 class Tuning(TypedDict):

@@ -203,7 +203,7 @@ def tuning(found: Iterable[Any]) -> dict[str, Any]:
     """Return how a filter is tuned along each record."""
 
     def row(one: Any) -> dict[str, Any]:
-        changes = [picked(finding, shapes.Change) for finding in one.report.findings]
+        changes = list(map(row_of, one.report.findings))
         return picked(one.report, shapes.Tuned, record=one.record.label, changes=changes)
 
     return {"records": list(map(row, found))}

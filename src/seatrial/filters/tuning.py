@@ -6,13 +6,13 @@ d^T (P_0 - P_N + N Q)^-1 d is chi-squared.
 """
 
 from dataclasses import dataclass, replace
-from typing import Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 from scipy.special import chdtrc, chdtri
 
 from seatrial.core.errors import InputError, NumericalError
+from seatrial.core.findings import Finding, Value
 from seatrial.filters.run import FilterTrace
 from seatrial.numerics.state_space import StateSpace
 
@@ -24,14 +24,6 @@ RELEVANT = 0.1
 ERRATIC = 2.0
 SHRINKING, GROWING = 0.75, 1.1
 """A standard deviation that falls as one over the square root of time keeps 0.87 of its value over the last quarter."""
-
-
-class TuningFinding(NamedTuple):
-    """One thing that is wrong: what to change, the direction, and reason and remedy in words."""
-
-    change: Literal["P", "Q", "R", "trial"]
-    direction: Literal["up", "down", "longer"]
-    words: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +58,7 @@ class TuningReport:
     erratic: Float[np.ndarray, " c"]
     nees: float
     nees_band: tuple[float, float]
-    findings: tuple[TuningFinding, ...] = ()
+    findings: tuple[Finding, ...] = ()
 
 
 def check_tuning(trace: FilterTrace, space: StateSpace, truth: Float[np.ndarray, " d"] | None = None) -> TuningReport:
@@ -117,79 +109,65 @@ def check_tuning(trace: FilterTrace, space: StateSpace, truth: Float[np.ndarray,
     return replace(report, findings=tuple(_findings(report, space, [column.size for column in innovations])))
 
 
-def _findings(report: TuningReport, space: StateSpace, counts: list[int]) -> list[TuningFinding]:
+def _findings(report: TuningReport, space: StateSpace, counts: list[int]) -> list[Finding]:
     """Return what to change, the most telling check of each matrix first.
 
     A P that holds the constants fast hides all else, unless innovations are small: then it is noise that moves them.
     """
-    constants = space.states[space.n_dynamic :]
+    constants = tuple(space.states[space.n_dynamic :])
     if report.moved > report.moved_band[1] and report.nis > min(report.nis_band[0], 1 - RELEVANT):
-        words = (
-            f"the constants moved {np.sqrt(report.moved):.0f} times as far from their first values as P_0 allows: raise P_0 of "
-            f"{', '.join(constants)}, then check again"
-        )
-        return [TuningFinding("P", "up", words)]
-    said = _innovation_findings(report, space, counts)
+        return [_finding("p-too-small", "P", "up", constants, ratio=float(np.sqrt(report.moved)))]
+    findings = _innovation_findings(report, space, counts)
     if report.moved < report.moved_band[0]:
-        words = (
-            f"the constants moved {1 / np.sqrt(max(report.moved, 1e-30)):.3g} times less than P_0 expects, so that the first "
-            f"estimates jump about: lower P_0 of {', '.join(constants)}"
-        )
-        said.append(TuningFinding("P", "down", words))
-    noisy_r = any(finding[:2] == ("R", "up") for finding in said)
+        ratio = float(1 / np.sqrt(max(report.moved, 1e-30)))
+        findings.append(_finding("p-too-large", "P", "down", constants, ratio=ratio))
+    noisy_r = any(one.code == "r-too-small" for one in findings)
     for name, erratic, settling in zip(constants, report.erratic, report.settling, strict=True):
         if erratic > ERRATIC and not noisy_r:
-            words = f"the estimate of {name} is erratic: it travels {erratic:.1f} times as far as it should; lower Q of {name}"
-            said.append(TuningFinding("Q", "down", words))
+            findings.append(_finding("estimate-erratic", "Q", "down", (name,), ratio=float(erratic)))
         if settling > GROWING:
-            words = (
-                f"the standard deviation of {name} grew by {settling - 1:.0%} over the last quarter: lower Q of {name}"
-            )
-            said.append(TuningFinding("Q", "down", f"{words}, or end the trial before it goes quiet"))
+            findings.append(_finding("sd-growing", "Q", "down", (name,), change=float(settling - 1)))
         if settling < SHRINKING:
-            words = f"the standard deviation of {name} still fell by {1 - settling:.0%} over the last quarter"
-            said.append(TuningFinding("trial", "longer", f"{words}: it has not settled, run the trial longer"))
-    if not said and report.nees > report.nees_band[1]:
-        words = f"errors squared are {report.nees:.1f} times what the filter states: raise Q, or look for what the model lacks"
-        said.append(TuningFinding("Q", "up", words))
-    if not said and report.nees < report.nees_band[0]:
-        said.append(
-            TuningFinding("Q", "down", f"errors squared are {report.nees:.3g} times what the filter states: lower Q")
-        )
-    return said
+            findings.append(_finding("not-settled", "trial", "longer", (name,), change=float(1 - settling)))
+    if not findings and report.nees > report.nees_band[1]:
+        findings.append(_finding("states-beyond-stated", "Q", "up", (), ratio=report.nees))
+    if not findings and report.nees < report.nees_band[0]:
+        findings.append(_finding("states-below-stated", "Q", "down", (), ratio=report.nees))
+    return findings
 
 
-def _innovation_findings(report: TuningReport, space: StateSpace, counts: list[int]) -> list[TuningFinding]:
+def _finding(code: str, what: str, direction: str, subject: tuple[str, ...], **values: Value) -> Finding:
+    """Return what to change of P, Q, R or the trial, and in which direction."""
+    return Finding(code, "caution", subject, {"what": what, "direction": direction, **values}, (code,))
+
+
+def _innovation_findings(report: TuningReport, space: StateSpace, counts: list[int]) -> list[Finding]:
     significant = np.where(report.whiteness < LEVEL, report.correlation, 0.0)
     worst = int(np.argmax(np.abs(significant)))
-    follows = f"innovations of {space.outputs[worst]} are correlated in time ({report.correlation[worst]:+.2f})"
     sluggish, chasing = significant[worst] > RELEVANT, significant[worst] < -RELEVANT
-    too_large = (
-        f"innovations are smaller than the filter expects (NIS {report.nis:.2g} for each measurement, expected 1)"
-    )
-    too_small = (
-        f"innovations are larger than the filter expects (NIS {report.nis:.3g} for each measurement, expected 1)"
-    )
-    dynamic = ", ".join(space.states[: space.n_dynamic])
+    channel, dynamic = space.outputs[worst], tuple(space.states[: space.n_dynamic])
+    values: dict[str, Value] = {"nis": report.nis}
+    if chasing:
+        values |= {"chased": channel, "correlation": float(report.correlation[worst])}
 
-    def sds(channels: list[int]) -> str:
-        result = np.sqrt(report.spread) * np.asarray(space.measurement_sd)
-        return ", ".join(f"{space.outputs[i]} to a standard deviation of {result[i]:.2g} or less" for i in channels)
+    def sds(channels: list[int]) -> tuple[float, ...]:
+        return tuple(float(x) for x in (np.sqrt(report.spread) * np.asarray(space.measurement_sd))[channels])
 
     low = [i for i, count in enumerate(counts) if report.spread[i] < min(_band(count)[0], 1 - RELEVANT)]
     if low:
-        return [TuningFinding("R", "down", f"{too_large}, and smaller than R alone: lower R of {sds(low)}")]
+        named = tuple(space.outputs[i] for i in low)
+        return [_finding("r-too-large", "R", "down", named, nis=report.nis, sds=sds(low))]
     if report.nis < min(report.nis_band[0], 1 - RELEVANT):
-        chased = f", and {follows}: the filter chases the noise" if chasing else ""
-        return [TuningFinding("Q", "down", f"{too_large}, though not smaller than R{chased}: lower Q of {dynamic}")]
+        return [_finding("q-too-large", "Q", "down", dynamic, **values)]
     if report.nis > max(report.nis_band[1], 1 + RELEVANT) and not sluggish:
         high = [i for i, spread in enumerate(report.spread) if spread > 1 + RELEVANT]
-        chased = f", and {follows}: the filter chases the noise" if chasing else ""
-        return [TuningFinding("R", "up", f"{too_small}{chased}: raise R of {sds(high)}")]
+        named = tuple(space.outputs[i] for i in high)
+        return [_finding("r-too-small", "R", "up", named, **values, sds=sds(high))]
+    correlation = float(report.correlation[worst])
     if sluggish:
-        return [TuningFinding("Q", "up", f"{follows}: the filter trusts its model too much; raise Q of {dynamic}")]
+        return [_finding("innovations-sluggish", "Q", "up", dynamic, channel=channel, correlation=correlation)]
     if chasing:
-        return [TuningFinding("Q", "down", f"{follows}: the filter chases the noise; lower Q of {dynamic}")]
+        return [_finding("innovations-chasing", "Q", "down", dynamic, channel=channel, correlation=correlation)]
     return []
 
 

@@ -9,9 +9,11 @@ from seatrial.messages.entry import Entry, Remedy, listed
 
 def thresholds() -> dict[str, float]:
     """Return the limits that the entries name."""
-    from seatrial.estimation.posterior.step_shift import MIN_SHIFT
+    from seatrial.estimation.diagnostics import prior_checks
+    from seatrial.estimation.posterior import prior_bounds, step_shift
 
-    return {"MIN_SHIFT": MIN_SHIFT}
+    files = (step_shift, prior_bounds, prior_checks)
+    return {name: value for file in files for name, value in vars(file).items() if isinstance(value, float)}
 
 
 def _moved(values: Mapping[str, Any]) -> str:
@@ -21,7 +23,53 @@ def _moved(values: Mapping[str, Any]) -> str:
     return "the simulation's steps of {step:.2g} s are too long: steps half as long move " + text
 
 
+def _lost(values: Mapping[str, Any]) -> str:
+    example = ", ".join(f"{name} = {x:.4g}" for name, x in values["example"])
+    side = "above" if values.get("is_above") else "below"
+    where = f", nearly always with {{parameter}} {side} {{value:.4g}} {{unit}}" if "parameter" in values else ""
+    return f"the model cannot be simulated in {{share:.0%}} of the prior, for example at {example}{where}; such values count as impossible"
+
+
 ENTRIES = {
+    "prior-contradicted": Entry(
+        title="Prior and data contradict each other",
+        sentence="prior and data contradict each other about {subject[0]}: the data pull it to {value:.4g} {unit}, where its prior has "
+        "less than one chance in 10 000",
+        meaning="The result is a compromise between a prior and data that exclude each other.",
+        decided="The mode is more than {FAR:g} standard deviations from the middle of a prior without bounds.",
+        example=Finding("prior-contradicted", "caution", ("X_u",), {"value": 7.2, "unit": "kg/s"}, ("widen-or-check",)),
+    ),
+    "posterior-cut-off": Entry(
+        title="Posterior at a bound of its prior",
+        sentence="the posterior of {subject[0]} is cut off at the bound {value:.4g} {unit} of its prior ({share:.0%} of it lies there): "
+        "the prior decides as much as the data",
+        meaning="The bound, and not the data, ends the interval.",
+        decided="More than {LEANING:.0%} of the posterior within {EDGE:.0%} of the width of the prior from a bound.",
+        example=Finding(
+            "posterior-cut-off", "caution", ("X_u",), {"value": 0.0, "unit": "kg/s", "share": 0.3}, ("widen-prior",)
+        ),
+    ),
+    "prior-not-simulated": Entry(
+        title="Prior without a simulation",
+        sentence=_lost,
+        meaning="Part of the prior describes vehicles that cannot be simulated, such as those without damping.",
+        decided="The likelihood is not finite in more than {SOME:.0%} of the draws from the prior; a parameter is named if its mean rank "
+        "differs there by {APART:g}.",
+        example=Finding(
+            "prior-not-simulated",
+            "caution",
+            ("X_u",),
+            {
+                "share": 0.2,
+                "example": (("X_u", 3.1),),
+                "parameter": "X_u",
+                "is_above": True,
+                "value": 0.5,
+                "unit": "kg/s",
+            },
+            ("narrow-prior",),
+        ),
+    ),
     "steps-too-long": Entry(
         title="Simulation steps too long",
         sentence=_moved,
@@ -38,6 +86,9 @@ ENTRIES = {
     ),
 }
 REMEDIES = {
+    "widen-or-check": Remedy(command="widen the prior, or check units and signs"),
+    "widen-prior": Remedy(command="widen the prior, or give a reason for the bound"),
+    "narrow-prior": Remedy(command="narrow the prior if that is not meant"),
     "shorter-step": Remedy(
         command='set step = "{shorter:.2g} s" under [import]',
         python="read the log again with step={shorter:.2g}",

@@ -15,6 +15,7 @@ from seatrial.core.record import Record
 from seatrial.core.signals import signal_unit
 from seatrial.filters.noise_from_differences import NoiseEstimate, noise_from_high_pass
 from seatrial.filters.tuning import TuningReport, check_tuning
+from seatrial.messages.render import sentence
 from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.simulate import simulate
 
@@ -41,7 +42,7 @@ class RecordTuning:
     @property
     def tuned(self) -> bool:
         """Whether P, Q and R can stay as they are."""
-        return all(finding.change == "trial" for finding in self.report.findings)
+        return all(finding.code == "not-settled" for finding in self.report.findings)
 
     def lines(self) -> list[str]:
         """The check in lines of text: numbers, what they may be by chance, and what to change."""
@@ -66,7 +67,7 @@ class RecordTuning:
             said.append(
                 f"  noise of {name} from the record: {found if isinstance(found, str) else _noise(name, found)}"
             )
-        findings = [f"  -> {finding.words}" for finding in report.findings]
+        findings = [f"  -> {sentence(finding)}" for finding in report.findings]
         return [*said, *(findings or ["  -> nothing to change"])]
 
 

@@ -10,11 +10,12 @@ from jaxtyping import Bool, Float
 from seatrial.compiled.random_keys import seeded_key
 from seatrial.core.coefficients import is_coefficient
 from seatrial.core.errors import InputError
+from seatrial.core.findings import Finding, Message, Value
 from seatrial.estimation.diagnostics.identifiability import identifiability_of_fit
 from seatrial.estimation.posterior.information import slopes_of_present
 from seatrial.estimation.posterior.mode import Mode
 from seatrial.estimation.posterior.posterior import Parameter, Posterior, values_of
-from seatrial.estimation.posterior.prior_bounds import DECIDES, EDGE, leaning_bounds, scaled_bounds
+from seatrial.estimation.posterior.prior_bounds import EDGE, leaning_bounds, scaled_bounds
 from seatrial.sampling.target import AT_ONCE, evaluate
 
 GAIN = 10.0
@@ -61,8 +62,8 @@ def check_prior_contains_data(posterior: Posterior, mode: Mode, where: Callable[
 
 def information_complaints(
     posterior: Posterior, mode: Mode, draws: Float[np.ndarray, "n d"], at: Mapping[str, float] | None = None
-) -> list[str]:
-    """Say which parameters the data cannot inform or inform only together, where prior and data disagree, and where there is no model.
+) -> list[Message]:
+    """Report which parameters the data cannot inform or inform only together, where prior and data disagree, and where there is no model.
 
     Args:
         posterior: posterior.
@@ -70,15 +71,27 @@ def information_complaints(
         draws: posterior draws in the parameters' own units.
         at: operating point, signal name to SI value, at which sums of force coefficients have a meaning.
     """
-    said, at_bounds = identifiability_of_fit(posterior, mode, draws, at).cautions(), dict(mode.at_bounds)
+    cautions: list[Message] = [*identifiability_of_fit(posterior, mode, draws, at).cautions()]
+    at_bounds = dict(mode.at_bounds)
     for parameter, column in zip(posterior.present_parameters, draws.T, strict=True):
         leaning = [
-            f"the posterior of {parameter.name} is cut off at the bound {parameter.said(bound)} of its prior ({share:.0%} of it within "
-            f"{EDGE:.0%} of the width): {DECIDES}"
+            Finding(
+                "posterior-cut-off",
+                "caution",
+                (parameter.name,),
+                {"share": share, **_shown(parameter, bound)},
+                ("widen-prior",),
+            )
             for bound, share in leaning_bounds(parameter, column)
         ]
-        said += leaning or filter(None, [at_bounds.get(parameter.name)])
-    return said + prior_contradictions(posterior, mode) + _lost_region(posterior)
+        cautions += leaning or filter(None, [at_bounds.get(parameter.name)])
+    return [*cautions, *prior_contradictions(posterior, mode), *_lost_region(posterior)]
+
+
+def _shown(parameter: Parameter, value: float) -> dict[str, Value]:
+    """Return a value of a parameter in the unit in which it is shown, and that unit, as values of a finding."""
+    factor, unit = parameter.shown or (1.0, parameter.unit)
+    return {"value": float(value) * factor, "unit": unit}
 
 
 def _remedy(parameter: Parameter, bound: float, gain: float) -> str:
@@ -101,40 +114,37 @@ def _remedy(parameter: Parameter, bound: float, gain: float) -> str:
     return f"widen the prior, or check {checks}"
 
 
-def prior_contradictions(posterior: Posterior, mode: Mode) -> list[str]:
+def prior_contradictions(posterior: Posterior, mode: Mode) -> list[Finding]:
     """Return the priors without bounds that the data pull far from their middle; z is standard normal under them."""
     return [
-        f"prior and data contradict each other about {parameter.name}: the data pull it to {parameter.said(value)}, where its "
-        "prior has less than one chance in 10 000; the result is a compromise: widen the prior, or check units and signs"
+        Finding("prior-contradicted", "caution", (parameter.name,), _shown(parameter, value), ("widen-or-check",))
         for parameter, value, z in zip(posterior.present_parameters, mode.values, mode.z, strict=True)
         if not all(map(isfinite, parameter.prior.bounds)) and abs(z) > FAR
     ]
 
 
-def _lost_region(posterior: Posterior) -> list[str]:
+def _lost_region(posterior: Posterior) -> list[Finding]:
     """Return where the prior allows values whose likelihood is not finite: how much of it, and the parameter that sets it apart."""
     z = np.asarray(posterior.sample_prior(seeded_key(0), AT_ONCE))
     lost = ~np.isfinite(evaluate(posterior, z))
     if not SOME < lost.mean() < 1.0:
         return []
     values = values_of(posterior, z)[:, posterior.places]
-    example = ", ".join(f"{name} = {x:.4g}" for name, x in zip(posterior.present_names, values[lost][0], strict=True))
-    return [
-        f"the model cannot be simulated in {lost.mean():.0%} of the prior, for example at {example}{_where(posterior, values, lost)}; "
-        "such values count as impossible: narrow the prior if that is not meant"
-    ]
+    example = tuple((name, float(x)) for name, x in zip(posterior.present_names, values[lost][0], strict=True))
+    stated = {"share": float(lost.mean()), "example": example, **_where(posterior, values, lost)}
+    return [Finding("prior-not-simulated", "caution", posterior.present_names, stated, ("narrow-prior",))]
 
 
-def _where(posterior: Posterior, values: Float[np.ndarray, "n d"], lost: Bool[np.ndarray, " n"]) -> str:
+def _where(posterior: Posterior, values: Float[np.ndarray, "n d"], lost: Bool[np.ndarray, " n"]) -> dict[str, Value]:
     """Return the parameter that best sets apart what is lost, if one does: its chance to be the larger in a pair, one lost, one not."""
     ranks = scipy.stats.rankdata(values, axis=0)
     apart = (ranks[lost].mean(0) - ranks[~lost].mean(0)) / lost.size
     worst = int(np.argmax(np.abs(apart)))
     if abs(apart[worst]) < APART:
-        return ""
+        return {}
     parameter, column, above = posterior.present_parameters[worst], values[lost, worst], apart[worst] > 0
     edge = np.quantile(column, 0.05 if above else 0.95)
-    return f", nearly always with {parameter.name} {'above' if above else 'below'} {parameter.said(edge)}"
+    return {"parameter": parameter.name, "is_above": bool(above), **_shown(parameter, float(edge))}
 
 
 def _suspect_bounds(parameter: Parameter, value: float) -> list[tuple[float, float]]:
