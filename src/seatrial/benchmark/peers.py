@@ -1,8 +1,8 @@
 """Methods of other packages, used where they are installed: sparse regression by PySINDy, and a subspace model by nfoursid."""
 
-import importlib
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -31,7 +31,8 @@ def fit_sindy(problem: Problem) -> Fitted:
     Raises:
         InputError: PySINDy is not installed.
     """
-    sindy = _library("pysindy", "pysindy")
+    with _peer("pysindy"):
+        import pysindy as sindy
     scales = _Scales.of(problem)
     runs = [scales.standard(record) for record in problem.records]
     best: tuple[float, Any] | None = None
@@ -59,7 +60,8 @@ def fit_n4sid(problem: Problem) -> Fitted:
     Raises:
         InputError: nfoursid is not installed, or there are too many samples for it.
     """
-    module = _library("nfoursid.nfoursid", "nfoursid")
+    with _peer("nfoursid"):
+        from nfoursid import nfoursid as module
     import pandas as pd
 
     scales = _Scales.of(problem)
@@ -200,14 +202,15 @@ def _better(best: tuple[float, Any] | None, error: float, candidate: Any) -> tup
     return (error, candidate) if best is None or error < best[0] else best
 
 
-def _library(module: str, package: str) -> Any:
-    """Import a peer.
+@contextmanager
+def _peer(package: str) -> Iterator[None]:
+    """Import a peer in the block.
 
     Raises:
         InputError: it is not installed.
     """
     try:
-        return importlib.import_module(module)
+        yield
     except ImportError as cause:
         raise InputError(
             f"method of {package}",

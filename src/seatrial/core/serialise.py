@@ -26,7 +26,7 @@ AS_LIST = BeforeValidator(lambda values: np.asarray(values, float))
 @lru_cache(maxsize=256)
 def adapter_of(kind: Any) -> TypeAdapter[Any]:
     """Return the adapter of a type, in a tuple because a dataclass takes no settings from outside."""
-    return TypeAdapter(tuple[kind], config=ConfigDict(arbitrary_types_allowed=True, ser_json_inf_nan="constants"))
+    return TypeAdapter(tuple[kind], config=ConfigDict(arbitrary_types_allowed=True, ser_json_inf_nan="constants"))  # pyright: ignore[reportInvalidTypeForm]
 
 
 def to_plain(result: Any, kind: Any = None, stored: bool = True) -> Any:

@@ -1,8 +1,7 @@
 """Markov chain samplers behind one protocol: every module of the family is a sampler, chosen by name from one table."""
 
 from collections.abc import Iterator, Mapping
-from importlib import import_module
-from typing import Any, Protocol, cast, get_args
+from typing import Any, Protocol, get_args
 
 import jax
 from jaxtyping import Array, Float
@@ -42,9 +41,20 @@ class _Samplers(Mapping[str, Sampler]):
     """The modules of the family by name, each imported when it is looked up: the No-U-Turn sampler brings a library of its own."""
 
     def __getitem__(self, name: str) -> Sampler:
-        if name not in get_args(SamplerName):
-            raise KeyError(name)
-        return cast(Sampler, import_module(f"seatrial.sampling.{name.replace('-', '_')}"))
+        match name:
+            case "independence-metropolis":
+                from seatrial.sampling import independence_metropolis as sampler
+            case "adaptive-metropolis":
+                from seatrial.sampling import adaptive_metropolis as sampler
+            case "metropolis":
+                from seatrial.sampling import metropolis as sampler
+            case "de-metropolis":
+                from seatrial.sampling import de_metropolis as sampler
+            case "nuts":
+                from seatrial.sampling import nuts as sampler
+            case _:
+                raise KeyError(name)
+        return sampler
 
     def __iter__(self) -> Iterator[str]:
         return iter(get_args(SamplerName))

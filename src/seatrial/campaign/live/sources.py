@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 from seatrial.core.errors import InputError
-from seatrial.logs.formats.protocol import LOG_TIME, optional
-from seatrial.logs.formats.telemetry import packets
+from seatrial.logs.formats.protocol import LOG_TIME
+from seatrial.logs.formats.telemetry import mavlink, packets
 
 CHUNK = 1 << 16
 """Bytes that are read at a time."""
@@ -170,7 +170,7 @@ class MavlinkUdp:
     suffix = ".tlog"
 
     def __init__(self, host: str, port: int, wanted: Container[str]):
-        optional("pymavlink.dialects.v20.ardupilotmega", "ardupilot", Path("MAVLink over UDP"))
+        mavlink(Path("MAVLink over UDP"))
         self.wanted = wanted
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 22)

@@ -4,7 +4,6 @@
 unit, limits and schedule.
 """
 
-import importlib
 import os
 import shutil
 import tempfile
@@ -58,7 +57,17 @@ def bag_libraries(folder: Path) -> tuple[Any, Any]:
     Raises:
         InputError: the library is not installed.
     """
-    return _library("rosbags.rosbag2", folder), _library("rosbags.typesys", folder)
+    try:
+        import rosbags.rosbag2 as rosbag2
+        import rosbags.typesys as typesys
+    except ModuleNotFoundError as cause:
+        raise InputError(
+            str(folder),
+            found="rosbags, which writes ROS 2 bags, is not installed",
+            expected="the extra `ros`",
+            remedy=install_extra("ros"),
+        ) from cause
+    return rosbag2, typesys
 
 
 def _fill(bag: Any, store: Any, trial: Trial) -> None:
@@ -70,15 +79,3 @@ def _fill(bag: Any, store: Any, trial: Trial) -> None:
     values = np.append(value_at(trial, time), np.full(REST, NEUTRAL))
     for t, value in zip(STEP * np.arange(values.size), values, strict=True):
         bag.write(command, round(t * 1e9), store.serialize_cdr(number(data=float(value)), number.__msgtype__))
-
-
-def _library(module: str, folder: Path) -> Any:
-    try:
-        return importlib.import_module(module)
-    except ModuleNotFoundError as cause:
-        raise InputError(
-            str(folder),
-            found="rosbags, which writes ROS 2 bags, is not installed",
-            expected="the extra `ros`",
-            remedy=install_extra("ros"),
-        ) from cause

@@ -173,8 +173,9 @@ def _messages(log: LogFile, end: _End) -> Iterator[_Message]:
         InputError: the library is missing.
         ValueError: damage.
     """
-    mcap = optional("mcap.stream_reader", "ros", log.path)
-    errors = optional("mcap.exceptions", "ros", log.path)
+    with optional("ros", log.path):
+        import mcap.exceptions as errors
+        import mcap.stream_reader as mcap
     channels: dict[int, _Channel] = {}
     size = max(log.path.stat().st_size, 1)
     with log.path.open("rb") as stream:

@@ -34,7 +34,8 @@ def _recognises(path: Path, head: bytes) -> bool:
 
 
 def _catalogue(log: LogFile) -> tuple[TableInfo, ...]:
-    arrow = optional("pyarrow", "parquet", log.path)
+    with optional("parquet", log.path):
+        import pyarrow as arrow
     with _opened(log) as file:
         columns = [ColumnInfo(name, unit) for field in file.schema_arrow for name, unit in _leaves(arrow, field)]
         stamps = tuple(column.name for column in columns if column.unit)
@@ -54,7 +55,9 @@ def _blocks(log: LogFile, wanted: Wanted) -> Iterator[Block]:
 
 
 def _opened(log: LogFile) -> Any:
-    return optional("pyarrow.parquet", "parquet", log.path).ParquetFile(log.path, memory_map=True)
+    with optional("parquet", log.path):
+        from pyarrow.parquet import ParquetFile
+    return ParquetFile(log.path, memory_map=True)
 
 
 def _leaves(arrow: Any, field: Any, prefix: str = "") -> Iterator[tuple[str, str | None]]:
@@ -82,7 +85,8 @@ def _top(name: str, tops: list[str]) -> str:
 
 
 def _values(batch: Any, name: str) -> np.ndarray:
-    arrow = optional("pyarrow", "parquet", Path(name))
+    with optional("parquet", Path(name)):
+        import pyarrow as arrow
     top = _top(name, batch.schema.names)
     column, rest = batch.column(batch.schema.names.index(top)), name.removeprefix(top)
     missing = np.zeros(len(column), bool)

@@ -5,13 +5,13 @@ named numeric *columns* on common rows. Some columns may serve as *clock*. A for
 the wanted numbers to blocks of a few thousand rows and hands them on.
 """
 
-import importlib
 import re
 from array import array
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -195,11 +195,11 @@ def unreadable(path: Path, cause: OSError) -> InputError:
     )
 
 
-def optional(module: str, extra: str, path: Path) -> Any:
-    """Import a library that an extra installs.
+@contextmanager
+def optional(extra: str, path: Path) -> Iterator[None]:
+    """Import in the block a library that an extra installs.
 
     Args:
-        module: name by which it is imported.
         extra: of seatrial, that installs it.
         path: of the log, for the error.
 
@@ -207,11 +207,11 @@ def optional(module: str, extra: str, path: Path) -> Any:
         InputError: it is not installed; names the command that installs it.
     """
     try:
-        return importlib.import_module(module)
+        yield
     except ModuleNotFoundError as cause:
         raise InputError(
             str(path),
-            found=f"a log that {module.split('.')[0]} reads, which is not installed",
+            found=f"a log that {str(cause.name).split('.')[0]} reads, which is not installed",
             expected=f"the extra `{extra}`",
             remedy=install_extra(extra),
         ) from cause

@@ -126,8 +126,12 @@ def _opened(log: LogFile) -> Any:
         with log.path.open("rb") as stream:
             is_first = stream.read(len(_ROS_1)) == _ROS_1
         if is_first:
-            return optional("rosbags.rosbag1", "ros", log.path).Reader(log.path)
-    return optional("rosbags.rosbag2", "ros", log.path).Reader(log.path)
+            with optional("ros", log.path):
+                from rosbags.rosbag1 import Reader as Reader1
+            return Reader1(log.path)
+    with optional("ros", log.path):
+        from rosbags.rosbag2 import Reader
+    return Reader(log.path)
 
 
 def _is_cdr(reader: Any) -> bool:
@@ -170,7 +174,8 @@ def _steps(kind: str, definition: Any, is_cdr: bool, log: LogFile) -> tuple[tupl
 
 
 def _definitions(kind: str, definition: Any, log: LogFile) -> Definitions:
-    typesys = optional("rosbags.typesys", "ros", log.path)
+    with optional("ros", log.path):
+        import rosbags.typesys as typesys
     if definition.format.name == "MSG":
         return typesys.get_types_from_msg(definition.data, kind)
     if definition.format.name == "IDL":

@@ -27,7 +27,6 @@ from seatrial.logs.formats.protocol import (
     optional,
 )
 
-_DIALECT = "pymavlink.dialects.v20.ardupilotmega"
 _PIECE = 1 << 22
 _VERSION_1, _VERSION_2 = 0xFE, 0xFD
 _LONGEST = 8 + 10 + 255 + 2 + 13
@@ -88,7 +87,7 @@ def packets(data: bytes, time: int, wanted: Container[str]) -> list[Packet]:
     Raises:
         InputError: without pymavlink.
     """
-    dialect = optional(_DIALECT, "ardupilot", Path("MAVLink over UDP"))
+    dialect = mavlink(Path("MAVLink over UDP"))
     stamp, at, found = struct.pack(">Q", time), 0, []
     while at < len(data):
         piece = stamp + data[at:]
@@ -123,8 +122,22 @@ def _catalogue(log: LogFile) -> tuple[TableInfo, ...]:
     return _index_of(log).tables
 
 
+def mavlink(path: Path) -> Any:
+    """Return the messages of ArduPilot as pymavlink has them.
+
+    Args:
+        path: of the log, for the error.
+
+    Raises:
+        InputError: without pymavlink.
+    """
+    with optional("ardupilot", path):
+        import pymavlink.dialects.v20.ardupilotmega as dialect
+    return dialect
+
+
 def _blocks(log: LogFile, wanted: Wanted) -> Iterator[Block]:
-    messages = optional(_DIALECT, "ardupilot", log.path).mavlink_map
+    messages = mavlink(log.path).mavlink_map
     where = _index_of(log).where
     chosen: dict[int, list[tuple[str, tuple[int, int] | None]]] = {}
     for table in wanted:
@@ -168,7 +181,7 @@ def _index_of(log: LogFile) -> _Index:
 @lru_cache(maxsize=4)
 def _index(path: Path, size: int, changed: int) -> _Index:
     """Count the messages of each type and sender; kept, since a catalogue is followed by a reading."""
-    messages = optional(_DIALECT, "ardupilot", path).mavlink_map
+    messages = mavlink(path).mavlink_map
     counts: dict[int, dict[tuple[int, int], int]] = {}
     skipped = _Skipped()
     for _, kind, sender, _, _ in _records(path, messages, skipped):
@@ -191,7 +204,7 @@ def _records(
     path: Path, messages: Mapping[int, Any], skipped: _Skipped
 ) -> Iterator[tuple[int, int, tuple[int, int], bytes, int]]:
     """Yield the time, type, sender and payload of every message whose check bytes are right, and how far the log is read."""
-    checksum = optional(_DIALECT, "ardupilot", path).x25crc
+    checksum = mavlink(path).x25crc
     held, base = b"", 0
     with path.open("rb") as stream:
         while True:

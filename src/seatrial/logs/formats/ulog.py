@@ -78,7 +78,8 @@ def _read(log: LogFile, topics: Sequence[str] | None = None) -> tuple[dict[str, 
         log: where.
         topics: names of those to read; all of them where there are none.
     """
-    pyulog = optional("pyulog", "px4", log.path)
+    with optional("px4", log.path):
+        import pyulog
 
     class Topic(pyulog.ULog._MessageAddLogged):
         def __init__(self, *announcement: Any):
