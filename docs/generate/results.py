@@ -172,8 +172,9 @@ EXAMPLES = {"records/RUN.nc": "records/trial.nc", "posterior/LABEL.nc": "posteri
 INTRODUCTION = """# Result files
 
 Everything is under `results/` of the campaign's folder: netCDF-4 files that xarray opens, and plain text. Each carries
-`seatrial_version`, the number of its `format`, a `key` of everything it depends on, and `sha256_of_content`. A file whose key is not that of today's campaign is made
-again when it is needed; a file that was damaged or edited by hand is refused.
+`seatrial_version`, the number of its `format`, a `key` of everything it depends on, and `sha256_of_content`. A file whose key is
+not that of today's campaign is made again when it is needed; a file of another format, or one that was damaged or edited by hand, is
+refused.
 
 ```python
 import xarray as xr
