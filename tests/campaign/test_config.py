@@ -46,7 +46,7 @@ MISTAKES = {
     "improper prior": (("lower = -3.6", "lower = -inf"), "finite", "would believe"),
     "unknown vehicle": (('"remus100_surge"', '"remus10_surge"'), "no such vehicle", 'did you mean "remus100_surge"?'),
     "unknown channel": (("[sensors.u]", "[sensors.w]"), 'channel "w"', "udot"),
-    "unknown control": (('control = "n"', 'control = "delta_r"'), "design.control", "n"),
+    "unknown control": (('control = "n"', 'control = "n_1"'), "design.control", "n"),
     "limit of another control": (("[limits.n]", "[limits.m]"), "limits.m", "use one of: n"),
     "no quiet tail": (('active = "20 s"', 'active = "40 s"'), "design.active", "lengthen"),
     "unknown code of a finding": (

