@@ -19,7 +19,7 @@ from seatrial.campaign.workflow.loop import run_sequence, summarise
 from seatrial.campaign.workflow.next_trial import Proposal, propose, settling
 from seatrial.core.errors import InputError
 from seatrial.report.sections.summary import answer, summary_section
-from seatrial.selection.verdict import OTHER_NOISE, select
+from seatrial.selection.verdict import OTHER_NOISE_VERDICT, select
 from tests.campaign.small import SMALL
 from tests.report.outcomes import make_outcome, make_pooled
 
@@ -166,7 +166,7 @@ def test_residuals_that_contradict_the_noise_are_an_alarm_wherever_a_probability
     assert doubted.alarms[0] == alarm
     assert not doubted.is_reliable
     assert not doubted.is_settled
-    assert doubted.verdicts[-1] == OTHER_NOISE
+    assert doubted.verdicts[-1] == OTHER_NOISE_VERDICT
     assert alarm in repr(doubted)
     assert undecided_words(doubted).endswith(IF_NOISE)
     found = replace(outcome, selection=doubted)

@@ -12,10 +12,10 @@ from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.design import expected_gain
 from seatrial.design.expected_gain import (
-    FEW,
     FREEDOM,
-    LEAST_ESS,
-    STEEPEST,
+    MAX_CURVATURE,
+    MAX_POOR_SHARE,
+    MIN_ESS,
     Explained,
     GainSettings,
     _log_student,
@@ -256,19 +256,19 @@ def test_correction_and_its_error_from_given_explanations(monkeypatch):
         (correction.mean(), correction.std(ddof=1) / np.sqrt(40)), rel=1e-6
     )
     assert (told["draws"], told["outer"], told["inner"]) == (100, 40, 32)
-    assert (told["median_ess"], told["low_ess"]) == pytest.approx((np.median(ess), np.quantile(ess, FEW)))
+    assert (told["median_ess"], told["low_ess"]) == pytest.approx((np.median(ess), np.quantile(ess, MAX_POOR_SHARE)))
     assert found.status == ""
 
 
-@pytest.mark.parametrize(("few", "refused"), [(FEW - 0.01, False), (FEW + 0.01, True)])
-@pytest.mark.parametrize("low", [LEAST_ESS - 0.01, np.nan])
+@pytest.mark.parametrize(("few", "refused"), [(MAX_POOR_SHARE - 0.01, False), (MAX_POOR_SHARE + 0.01, True)])
+@pytest.mark.parametrize("low", [MIN_ESS - 0.01, np.nan])
 def test_gains_are_refused_where_too_many_draws_rest_on_too_few(few, refused, low):
-    ess = np.full(200, LEAST_ESS + 0.01)
+    ess = np.full(200, MIN_ESS + 0.01)
     ess[: round(200 * few)] = low
     said = _refusal(ess, 32, "use more")
     assert bool(said) == refused
     assert not refused or said.endswith("use more")
-    assert _refusal(np.full(200, LEAST_ESS), 32, "use more") == ""
+    assert _refusal(np.full(200, MIN_ESS), 32, "use more") == ""
 
 
 def test_importance_draws_are_student_s_and_cancel_in_pairs():
@@ -308,7 +308,7 @@ def test_precision_and_slope_of_the_prior_against_differences():
     bend = (2 * here - below - above) / 9e-10
     assert bend[0] > 100 > 1 > bend[1]
     np.testing.assert_allclose(rise, (above - below) / 6e-5, atol=1e-5)
-    np.testing.assert_allclose(precision, information + np.diag([STEEPEST, 1.0, 1.0]), rtol=1e-6)
+    np.testing.assert_allclose(precision, information + np.diag([MAX_CURVATURE, 1.0, 1.0]), rtol=1e-6)
 
 
 def test_draws_that_cannot_be_simulated_count_as_impossible():

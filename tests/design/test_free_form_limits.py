@@ -10,7 +10,7 @@ from scipy.optimize import minimize
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.design import free_form_optimise
 from seatrial.design.cost import PropellerPower, in_joules
-from seatrial.design.free_form import ALIKE, TIGHT, ClimbOutcome, _change, _margin, _status
+from seatrial.design.free_form import ACTIVE_SHARE, EQUAL_GAIN, ClimbOutcome, _change, _margin, _status
 from seatrial.design.free_form_objective import Course, _blocks
 from seatrial.design.free_form_optimise import ROUNDING, Climb, _multisines, best_of, doublets, gentled, ready_starts
 from seatrial.design.free_form_problem import FreeFormProblem, Room, check_problem
@@ -139,8 +139,8 @@ def test_multisines_are_sums_of_the_lowest_harmonics():
     ("side", "reached", "left", "active"),
     [
         (1.0, 4.0, 1.0, False),
-        (1.0, 5.0 - 0.9 * TIGHT * 10, 0.9 * TIGHT * 10, True),
-        (1.0, 5.0 - 1.1 * TIGHT * 10, 1.1 * TIGHT * 10, False),
+        (1.0, 5.0 - 0.9 * ACTIVE_SHARE * 10, 0.9 * ACTIVE_SHARE * 10, True),
+        (1.0, 5.0 - 1.1 * ACTIVE_SHARE * 10, 1.1 * ACTIVE_SHARE * 10, False),
         (1.0, 5.0 + 1e-12, 0.0, True),
         (-1.0, 6.0, 1.0, False),
         (-1.0, 5.0, 0.0, True),
@@ -155,7 +155,7 @@ def test_margin_is_what_is_left_to_the_bound(side, reached, left, active):
 def test_status_counts_starts_that_end_alike_and_those_that_did_not_settle():
     outcomes = tuple(
         ClimbOutcome(name, 1.0, 2.0, utility, np.zeros(1), 3, name != "c")
-        for name, utility in (("a", 5.0), ("b", 5.0 - 0.9 * ALIKE), ("c", 5.0 - 1.1 * ALIKE), ("d", 4.0))
+        for name, utility in (("a", 5.0), ("b", 5.0 - 0.9 * EQUAL_GAIN), ("c", 5.0 - 1.1 * EQUAL_GAIN), ("d", 4.0))
     )
     said = _status(outcomes[0], outcomes)
     assert said.startswith("5.000 nats from a; 2 of 4 starts end within")

@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.design.limit_conflicts import (
-    GENTLER,
+    GENTLER_REMEDY,
     NoDesignAllowed,
     check_some_allowed,
     conflicting_pairs,
@@ -290,7 +290,7 @@ def test_limit_that_excludes_all():
     wider = NoDesignAllowed("", found="", expected="", ways=ways._replace(widths=(2 * ways.widths[0],)))
     assert remedy_of_any([wider, error]) == remedy_of_any([travelled]) == remedy
     assert remedy_of_any([wider, NumericalError("it diverges"), error]) == (
-        f"widen u at most 0.5 m/s by {miss:.3g} m/s or more; or narrow the priors{GENTLER}"
+        f"widen u at most 0.5 m/s by {miss:.3g} m/s or more; or narrow the priors{GENTLER_REMEDY}"
     )
 
 

@@ -305,11 +305,11 @@ def test_constants_are_those_that_the_vehicle_was_built_with():
 @pytest.mark.thorough
 def test_compare_says_that_a_slow_error_was_taken_as_white_and_its_remedy_works(monkeypatch):
     """Evidences are given. White 0.1 with slow 0.03 m/s over 5 s at 10 Hz, of which the neighbours' correlation is 0.08."""
-    from seatrial.selection import verdict
+    from seatrial.selection import compare
 
     given = [st.Evidence(value, 0.01, "given") for value in (5.0, 0.0, 5.0, 0.0)]
-    monkeypatch.setattr(verdict, "gather", lambda *_: None)
-    monkeypatch.setattr(verdict.Gathering, "evidence", lambda _: given.pop(0))
+    monkeypatch.setattr(compare, "run_schedule", lambda *_: None)
+    monkeypatch.setattr(compare.EvidenceSchedule, "evidence", lambda _: given.pop(0))
     time, rng = 0.1 * np.arange(3000), np.random.default_rng(4)
     schedule = st.Schedule(time, {"n": np.repeat(rng.uniform(800, 1400, 60), 50) * RPM})
     white = st.simulate(MODEL, TRUTH | {"sigma_u": 0.1}, schedule, ["u"], start=START, key=2)

@@ -8,7 +8,7 @@ import pytest
 
 from seatrial.core.errors import InputError
 from seatrial.logs.align import align
-from seatrial.logs.clock_shift import FEWEST, OVERLAP, Samples, _correlations, shift_between
+from seatrial.logs.clock_shift import MIN_COMMON_STEPS, MIN_OVERLAP, Samples, _correlations, shift_between
 from seatrial.logs.log_table import read_log_table
 from tests.logs.log_cases import column
 
@@ -26,7 +26,7 @@ def test_correlations_are_those_of_a_loop_over_every_shift():
     naive = {}
     for lag in range(1 - b.size, a.size):
         pairs = [(a[i + lag], b[i]) for i in range(b.size) if 0 <= i + lag < a.size]
-        if len(pairs) >= max(FEWEST, OVERLAP * b.size):
+        if len(pairs) >= max(MIN_COMMON_STEPS, MIN_OVERLAP * b.size):
             naive[lag] = np.corrcoef(np.array(pairs).T)[0, 1]
     assert list(lags) == list(naive)
     np.testing.assert_allclose(found, list(naive.values()), atol=1e-12)

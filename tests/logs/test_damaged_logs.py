@@ -366,7 +366,7 @@ def test_text_is_read_in_pieces(tmp_path, monkeypatch):
         source = LogSource(written(tmp_path, text, name), "t", "s", channels)
         whole = read_log_table(source)
         for rows in (1, 3):
-            monkeypatch.setattr("seatrial.logs.formats.text._ROWS", rows)
+            monkeypatch.setattr("seatrial.logs.formats.text._PIECE_ROWS", rows)
             pieces = read_log_table(source)
             monkeypatch.undo()
             np.testing.assert_array_equal(pieces.time, whole.time)
@@ -374,7 +374,7 @@ def test_text_is_read_in_pieces(tmp_path, monkeypatch):
             assert pieces.notes == whole.notes
     repeated = GOOD.replace("1.4,614", "1.3,614")
     source = LogSource(written(tmp_path, repeated.replace("\n", "\n\n")), "t", "s", channels)
-    monkeypatch.setattr("seatrial.logs.formats.text._ROWS", 3)
+    monkeypatch.setattr("seatrial.logs.formats.text._PIECE_ROWS", 3)
     with refusal('column "t", row 31', "same time stamp"):
         read_log_table(source)
     source = LogSource(written(tmp_path, GOOD.replace("1.14", "fast")), "t", "s", channels)

@@ -52,8 +52,8 @@ MODULES = ("matlab", "mcap_json", "moos", "netcdf", "npz", "parquet", "ros_messa
 def test_many_blocks_are_one_table(written, monkeypatch):
     for module in MODULES:
         monkeypatch.setattr(f"seatrial.logs.formats.{module}.BLOCK_ROWS", 7)
-    monkeypatch.setattr("seatrial.logs.formats.dataflash._PIECE", 100)
-    monkeypatch.setattr("seatrial.logs.formats.telemetry._PIECE", 100)
+    monkeypatch.setattr("seatrial.logs.formats.dataflash._PIECE_BYTES", 100)
+    monkeypatch.setattr("seatrial.logs.formats.telemetry._PIECE_BYTES", 100)
     raw = read_columns(LogFile(written.path), written.table, [written.surge, written.clock], [written.clock])
     np.testing.assert_array_equal(raw.columns[written.surge], written.surge_values)
     np.testing.assert_array_equal(raw.columns[written.clock], written.stamps)

@@ -14,7 +14,7 @@ from seatrial.sampling.tempered_smc import SMCResult, SMCSettings
 from seatrial.selection import further_modes as search
 from seatrial.selection import log_evidence as module
 from seatrial.selection.evidence import EvidenceSettings, combine_runs
-from seatrial.selection.importance import FREE
+from seatrial.selection.importance import NO_EDGES
 from seatrial.selection.log_evidence import (
     EvidenceRun,
     EvidenceSchedule,
@@ -400,5 +400,5 @@ def test_a_mode_is_new_where_it_is_far_off_or_higher_than_rounding_explains(away
         Mode(np.array([x, 0.0]), 4 * np.eye(2), np.eye(2) / 4, height, 0.0, np.zeros(2), np.ones(2), False)
         for x, height in ((0.0, -3.0), (5.0, -7.0))
     )
-    (found,) = search._is_new([first, second], FREE, np.array([[away / 2, 0.0]]), np.array([-3.0 + above]))
+    (found,) = search._is_new([first, second], NO_EDGES, np.array([[away / 2, 0.0]]), np.array([-3.0 + above]))
     assert found == new

@@ -301,7 +301,7 @@ def test_more_is_drawn_where_too_few_draws_count():
 
 
 def test_few_draws_are_reported(monkeypatch):
-    monkeypatch.setattr(importance, "MOST_DRAWS", 1.0)
+    monkeypatch.setattr(importance, "MAX_DRAW_FACTOR", 1.0)
     assert (
         "effective draws"
         in importance_evidence(PAIR.posterior, KEY, settings=ImportanceSettings(draws=128, pilot=128)).status

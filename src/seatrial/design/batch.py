@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 Utility = Callable[[np.ndarray], np.ndarray]
 """Utilities, shape (..., S), of information matrices, shape (..., S, k, k)."""
-ROUNDS = 20
+EXCHANGE_ROUNDS = 20
 """Exchanges of every trial, at most."""
 
 
@@ -49,7 +49,7 @@ def plan_batch(information: Float[np.ndarray, "D S k k"], utility: Utility, tria
     while len(chosen) < trials:
         chosen.append(int(np.argmax(worth(information[chosen].sum(0)))))
     best = float(np.asarray(utility(information[chosen].sum(0))).mean())
-    for _ in range(ROUNDS):
+    for _ in range(EXCHANGE_ROUNDS):
         before = best
         for place in range(trials):
             others = information[chosen[:place] + chosen[place + 1 :]].sum(0) if trials > 1 else nothing

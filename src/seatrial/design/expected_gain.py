@@ -40,7 +40,7 @@ from seatrial.numerics.triangular import cholesky_of_array
 
 FREEDOM = 8
 """Degrees of freedom of the multivariate t from which importance draws come: its tails are never lighter than those of a posterior."""
-LEAST_ESS, FEW = 8.0, 0.05
+MIN_ESS, MAX_POOR_SHARE = 8.0, 0.05
 """An estimate is refused if more than this share of its outer draws rest on fewer than so many effective inner draws."""
 
 
@@ -76,7 +76,7 @@ class _Peak(NamedTuple):
     step: Array
 
 
-STEEPEST = 10.0
+MAX_CURVATURE = 10.0
 """Curvature of a prior that the normal about a peak follows at most, per square of z."""
 
 
@@ -184,7 +184,7 @@ def importance_gain(
 
     Returns:
         The gain. Its diagnostics hold `laplace`, the Laplace gain of the same draws, the `correction` to it with its error, and
-        the effective inner draws of the median outer draw and of the one at the share `FEW` from below.
+        the effective inner draws of the median outer draw and of the one at the share `MAX_POOR_SHARE` from below.
     """
     _check(plan, belief, control)
     _check_sizes(settings)
@@ -304,15 +304,15 @@ def _climb(
         slope, shown = jax.jacfwd(both, has_aux=True)(candidate)
         information, pull = slope.T @ slope, slope.T @ (measured - shown)
         precision, rise = _with_prior(belief, candidate, information)
-        there = _Peak(
+        peak = _Peak(
             candidate,
             _height(belief, shown, candidate, measured, noise),
             precision,
             jax.scipy.linalg.cho_solve((cholesky_of_array(precision), True), pull + rise),
         )
-        better = there.height > best.height
+        better = peak.height > best.height
         shorter = best._replace(step=0.25 * best.step)
-        best = jax.tree.map(partial(jnp.where, better), there, shorter)
+        best = jax.tree.map(partial(jnp.where, better), peak, shorter)
         return (best, best.z + best.step), None
 
     k = origin.size
@@ -331,7 +331,7 @@ def _with_prior(belief: Belief, z: Array, information: Array) -> tuple[Array, Ar
         return jnp.sum(log_priors(belief, z))
 
     rise, curvature = jax.jvp(jax.grad(total), (z,), (jnp.ones_like(z),))
-    return information + jnp.diag(jnp.clip(-curvature, 1.0, STEEPEST)), rise
+    return information + jnp.diag(jnp.clip(-curvature, 1.0, MAX_CURVATURE)), rise
 
 
 def _local_gains(
@@ -357,15 +357,15 @@ def _information(plan: TrialPlan, belief: Belief, control: Array, z: Array) -> A
 
 
 def _of_weights(ess: np.ndarray) -> dict[str, float]:
-    return {"median_ess": float(np.median(ess)), "low_ess": float(np.quantile(ess, FEW))}
+    return {"median_ess": float(np.median(ess)), "low_ess": float(np.quantile(ess, MAX_POOR_SHARE))}
 
 
 def _refusal(ess: np.ndarray, inner: int, remedy: str) -> str:
-    share = float(np.mean(~(ess >= LEAST_ESS)))
-    if share <= FEW:
+    share = float(np.mean(~(ess >= MIN_ESS)))
+    if share <= MAX_POOR_SHARE:
         return ""
     return (
-        f"refused: {share:.0%} of {ess.size} outer draws rest on fewer than {LEAST_ESS:.0f} effective of {inner} inner draws "
+        f"refused: {share:.0%} of {ess.size} outer draws rest on fewer than {MIN_ESS:.0f} effective of {inner} inner draws "
         f"(median {np.median(ess):.1f}): {remedy}"
     )
 

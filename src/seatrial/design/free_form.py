@@ -20,9 +20,9 @@ from seatrial.design.free_form_optimise import ROUNDING, Climb, gentled, ready_s
 from seatrial.design.free_form_problem import FreeFormProblem, check_problem
 from seatrial.manoeuvres.manoeuvre import Manoeuvre
 
-TIGHT = 1e-3
+ACTIVE_SHARE = 1e-3
 """A limit is active when less than this share of its room is left."""
-ALIKE = 0.05
+EQUAL_GAIN = 0.05
 """Designs this close in nats are as good as each other: five per cent of one standard deviation."""
 
 
@@ -204,18 +204,18 @@ def _margins(climb: Climb, x: np.ndarray) -> tuple[LimitMargin, ...]:
 
 def _margin(name: str, reached: float, bound: float, side: float, scale: float) -> LimitMargin:
     left = max(0.0, side * (bound - reached))  # rounding may leave it an ulp beyond
-    return LimitMargin(name, reached, bound, left, left <= TIGHT * scale)
+    return LimitMargin(name, reached, bound, left, left <= ACTIVE_SHARE * scale)
 
 
 def _status(best: ClimbOutcome, outcomes: tuple[ClimbOutcome, ...]) -> str:
     gains = np.array([outcome.utility for outcome in outcomes])
-    said = [f"{best.utility:.3f} nats from {best.name}"]
+    messages = [f"{best.utility:.3f} nats from {best.name}"]
     if gains.size > 1:
-        alike = int((gains > best.utility - ALIKE).sum())
-        said.append(
-            f"{alike} of {gains.size} starts end within {ALIKE:g} nat of it, the worst {np.ptp(gains):.3f} below"
+        alike = int((gains > best.utility - EQUAL_GAIN).sum())
+        messages.append(
+            f"{alike} of {gains.size} starts end within {EQUAL_GAIN:g} nat of it, the worst {np.ptp(gains):.3f} below"
         )
     stopped = [outcome.name for outcome in outcomes if not outcome.converged]
     if stopped:
-        said.append(f"the gradient search had not settled from {', '.join(stopped)}: more steps may help")
-    return "; ".join(said)
+        messages.append(f"the gradient search had not settled from {', '.join(stopped)}: more steps may help")
+    return "; ".join(messages)

@@ -26,7 +26,7 @@ from seatrial.design.sweep import LANES, in_blocks
 # Inputs from which a free-form search may start: the best doublet, random binary levels, and the best of many
 # multisines.
 
-ROUNDS = 30
+PROJECTION_ROUNDS = 30
 """Of projections onto all limits."""
 
 
@@ -83,7 +83,7 @@ def gentled(problem: FreeFormProblem, x: Float[np.ndarray, "... m"]) -> Float[np
     x = np.clip(x, low, high)
     if most.size:
         norms, held = (rows**2).sum(1), np.zeros((*x.shape[:-1], most.size))
-        for i in np.tile(np.arange(most.size), ROUNDS):
+        for i in np.tile(np.arange(most.size), PROJECTION_ROUNDS):
             moved = np.maximum(held[..., i] + (x @ rows[i] - most[i]) / norms[i], 0.0) - held[..., i]
             held[..., i] += moved
             x = x - moved[..., None] * rows[i]
@@ -106,7 +106,7 @@ def _multisines(m: int, rng: np.random.Generator) -> Float[np.ndarray, "designs 
 
 ROUNDING = 1e-9
 """Shares of a limit's room, and nats, that are not told from zero."""
-SETTLED = 1e-5
+MIN_STEP_GAIN = 1e-5
 """Nats by which a step of the gradient search must still gain."""
 
 
@@ -203,7 +203,7 @@ class Climb:
             bounds=[self.problem.box] * x.size,
             constraints=constraints,
             callback=count,
-            options={"maxiter": steps, "ftol": SETTLED},
+            options={"maxiter": steps, "ftol": MIN_STEP_GAIN},
         )
         return self.pulled_in(result.x), done[0], bool(result.success)
 

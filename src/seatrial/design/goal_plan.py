@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-LEAST = 1e-3
+MIN_FALL = 1e-3
 """Fall of the sum below which another trial helps nothing."""
 
 
@@ -99,7 +99,7 @@ def choose_trials(
                 for stage, now in zip(stages, total, strict=True)
             ]
         )
-        if falls.max() < LEAST:
+        if falls.max() < MIN_FALL:
             break
         stage, design = np.unravel_index(np.argmax(falls / seconds), falls.shape)
         chosen.append(PlannedTrial(int(stage), int(design)))
@@ -123,9 +123,9 @@ def goals_met(
         trials: that are run.
         normal: standard normal numbers, which place the estimates about the values.
     """
-    found = np.ones(values.shape, bool)
+    are_met = np.ones(values.shape, bool)
     for number, stage in enumerate(stages):
         total = sum((information[trial.design] for trial in trials if trial.stage == number), np.zeros((1, 1, 1)))
         shape = (*values.shape, values.shape[1])
-        found[:, stage.sought] = stage.met(values, np.broadcast_to(total, shape), normal)
-    return found
+        are_met[:, stage.sought] = stage.met(values, np.broadcast_to(total, shape), normal)
+    return are_met

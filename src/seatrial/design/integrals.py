@@ -32,11 +32,11 @@ KNOWN: dict[str, tuple[tuple[str, ...], Rate]] = {
 
 def motion_signals(model: VehicleModel) -> tuple[str, ...]:
     """Return what can be told of a vehicle's motion: its states, and the integrals of `KNOWN` that its states give."""
-    found = list(model.states)
+    signals = list(model.states)
     for name, (needs, _) in KNOWN.items():
-        if name not in found and set(needs) <= set(found):
-            found.append(name)
-    return tuple(found)
+        if name not in signals and set(needs) <= set(signals):
+            signals.append(name)
+    return tuple(signals)
 
 
 def integrals_for(model: VehicleModel, names: tuple[str, ...], where: str) -> dict[str, Rate]:
@@ -45,7 +45,7 @@ def integrals_for(model: VehicleModel, names: tuple[str, ...], where: str) -> di
     Raises:
         InputError: a name that is neither a state nor can be integrated from the states and controls.
     """
-    found: dict[str, Rate] = {}
+    integrals: dict[str, Rate] = {}
     for name in names:
         if name in model.states:
             continue
@@ -65,9 +65,9 @@ def integrals_for(model: VehicleModel, names: tuple[str, ...], where: str) -> di
                 expected=f"a state {name}, or {', '.join(needs)}; its states: " + ", ".join(model.states),
                 remedy="leave this limit out, or plan with a vehicle that moves along these axes",
             )
-        found |= integrals_for(model, tuple(need for need in needs if need not in model.controls), where)
-        found[name] = rate
-    return found
+        integrals |= integrals_for(model, tuple(need for need in needs if need not in model.controls), where)
+        integrals[name] = rate
+    return integrals
 
 
 def signals_at(plan: TrialPlan, integrals: Mapping[str, Rate], joint: tuple, held: tuple) -> dict[str, Any]:

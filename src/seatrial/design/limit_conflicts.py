@@ -14,9 +14,9 @@ import numpy as np
 from seatrial.core.errors import InputError, SeatrialError
 from seatrial.design.safety import Safety
 
-PAIRS = 3
+MAX_PAIRS = 3
 """Conflicting pairs that are told, most telling first."""
-GENTLER = "; or try gentler or shorter designs (design.amplitude, design.duration)"
+GENTLER_REMEDY = "; or try gentler or shorter designs (design.amplitude, design.duration)"
 """How the remedy ends that widens limits."""
 
 
@@ -36,7 +36,7 @@ class NoDesignAllowed(InputError):
 
     def __init__(self, where: str, *, found: str, expected: str, ways: Ways):
         self.ways = ways
-        super().__init__(where, found=found, expected=expected, remedy=f"{ways}{GENTLER}")
+        super().__init__(where, found=found, expected=expected, remedy=f"{ways}{GENTLER_REMEDY}")
 
     def __reduce__(self) -> tuple[Callable[[], InputError], tuple[()]]:
         """Return how it travels between processes."""
@@ -59,16 +59,16 @@ def check_some_allowed(safety: Safety) -> None:
     ]
     if safety.diverged.any():
         results.append(f"the motion of {lost.sum()} designs diverges too often, which breaks every limit")
-    told, ways = _misses(safety, kept)
-    found = "; ".join([*results, *told])
+    misses, ways = _misses(safety, kept)
+    summary = "; ".join([*results, *misses])
     expected = (
         f"at least one design that keeps all limits with probability {safety.probability:g} "
         f"(confidence {safety.confidence:g})"
     )
     if lost.all():
         remedy = "narrow the priors or choose gentler designs: no limit can be kept while the motion diverges"
-        raise InputError("safety limits", found=found, expected=expected, remedy=remedy)
-    raise NoDesignAllowed("safety limits", found=found, expected=expected, ways=ways)
+        raise InputError("safety limits", found=summary, expected=expected, remedy=remedy)
+    raise NoDesignAllowed("safety limits", found=summary, expected=expected, ways=ways)
 
 
 def remedy_of_any(errors: Iterable[SeatrialError]) -> str:
@@ -78,7 +78,7 @@ def remedy_of_any(errors: Iterable[SeatrialError]) -> str:
     for error in errors:
         if isinstance(error, NoDesignAllowed):
             kind, one = error.ways.template, (max(error.ways.widths, default=0.0), str(error.ways))
-            gentler = GENTLER
+            gentler = GENTLER_REMEDY
         else:
             kind = error.remedy if isinstance(error, InputError) else "narrow the priors"
             one = 0.0, kind
@@ -118,26 +118,26 @@ def _misses(safety: Safety, kept: np.ndarray) -> tuple[list[str], Ways]:
     limits, everyone = safety.limits, range(len(safety.limits))
     hopeless = [i for i in everyone if not kept[:, i].any()]
     if hopeless:
-        told = [f"{limits[i].words} {_miss(safety, i, ())}" for i in hopeless]
-        return told, _joined(" and ", [_widen(safety, i, ()) for i in hopeless])
-    pairs = conflicting_pairs(safety)[:PAIRS]
+        sentences = [f"{limits[i].words} {_miss(safety, i, ())}" for i in hopeless]
+        return sentences, _joined(" and ", [_widen(safety, i, ()) for i in hopeless])
+    pairs = conflicting_pairs(safety)[:MAX_PAIRS]
     if pairs:
-        told = [
+        sentences = [
             f"{limits[i].words} and {limits[j].words} conflict: alone they leave {kept[:, i].sum()} and {kept[:, j].sum()} "
             f"designs, together none; if the first is kept, the second {_miss(safety, j, (i,))}; if the second is kept, the first "
             f"{_miss(safety, i, (j,))}"
             for i, j in pairs
         ]
         ways = [_joined(" or ", [_widen(safety, j, (i,)), _widen(safety, i, (j,))]) for i, j in pairs]
-        return told, _joined("; and ", ways)
+        return sentences, _joined("; and ", ways)
     best = int(safety.joint_share.argmax())
     others = {i: tuple(j for j in everyone if j != i) for i in everyone}
-    told = [
+    sentences = [
         f"every two limits leave designs, all together none: at best they hold in {safety.held[best].all(1).sum()} draws, "
         f"of {safety.name(best)}",
         *(f"beside all others {limits[i].words} {_miss(safety, i, others[i])}" for i in everyone),
     ]
-    return told, _joined(" or ", [_widen(safety, i, others[i]) for i in everyone])
+    return sentences, _joined(" or ", [_widen(safety, i, others[i]) for i in everyone])
 
 
 def _joined(between: str, ways: Sequence[Ways]) -> Ways:

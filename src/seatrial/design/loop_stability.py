@@ -77,10 +77,10 @@ def loop_growth(
     cycles = max(1, samples // pilot.cycle)
     parts = in_blocks(lambda values: _linearised(plan, pilot, cycles, np.asarray(trim, float), values), draws)
     finite = np.isfinite(parts[1]).all((1, 2))
-    found = [_fastest(np.where(np.isfinite(part), part, 0.0), len(plan.model.states)) for part in parts]
-    sizes = np.stack([size for size, _ in found])
+    fastest = [_fastest(np.where(np.isfinite(part), part, 0.0), len(plan.model.states)) for part in parts]
+    sizes = np.stack([size for size, _ in fastest])
     rate = np.log(np.maximum(sizes.max(0), 1e-300)) / (pilot.cycle * step)
-    state = np.stack([state for _, state in found])[sizes.argmax(0), np.arange(len(draws))]
+    state = np.stack([state for _, state in fastest])[sizes.argmax(0), np.arange(len(draws))]
     return LoopGrowth(np.where(finite, rate, np.inf), state, samples * step)
 
 
@@ -127,8 +127,8 @@ def _fastest(jacobians: Float[np.ndarray, "S d d"], n_states: int) -> tuple[Floa
 @program(static_argnums=2)
 def _linearised(plan: TrialPlan, pilot: Autopilot, cycles: int, trim: Array, draws: Array) -> tuple[Array, Array]:
     """Return dF/dz where the trial begins, and where a quiet one ends."""
-    n, n_loops, told = len(plan.model.states), len(pilot.loops), tuple(trim)
-    quiet = Moment(0.0, told, tuple(jnp.zeros(()) for _ in pilot.outputs))
+    n, n_loops, commands = len(plan.model.states), len(pilot.loops), tuple(trim)
+    quiet = Moment(0.0, commands, tuple(jnp.zeros(()) for _ in pilot.outputs))
 
     def apart(z: Array, count: Array) -> tuple[tuple, Memory]:
         loops = tuple(LoopMemory(*(z[n + 4 * i + j] for j in range(4))) for i in range(n_loops))

@@ -56,10 +56,10 @@ def limit_integrals(model: VehicleModel, limits: Sequence[MotionLimit]) -> dict[
     Raises:
         InputError: a signal that the vehicle does not have.
     """
-    found: dict[str, Rate] = {}
+    integrals: dict[str, Rate] = {}
     for limit in limits:
-        found |= integrals_for(model, (limit.signal,), f"limit on {limit.signal}")
-    return found
+        integrals |= integrals_for(model, (limit.signal,), f"limit on {limit.signal}")
+    return integrals
 
 
 def check_motion_limits(model: VehicleModel, limits: Sequence[MotionLimit]) -> None:

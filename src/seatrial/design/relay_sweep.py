@@ -57,16 +57,16 @@ class RelaySweep:
     @property
     def warnings(self) -> tuple[str, ...]:
         """One sentence for every amplitude at which some thresholds are out of reach."""
-        said = []
+        messages = []
         for amplitude, row, gain, reached in zip(self.amplitude, self.oscillates, self.gain, self.reached, strict=True):
             missed = ~row & np.isfinite(gain)
             if missed.any():
-                said.append(
+                messages.append(
                     f"amplitude {amplitude:.4g} does not oscillate at thresholds from {self.threshold[missed].min():.4g} on: "
                     f"{self.family.output} moves {reached[missed].max():.4g} from trim at most and the control is reversed "
                     "once or never (SI)"
                 )
-        return tuple(said)
+        return tuple(messages)
 
 
 def sweep_relay(

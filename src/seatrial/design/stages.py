@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.signals import SPEEDS
 
-ORDER = "XNYZMK"
+AXIS_ORDER = "XNYZMK"
 """Axes in the order of how easily they are excited, where nothing else decides."""
-ON = {"T": "X", "Q": "K"}
+PROPELLER_AXES = {"T": "X", "Q": "K"}
 """Axis on which the thrust and the torque of a propeller act."""
 
 
@@ -43,10 +43,10 @@ def find_stages(names: Sequence[str], asked: Sequence[str]) -> tuple[Stage, ...]
         names: every coefficient that is sought.
         asked: those that have a goal. Axes without one are sought only with axes that need them.
     """
-    terms: dict[str, list[CoefficientName]] = {axis: [] for axis in ORDER}
+    terms: dict[str, list[CoefficientName]] = {axis: [] for axis in AXIS_ORDER}
     for term in map(CoefficientName.parse, names):
-        terms[ON.get(term.axis, term.axis)].append(term)
-    used = [axis for axis in ORDER if terms[axis]]
+        terms[PROPELLER_AXES.get(term.axis, term.axis)].append(term)
+    used = [axis for axis in AXIS_ORDER if terms[axis]]
     needs = {
         axis: {other for other in used if any(SPEEDS[other] in term.signals for term in terms[axis])} for axis in used
     }
@@ -61,7 +61,7 @@ def find_stages(names: Sequence[str], asked: Sequence[str]) -> tuple[Stage, ...]
         groups = [_group(axis, needs, wanted) - done for axis in missing]
         ready = [group for group in groups if not any(needs[axis] & set(wanted) - done - group for axis in group)]
         axes = min(ready, key=lambda group: sum(len(terms[axis]) for axis in group))
-        stages.append(_stage([axis for axis in ORDER if axis in axes], terms, names, needs, stages))
+        stages.append(_stage([axis for axis in AXIS_ORDER if axis in axes], terms, names, needs, stages))
     return tuple(stages)
 
 

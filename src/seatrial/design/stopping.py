@@ -22,7 +22,7 @@ from seatrial.design.trial_plan import TrialPlan
 
 Utility = Callable[[Float[np.ndarray, "E k k"]], Float[np.ndarray, " E"]]
 """Number of an information matrix, SI; higher is better."""
-ENDS = 30
+END_COUNT = 30
 """Ends of a trial that are weighed for each of many designs."""
 
 
@@ -63,7 +63,7 @@ def best_stops(
     draws: Float[np.ndarray, "S k"],
     utility: Utility,
     overhead: float,
-    ends: int = ENDS,
+    ends: int = END_COUNT,
 ) -> BestStops:
     """End of each design that has most gain for a second; ends by which a motion diverges at a draw are no choice.
 

@@ -204,9 +204,9 @@ def _others_allowed(
     family: Family, controls: np.ndarray, trim: Trim, limits: Mapping[str, Limits], allowed: np.ndarray
 ) -> np.ndarray:
     """Return which designs keep the limits of the controls beside; `controls` are of those that the driven one allows."""
-    found = allowed.copy()
-    found[allowed] = inside_limits(family, controls, trim, limits)
-    if not found.any():
+    kept = allowed.copy()
+    kept[allowed] = inside_limits(family, controls, trim, limits)
+    if not kept.any():
         names = ", ".join(one.control for one in family.beside if one.control in limits)
         raise InputError(
             f"design grid, controls {names} beside {family.control}",
@@ -214,7 +214,7 @@ def _others_allowed(
             expected="one at least",
             remedy="lower their amplitudes under `together` of [design], lengthen `ramp`, or widen their limits",
         )
-    return found
+    return kept
 
 
 def _allowed(
@@ -222,8 +222,8 @@ def _allowed(
 ) -> np.ndarray:
     fits = family.fits(periods)
     if not fits.any():
-        found = f"periods from {periods.min():g} s to {periods.max():g} s"
-        raise InputError(f"design grid, {family.words}", found=found, **family.expected())
+        range_text = f"periods from {periods.min():g} s to {periods.max():g} s"
+        raise InputError(f"design grid, {family.words}", found=range_text, **family.expected())
     excesses: list[dict[str, tuple[float, float]]] = [limits.excess(one, family.sample_time) for one in controls]
     allowed = fits & np.array([not excess for excess in excesses])
     if not allowed.any():
@@ -288,14 +288,14 @@ def _predict(
     def observe(state: tuple, held: tuple) -> tuple:
         return space.observe((*state, *fixed), held)
 
-    def one(told: Array):
+    def one(commands: Array):
         def move(state: tuple, held: tuple, h: Array) -> tuple:
             return space.transition((*state, *fixed), held, h)
 
         def look(state: tuple, memory: Any, held: tuple, _: Any) -> tuple:
             return memory, (observe(state, held), state[0], held)
 
-        columns: tuple | Law = tuple(told[:, i] for i in range(told.shape[1]))
+        columns: tuple | Law = tuple(commands[:, i] for i in range(commands.shape[1]))
         memory, moments = (), None
         if autopilot is not None:
             time = jnp.concatenate([jnp.zeros(1), jnp.cumsum(steps)[:-1]])

@@ -130,8 +130,8 @@ class TrialPlan:
         errors = []
         for at in places:
             weight = self.weight[:, at]
-            there = jnp.where(weight > 0, weight, 1.0)
-            errors.append(jnp.where(weight > 0, 0.0 if noise is None else noise[:, at] / there, jnp.nan))
+            safe_weight = jnp.where(weight > 0, weight, 1.0)
+            errors.append(jnp.where(weight > 0, 0.0 if noise is None else noise[:, at] / safe_weight, jnp.nan))
         time = jnp.concatenate([jnp.zeros(1), jnp.cumsum(self.step)[:-1]])
         return columns, Moment(time, columns, tuple(errors))
 

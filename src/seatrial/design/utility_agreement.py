@@ -16,7 +16,7 @@ from jaxtyping import Float
 
 from seatrial.core.errors import InputError
 
-FEWEST = 5
+MIN_DESIGNS = 5
 """Designs below which a rank correlation says nothing."""
 RESAMPLES = 2000
 LEVEL = 0.95
@@ -141,10 +141,10 @@ def _of_choice(regret: float, error: float, expensive: np.ndarray, unit: str) ->
 
 
 def _check(label: str, values: np.ndarray, designs: int) -> None:
-    if values.shape != (designs,) or designs < FEWEST or not np.isfinite(values).all():
+    if values.shape != (designs,) or designs < MIN_DESIGNS or not np.isfinite(values).all():
         raise InputError(
             f"agreement of utilities, {label}",
             found=f"shape {values.shape} with {np.sum(~np.isfinite(values))} values that are not finite",
-            expected=f"one finite number for each of {max(designs, FEWEST)} designs",
-            remedy=f"compare over {FEWEST} designs or more, and leave out those that break a limit, in all utilities alike",
+            expected=f"one finite number for each of {max(designs, MIN_DESIGNS)} designs",
+            remedy=f"compare over {MIN_DESIGNS} designs or more, and leave out those that break a limit, in all utilities alike",
         )

@@ -23,21 +23,21 @@ from seatrial.numerics.integrate import held_mean
 
 _MOST_ACROSS = 10_000
 """Most instants that are put into a hole."""
-_MOST_INSTANTS = 50_000_000
+_MAX_INSTANTS = 50_000_000
 _NANOSECOND = 1e-9
-_SPARSE = 100.0
+_DOUBTFUL_STEPS = 100.0
 """Steps of the grid for each sample of the quickest channel, from which the unit of time is doubted."""
-_HAIR = 1e-6
+_ROUNDING_SHARE = 1e-6
 """Share of a step by which rounding may shift a stamp without making it early or late."""
-_SAME, _NEAR = 1e-3, 0.25
+_SAME_SHARE, _NEAR_SHARE = 1e-3, 0.25
 """Shares of a step: below the first, stamps of two logs are one instant; up to the second, a constant difference may be one of clocks."""
-_MOST_STAMPS = 0.98
+_MIN_STAMP_SHARE = 0.98
 """Share of the stamps that must differ by the same time: a few may be lost from one log."""
-_FEWEST_STAMPS = 10
-_BLURRED = 0.3
+_MIN_STAMPS = 10
+_MAX_BLUR = 0.3
 """By how much moved samples may be off, in units of their noise: from here on they are told. It adds 4 % to that noise."""
 
-_ENDS = 2
+_END_INSTANTS = 2
 """Instants at the ends of a record."""
 
 
@@ -109,7 +109,7 @@ def align(
 
     columns, averaged, blurred = {}, {}, []
     cautions = [*(text for table in tables for text in table.cautions), *shifted]
-    slack = _NANOSECOND / 2 if step is None else _HAIR * step
+    slack = _NANOSECOND / 2 if step is None else _ROUNDING_SHARE * step
     reach = _NANOSECOND if step is None else step / 2 + slack
     _check_curves(tables, {track.channel.name for track in tracks}, origin, (begin, begin + instants[-1]), slack, reach)
     for track in tracks:
@@ -179,11 +179,11 @@ def _united(tables: Sequence[LogTable], origin: Decimal) -> tuple[list[Float[np.
             middles = (known[1:] + known[:-1]) / 2
             nearest = known[np.searchsorted(middles, time)]
             apart = time - nearest
-            united = np.where(np.abs(apart) < _SAME * min(step, usual), nearest, time)
+            united = np.where(np.abs(apart) < _SAME_SHARE * min(step, usual), nearest, time)
             if (moved := float(np.abs(united - time).max())) > _NANOSECOND and (np.diff(united) > 0).all():
                 notes.append(f"{table.place}: stamps moved by at most {moved:.2g} s onto those of {other.place}")
                 time = united
-            if abs(step - usual) < _SAME * usual and (shift := _constant(apart, step)):
+            if abs(step - usual) < _SAME_SHARE * usual and (shift := _constant(apart, step)):
                 cautions.append(_of_shift(table, other, shift, step))
         times.append(time)
     return times, notes, cautions
@@ -191,12 +191,12 @@ def _united(tables: Sequence[LogTable], origin: Decimal) -> tuple[list[Float[np.
 
 def _constant(apart: Float[np.ndarray, " n"], step: float) -> float:
     """Return by how much nearly all stamps differ from the nearest of another log, s; 0 if not by a constant small part of a step."""
-    near = apart[np.abs(apart) <= _NEAR * step]
-    if near.size < max(_FEWEST_STAMPS, apart.size / 2):
+    near = apart[np.abs(apart) <= _NEAR_SHARE * step]
+    if near.size < max(_MIN_STAMPS, apart.size / 2):
         return 0.0
     shift = float(np.median(near))
-    constant = np.mean(np.abs(near - shift) < _SAME * step) >= _MOST_STAMPS
-    return shift if constant and abs(shift) >= _SAME * step else 0.0
+    constant = np.mean(np.abs(near - shift) < _SAME_SHARE * step) >= _MIN_STAMP_SHARE
+    return shift if constant and abs(shift) >= _SAME_SHARE * step else 0.0
 
 
 def _of_shift(table: LogTable, other: LogTable, shift: float, step: float) -> str:
@@ -213,15 +213,15 @@ def _of_shift(table: LogTable, other: LogTable, shift: float, step: float) -> st
 def _tracks(
     tables: Sequence[LogTable], times: Sequence[Float[np.ndarray, " n"]], wanted: Sequence[str] | None
 ) -> list[_Track]:
-    found: dict[str, _Track] = {}
+    tracks: dict[str, _Track] = {}
     for table, time in zip(tables, times, strict=True):
         for channel in table.channels:
             if wanted is not None and channel.name not in wanted:
                 continue
-            if channel.name in found:
+            if channel.name in tracks:
                 raise InputError(
                     f'{table.place}, channel "{channel.name}"',
-                    found=f"a channel that {found[channel.name].source} gives too",
+                    found=f"a channel that {tracks[channel.name].source} gives too",
                     expected="one source for each channel",
                     remedy="drop it from one of the maps",
                 )
@@ -236,14 +236,14 @@ def _tracks(
             values = table.columns[channel.name][known]
             if channel.name in ANGLES:
                 values = np.unwrap(values)
-            found[channel.name] = _Track(channel, table.place, time[known], values)
+            tracks[channel.name] = _Track(channel, table.place, time[known], values)
     for name in wanted or ():
-        if name not in found:
+        if name not in tracks:
             offered = [channel.name for table in tables for channel in table.channels]
             raise InputError(
                 "align, channels", found=f'"{name}"', expected="a channel of the maps", remedy=nearest(name, offered)
             )
-    return [found[name] for name in wanted] if wanted is not None else list(found.values())
+    return [tracks[name] for name in wanted] if wanted is not None else list(tracks.values())
 
 
 def _unit_first(doubts: Sequence[str]) -> str:
@@ -302,14 +302,14 @@ def _instants(tracks: Sequence[_Track], begin: float, stop: float, step: float |
         stamps = [track.time[(track.time >= begin) & (track.time <= stop)] - begin for track in tracks]
         counts = np.sort(np.rint(np.concatenate([np.zeros(1), *stamps]) / _NANOSECOND), kind="stable")
         return _filled(counts[np.diff(counts, prepend=-1.0) > 0] / 1e9, _spacing(tracks))
-    if not (math.isfinite(step) and step > 0 and (stop - begin) / step < _MOST_INSTANTS):
+    if not (math.isfinite(step) and step > 0 and (stop - begin) / step < _MAX_INSTANTS):
         raise InputError(
             f'record "{label}", step',
             found=f"{step!r} s over {stop - begin:.6g} s",
-            expected=f"a positive number that makes at most {_MOST_INSTANTS} samples",
+            expected=f"a positive number that makes at most {_MAX_INSTANTS} samples",
             remedy="give the sampling time of the record, in seconds",
         )
-    return step * np.arange(math.floor((stop - begin) / step + _HAIR) + 1)
+    return step * np.arange(math.floor((stop - begin) / step + _ROUNDING_SHARE) + 1)
 
 
 def _check_curves(
@@ -341,7 +341,7 @@ def _check_curves(
 def _sparse(tracks: Sequence[_Track], step: float | None) -> list[str]:
     """Say that even the quickest channel has far fewer samples than the grid, as where its stamps are read in too large a unit."""
     spacing = _spacing(tracks)
-    if step is None or spacing < _SPARSE * step:
+    if step is None or spacing < _DOUBTFUL_STEPS * step:
         return []
     return [
         f"even the quickest channel has a sample only every {spacing:.4g} s, and the record one every {step:g} s: check the unit of time "
@@ -371,23 +371,23 @@ def _hole(name: str, time: np.ndarray, last: float) -> _Hole | None:
 def _joined(holes: Iterable[_Hole]) -> list[_Hole]:
     """Return holes that overlap as one of all their channels."""
     joined: list[_Hole] = []
-    for one in sorted(holes):
-        if joined and one.begin < joined[-1].end:
+    for hole in sorted(holes):
+        if joined and hole.begin < joined[-1].end:
             before = joined.pop()
-            usual = min(before.usual, one.usual)
-            one = _Hole(before.begin, max(before.end, one.end), usual, (*before.names, *one.names))
-        joined.append(one)
+            usual = min(before.usual, hole.usual)
+            hole = _Hole(before.begin, max(before.end, hole.end), usual, (*before.names, *hole.names))
+        joined.append(hole)
     return joined
 
 
 def _of_hole(hole: _Hole, controls: Collection[str]) -> str:
     """Say which channels fell silent, and what that does."""
     held = [name for name in hole.names if name in controls]
-    found = f"no sample of {', '.join(hole.names)} from {hole.begin:.2f} s to {hole.end:.2f} s, though one comes every {hole.usual:.3g} s"
+    gap = f"no sample of {', '.join(hole.names)} from {hole.begin:.2f} s to {hole.end:.2f} s, though one comes every {hole.usual:.3g} s"
     if not held:
-        return f"{found}: nothing was measured, and the motion is simulated across it"
+        return f"{gap}: nothing was measured, and the motion is simulated across it"
     return (
-        f"{found}: the motion is simulated across it with the last value of {', '.join(held)}, which may be wrong; end the run there, "
+        f"{gap}: the motion is simulated across it with the last value of {', '.join(held)}, which may be wrong; end the run there, "
         f'end = "{hole.begin:.6g} s" in [import.trim.RUN], and give the rest a label of its own in fit, with start = "{hole.end:.6g} s" '
         "and the same file, or a copy if its path has {run}"
     )
@@ -433,7 +433,7 @@ def _place(
     column[used] = values[firsts] + np.add.reduceat(deviation, firsts) / counts
     met, usual = int((counts > 1).sum()), float(np.median(counts))
     moved = np.add.reduceat((instants[index] - time)[near], firsts) / counts
-    moved = moved[1:-1] if moved.size > _ENDS else moved  # at an end there are samples on one side alone
+    moved = moved[1:-1] if moved.size > _END_INSTANTS else moved  # at an end there are samples on one side alone
     blur = float(np.sqrt(np.mean(moved**2) * usual)) * _rate_over_noise(time[near], values)
     return (
         column,
@@ -441,7 +441,7 @@ def _place(
         + (f"; {met} instants hold the mean of two or more" if met else "")
         + (f"; {doubled.sum()} midway between two instants were left out" if doubled.any() else ""),
         f"is moved in time by up to {np.abs(moved).max():.2g} s, which changes it by {plain(blur)} times its noise"
-        if blur > _BLURRED and np.abs(moved).max() > slack
+        if blur > _MAX_BLUR and np.abs(moved).max() > slack
         else "",
         usual,
     )

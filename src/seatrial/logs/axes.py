@@ -37,8 +37,8 @@ def from_axes(
         InputError: a quaternion with a part missing.
     """
     turned = dict(columns)
-    if found := [name for name in QUATERNION if name in columns]:
-        complete(found, QUATERNION, where)
+    if quaternion := [name for name in QUATERNION if name in columns]:
+        complete(quaternion, QUATERNION, where)
     if axes == "NED":
         return turned
     for name, values in columns.items():
@@ -46,7 +46,7 @@ def from_axes(
             turned[name] = math.pi / 2 - values
         elif name in _TURNED:
             turned[name] = -values
-    if found:
+    if quaternion:
         w, x, y, z = (columns[name] for name in QUATERNION)
         half = math.sqrt(0.5)
         turned |= zip(QUATERNION, (half * (w + z), half * (x + y), half * (x - y), half * (w - z)), strict=True)

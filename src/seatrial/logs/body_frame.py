@@ -15,14 +15,14 @@ from seatrial.numerics.rotations import angles_of_quaternion, matrix_of_angles, 
 
 # Doubts about an attitude: a heading that turns otherwise than the yaw rate says, or too far from sample to sample.
 
-_MUCH = np.radians(15.0)
+_LARGE_CHANGE = np.radians(15.0)
 """Change of an angle from sample to sample from which it is too slow to turn velocities by."""
-_ALIKE = 1.5
+_MAX_RATIO = 1.5
 """Ratio of the heading's turns to those of the yaw rate from which one of them is doubted, or its inverse."""
-_TURNED = np.radians(20.0)
+_MIN_TURN = np.radians(20.0)
 """Turn from which they are compared."""
-_FEWEST = 10
-_LEAST_FORCE = 5.0
+_MIN_SAMPLES = 10
+_MIN_FORCE = 5.0
 """Length, m/s^2, of a specific force below which it is in units of gravity, or gravity was taken off."""
 _GYRO = ("p", "q", "r")
 _IN_DEGREES = {
@@ -36,11 +36,11 @@ _OTHER_READINGS = {
     "it turns the earth's axes into the body's (scale = -1 for q_x, q_y and q_z)": ((0, 1, 2, 3), (1, -1, -1, -1)),
 }
 """What a quaternion may be instead: which of its columns are w, x, y and z, and their signs."""
-_JUMP = np.radians(45.0)
+_JUMP_ANGLE = np.radians(45.0)
 """Turn in one window beyond that of the gyro from which it is a jump."""
-_MOST_JUMPS = 0.1
+_MAX_JUMP_SHARE = 0.1
 """Share of windows up to which jumps are exceptions."""
-_WINDOW = 0.2
+_WINDOW_LENGTH = 0.2
 """Length of a window in which turns are compared, s."""
 
 
@@ -53,7 +53,7 @@ def check_specific_force(tables: Sequence[LogTable]) -> None:
     for table in tables:
         if set(SPECIFIC_FORCE) <= set(table.columns):
             size = float(np.nanmedian(np.sqrt(sum(table.columns[name] ** 2 for name in SPECIFIC_FORCE))))
-            if size < _LEAST_FORCE:
+            if size < _MIN_FORCE:
                 raise InputError(
                     f"{table.place}, channels {', '.join(SPECIFIC_FORCE)}",
                     found=f"a specific force of {size:.3g} m/s^2 at the median",
@@ -72,18 +72,18 @@ def with_doubts(table: LogTable, tables: Sequence[LogTable]) -> LogTable:
     rates = next((one for one in tables if "r" in one.columns), None)
     if "psi" not in table.columns or rates is None:
         return table
-    there, known = np.isfinite(table.columns["psi"]), np.isfinite(rates.columns["r"])
-    psi, at = np.unwrap(table.columns["psi"][there]), table.time[there]
+    has_heading, known = np.isfinite(table.columns["psi"]), np.isfinite(rates.columns["r"])
+    psi, at = np.unwrap(table.columns["psi"][has_heading]), table.time[has_heading]
     clock = rates.time[known] + float(rates.epoch - table.epoch)
     inside = (at >= clock[:1].sum()) & (at <= clock[-1:].sum())
-    if inside.sum() < _FEWEST:
+    if inside.sum() < _MIN_SAMPLES:
         return table
     turned = np.concatenate([[0.0], np.cumsum(np.diff(clock) * rates.columns["r"][known][:-1])])
-    foretold, found = np.diff(np.interp(at[inside], clock, turned)), np.diff(psi[inside])
-    if np.ptp(np.cumsum(foretold)) < _TURNED:
+    expected, measured = np.diff(np.interp(at[inside], clock, turned)), np.diff(psi[inside])
+    if np.ptp(np.cumsum(expected)) < _MIN_TURN:
         return table
-    ratio = float(found @ foretold / (foretold @ foretold))
-    if 1 / _ALIKE < ratio < _ALIKE:
+    ratio = float(measured @ expected / (expected @ expected))
+    if 1 / _MAX_RATIO < ratio < _MAX_RATIO:
         return table
     caution = (
         f'channel "psi" of {table.place}: it turns {ratio:.3g} times as fast as r of {rates.place} says: check its unit, its sign and '
@@ -102,13 +102,13 @@ def doubts_of_gyro(tables: Sequence[LogTable]) -> list[str] | None:
     if attitude is None or gyro is None:
         return None
     angles = np.stack([attitude.columns[name] for name in ANGLES])
-    said = _doubts(attitude, gyro, np.stack(quaternion_of_angles(*angles)))
-    for words, parts in _other_readings(angles) if said else ():
+    doubts = _doubts(attitude, gyro, np.stack(quaternion_of_angles(*angles)))
+    for words, parts in _other_readings(angles) if doubts else ():
         if _doubts(attitude, gyro, parts) == []:
             return [
                 f"the attitude of {attitude.place} turns as the gyro of {gyro.place} does if {words}: correct the channel map"
             ]
-    return said
+    return doubts
 
 
 def _other_readings(angles: Float[np.ndarray, "3 n"]) -> Iterator[tuple[str, Float[np.ndarray, "4 n"]]]:
@@ -123,15 +123,15 @@ def _other_readings(angles: Float[np.ndarray, "3 n"]) -> Iterator[tuple[str, Flo
 def _doubts(attitude: LogTable, gyro: LogTable, parts: Float[np.ndarray, "4 n"]) -> list[str] | None:
     """Say the same of an attitude by its quaternion, w, x, y, z, shape (4, n)."""
     turns, shown, start = _turns(attitude, gyro, parts)
-    if len(turns) < _FEWEST or np.sqrt(np.linalg.eigvalsh(turns.T @ turns)[0]) < _TURNED:
+    if len(turns) < _MIN_SAMPLES or np.sqrt(np.linalg.eigvalsh(turns.T @ turns)[0]) < _MIN_TURN:
         return None  # it hardly turned about some axis
     beyond = _beyond_all_others(turns, shown)
-    jumps = beyond > _JUMP
-    if jumps.mean() > _MOST_JUMPS:
+    jumps = beyond > _JUMP_ANGLE
+    if jumps.mean() > _MAX_JUMP_SHARE:
         jumps[:] = False  # no exceptions: unit, sign or axes
-    said = []
+    messages = []
     if jumps.any():
-        said.append(
+        messages.append(
             f"the attitude of {attitude.place} jumps {jumps.sum()} times where the gyro of {gyro.place} does not, by up to "
             f"{np.degrees(beyond[jumps].max()):.0f} deg, first at {start[jumps][0]:.1f} s: angles averaged or interpolated over a "
             'full turn? Import the quaternion, or set residuals = "heavy" for the attitude'
@@ -139,31 +139,33 @@ def _doubts(attitude: LogTable, gyro: LogTable, parts: Float[np.ndarray, "4 n"])
     matrix = np.linalg.lstsq(turns[~jumps], shown[~jumps], rcond=None)[0].T
     for i, row in enumerate(matrix):
         largest = int(np.argmax(np.abs(row)))
-        if largest == i and 1 / _ALIKE < row[i] < _ALIKE:
+        if largest == i and 1 / _MAX_RATIO < row[i] < _MAX_RATIO:
             continue
-        found = f'channel "{_GYRO[i]}" of {gyro.place}: the attitude of {attitude.place} turns as if it were '
+        message = f'channel "{_GYRO[i]}" of {gyro.place}: the attitude of {attitude.place} turns as if it were '
         if largest != i:
-            found += f"{row[largest]:+.2g} times {_GYRO[largest]}: the axes of one of them are exchanged"
-        elif row[i] < 0 and 1 / _ALIKE < -row[i] < _ALIKE:
-            found += "its opposite: forward, left, up or forward, right, down? give `axes` of both logs, or scale = -1"
+            message += f"{row[largest]:+.2g} times {_GYRO[largest]}: the axes of one of them are exchanged"
+        elif row[i] < 0 and 1 / _MAX_RATIO < -row[i] < _MAX_RATIO:
+            message += (
+                "its opposite: forward, left, up or forward, right, down? give `axes` of both logs, or scale = -1"
+            )
         else:
             size = max(abs(row[i]), 1 / max(abs(row[i]), 1e-12))
             unit = (
                 ": degrees taken for radians, or the reverse? check its unit"
-                if _ALIKE > size * np.pi / 180 > 1 / _ALIKE
+                if _MAX_RATIO > size * np.pi / 180 > 1 / _MAX_RATIO
                 else ""
             )
-            found += f"{1 / row[i]:.3g} times it{unit}"
-        said.append(found)
+            message += f"{1 / row[i]:.3g} times it{unit}"
+        messages.append(message)
     main = np.argmax(np.abs(matrix), axis=1)
     signs = np.zeros((3, 3))
     signs[range(3), main] = np.sign(matrix[range(3), main])
     if np.linalg.det(signs) < -0.5:
-        said.append(
+        messages.append(
             f'channels "p", "q", "r" of {gyro.place}: compared with the attitude of {attitude.place} their axes are left-handed, which '
             "no mounting gives: one sign is wrong, or two axes are exchanged"
         )
-    return said
+    return messages
 
 
 def _beyond_all_others(turns: Float[np.ndarray, "n 3"], shown: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
@@ -181,16 +183,16 @@ def _turns(
     """Return by how much the attitude turns about the body's axes in windows, what the gyro says of these, rad, and when they begin, s."""
     known = np.isfinite(parts).all(axis=0)
     rates = np.stack([gyro.columns[name] for name in _GYRO], axis=1)
-    there = np.isfinite(rates).all(axis=1)
-    clock, rates = gyro.time[there] + float(gyro.epoch - attitude.epoch), rates[there]
-    if not (known.any() and there.any()):
+    is_present = np.isfinite(rates).all(axis=1)
+    clock, rates = gyro.time[is_present] + float(gyro.epoch - attitude.epoch), rates[is_present]
+    if not (known.any() and is_present.any()):
         return np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0)
     time, parts = attitude.time[known], parts[:, known]
     inside = (time >= clock[0]) & (time <= clock[-1])
     time, parts = time[inside], parts[:, inside]
     if time.size < 2:
         return np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0)
-    chosen = np.unique(np.searchsorted(time, np.arange(time[0], time[-1], _WINDOW)))
+    chosen = np.unique(np.searchsorted(time, np.arange(time[0], time[-1], _WINDOW_LENGTH)))
     time, (w, x, y, z) = time[chosen], parts[:, chosen]
     before, after = np.stack([w, -x, -y, -z])[:, :-1], np.stack([w, x, y, z])[:, 1:]
     scalar = before[0] * after[0] - np.sum(before[1:] * after[1:], axis=0)
@@ -200,7 +202,7 @@ def _turns(
     turns = (vector * np.where(length > 0, angle / np.where(length > 0, length, 1.0), 0.0)).T
     summed = np.concatenate([np.zeros((1, 3)), np.cumsum(np.diff(clock)[:, None] * rates[:-1], axis=0)])
     shown = np.diff(np.stack([np.interp(time, clock, one) for one in summed.T], axis=1), axis=0)
-    short = np.diff(time) < 3 * _WINDOW
+    short = np.diff(time) < 3 * _WINDOW_LENGTH
     return turns[short], shown[short], time[:-1][short]
 
 
@@ -208,7 +210,7 @@ def doubts_of_speed(source: LogTable, angle: str) -> list[str]:
     """Say where an angle changes much from one of its samples to the next, so that what lies between is doubtful."""
     change = np.abs(np.diff(np.unwrap(source.columns[angle][np.isfinite(source.columns[angle])])))
     most = float(np.quantile(change, 0.99)) if change.size else 0.0
-    if most < _MUCH:
+    if most < _LARGE_CHANGE:
         return []
     return [
         f'channel "{angle}" of {source.place}: it changes by {np.degrees(most):.0f} deg from one sample to the next, and velocities over '
@@ -302,16 +304,16 @@ def _once(angle: str, sources: Sequence[str]) -> None:
 
 def _with_body_velocities(table: LogTable, tables: Sequence[LogTable]) -> LogTable:
     """Replace velocities over the earth by those along the body."""
-    found = [name for name in OVER_EARTH if name in table.columns]
-    if not found:
+    velocities = [name for name in OVER_EARTH if name in table.columns]
+    if not velocities:
         return table
     sources = {angle: next((one for one in tables if angle in one.columns), None) for angle in ANGLES}
     is_level = sources["phi"] is None and sources["theta"] is None
-    needed = OVER_EARTH[:2] if is_level and "v_down" not in found else OVER_EARTH
-    complete(found, needed, table.place)
+    needed = OVER_EARTH[:2] if is_level and "v_down" not in velocities else OVER_EARTH
+    complete(velocities, needed, table.place)
     if sources["psi"] is None:
         raise InputError(
-            f"{table.place}, channels {', '.join(found)}",
+            f"{table.place}, channels {', '.join(velocities)}",
             found="no heading in any file of the run",
             expected="psi, or a quaternion, to turn them into the body's axes",
             remedy="map the heading too: where the model does not use it, it is used for this alone",

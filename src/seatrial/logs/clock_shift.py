@@ -7,13 +7,13 @@ from jaxtyping import Bool, Float
 
 from seatrial.core.errors import InputError
 
-MOST_STEPS = 1 << 17
+MAX_STEPS = 1 << 17
 """Steps of the grid on which the longer of two curves is compared, at most."""
-OVERLAP = 0.5
+MIN_OVERLAP = 0.5
 """Share of the shorter curve that has to lie on the other."""
-FEWEST = 16
+MIN_COMMON_STEPS = 16
 """Steps in common, at least."""
-RIVAL, NEARLY = 0.95, 0.99
+RIVAL_SHARE, BEST_SHARE = 0.95, 0.99
 """Share of the best correlation from which another shift is worth naming, and down to which a shift is as good as the best."""
 
 
@@ -63,13 +63,13 @@ def shift_between(first: Samples, second: Samples) -> ClockShift:
     """
     first, second = (_known(one, name) for one, name in ((first, "first"), (second, "second")))
     longest = max(np.ptp(first.time), np.ptp(second.time))
-    step = max(*(float(np.median(np.diff(one.time))) for one in (first, second)), longest / MOST_STEPS)
+    step = max(*(float(np.median(np.diff(one.time))) for one in (first, second)), longest / MAX_STEPS)
     a, b = (_means(one, step) for one in (first, second))
     lag, correlation = _correlations(a, b)
     if lag.size == 0 or not np.isfinite(correlation).any():
         raise InputError(
             "two curves to line up",
-            found=f"{a.size} and {b.size} steps of {step:.3g} s, of which no {FEWEST} in common move",
+            found=f"{a.size} and {b.size} steps of {step:.3g} s, of which no {MIN_COMMON_STEPS} in common move",
             expected="curves that both move while they overlap",
             remedy="choose other columns, or type the shift",
         )
@@ -82,7 +82,7 @@ def shift_between(first: Samples, second: Samples) -> ClockShift:
         part = (
             float(np.clip(0.5 * (before - after) / bend, -0.5, 0.5)) if bend < 0 and before >= 0 and after >= 0 else 0.0
         )
-    peaks = _is_peak(size) & (size > RIVAL * size[best])
+    peaks = _is_peak(size) & (size > RIVAL_SHARE * size[best])
     peaks[best] = False
     rival = int(np.argmax(np.where(peaks, size, -np.inf))) if peaks.any() else None
     between, place = float(first.time[0] - second.time[0]), float(lag[best]) + part
@@ -98,7 +98,7 @@ def shift_between(first: Samples, second: Samples) -> ClockShift:
 
 def _reach(size: Float[np.ndarray, " l"], best: int) -> float:
     """Return how many steps after the best one the correlation is nearly as high, by straight lines between the steps."""
-    after, level = size[best:], NEARLY * size[best]
+    after, level = size[best:], BEST_SHARE * size[best]
     below = np.flatnonzero(after < level)
     if not below.size:
         return float(after.size - 1)
@@ -107,13 +107,13 @@ def _reach(size: Float[np.ndarray, " l"], best: int) -> float:
 
 
 def _known(curve: Samples, name: str) -> Samples:
-    there = np.isfinite(curve.value) & np.isfinite(curve.time)
-    known = Samples(np.asarray(curve.time, float)[there], np.asarray(curve.value, float)[there])
-    if known.time.size < FEWEST or np.ptp(known.value) == 0 or not np.ptp(known.time) > 0:
+    is_present = np.isfinite(curve.value) & np.isfinite(curve.time)
+    known = Samples(np.asarray(curve.time, float)[is_present], np.asarray(curve.value, float)[is_present])
+    if known.time.size < MIN_COMMON_STEPS or np.ptp(known.value) == 0 or not np.ptp(known.time) > 0:
         raise InputError(
             f"the {name} curve to line up",
-            found=f"{known.time.size} numbers" + (", all the same" if known.time.size >= FEWEST else ""),
-            expected=f"at least {FEWEST} that move",
+            found=f"{known.time.size} numbers" + (", all the same" if known.time.size >= MIN_COMMON_STEPS else ""),
+            expected=f"at least {MIN_COMMON_STEPS} that move",
             remedy="choose another column, or type the shift",
         )
     return known
@@ -148,10 +148,10 @@ def _correlations(
     (sum_a, square_a), (sum_b, square_b) = sums(a, start, stop), sums(b, start - lag, stop - lag)
     spread = (square_a - sum_a**2 / count, square_b - sum_b**2 / count)
     with np.errstate(invalid="ignore", divide="ignore"):
-        found = (product - sum_a * sum_b / count) / np.sqrt(spread[0] * spread[1])
+        correlations = (product - sum_a * sum_b / count) / np.sqrt(spread[0] * spread[1])
     flat = (spread[0] <= 1e-9 * square_a.max()) | (spread[1] <= 1e-9 * square_b.max())
-    enough = count >= max(FEWEST, OVERLAP * min(a.size, b.size))
-    return lag[enough], np.where(flat, np.nan, np.clip(found, -1.0, 1.0))[enough]
+    enough = count >= max(MIN_COMMON_STEPS, MIN_OVERLAP * min(a.size, b.size))
+    return lag[enough], np.where(flat, np.nan, np.clip(correlations, -1.0, 1.0))[enough]
 
 
 def _is_peak(size: Float[np.ndarray, " l"]) -> Bool[np.ndarray, " l"]:

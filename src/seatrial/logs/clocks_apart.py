@@ -14,7 +14,7 @@ from seatrial.logs.log_table import read_stamped
 from seatrial.logs.source import LogSource
 from seatrial.logs.summary import ClockSummary, TableSummary
 
-LEAST = 0.5
+MIN_CORRELATION = 0.5
 """Correlation from which a shift is offered."""
 
 
@@ -26,34 +26,34 @@ class ClocksApart:
         first: name of the log whose clock is kept.
         later: from its first stamp to that of the second log, s.
         channel: that both logs hold and that tells the shift; empty where none does.
-        found: the shift of the second log's clock.
+        shift: of the second log's clock.
     """
 
     first: str
     later: float
     channel: str = ""
-    found: ClockShift | None = None
+    shift: ClockShift | None = None
 
     @property
     def words(self) -> str:
         """In a sentence, with what to do."""
         side = "after" if self.later > 0 else "before"
         apart = f"the clocks do not meet: its first stamp is {abs(self.later):.6g} s {side} that of {self.first}"
-        if self.found is None:
+        if self.shift is None:
             return (
                 f"{apart}, and no quantity that both logs hold tells the shift. Find something that both recorded, such as a "
                 'start or a turn, and add to this log shift = "… s", the seconds to add to its stamps'
             )
-        return f'{apart}; shift = "{self.found.shift:.3f} s" adds what is missing: {self.surety}'
+        return f'{apart}; shift = "{self.shift.shift:.3f} s" adds what is missing: {self.surety}'
 
     @property
     def surety(self) -> str:
         """How sure the shift is; empty where there is none."""
-        if self.found is None:
+        if self.shift is None:
             return ""
-        rival = "" if self.found.rival is None else f"; {self.found.rival:.3f} s fits almost as well"
-        half = (self.found.upper - self.found.lower) / 2
-        return f"{self.channel} is in both logs, correlation {self.found.correlation:.3f}, ± {half:.2g} s{rival}"
+        rival = "" if self.shift.rival is None else f"; {self.shift.rival:.3f} s fits almost as well"
+        half = (self.shift.upper - self.shift.lower) / 2
+        return f"{self.channel} is in both logs, correlation {self.shift.correlation:.3f}, ± {half:.2g} s{rival}"
 
 
 def clocks_apart(
@@ -70,7 +70,7 @@ def clocks_apart(
         tables: of both.
         guessed: a column for each channel, of both.
     """
-    spans = [span for some, found in zip(tables, guessed, strict=True) if (span := _span(some, found)) is not None]
+    spans = [span for some, guesses in zip(tables, guessed, strict=True) if (span := _span(some, guesses)) is not None]
     if len(spans) < 2 or (spans[0][0] < spans[1][1] and spans[1][0] < spans[0][1]):
         return None
     name, later = first.path.name, spans[1][0] - spans[0][0]
@@ -82,11 +82,11 @@ def clocks_apart(
                 _samples(first, tables[0], one),
                 _samples(second, tables[1], others[one.channel]),
             )
-            found = shift_between(kept, other).later(float(epoch - other_epoch))
+            shift = shift_between(kept, other).later(float(epoch - other_epoch))
         except InputError:  # a curve that never moves tells nothing; the sentence says what to do then
             continue
-        if abs(found.correlation) >= max(LEAST, abs(best.found.correlation) if best.found else 0.0):
-            best = ClocksApart(name, later, one.channel, found)
+        if abs(shift.correlation) >= max(MIN_CORRELATION, abs(best.shift.correlation) if best.shift else 0.0):
+            best = ClocksApart(name, later, one.channel, shift)
     return best
 
 

@@ -10,7 +10,7 @@ from jaxtyping import Float
 from seatrial.core.errors import InputError
 from seatrial.core.files import sha256_of
 
-_FEWEST = 2
+_MIN_POINTS = 2
 
 
 class CellCurve(Protocol):
@@ -118,7 +118,7 @@ def read_curve(path: Path, where: str) -> Curve:
         rows = np.loadtxt(path, delimiter=",", skiprows=1, ndmin=2, encoding="utf-8-sig")
     except ValueError as cause:
         raise _malformed(path, str(cause)) from cause
-    if rows.shape[0] < _FEWEST or rows.shape[1] != 2 or not np.isfinite(rows).all():
+    if rows.shape[0] < _MIN_POINTS or rows.shape[1] != 2 or not np.isfinite(rows).all():
         raise _malformed(path, f"{rows.shape[0]} rows of {rows.shape[1]} numbers")
     back = np.flatnonzero(np.diff(rows[:, 0]) <= 0)
     if back.size:

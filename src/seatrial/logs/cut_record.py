@@ -9,7 +9,7 @@ from seatrial.core.errors import InputError
 from seatrial.core.record import Record
 from seatrial.core.signals import ANGLES
 
-FEWEST = 10
+MIN_PIECE_SAMPLES = 10
 """Samples in a piece, at least."""
 
 
@@ -25,11 +25,11 @@ def cut(record: Record, length: float) -> tuple[Record, ...]:
     """
     whole = float(record.time[-1])
     count = max(round(whole / length), 1) if length > 0 else 0
-    if not 1 <= count <= record.time.size // FEWEST:
+    if not 1 <= count <= record.time.size // MIN_PIECE_SAMPLES:
         raise InputError(
             f'record "{record.label}", split',
             found=f"{length:g} s",
-            expected=f"more than 0 s, and pieces of at least {FEWEST} samples of this record of {whole:g} s",
+            expected=f"more than 0 s, and pieces of at least {MIN_PIECE_SAMPLES} samples of this record of {whole:g} s",
             remedy="give the time over which the vehicle can be simulated, such as 20 s",
         )
     if count == 1:

@@ -22,7 +22,7 @@ from seatrial.core.signals import (
 )
 from seatrial.core.units import to_si
 from seatrial.logs.axes import Axes
-from seatrial.logs.formats.protocol import MOST_ELEMENTS, TableInfo
+from seatrial.logs.formats.protocol import MAX_ELEMENTS, TableInfo
 from seatrial.logs.formats.text import TABLE
 from seatrial.logs.formats.unit_in_name import name_and_units
 from seatrial.logs.known_messages import (
@@ -82,24 +82,24 @@ class Guess:
     between: Between | None = None
 
 
-_WHOLE = ("value", "data")
+_ONLY_COLUMN_NAMES = ("value", "data")
 """Names of the only column of a table."""
-_PER_CENT, _PULSE = 100.0, (900.0, 2100.0)
+_FULL_PER_CENT, _PULSE_RANGE = 100.0, (900.0, 2100.0)
 """Size of a full command in per cent, and the range of pulse widths, µs."""
 _LARGEST_FORCE = 500.0
 """Size up to which numbers of a thruster in no stated unit may be newtons: beyond it they are as likely a speed of rotation."""
 _BODY = ("u", "v", "w")
-FASTEST = 25.0
+MAX_SPEED = 25.0
 """Speed beyond that of any vehicle, m/s."""
-_UNIT = 1.001
+_MAX_UNIT_PART = 1.001
 """Size up to which numbers may be parts of a unit quaternion."""
-_OF = "(?:dvl|speed|vel|velocity|body|measured|meas|nu)_?"
+_VELOCITY_PREFIX = "(?:dvl|speed|vel|velocity|body|measured|meas|nu)_?"
 """What a name may have before the letter of a velocity."""
 _TWIST = "(?:(?:odom(?:etry)?|nav|state|body)[._])?(?:twist[._])*"
 """What a flattened message has before its velocities."""
 _ALONG = f"(?:{_TWIST}linear[._](?:(?:velocity|vel)[._])?|velocity[._]?|vel_?|v_?)"
 """What a velocity along x, y or z is called before that letter."""
-_AXES_UNKNOWN = re.compile(rf"(?:{_OF})?{_ALONG}[xyz]")
+_AXES_UNKNOWN = re.compile(rf"(?:{_VELOCITY_PREFIX})?{_ALONG}[xyz]")
 _SPEED = "(?:_?(?:speed|vel|velocity))?"
 _TURN = f"(?:imu_?)?(?:{_TWIST}angular[._](?:(?:velocity|vel|rate)[._])?|gyro?[_.]?|omega_?|[gw]_?)"
 """What a rate of turn about x, y or z is called before that letter."""
@@ -112,12 +112,16 @@ _NAMES = (
     ("v_east", 2, "v_?e(?:ast)?|vel(?:ocity)?[._]?e(?:ast)?|east_?(?:vel|velocity|speed)"),
     ("v_down", 2, "v_?d(?:own)?|vel(?:ocity)?[._]?d(?:own)?|down_?(?:vel|velocity|speed)"),
     *((f"q_{part}", 2, rf"{_POSE}(?:orientation|quat(?:ernion)?)[._]?{part}|q_?{part}") for part in "wxyz"),
-    ("u", 2, f"(?:{_OF})?(?:u|surge{_SPEED})"),
-    ("u", 1, f"speed|spd|(?:log|dvl)_?speed|speed_?(?:log|dvl)|(?:{_OF})?{_ALONG}x|speed_?over_?ground|sog"),
-    ("v", 2, f"(?:{_OF})?(?:v|sway{_SPEED})"),
-    ("v", 1, f"(?:{_OF})?{_ALONG}y"),
-    ("w", 2, f"(?:{_OF})?(?:w|heave{_SPEED})"),
-    ("w", 1, f"(?:{_OF})?{_ALONG}z"),
+    ("u", 2, f"(?:{_VELOCITY_PREFIX})?(?:u|surge{_SPEED})"),
+    (
+        "u",
+        1,
+        f"speed|spd|(?:log|dvl)_?speed|speed_?(?:log|dvl)|(?:{_VELOCITY_PREFIX})?{_ALONG}x|speed_?over_?ground|sog",
+    ),
+    ("v", 2, f"(?:{_VELOCITY_PREFIX})?(?:v|sway{_SPEED})"),
+    ("v", 1, f"(?:{_VELOCITY_PREFIX})?{_ALONG}y"),
+    ("w", 2, f"(?:{_VELOCITY_PREFIX})?(?:w|heave{_SPEED})"),
+    ("w", 1, f"(?:{_VELOCITY_PREFIX})?{_ALONG}z"),
     ("p", 2, f"p|roll_?rate|roll_?speed|{_TURN}x"),
     ("q", 2, f"q|pitch_?rate|pitch_?speed|{_TURN}y"),
     ("r", 2, f"r|yaw_?rate|yaw_?speed|turn_?rate|rate_?of_?turn|rot|{_TURN}z"),
@@ -168,7 +172,7 @@ _PATTERNS = tuple((channel, strength, re.compile(pattern)) for channel, strength
 def guesses(tables: Sequence[TableSummary]) -> tuple[Guess, ...]:
     """Guess the channel of every column whose type, name or unit says something, the strongest of each channel first."""
     names = frozenset(_full_name(table, column).lower() for table in tables for column in table.columns)
-    found = [guess for table in tables if table.clock or len(tables) == 1 for guess in _of_table(table, names)]
+    guessed = [guess for table in tables if table.clock or len(tables) == 1 for guess in _of_table(table, names)]
     sizes = {table.info.name: table.rows for table in tables}
     order = [
         *SIGNALS,
@@ -176,29 +180,29 @@ def guesses(tables: Sequence[TableSummary]) -> tuple[Guess, ...]:
         *OVER_EARTH,
         *QUATERNION,
         *SPECIFIC_FORCE,
-        *thruster_controls(MOST_ELEMENTS, commanded_force=True),
-        *thruster_controls(MOST_ELEMENTS, commanded_force=False),
+        *thruster_controls(MAX_ELEMENTS, commanded_force=True),
+        *thruster_controls(MAX_ELEMENTS, commanded_force=False),
     ]
-    return tuple(sorted(found, key=lambda guess: (order.index(guess.channel), -guess.strength, -sizes[guess.table])))
+    return tuple(sorted(guessed, key=lambda guess: (order.index(guess.channel), -guess.strength, -sizes[guess.table])))
 
 
-def best(found: Sequence[Guess], only: Sequence[str] = ()) -> tuple[Guess, ...]:
+def best(guessed: Sequence[Guess], only: Sequence[str] = ()) -> tuple[Guess, ...]:
     """Return one guess for each channel, or for each of some, which alone may be an output that stands still.
 
     Velocities over the earth, and quaternions, are there where what is made of them is wanted and nothing gives it itself.
     """
-    wanted = set(only) or {guess.channel for guess in found if guess.strength} | {*_BODY, *ANGLES}
+    wanted = set(only) or {guess.channel for guess in guessed if guess.strength} | {*_BODY, *ANGLES}
     if wanted & {*QUATERNION}:  # which is made of angles too
         wanted |= {*ANGLES}
-    direct = {guess.channel for guess in found}
+    direct = {guess.channel for guess in guessed}
     for made_of, makes, needs in ((OVER_EARTH, _BODY, ANGLES), (QUATERNION, ANGLES, ())):
         wanted -= {*made_of}
         asked, given = wanted & {*makes}, direct & {*makes}
         if asked - given and (direct >= {*made_of} or (not given and direct & {*made_of})):
             wanted = wanted - given | {*made_of, *needs}
-    outputs = Counter(map(_source, (guess for guess in found if guess.unit == COMMAND and guess.strength)))
+    outputs = Counter(map(_source, (guess for guess in guessed if guess.unit == COMMAND and guess.strength)))
     first: dict[str, Guess] = {}
-    for guess in found:
+    for guess in guessed:
         # The commands of all thrusters are in one message: that with most of them.
         if guess.channel in wanted and (guess.unit != COMMAND or _source(guess) == outputs.most_common(1)[0][0]):
             first.setdefault(guess.channel, guess)
@@ -207,7 +211,7 @@ def best(found: Sequence[Guess], only: Sequence[str] = ()) -> tuple[Guess, ...]:
 
 def _source(guess: Guess) -> tuple[str, str]:
     """Return the table that a guess is from, and the message, of which a table of text may have several."""
-    if guess.column in _WHOLE:  # a topic for each thruster
+    if guess.column in _ONLY_COLUMN_NAMES:  # a topic for each thruster
         return re.sub(r"\d+", "", guess.table), ""
     return guess.table, message_and_field(guess.table, guess.column)[0]
 
@@ -217,9 +221,9 @@ def _named(table: TableInfo) -> str:
     return table.kind if table.name == TABLE and table.kind else table.name
 
 
-def remarks(found: Sequence[Guess], tables: Sequence[TableSummary]) -> tuple[str, ...]:
+def remarks(guessed: Sequence[Guess], tables: Sequence[TableSummary]) -> tuple[str, ...]:
     """Say what needs more than a factor: the commands of thrusters, and those of axes."""
-    commands, sticks = [guess for guess in best(found) if guess.unit == COMMAND], tuple(map(_sticks, tables))
+    commands, sticks = [guess for guess in best(guessed) if guess.unit == COMMAND], tuple(map(_sticks, tables))
     if not commands:
         return tuple(filter(None, sticks))
     first, last = commands[0], commands[-1]
@@ -228,7 +232,7 @@ def remarks(found: Sequence[Guess], tables: Sequence[TableSummary]) -> tuple[str
         f"{first.table}: {first.column} to {last.column} may be pulse widths or outputs to the thrusters: give the maker's table of thrust "
         f"over them under [vehicle.thrust_laws], for channels {first.channel} to {last.channel} in the unit "
         f'"{COMMAND}", or as the `curve` of a channel',
-        *_still(found, first),
+        *_still(guessed, first),
     )
 
 
@@ -249,9 +253,9 @@ def _sticks(table: TableSummary) -> str:
     )
 
 
-def _still(found: Sequence[Guess], first: Guess) -> Iterator[str]:
+def _still(guessed: Sequence[Guess], first: Guess) -> Iterator[str]:
     """Name the outputs that stand still after the last that moves."""
-    still = [guess for guess in found if _source(guess) == _source(first) and not guess.strength]
+    still = [guess for guess in guessed if _source(guess) == _source(first) and not guess.strength]
     if still:
         names, channels = (" to ".join(dict.fromkeys((some[0], some[-1]))) for some in _names_of(still))
         yield f"{first.table}: {names} never change: map them too, as {channels}, if they are thrusters that stood still"
@@ -263,12 +267,12 @@ def _names_of(some: Sequence[Guess]) -> tuple[list[str], list[str]]:
 
 def _full_name(table: TableSummary, column: ColumnSummary) -> str:
     """Return the name of a column, of the only one of a table that of the table."""
-    return table.info.name if column.name in _WHOLE else column.name
+    return table.info.name if column.name in _ONLY_COLUMN_NAMES else column.name
 
 
 def _of_table(table: TableSummary, names: Collection[str]) -> Iterator[Guess]:
     clocks = {clock.name for clock in table.clocks}
-    found = []
+    candidates = []
     for column in table.columns:
         if column.name in clocks or column.name.endswith("log_time"):
             continue
@@ -282,14 +286,16 @@ def _of_table(table: TableSummary, names: Collection[str]) -> Iterator[Guess]:
         if guess is None and not column.trouble and message not in AUTOPILOT:
             guess = _by_name(table, column)
         if guess is not None:
-            found.append((guess, column))
+            candidates.append((guess, column))
     # Three parts of a quaternion may be constant where the vehicle only turns, all four where it is not known.
-    turns = any(guess.channel in QUATERNION and not column.trouble for guess, column in found)
+    turns = any(guess.channel in QUATERNION and not column.trouble for guess, column in candidates)
     # A thruster may stand still; outputs that do after the last that moves are mostly lights, cameras, or nothing.
     moving = {
-        _source(guess): at for at, (guess, column) in enumerate(found) if guess.unit == COMMAND and not column.constant
+        _source(guess): at
+        for at, (guess, column) in enumerate(candidates)
+        if guess.unit == COMMAND and not column.constant
     }
-    for at, (guess, column) in enumerate(found):
+    for at, (guess, column) in enumerate(candidates):
         if guess.unit == COMMAND and moving:
             yield guess if at <= moving.get(_source(guess), -1) else replace(guess, strength=0)
         elif (guess.unit != COMMAND and not column.trouble) or (turns and guess.channel in QUATERNION):
@@ -330,7 +336,7 @@ def _by_output(table: TableSummary, column: ColumnSummary, names: Collection[str
     number = output_number(_named(table.info), column.name, column.least, column.greatest)
     if number is not None and not _is_element(table, column):
         number = _from_one(number, column.name, names)
-    if not number or number > MOST_ELEMENTS:
+    if not number or number > MAX_ELEMENTS:
         return None
     reason = "pulse width or output; [vehicle.thrust_laws] makes thrust of it: check the order"
     return Guess(f"f_{number}", table.info.name, column.name, COMMAND, 1.0, "NED", "control", reason, 1)
@@ -348,7 +354,7 @@ def _by_thruster(table: TableSummary, column: ColumnSummary, names: Collection[s
     bare, units = name_and_units(full.lower().replace(" ", "_"))
     match = _THRUSTER.fullmatch(bare)
     number = _from_one(thruster_number(match["which"] or match["of"]), full, names) if match else 0
-    if match is None or not number or number > MOST_ELEMENTS or not column.count:
+    if match is None or not number or number > MAX_ELEMENTS or not column.count:
         return None
     what, is_stated = "thrust" if match["of"] else match["what"], bool(units or column.unit)
     for kind in "n" if what == "speed" else "fn" if what is None and is_stated else "f":
@@ -368,7 +374,11 @@ def _force_or_command(column: ColumnSummary, is_force: bool) -> tuple[str, float
     size = max(map(abs, ends))
     if is_force:
         return "N", 1.0, "newtons by the name"
-    if size <= _UNIT or size == _PER_CENT or _PULSE[0] <= column.least <= column.greatest <= _PULSE[1]:
+    if (
+        size <= _MAX_UNIT_PART
+        or size == _FULL_PER_CENT
+        or _PULSE_RANGE[0] <= column.least <= column.greatest <= _PULSE_RANGE[1]
+    ):
         return COMMAND, 1.0, "[vehicle.thrust_laws] makes thrust of it"
     if size > _LARGEST_FORCE or all(end.is_integer() for end in ends):
         return None
@@ -420,7 +430,7 @@ def _angle_of_three(table: TableSummary, column: ColumnSummary) -> Guess | None:
     three = [one for one in table.columns if one.name.lower() in of and one.count]
     size = max((max(abs(one.least), abs(one.greatest)) for one in three), default=0.0)
     channel = of.get(column.name.lower())
-    if channel is None or not _is_whole(table, column, "xyz") or size <= _UNIT:
+    if channel is None or not _is_whole(table, column, "xyz") or size <= _MAX_UNIT_PART:
         return None
     unit = "deg" if size > 2.1 * pi else "rad"
     reason = f'the name "{column.name}" of three; angles, since a number is beyond 1: check their order and their unit'
@@ -439,7 +449,7 @@ def _of_quaternion(table: TableSummary, column: ColumnSummary) -> Guess | None:
     is_one = len(elements) == len(QUATERNION) and re.fullmatch(r"(?:.*[./_])?(?:q|quat(?:ernion)?|attitude)", array)
     if not is_one or _NOT_MEASURED.search(f"{_named(table.info)} {array}"):
         return None
-    if not (column.count and -_UNIT <= column.least <= column.greatest <= _UNIT):
+    if not (column.count and -_MAX_UNIT_PART <= column.least <= column.greatest <= _MAX_UNIT_PART):
         return None
     channel = QUATERNION[elements.index(column.name)]
     reason = f'the name "{column.name}" of four; a quaternion, the scalar part first: check their order, and `axes`'
@@ -488,7 +498,7 @@ def _unit(channel: str, column: ColumnSummary, hinted: Sequence[str]) -> tuple[s
             1.0,
             "its unit by the name" if "rpm" in column.name.lower() else "its unit by its range",
         )
-    if signal_unit(channel) == str(SPEED) and size > FASTEST:
+    if signal_unit(channel) == str(SPEED) and size > MAX_SPEED:
         return "cm/s", 1.0, f"centimetres by its range, as {size:.3g} m/s is beyond any vehicle: or mm/s, km/h, kn?"
     return _text_unit(channel), 1.0, "its unit is not known: SI"
 

@@ -18,15 +18,15 @@ from seatrial.logs.formats.protocol import LogFile, TextLayout
 from seatrial.logs.formats.registry import catalogue, format_of, pick, stream
 from seatrial.logs.guess import Guess, best, guesses, remarks
 from seatrial.logs.measured_control import looks_measured
-from seatrial.logs.summary import BURSTS, ClockSummary, ColumnSummary, Gathered, TableSummary, disagreement
+from seatrial.logs.summary import MIN_BURST_SPREAD, ClockSummary, ColumnSummary, Gathered, TableSummary, disagreement
 from seatrial.logs.time_stamps import likelier_unit
 
 _ELEMENT = re.compile(r"(.*)\[(\d+)\]")
-_LISTED = 16
+_MAX_ELEMENT_LINES = 16
 """Elements of an array up to which each has a line where several tables are listed."""
 
 
-SOUGHT = (
+NO_GUESS_LINES = (
     "no column could be guessed. Sought were speeds, rates, angles, depth, position, propeller, rudder, forces and outputs to thrusters,",
     "by names such as u, yaw_rate, heading, depth, rpm, rudder, tau_x or out1, and by types of message. Write the map yourself: `--map`",
     'prints the [[import.files]] of a campaign file; add a line for each channel, such as channels.u = { column = "...", unit = "m/s" }',
@@ -62,7 +62,9 @@ class LogSummary:
         lines += ["", *notes] if notes else []
         chosen = best(self.guesses)
         lines += (
-            ["", "guessed map (check each line; `--map` prints it for a campaign file):"] if chosen else ["", *SOUGHT]
+            ["", "guessed map (check each line; `--map` prints it for a campaign file):"]
+            if chosen
+            else ["", *NO_GUESS_LINES]
         )
         for guess in chosen:
             lines.append(f"  {guess.channel:<8} {_place(guess, count)} [{_unit(guess)}]: {guess.reason}")
@@ -146,8 +148,8 @@ class LogSummary:
             yield "# time: no column is it by its name, and none rises in every row; give the column, and its unit"
         else:
             yield from _clock_keys(clock)
-        if apart is not None and apart.found is not None:
-            yield f'shift = "{apart.found.shift:.3f} s"  # guess: {apart.surety}'
+        if apart is not None and apart.shift is not None:
+            yield f'shift = "{apart.shift.shift:.3f} s"  # guess: {apart.surety}'
         elif apart is not None:
             yield f"# shift: {apart.words}"
         if any(guess.axes == "ENU" for guess in mine):
@@ -200,15 +202,15 @@ def inspect_log(
         gathered[block.table].take(block)
         progress(block.done)
     progress(1.0)
-    tables = tuple(found.summary() for found in gathered.values())
-    found = _with_lines(log, tables, guesses(tables))
-    return LogSummary(log, format_of(path).name, tables, found, remarks(found, tables))
+    tables = tuple(table.summary() for table in gathered.values())
+    guessed = _with_lines(log, tables, guesses(tables))
+    return LogSummary(log, format_of(path).name, tables, guessed, remarks(guessed, tables))
 
 
-def _with_lines(log: LogFile, tables: Sequence[TableSummary], found: Sequence[Guess]) -> tuple[Guess, ...]:
+def _with_lines(log: LogFile, tables: Sequence[TableSummary], guessed: Sequence[Guess]) -> tuple[Guess, ...]:
     """Return guesses in which controls that look measured are lines between their samples; a second pass reads these columns alone."""
     controls: dict[str, set[str]] = {}
-    for guess in (one for one in found if one.role == "control"):
+    for guess in (one for one in guessed if one.role == "control"):
         controls.setdefault(guess.table, set()).add(guess.column)
     clocks = {table.info.name: table.clock for table in tables if table.clock and table.info.name in controls}
     wanted = {name: [clock.name, *sorted(controls[name] - {clock.name})] for name, clock in clocks.items()}
@@ -233,7 +235,7 @@ def _with_lines(log: LogFile, tables: Sequence[TableSummary], found: Sequence[Gu
         )
         if one.role == "control" and (one.table, one.column) in measured
         else one
-        for one in found
+        for one in guessed
     )
 
 
@@ -301,15 +303,15 @@ class LogsTogether:
 
     def _apart(self) -> dict[int, ClocksApart]:
         """Return the logs whose clock does not meet that of the first log of their run."""
-        found = {}
+        shifts = {}
         for first, *others in self._runs()[0]:
             for at in others:
                 one, other = self.logs[first], self.logs[at]
                 tables, guessed = (one.tables, other.tables), (best(one.guesses), best(other.guesses))
                 apart = clocks_apart(one.log, other.log, tables, guessed)
                 if apart is not None:
-                    found[at] = apart
-        return found
+                    shifts[at] = apart
+        return shifts
 
 
 def _columns(guessed: Sequence[Guess]) -> set[tuple[str, str, str]]:
@@ -328,7 +330,7 @@ def _clock_keys(clock: ClockSummary) -> Iterator[str]:
         yield f"# time: {doubt}"
     if clock.repeated:
         yield f'clock = "drop_repeated"  # {clock.repeated} stamps repeat; "even" if rows left evenly and came in bursts'
-    elif clock.jitter > BURSTS / clock.rate:
+    elif clock.jitter > MIN_BURST_SPREAD / clock.rate:
         yield f'# clock = "even"  # if rows left evenly: they arrived in bursts (sd of the step {clock.jitter:.2g} s)'
 
 
@@ -338,10 +340,10 @@ def _unused_lines(table: TableSummary, used: Collection[str]) -> Iterator[str]:
     columns = [one for one in table.columns if one.name not in others and not one.trouble]
     if columns:
         yield "# No channel uses these columns; give a line to each that the model needs:"
-    width = max((len(one.name) for one in columns[:_LISTED]), default=0)
-    yield from (f"#   {one.name:<{width}}  {_column_text(one)}" for one in columns[:_LISTED])
-    if len(columns) > _LISTED:
-        yield f"#   and {len(columns) - _LISTED} more: `seatrial inspect` lists them"
+    width = max((len(one.name) for one in columns[:_MAX_ELEMENT_LINES]), default=0)
+    yield from (f"#   {one.name:<{width}}  {_column_text(one)}" for one in columns[:_MAX_ELEMENT_LINES])
+    if len(columns) > _MAX_ELEMENT_LINES:
+        yield f"#   and {len(columns) - _MAX_ELEMENT_LINES} more: `seatrial inspect` lists them"
 
 
 def _table_lines(table: TableSummary, is_alone: bool) -> Iterator[str]:
@@ -366,13 +368,13 @@ def _table_lines(table: TableSummary, is_alone: bool) -> Iterator[str]:
         texts = [_column_text(column) for column in columns]
         if len(columns) > 2 and len(set(texts)) == 1:
             yield f"  {base}[…], {len(columns)} elements: each {texts[0]}"
-        elif len(columns) > _LISTED and not is_alone:
+        elif len(columns) > _MAX_ELEMENT_LINES and not is_alone:
             yield f"  {base}[…], {len(columns)} elements: {_range_text(columns)}; `--table {info.name}` lists each"
         else:
             yield from (f"  {column.name:<{width}}  {text}" for column, text in zip(columns, texts, strict=True))
     if info.words:
-        more = f" and {len(info.words) - _LISTED} more" if len(info.words) > _LISTED else ""
-        yield f"  words, for conditions of [[import.keep]]: {', '.join(info.words[:_LISTED])}{more}"
+        more = f" and {len(info.words) - _MAX_ELEMENT_LINES} more" if len(info.words) > _MAX_ELEMENT_LINES else ""
+        yield f"  words, for conditions of [[import.keep]]: {', '.join(info.words[:_MAX_ELEMENT_LINES])}{more}"
 
 
 def _array(column: ColumnSummary) -> str:

@@ -15,7 +15,7 @@ _PART = re.compile(
         (?: '(?P<quoted>[^']+)' | (?P<bare>[A-Za-z_/][\w./\[\]]*) ) \s*""",
     re.VERBOSE,
 )
-_MOST = 64
+_MAX_PARTS = 64
 """Parts of a sum."""
 
 
@@ -33,11 +33,11 @@ def parse_sum(text: str, where: str) -> tuple[tuple[float, str], ...]:
     at = 0
     while at < len(text) or not parts:
         match = _PART.match(text, at)
-        if match is None or (parts and not match["sign"]) or len(parts) == _MOST:
+        if match is None or (parts and not match["sign"]) or len(parts) == _MAX_PARTS:
             raise InputError(
                 where,
                 found=f'"{text[at:].strip()[:60]}"' + (f' in "{text[:120]}"' if at else ""),
-                expected=f"a sum of at most {_MOST} columns, each with a number before it or none",
+                expected=f"a sum of at most {_MAX_PARTS} columns, each with a number before it or none",
                 remedy='write for example "0.12 data[0] - 0.12 data[1]"; put names with other signs between single quotes',
             )
         factor = float(match["number"] or 1.0)

@@ -64,9 +64,9 @@ def read_log_table(source: LogSource) -> LogTable:
     for name, column in source.channels.items():
         cells = {part: read.numbers(part) for _, part in column.columns}
         empty = np.any([np.isnan(one) for one in cells.values()], axis=0)
-        if found := curved_cells(column, cells.__getitem__, where):
-            curved[name] = found
-        values = _reached(in_si(source, name, cells.__getitem__), empty, read.time, found)
+        if cells_of_curve := curved_cells(column, cells.__getitem__, where):
+            curved[name] = cells_of_curve
+        values = _reached(in_si(source, name, cells.__getitem__), empty, read.time, cells_of_curve)
         mapped[name] = mean_to_next(values) if column.between == "line" else values
         if gaps := int(empty.sum()):
             empties[name] = [gaps, values.size]

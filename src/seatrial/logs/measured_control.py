@@ -9,20 +9,20 @@ telegraph does, is often at the first or the last of them; noise that is rounded
 import numpy as np
 from jaxtyping import Bool, Float
 
-FEWEST = 50
+MIN_SAMPLES = 50
 """Samples that tell."""
-BETTER = 2.5
+MIN_PREDICTION_RATIO = 2.5
 """Times by which both neighbours must predict a sample better than the one before (root mean square): a ramp over more than 6 samples."""
-NEARLY_ALL = 0.8
+MIN_CHANGING_SHARE = 0.8
 """Share of the samples that must differ from the one before: a command that is ramped now and then is held in between."""
-WINDOW, MOST, EVERYWHERE = 20, 0.5, 0.9
+WINDOW_SAMPLES, MIN_WINDOW_SHARE, MIN_SHARE_OF_WINDOWS = 20, 0.5, 0.9
 """Samples in a stretch, share of them that must differ from the one before, as noise that is rounded may not at each, and share of the
 stretches in which they do: a ramp that is rounded to few steps stays at most samples as it was."""
-SLOW = 0.02
+SLOW_CHANGE = 0.02
 """Change of a control from sample to sample, over its standard deviation, below which half a sample of delay moves nothing."""
-FEW, AT_ENDS = 8, 0.3
+MAX_LEVELS, MIN_END_SHARE = 8, 0.3
 """Levels that a command may jump between, and the share of the samples at the least or the greatest from which it is one."""
-APART = 5.0
+MAX_NEIGHBOUR_STEPS = 5.0
 """Median steps beyond which samples are no neighbours."""
 
 
@@ -35,10 +35,10 @@ def looks_measured(time: Float[np.ndarray, " n"], values: Float[np.ndarray, " n"
     """
     known = np.isfinite(values)
     t, x = time[known], values[known]
-    if t.size < FEWEST or _jumps_between_levels(x):
+    if t.size < MIN_SAMPLES or _jumps_between_levels(x):
         return False
     step = np.diff(t)
-    near = step <= APART * np.median(step)
+    near = step <= MAX_NEIGHBOUR_STEPS * np.median(step)
     return _moves_everywhere(np.diff(x)[near]) or _changes_smoothly(step, x, near[:-1] & near[1:])
 
 
@@ -58,33 +58,33 @@ def half_a_step_matters(values: Float[np.ndarray, " n"]) -> bool:
     """
     known = values[np.isfinite(values)]
     with np.errstate(over="ignore", invalid="ignore"):  # numbers that are none are refused elsewhere
-        return bool(known.size > 1 and np.sqrt(np.mean(np.diff(known) ** 2)) > SLOW * np.std(known))
+        return bool(known.size > 1 and np.sqrt(np.mean(np.diff(known) ** 2)) > SLOW_CHANGE * np.std(known))
 
 
 def mean_to_next(values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
     """Return the mean of each sample and the next one that is there: of a straight line, held over that time, it does the same."""
     known, means = np.isfinite(values), values.copy()
-    there = values[known]
-    means[known] = np.append(0.5 * (there[:-1] + there[1:]), there[-1:])
+    present = values[known]
+    means[known] = np.append(0.5 * (present[:-1] + present[1:]), present[-1:])
     return means
 
 
 def _jumps_between_levels(x: Float[np.ndarray, " n"]) -> bool:
-    return np.unique(x).size <= FEW and float(np.mean((x == x.min()) | (x == x.max()))) >= AT_ENDS
+    return np.unique(x).size <= MAX_LEVELS and float(np.mean((x == x.min()) | (x == x.max()))) >= MIN_END_SHARE
 
 
 def _moves_everywhere(change: Float[np.ndarray, " m"]) -> bool:
-    count = change.size // WINDOW
-    stretches = (change[: count * WINDOW] != 0).reshape(count, WINDOW)
-    return count > 1 and float(np.mean(stretches.mean(axis=1) > MOST)) >= EVERYWHERE
+    count = change.size // WINDOW_SAMPLES
+    stretches = (change[: count * WINDOW_SAMPLES] != 0).reshape(count, WINDOW_SAMPLES)
+    return count > 1 and float(np.mean(stretches.mean(axis=1) > MIN_WINDOW_SHARE)) >= MIN_SHARE_OF_WINDOWS
 
 
 def _changes_smoothly(
     step: Float[np.ndarray, " m"], x: Float[np.ndarray, " n"], inside: Bool[np.ndarray, " k"]
 ) -> bool:
     change = np.diff(x)[:-1][inside]
-    if inside.sum() < FEWEST or np.mean(change != 0) < NEARLY_ALL:
+    if inside.sum() < MIN_SAMPLES or np.mean(change != 0) < MIN_CHANGING_SHARE:
         return False
     between = x[:-2] + (x[2:] - x[:-2]) * step[:-1] / (step[:-1] + step[1:])
     by_both = np.mean((x[1:-1] - between)[inside] ** 2)
-    return bool(np.mean(change**2) > BETTER**2 * by_both)
+    return bool(np.mean(change**2) > MIN_PREDICTION_RATIO**2 * by_both)

@@ -38,7 +38,7 @@ _COMPARISON = re.compile(
 )
 _AND = re.compile(r"""\band\b(?=(?:[^"]*"[^"]*")*[^"]*$)""")
 """Between two comparisons, not inside a word."""
-_MOST = 16
+_MAX_COMPARISONS = 16
 """Comparisons of a condition."""
 
 
@@ -65,20 +65,24 @@ def parse_condition(text: str, where: str) -> tuple[Comparison, ...]:
     Raises:
         InputError: something else than comparisons of columns with numbers.
     """
-    found = []
+    comparisons = []
     for part in _AND.split(text):
         match = _COMPARISON.fullmatch(part)
-        if match is None or len(found) == _MOST or (match["word"] and match["relation"] not in ("==", "!=")):
+        if (
+            match is None
+            or len(comparisons) == _MAX_COMPARISONS
+            or (match["word"] and match["relation"] not in ("==", "!="))
+        ):
             raise InputError(
                 where,
                 found=f'"{part.strip()[:60]}"',
-                expected=f"at most {_MOST} comparisons of a column with a number or a word, joined by and",
+                expected=f"at most {_MAX_COMPARISONS} comparisons of a column with a number or a word, joined by and",
                 remedy='write for example armed == 1 and voltage > 14.5 and mode == "MANUAL"; put names of columns with other signs '
                 "between single quotes; `seatrial inspect` lists the columns",
             )
         value = match["word"] or float(match["number"])
-        found.append(Comparison(match["quoted"] or match["bare"], match["relation"], value))
-    return tuple(found)
+        comparisons.append(Comparison(match["quoted"] or match["bare"], match["relation"], value))
+    return tuple(comparisons)
 
 
 def spans_of(source: LogSource, condition: Sequence[Comparison]) -> tuple[Span, ...]:
@@ -98,35 +102,35 @@ def spans_of(source: LogSource, condition: Sequence[Comparison]) -> tuple[Span, 
     )
 
 
-def _holds(read: Stamped, one: Comparison, source: LogSource) -> Bool[np.ndarray, " n"]:
+def _holds(read: Stamped, comparison: Comparison, source: LogSource) -> Bool[np.ndarray, " n"]:
     """Return in which rows a comparison holds.
 
     Raises:
         InputError: a word that the column never says, or a column of numbers that stand for no words.
     """
-    relation = _RELATIONS[one.relation]
-    if not isinstance(one.value, str):
-        return relation(read.numbers(one.column), one.value)
-    said = read.words(one.column)
-    if said.dtype.kind != "O":
-        said = _modes(said, read.info.name if read.info else "", one, source)
-    if one.value not in said:
-        there = sorted({str(word) for word in said if word})
+    relation = _RELATIONS[comparison.relation]
+    if not isinstance(comparison.value, str):
+        return relation(read.numbers(comparison.column), comparison.value)
+    words = read.words(comparison.column)
+    if words.dtype.kind != "O":
+        words = _modes(words, read.info.name if read.info else "", comparison, source)
+    if comparison.value not in words:
+        known_words = sorted({str(word) for word in words if word})
         raise InputError(
-            f'{read.where}, column "{one.column}"',
-            found=f'no "{one.value}" in any row',
-            expected="one of " + ", ".join(there[:20]) if there else "words",
-            remedy=nearest(one.value, there) if there else "compare it with a number",
+            f'{read.where}, column "{comparison.column}"',
+            found=f'no "{comparison.value}" in any row',
+            expected="one of " + ", ".join(known_words[:20]) if known_words else "words",
+            remedy=nearest(comparison.value, known_words) if known_words else "compare it with a number",
         )
-    return (said != "") & relation(said, one.value)
+    return (words != "") & relation(words, comparison.value)
 
 
-def _modes(numbers: np.ndarray, table: str, one: Comparison, source: LogSource) -> np.ndarray:
+def _modes(numbers: np.ndarray, table: str, comparison: Comparison, source: LogSource) -> np.ndarray:
     """Return the names of ArduSub's modes, where a message numbers them."""
     if autopilot_message(table) not in MODE_MESSAGES:
         raise InputError(
-            f'{source.path}, column "{one.column}"',
-            found=f'numbers, compared with "{one.value}"',
+            f'{source.path}, column "{comparison.column}"',
+            found=f'numbers, compared with "{comparison.value}"',
             expected="a column of words, or one that numbers the modes of ArduSub: MODE or HEARTBEAT",
             remedy="compare it with a number",
         )

@@ -22,15 +22,15 @@ from seatrial.core.errors import InputError
 from seatrial.core.record import Record
 from seatrial.numerics.integrate import held_mean
 
-SEEN = 0.5
+MIN_MOTION_SHARE = 0.5
 """Share of the commanded motion that a log has to hold."""
-NEARLY = 0.9
+NEAR_BEST_SHARE = 0.9
 """Share of the largest correlation from which on the explained motion decides."""
-ALIKE = 0.6
+MIN_CORRELATION = 0.6
 """Correlation below which a log is none of the trial."""
-WELL = 0.9
+GOOD_CORRELATION = 0.9
 """Correlation below which a reader is told."""
-GAINS = (0.8, 1.25)
+USUAL_GAINS = (0.8, 1.25)
 """Ratio of the logged to the commanded amplitude outside which a reader is told."""
 _MISREAD = {
     60 / (2 * pi): "rpm read as rad/s",
@@ -111,7 +111,7 @@ class ScheduleMatch:
         return [
             f"{one.name} did not follow what was commanded well: correlation {one.correlation:.2f}, {one.words}; the fit uses what it did"
             for one in self.controls
-            if one.correlation < WELL or not GAINS[0] <= one.gain <= GAINS[1]
+            if one.correlation < GOOD_CORRELATION or not USUAL_GAINS[0] <= one.gain <= USUAL_GAINS[1]
         ]
 
 
@@ -140,15 +140,15 @@ def match_schedule(
         )
     step = float(time[1] - time[0])
     logged = {name: _sampled(record, name, 0.0, step, int(record.time[-1] / step)) for name in names}
-    start, found = _start([controls[name] for name in names], list(logged.values()), step)
+    start, correlation = _start([controls[name] for name in names], list(logged.values()), step)
     every = tuple(_compared(record, name, controls[name], time + start) for name in names)
     result = ScheduleMatch(start, float(time[-1] + step), float(record.time[-1]), every)
-    if abs(found) < ALIKE:
+    if abs(correlation) < MIN_CORRELATION:
         raise InputError(
             f'record "{record.label}"',
             found=f"no stretch in which {', '.join(names)} moves as in {source}; the likeliest begins at {start:.4g} s, "
-            f"correlation {found:.2f}",
-            expected=f"a log of that trial, correlation {ALIKE:g} or more",
+            f"correlation {correlation:.2f}",
+            expected=f"a log of that trial, correlation {MIN_CORRELATION:g} or more",
             remedy="name the schedule that was run, or check the columns of the controls",
         )
     for one in every:
@@ -176,9 +176,9 @@ def _start(commanded: list[np.ndarray], logged: list[np.ndarray], step: float) -
         of_command += _between(c**2, first, last) - sums[0] ** 2 / count
         of_log += _between(x**2, first + shift, last + shift) - sums[1] ** 2 / count
         whole += float(c @ c)
-    moves = (of_command >= SEEN * whole) & (of_log > 1e-9 * whole)
+    moves = (of_command >= MIN_MOTION_SHARE * whole) & (of_log > 1e-9 * whole)
     r = np.where(moves, joint / np.sqrt(np.where(moves, of_command * of_log, 1.0)), 0.0)
-    explained = np.where(np.abs(r) >= NEARLY * np.abs(r).max(), r**2 * of_log, 0.0)
+    explained = np.where(np.abs(r) >= NEAR_BEST_SHARE * np.abs(r).max(), r**2 * of_log, 0.0)
     at = int(np.argmax(explained))
     return float(shift[at] + _vertex(np.abs(r[max(at - 1, 0) : at + 2]))) * step, float(r[at])
 
@@ -211,21 +211,21 @@ def _compared(record: Record, name: str, commanded: np.ndarray, time: np.ndarray
     )
 
 
-def _check_reading(record: Record, one: ControlMatch, source: str) -> None:
+def _check_reading(record: Record, match: ControlMatch, source: str) -> None:
     """Check that a control is neither turned round nor in another unit."""
-    place = f'record "{record.label}", channel "{one.name}"'
-    if one.correlation < -ALIKE:
+    place = f'record "{record.label}", channel "{match.name}"'
+    if match.correlation < -MIN_CORRELATION:
         raise InputError(
             place,
-            found=f"the opposite of what {source} commands, correlation {one.correlation:.2f}",
+            found=f"the opposite of what {source} commands, correlation {match.correlation:.2f}",
             expected="a control that goes the way it was commanded",
             remedy="turn the column round with scale = -1, or the schedule",
         )
-    misread = [text for ratio, text in _MISREAD.items() if abs(one.gain / ratio - 1) < 0.1]
-    if one.correlation > WELL and misread:
+    misread = [text for ratio, text in _MISREAD.items() if abs(match.gain / ratio - 1) < 0.1]
+    if match.correlation > GOOD_CORRELATION and misread:
         raise InputError(
             place,
-            found=f"{one.gain:.4g} times what {source} commands: {misread[0]}?",
+            found=f"{match.gain:.4g} times what {source} commands: {misread[0]}?",
             expected="the unit in which the column is logged",
             remedy="correct `unit` of the column in [import.files], or the unit in the header of the schedule",
         )

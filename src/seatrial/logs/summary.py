@@ -11,16 +11,16 @@ from seatrial.logs.formats.protocol import TIME_UNITS, Block, TableInfo, time_un
 from seatrial.logs.formats.unit_in_name import ENDINGS, name_and_units
 from seatrial.logs.time_stamps import fitting_unit, is_plausible, likelier_unit, lost_after
 
-FEWEST = 10
+MIN_CLOCK_STEPS = 10
 """Steps up, without one down, of a column that is taken for a clock though its name does not say so."""
-_APART, _SHARE = 0.5, 0.01
+_CLOCK_DIFFERENCE, _CLOCK_DIFFERENCE_SHARE = 0.5, 0.01
 """Seconds, and share of the shorter duration, by both of which two clocks of one table must differ to disagree."""
-BURSTS = 0.5
+MIN_BURST_SPREAD = 0.5
 """Standard deviation of the step, as a share of the mean step, from which rows come in bursts."""
-_EVEN, _UNEVEN = 1e-5, 1e-3
+_EVEN_SPREAD, _UNEVEN_SPREAD = 1e-5, 1e-3
 """Standard deviation of the step, as a share of it, below which a clock may count rows, and above which another shows that it does."""
-_TINY, _HUGE = 1e-6, 1e15
-_LONGEST = 1e18
+_SMALLEST_SHOWN, _LARGEST_SHOWN = 1e-6, 1e15
+_LONGEST_STEP = 1e18
 """A step, in seconds, beyond which the sums would overflow."""
 
 
@@ -68,7 +68,7 @@ class ColumnSummary:
             return "no number"
         if self.infinite:
             return f"{self.infinite} infinite"
-        if 0 < size < _TINY or size > _HUGE:
+        if 0 < size < _SMALLEST_SHOWN or size > _LARGEST_SHOWN:
             return f"garbage? ({size:.1g} at most)"
         return "constant" if self.constant else ""
 
@@ -199,12 +199,14 @@ class _Clock:
             self.unit = self.unit or (likelier_unit(usual, "s") if usual else None) or "s"
             if step.any() and not is_plausible(stamps * self.scale):
                 self.unit = fitting_unit(usual)
-            self.typical = float(np.clip(np.median(step) * self.scale, -_LONGEST, _LONGEST)) if step.size else 0.0
+            self.typical = (
+                float(np.clip(np.median(step) * self.scale, -_LONGEST_STEP, _LONGEST_STEP)) if step.size else 0.0
+            )
         else:
             joined = np.concatenate([self.last, stamps])
         self.last = stamps[-1:].copy()
         with np.errstate(over="ignore"):
-            step = np.clip(np.diff(joined).astype(float) * self.scale, -_LONGEST, _LONGEST)
+            step = np.clip(np.diff(joined).astype(float) * self.scale, -_LONGEST_STEP, _LONGEST_STEP)
         if step.size:
             holes = lost_after(np.cumsum(np.append(0.0, step)))
             self.holes += holes.size
@@ -263,15 +265,15 @@ class Gathered:
             ColumnSummary(
                 name,
                 units[name],
-                found.count,
+                gathered.count,
                 self.rows,
-                found.infinite,
-                found.least if found.count else math.nan,
-                found.greatest if found.count else math.nan,
-                found.mean if found.count else math.nan,
-                math.sqrt(found.squares / found.count) if found.count else math.nan,
+                gathered.infinite,
+                gathered.least if gathered.count else math.nan,
+                gathered.greatest if gathered.count else math.nan,
+                gathered.mean if gathered.count else math.nan,
+                math.sqrt(gathered.squares / gathered.count) if gathered.count else math.nan,
             )
-            for name, found in self.columns.items()
+            for name, gathered in self.columns.items()
         )
         clocks = tuple(clock.summary(name) for name, clock in self._found(columns).items())
         return TableSummary(self.info, self.rows, clocks, columns)
@@ -281,7 +283,7 @@ class Gathered:
         if any(clock.is_named for clock in self.clocks.values()):
             return self.clocks
         whole = {one.name for one in columns if one.count == self.rows}
-        rising = [name for name, clock in self.clocks.items() if name in whole and clock.steps >= FEWEST]
+        rising = [name for name, clock in self.clocks.items() if name in whole and clock.steps >= MIN_CLOCK_STEPS]
         return {name: self.clocks[name] for name in sorted(rising, key=lambda name: self.clocks[name].unevenness)[:1]}
 
 
@@ -304,18 +306,20 @@ def disagreement(clocks: Sequence[ClockSummary]) -> str:
     Times of arrival in bursts are left out: the first rows may have come late by seconds.
     """
     named = [
-        one for one in clocks if one.is_named and one.moves and not one.backward and one.jitter <= BURSTS / one.rate
+        one
+        for one in clocks
+        if one.is_named and one.moves and not one.backward and one.jitter <= MIN_BURST_SPREAD / one.rate
     ]
     if len(named) < 2:
         return ""
     short, long = (best(named, key=lambda one: one.duration) for best in (min, max))
-    if long.duration - short.duration <= max(_APART, _SHARE * short.duration):
+    if long.duration - short.duration <= max(_CLOCK_DIFFERENCE, _CLOCK_DIFFERENCE_SHARE * short.duration):
         return ""
     spread = {one.name: one.jitter * one.rate for one in (short, long)}
-    even = [name for name, share in spread.items() if share < _EVEN]
+    even = [name for name, share in spread.items() if share < _EVEN_SPREAD]
     counted = (
         f": {even[0]} has an even step, and may count rows by a nominal one"
-        if len(even) == 1 and max(spread.values()) > _UNEVEN
+        if len(even) == 1 and max(spread.values()) > _UNEVEN_SPREAD
         else ": the unit of one may be wrong, or one may jump"
     )
     return f"clocks disagree: {short.name} runs over {short.duration:.6g} s, {long.name} over {long.duration:.6g} s{counted}"

@@ -20,18 +20,18 @@ from seatrial.logs.source import Clock
 
 _PLAUSIBLE_STEP = (1e-5, 1e3)
 _USUAL_STEP = 0.03
-_QUICK, _SLOW = 1e-3, 10.0
+_SHORT_STEP, _LONG_STEP = 1e-3, 10.0
 """Seconds between samples below and above which the unit of a clock is doubted."""
 _COMMON_UNITS = ("ns", "us", "ms", "s", "min")
-_HOLE, _LONG = 20.0, 1.0
+_HOLE_SPACINGS, _HOLE_SECONDS = 20.0, 1.0
 """Usual spacings and seconds beyond both of which a spacing is a hole."""
-_AROUND, _CAUGHT_UP = 4.0, 2.0
+_AROUND_LENGTHS, _CAUGHT_UP_PACE = 4.0, 2.0
 """Lengths of a hole on either side that tell the usual pace, and times this pace from which rows after it had only been held back."""
 
 
 def hole_from(usual: float) -> float:
     """Return the spacing, s, beyond which samples that usually come every `usual` seconds have a hole."""
-    return max(_LONG, _HOLE * usual)
+    return max(_HOLE_SECONDS, _HOLE_SPACINGS * usual)
 
 
 def lost_after(time: Float[np.ndarray, " n"]) -> Int[np.ndarray, " k"]:
@@ -52,11 +52,14 @@ def lost_after(time: Float[np.ndarray, " n"]) -> Int[np.ndarray, " k"]:
     def rows_until(instant: np.ndarray) -> np.ndarray:
         return np.searchsorted(time, instant, side="right") - (at + 2)
 
-    left, right = np.maximum(begin - _AROUND * length, time[0]), np.minimum(end + _AROUND * length, time[-1])
+    left, right = (
+        np.maximum(begin - _AROUND_LENGTHS * length, time[0]),
+        np.minimum(end + _AROUND_LENGTHS * length, time[-1]),
+    )
     before = at - np.searchsorted(time, left)
     pace = (before + rows_until(right)) / np.maximum(begin - left + right - end, 1e-9)
     after = np.minimum(end + length / 4, time[-1])
-    return at[rows_until(after) < _CAUGHT_UP * pace * (after - end)]
+    return at[rows_until(after) < _CAUGHT_UP_PACE * pace * (after - end)]
 
 
 def elapsed(
@@ -167,7 +170,7 @@ def fitting_unit(step: float) -> str:
 
 def likelier_unit(step: float, unit: str) -> str | None:
     """Return the unit in which a step, as it stands in a log, is usual, if it is not in the stated one; None if no other is likelier."""
-    if _QUICK <= step * to_si(1.0, unit, "s", unit) <= _SLOW:
+    if _SHORT_STEP <= step * to_si(1.0, unit, "s", unit) <= _LONG_STEP:
         return None
     best = fitting_unit(step)
     return best if best != unit else None
@@ -181,14 +184,14 @@ def unit_doubt(time: Float[np.ndarray, " n"], unit: str) -> str:
         unit: as stated.
     """
     step = float(np.median(np.diff(time)))
-    if _QUICK <= step <= _SLOW:
+    if _SHORT_STEP <= step <= _LONG_STEP:
         return ""
     in_file = step / to_si(1.0, unit, "s", unit)
     best = likelier_unit(in_file, unit)
     question = (
         f'; is it "{best}"? Then it would be one every {in_file * to_si(1.0, best, "s", best):.2g} s' if best else ""
     )
-    return f'a row every {step:.2g} s with the unit "{unit}", where {_QUICK:g} s to {_SLOW:g} s is usual{question}'
+    return f'a row every {step:.2g} s with the unit "{unit}", where {_SHORT_STEP:g} s to {_LONG_STEP:g} s is usual{question}'
 
 
 def check_unit(time: Float[np.ndarray, " n"], unit: str, where: str) -> None:

@@ -92,10 +92,10 @@ def _residual_doubt(posterior: Posterior, mode: Mode | None, key: jax.Array) -> 
         sd, slow, runs = float(noise_sd(sensor, values)), slow_noise(sensor, values), []
         for trial in range(len(likelihood.labels)):
             time, measured = _measured(posterior, trial, sensor.channel)
-            there = np.asarray(data.channels[column].present[trial]) > 0
-            runs.append((time, new_residuals(time, (measured - shown[trial, there, column]) / sd, slow)))
-        found = integrated_correlation(runs)
-        if found.p_value < LIKELY_CORRELATED and found.sd_factor > UNDERSTATED:
+            is_present = np.asarray(data.channels[column].present[trial]) > 0
+            runs.append((time, new_residuals(time, (measured - shown[trial, is_present, column]) / sd, slow)))
+        correlation = integrated_correlation(runs)
+        if correlation.p_value < LIKELY_CORRELATED and correlation.sd_factor > UNDERSTATED:
             remedy = (
                 "look for a missing term"
                 if sensor.noise == "drifting"
@@ -103,7 +103,7 @@ def _residual_doubt(posterior: Posterior, mode: Mode | None, key: jax.Array) -> 
             )
             return (
                 f"residuals of {sensor.channel} are correlated, and the stated standard deviations are too small, by a factor of "
-                f"about {found.sd_factor:.1f}; {remedy}"
+                f"about {correlation.sd_factor:.1f}; {remedy}"
             )
     return ""
 
@@ -160,5 +160,5 @@ def _difference(one: Posterior, other: Posterior) -> str:
 def _measured(posterior: Posterior, trial: int, channel: str) -> tuple[np.ndarray, np.ndarray]:
     """Return when a channel was measured in a trial, s from its first sample, and what."""
     shown = posterior.data.channels[posterior.likelihood.channels.index(channel)]
-    there = np.asarray(shown.present[trial]) > 0
-    return posterior.data.time[trial][there], np.asarray(shown.measured[trial])[there]
+    is_present = np.asarray(shown.present[trial]) > 0
+    return posterior.data.time[trial][is_present], np.asarray(shown.measured[trial])[is_present]

@@ -32,7 +32,7 @@ MAX_POINT_VARIANCE = 0.4
 SMALL_DIFFERENCE = 8.0
 """Difference below which its error is itself unreliable: 4 nats (Sivula, Magnusson and Vehtari 2020)."""
 _BATCHES = 20
-_AT_ONCE = 500
+_CHUNK_SIZE = 500
 """Measurements handled at once: their temporary copies stay small."""
 
 
@@ -201,8 +201,8 @@ def deviances(posterior: Posterior, values: Float[Array, "n d"]) -> Float[Array,
 def _columns(log_likelihood: np.ndarray) -> Iterator[np.ndarray]:
     """Return the table a few measurements at a time, these first and all draws last."""
     table = log_likelihood.reshape(-1, log_likelihood.shape[2])
-    for start in range(0, table.shape[1], _AT_ONCE):
-        yield np.ascontiguousarray(table[:, start : start + _AT_ONCE].T)
+    for start in range(0, table.shape[1], _CHUNK_SIZE):
+        yield np.ascontiguousarray(table[:, start : start + _CHUNK_SIZE].T)
 
 
 def _log_mean(part: np.ndarray) -> np.ndarray:
@@ -232,7 +232,7 @@ def _deviance_and_slope(posterior: Posterior, values: Array) -> tuple[Array, Arr
 # each parameter. At the posterior mode instead of the maximum they are too large by twice what the priors cost the
 # likelihood.
 
-_REFUSED = 1e100
+_REFUSED_HEIGHT = 1e100
 """Height of points where the likelihood is zero, which the line search then leaves."""
 
 
@@ -258,11 +258,11 @@ def maximise_likelihood(posterior: Posterior, mode: Mode) -> Maximum:
     def fall(x: np.ndarray) -> tuple[float, np.ndarray]:
         slope, value = map(np.asarray, _slope_and_value(posterior, jnp.asarray(mode.z + scale @ x)))
         if not (np.isfinite(value) and np.isfinite(slope).all()):
-            return _REFUSED, np.zeros_like(x)
+            return _REFUSED_HEIGHT, np.zeros_like(x)
         return -float(value), -scale.T @ slope
 
     start = fall(np.zeros(mode.z.size))[0]
-    if start == _REFUSED:
+    if start == _REFUSED_HEIGHT:
         raise NumericalError("the likelihood is zero or has no derivative at the mode: it is not of this posterior")
     result = scipy.optimize.minimize(
         fall, np.zeros(mode.z.size), method="BFGS", jac=True, options={"gtol": 1e-5, "maxiter": 200}

@@ -35,15 +35,15 @@ from seatrial.selection.verdict import Evidence
 FREEDOM = 8.0
 WIDE_SHARE, WIDE_SCALE = 0.2, 2.0
 """Share of the widened component, and its standard deviations over those of the other."""
-LEANS = 4.0
+LEANING_DISTANCE = 4.0
 """Standard deviations from a bound within which a posterior leans on it."""
-BEND = float(np.sqrt(12.0)) / CORNER
+BEND_LENGTH = float(np.sqrt(12.0)) / CORNER
 """Length of z over which the map of a prior bends into a bound."""
-FREE = np.array([[-np.inf, np.inf]])
+NO_EDGES = np.array([[-np.inf, np.inf]])
 """Edges of components of which none is cut."""
-GOOD = 0.5
+GOOD_EFFICIENCY = 0.5
 """Efficiency at which the proposal is not refitted any more, unless the tail of the weights is too heavy."""
-MARGIN, MOST_DRAWS = 1.5, 16.0
+DRAW_MARGIN, MAX_DRAW_FACTOR = 1.5, 16.0
 """Where too few draws count: so many times what would just be enough, and times the draws asked for at most, are drawn again."""
 MAX_K_HAT = 0.7
 """Pareto shape of the weights above which their mean is not to be trusted (Vehtari et al., JMLR 25, 2024)."""
@@ -62,7 +62,7 @@ class ProposalComponent(NamedTuple):
     centre: Float[np.ndarray, " d"]
     factor: Float[np.ndarray, "d d"]
     share: float = 1.0
-    edges: Float[np.ndarray, "d 2"] = FREE
+    edges: Float[np.ndarray, "d 2"] = NO_EDGES
 
     @property
     def leaning(self) -> Int[np.ndarray, " k"]:
@@ -128,20 +128,22 @@ def importance_sample(
         NumericalError: no mode, or no draw of finite density.
     """
     mode_key, pilot_key, key = split(key, 3)
-    target, there = uncouple(posterior, find_mode(posterior, mode_key) if mode is None else mode)
-    modes = [there, *(uncoupled_mode(target, one) for one in further)]
+    target, centre = uncouple(posterior, find_mode(posterior, mode_key) if mode is None else mode)
+    modes = [centre, *(uncoupled_mode(target, one) for one in further)]
     edges = edges_of(target)
     proposals = [laplace_proposal(one, edges)._replace(share=1.0 / len(modes)) for one in modes]
     done = 0
     for done in range(settings.refits + 1):
         weights = weigh(target, proposals, fold_in(pilot_key, done), settings.pilot)
         shared = done > 0 or len(modes) == 1  # what each of several modes holds is known from the first refit on
-        if done == settings.refits or (shared and weights.ess / settings.pilot > GOOD and weights.k_hat <= MAX_K_HAT):
+        if done == settings.refits or (
+            shared and weights.ess / settings.pilot > GOOD_EFFICIENCY and weights.k_hat <= MAX_K_HAT
+        ):
             break
         proposals = refit(proposals, weights, edges)
     weights = weigh(target, proposals, key, settings.draws)
     if weights.ess < MIN_ESS and weights.k_hat <= MAX_K_HAT:
-        more = min(MARGIN * MIN_ESS / weights.ess, MOST_DRAWS)
+        more = min(DRAW_MARGIN * MIN_ESS / weights.ess, MAX_DRAW_FACTOR)
         weights = weigh(target, proposals, fold_in(key, 1), int(np.ceil(more * settings.draws)))
     return weights._replace(z=np.asarray(coupled(target, weights.z)), refits=done, modes=len(modes))
 
@@ -175,15 +177,15 @@ def weighted_sd(posterior: Posterior, weights: Weights) -> Float[np.ndarray, " d
 
 def edges_of(target: Target) -> Float[np.ndarray, "d 2"]:
     """Return where the line of each component of z bends into a bound, infinite where it does not."""
-    edges, posterior = np.repeat(FREE, target.dim, 0), target.posterior if isinstance(target, Uncoupled) else target
+    edges, posterior = np.repeat(NO_EDGES, target.dim, 0), target.posterior if isinstance(target, Uncoupled) else target
     if isinstance(posterior, Posterior):
         edges[posterior.places] = [one.prior.edges for one in posterior.present_parameters]
     if isinstance(target, Uncoupled):
-        edges[[*target.common, *target.deviation]] = FREE
+        edges[[*target.common, *target.deviation]] = NO_EDGES
     return edges
 
 
-def laplace_proposal(mode: Mode, edges: Float[np.ndarray, "d 2"] = FREE) -> ProposalComponent:
+def laplace_proposal(mode: Mode, edges: Float[np.ndarray, "d 2"] = NO_EDGES) -> ProposalComponent:
     """Return the proposal at the mode, nowhere wider than the prior, which has unit variance in z.
 
     A density that leans on the edge of its box has almost no curvature at the mode, and its Laplace covariance no meaning.
@@ -202,8 +204,8 @@ def laplace_proposal(mode: Mode, edges: Float[np.ndarray, "d 2"] = FREE) -> Prop
 def _cut(free: ProposalComponent, on_line: ProposalComponent, edges: Float[np.ndarray, "d 2"]) -> ProposalComponent:
     """Return the proposal on the straight lines, cut at the edges that it leans on; the one in z where it leans on none."""
     sd = np.sqrt(np.sum(on_line.factor**2, 1))
-    leans = np.any(np.abs(edges - on_line.centre[:, None]) < LEANS * sd[:, None], axis=1)
-    return on_line._replace(edges=np.where(leans[:, None], edges, FREE)) if leans.any() else free
+    leans = np.any(np.abs(edges - on_line.centre[:, None]) < LEANING_DISTANCE * sd[:, None], axis=1)
+    return on_line._replace(edges=np.where(leans[:, None], edges, NO_EDGES)) if leans.any() else free
 
 
 def straightened(z: Float[np.ndarray, "*batch d"], edges: Float[np.ndarray, "d 2"]) -> Float[np.ndarray, "*batch d"]:
@@ -211,11 +213,11 @@ def straightened(z: Float[np.ndarray, "*batch d"], edges: Float[np.ndarray, "d 2
     line = np.array(z, float)
     for place in np.flatnonzero(np.isfinite(edges).any(1)):
         low, high = edges[place]
-        above, below = (line[..., place] - low) / BEND, (high - line[..., place]) / BEND
+        above, below = (line[..., place] - low) / BEND_LENGTH, (high - line[..., place]) / BEND_LENGTH
         # From the nearer edge, so that what is close to it keeps its digits; the other may be infinite.
         with np.errstate(invalid="ignore"):
-            from_low = low + BEND * (np.logaddexp(0.0, above) - np.logaddexp(0.0, -below))
-            from_high = high - BEND * (np.logaddexp(0.0, below) - np.logaddexp(0.0, -above))
+            from_low = low + BEND_LENGTH * (np.logaddexp(0.0, above) - np.logaddexp(0.0, -below))
+            from_high = high - BEND_LENGTH * (np.logaddexp(0.0, below) - np.logaddexp(0.0, -above))
         line[..., place] = np.where(above < below, from_low, from_high)
     return line
 
@@ -223,13 +225,16 @@ def straightened(z: Float[np.ndarray, "*batch d"], edges: Float[np.ndarray, "d 2
 def bent(line: Float[np.ndarray, "*batch d"], edges: Float[np.ndarray, "d 2"]) -> Float[np.ndarray, "*batch d"]:
     """Return z of places on the straight lines, the inverse of `straightened`."""
     inside = np.clip(line, np.nextafter(edges[:, 0], np.inf), np.nextafter(edges[:, 1], -np.inf))
-    low, high = np.log(-np.expm1((edges[:, 0] - inside) / BEND)), np.log(-np.expm1((inside - edges[:, 1]) / BEND))
-    return inside + BEND * (low - high)
+    low, high = (
+        np.log(-np.expm1((edges[:, 0] - inside) / BEND_LENGTH)),
+        np.log(-np.expm1((inside - edges[:, 1]) / BEND_LENGTH)),
+    )
+    return inside + BEND_LENGTH * (low - high)
 
 
 def _log_slopes(z: Float[np.ndarray, "*batch d"], edges: Float[np.ndarray, "d 2"]) -> Float[np.ndarray, "*batch d"]:
     """Return the log of the slope of the straight line over z, by component."""
-    return log_expit((z - edges[:, 0]) / BEND) + log_expit((edges[:, 1] - z) / BEND)
+    return log_expit((z - edges[:, 0]) / BEND_LENGTH) + log_expit((edges[:, 1] - z) / BEND_LENGTH)
 
 
 def weigh(target: Target, proposals: Sequence[ProposalComponent], key: jax.Array, n: int) -> Weights:
@@ -261,9 +266,9 @@ def weigh(target: Target, proposals: Sequence[ProposalComponent], key: jax.Array
 def draw_mixture(proposals: Sequence[ProposalComponent], key: jax.Array, n: int) -> Float[np.ndarray, "n d"]:
     """Draw from the proposals, each its share."""
     random = np.random.default_rng(np.asarray(jax.random.key_data(key)))
-    ends = np.rint(n * np.cumsum([one.share for one in proposals])).astype(int)
+    ends = np.rint(n * np.cumsum([proposal.share for proposal in proposals])).astype(int)
     counts = np.diff(ends, prepend=0)
-    return np.concatenate([_draw(one, random, count) for one, count in zip(proposals, counts, strict=True)])
+    return np.concatenate([_draw(proposal, random, count) for proposal, count in zip(proposals, counts, strict=True)])
 
 
 def log_mixture(proposals: Sequence[ProposalComponent], z: Float[np.ndarray, "n d"]) -> Float[np.ndarray, " n"]:
@@ -272,7 +277,7 @@ def log_mixture(proposals: Sequence[ProposalComponent], z: Float[np.ndarray, "n 
 
 
 def refit(
-    proposals: Sequence[ProposalComponent], weights: Weights, edges: Float[np.ndarray, "d 2"] = FREE
+    proposals: Sequence[ProposalComponent], weights: Weights, edges: Float[np.ndarray, "d 2"] = NO_EDGES
 ) -> list[ProposalComponent]:
     """Return the proposals with the moments of the weighted draws, the old scale counting as much as d + 2 effective draws.
 
@@ -286,13 +291,15 @@ def refit(
     result = np.exp(weights.smoothed - _log_sum(weights.smoothed))
     log_shares = _log_shares(proposals, weights.z)
     belongs = result * np.exp(log_shares - logsumexp(log_shares, 0))
-    line, count, found = straightened(weights.z, edges), len(proposals), []
-    for one, part in zip(proposals, belongs, strict=True):
+    line, count, refitted = straightened(weights.z, edges), len(proposals), []
+    for proposal, part in zip(proposals, belongs, strict=True):
         total = float(part.sum())
         if total > 0.0:
-            one = _cut(_refitted(one, part / total, weights.z), _refitted(one, part / total, line), edges)
-        found.append(one._replace(share=0.5 / count + 0.5 * total))
-    return found
+            proposal = _cut(
+                _refitted(proposal, part / total, weights.z), _refitted(proposal, part / total, line), edges
+            )
+        refitted.append(proposal._replace(share=0.5 / count + 0.5 * total))
+    return refitted
 
 
 def _refitted(
@@ -310,15 +317,15 @@ def _refitted(
 
 def _complaints(weights: Weights) -> list[str]:
     """Return what is wrong with the weights, in words."""
-    said = []
+    complaints = []
     if not weights.k_hat <= MAX_K_HAT:
-        said.append(
+        complaints.append(
             f"the sum depends on a few draws (Pareto k {weights.k_hat:.2f}, at most {MAX_K_HAT}): the posterior is far from normal, "
             "use tempered SMC"
         )
     if weights.ess < MIN_ESS:
-        said.append(f"only {weights.ess:.0f} effective draws, at least {MIN_ESS:.0f}: use more draws")
-    return said
+        complaints.append(f"only {weights.ess:.0f} effective draws, at least {MIN_ESS:.0f}: use more draws")
+    return complaints
 
 
 def distance(proposal: ProposalComponent, z: Float[np.ndarray, "n d"]) -> Float[np.ndarray, " n"]:
@@ -374,9 +381,9 @@ def _log_shares(proposals: Sequence[ProposalComponent], z: Float[np.ndarray, "n 
 def _log_proposal(proposal: ProposalComponent, z: Float[np.ndarray, "n d"]) -> Float[np.ndarray, " n"]:
     steps = _steps(proposal, z)
     plain, wide = _log_steps(proposal, steps), _log_steps(proposal, steps, WIDE_SCALE)
-    found = np.logaddexp(np.log(1.0 - WIDE_SHARE) + plain, np.log(WIDE_SHARE) + wide)
+    log_density = np.logaddexp(np.log(1.0 - WIDE_SHARE) + plain, np.log(WIDE_SHARE) + wide)
     volume = np.sum(np.log(np.diag(_order(proposal)[1])))
-    return found - volume + _log_slopes(z, proposal.edges).sum(1)
+    return log_density - volume + _log_slopes(z, proposal.edges).sum(1)
 
 
 def _log_steps(
@@ -384,11 +391,11 @@ def _log_steps(
 ) -> Float[np.ndarray, " n"]:
     """Return the log density of steps, those of what leans each cut at its bounds."""
     leaning, d = proposal.leaning.size, proposal.centre.size
-    found = _log_student(np.sum(steps[leaning:] ** 2, 0), d - leaning, scale)
+    log_density = _log_student(np.sum(steps[leaning:] ** 2, 0), d - leaning, scale)
     for row in range(leaning):
         begin, end = (stdtr(FREEDOM, limit / scale) for limit in _limits(proposal, steps, row))
-        found += _log_student(steps[row] ** 2, 1, scale) - np.log(end - begin)
-    return found
+        log_density += _log_student(steps[row] ** 2, 1, scale) - np.log(end - begin)
+    return log_density
 
 
 def _log_student(square: Float[np.ndarray, " n"], d: int, scale: float = 1.0) -> Float[np.ndarray, " n"]:

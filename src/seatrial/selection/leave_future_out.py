@@ -38,7 +38,7 @@ from seatrial.selection.importance import MAX_K_HAT, ImportanceSettings, importa
 Past = Callable[[float], Posterior]
 """Posterior given what was measured before a time, s; always of the same parameters."""
 SETTINGS = ImportanceSettings(draws=4096, pilot=2048)
-FEW_BLOCKS = 10
+MIN_BLOCKS = 10
 """Number of blocks below which the spread between them says little about the error of their sum."""
 
 
@@ -232,15 +232,15 @@ def _before(record: Record, time: float) -> Record:
 
 
 def _complaints(k_hat: np.ndarray, max_k_hat: float) -> list[str]:
-    said = []
+    complaints = []
     bad = int((~(k_hat <= max(max_k_hat, MAX_K_HAT))).sum())
     if bad:
-        said.append(
+        complaints.append(
             f"the predictions of {bad} of {k_hat.size} blocks depend on a few draws (k-hat up to {k_hat.max():.2f}, "
             f"at most {MAX_K_HAT}) although the posterior was sampled again: it is far from normal there; lengthen the first stretch"
         )
-    if k_hat.size < FEW_BLOCKS:
-        said.append(
-            f"only {k_hat.size} blocks: the standard error over them is rough, use at least {FEW_BLOCKS} shorter ones"
+    if k_hat.size < MIN_BLOCKS:
+        complaints.append(
+            f"only {k_hat.size} blocks: the standard error over them is rough, use at least {MIN_BLOCKS} shorter ones"
         )
-    return said
+    return complaints

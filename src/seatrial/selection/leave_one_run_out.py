@@ -39,17 +39,17 @@ from seatrial.estimation.prediction.posterior_by_run import (
 from seatrial.estimation.prediction.prediction_scores import Score
 from seatrial.selection.importance import MAX_K_HAT, ProposalComponent, Weights, draw_mixture, log_mixture, refit
 
-LEAST_RUNS = 3
+MIN_RUNS = 3
 """Runs below which what is left after one is taken out says too little: of two, a single other run."""
-DRAWS, ROUNDS = 512, 5
+ROUND_DRAWS, MAX_ROUNDS = 512, 5
 """Draws of the shared parameters in each round, and most rounds; all that were drawn serve all posteriors."""
-PREDICTED = 200
+PREDICTION_DRAWS = 200
 """Draws by which a run that was left out is predicted."""
-MOST_STEPS = 12
+MAX_STEPS = 12
 """Newton steps from the mode of all runs to that of all but one: more are only taken about the kinks that a delay makes."""
-NO_TAIL = 10.0
+MISSING_TAIL_INDEX = 10.0
 """Tail index that is stated where so few draws carry all weight that none can be found."""
-WIDER = 1.0
+MIN_PRECISION = 1.0
 """Least precision of a proposal: that of the prior in the coordinates in which it is drawn."""
 
 
@@ -106,15 +106,15 @@ class LeaveOneRunOut:
         return max(run.k_hat for run in self.runs)
 
 
-def mean_score(found: LeaveOneRunOut, channel: str, name: str) -> float:
+def mean_score(result: LeaveOneRunOut, channel: str, name: str) -> float:
     """Return the mean of a score of one channel over all runs, each run by its number of samples.
 
     Args:
-        found: of `leave_one_run_out`.
+        result: of `leave_one_run_out`.
         channel: measured channel.
         name: of the score, an attribute of `Score`.
     """
-    scores = [run.scores[channel] for run in found.runs]
+    scores = [run.scores[channel] for run in result.runs]
     samples = np.array([one.samples for one in scores], float)
     return float(samples @ [getattr(one, name) for one in scores] / samples.sum())
 
@@ -124,7 +124,7 @@ def leave_one_run_out(
     key: jax.Array | int = 0,
     mode: Mode | None = None,
     *,
-    draws: int = DRAWS,
+    draws: int = ROUND_DRAWS,
     max_k_hat: float = MAX_K_HAT,
     progress: Progress = no_progress,
 ) -> LeaveOneRunOut:
@@ -151,7 +151,7 @@ def leave_one_run_out(
     progress(1, count + 2)
     known, (*without, (_, worst)), refitted = _draw(runs, mode, jax.random.fold_in(key, 1), draws, max_k_hat)
     progress(2, count + 2)
-    found, predicted, poor = [], [], []
+    left_out, predicted, poor = [], [], []
     for r, (label, (weights, k_hat)) in enumerate(zip(runs.labels, without, strict=True)):
         joint = weights + known.table[:, r]
         elpd = float(logsumexp(joint))
@@ -164,7 +164,7 @@ def leave_one_run_out(
         predict_key = jax.random.fold_in(key, 2 + r)
         predicted.append(predict_run(runs, r, _resampled(known.z, weights, predict_key), predict_key))
         scores = {channel: one.score for channel, one in predicted[-1].items()}
-        found.append(LeftOutRun(label, elpd, error, k_hat, r in refitted, scores))
+        left_out.append(LeftOutRun(label, elpd, error, k_hat, r in refitted, scores))
         poor += [f"{label} (k-hat {k_hat:.2f})"] * (not k_hat <= MAX_K_HAT)
         progress(3 + r, count + 2)
     status = (
@@ -172,15 +172,15 @@ def leave_one_run_out(
     )
     log_evidence = float(logsumexp(_log_weight(known, np.ones(count)))) - float(np.log(len(known.z)))
     bands = {name: pooled_verdict([one[name].residuals for one in predicted], name) for name in predicted[0]}
-    return LeaveOneRunOut(tuple(found), bands, log_evidence, status)
+    return LeaveOneRunOut(tuple(left_out), bands, log_evidence, status)
 
 
 def _check_runs(runs: RunPosteriors) -> None:
-    if len(runs.runs) < LEAST_RUNS:
+    if len(runs.runs) < MIN_RUNS:
         raise InputError(
             "leave one run out",
             found=f"{len(runs.runs)} run{'s' * (len(runs.runs) > 1)}: {', '.join(runs.labels)}",
-            expected=f"at least {LEAST_RUNS} runs that are fitted jointly",
+            expected=f"at least {MIN_RUNS} runs that are fitted jointly",
             remedy="fit more runs, each a trial of its own and not a piece of another",
         )
 
@@ -209,19 +209,19 @@ def _draw(
     The posteriors are those that each lack one run, in the order of the runs, and then that of all.
     """
     count = len(runs.runs)
-    there = expand_runs(runs, mode.z)
+    expanded = expand_runs(runs, mode.z)
     targets = [*(_without(count, r) for r in range(count)), np.ones(count)]
-    latest = [_approximation(runs, there, weight) for weight in targets]
+    latest = [_approximation(runs, expanded, weight) for weight in targets]
     known, weighed, components, refitted = _nothing(runs), [], latest, set[int]()
-    for again in range(ROUNDS):
-        known = _more(known, runs, mode, there, components, jax.random.fold_in(key, again), n)
+    for again in range(MAX_ROUNDS):
+        known = _more(known, runs, mode, expanded, components, jax.random.fold_in(key, again), n)
         weighed = [_weights(known, weight) for weight in targets]
         bad = [t for t, (_, k_hat) in enumerate(weighed) if not k_hat <= max_k_hat]
         if not bad:
             break
         for t in bad:
             first = t < count and t not in refitted
-            latest[t] = _refitted(runs, there, t) if first else _moved(latest[t], known, targets[t])
+            latest[t] = _refitted(runs, expanded, t) if first else _moved(latest[t], known, targets[t])
         refitted.update(t for t in bad if t < count)
         components = [latest[t] for t in bad]
     return known, weighed, refitted
@@ -235,7 +235,7 @@ def _more(
     known: _Drawn,
     runs: RunPosteriors,
     mode: Mode,
-    there: RunExpansion,
+    expanded: RunExpansion,
     components: Sequence[ProposalComponent],
     key: jax.Array,
     n: int,
@@ -250,7 +250,7 @@ def _more(
         every,
         proposals,
         shared_log_prior(runs, every) - log_mixture(proposals, every),
-        np.concatenate([known.table, marginal_log_likelihoods(runs, mode, there, z)]),
+        np.concatenate([known.table, marginal_log_likelihoods(runs, mode, expanded, z)]),
     )
 
 
@@ -278,30 +278,30 @@ def _weights(known: _Drawn, weight: np.ndarray) -> tuple[Float[np.ndarray, " n"]
         smoothed, k_hat = array_stats.psislw(-np.maximum(log_weight, top - 700.0))
     sound = bool(np.isfinite(k_hat) and np.isfinite(smoothed).all())
     kept = np.asarray(smoothed) if sound else log_weight
-    return kept - float(logsumexp(kept)), float(k_hat) if sound else NO_TAIL
+    return kept - float(logsumexp(kept)), float(k_hat) if sound else MISSING_TAIL_INDEX
 
 
 def _without(count: int, run: int) -> np.ndarray:
     return (np.arange(count) != run).astype(float)
 
 
-def _approximation(runs: RunPosteriors, there: RunExpansion, weight: np.ndarray) -> ProposalComponent:
+def _approximation(runs: RunPosteriors, expanded: RunExpansion, weight: np.ndarray) -> ProposalComponent:
     """Return the normal approximation of the shared parameters where each run counts by its weight: one Newton step from a point."""
-    known = weigh_runs(there, weight)
+    known = weigh_runs(expanded, weight)
     values, vectors = np.linalg.eigh(-0.5 * (known.hessian + known.hessian.T))
-    cov = (vectors / np.maximum(values, WIDER)) @ vectors.T
-    centre = (there.z + cov @ known.gradient)[runs.shared]
+    cov = (vectors / np.maximum(values, MIN_PRECISION)) @ vectors.T
+    centre = (expanded.z + cov @ known.gradient)[runs.shared]
     return ProposalComponent(centre, np.linalg.cholesky(cov[np.ix_(runs.shared, runs.shared)]))
 
 
-def _refitted(runs: RunPosteriors, there: RunExpansion, run: int) -> ProposalComponent:
+def _refitted(runs: RunPosteriors, expanded: RunExpansion, run: int) -> ProposalComponent:
     """Return the normal approximation about the mode of the other runs, which is followed from that of all."""
     weight = _without(len(runs.runs), run)
     z, _ = follow(
         lambda z: weigh_runs(expand_runs(runs, z, weight), weight),
-        there.z,
+        expanded.z,
         lambda z: f"the shared parameters without run {runs.labels[run]}",
-        MOST_STEPS,
+        MAX_STEPS,
     )
     return _approximation(runs, expand_runs(runs, z, weight), weight)
 
@@ -312,7 +312,7 @@ def _resampled(
     """Return draws as often as their weights say, by systematic resampling."""
     edges = np.cumsum(np.exp(log_weight))
     first = float(jax.random.uniform(key))
-    places = np.searchsorted(edges / edges[-1], (first + np.arange(PREDICTED)) / PREDICTED)
+    places = np.searchsorted(edges / edges[-1], (first + np.arange(PREDICTION_DRAWS)) / PREDICTION_DRAWS)
     return z[np.minimum(places, len(z) - 1)]
 
 

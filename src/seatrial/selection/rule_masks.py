@@ -15,7 +15,7 @@ from jaxtyping import Bool, Float, UInt64
 
 from seatrial.core.errors import InputError
 
-MOST_TERMS = 63
+MAX_TERMS = 63
 """Terms at most: bit 63 of an unsigned integer of 64 bits stands for what no structure has, see `conditions`."""
 _ONE = np.uint64(1)
 
@@ -148,9 +148,9 @@ def conditions(rules: RuleMasks, fixed: UInt64[np.ndarray, " lanes"], free: Sequ
             among &= ~_has(values, term) | _covers(values, inside)
             forbid |= np.where(_covers(fixed, outside), np.uint64(0), np.uint64(1 << term))
         else:
-            there = _has(fixed, term)
-            need |= np.where(there, np.uint64(inside), np.uint64(0))
-            valid &= ~there | _covers(fixed, outside)
+            is_present = _has(fixed, term)
+            need |= np.where(is_present, np.uint64(inside), np.uint64(0))
+            valid &= ~is_present | _covers(fixed, outside)
     for some in rules.exclusive:
         among &= np.bitwise_count(values & np.uint64(some)) <= 1
         count = np.bitwise_count(fixed & np.uint64(some))
@@ -158,7 +158,7 @@ def conditions(rules: RuleMasks, fixed: UInt64[np.ndarray, " lanes"], free: Sequ
         forbid |= np.where(count == 1, np.uint64(some & mask), np.uint64(0))
     valid &= need & forbid == 0
     # no free term has this bit, so a lane that wants it matches nothing
-    impossible = np.uint64(1 << MOST_TERMS)
+    impossible = np.uint64(1 << MAX_TERMS)
     return Conditions(values, among, need | forbid, np.where(valid, need, impossible))
 
 
@@ -189,11 +189,11 @@ def allowed_mass(rules: RuleMasks, sure: Sequence[int], chance: Sequence[float])
 
     def decide(open_: int, start: int, present: bool) -> tuple[int, float]:
         """Return what remains once some terms are there, or absent, with all that follows."""
-        there, absent = links.decided(*((start, 0) if present else (0, start)), open_)
-        if there & absent:
+        with_it, absent = links.decided(*((start, 0) if present else (0, start)), open_)
+        if with_it & absent:
             return 0, 0.0
-        count, mass = total(open_ & ~(there | absent))
-        return count, mass * weigh(there, True) * weigh(absent, False)
+        count, mass = total(open_ & ~(with_it | absent))
+        return count, mass * weigh(with_it, True) * weigh(absent, False)
 
     @lru_cache(maxsize=2**16)
     def total(open_: int) -> tuple[int, float]:

@@ -22,13 +22,13 @@ from seatrial.core.errors import InputError, NumericalError, nearest
 from seatrial.estimation.posterior.posterior import Posterior
 
 Shape = Literal["kernel", "normal", "t"]
-MIN_NEAR = 100.0
+MIN_NEAR_DRAWS = 100.0
 """Effective draws about the value below which its density is an extrapolation."""
-BLOCKS = 20
+MIN_BLOCKS = 20
 """Stretches of the chains, at least, whose scatter gives the error."""
-MISFIT = 3.0
+MAX_MISFIT = 3.0
 """Difference of a fitted curve from the kernel estimate, in joint errors, that chance does not explain."""
-SMALL = 0.1
+NEGLIGIBLE_DIFFERENCE = 0.1
 """Difference, nats, that does not matter."""
 _LOG_FREEDOM = (float(np.log(2.0)), float(np.log(1000.0)))
 
@@ -111,7 +111,7 @@ def savage_dickey(
         if kernel is not None and not status:
             joint = float(np.hypot(error, kernel[1]))
             gap = abs(log_density - kernel[0])
-            if gap > max(MISFIT * joint, SMALL):
+            if gap > max(MAX_MISFIT * joint, NEGLIGIBLE_DIFFERENCE):
                 status = f"the draws of {name} are not of this shape: a kernel differs by {gap:.2f} nats, use it"
     elif kernel is None:
         raise NumericalError(status)
@@ -175,7 +175,7 @@ _FITS = {"normal": _normal, "t": _student}
 def _jackknife(estimate: Callable[[np.ndarray], float], z: np.ndarray) -> tuple[float, float]:
     """Estimate from all draws, and its error from leaving out one stretch of a chain at a time."""
     chains = z.shape[0]
-    stretches = [part for chain in z for part in np.array_split(chain, max(1, -(-BLOCKS // chains)))]
+    stretches = [part for chain in z for part in np.array_split(chain, max(1, -(-MIN_BLOCKS // chains)))]
     n = len(stretches)
     without = np.array([estimate(np.concatenate(stretches[:i] + stretches[i + 1 :])) for i in range(n)])
     error = np.sqrt((n - 1) * np.var(without)) if np.isfinite(without).all() else np.inf
@@ -190,9 +190,9 @@ def _ess(z: np.ndarray) -> float:
 
 def _tail(name: str, at: float, away: float, near: float) -> str:
     """Return whether too few draws lie about the value, in words."""
-    if near >= MIN_NEAR:
+    if near >= MIN_NEAR_DRAWS:
         return ""
     return (
         f"{name} = {at:g} lies {abs(away):.1f} standard deviations from the posterior mean, where only {near:.0f} effective draws "
-        f"are (at least {MIN_NEAR:.0f} needed): compare the evidences of the two models instead"
+        f"are (at least {MIN_NEAR_DRAWS:.0f} needed): compare the evidences of the two models instead"
     )

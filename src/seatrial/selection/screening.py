@@ -25,11 +25,11 @@ from seatrial.selection.subsets.gram import Gram, gram
 from seatrial.selection.subsets.sampler import subset_posterior
 from seatrial.vehicles.axis_equation import AxisEquation
 
-SCALES = (0.1, 0.3, 1.0, 3.0, 10.0)
+PRIOR_SCALES = (0.1, 0.3, 1.0, 3.0, 10.0)
 """Factors on the prior standard deviations along which the answer is repeated."""
-MOST, COVERED = 8, 0.95
+MAX_SHORTLIST, MIN_COVERED = 8, 0.95
 """Structures on a shortlist at most, and the probability that is enough for it to be shorter."""
-PAIRS = 8
+BIAS_PAIRS = 8
 """Pairs of simulated repetitions that estimate the bias."""
 
 
@@ -91,7 +91,7 @@ class Screening:
         """Probability of each optional term."""
         return {term: float(p) for term, p in zip(self.rules.optional, self.posterior.inclusion, strict=False)}
 
-    def shortlist(self, most: int = MOST, covered: float = COVERED) -> tuple[tuple[str, ...], ...]:
+    def shortlist(self, most: int = MAX_SHORTLIST, covered: float = MIN_COVERED) -> tuple[tuple[str, ...], ...]:
         """Return the terms of the most probable structures, until they hold this probability together or are this many."""
         enough = int(np.searchsorted(np.cumsum(self.posterior.probability), covered)) + 1
         return tuple(self.posterior.terms(rank) for rank in range(min(enough, most, self.posterior.structures.size)))
@@ -176,9 +176,9 @@ def screen(
         rows,
         fit,
         subset_posterior(stats, believed, names, **options),
-        sensitivity(stats, believed, names, SCALES, **options),
+        sensitivity(stats, believed, names, PRIOR_SCALES, **options),
         subset_posterior(stats, one_row, names, **options).inclusion,
-        regressor_noise_bias(rows, key, PAIRS),
+        regressor_noise_bias(rows, key, BIAS_PAIRS),
     )
 
 

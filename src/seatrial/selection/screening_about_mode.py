@@ -20,7 +20,7 @@ from seatrial.estimation.posterior.information import likelihood_information, sl
 from seatrial.estimation.posterior.mode import Mode
 from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.selection.rules import CompiledRules
-from seatrial.selection.screening import SCALES, Sensitivity, sensitivity
+from seatrial.selection.screening import PRIOR_SCALES, Sensitivity, sensitivity
 from seatrial.selection.subsets.average import SubsetPosterior
 from seatrial.selection.subsets.conjugate import physical_prior, unit_information
 from seatrial.selection.subsets.gram import LEAST_INDEPENDENT, Gram
@@ -74,7 +74,7 @@ def screen_about_mode(
     options = {"always": rules.always, "rules": rules.masks}
     return ModeScreening(
         subset_posterior(stats, believed, names, **options),
-        sensitivity(stats, believed, names, SCALES, **options),
+        sensitivity(stats, believed, names, PRIOR_SCALES, **options),
         subset_posterior(stats, one_row, names, **options).inclusion,
         values,
         sd,

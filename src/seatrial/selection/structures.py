@@ -34,8 +34,8 @@ ORDERS = {
     "?5": "quintic",
 }
 """Words of a resistance by its regressor, `?` the speed."""
-TRIM = " about trim"
-LONG = 4
+TRIM_SUFFIX = " about trim"
+MAX_NAME_PARTS = 4
 """Parts of a name beyond which it says what is left out instead."""
 
 
@@ -136,38 +136,38 @@ def structure_names(structures: Sequence[Structure]) -> dict[str, str]:
     """
     every = list(dict.fromkeys(term for structure in structures for term in structure.terms))
     common = set(every).intersection(*(structure.terms for structure in structures)) if len(structures) > 1 else set()
-    kinds = {found[0] for term in every if (found := _resistance(term))}
-    differ = {found[0] for term in every if term not in common and (found := _resistance(term))}
-    said = kinds if len(kinds) == 1 else differ
-    return {structure.label: _name(structure.terms, every, common, said) for structure in structures}
+    kinds = {resistance[0] for term in every if (resistance := _resistance(term))}
+    differ = {resistance[0] for term in every if term not in common and (resistance := _resistance(term))}
+    named = kinds if len(kinds) == 1 else differ
+    return {structure.label: _name(structure.terms, every, common, named) for structure in structures}
 
 
-def _name(terms: Sequence[str], every: Sequence[str], common: set[str], said: set[str]) -> str:
+def _name(terms: Sequence[str], every: Sequence[str], common: set[str], kinds: set[str]) -> str:
     resisting: dict[str, list[tuple[int, str]]] = {}
     others = []
     for term in terms:
-        found = _resistance(term)
-        if found and found[0] in said:
-            resisting.setdefault(found[0], []).append(found[1:])
+        resistance = _resistance(term)
+        if resistance and resistance[0] in kinds:
+            resisting.setdefault(resistance[0], []).append(resistance[1:])
         elif term not in common:
             others.append(term)
     left_out = [term for term in every if term not in terms]
-    if sum(map(len, resisting.values())) + len(others) > LONG and len(left_out) <= LONG:
+    if sum(map(len, resisting.values())) + len(others) > MAX_NAME_PARTS and len(left_out) <= MAX_NAME_PARTS:
         return f"all but {listed(left_out)}" if left_out else f"all {len(every)} terms"
-    groups = [_group(what, sorted(orders), is_only=len(said) == 1) for what, orders in resisting.items()]
+    groups = [_group(what, sorted(orders), is_only=len(kinds) == 1) for what, orders in resisting.items()]
     return "; ".join([*groups, *([listed(others)] if others else [])]) or (
-        f"no {min(said)}" if len(said) == 1 else "no optional term"
+        f"no {min(kinds)}" if len(kinds) == 1 else "no optional term"
     )
 
 
 def _group(what: str, orders: Sequence[tuple[int, str]], is_only: bool) -> str:
     """Return `linear and quadratic drag, cubic about trim`, or `drag: linear and quadratic, cubic about trim` beside other axes."""
-    whole = [order for _, order in orders if not order.endswith(TRIM)]
-    changes = [order.removesuffix(TRIM) for _, order in orders if order.endswith(TRIM)]
+    whole = [order for _, order in orders if not order.endswith(TRIM_SUFFIX)]
+    changes = [order.removesuffix(TRIM_SUFFIX) for _, order in orders if order.endswith(TRIM_SUFFIX)]
     if is_only and not whole:
-        return f"{listed(changes)} {what}{TRIM}"
+        return f"{listed(changes)} {what}{TRIM_SUFFIX}"
     parts = [f"{listed(whole)} {what}" if is_only else listed(whole)] if whole else []
-    parts += [f"{listed(changes)}{TRIM}"] if changes else []
+    parts += [f"{listed(changes)}{TRIM_SUFFIX}"] if changes else []
     return ", ".join(parts) if is_only else f"{what}: {', '.join(parts)}"
 
 
@@ -179,4 +179,4 @@ def _resistance(term: str) -> tuple[str, int, str] | None:
     speed, what = DAMPING[axis]
     change = regressor.startswith(f"d{speed}")
     shape = regressor.removeprefix("d" * change).replace(speed, "?")
-    return (what, list(ORDERS).index(shape), ORDERS[shape] + TRIM * change) if shape in ORDERS else None
+    return (what, list(ORDERS).index(shape), ORDERS[shape] + TRIM_SUFFIX * change) if shape in ORDERS else None

@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 
 DECIDED, LIKELY = 0.95, 0.75
 EDGES = (1 - DECIDED, 1 - LIKELY, LIKELY, DECIDED)
-NOISY = 0.05
+MAX_PROBABILITY_ERROR = 0.05
 """Monte Carlo error of a probability above which a verdict near an edge is withheld."""
-OTHER_NOISE = (
+OTHER_NOISE_VERDICT = (
     "these probabilities hold for the noise that is modelled, which the residuals contradict: correct the noise first"
 )
 """What is said of probabilities where the residuals are correlated."""
@@ -155,7 +155,7 @@ class Selection:
     def cautions(self) -> list[str]:
         """Which verdicts change within what a check does not resolve, and which parameters lie at a bound of their prior."""
         blunt = blunt_deciders(self.structures, self.evidences, [*self.inclusion])
-        said = [
+        messages = [
             f"the verdict on {listed(terms)} would change if the evidence of {self.structures[index].label} were wrong by less than its "
             f"check resolves, {self.evidences[index].resolution:.2g} nat: raise `particles` or `repeats`"
             for index, terms in blunt.items()
@@ -164,7 +164,7 @@ class Selection:
         for structure, evidence in zip(self.structures, self.evidences, strict=True):
             for sentence in evidence.diagnostics.get("at_bounds", ()):
                 labels.setdefault(sentence, []).append(structure.label)
-        return said + [f"{', '.join(of)}: {sentence}" for sentence, of in labels.items()]
+        return messages + [f"{', '.join(of)}: {sentence}" for sentence, of in labels.items()]
 
     @property
     def is_reliable(self) -> bool:
@@ -300,7 +300,7 @@ def select(
         inclusion,
         inclusion_error,
         int(np.argmax(probability)),
-        (*verdicts, *([OTHER_NOISE] if residuals else [])),
+        (*verdicts, *([OTHER_NOISE_VERDICT] if residuals else [])),
         selection_alarms([structure.label for structure in structures], evidences, residuals),
         residuals,
     )
@@ -329,14 +329,14 @@ def blunt_deciders(
         optional: terms that are in question.
     """
     logs = np.array([evidence.log_value for evidence in evidences])
-    found: dict[int, list[str]] = {}
+    undecided: dict[int, list[str]] = {}
     for index, evidence in enumerate(evidences):
         doubts = [(evidence.resolution or 0.0) * (index == place) for place in range(len(evidences))]
         for term in optional:
             low, high = _range(logs, doubts, np.array([term in one.terms for one in structures], float))
             if np.searchsorted(EDGES, low) != np.searchsorted(EDGES, high):
-                found.setdefault(index, []).append(term)
-    return found
+                undecided.setdefault(index, []).append(term)
+    return undecided
 
 
 def averaged(
@@ -358,7 +358,7 @@ def averaged(
 
 def _is_noisy(probability: float, error: float) -> bool:
     """Return whether the Monte Carlo error of a probability leaves open on which side of an edge it is."""
-    return error > NOISY and any(abs(probability - edge) < 2.0 * error for edge in EDGES)
+    return error > MAX_PROBABILITY_ERROR and any(abs(probability - edge) < 2.0 * error for edge in EDGES)
 
 
 def _is_decided(probability: float, reached: tuple[float, float]) -> bool:
@@ -424,22 +424,22 @@ def term_verdict(term: str, inclusion: float, error: float, reached: tuple[float
     return f"the data cannot decide about {term}: probability {inclusion:.2f} with it, {without:.2f} without{margin}"
 
 
-def _screened_verdict(term: str, inclusion: float, there: bool) -> str:
+def _screened_verdict(term: str, inclusion: float, is_present: bool) -> str:
     """Return what is said of a term that all simulated structures have, or none."""
-    which = "every" if there else "no"
+    which = "every" if is_present else "no"
     return f"{which} simulated structure has {term}: by the screening its probability is {inclusion:.2f}"
 
 
 def pair_verdicts(has: Mapping[str, np.ndarray], probability: np.ndarray) -> list[str]:
     """Name the pairs of terms of which the data demand one but cannot tell which."""
-    said = []
+    verdicts = []
     for a, b in combinations(has, 2):
         only_a = float((has[a] * (1 - has[b])) @ probability)
         only_b = float((has[b] * (1 - has[a])) @ probability)
         both = float((has[a] * has[b]) @ probability)
         if only_a + only_b + both >= DECIDED and min(only_a, only_b) > 1 - DECIDED:
-            said.append(
+            verdicts.append(
                 f"these records cannot separate {a} from {b}: at least one is needed (probability {only_a + only_b + both:.2f}), "
                 f"{a} alone {only_a:.2f}, {b} alone {only_b:.2f}, both {both:.2f}"
             )
-    return said
+    return verdicts

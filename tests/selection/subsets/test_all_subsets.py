@@ -14,8 +14,8 @@ from tests.selection.subsets.naive import NAMES, agree, naive_all, problem, some
 @pytest.fixture
 def small_blocks(monkeypatch):
     """Several prefixes and several blocks already at eight terms."""
-    monkeypatch.setattr(engine, "LEVELS", 3)
-    monkeypatch.setattr(engine, "LANES", 4)
+    monkeypatch.setattr(engine, "BLOCK_LEVELS", 3)
+    monkeypatch.setattr(engine, "BLOCK_LANES", 4)
 
 
 @pytest.mark.parametrize(
@@ -51,7 +51,7 @@ def test_prefixes_certain_terms_and_unequal_odds(prior):
 def test_prefixes_agree_with_one_batch(monkeypatch):
     _, _, stats = problem(11)
     split = all_subsets(stats, some_prior(11), NAMES[:11])
-    monkeypatch.setattr(engine, "LEVELS", 11)
+    monkeypatch.setattr(engine, "BLOCK_LEVELS", 11)
     whole = all_subsets(stats, some_prior(11), NAMES[:11])
     np.testing.assert_array_equal(split.structures, whole.structures)
     for name in ("log_evidence", "probability", "inclusion", "joint", "mean", "within", "between"):

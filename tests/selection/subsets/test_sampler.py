@@ -23,7 +23,7 @@ from seatrial.selection.subsets.sampler import (
     sample_subsets,
     subset_posterior,
 )
-from seatrial.selection.subsets.structure_chains import ALIKE, RUNG, _alike, _partners, rungs_between
+from seatrial.selection.subsets.structure_chains import HOTTEST_SPREAD, RUNG_RATIO, _alike, _partners, rungs_between
 from tests.selection.subsets.naive import NAMES, problem, some_prior
 
 RULES = RuleMasks(parents=(0, 0b1, 0, 0b10000000, 0, 0, 0, 0, 0b11), groups=(0b110000,), exclusive=(0b1001100,))
@@ -95,7 +95,7 @@ def test_twenty_terms_against_all_structures(rules):
 @pytest.mark.proof
 def test_stated_errors_are_the_spread_of_repeats(monkeypatch):
     """With all covered, the stated variance is s^2 of the chains plus the error e^2 itself: e^2 / (s^2 + e^2), e normal, has mean 0.344."""
-    monkeypatch.setattr(sampler, "HELD", 2.0)
+    monkeypatch.setattr(sampler, "MIN_HELD_PROBABILITY", 2.0)
     stats, prior = problem(11)[2], some_prior(11)
     exact = all_subsets(stats, prior, NAMES[:11]).inclusion
     runs = [sample_subsets(stats, prior, NAMES[:11], seed=seed, chains=16, moves=400) for seed in range(8)]
@@ -138,7 +138,7 @@ def two_valleys():
 
 def test_ladders_lead_over_a_valley(monkeypatch):
     """By the visits alone, of which averages over the best structures would make nothing."""
-    monkeypatch.setattr(sampler, "HELD", 2.0)
+    monkeypatch.setattr(sampler, "MIN_HELD_PROBABILITY", 2.0)
     stats, prior, names, rules = two_valleys()
     found = sample_subsets(stats, prior, names, rules=rules, chains=32, moves=800)
     assert found.monte_carlo.status == ""
@@ -148,8 +148,8 @@ def test_ladders_lead_over_a_valley(monkeypatch):
 
 
 def test_chains_that_stay_apart_are_reported(monkeypatch):
-    monkeypatch.setattr(sampler, "HELD", 2.0)
-    monkeypatch.setattr(structure_chains, "ALIKE", 1e9)
+    monkeypatch.setattr(sampler, "MIN_HELD_PROBABILITY", 2.0)
+    monkeypatch.setattr(structure_chains, "HOTTEST_SPREAD", 1e9)
     stats, prior, names, rules = two_valleys()
     found = sample_subsets(stats, prior, names, rules=rules, chains=16, moves=400)
     assert "the chains disagree about" in found.monte_carlo.status
@@ -272,8 +272,16 @@ def test_what_the_chains_did_is_counted(monkeypatch, chains, rungs, walk):
 
 def test_rungs_grow_until_the_hottest_hardly_tells_structures_apart():
     """Each is hotter by one factor; across the hottest, log evidences differ by no more than counts as alike."""
-    for apart in (0.0, 0.5 * ALIKE, ALIKE, 1.01 * ALIKE, RUNG * ALIKE * 0.99, RUNG * ALIKE * 1.01, 1e4 * ALIKE):
-        needed = next(n for n in range(1, 99) if apart / RUNG ** (n - 1) <= ALIKE)
+    for apart in (
+        0.0,
+        0.5 * HOTTEST_SPREAD,
+        HOTTEST_SPREAD,
+        1.01 * HOTTEST_SPREAD,
+        RUNG_RATIO * HOTTEST_SPREAD * 0.99,
+        RUNG_RATIO * HOTTEST_SPREAD * 1.01,
+        1e4 * HOTTEST_SPREAD,
+    ):
+        needed = next(n for n in range(1, 99) if apart / RUNG_RATIO ** (n - 1) <= HOTTEST_SPREAD)
         assert rungs_between(-7.0, apart - 7.0) == needed
 
 
@@ -315,8 +323,8 @@ def test_what_is_wrong_with_the_chains_is_said(inclusion, r_hat, error, covered,
 
 def test_averages_over_the_best_are_off_by_what_the_rest_may_hold(monkeypatch):
     """The rest has the probability that the best leave, and coefficients of their root mean square."""
-    monkeypatch.setattr(sampler, "HELD", 0.0)
-    monkeypatch.setattr(sampler, "BEST", 10)
+    monkeypatch.setattr(sampler, "MIN_HELD_PROBABILITY", 0.0)
+    monkeypatch.setattr(sampler, "BEST_COUNT", 10)
     found = sample_subsets(problem(10)[2], some_prior(10), NAMES[:10], **SHORT)
     rest = 1 - found.probability[:10].sum()
     assert 0.05 < rest < 0.95
@@ -329,7 +337,7 @@ def test_averages_over_the_best_are_off_by_what_the_rest_may_hold(monkeypatch):
 
 
 def test_errors_of_visits_are_no_less_than_what_the_evidences_say_and_the_rest_cannot_explain(monkeypatch):
-    monkeypatch.setattr(sampler, "HELD", 2.0)
+    monkeypatch.setattr(sampler, "MIN_HELD_PROBABILITY", 2.0)
     found = sample_subsets(problem(10)[2], some_prior(10), NAMES[:10], **SHORT)
     errors = found.monte_carlo
     apart = np.abs(found.inclusion - errors.renormalised) - (1 - errors.covered)

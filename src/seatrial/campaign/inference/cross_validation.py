@@ -29,7 +29,7 @@ from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.reporter import SILENT, Progress, Reporter
 from seatrial.messages.render import sentence
-from seatrial.selection.leave_one_run_out import LEAST_RUNS, LeaveOneRunOut, leave_one_run_out, mean_score
+from seatrial.selection.leave_one_run_out import MIN_RUNS, LeaveOneRunOut, leave_one_run_out, mean_score
 from seatrial.selection.structures import Structure
 
 MOST = 3
@@ -104,7 +104,7 @@ def current_cross_validation(campaign: Campaign, trials: HasKey) -> CrossValidat
 
 
 def _check_runs(campaign: Campaign, trials: Trials) -> None:
-    if len(trials.fit) >= LEAST_RUNS:
+    if len(trials.fit) >= MIN_RUNS:
         return
     count = len(trials.fit)
     more = (
@@ -115,7 +115,7 @@ def _check_runs(campaign: Campaign, trials: Trials) -> None:
     raise InputError(
         campaign.where("import.fit"),
         found=f"{count} fitted run{'s' * (count > 1)}: {', '.join(record.label for record in trials.fit)}",
-        expected=f"at least {LEAST_RUNS} fitted runs, each of which can be predicted from the others",
+        expected=f"at least {MIN_RUNS} fitted runs, each of which can be predicted from the others",
         remedy=f"{more}; with fewer, `seatrial run` scores the runs under import.predict, which were not fitted",
     )
 

@@ -20,7 +20,7 @@ from seatrial.dashboard.map_draft import MapDraft
 from seatrial.dashboard.page_layout import LOOK, button
 from seatrial.dashboard.view_models import COMPARED, AxisAbout
 from seatrial.dashboard.worker_pool import stamp
-from seatrial.logs.clock_shift import NEARLY, ClockShift
+from seatrial.logs.clock_shift import BEST_SHARE, ClockShift
 
 if TYPE_CHECKING:
     from seatrial.dashboard.logs import LogColumn
@@ -299,7 +299,7 @@ def lined_up_words(found: ClockShift, moved: str) -> str:
         moved: name of the log.
     """
     words = f"Correlation {found.correlation:.3f} with {moved} shifted by {round(found.shift, 4):.13g} s."
-    words += f" Between {_ends(found.lower, found.upper)} s it is at least {NEARLY:.0%} of that."
+    words += f" Between {_ends(found.lower, found.upper)} s it is at least {BEST_SHARE:.0%} of that."
     if found.correlation < 0:
         words += " It is negative: one of the two columns is reversed."
     if found.rival is not None:

@@ -18,7 +18,7 @@ from seatrial.logs.formats.protocol import Block, ColumnInfo, LogFile, LogFormat
 
 _HEAD = b"\xa3\x95"
 _FMT, _FMT_LENGTH = 128, 89
-_PIECE = 1 << 22
+_PIECE_BYTES = 1 << 22
 _TYPES = {
     "a": "32<i2",
     "b": "i1",
@@ -44,7 +44,7 @@ _TYPES = {
 }
 _DIVISORS = {"c": 100.0, "C": 100.0, "e": 100.0, "E": 100.0, "L": 1e7}
 _PREFIXES = {1e-1: "d", 1e-2: "c", 1e-3: "m", 1e-6: "u", 1e-9: "n"}
-_DESCRIBING = ("UNIT", "MULT", "FMTU")
+_DESCRIBING_MESSAGES = ("UNIT", "MULT", "FMTU")
 _CLOCKS = {"TimeUS": "us", "TimeMS": "ms"}
 
 
@@ -114,10 +114,12 @@ def _index(path: Path, size: int, changed: int) -> _Index:
     counts: dict[int, dict[float, int]] = {}
     scan = _Scan()
     for piece, places in _pieces(path, scan, None):
-        for kind, starts in sorted(places.items(), key=lambda item: scan.kinds[item[0]].name not in _DESCRIBING):
+        for kind, starts in sorted(
+            places.items(), key=lambda item: scan.kinds[item[0]].name not in _DESCRIBING_MESSAGES
+        ):
             name = scan.kinds[kind].name
             column = _instance(scan.kinds[kind], described.get(kind, ("", ""))[0])
-            rows = _rows(piece, starts if column or name in _DESCRIBING else starts[:0], scan.kinds[kind])
+            rows = _rows(piece, starts if column or name in _DESCRIBING_MESSAGES else starts[:0], scan.kinds[kind])
             if name == "UNIT" and _has(rows, "Id", "Label"):
                 units |= {chr(int(row["Id"]) & 0xFF): _text(row["Label"]) for row in rows}
             elif name == "MULT" and _has(rows, "Id", "Mult"):
@@ -125,13 +127,13 @@ def _index(path: Path, size: int, changed: int) -> _Index:
             elif name == "FMTU" and _has(rows, "FmtType", "UnitIds", "MultIds"):
                 described |= {int(row["FmtType"]): (_text(row["UnitIds"]), _text(row["MultIds"])) for row in rows}
             values, numbers = np.unique(rows[column], return_counts=True) if column else ([0], [starts.size])
-            found = counts.setdefault(kind, {})
+            instances = counts.setdefault(kind, {})
             for value, number in zip(values, numbers, strict=True):
-                found[float(value)] = found.get(float(value), 0) + int(number)
+                instances[float(value)] = instances.get(float(value), 0) + int(number)
     notes = (f"{scan.skipped} bytes of the log are no messages and were passed over",) if scan.skipped else ()
     tables, where = [], {}
-    for kind, found in counts.items():
-        if scan.kinds[kind].name in ("FMT", *_DESCRIBING):
+    for kind, instances in counts.items():
+        if scan.kinds[kind].name in ("FMT", *_DESCRIBING_MESSAGES):
             continue
         ids = described.get(kind, ("", ""))
         column = _instance(scan.kinds[kind], ids[0])
@@ -139,12 +141,12 @@ def _index(path: Path, size: int, changed: int) -> _Index:
         if not columns:
             continue
         clocks = tuple(info.name for info in columns if info.name in _CLOCKS)
-        for value, number in sorted(found.items()):
-            name = scan.kinds[kind].name + (f"[{value:g}]" if len(found) > 1 else "")
+        for value, number in sorted(instances.items()):
+            name = scan.kinds[kind].name + (f"[{value:g}]" if len(instances) > 1 else "")
             if name in where:
                 continue
             tables.append(TableInfo(name, columns, clocks, number, notes=notes))
-            where[name] = (kind, column if len(found) > 1 else None, value)
+            where[name] = (kind, column if len(instances) > 1 else None, value)
     return _Index(tuple(tables), where)
 
 
@@ -154,13 +156,13 @@ def _pieces(path: Path, scan: _Scan, kinds: frozenset[int] | None) -> Iterator[t
     lengths[_FMT] = _FMT_LENGTH
     held, in_step = b"", True
     with path.open("rb") as stream:
-        while data := stream.read(_PIECE):
+        while data := stream.read(_PIECE_BYTES):
             piece = held + data
             places, at, in_step = _divide(piece, lengths, in_step, scan, path)
             held = piece[at:]
-            found = np.frombuffer(piece, np.uint8)[places + 2] if places.size else np.empty(0, np.uint8)
-            wanted = [kind for kind in np.unique(found).tolist() if kind in scan.kinds and (not kinds or kind in kinds)]
-            yield piece, {kind: places[found == kind] for kind in wanted}
+            types = np.frombuffer(piece, np.uint8)[places + 2] if places.size else np.empty(0, np.uint8)
+            wanted = [kind for kind in np.unique(types).tolist() if kind in scan.kinds and (not kinds or kind in kinds)]
+            yield piece, {kind: places[types == kind] for kind in wanted}
     scan.skipped += len(held)
 
 
@@ -173,7 +175,7 @@ def _divide(piece: bytes, lengths: np.ndarray, in_step: bool, scan: _Scan, path:
     codes = np.frombuffer(piece, np.uint8)
     heads = np.flatnonzero((codes[:-2] == _HEAD[0]) & (codes[1:-1] == _HEAD[1]))
     ends: np.ndarray | None = None
-    found: list[np.ndarray] = []
+    parts: list[np.ndarray] = []
     at, end = 0, len(piece)
     while at + 3 <= end:
         length = int(lengths[piece[at + 2]]) if piece.startswith(_HEAD, at) else 0
@@ -196,9 +198,9 @@ def _divide(piece: bytes, lengths: np.ndarray, in_step: bool, scan: _Scan, path:
             ends = _ends(heads, codes[heads + 2], lengths)
         first = int(np.searchsorted(heads, at))
         last = int(ends[np.searchsorted(ends, first)]) if ends is not None else first
-        found.append(heads[first : max(last, first + 1)])
+        parts.append(heads[first : max(last, first + 1)])
         at = int(heads[last]) if last > first else at + length
-    return np.concatenate(found) if found else np.empty(0, np.int64), at, in_step
+    return np.concatenate(parts) if parts else np.empty(0, np.int64), at, in_step
 
 
 def _ends(heads: np.ndarray, kinds: np.ndarray, lengths: np.ndarray) -> np.ndarray:
@@ -216,17 +218,17 @@ def _define(body: bytes, scan: _Scan, lengths: np.ndarray, path: Path) -> None:
     if len(names) == len(characters) == len(set(names)) and all(character in _TYPES for character in characters):
         layout = np.dtype([(column, _dtype(character)) for column, character in zip(names, characters, strict=True)])
         layout = layout if layout.itemsize == length - 3 else None
-    found = _Kind(name, length, layout, dict(zip(names, characters, strict=False)))
+    definition = _Kind(name, length, layout, dict(zip(names, characters, strict=False)))
     if not re.fullmatch(r"[A-Za-z0-9_]{1,4}", name) or length < 3 or (kind == _FMT and length != _FMT_LENGTH):
         return
-    if kind in scan.kinds and scan.kinds[kind] != found:
+    if kind in scan.kinds and scan.kinds[kind] != definition:
         raise InputError(
             f'{path}, table "{name}"',
             found="a message type described twice, differently",
             expected="one log",
             remedy="two logs were joined: divide the file where the second begins",
         )
-    scan.kinds[kind] = found
+    scan.kinds[kind] = definition
     lengths[kind] = length
 
 

@@ -12,13 +12,13 @@ from h5py import h5o  # pyright: ignore[reportAttributeAccessIssue]
 from seatrial.core.dataset_file import check_heaps
 from seatrial.core.errors import InputError
 
-_DEEPEST = 32
-_MOST_ARRAYS = 20_000
-_MOST_CHUNK = 1 << 28
-_CACHE = 1 << 26
+_MAX_DEPTH = 32
+_MAX_ARRAYS = 20_000
+_MAX_CHUNK_BYTES = 1 << 28
+_CACHE_BYTES = 1 << 26
 """Bytes of an array that stay unpacked: a piece of it that is larger is unpacked again for every block of rows."""
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
-_MOST_TIMES_LARGER = 2000
+_MAX_EXPANSION = 2000
 """How many times larger an array may be than what the file keeps of it; deflate reaches 1032."""
 
 
@@ -32,7 +32,7 @@ def opened(path: Path) -> Iterator[h5py.File]:
     """
     _check_superblock(path)
     check_heaps(path)
-    with h5py.File(path, "r", locking=False, rdcc_nbytes=_CACHE) as file:
+    with h5py.File(path, "r", locking=False, rdcc_nbytes=_CACHE_BYTES) as file:
         yield file
 
 
@@ -48,7 +48,7 @@ def arrays(group: Any, prefix: str = "", seen: set[tuple[int, int]] | None = Non
     """
     seen = set() if seen is None else seen
     about = h5o.get_info(group.id)
-    if prefix.count("/") > _DEEPEST or (about.fileno, about.addr) in seen or len(seen) > _MOST_ARRAYS:
+    if prefix.count("/") > _MAX_DEPTH or (about.fileno, about.addr) in seen or len(seen) > _MAX_ARRAYS:
         return
     seen.add((about.fileno, about.addr))
     count = 0
@@ -69,7 +69,7 @@ def arrays(group: Any, prefix: str = "", seen: set[tuple[int, int]] | None = Non
             count += 1
             _check_size(item)
             yield f"{prefix}{name}", item
-        if count > _MOST_ARRAYS:
+        if count > _MAX_ARRAYS:
             return
 
 
@@ -77,7 +77,7 @@ def _check_size(dataset: Any) -> None:
     """Refuse an array that claims more than the file can hold, or that opens only in pieces too large for memory."""
     size, kept = dataset.size * dataset.dtype.itemsize, dataset.id.get_storage_size()
     chunk = int(np.prod(dataset.chunks, dtype=float)) * dataset.dtype.itemsize if dataset.chunks else 0
-    if size > (1 << 20) + _MOST_TIMES_LARGER * kept or chunk > _MOST_CHUNK + size:
+    if size > (1 << 20) + _MAX_EXPANSION * kept or chunk > _MAX_CHUNK_BYTES + size:
         raise InputError(
             f'{dataset.file.filename}, array "{dataset.name}"',
             found=f"shape {dataset.shape} in pieces of {chunk} bytes, of which the file keeps {kept} bytes in all",

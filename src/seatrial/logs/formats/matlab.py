@@ -16,7 +16,7 @@ import numpy as np
 from seatrial.core.errors import InputError
 from seatrial.logs.formats.protocol import (
     BLOCK_ROWS,
-    MOST_ELEMENTS,
+    MAX_ELEMENTS,
     Block,
     ColumnInfo,
     LogFile,
@@ -79,11 +79,11 @@ def _catalogue(log: LogFile) -> tuple[TableInfo, ...]:
             remedy="objects such as timeseries or tables cannot be read: save their parts as plain vectors, "
             "for example s.Time = ts.Time; s.Data = ts.Data",
         )
-    found = []
+    table_infos = []
     for name, (rows, columns) in tables.items():
         clocks, infos = clocks_among([ColumnInfo(column) for column in columns])
-        found.append(TableInfo(name, infos, clocks, rows))
-    return tuple(found)
+        table_infos.append(TableInfo(name, infos, clocks, rows))
+    return tuple(table_infos)
 
 
 def _blocks(log: LogFile, wanted: Wanted) -> Iterator[Block]:
@@ -94,8 +94,8 @@ def _blocks(log: LogFile, wanted: Wanted) -> Iterator[Block]:
             for start in range(0, rows, BLOCK_ROWS):
                 stop = min(start + BLOCK_ROWS, rows)
                 read += stop - start
-                found = {column: as_column(rows_of(columns[column], start, stop)) for column in wanted[name]}
-                yield Block(name, found, read / total)
+                values = {column: as_column(rows_of(columns[column], start, stop)) for column in wanted[name]}
+                yield Block(name, values, read / total)
 
 
 @contextmanager
@@ -143,7 +143,7 @@ def _loaded(path: Path) -> dict[str, np.ndarray]:
 
     variables = loadmat(path, mat_dtype=True)
     return dict(
-        found for name, value in variables.items() if not name.startswith("__") for found in _numeric(name, value)
+        array for name, value in variables.items() if not name.startswith("__") for array in _numeric(name, value)
     )
 
 
@@ -191,7 +191,7 @@ def _columns(array: _Array, lengths: set[int]) -> Iterator[tuple[str, _Column, i
         first, second = (array.shape[axis] for axis in long)
         across = (second in lengths and first not in lengths) or (second > first and first not in lengths)
         axis, other = (long[1], long[0]) if across else (long[0], long[1])
-        if array.shape[other] <= MOST_ELEMENTS:
+        if array.shape[other] <= MAX_ELEMENTS:
             for k in range(array.shape[other]):
                 yield f"{array.path}[{k}]", _Column(array.path, axis, k), array.shape[axis]
 

@@ -20,7 +20,7 @@ from seatrial.core.errors import InputError
 from seatrial.logs.formats.protocol import (
     BLOCK_ROWS,
     LOG_TIME,
-    MOST_ELEMENTS,
+    MAX_ELEMENTS,
     Block,
     ColumnInfo,
     LogFile,
@@ -34,11 +34,11 @@ from seatrial.logs.formats.protocol import (
 
 _MAGIC = b"\x89MCAP0\r\n"
 _HEADER = 0x01
-_LONGEST = 1 << 30
+_MAX_RECORD_BYTES = 1 << 30
 """Bytes of a record, or of a chunk unpacked; more is damage."""
-_LOOKED_AT = 20
+_SAMPLE_MESSAGES = 20
 """Messages of a topic whose numbers and words are listed."""
-_DEEPEST = 8
+_MAX_DEPTH = 8
 _MEMORY = 2 << 30
 
 
@@ -87,13 +87,13 @@ def _catalogue(log: LogFile) -> tuple[TableInfo, ...]:
     seen: dict[str, _Seen] = {}
     end = _End()
     for message in _messages(log, end):
-        one = seen.setdefault(message.channel.topic, _Seen(message.channel.encoding))
-        one.rows += 1
-        if one.encoding == "json" and one.rows <= _LOOKED_AT:
+        topic_content = seen.setdefault(message.channel.topic, _Seen(message.channel.encoding))
+        topic_content.rows += 1
+        if topic_content.encoding == "json" and topic_content.rows <= _SAMPLE_MESSAGES:
             for name, value in _flat(_content(log, message)):
-                (one.words if isinstance(value, str) else one.numbers)[name] = None
+                (topic_content.words if isinstance(value, str) else topic_content.numbers)[name] = None
     notes = () if end.is_whole else ("the recording was cut off: it is read to its last whole message",)
-    return tuple(_table(topic, one, notes) for topic, one in sorted(seen.items()))
+    return tuple(_table(topic, topic_content, notes) for topic, topic_content in sorted(seen.items()))
 
 
 def _table(topic: str, seen: _Seen, notes: tuple[str, ...]) -> TableInfo:
@@ -153,13 +153,13 @@ def _content(log: LogFile, message: _Message) -> Any:
 def _flat(value: Any, name: str = "", depth: int = 0) -> Iterator[tuple[str, float | int | str]]:
     """Yield the numbers and words of a message, by dotted path and index."""
     if isinstance(value, Mapping):
-        if depth < _DEEPEST:
-            for key, one in value.items():
-                yield from _flat(one, f"{name}.{key}" if name else str(key), depth + 1)
+        if depth < _MAX_DEPTH:
+            for key, item in value.items():
+                yield from _flat(item, f"{name}.{key}" if name else str(key), depth + 1)
     elif isinstance(value, list):
-        if depth < _DEEPEST:
-            for i, one in enumerate(value[:MOST_ELEMENTS]):
-                yield from _flat(one, f"{name}[{i}]", depth + 1)
+        if depth < _MAX_DEPTH:
+            for i, item in enumerate(value[:MAX_ELEMENTS]):
+                yield from _flat(item, f"{name}[{i}]", depth + 1)
     elif isinstance(value, bool):
         yield name, int(value)
     elif isinstance(value, int | float | str):
@@ -179,7 +179,7 @@ def _messages(log: LogFile, end: _End) -> Iterator[_Message]:
     channels: dict[int, _Channel] = {}
     size = max(log.path.stat().st_size, 1)
     with log.path.open("rb") as stream:
-        records = mcap.StreamReader(stream, emit_chunks=True, record_size_limit=_LONGEST).records
+        records = mcap.StreamReader(stream, emit_chunks=True, record_size_limit=_MAX_RECORD_BYTES).records
         try:
             for record in records:
                 done = min(stream.tell() / size, 1.0)
@@ -203,7 +203,7 @@ def _contents(record: Any, mcap: Any, errors: Any) -> Sequence[Any]:
     """
     if not isinstance(record, mcap.Chunk):
         return (record,)
-    if record.uncompressed_size > _LONGEST:
+    if record.uncompressed_size > _MAX_RECORD_BYTES:
         raise ValueError(f"a chunk of {record.uncompressed_size} bytes")
     if record.compression not in ("", "zstd", "lz4"):
         raise ValueError(f'chunks compressed by "{record.compression}"')

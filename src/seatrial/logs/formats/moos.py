@@ -24,9 +24,9 @@ from seatrial.logs.formats.protocol import (
 )
 
 VALUE = "value"
-_LONGEST = 1 << 20
-_MOST_KEYS = 256
-_MOST_VARIABLES = 20_000
+_MAX_LINE_BYTES = 1 << 20
+_MAX_KEYS = 256
+_MAX_VARIABLES = 20_000
 _NUMBER = re.compile(rb"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,4})?|[-+]?(?:nan|inf)", re.IGNORECASE)
 _PAIR = re.compile(rb"\s*([A-Za-z_]\w{0,63})\s*=\s*([^,]*?)\s*(?:,|$)")
 _NAN = float("nan")
@@ -81,12 +81,12 @@ def _index(path: Path, size: int, changed: int) -> tuple[TableInfo, ...]:
     skipped = _Skipped()
     for _, name, value, _ in _lines(path, skipped):
         numbers = _numbers(value)
-        if not numbers or (name not in rows and len(rows) >= _MOST_VARIABLES):
+        if not numbers or (name not in rows and len(rows) >= _MAX_VARIABLES):
             continue
         rows[name] = rows.get(name, 0) + 1
-        found = keys.setdefault(name, {})
-        if len(found) < _MOST_KEYS:
-            found.update(dict.fromkeys(numbers))
+        seen = keys.setdefault(name, {})
+        if len(seen) < _MAX_KEYS:
+            seen.update(dict.fromkeys(numbers))
     notes = (f"{skipped.odd} lines are no `time variable source value` and were passed over",) if skipped.odd else ()
     notes += ("the last line is cut off and was left out",) if skipped.cut else ()
     return tuple(
@@ -116,13 +116,13 @@ def _lines(path: Path, skipped: _Skipped) -> Iterator[tuple[float, bytes, bytes,
 
 def _whole_lines(stream: BinaryIO, skipped: _Skipped) -> Iterator[bytes]:
     """Yield the lines, but those that do not end or go on for a megabyte."""
-    while line := stream.readline(_LONGEST):
+    while line := stream.readline(_MAX_LINE_BYTES):
         if line.endswith(b"\n"):
             yield line
             continue
         rest = line
         while rest and not rest.endswith(b"\n"):
-            rest = stream.readline(_LONGEST)
+            rest = stream.readline(_MAX_LINE_BYTES)
         if rest:
             skipped.odd += 1
         else:

@@ -13,7 +13,7 @@ import numpy as np
 from seatrial.core.processes import MEMORY
 from seatrial.logs.formats.protocol import (
     BLOCK_ROWS,
-    MOST_ELEMENTS,
+    MAX_ELEMENTS,
     TIME_UNITS,
     Block,
     ColumnInfo,
@@ -59,16 +59,16 @@ def _recognises(path: Path, head: bytes) -> bool:
 
 def _catalogue(log: LogFile) -> tuple[TableInfo, ...]:
     with _opened(log) as variables:
-        return tuple(_table(name, found) for name, found in _tables(variables).items())
+        return tuple(_table(name, members) for name, members in _tables(variables).items())
 
 
 def _blocks(log: LogFile, wanted: Wanted) -> Iterator[Block]:
     with _opened(log) as variables:
-        tables = {name: found for name, found in _tables(variables).items() if name in wanted}
-        total, read = max(sum(found[0].rows for found in tables.values()), 1), 0
-        for name, found in tables.items():
-            rows = found[0].rows
-            by_name = {variable.name: variable for variable in found}
+        tables = {name: members for name, members in _tables(variables).items() if name in wanted}
+        total, read = max(sum(members[0].rows for members in tables.values()), 1), 0
+        for name, members in tables.items():
+            rows = members[0].rows
+            by_name = {variable.name: variable for variable in members}
             for start in range(0, rows, BLOCK_ROWS):
                 stop = min(start + BLOCK_ROWS, rows)
                 read += stop - start
@@ -85,8 +85,8 @@ def _opened(log: LogFile) -> Iterator[list[_Variable]]:
 
         file = netcdf_file(log.path, "r", mmap=True, maskandscale=False)
         try:
-            found = [_classic(name, variable) for name, variable in file.variables.items()]
-            yield [variable for variable in found if variable is not None]
+            variables = [_classic(name, variable) for name, variable in file.variables.items()]
+            yield [variable for variable in variables if variable is not None]
         finally:
             with warnings.catch_warnings():
                 # It stays mapped while a view of it lives, which it says; the views go with this function.
@@ -96,8 +96,8 @@ def _opened(log: LogFile) -> Iterator[list[_Variable]]:
         from seatrial.logs.formats.hdf5 import arrays, opened
 
         with opened(log.path) as file:
-            found = [_modern(path, dataset) for path, dataset in arrays(file)]
-            yield [variable for variable in found if variable is not None]
+            variables = [_modern(path, dataset) for path, dataset in arrays(file)]
+            yield [variable for variable in variables if variable is not None]
 
 
 def _classic(name: str, variable: Any) -> _Variable | None:
@@ -105,7 +105,7 @@ def _classic(name: str, variable: Any) -> _Variable | None:
     if (
         variable.data.dtype.kind not in "iuf"
         or len(shape) not in (1, 2)
-        or (len(shape) == 2 and shape[1] > MOST_ELEMENTS)
+        or (len(shape) == 2 and shape[1] > MAX_ELEMENTS)
     ):
         return None
     attributes = dict(variable._attributes)
@@ -114,7 +114,7 @@ def _classic(name: str, variable: Any) -> _Variable | None:
 
 def _modern(path: str, dataset: Any) -> _Variable | None:
     shape = dataset.shape
-    if len(shape) not in (1, 2) or (len(shape) == 2 and shape[1] > MOST_ELEMENTS):
+    if len(shape) not in (1, 2) or (len(shape) == 2 and shape[1] > MAX_ELEMENTS):
         return None
     group, _, name = path.rpartition("/")
     attributes = {
@@ -138,9 +138,9 @@ def _tables(variables: Sequence[_Variable]) -> dict[str, list[_Variable]]:
     for variable in variables:
         tables.setdefault(variable.dimension, []).append(variable)
     return {
-        name: [variable for variable in found if variable.rows == found[0].rows]
-        for name, found in tables.items()
-        if found[0].rows > 1
+        name: [variable for variable in members if variable.rows == members[0].rows]
+        for name, members in tables.items()
+        if members[0].rows > 1
     }
 
 

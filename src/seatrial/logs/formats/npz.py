@@ -15,7 +15,7 @@ import numpy as np
 from seatrial.core.errors import InputError
 from seatrial.logs.formats.protocol import (
     BLOCK_ROWS,
-    MOST_ELEMENTS,
+    MAX_ELEMENTS,
     Block,
     ColumnInfo,
     LogFile,
@@ -27,11 +27,11 @@ from seatrial.logs.formats.protocol import (
 )
 
 _NPY = ".npy"
-_LONGEST_HEADER = 10_000
-_MOST_ARRAYS = 10_000
-_MOST_BYTES = 1 << 29
+_MAX_HEADER = 10_000
+_MAX_ARRAYS = 10_000
+_MAX_ARRAY_BYTES = 1 << 29
 """Of one array."""
-_SHOWN = 8
+_MAX_NAMES = 8
 """Arrays that are not read, of which the names are told."""
 _UNITS = {
     (name, 1): unit for name, unit in {"ns": "ns", "us": "us", "ms": "ms", "s": "s", "m": "min", "h": "h"}.items()
@@ -62,13 +62,13 @@ def _catalogue(log: LogFile) -> tuple[TableInfo, ...]:
     with _opened(log) as archive:
         arrays, notes = _arrays(archive, log)
         tables = _tables(arrays)
-    found = []
+    table_infos = []
     for name, arrays in tables.items():
         clocks, infos = clocks_among([column for array in arrays for column in array.columns()])
         first = (name,) if name in clocks else ()
         clocks = first + tuple(clock for clock in clocks if clock != name)
-        found.append(TableInfo(name, infos, clocks, max(array.rows for array in arrays), notes=notes))
-    return tuple(found)
+        table_infos.append(TableInfo(name, infos, clocks, max(array.rows for array in arrays), notes=notes))
+    return tuple(table_infos)
 
 
 def _blocks(log: LogFile, wanted: Wanted) -> Iterator[Block]:
@@ -91,25 +91,25 @@ def _opened(log: LogFile) -> Iterator[zipfile.ZipFile]:
 def _arrays(archive: zipfile.ZipFile, log: LogFile) -> tuple[list[_Array], tuple[str, ...]]:
     """Arrays of numbers and instants, of one or two axes and two rows or more; and which others there are, for the user."""
     names = [info.filename for info in archive.infolist() if info.filename.endswith(_NPY)]
-    found, others = [], []
-    for name in names[:_MOST_ARRAYS]:
+    readable, others = [], []
+    for name in names[:_MAX_ARRAYS]:
         with archive.open(name) as stream:
             shape, kind, _ = _header(stream)
         unit = _UNITS.get(np.datetime_data(kind)) if kind.kind == "M" else None
-        elements = None if len(shape) == 1 else shape[-1] if len(shape) == 2 else MOST_ELEMENTS + 1
-        if (kind.kind in "biuf" or unit) and shape and shape[0] >= 2 and (elements or 0) <= MOST_ELEMENTS:
-            found.append(_Array(name.removesuffix(_NPY), shape[0], elements, unit))
+        elements = None if len(shape) == 1 else shape[-1] if len(shape) == 2 else MAX_ELEMENTS + 1
+        if (kind.kind in "biuf" or unit) and shape and shape[0] >= 2 and (elements or 0) <= MAX_ELEMENTS:
+            readable.append(_Array(name.removesuffix(_NPY), shape[0], elements, unit))
         else:
             others.append(f"{name.removesuffix(_NPY)} ({kind}, shape {shape})")
-    if not found:
+    if not readable:
         raise InputError(
             str(log.path),
             found="no array of numbers with two rows or more",
             expected="arrays of one or two axes, of which each row is a sample",
             remedy="save them by np.savez; arrays of Python objects are not read",
         )
-    left = f" and {len(others) - _SHOWN} more" if len(others) > _SHOWN else ""
-    return found, (f"arrays that are not read: {', '.join(others[:_SHOWN])}{left}",) if others else ()
+    left = f" and {len(others) - _MAX_NAMES} more" if len(others) > _MAX_NAMES else ""
+    return readable, (f"arrays that are not read: {', '.join(others[:_MAX_NAMES])}{left}",) if others else ()
 
 
 def _tables(arrays: list[_Array]) -> dict[str, list[_Array]]:
@@ -134,11 +134,11 @@ def _column(archive: zipfile.ZipFile, log: LogFile, column: str, rows: int) -> n
     with archive.open(info) as stream:
         shape, kind, by_columns = _header(stream)
         size = int(np.prod(shape, dtype=float)) * kind.itemsize
-        if size > min(info.file_size, _MOST_BYTES):
+        if size > min(info.file_size, _MAX_ARRAY_BYTES):
             raise InputError(
                 f'{log.path}, array "{name}"',
                 found=f"shape {shape}, {size} bytes, of which the file holds {info.file_size}",
-                expected=f"an array that the file holds, of at most {_MOST_BYTES >> 20} MB",
+                expected=f"an array that the file holds, of at most {_MAX_ARRAY_BYTES >> 20} MB",
                 remedy="the file is damaged, or the log is to be cut",
             )
         values = np.frombuffer(stream.read(size), kind).reshape(shape, order="F" if by_columns else "C")
@@ -156,7 +156,7 @@ def _header(stream: Any) -> tuple[tuple[int, ...], np.dtype, bool]:
     version = np.lib.format.read_magic(stream)
     if version not in _READERS:
         raise ValueError(f"version {version} of NumPy's format")
-    shape, by_columns, kind = _READERS[version](stream, max_header_size=_LONGEST_HEADER)
+    shape, by_columns, kind = _READERS[version](stream, max_header_size=_MAX_HEADER)
     return shape, kind, by_columns
 
 

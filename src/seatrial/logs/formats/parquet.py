@@ -10,7 +10,7 @@ from seatrial.core.errors import InputError
 from seatrial.core.processes import MEMORY
 from seatrial.logs.formats.protocol import (
     BLOCK_ROWS,
-    MOST_ELEMENTS,
+    MAX_ELEMENTS,
     Block,
     ColumnInfo,
     LogFile,
@@ -69,7 +69,7 @@ def _leaves(arrow: Any, field: Any, prefix: str = "") -> Iterator[tuple[str, str
     elif arrow.types.is_timestamp(kind) or arrow.types.is_duration(kind):
         yield name, kind.unit
     elif arrow.types.is_fixed_size_list(kind) and _is_number(arrow, kind.value_type):
-        yield from ((f"{name}[{k}]", None) for k in range(min(kind.list_size, MOST_ELEMENTS)))
+        yield from ((f"{name}[{k}]", None) for k in range(min(kind.list_size, MAX_ELEMENTS)))
     elif _is_number(arrow, kind):
         yield name, None
 

@@ -21,7 +21,7 @@ from seatrial.logs.formats.unit_in_name import ENDINGS, name_and_units
 BLOCK_ROWS = 8192
 LOG_TIME = "log_time"
 """Column of the time at which a message was written to the log."""
-MOST_ELEMENTS = 64
+MAX_ELEMENTS = 64
 """Elements of an array that a catalogue lists; any other of them can be asked for by its index."""
 
 TIME_UNITS = ("ns", "us", "ms", "s", "min", "h")
@@ -99,7 +99,7 @@ class TableInfo:
         """Return whether a column can be read, elements of arrays beyond the listed ones included."""
         names = {*(info.name for info in self.columns), *self.words}
         listed = self.elements(column)
-        is_whole = bool(listed) and not self.has_sequences and len(listed) < MOST_ELEMENTS
+        is_whole = bool(listed) and not self.has_sequences and len(listed) < MAX_ELEMENTS
         return column in names or (not is_whole and re.sub(r"\[\d+\]", "[0]", column) in names)
 
     def elements(self, column: str) -> list[str]:

@@ -141,22 +141,22 @@ def pick(tables: Sequence[TableInfo], name: str | None, where: str) -> TableInfo
             expected="one of " + _some(names),
             remedy="name the table; `seatrial inspect` shows what each holds",
         )
-    found = tables[0] if name is None else next((table for table in tables if table.name == name), None)
-    if found is None:
+    chosen = tables[0] if name is None else next((table for table in tables if table.name == name), None)
+    if chosen is None:
         raise InputError(
             f"{where}, table",
             found=f'"{name}"',
             expected="one of " + _some(names),
             remedy=nearest(name, names, "" if len(names) <= 20 else "`seatrial inspect` lists them"),
         )
-    if found.trouble:
+    if chosen.trouble:
         raise InputError(
-            f'{where}, table "{found.name}"',
-            found=found.trouble,
+            f'{where}, table "{chosen.name}"',
+            found=chosen.trouble,
             expected="a table that can be read",
             remedy="choose another table, or record the log with its definitions",
         )
-    return found
+    return chosen
 
 
 def hash_of_log(path: Path) -> str:

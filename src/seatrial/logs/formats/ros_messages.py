@@ -15,13 +15,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from seatrial.logs.formats.protocol import BLOCK_ROWS, LOG_TIME, MOST_ELEMENTS, Block, ColumnInfo, as_column
+from seatrial.logs.formats.protocol import BLOCK_ROWS, LOG_TIME, MAX_ELEMENTS, Block, ColumnInfo, as_column
 
 BASE, NAME, ARRAY = 1, 2, 3
 """Kinds of a field's type in a definition as rosbags parses it; the fourth is a sequence."""
 _HEADER = 4
 """Bytes of CDR in front of a message; numbers are aligned as counted from behind them."""
-_BATCH = 1 << 20
+_BATCH_BYTES = 1 << 20
 """Bytes of messages that are looked at together."""
 _CODES = {
     "bool": "B",
@@ -40,9 +40,9 @@ _CODES = {
     "float64": "d",
 }
 _STAMPS = {"builtin_interfaces/msg/Time": "t", "builtin_interfaces/msg/Duration": "T"}
-_BULK = ("bool", "byte", "char", "octet", "int8", "uint8")
+_BULK_TYPES = ("bool", "byte", "char", "octet", "int8", "uint8")
 """Sequences of these are pictures and raw data, not signals."""
-_DEEPEST = 24
+_MAX_DEPTH = 24
 _INDEX = re.compile(r"\[(\d{1,9})\]")
 _MOST_FIELDS = 50_000
 
@@ -108,7 +108,7 @@ def columns_of(steps: Sequence[Step], lengths: Mapping[str, int], prefix: str = 
         elif isinstance(step, Many) and step.path:
             path = _joined(prefix, step.path)
             count = max(lengths.get(path, 1), 1) if step.count is None else step.count
-            for k in range(min(count, MOST_ELEMENTS)):
+            for k in range(min(count, MAX_ELEMENTS)):
                 yield from columns_of(step.steps, lengths, f"{path}[{k}]")
 
 
@@ -160,7 +160,7 @@ class Decoder:
         self.times.append(time)
         self.messages.append(data)
         self.size += len(data)
-        return self.size >= _BATCH or len(self.messages) >= BLOCK_ROWS
+        return self.size >= _BATCH_BYTES or len(self.messages) >= BLOCK_ROWS
 
     def block(self, done: float) -> Block:
         """Hand on the rows that have come together.
@@ -271,8 +271,8 @@ class _Walk:
 
     def _indices(self, path: str) -> set[int]:
         """Return the elements of an array that are wanted."""
-        found = (_INDEX.match(name, len(path)) for name in self.wanted if name.startswith(f"{path}["))
-        return {int(match[1]) for match in found if match}
+        matches = (_INDEX.match(name, len(path)) for name in self.wanted if name.startswith(f"{path}["))
+        return {int(match[1]) for match in matches if match}
 
 
 @lru_cache(maxsize=256)
@@ -313,7 +313,7 @@ def _joined(prefix: str, path: str) -> str:
 def _steps(
     kind: str, definitions: Definitions, is_cdr: bool, prefix: str, depth: int, budget: list[int]
 ) -> Iterator[Step]:
-    if depth > _DEEPEST:
+    if depth > _MAX_DEPTH:
         raise Undefined(f"{kind} contains itself")
     if kind in _STAMPS:
         yield Leaf(prefix, _STAMPS[kind])
@@ -334,7 +334,7 @@ def _steps(
         else:
             (inner, inner_detail), size = detail
             steps = tuple(_single(inner, inner_detail, definitions, is_cdr, "", depth, budget))
-            is_bulk = inner == BASE and inner_detail[0] in _BULK and (node != ARRAY or size > MOST_ELEMENTS)
+            is_bulk = inner == BASE and inner_detail[0] in _BULK_TYPES and (node != ARRAY or size > MAX_ELEMENTS)
             yield Many("" if is_bulk else path, size if node == ARRAY else None, steps, sum(map(_least, steps)))
 
 

@@ -27,9 +27,9 @@ from seatrial.logs.formats.protocol import (
     optional,
 )
 
-_PIECE = 1 << 22
+_PIECE_BYTES = 1 << 22
 _VERSION_1, _VERSION_2 = 0xFE, 0xFD
-_LONGEST = 8 + 10 + 255 + 2 + 13
+_MAX_PACKET_BYTES = 8 + 10 + 255 + 2 + 13
 _CLOCKS = {"time_boot_ms": "ms", "time_usec": "us", "time_unix_usec": "us"}
 _NUMBERS = {
     "b": "i1",
@@ -88,7 +88,7 @@ def packets(data: bytes, time: int, wanted: Container[str]) -> list[Packet]:
         InputError: without pymavlink.
     """
     dialect = mavlink(Path("MAVLink over UDP"))
-    stamp, at, found = struct.pack(">Q", time), 0, []
+    stamp, at, received = struct.pack(">Q", time), 0, []
     while at < len(data):
         piece = stamp + data[at:]
         packet = _packet(piece, 0, dialect.mavlink_map, dialect.x25crc)
@@ -105,9 +105,9 @@ def packets(data: bytes, time: int, wanted: Container[str]) -> list[Packet]:
                 field, _, element = column.name.partition("[")
                 columns[column.name] = float(row[field][int(element[:-1])] if element else row[field])
             columns[LOG_TIME] = float(time)
-        found.append(Packet(name, sender, columns, piece[:length]))
+        received.append(Packet(name, sender, columns, piece[:length]))
         at += length - len(stamp)
-    return found
+    return received
 
 
 def _recognises(path: Path, head: bytes) -> bool:
@@ -185,18 +185,18 @@ def _index(path: Path, size: int, changed: int) -> _Index:
     counts: dict[int, dict[tuple[int, int], int]] = {}
     skipped = _Skipped()
     for _, kind, sender, _, _ in _records(path, messages, skipped):
-        found = counts.setdefault(kind, {})
-        found[sender] = found.get(sender, 0) + 1
+        systems = counts.setdefault(kind, {})
+        systems[sender] = systems.get(sender, 0) + 1
     notes = (f"{skipped.count} bytes of the log are no messages and were passed over",) if skipped.count else ()
     tables, where = [], {}
-    for kind, found in sorted(counts.items()):
+    for kind, systems in sorted(counts.items()):
         message = messages[kind]
         columns = (ColumnInfo(LOG_TIME, "us"), *_columns(message))
         clocks = (LOG_TIME, *(column.name for column in columns if column.name in _CLOCKS))
-        for sender, number in sorted(found.items()):
-            name = message.msgname + (f" of {sender[0]}/{sender[1]}" if len(found) > 1 else "")
+        for sender, number in sorted(systems.items()):
+            name = message.msgname + (f" of {sender[0]}/{sender[1]}" if len(systems) > 1 else "")
             tables.append(TableInfo(name, columns, clocks, number, notes=notes))
-            where[name] = (kind, sender if len(found) > 1 else None)
+            where[name] = (kind, sender if len(systems) > 1 else None)
     return _Index(tuple(tables), where)
 
 
@@ -208,16 +208,16 @@ def _records(
     held, base = b"", 0
     with path.open("rb") as stream:
         while True:
-            data = stream.read(_PIECE)
+            data = stream.read(_PIECE_BYTES)
             piece, at = held + data, 0
-            end = len(piece) if not data else len(piece) - _LONGEST
+            end = len(piece) if not data else len(piece) - _MAX_PACKET_BYTES
             while at < end:
-                found = _packet(piece, at, messages, checksum)
-                if found is None:
+                packet = _packet(piece, at, messages, checksum)
+                if packet is None:
                     at += 1
                     skipped.count += 1
                     continue
-                kind, sender, payload, length = found
+                kind, sender, payload, length = packet
                 if kind in messages:
                     yield struct.unpack_from(">Q", piece, at)[0], kind, sender, payload, base + at
                 at += length

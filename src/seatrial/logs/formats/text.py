@@ -38,13 +38,13 @@ from seatrial.logs.formats.text_layout import WHITESPACE, codec_of, is_date, nan
 from seatrial.logs.known_messages import message_of_file
 
 TABLE = "rows"
-_ENOUGH = 10_000
+_SAMPLE_ROWS = 10_000
 """Rows that tell which columns hold numbers."""
-_ROWS = 1 << 16
+_PIECE_ROWS = 1 << 16
 """Rows that are parsed at a time."""
-_LONGEST_LINE = 1 << 24
-_LONGEST_STAMP = 40
-_LARGEST_STAMP = 2.0**62
+_MAX_LINE_BYTES = 1 << 24
+_MAX_STAMP_LENGTH = 40
+_MAX_STAMP = 2.0**62
 _NO_STAMP = "correct the stamp, remove the row, or map another clock"
 _NO_DATE = (
     "correct the stamp or remove the row; of a leap second (23:59:60) map a clock that counts seconds, or import two runs, before and "
@@ -103,7 +103,7 @@ def _catalogue(log: LogFile) -> tuple[TableInfo, ...]:
     """List the columns that hold a number in the first rows."""
     with _opened(log) as (stream, _):
         names, rows = _header(log, _rows(log, stream))
-        first, *others = islice(rows, _ENOUGH)
+        first, *others = islice(rows, _SAMPLE_ROWS)
     layout = _Layout(names, first[0] - 1, 1 + len(others), first[0], 0)
     single = [at for at, name in enumerate(names) if names.count(name) == 1]
     cells = next(_frames(log, layout, single))[0] if single else {}
@@ -171,12 +171,12 @@ def _read(
     pairs = split_stamps(layout.names)
     at = {name: _find(name, layout.names, log) for name in _parts(columns, pairs)}
     stamps = _parts(stamps, pairs)
-    said = {at[name]: str for name in words}
+    word_types = {at[name]: str for name in words}
     try:
-        values, decimals = _columns(log, layout, at, stamps, said, words)
+        values, decimals = _columns(log, layout, at, stamps, word_types, words)
     except _Rounded:
-        kinds = {at[name]: f"S{_LONGEST_STAMP + 1}" for name in stamps}
-        values, decimals = _columns(log, layout, at, stamps, kinds | said, words)
+        kinds = {at[name]: f"S{_MAX_STAMP_LENGTH + 1}" for name in stamps}
+        values, decimals = _columns(log, layout, at, stamps, kinds | word_types, words)
     notes = (f"{layout.empty} rows at the end have no cell filled and were left out",) if layout.empty else ()
     values = {name: _whole(name, values, pairs) for name in columns}
     return RawTable(values, lambda row: _row(log, row)[0], notes, decimals)
@@ -197,18 +197,18 @@ def _columns(
     """
     parts: dict[str, list[Any]] = {name: [] for name in at}
     first = 0
-    for found, _ in _frames(log, layout, sorted(set(at.values())), kinds):
+    for frame, _ in _frames(log, layout, sorted(set(at.values())), kinds):
         for name, place in at.items():
             if name in words:
                 parts[name].append(
-                    np.array([cell.strip() if isinstance(cell, str) else "" for cell in found[place]], object)
+                    np.array([cell.strip() if isinstance(cell, str) else "" for cell in frame[place]], object)
                 )
                 continue
-            if name in stamps and found[place].dtype.kind not in "iu" and place not in kinds:
+            if name in stamps and frame[place].dtype.kind not in "iu" and place not in kinds:
                 raise _Rounded
             read = _stamps if name in stamps else _checked
-            parts[name].append(read(found[place], log, first, place, name))
-        first += len(next(iter(found.values())))
+            parts[name].append(read(frame[place], log, first, place, name))
+        first += len(next(iter(frame.values())))
     joined = {name: _joined(parts[name]) for name in stamps}
     values = {name: joined[name][0] if name in joined else np.concatenate(parts[name]) for name in at}
     return values, {name: decimals for name, (_, decimals) in joined.items()}
@@ -264,7 +264,7 @@ def _stamps(cells: np.ndarray, log: LogFile, first: int, place: int, name: str) 
     length, point = np.strings.str_len(texts), np.strings.find(texts, b".")
     for bad, expected in (
         (length == 0, "a time stamp in every row"),
-        (length > _LONGEST_STAMP, f"a time stamp of at most {_LONGEST_STAMP} characters"),
+        (length > _MAX_STAMP_LENGTH, f"a time stamp of at most {_MAX_STAMP_LENGTH} characters"),
     ):
         if bad.any():
             raise _bad_cell(log, first + int(bad.argmax()), place, name, expected, _NO_STAMP)
@@ -289,7 +289,7 @@ def _stamps(cells: np.ndarray, log: LogFile, first: int, place: int, name: str) 
 def _scaled(whole: np.ndarray, decimals: np.ndarray | int, finest: int) -> _Stamps | None:
     """Return the whole numbers of the finest of their decimals, where they fit."""
     more = finest - np.asarray(decimals)
-    if finest > 18 or (np.abs(whole.astype(float)) * 10.0**more).max() >= _LARGEST_STAMP:
+    if finest > 18 or (np.abs(whole.astype(float)) * 10.0**more).max() >= _MAX_STAMP:
         return None
     return whole * 10**more, finest
 
@@ -338,7 +338,7 @@ def _frames(
     """Parse some columns, some thousand rows at a time; yields them by position, and the share of the file that is read."""
     import pandas as pd  # a third of a second, which only a log that is read is worth
 
-    size, found = max(log.path.stat().st_size, 1), 0
+    size, n_rows = max(log.path.stat().st_size, 1), 0
     with _opened(log) as (stream, raw):
         for _ in range(layout.above):
             stream.readline()
@@ -356,15 +356,15 @@ def _frames(
                 lineterminator="\n",
                 low_memory=False,
                 nrows=layout.rows,
-                chunksize=_ROWS,
+                chunksize=_PIECE_ROWS,
             )
             for frame in frames:
-                found += len(frame)
+                n_rows += len(frame)
                 yield {place: frame[place].to_numpy() for place in places}, min(raw.tell() / size, 1.0)
         except pd.errors.ParserError as cause:
             raise _undivided(log, layout, str(cause)) from cause
-    if found != layout.rows:
-        raise _undivided(log, layout, f"{found} rows or {layout.rows}, depending on how quotation marks are read")
+    if n_rows != layout.rows:
+        raise _undivided(log, layout, f"{n_rows} rows or {layout.rows}, depending on how quotation marks are read")
 
 
 def _undivided(log: LogFile, layout: _Layout, cause: str) -> InputError:
@@ -489,15 +489,15 @@ def _header(log: LogFile, rows: Iterator[_Row]) -> tuple[tuple[str, ...], Iterat
 def _rows(log: LogFile, stream: TextIOWrapper) -> Iterator[_Row]:
     """Yield the rows below the first lines that are skipped; blank lines are left out, and a quoted cell may span lines."""
     mark, skip, number = _mark(log), log.layout.skip_rows, 0
-    lines: Iterator[str] = iter(partial(stream.readline, _LONGEST_LINE), "")
+    lines: Iterator[str] = iter(partial(stream.readline, _MAX_LINE_BYTES), "")
     if signs_of(log).separator == WHITESPACE:
         lines = (_SPACES.sub(" ", line.strip(" \t\n")) + "\n" for line in lines)
     for line in lines:
         number += 1
         if "\0" in line:
             raise _not_text(log, number)
-        if len(line) == _LONGEST_LINE:
-            raise _no_cells(log, number, f"it does not end within {_LONGEST_LINE >> 20} million characters")
+        if len(line) == _MAX_LINE_BYTES:
+            raise _no_cells(log, number, f"it does not end within {_MAX_LINE_BYTES >> 20} million characters")
         if number <= skip:
             continue
         if '"' in line:

@@ -18,10 +18,10 @@ from seatrial.logs.formats.protocol import LogFile, TextLayout
 
 WHITESPACE = "whitespace"
 _BY_SUFFIX = {".csv": ",", ".tsv": "\t"}
-_MARKS = (";", "\t", "|", ",")
-_LOOKED_AT = 1 << 16
+_SEPARATORS = (";", "\t", "|", ",")
+_SAMPLE_BYTES = 1 << 16
 """Bytes of the file."""
-_LINES = 20
+_SAMPLE_LINES = 20
 _QUOTED = re.compile(r'"[^"]*"')
 """A cell in which any separator is text."""
 _NUMBER = re.compile(r"[-+]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][-+]?\d+)?")
@@ -100,43 +100,43 @@ def _first_lines(path: Path, layout: TextLayout) -> list[str]:
     codec = codec_of(path, layout.encoding)
     try:
         with path.open("rb") as raw, gzip.open(raw) if path.suffix.lower() == ".gz" else raw as unpacked:
-            text = unpacked.read(_LOOKED_AT).decode(codec, "replace").removeprefix("\ufeff")
+            text = unpacked.read(_SAMPLE_BYTES).decode(codec, "replace").removeprefix("\ufeff")
     except (OSError, EOFError, zlib.error):
         return []  # whoever reads the whole file says what is wrong with it
     lines = [line for line in text.splitlines()[layout.skip_rows :] if line.strip()]
-    return lines[: min(_LINES, max(len(lines) - 1, 2))]
+    return lines[: min(_SAMPLE_LINES, max(len(lines) - 1, 2))]
 
 
 def _separator(path: Path, layout: TextLayout, lines: Sequence[str]) -> str:
     suffix = Path(path.name.lower().removesuffix(".gz")).suffix
-    found, where = layout.delimiter, f"{path}, delimiter"
-    if found is None:
-        found = _BY_SUFFIX.get(suffix)
+    separator, where = layout.delimiter, f"{path}, delimiter"
+    if separator is None:
+        separator = _BY_SUFFIX.get(suffix)
         head = _QUOTED.sub("", lines[0]) if len(lines) > 1 else ""
-        if len(lines) > 1 and (found is None or found not in head):
-            found = _shared_by(lines[:2]) or found or _shared_by(lines[-2:])  # the first lines may be remarks
-    if found is None:
+        if len(lines) > 1 and (separator is None or separator not in head):
+            separator = _shared_by(lines[:2]) or separator or _shared_by(lines[-2:])  # the first lines may be remarks
+    if separator is None:
         raise InputError(
             where,
             found=f'suffix "{suffix}" and no delimiter',
             expected=".csv, .tsv, or the delimiter",
             remedy=f'say which: ",", ";", "\\t" or "{WHITESPACE}"',
         )
-    is_mark = len(found) == 1 and found.isascii() and (found.isprintable() or found == "\t")
-    if found != WHITESPACE and (not is_mark or found.isalnum() or found in '".+-'):
+    is_mark = len(separator) == 1 and separator.isascii() and (separator.isprintable() or separator == "\t")
+    if separator != WHITESPACE and (not is_mark or separator.isalnum() or separator in '".+-'):
         raise InputError(
             where,
-            found=repr(found),
+            found=repr(separator),
             expected=f'one character that no number contains, or "{WHITESPACE}"',
             remedy='use ",", ";", "\\t" or "whitespace"',
         )
-    return found
+    return separator
 
 
 def _shared_by(lines: Sequence[str]) -> str | None:
     """Return the separator by which two lines have as many cells; None for none."""
     head, first = (_QUOTED.sub("", line) for line in lines)
-    alike = [mark for mark in _MARKS if 0 < head.count(mark) == first.count(mark)]
+    alike = [mark for mark in _SEPARATORS if 0 < head.count(mark) == first.count(mark)]
     spaced = 1 < len(head.split()) == len(first.split())
     return alike[0] if alike else WHITESPACE if spaced else None
 
@@ -166,11 +166,11 @@ def is_date(cell: str) -> bool:
 
 def nanoseconds(cells: Sequence[str]) -> tuple[Int[np.ndarray, " n"], Bool[np.ndarray, " n"]]:
     """Return dates and times as nanoseconds since 1970, and which cells are none, or are of another zone than the first."""
-    found = [_DATE.fullmatch(cell.strip()) for cell in cells]
-    zone = next((match["zone"] for match in found if match), None)
+    matches = [_DATE.fullmatch(cell.strip()) for cell in cells]
+    zone = next((match["zone"] for match in matches if match), None)
     texts = [
         match[0].removesuffix(zone or "").replace(",", ".") if match and match["zone"] == zone else "NaT"
-        for match in found
+        for match in matches
     ]
     try:
         instants = np.array(texts, "datetime64[ns]")
@@ -188,10 +188,10 @@ def _instant(text: str) -> np.datetime64:
 
 def split_stamps(names: Sequence[str]) -> dict[str, tuple[str, str]]:
     """Return the stamps that lie in two columns, seconds and nanoseconds: by their common name."""
-    found = {}
+    parts = {}
     for name in names:
         base, dot, last = name.rpartition(".")
         base, last = (base, last) if dot else ("", name)
         if last in _SECONDS and (other := f"{base}{dot}{_SECONDS[last]}") in names:
-            found[base or "stamp"] = (other, name)
-    return {base: pair for base, pair in found.items() if base not in names}
+            parts[base or "stamp"] = (other, name)
+    return {base: pair for base, pair in parts.items() if base not in names}

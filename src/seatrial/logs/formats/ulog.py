@@ -12,7 +12,7 @@ from typing import Any
 
 from seatrial.logs.formats.protocol import (
     BLOCK_ROWS,
-    MOST_ELEMENTS,
+    MAX_ELEMENTS,
     Block,
     ColumnInfo,
     LogFile,
@@ -25,7 +25,7 @@ from seatrial.logs.formats.protocol import (
 
 _MAGIC = b"ULog\x01\x12\x35"
 _MEMORY = 2 << 30
-_MESSAGE_HEAD, _LONGEST_ROW = 3, 1 << 16
+_MESSAGE_HEAD, _MAX_ROW_BYTES = 3, 1 << 16
 _CLOCKS = {"timestamp_sample": "us", "timestamp": "us"}
 
 
@@ -85,11 +85,11 @@ def _read(log: LogFile, topics: Sequence[str] | None = None) -> tuple[dict[str, 
         def __init__(self, *announcement: Any):
             super().__init__(*announcement)
             # Rows may hold the padding at their end, but pyulog 1.3 does not count it and would pass these rows over.
-            self.max_data_size = _LONGEST_ROW
+            self.max_data_size = _MAX_ROW_BYTES
 
         def _parse_nested_type(self, *about: Any) -> None:
             # Arrays of arrays in a damaged definition would be listed for minutes; pyulog takes this error for damage.
-            if len(self.field_data) > _LONGEST_ROW:
+            if len(self.field_data) > _MAX_ROW_BYTES:
                 raise ValueError("a topic of too many fields")
             super()._parse_nested_type(*about)
 
@@ -118,7 +118,7 @@ def _is_listed(name: str) -> bool:
     """Return whether a catalogue lists a field: no padding, and no element far along an array."""
     last = name.rpartition(".")[2]
     element = last.rpartition("[")[2].rstrip("]") if last.endswith("]") else "0"
-    return not last.startswith("_padding") and int(element) < MOST_ELEMENTS
+    return not last.startswith("_padding") and int(element) < MAX_ELEMENTS
 
 
 FORMAT = LogFormat("a PX4 log", (".ulg",), _recognises, _catalogue, _blocks, memory=_MEMORY)

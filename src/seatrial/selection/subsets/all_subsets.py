@@ -33,9 +33,9 @@ from seatrial.selection.subsets.conjugate import Prior, evidence_of
 from seatrial.selection.subsets.gram import Gram
 from seatrial.selection.subsets.problem import Averages, Candidates, Problem, averages, check_candidates, make_problem
 
-LEVELS, LANES = 10, 64
+BLOCK_LEVELS, BLOCK_LANES = 10, 64
 """Doublings and lanes of a block: 65 536 structures, whose arrays fit the cache."""
-NEGLIGIBLE = 40.0
+NEGLIGIBLE_DEFICIT = 40.0
 """Nats: a block is left out if all structures at its best would weigh exp(-40) of the best one of the first block."""
 
 
@@ -167,9 +167,9 @@ class LaneSums(NamedTuple):
 
         The terms before those doubled within come first; their settings are the lanes.
         """
-        there = bits(np.arange(self.weight.size), self.weight.size.bit_length() - 1)
-        across = self.present @ there.T
-        whole = np.block([[(there * self.weight) @ there.T, across.T], [across, self.pairs.sum(2)]])
+        is_present = bits(np.arange(self.weight.size), self.weight.size.bit_length() - 1)
+        across = self.present @ is_present.T
+        whole = np.block([[(is_present * self.weight) @ is_present.T, across.T], [across, self.pairs.sum(2)]])
         return whole / self.weight.sum()
 
 
@@ -279,8 +279,8 @@ def add_block(
     corner *= weight
     sums.spread[..., here], sums.corner[here] = tree.gather_spreads(np.empty((0, 0, weight.size)), corner.ravel())
     by_setting = weight.sum(1)
-    there = bits(np.arange(by_setting.size), r)
-    sums.pairs[..., first // width] = (there * by_setting) @ there.T
+    is_present = bits(np.arange(by_setting.size), r)
+    sums.pairs[..., first // width] = (is_present * by_setting) @ is_present.T
     for term in reversed(range(r)):
         without, present = weight.reshape(2, -1, width)
         sums.present[term, here] = present.sum(0)
@@ -319,7 +319,7 @@ def all_subsets(
     free, chance = candidates.free, candidates.chance
     evidence_of(stats, prior, range(len(candidates.names)))  # of all structures this one leaves the least noise
     problem, best = make_problem(stats, prior, candidates.sure, free, chance), Best(top)
-    fixed = max(len(free) - LEVELS, 0)
+    fixed = max(len(free) - BLOCK_LEVELS, 0)
     outer = SubsetElimination(len(free) + 1, fixed, 1)
     matrix, determinant = outer.eliminate(
         problem.matrix[..., None], np.array([problem.start]), *_parts(problem, slice(fixed))
@@ -332,7 +332,7 @@ def all_subsets(
         None if rules is None else conditions(rules, lane_terms, free[fixed:]),
         fixed,
     )
-    lanes = min(LANES, 2**fixed)
+    lanes = min(BLOCK_LANES, 2**fixed)
     sums = empty_sums(len(free) - fixed, 2**fixed, 2**fixed // lanes)
 
     def add(firsts: Iterable[int], negligible: float = -np.inf) -> None:
@@ -342,7 +342,7 @@ def all_subsets(
 
     *others, last = range(0, 2**fixed, lanes)
     add([last])
-    floor = float(sums.peak[last]) - NEGLIGIBLE - len(free) * np.log(2)
+    floor = float(sums.peak[last]) - NEGLIGIBLE_DEFICIT - len(free) * np.log(2)
     _share(lambda firsts: add(firsts, floor), others, threads)
     if not sums.allowed.any():
         raise no_structure()
@@ -421,8 +421,8 @@ def _parts(problem: Problem, terms: slice) -> tuple[np.ndarray | None, np.ndarra
 
 def _log_chance(codes: np.ndarray, chance: Float[np.ndarray, " terms"]) -> Float[np.ndarray, " m"]:
     """Return the log of the prior probability of structures without rules."""
-    there = bits(codes, chance.size)
-    return np.log(chance) @ there + np.log1p(-chance) @ (1 - there)
+    is_present = bits(codes, chance.size)
+    return np.log(chance) @ is_present + np.log1p(-chance) @ (1 - is_present)
 
 
 def _share(work: Callable[[Iterable[int]], None], firsts: list[int], threads: int | None) -> None:

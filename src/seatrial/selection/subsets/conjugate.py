@@ -23,7 +23,7 @@ from seatrial.selection.subsets.gram import Gram
 
 ROUNDING = 1e-12
 """Share of y^T y below which what is left over is not known to half its digits."""
-SHAPE = 2.0
+NOISE_SHAPE = 2.0
 """Shape of the inverse gamma whose mean exists and whose variance does not: one guess of the noise, held loosely."""
 
 
@@ -178,7 +178,7 @@ def physical_prior(
     sd: Float[np.ndarray, " k"],
     noise_sd: float,
     *,
-    shape: float = SHAPE,
+    shape: float = NOISE_SHAPE,
     mean: Float[np.ndarray, " k"] | None = None,
 ) -> IndependentPrior:
     """Return the prior of independent coefficients of given standard deviations.
@@ -200,7 +200,7 @@ def physical_prior(
     return IndependentPrior(noise_sd**2 / sd**2, shape, (shape - 1) * noise_sd**2, mean)
 
 
-def unit_information(stats: Gram, noise_sd: float, *, shape: float = SHAPE) -> GPrior:
+def unit_information(stats: Gram, noise_sd: float, *, shape: float = NOISE_SHAPE) -> GPrior:
     """Return the g-prior of g = n, for noise of an expected variance noise_sd^2.
 
     Args:

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from seatrial.core.errors import InputError, NumericalError, nearest
-from seatrial.selection.rule_masks import MOST_TERMS, RuleMasks, check_rules
+from seatrial.selection.rule_masks import MAX_TERMS, RuleMasks, check_rules
 from seatrial.selection.subsets.conjugate import Prior, evidence_constant
 from seatrial.selection.subsets.gram import Gram, check_gram
 
@@ -112,11 +112,11 @@ def check_candidates(
         )
     sure = [i for i, name in enumerate(names) if name in always]
     free = [i for i, name in enumerate(names) if name not in always]
-    if len(free) > MOST_OPTIONAL or len(names) > MOST_TERMS:
+    if len(free) > MOST_OPTIONAL or len(names) > MAX_TERMS:
         raise InputError(
             "library of terms",
             found=f"{len(free)} optional terms of {len(names)}, 2^{len(free)} structures",
-            expected=f"at most {MOST_OPTIONAL} optional terms, and {MOST_TERMS} in all, to visit every structure",
+            expected=f"at most {MOST_OPTIONAL} optional terms, and {MAX_TERMS} in all, to visit every structure",
             remedy="move terms that are certain to `always`, drop some, or use a sampler over structures",
         )
     if rules is not None:

@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Float, UInt64
 
 from seatrial.core.errors import InputError
-from seatrial.selection.rule_masks import MOST_TERMS, RuleMasks, allowed_mass, bits, no_structure
+from seatrial.selection.rule_masks import MAX_TERMS, RuleMasks, allowed_mass, bits, no_structure
 from seatrial.selection.subsets.all_subsets import all_subsets
 from seatrial.selection.subsets.average import MonteCarlo, SubsetPosterior
 from seatrial.selection.subsets.conjugate import Prior, evidence_of
@@ -32,7 +32,7 @@ from seatrial.selection.subsets.problem import (
     make_problem,
 )
 from seatrial.selection.subsets.structure_chains import (
-    REFRESH,
+    REFRESH_MOVES,
     Chains,
     make_units,
     rungs_between,
@@ -41,12 +41,12 @@ from seatrial.selection.subsets.structure_chains import (
 
 MAX_PRESENCE_R_HAT = 1.05
 """Of the presence of a term, which is 0 or 1; chains that sit in different modes have 1.4 and more."""
-HELD, BEST = 0.99, 4096
+MIN_HELD_PROBABILITY, BEST_COUNT = 0.99, 4096
 """Probability that these best structures must hold together for averages over them to stand for all."""
-LEAST_CHAINS, LEAST_MOVES = 4, 400
-LEAST_LADDERS = 8
+MIN_CHAINS, MIN_MOVES = 4, 400
+MIN_LADDERS = 8
 """Chains at least where each has a ladder."""
-EVERY = 5
+LOOK_INTERVAL = 5
 """Moves between two looks at the coefficients."""
 
 
@@ -107,7 +107,7 @@ def subset_posterior(stats: Gram, prior: Prior, names: Sequence[str], **options:
         InputError, NumericalError: as these.
     """
     free = [name for name in names if name not in options.get("always", ())]
-    exact = len(free) <= MOST_OPTIONAL and len(names) <= MOST_TERMS
+    exact = len(free) <= MOST_OPTIONAL and len(names) <= MAX_TERMS
     other = ("seed", "chains", "moves") if exact else ("threads",)
     options = {option: value for option, value in options.items() if option not in other}
     return (all_subsets if exact else sample_subsets)(stats, prior, names, **options)
@@ -147,11 +147,11 @@ def sample_subsets(
     """
     rules = rules or RuleMasks()
     candidates, chance = _check_candidates(stats, names, always, rules, inclusion, top)
-    if chains < LEAST_CHAINS or moves < LEAST_MOVES:
+    if chains < MIN_CHAINS or moves < MIN_MOVES:
         raise InputError(
             "sampling of structures",
             found=f"{chains} chains of {moves} moves",
-            expected=f"at least {LEAST_CHAINS} chains of {LEAST_MOVES} moves",
+            expected=f"at least {MIN_CHAINS} chains of {MIN_MOVES} moves",
             remedy="errors come from the spread of the chains: give more",
         )
     certain, _ = rules.links(len(candidates.names)).decided(int(candidates.certain))
@@ -163,7 +163,7 @@ def sample_subsets(
     starts = some_starts(units, certain, rules, chains, random)
     scores = Chains(problem, units, candidates.free, rules, starts, chains, random).move().scores
     rungs = rungs_between(float(scores[scores > -np.inf].min()), float(scores.max()))
-    chains = chains if rungs == 1 else max(chains // rungs, LEAST_LADDERS)
+    chains = chains if rungs == 1 else max(chains // rungs, MIN_LADDERS)
     starts = some_starts(units, certain, rules, chains * rungs, random)
     walkers = Chains(problem, units, candidates.free, rules, starts, chains, random)
     seen, before, evaluated = walk(walkers, units.mask.size, moves)
@@ -175,7 +175,7 @@ def sample_subsets(
         [int(np.flatnonzero((units.members[:-1] == column).any(1))[0]) for column in range(len(candidates.free))]
     )
     ranked = np.lexsort((evaluated.codes, -evaluated.scores))
-    best, most = ranked[:top], ranked[:BEST]
+    best, most = ranked[:top], ranked[:BEST_COUNT]
     log_evidence, log_chance = _exactly(stats, prior, candidates, chance, evaluated.codes[best])
     renormalised = np.ones(len(candidates.names))
     weight = np.exp(evaluated.scores - np.logaddexp.reduce(evaluated.scores))
@@ -185,7 +185,7 @@ def sample_subsets(
     held = min(covered * float(weight[most].sum()), 1.0)
     result = _by_visits(candidates, problem, seen, owner, moves)
     errors = result.pop("errors")
-    if held >= HELD:
+    if held >= MIN_HELD_PROBABILITY:
         listed = Chains(problem, units, candidates.free, rules, evaluated.codes[most], most.size, random)
         share = weight[most] / weight[most].sum()
         result = _averaged(candidates, problem, sums_over(listed.matrix, listed.present().astype(float), share))
@@ -244,7 +244,7 @@ def walk(walkers: Chains, n_units: int, moves: int) -> tuple[Visits, Evaluated, 
     for now in range(moves):
         move = walkers.move()
         fresh.append((move.codes, move.scores))
-        if now == half - 1 or now == moves - 1 or (now + 1) % REFRESH == 0:
+        if now == half - 1 or now == moves - 1 or (now + 1) % REFRESH_MOVES == 0:
             walkers.refresh()
             result, fresh = _merge(result, fresh), []
         if now == half - 1:
@@ -252,33 +252,36 @@ def walk(walkers: Chains, n_units: int, moves: int) -> tuple[Visits, Evaluated, 
         if now < warmup:
             continue
         cold = walkers.cold
-        there = walkers.present()[cold].astype(float)
-        seen.presence[int(now >= half)] += there
+        is_present = walkers.present()[cold].astype(float)
+        seen.presence[int(now >= half)] += is_present
         seen.chance[at, move.units] += move.chance
         seen.draws[at, move.units] += 1
         if now >= half:
             visits.append(walkers.codes[cold])
-        if now % EVERY == 0:
-            _look(walkers, there, seen)
+        if now % LOOK_INTERVAL == 0:
+            _look(walkers, is_present, seen)
     seen.inside[:] = np.isin(np.array(visits), before.codes).sum(0)
     return seen, before, result
 
 
 def sums_over(
-    matrix: Float[np.ndarray, "n k1 k1"], there: Float[np.ndarray, "n k"], weight: Float[np.ndarray, " n"]
+    matrix: Float[np.ndarray, "n k1 k1"], is_present: Float[np.ndarray, "n k"], weight: Float[np.ndarray, " n"]
 ) -> StructureSums:
     """Return the sums over structures whose swept matrices and terms are given.
 
     Args:
         matrix: swept matrix of each structure, shape (n, k+1, k+1).
-        there: whether each optional term is there, 0 or 1, shape (n, k).
+        is_present: whether each optional term is there, 0 or 1, shape (n, k).
         weight: of each structure, shape (n,).
     """
-    z = np.column_stack([matrix[:, :-1, -1] * there, np.full(weight.size, -1.0)])
+    z = np.column_stack([matrix[:, :-1, -1] * is_present, np.full(weight.size, -1.0)])
     corner = weight * matrix[:, -1, -1]
-    covariance = matrix[:, :-1, :-1] * there[:, :, None] * there[:, None, :]
+    covariance = matrix[:, :-1, :-1] * is_present[:, :, None] * is_present[:, None, :]
     return StructureSums(
-        (weight * there.T) @ there, (weight * z.T) @ z, -np.tensordot(corner, covariance, 1), np.array([corner.sum()])
+        (weight * is_present.T) @ is_present,
+        (weight * z.T) @ z,
+        -np.tensordot(corner, covariance, 1),
+        np.array([corner.sum()]),
     )
 
 
@@ -315,11 +318,11 @@ def _check_candidates(
     top: int,
 ) -> tuple[Candidates, Float[np.ndarray, " d"]]:
     """Return the question, checked, and the prior probability of every term."""
-    if len(names) > MOST_TERMS:
+    if len(names) > MAX_TERMS:
         raise InputError(
             "library of terms",
             found=f"{len(names)} terms",
-            expected=f"at most {MOST_TERMS}, the bits of a number",
+            expected=f"at most {MAX_TERMS}, the bits of a number",
             remedy="drop some, or put one axis after the other to the question",
         )
     known = [name for name in names if name in always]
@@ -341,9 +344,9 @@ def _exactly(
     stats: Gram, prior: Prior, candidates: Candidates, chance: np.ndarray, codes: np.ndarray
 ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
     """Return the log evidences of some structures by themselves, and logs of their prior probabilities."""
-    there = bits(codes, len(candidates.names)).T.astype(bool)
-    logs = np.array([evidence_of(stats, prior, np.flatnonzero(row).tolist()).log_evidence for row in there])
-    each = np.where(there, np.log(chance), np.log1p(-chance))
+    is_present = bits(codes, len(candidates.names)).T.astype(bool)
+    logs = np.array([evidence_of(stats, prior, np.flatnonzero(row).tolist()).log_evidence for row in is_present])
+    each = np.where(is_present, np.log(chance), np.log1p(-chance))
     return logs, each[:, candidates.free].sum(1)
 
 
@@ -397,32 +400,32 @@ def _status(
     errors: dict[str, np.ndarray],
 ) -> str:
     """Return what is wrong, in words."""
-    said = []
+    messages = []
     apart = errors["r_hat"] > MAX_PRESENCE_R_HAT
     if apart.any():
-        said.append(
+        messages.append(
             f"the chains disagree about {_listed(names, apart)} (R-hat {errors['r_hat'].max():.2f}, at most {MAX_PRESENCE_R_HAT}): "
             "let them make more moves; if they still disagree, some terms can replace others, and single moves do not find this"
         )
     # what was not evaluated may change the renormalised probabilities by its own probability
     odd = np.abs(inclusion - renormalised) > 5 * errors["inclusion_error"] + (1 - covered) + 0.01
     if odd.any():
-        said.append(
+        messages.append(
             f"the probabilities of {_listed(names, odd)} by visits and by evidences differ by up to "
             f"{np.abs(inclusion - renormalised)[odd].max():.3f}, more than errors explain: make more moves"
         )
-    return "; ".join(said)
+    return "; ".join(messages)
 
 
 def _listed(names: tuple[str, ...], which: np.ndarray) -> str:
     return ", ".join(name for name, yes in zip(names, which, strict=True) if yes)
 
 
-def _look(walkers: Chains, there: np.ndarray, seen: Visits) -> None:
+def _look(walkers: Chains, is_present: np.ndarray, seen: Visits) -> None:
     """Add the coefficients where the chains are."""
     matrix = walkers.matrix[walkers.cold]
-    seen.mean[:] += matrix[:, :-1, -1] * there
-    for total, part in zip(seen.sums, sums_over(matrix, there, np.ones(len(there))), strict=True):
+    seen.mean[:] += matrix[:, :-1, -1] * is_present
+    for total, part in zip(seen.sums, sums_over(matrix, is_present, np.ones(len(is_present))), strict=True):
         total[:] += part
 
 

@@ -21,13 +21,13 @@ from jaxtyping import Bool, Float, Int, UInt64
 from seatrial.selection.rule_masks import RuleMasks
 from seatrial.selection.subsets.problem import Problem
 
-BLOCK = 3
+MOVE_UNITS = 3
 """Units in a move."""
-REFRESH = 200
+REFRESH_MOVES = 200
 """Moves after which the matrices are made anew, so that rounding does not add up."""
-RUNG = 1.6
+RUNG_RATIO = 1.6
 """Ratio of beta between neighbours."""
-ALIKE = 10.0
+HOTTEST_SPREAD = 10.0
 """Nats between the worst structure and the best, on the hottest rung."""
 _ONE = np.uint64(1)
 
@@ -93,7 +93,7 @@ class Chains:
         self._first = units.mask & (~units.mask + _ONE)
         self.codes = codes
         self.places = random.permutation(codes.size).reshape(chains, -1)
-        self._beta = RUNG ** -np.arange(float(self.places.shape[1]))
+        self._beta = RUNG_RATIO ** -np.arange(float(self.places.shape[1]))
         self._moved = 0
         self.refresh()
 
@@ -108,11 +108,11 @@ class Chains:
 
     def refresh(self) -> None:
         """Make the matrices from scratch."""
-        base, there = self._problem.matrix, self.present()
+        base, is_present = self._problem.matrix, self.present()
         self.matrix = np.repeat(base[None], self.codes.size, 0)
         self._log_determinant = np.full(self.codes.size, np.log(self._problem.start))
-        for column in range(there.shape[1]):
-            self._sweep(np.flatnonzero(there[:, column]), column)
+        for column in range(is_present.shape[1]):
+            self._sweep(np.flatnonzero(is_present[:, column]), column)
 
     def move(self) -> Move:
         """Let every walker make one move, then exchange rungs."""
@@ -151,10 +151,10 @@ class Chains:
     def _pick(self) -> Int[np.ndarray, "chains 3"]:
         """Return three different units for each chain, or fewer and nobody."""
         nobody = self._units.mask.size - 1
-        units = np.empty((self.codes.size, BLOCK), int)
+        units = np.empty((self.codes.size, MOVE_UNITS), int)
         units[:, 0] = self._random.integers(nobody, size=self.codes.size)
         cumulative = self._units.partner[units[:, 0]]
-        for slot in range(1, BLOCK):
+        for slot in range(1, MOVE_UNITS):
             drawn = (cumulative < self._random.random((self.codes.size, 1))).sum(1).clip(max=nobody)
             again = (units[:, :slot] == drawn[:, None]).any(1)
             units[:, slot] = np.where(again, nobody, drawn)
@@ -172,7 +172,7 @@ class Chains:
         pivots = None if self._log_pivots is None else np.where(columns >= 0, self._log_pivots[columns], 0.0).T
         masks = self._units.mask[units]
         codes, corners, determinants = [self.codes], [small[-1, -1].copy()], [self._log_determinant]
-        for setting in range(1, 2**BLOCK):
+        for setting in range(1, 2**MOVE_UNITS):
             unit = (setting & -setting).bit_length() - 1
             determinant = determinants[-1]
             for slot in range(unit * n_members, (unit + 1) * n_members):
@@ -228,7 +228,7 @@ def make_units(rules: RuleMasks, free: list[int], problem: Problem, n_terms: int
 
 def rungs_between(least: float, most: float) -> int:
     """Return the rungs of a ladder for structures whose log evidences lie this far apart."""
-    return 1 + max(int(np.ceil(np.log((most - least) / ALIKE) / np.log(RUNG))), 0) if most > least else 1
+    return 1 + max(int(np.ceil(np.log((most - least) / HOTTEST_SPREAD) / np.log(RUNG_RATIO))), 0) if most > least else 1
 
 
 def some_starts(
