@@ -9,7 +9,10 @@ import xarray as xr
 
 pytest.importorskip("nicegui", reason="the dashboard needs NiceGUI: pip install -e '.[dashboard]'")
 
+from seatrial.campaign.store.estimates import Estimate
+from seatrial.campaign.store.stored_result import StoredResult
 from seatrial.campaign.store.structures import StoredCoefficient
+from seatrial.core.dataset import Dataset
 from seatrial.core.dataset_file import write_dataset
 from seatrial.core.display_units import shown_as_written
 from seatrial.core.errors import InputError
@@ -19,6 +22,7 @@ from seatrial.dashboard.downsample import Envelope
 from seatrial.dashboard.pages.compare import is_of_vehicle, joint_difference, shared_sides, side_by_side
 from seatrial.dashboard.pages.results import by_origin
 from seatrial.dashboard.view_models import FitAbout, Swept
+from seatrial.selection.structures import Structure
 from tests.export.finished import finished
 
 
@@ -76,7 +80,8 @@ def test_the_legend_of_posteriors_has_as_many_lines_as_it_needs(shown):
 
 
 def test_a_posterior_with_other_fields_is_said_in_words(tmp_path):
-    write_dataset(tmp_path / "M-0.nc", estimate(["X_u"], [-2.9], [0.1], 0).drop_vars("unit"))
+    data = Dataset.of(estimate(["X_u"], [-2.9], [0.1], 0).drop_vars("unit"))
+    StoredResult(tmp_path / "M-0.nc", "key", Estimate).write(Estimate(Structure("M-0", ("X_u",)), data))
     with pytest.raises(InputError, match="a result with other fields") as said:
         result_plots.estimated((tmp_path / "M-0.nc",), ())
     assert "seatrial run" in said.value.remedy

@@ -100,8 +100,6 @@ def test_errors_pass_between_processes_as_words(tmp_path):
     answer, words = answered("result_plots", "swept", tmp_path / "missing.nc")
     assert answer is None
     assert "no such file" in words
-    answer, words = answered("request_guard", "token_for", "0.0.0.0", "short")
-    assert "16 plain characters" in words
     assert answered("record_views", "text_of", b"a") == ("a", None)
 
 

@@ -9,7 +9,8 @@ import xarray as xr
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.simulate import record_keys
 from seatrial.campaign.inference.estimate import estimate_key
-from seatrial.campaign.store.stored_result import Store, write_dataset
+from seatrial.campaign.store.estimates import Estimate
+from seatrial.campaign.store.stored_result import Store, StoredResult, write_dataset
 from seatrial.campaign.workflow.steps import TrialsKey
 from seatrial.core.dataset import Dataset
 from tests.campaign.small import write_small, write_summary
@@ -48,6 +49,8 @@ def finished(folder: Path, *replacements: tuple[str, str], alarms=(), beside=(),
             attrs={"alarms": json.dumps(list(alarms)), "cautions": "[]", "model_error_causes": '{"X_u": "a lag"}'},
         )
         key = estimate_key(campaign, structure, trials)
-        write_dataset(Store(folder).posterior(structure.label), data, key)
+        StoredResult(Store(folder).posterior(structure.label), key, Estimate).write(
+            Estimate(structure, Dataset.of(data))
+        )
     write_summary(folder, chosen=campaign.structures[0].label)
     return folder

@@ -13,7 +13,6 @@ from collections import OrderedDict
 from collections.abc import Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -104,13 +103,22 @@ def stamp(path: Path) -> tuple[str, int, int]:
     return str(path), there.st_size, there.st_mtime_ns
 
 
-def answered(module: str, question: str, *about: Any) -> tuple[Any, str | None]:
+def answered(pool: str, question: str, *about: Any) -> tuple[Any, str | None]:
     """Answer in the other process: the answer, or the words of an error that is meant for the user.
 
     The question goes by its name, so that the process that asks need not import what answers it.
     """
+    match pool:
+        case "result_plots":
+            from seatrial.dashboard import result_plots as answers
+        case "record_views":
+            from seatrial.dashboard import record_views as answers
+        case "prediction_views":
+            from seatrial.dashboard import prediction_views as answers
+        case _:
+            from seatrial.dashboard import model_queries as answers
     try:
-        return getattr(import_module(f"seatrial.dashboard.{module}"), question)(*about), None
+        return getattr(answers, question)(*about), None
     except (SeatrialError, OSError) as error:
         return None, words_of(error)
 
