@@ -84,7 +84,7 @@ CASES = {
                 "select {0}",
             ),
             *("criteria {0}", "profile {0}", "tuning {0}", "next {0}"),
-            *("export {0} --to gz --rest remus100_hall_anstee", "export {0} --to json"),
+            *("export {0} --to gz --fill-from remus100_hall_anstee", "export {0} --to json"),
         ),
     ),
     "select_surge": Case("examples/select_surge/campaign.toml", {}, ("select {0}",)),

@@ -73,7 +73,7 @@ def test_a_file_outside_is_read_in_a_shell_and_refused_where_files_are_kept_with
         with pytest.raises(InputError, match="which lies outside") as refused:
             use(campaign)
         assert ("curve" in refused.value.where) == ("curve" in name)
-        assert "--also" in refused.value.remedy
+        assert "--allow-read" in refused.value.remedy
     keep_within([here / "served", there])
     assert read_untrimmed(campaign, "a").time.size == 200
 

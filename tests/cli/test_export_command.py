@@ -16,15 +16,18 @@ MISTAKES = {
         ["neither a folder", 'did you mean "remus100_prestero"?'],
     ),
     "a rest for a published one": (
-        ["remus100_prestero", "--to", "gz", "--rest", "mariner"],
-        ["--rest", "leave --rest out"],
+        ["remus100_prestero", "--to", "gz", "--fill-from", "mariner"],
+        ["--fill-from", "leave --fill-from out"],
     ),
     "a schedule without --trial": (["remus100_prestero", "--to", "gz", "--schedule", "next"], ["--schedule"]),
     "a trial of a published one": (["remus100_prestero", "--trial"], ["--trial", "no folder", "has no trials"]),
     "a structure with --trial": (["c", "--trial", "--structure", "M-1"], ["--structure", "--trial"]),
     "an engine of another target": (["remus100_prestero", "--to", "csv", "--engine", "dart"], ["csv, engine", "gz"]),
     "a density without unit": (["remus100_prestero", "--to", "gz", "--density", "1025"], ["--density", "kg/m^3"]),
-    "part of a vehicle": (["remus100_surge", "--to", "gz"], ["nothing about v w p q r", "--rest remus100_hall_anstee"]),
+    "part of a vehicle": (
+        ["remus100_surge", "--to", "gz"],
+        ["nothing about v w p q r", "--fill-from remus100_hall_anstee"],
+    ),
     "no campaign": (["c", "--to", "gz"], ["c"]),
 }
 
@@ -64,7 +67,7 @@ def test_a_campaign(monkeypatch, capsys, tmp_path):
     assert "loss in predicted motion (1.54 m/s ahead, a doublet of 20 % in n, in still water): none" in out
     vehicle, _ = read_exported(tmp_path / "elsewhere" / "vehicle.json")
     assert vehicle.estimated.names == ("X_uabsu", "T_nabsn", "X_u")
-    code, out, _ = run(monkeypatch, capsys, "export", "c", "--to", "fossen", "--rest", "remus100_hall_anstee")
+    code, out, _ = run(monkeypatch, capsys, "export", "c", "--to", "fossen", "--fill-from", "remus100_hall_anstee")
     assert code == Exit.OK
     assert results(tmp_path / "c" / "export") == ["fossen/remus_100_surge.py"]
 

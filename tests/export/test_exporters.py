@@ -62,7 +62,7 @@ def test_what_is_not_known_is_not_invented(name, tmp_path):
         return
     with pytest.raises(InputError, match="nothing about v w p q r") as error:
         export_vehicle(exporter, vehicle, PROVENANCE, tmp_path / "out")
-    assert "`--rest remus100_hall_anstee`" in error.value.remedy
+    assert "`--fill-from remus100_hall_anstee`" in error.value.remedy
     assert not (tmp_path / "out").exists()
 
 
@@ -80,7 +80,7 @@ def test_the_rest_is_offered_from_a_vehicle_that_fits_or_from_none():
         assert rest_for(stranger) is None
     with pytest.raises(InputError, match="nothing about w p q") as error:
         make_exporter("gz").check(published("mariner"))
-    assert "--rest" not in error.value.remedy
+    assert "--fill-from" not in error.value.remedy
     assert "json or csv" in error.value.remedy
 
 

@@ -98,7 +98,7 @@ def test_the_rest_comes_from_a_published_vehicle(tmp_path):
     assert vehicle.hull.thrust_deduction == 0.1
     with pytest.raises(InputError, match=r"a mass of 13\.5 kg") as error:
         of_campaign(folder, rest="bluerov2_heavy")
-    assert error.value.remedy.startswith("`--rest remus100_hall_anstee`, or")
+    assert error.value.remedy.startswith("`--fill-from remus100_hall_anstee`, or")
 
 
 def test_a_whole_campaign_brings_its_own_rest(tmp_path):

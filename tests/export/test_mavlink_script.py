@@ -140,7 +140,7 @@ STOPPED = {
     "sticks of another": (
         {"owner": 254},
         ("--arm",),
-        "takes sticks of system 254 alone, and we are system 255: give --own 254",
+        "takes sticks of system 254 alone, and we are system 255: give --system-id 254",
     ),
     "sticks that tilt": (
         {"switches": {"RollPitch": 1.0}},
@@ -194,7 +194,7 @@ def test_a_named_vehicle_among_two_is_enough(sail):
 
 
 def test_sticks_of_its_own_number_are_sent(sail):
-    status, output, _ = sail("--arm", "--own", "254", owner=254)
+    status, output, _ = sail("--arm", "--system-id", "254", owner=254)
     assert status == 0, output
 
 

@@ -25,7 +25,9 @@ def serve(
     also: Annotated[
         list[Path] | None,
         typer.Option(
-            metavar="DIR", help="Another folder that campaigns may read, such as the one with the logs; repeatable."
+            "--allow-read",
+            metavar="DIR",
+            help="Another folder that campaigns may read, such as the one with the logs; repeatable.",
         ),
     ] = None,
     no_browser: Annotated[bool, typer.Option("--no-browser", help="Do not open a browser.")] = False,

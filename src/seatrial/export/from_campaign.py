@@ -24,7 +24,7 @@ from seatrial.core.errors import InputError, nearest
 from seatrial.core.signals import RATES
 from seatrial.estimation.simulation.simulator import CURRENT
 from seatrial.export.vehicle import (
-    REST,
+    FILL_FROM,
     AveragedCoefficient,
     CoefficientEstimates,
     ExportedVehicle,
@@ -187,10 +187,14 @@ def _with_rest(
     if not same_mass(alone.hull, published.hull):
         fitting = rest_for(alone)
         raise InputError(
-            f"{REST} {rest}",
+            f"{FILL_FROM} {rest}",
             found=f"a mass of {other} kg, where the coefficients were estimated with {own} kg",
             expected="the same vehicle: coefficients that were estimated with one mass do not fit another",
-            remedy=(f"`{REST} {fitting}`" if fitting else f"no published vehicle of {own} kg fits: leave {REST} out")
+            remedy=(
+                f"`{FILL_FROM} {fitting}`"
+                if fitting
+                else f"no published vehicle of {own} kg fits: leave {FILL_FROM} out"
+            )
             + f", or estimate with the mass of {rest}",
         )
     whole = isinstance(campaign.vehicle, WholeVehicle)
@@ -224,7 +228,7 @@ def _with_rest(
         provenance,
         sources=(
             *provenance.sources,
-            f"{REST} {rest}: rigid body, weight and buoyancy, and the {len(kept)} coefficients of other motions than the campaign's",
+            f"{FILL_FROM} {rest}: rigid body, weight and buoyancy, and the {len(kept)} coefficients of other motions than the campaign's",
             *([f"of {rest} left out, since they act in the campaign's own motion: {' '.join(gone)}"] if gone else []),
         ),
         absent=(", ".join(result.unknown_drives),) if result.unknown_drives else (),

@@ -23,7 +23,7 @@ from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.thrusters import Thruster
 from seatrial.vehicles.whole import whole_vehicle
 
-REST = "--rest"
+FILL_FROM = "--fill-from"
 """The option that names a published vehicle for what a campaign does not know."""
 UNCERTAINTY = (
     "sd and covariance hold within the exported model, as if its terms and noise were right; model_error_sd holds if they are not, and is "
@@ -221,7 +221,7 @@ def require_whole(vehicle: ExportedVehicle, target: str) -> None:
         f'vehicle "{vehicle.name}", export to {target}',
         found="; ".join(parts) or "a mass that is unknown",
         expected="six degrees of freedom: the target simulates all of them, and nothing is invented here",
-        remedy=f"for a campaign, take the rest from a published vehicle, `{REST} {rest}`; or {known}"
+        remedy=f"for a campaign, take the rest from a published vehicle, `{FILL_FROM} {rest}`; or {known}"
         if rest
         else known,
     )

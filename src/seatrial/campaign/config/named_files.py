@@ -72,7 +72,7 @@ def place_of(folder: Path, written: str, where: str, run: str, limits: Sequence[
         where,
         found=f'"{written[:80]}", which lies outside',
         expected=f"a file below {' or '.join(map(str, limits))}, to which the dashboard, or {VARIABLE}, keeps campaigns",
-        remedy="copy it there, or start the dashboard with --also and its folder; in a shell it may lie anywhere",
+        remedy="copy it there, or start the dashboard with --allow-read and its folder; in a shell it may lie anywhere",
     )
 
 

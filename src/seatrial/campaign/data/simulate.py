@@ -245,7 +245,7 @@ def ask_for(
     if (design is None) == (schedule is None) and (design is not None or label is not None or alone):
         raise InputError(
             "--design, --schedule",
-            found="both" if design is not None else "neither, with --label or --alone",
+            found="both" if design is not None else "neither, with --label or --only",
             expected="one of the two",
             remedy="name the trial that is to be run",
         )

@@ -197,7 +197,7 @@ def _check_controls(given: tuple[str, ...], known: tuple[str, ...]) -> None:
             "schedule",
             found=f"a control {unknown[0]}, which the vehicle does not have",
             expected="controls of the vehicle: " + ", ".join(known),
-            remedy="leave the trial out with `seatrial simulate DIR --design design --alone`, or change the vehicle back",
+            remedy="leave the trial out with `seatrial simulate DIR --design design --only`, or change the vehicle back",
         )
 
 

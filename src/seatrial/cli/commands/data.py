@@ -34,7 +34,7 @@ def simulate(
         ),
     ] = None,
     alone: Annotated[
-        bool, typer.Option("--alone", help="Run it instead of the trials so far, not after them.")
+        bool, typer.Option("--only", help="Set earlier simulated trials aside, and run only this one.")
     ] = False,
     quiet: Quiet = False,
 ) -> None:

@@ -32,7 +32,9 @@ def export(
     ] = None,
     rest: Annotated[
         str | None,
-        typer.Option(metavar="VEHICLE", help="Published vehicle that supplies what the campaign does not model."),
+        typer.Option(
+            "--fill-from", metavar="VEHICLE", help="Published vehicle from which unmodelled coefficients are taken."
+        ),
     ] = None,
     schedule: Annotated[
         str | None, typer.Option(help="With --trial: another schedule of results/, such as design.")
@@ -59,7 +61,7 @@ def export(
 
         folder = Path(what)
         if trial:
-            _only("--trial", structure=structure, rest=rest, engine=engine, density=density)
+            _only("--trial", structure=structure, fill_from=rest, engine=engine, density=density)
             return _trial(folder, to, out, schedule)
         _only("a vehicle, without --trial", schedule=schedule)
         options = {"engine": engine, "density": None if density is None else quantity(density, "kg/m^3", "--density")}
@@ -81,7 +83,7 @@ def _vehicle(
         )
     is_folder = Path(what).exists()
     if not is_folder:
-        _only("a published vehicle", structure=structure, rest=rest)
+        _only("a published vehicle", structure=structure, fill_from=rest)
     here = Path(what) / "export" if is_folder else Path("export") / what
     folder = out or here / make_exporter(to, **options).name
     statement, paths = export_to(what, to, folder, structure=structure, rest=rest, **options)
@@ -127,6 +129,7 @@ def _only(place: str, **options: Any) -> None:
 
     for name, value in options.items():
         if value is not None:
+            option = f"--{name.replace('_', '-')}"
             raise InputError(
-                f"--{name}", found=f"{value}, together with {place}", expected="nothing", remedy=f"leave --{name} out"
+                option, found=f"{value}, together with {place}", expected="nothing", remedy=f"leave {option} out"
             )

@@ -152,4 +152,4 @@ def options_of(target: str, rest: str) -> list[str]:
     trial, _, name = target.rpartition(" ")
     if trial:
         return ["--trial", "--to", name]
-    return ["--to", name, *(["--rest", rest] if rest else [])]
+    return ["--to", name, *(["--fill-from", rest] if rest else [])]

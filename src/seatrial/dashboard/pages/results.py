@@ -304,7 +304,7 @@ async def _currency(context: AppContext, campaign: str, folder: Path) -> None:
         elif old:
             words = "These results do not belong to the campaign file and its logs as they are now: {} {} stale. "
             if "import" in old:
-                words += "If nothing was changed, its logs lie where this dashboard may not read: start it with --also FOLDER. "
+                words += "If nothing was changed, its logs lie where this dashboard may not read: start it with --allow-read FOLDER. "
             markup(
                 Markup('<p class="alarm">▲ ' + words + '<a href="{}">Run it again</a>.</p>').format(
                     ", ".join(old), "is" if len(old) == 1 else "are", link("run", campaign)

@@ -253,7 +253,9 @@ def check_ownership(vehicle: Vehicle, own: int) -> None:
     if not known:
         stopped("the vehicle does not say whose sticks it takes (parameter SYSID_MYGCS or MAV_GCS_SYSID)")
     if not known[0] <= own <= max(known):
-        stopped(f"the vehicle takes sticks of system {known[0]} alone, and we are system {own}: give --own {known[0]}")
+        stopped(
+            f"the vehicle takes sticks of system {known[0]} alone, and we are system {own}: give --system-id {known[0]}"
+        )
 
 
 def check_switches(vehicle: Vehicle, gain: float | None) -> None:
@@ -322,7 +324,7 @@ def run(link: Any, options: argparse.Namespace) -> int:
         vehicle.rest(SETTLE)
         check_alone(vehicle, options.vehicle is not None)
         if vehicle.manual:
-            check_ownership(vehicle, options.own)
+            check_ownership(vehicle, options.system_id)
             check_switches(vehicle, None)
         prepare(vehicle, options.flight_mode, options.arm)
         perform(vehicle, options.flight_mode, options.full)
@@ -377,7 +379,7 @@ def main(arguments: list[str] | None = None) -> int:
         "--vehicle", type=int, metavar="SYSTEM", help="system of the vehicle; the only one if not given"
     )
     parser.add_argument(
-        "--own", type=int, metavar="SYSTEM", default=255, help="our system, whose sticks the vehicle takes"
+        "--system-id", type=int, metavar="SYSTEM", default=255, help="our system, whose sticks the vehicle takes"
     )
     options = parser.parse_args(arguments)
     if not 0 < options.full < float("inf"):
@@ -391,7 +393,7 @@ def main(arguments: list[str] | None = None) -> int:
     from pymavlink import mavutil
 
     try:
-        link = mavutil.mavlink_connection(options.send, source_system=options.own)
+        link = mavutil.mavlink_connection(options.send, source_system=options.system_id)
     except (OSError, ImportError, ValueError) as error:
         parser.error(f"--send {options.send}: {error}; a serial port needs pyserial, others read udpin:0.0.0.0:14550")
     return run(link, options)
