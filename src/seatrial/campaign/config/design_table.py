@@ -20,6 +20,7 @@ from seatrial.campaign.config.quantities import (
     Unit,
     noted,
     refused,
+    without_effect,
 )
 from seatrial.core.errors import InputError, located, nearest
 from seatrial.core.signals import CONTROLS, is_thruster, signal_unit
@@ -196,6 +197,16 @@ class DesignTable(Table):
     prediction: PredictionTable | None = Field(
         default=None, description="what `fisher-c` minimises, `[design.prediction]`"
     )
+
+    @model_validator(mode="after")
+    def _check_average(self) -> Self:
+        if self.over != "mean" and self.utility == "entropy" and self.per != "second":
+            raise without_effect(
+                "over",
+                "the entropy reduction is that of the filter, at the mean",
+                'remove it, or set utility = "fisher-d"',
+            )
+        return self
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,6 +25,15 @@ class FileKeys:
         """Name a key and its line, for errors."""
         return key_place(self.path, self.text, key)
 
+    def without_effect(self, key: str, because: str, remedy: str = "remove it") -> InputError:
+        """Return the error of a key that nothing reads beside the others: its author expects something of it."""
+        return InputError(
+            self.where(key),
+            found=f"a key without effect: {because}",
+            expected="keys that have an effect",
+            remedy=remedy,
+        )
+
     def si(self, written: Quantity, unit: str, key: str) -> float:
         """Read a quantity.
 

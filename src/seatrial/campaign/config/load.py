@@ -12,7 +12,6 @@ from seatrial.campaign.config.campaign import Campaign, sensor_models
 from seatrial.campaign.config.design_table import check_utility, read_design, read_limits, read_own, read_power
 from seatrial.campaign.config.earlier_campaigns import found_before, unknowns_before, with_fixed, with_known
 from seatrial.campaign.config.file_keys import FileKeys
-from seatrial.campaign.config.idle_keys import check_idle_keys
 from seatrial.campaign.config.import_table import read_imports
 from seatrial.campaign.config.named_files import find
 from seatrial.campaign.config.priors import read_priors
@@ -30,9 +29,12 @@ from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError, located, nearest
 from seatrial.core.signals import ANGLES, PROPULSION, QUATERNION, signal_unit, thruster_controls
 from seatrial.estimation.posterior.unknowns import may_vary, unknowns_of
+from seatrial.estimation.simulation.simulator import CURRENT
 from seatrial.messages.catalogue import entry_of
 from seatrial.selection.structures import Structure
+from seatrial.vehicles.hull import Hull
 from seatrial.vehicles.model import VehicleModel
+from seatrial.vehicles.tether import LINEAR, TETHER
 from seatrial.vehicles.thrusters import ThrustLaw, controls_of
 
 _AHEAD = {"n": "1200 rpm", "tau_X": "20 N"}
@@ -72,7 +74,7 @@ def check_text(folder: Path, text: str) -> Campaign:
     keys = FileKeys(folder / FILE_NAME, text)
     file = parse_toml(keys.path, text, CampaignFile, example_of)
     campaign = _campaign(file, keys)
-    check_idle_keys(file, campaign)
+    _check_effects(file, campaign, keys)
     return campaign
 
 
@@ -173,6 +175,49 @@ def _accepted(file: CampaignFile, keys: FileKeys) -> frozenset[str]:
     for code in file.checks.accept:
         entry_of(code, keys.where("checks.accept"))
     return frozenset(file.checks.accept)
+
+
+def _check_effects(file: CampaignFile, campaign: Campaign, keys: FileKeys) -> None:
+    """Check keys that only the whole campaign shows to have no effect.
+
+    Raises:
+        InputError: the first of them.
+    """
+    table, sought = file.vehicle, {CoefficientName.parse(name) for name in campaign.full.terms}
+    thrusts = {term.axis for term in sought} | {CoefficientName.parse(name).axis for name in campaign.hull.fixed}
+    for key in sorted({"thrust_deduction", "wake"} & table.model_fields_set):
+        if "T" not in thrusts:
+            raise keys.without_effect(
+                f"vehicle.{key}", "no thrust T_… is sought or fixed", "remove it, or add thrust such as T_nabsn"
+            )
+    tether = campaign.hull.tether if isinstance(campaign.hull, Hull) else None
+    if tether is not None and not (tether.linear or tether.quadratic or set(TETHER) & set(campaign.priors)):
+        raise keys.without_effect(
+            "vehicle.tether", "it has no drag", f"give linear or quadratic, or [prior.{LINEAR}], or remove it"
+        )
+    axes = set() if campaign.vehicle.is_surge else {one.axis for one in campaign.vehicle.equations(campaign.full)}
+    for name in table.fixed:
+        term = CoefficientName.parse(name)
+        if term in sought and table.published_prior_sd is None:
+            raise keys.without_effect(
+                f"vehicle.fixed.{name}", f"[structure] has {name} sought", "remove it here, or there"
+            )
+        if term not in sought and axes and ("X" if term.axis == "T" else term.axis) not in axes:
+            raise keys.without_effect(f"vehicle.fixed.{name}", f"no term of [structure] is on the axis {term.axis}")
+    sensor = file.sensors.get("u")
+    if (
+        sensor is None or sensor.reference == "water"
+    ):  # a current along the course adds to nothing else that is measured
+        for key, is_stated in (
+            ("estimation.current", file.estimation.current != "none"),
+            (f"truth.{CURRENT}", CURRENT in file.truth),
+        ):
+            if is_stated:
+                raise keys.without_effect(key, "no sensor measures the speed u over ground")
+    if file.design is not None and "probability" in file.design.model_fields_set and not campaign.motion_limits:
+        raise keys.without_effect(
+            "design.probability", "[limits] bounds no motion", "remove it, or limit the motion: [limits.distance]"
+        )
 
 
 def _laws(vehicle: CampaignVehicle) -> dict[str, ThrustLaw]:

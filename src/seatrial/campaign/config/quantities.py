@@ -50,6 +50,11 @@ def refused(found: str, expected: str, remedy: str, key: str = "") -> PydanticCu
     )
 
 
+def without_effect(key: str, because: str, remedy: str = "remove it") -> PydanticCustomError:
+    """Return the error of a key that nothing reads beside the others: its author expects something of it."""
+    return refused(f"a key without effect: {because}", "keys that have an effect", remedy, key)
+
+
 @dataclass(frozen=True)
 class Unit:
     """Annotates a number in SI, which a file gives as text such as "200 rpm"; without a file, a number is one in SI already.

@@ -24,12 +24,13 @@ from seatrial.campaign.config.quantities import (
     Unit,
     noted,
     refused,
+    without_effect,
 )
 from seatrial.campaign.config.sensor_table import MountTable, SensorTable
 from seatrial.campaign.config.vehicle_table import VehicleTable
 from seatrial.sampling.names import DEFAULT, SamplerName
 from seatrial.selection.rules import CompiledRules
-from seatrial.selection.structures import structure_rules
+from seatrial.selection.structures import MAX_STRUCTURES, structure_rules
 
 Joules = Annotated[float, Unit("J", above=0.0, remedy='for example battery = "500 W h"')]
 
@@ -71,7 +72,12 @@ class StructureTable(Table):
     )
 
     @model_validator(mode="after")
-    def _keep_commanded_thrust(self) -> Self:
+    def _check_terms(self) -> Self:
+        for key in sorted({"shortlist", "g"} & self.model_fields_set):
+            if 2 ** len(self.optional) <= MAX_STRUCTURES:
+                raise without_effect(
+                    key, f"all of {MAX_STRUCTURES} structures or fewer are simulated, and none screened"
+                )
         if "T_f" in self.optional:
             raise refused(
                 "T_f, the thrust of a newton that is commanded",

@@ -132,6 +132,10 @@ def read_sensors(tables: Mapping[str, SensorTable], keys: FileKeys, model: Vehic
         if channel == ATTITUDE:
             found |= _attitude(table, keys, model)
         elif channel in known:
+            if "reference" in table.model_fields_set and channel != "u":
+                raise keys.without_effect(
+                    f"sensors.{channel}.reference", "only the speed u is measured over ground or through the water"
+                )
             found[channel] = table
         else:
             raise InputError(

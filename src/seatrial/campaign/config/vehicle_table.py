@@ -4,9 +4,9 @@ import json
 import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from seatrial.campaign.config.file_keys import FileKeys
 from seatrial.campaign.config.quantities import (
@@ -19,6 +19,7 @@ from seatrial.campaign.config.quantities import (
     Table,
     Unit,
     noted,
+    without_effect,
 )
 from seatrial.campaign.config.thruster_table import (
     ThrusterTable,
@@ -181,6 +182,18 @@ class VehicleTable(Table):
         description="steady values about which the vehicle is driven, by signal, such as `n` and `u`; thrusters, fins and "
         "side forces are at 0 where nothing is said",
     )
+
+    @model_validator(mode="after")
+    def _check_effects(self) -> Self:
+        if "attitude" in self.model_fields_set and self.moves and not set(self.moves) & set("pqr"):
+            raise without_effect(
+                "attitude", "nothing that moves turns the vehicle", "remove it, or add p, q or r to `moves`"
+            )
+        if self.actuators == "published" and self.catalogue is None:
+            raise without_effect(
+                "actuators", "nothing is published of a vehicle by hand", "give a table for each actuator"
+            )
+        return self
 
 
 BY_AXES = ("catalogue", "name", "mass", "thrust_deduction", "fixed", "trim", "published_prior_sd", "priors_from")
