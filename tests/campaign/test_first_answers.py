@@ -74,7 +74,7 @@ def test_beside_a_second_standard_deviation_stands_what_makes_it_and_below_how_t
     assert "a force X_u" in drag
     remedy = lacking.wider_words[1]
     assert remedy.startswith("X_uabsu: most of the ± with model error is from ")
-    assert remedy.endswith("a force X_u; other structures have X_u: `seatrial select` gives their probabilities")
+    assert remedy.endswith("a force X_u. See `seatrial select`, as other structures have this force")
 
 
 DISTURBED = (

@@ -12,7 +12,7 @@ from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.check import check_records
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.inference import prior_and_record
-from seatrial.campaign.inference.omitted_effects import _ways
+from seatrial.campaign.inference.omitted_effects import remedies_of
 from seatrial.campaign.inference.posterior import build_posterior
 from seatrial.core.errors import InputError
 from seatrial.core.findings import Finding
@@ -203,7 +203,11 @@ def test_every_effect_that_a_model_may_lack(tmp_path, make):
     found = [one for one in candidate_effects(posterior) if one.of not in named]
     assert {one.kind for one in found} > {"force", "command offset", "command lag", "sensor offset", "start"}
     for one in found:
-        ways = _ways(one, [one.of], is_body=not posterior.likelihood.model.per_unit_mass)
+        names = remedies_of(posterior, [one])
+        ways = [
+            remedy(Finding("effect-missing", "caution", (), {"effects": ((one.kind, one.of),)}, (name,)))
+            for name in names
+        ]
         for said in ways if "moves" in text else ways[-1:]:
             assert load(tmp_path / "a", edited(text, one.kind, one.of, said)) is None, said
             again = load_campaign(tmp_path / "a")

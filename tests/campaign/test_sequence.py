@@ -59,8 +59,8 @@ def test_a_lag_that_no_structure_has_is_told_and_stops_the_sequence(tmp_path):
     campaign = written(tmp_path, text + '\n[goal]\nsd = { X_u = "1 %" }\n')
     outcome, proposal = run_sequence(campaign)
     (effect, *_) = outcome.chosen.left_out
-    assert "a lag of the actuator of n" in effect.words
-    assert abs(effect.by) > 1
+    assert ("command lag", "n") in effect.values["effects"]
+    assert abs(effect.values["shift"]) > 1
     assert proposal.trial is None
     assert any("the model lacks" in line for line in proposal.lines)
     assert any("the model lacks" in text for text in outcome.summary.cautions)

@@ -20,7 +20,9 @@ from seatrial.campaign.store.predictions import Fit
 from seatrial.campaign.store.structures import BestDesign, Contenders, NextTrial, Screened, Summary
 from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.core.coefficients import CoefficientName
+from seatrial.core.findings import Finding
 from seatrial.core.record import Channel, Provenance, Record, make_record
+from seatrial.core.serialise import to_plain
 from seatrial.design.sweep import Sweep
 from seatrial.estimation.prediction.baseline_comparison import Comparison, Predicted, Run, compare
 from seatrial.estimation.prediction.fit_verdict import judge_fit
@@ -342,7 +344,20 @@ def _estimate(structure: Structure, random: np.random.Generator) -> Estimate:
         attrs={
             "model_error": "± with model error: made up",
             "model_error_causes": json.dumps(dict.fromkeys(names[::3], "a force X_u3")),
-            "model_error_findings": json.dumps([{"names": names[:1], "cause": "a force X_u3", "remedy": "add it"}]),
+            "model_error_findings": json.dumps(
+                to_plain(
+                    (
+                        Finding(
+                            "model-error-wide",
+                            "note",
+                            tuple(names[:1]),
+                            {"effects": (("force", "X_u3"),)},
+                            ("add-force",),
+                        ),
+                    ),
+                    tuple[Finding, ...],
+                )
+            ),
             "left_out": "[]",
             "tried_effects": json.dumps(["a force X_u3", "a lag of the actuator of n"]),
             "acceptance": 0.23,

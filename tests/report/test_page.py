@@ -17,6 +17,8 @@ from seatrial.campaign.workflow.loop import summarise
 from seatrial.campaign.workflow.next_trial import propose
 from seatrial.cli.answer import Answer
 from seatrial.cli.commands.loop import _tell_and_report
+from seatrial.core.findings import Finding
+from seatrial.core.serialise import to_plain
 from seatrial.messages.catalogue import ENTRIES
 from seatrial.messages.render import sentences
 from seatrial.report.drawing import digits_of, moments_of
@@ -318,11 +320,11 @@ def test_a_caution_about_the_noise_is_told_once(outcome):
     verdict = replace(ENTRIES["residuals-correlated"].example, remedies=("drifting-noise",))
     fits = tuple(replace(fit, verdict=verdict) for fit in outcome.fits if not fit.held_back)
     summary = replace(outcome.summary, cautions=tuple(sentences(fit_complaints(fits))))
-    noise = {"names": ["X_u"], "cause": "blocks", "remedy": "set estimation.residuals", "is_noise": True}
-    outcome.chosen.data.attrs["model_error_findings"] = json.dumps([noise])
+    noise = Finding("model-error-wide", "note", ("X_u",), {"effects": (), "differ": "blocks"}, ("better-noise",))
+    outcome.chosen.data.attrs["model_error_findings"] = json.dumps(to_plain((noise,), tuple[Finding, ...]))
     html = render(replace(outcome, summary=summary, fits=fits))
     assert html.lower().count("set estimation.residuals") == 1
-    assert "most of the ± with model error is from blocks; set estimation.residuals" in render(outcome)
+    assert "most of the ± with model error is from blocks. Set estimation.residuals" in render(outcome)
 
 
 def test_a_page_without_cautions_has_none_in_any_section(tmp_path):

@@ -8,7 +8,7 @@ from typing import Any
 
 from seatrial.cli import result_shapes as shapes
 from seatrial.core.signals import signal_unit
-from seatrial.messages.render import row_of
+from seatrial.messages.render import row_of, sentence
 
 QUANTILES = (0.05, 0.5, 0.95)
 
@@ -29,7 +29,7 @@ def estimated(estimate: Any, held_back: Any, known_after: Any) -> dict[str, Any]
         "label": estimate.structure.label,
         "terms": estimate.structure.terms,
         "parameters": estimate.parameters,
-        "model_error": [estimate.wider_words, *(one.sentence for one in estimate.wider_findings)],
+        "model_error": [estimate.wider_words, *map(sentence, estimate.wider_findings)],
         "log_evidence_laplace": float(estimate.data.attrs["laplace_log_evidence"]),
         "known": known_after.parameters,
         "symmetry": known_after.symmetry,

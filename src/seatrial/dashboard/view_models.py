@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from seatrial.campaign.store.estimates import ModelErrorFinding
 from seatrial.core.errors import InputError, SeatrialError, file_error
+from seatrial.core.findings import Finding
 
 
 class PlainError(SeatrialError):
@@ -127,7 +127,7 @@ class EstimatedStructure(NamedTuple):
     label: str
     terms: tuple[str, ...]
     values: tuple[EstimatedValue, ...]
-    findings: tuple[ModelErrorFinding, ...] = ()
+    findings: tuple[Finding, ...] = ()
     alarms: tuple[str, ...] = ()
 
 

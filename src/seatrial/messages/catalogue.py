@@ -4,10 +4,16 @@ from collections.abc import Mapping
 from types import MappingProxyType, ModuleType
 
 from seatrial.core.errors import InputError, nearest
-from seatrial.messages import filters, fits, posterior, records
+from seatrial.messages import effects, filters, fits, posterior, records
 from seatrial.messages.entry import Entry, Remedy
 
-SUBJECTS: Mapping[str, ModuleType] = {"Records": records, "Fits": fits, "Posterior": posterior, "Filters": filters}
+SUBJECTS: Mapping[str, ModuleType] = {
+    "Records": records,
+    "Fits": fits,
+    "Posterior": posterior,
+    "Effects": effects,
+    "Filters": filters,
+}
 """Files of entries by the heading under which their codes stand."""
 ENTRIES: Mapping[str, Entry] = MappingProxyType(
     {code: entry for subject in SUBJECTS.values() for code, entry in subject.ENTRIES.items()}

@@ -43,6 +43,8 @@ def statement(finding: Finding, also: Sequence[str] = ()) -> str:
 def remedy(finding: Finding, form: Form = "command") -> str:
     """Return what to do, without a final stop; empty where there is nothing to do."""
     texts = [filled_in(REMEDIES[name].of(form), finding.subject, finding.values) for name in finding.remedies]
+    if finding.values.get("first"):
+        return "; if it stays, ".join([f"first {texts[0]}", "; or ".join(texts[1:])])
     return "; or ".join(texts)
 
 

@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from typing import NamedTuple
 
 import jax
@@ -19,14 +18,14 @@ from seatrial.campaign.inference.modes import structure_modes
 from seatrial.campaign.inference.omitted_effects import causes_of, findings_of, left_out, tried_effects
 from seatrial.campaign.inference.posterior import is_whole, random_key, widest
 from seatrial.campaign.inference.prior_and_record import check_prior_of
-from seatrial.campaign.store.estimates import Estimate, HasKey, LeftOut
+from seatrial.campaign.store.estimates import Estimate, HasKey
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of, load_checkpoint, save_checkpoint
 from seatrial.compiled.programs import program
 from seatrial.compiled.random_keys import fold_in
 from seatrial.core.argument_checks import check_kind
 from seatrial.core.dataset import Dataset
 from seatrial.core.errors import NumericalError
-from seatrial.core.findings import Message
+from seatrial.core.findings import Finding, Message
 from seatrial.core.reporter import SILENT, Progress, Reporter
 from seatrial.core.serialise import to_plain
 from seatrial.estimation.diagnostics.prior_checks import information_complaints
@@ -201,7 +200,7 @@ def _dataset(
     posterior: Posterior,
     mode: Mode,
     robust: RobustErrors,
-    missing: tuple[LeftOut, ...],
+    missing: tuple[Finding, ...],
     draws: Draws,
     at: Mapping[str, float],
     doubts: Sequence[Message],
@@ -248,9 +247,11 @@ def _dataset(
         attrs={
             "model_error": robust.words,
             "model_error_causes": json.dumps(causes_of(robust, wide)),
-            "model_error_findings": json.dumps([asdict(one) for one in findings_of(posterior, robust, wide)]),
+            "model_error_findings": json.dumps(
+                to_plain(tuple(findings_of(posterior, robust, wide)), tuple[Finding, ...])
+            ),
             "tried_effects": json.dumps(tried_effects(robust.omitted)),
-            "left_out": json.dumps([asdict(one) for one in missing]),
+            "left_out": json.dumps(to_plain(missing, tuple[Finding, ...])),
             "acceptance": draws.acceptance,
             "laplace_log_evidence": mode.log_evidence,
             "alarms": json.dumps(complaints(names, health) + complaints_of_draws(draws)),

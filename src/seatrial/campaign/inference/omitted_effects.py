@@ -1,25 +1,32 @@
-"""What a fitted structure leaves out, in words: the effect, which coefficient hides it or is uncertain by it, and how to add it."""
+"""Findings about what a fitted structure leaves out: the effect, the coefficient that hides it or is uncertain by it, and how to add it."""
 
 from collections.abc import Iterable, Mapping, Sequence
 
-from seatrial.campaign.store.estimates import LeftOut, ModelErrorFinding
+from seatrial.core.findings import Finding
 from seatrial.estimation.diagnostics.candidate_effects import Effect
-from seatrial.estimation.diagnostics.omitted_effects import Omitted, OmittedEffects
+from seatrial.estimation.diagnostics.omitted_effects import MIN_LOG_ODDS, MIN_SHIFT, OmittedEffects
 from seatrial.estimation.diagnostics.robust_errors import RobustErrors
 from seatrial.estimation.posterior.output_error import OutputError
 from seatrial.estimation.posterior.posterior import Posterior
-from seatrial.estimation.prediction.fit_verdict import either
-from seatrial.estimation.prediction.remedies import delay_prior, listed
+from seatrial.messages.effects import effect_name, effect_names
 from seatrial.selection.structures import Structure
 
-MATTERS, SURE = 1.0, 3.0
-"""Shift of a coefficient, in standard deviations, and log odds from which a missing effect is told: 20 to 1, strong evidence (Kass and
-Raftery, Journal of the American Statistical Association 90, 1995)."""
 WHITE_ENOUGH = 0.5
 """Share of the samples that residuals are worth above which the noise is not blamed first."""
+REMEDIES = {
+    "force": ("add-force",),
+    "command lag": ("actuator-lag", "delay-of-actuators"),
+    "delay": ("delay-of-actuators",),
+    "command lead": ("measured-command",),
+    "thrust loss": ("thrust-loss",),
+    "command offset": ("correct-zero",),
+    "sensor offset": ("sensor-bias",),
+    "start": ("estimated-start",),
+}
+"""What can be done about each kind of effect."""
 
 
-def left_out(posterior: Posterior, structure: Structure, omitted: OmittedEffects) -> tuple[LeftOut, ...]:
+def left_out(posterior: Posterior, structure: Structure, omitted: OmittedEffects) -> tuple[Finding, ...]:
     """Return the effects that the data ask for and that move a coefficient by more than its standard deviation, the most harmful first.
 
     Args:
@@ -29,125 +36,88 @@ def left_out(posterior: Posterior, structure: Structure, omitted: OmittedEffects
     """
     at = [i for i, name in enumerate(posterior.names) if name in structure.terms and i in posterior.places]
     missing = []
-    for effect in omitted.found:
-        worst = max(at, key=lambda i: abs(effect.shift[i]))
-        if abs(effect.shift[worst]) > MATTERS and effect.log_odds > SURE:
-            words, remedy = _words(posterior, effect)
-            missing.append(LeftOut(words, remedy, posterior.names[worst], float(effect.shift[worst])))
-    return tuple(sorted(missing, key=lambda one: -abs(one.by)))
+    for one in omitted.found:
+        worst = max(at, key=lambda i: abs(one.shift[i]))
+        if abs(one.shift[worst]) > MIN_SHIFT and one.log_odds > MIN_LOG_ODDS:
+            values = {
+                "effects": _plain([one.effect]),
+                "alike": _plain(one.alike),
+                "size": float(one.size),
+                "sd": float(one.sd),
+                "unit": one.effect.unit,
+                "shift": float(one.shift[worst]),
+            }
+            remedies = remedies_of(posterior, [one.effect])
+            missing.append(Finding("effect-missing", "caution", (posterior.names[worst],), values, remedies))
+    return tuple(sorted(missing, key=lambda finding: -abs(float(finding.values["shift"]))))  # pyright: ignore[reportArgumentType]
 
 
 def tried_effects(omitted: OmittedEffects) -> tuple[str, ...]:
     """Return all effects that were looked for, in words."""
-    return tuple(_name(one).rstrip(",") for one in omitted.tried)
+    return tuple(effect_name(one.kind, one.of).rstrip(",") for one in omitted.tried)
 
 
 def causes_of(robust: RobustErrors, wider: Mapping[str, float]) -> dict[str, str]:
     """Return in words what makes most of the ± with model error of each of these parameters, and whether it is only that of the prior."""
     only = "; as far as its prior reaches: nothing narrows it"
-    return {name: _cause(robust, name) + only * robust.is_prior(name, sd) for name, sd in wider.items()}
+    causes = {name: effect_names(_plain(robust.cause(name))) or robust.pieces.differ for name in wider}
+    return {name: causes[name] + only * robust.is_prior(name, sd) for name, sd in wider.items()}
 
 
-def _cause(robust: RobustErrors, name: str) -> str:
-    effects = robust.cause(name)
-    return either([_name(one).rstrip(",") for one in effects]) if effects else robust.pieces.differ
-
-
-def findings_of(posterior: Posterior, robust: RobustErrors, names: Iterable[str]) -> list[ModelErrorFinding]:
+def findings_of(posterior: Posterior, robust: RobustErrors, names: Iterable[str]) -> list[Finding]:
     """Return each cause of a ± with model error: of which of these parameters, and how to get rid of it; the noise comes first.
 
     As long as residuals are correlated, a missing effect is hardly told from them.
     """
-    noise, found = _better_noise(posterior, robust), {}
+    noise, groups = _better_noise(posterior, robust), {}
     for name in names:
-        words, effects = _cause(robust, name), robust.cause(name)
-        remedy = _remedy(posterior, effects) or noise or _of_pieces(robust)
-        if effects and noise and not any(_is_elsewhere(posterior, one) for one in effects):
-            remedy = f"first {noise}; if it stays, {remedy}"
-        found.setdefault((words, remedy), []).append(name)
-    findings = [ModelErrorFinding(tuple(names), *of, is_noise=of[1] == noise) for of, names in found.items()]
-    return sorted(findings, key=lambda one: not one.is_noise)
+        effects = robust.cause(name)
+        remedies = remedies_of(posterior, effects) or noise or (_of_pieces(robust),)
+        is_first = bool(effects and noise) and not any(_is_elsewhere(posterior, one) for one in effects)
+        key = (_plain(effects), (*noise, *remedies) if is_first else remedies, is_first)
+        groups.setdefault(key, []).append(name)
+    findings = [
+        Finding(
+            "model-error-wide",
+            "note",
+            tuple(names),
+            {"effects": effects, "differ": robust.pieces.differ, "first": is_first},
+            remedies,
+        )
+        for (effects, remedies, is_first), names in groups.items()
+    ]
+    return sorted(findings, key=lambda one: one.remedies != noise)
 
 
-def _better_noise(posterior: Posterior, robust: RobustErrors) -> str:
-    """Return which model of the noise to choose where the residuals are correlated; empty where they are white, or it is chosen."""
+def remedies_of(posterior: Posterior, effects: Sequence[Effect]) -> tuple[str, ...]:
+    """Return what can be done about some effects, each thing once; a body has actuators, whose lag can be stated."""
+    ways = ["see-selection"] if any(_is_elsewhere(posterior, one) for one in effects) else []
+    is_body = not posterior.likelihood.model.per_unit_mass
+    for one in effects:
+        if not _is_elsewhere(posterior, one):
+            ways += [way for way in REMEDIES[one.kind] if is_body or way != "actuator-lag"]
+    return tuple(dict.fromkeys(ways))
+
+
+def _plain(effects: Iterable[Effect]) -> tuple[tuple[str, str], ...]:
+    return tuple((one.kind, one.of) for one in effects)
+
+
+def _better_noise(posterior: Posterior, robust: RobustErrors) -> tuple[str, ...]:
+    """Return which model of the noise to choose where the residuals are correlated; none where they are white, or it is chosen."""
     likelihood = posterior.likelihood
     sensors = likelihood.simulator.sensors if isinstance(likelihood, OutputError) else ()
     kinds = {sensor.noise for sensor in sensors}
     if robust.omitted.worth > WHITE_ENOUGH:
-        return ""
-    if kinds & {"white", "heavy"}:
-        return 'set estimation.residuals = "coloured", or "drifting" if there is white noise too, with priors: the residuals are correlated'
-    if "coloured" in kinds:
-        return 'set estimation.residuals = "drifting", with priors: there is white noise on slow residuals'
-    return ""
+        return ()
+    return ("better-noise",) if kinds & {"white", "heavy"} else ("drifting-too",) if "coloured" in kinds else ()
 
 
 def _of_pieces(robust: RobustErrors) -> str:
     """Return what helps where runs, or blocks of time, differ by more than the noise says."""
-    if robust.pieces.are_runs:
-        return "look for what changed between the runs, or let a coefficient vary by estimation.varying"
-    return "look for what changed during the run, or fit more runs"
-
-
-def _words(posterior: Posterior, found: Omitted) -> tuple[str, str]:
-    """Name and size of an effect with what looks alike, and how to add it."""
-    words = f"{_name(found.effect)} of about {found.size:.2g} ± {found.sd:.1g} {found.effect.unit}".rstrip()
-    if found.alike:
-        words += f" (or {' or '.join(_name(one).rstrip(',') for one in found.alike)}: the data cannot separate them)"
-    return words, _remedy(posterior, [found.effect])
+    return "compare-runs" if robust.pieces.are_runs else "compare-blocks"
 
 
 def _is_elsewhere(posterior: Posterior, effect: Effect) -> bool:
     """Whether other structures have this force, so that nothing new is asked for."""
     return effect.kind == "force" and effect.of in {one.text for one in posterior.likelihood.model.coefficients}
-
-
-def _remedy(posterior: Posterior, effects: Sequence[Effect]) -> str:
-    """Return what can be done about some effects, each thing once."""
-    elsewhere = [one.of for one in effects if _is_elsewhere(posterior, one)]
-    ways = (
-        [f"other structures have {listed(elsewhere)}: `seatrial select` gives their probabilities"] if elsewhere else []
-    )
-    leads = [one.of for one in effects if one.kind == "command lead"]
-    is_body = not posterior.likelihood.model.per_unit_mass
-    ways += [way for one in effects if not _is_elsewhere(posterior, one) for way in _ways(one, leads, is_body)]
-    return "; or ".join(dict.fromkeys(ways))
-
-
-def _ways(effect: Effect, leads: Sequence[str], is_body: bool) -> tuple[str, ...]:
-    """Return what can be done about an effect; of leads of several commands in one sentence, and of lags where a body has actuators."""
-    of, delay = effect.of, f"give `delay` a prior, [prior.delay] with {delay_prior()}"
-    match effect.kind:
-        case "force":
-            return (f"add {of} to structure.optional, with a prior",)
-        case "command lag":
-            stated = f'if [vehicle] has `moves`, add [vehicle.actuators.{of}] with its lag, for example lag = "0.3 s"'
-            return (stated, delay) if is_body else (delay,)
-        case "delay":
-            return (delay,)
-        case "command lead":
-            line = f'if {either(leads)} was measured and this is half its sampling time, write between = "line" for its channel in [import]'
-            return (f"{line}; else correct `shift` of its file",)
-        case "thrust loss":
-            terms = "T_un for a propeller, T_f and T_uabsf for thrusters, X_utau_X for a force"
-            return (f"add the loss of thrust to structure.optional, with a prior: {terms}",)
-        case "command offset":
-            return (f"check the zero of {of}; `offset` of its channel in [import] corrects it",)
-        case "sensor offset":
-            return (f'set sensors.{of}.bias = "own" or estimation.current = "own", with a prior',)
-        case "start":
-            return ('set estimation.initial = "estimated"',)
-
-
-def _name(effect: Effect) -> str:
-    return {
-        "force": f"a force {effect.of}",
-        "command lag": f"a lag of the actuator of {effect.of}",
-        "delay": "a delay of the actuators",
-        "thrust loss": "a thrust that falls with the speed, by a share",
-        "command offset": f"an offset of the command {effect.of}",
-        "command lead": f"a command {effect.of} that acts before its stamps, by a lead",
-        "sensor offset": f"an offset of {effect.of}, a bias of the sensor or a current,",
-        "start": f"a start of {effect.of} that differs from the assumed one, by an error",
-    }[effect.kind]

@@ -55,6 +55,7 @@ from seatrial.estimation.simulation.sensor_errors import (
     drift_time_name,
     noise_name,
 )
+from seatrial.messages.render import sentence
 from seatrial.selection.structures import Structure
 from seatrial.vehicles.model import VehicleModel
 
@@ -243,7 +244,7 @@ def _answer(study: Study, structure: Structure, trials: Trials, whole: Mode | Nu
         + [sentence for _, sentence in mode.at_bounds]
         + prior_contradictions(posterior, mode)
         + (long_steps(posterior, whole, study.records) if robust else [])
-        + [one.sentence for one in missing]
+        + [*missing]
     )
     note = f"log evidence by Laplace {mode.log_evidence:.2f}  {' '.join(structure.terms)}"
     held_back = predict_held_back(campaign, drawn, trials)
@@ -259,7 +260,7 @@ def _answer(study: Study, structure: Structure, trials: Trials, whole: Mode | Nu
         log_evidence=float(mode.log_evidence),
         wider=wider,
         wider_causes=causes_of(robust, wider) if robust else {},
-        wider_words=(robust.words, *(one.sentence for one in findings_of(posterior, robust, wider))) if robust else (),
+        wider_words=(robust.words, *map(sentence, findings_of(posterior, robust, wider))) if robust else (),
         drawn=more,
         symmetry=symmetry_of(campaign, more, lambda: prior_curves(posterior)),
         shown={name: campaign.shown(name, unit) for name, unit, _ in rows},

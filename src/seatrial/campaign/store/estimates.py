@@ -10,7 +10,7 @@ import numpy as np
 from seatrial.core.coefficients import is_coefficient
 from seatrial.core.dataset import Dataset
 from seatrial.core.display_units import Shown
-from seatrial.core.findings import Message
+from seatrial.core.findings import Finding, Message
 from seatrial.core.result_table import table_html, table_text
 from seatrial.core.serialise import from_plain
 from seatrial.estimation.prediction.remedies import listed, measured, percent
@@ -139,9 +139,9 @@ class Estimate:
         return json.loads(self.data.attrs["at_bounds"])
 
     @property
-    def left_out(self) -> tuple["LeftOut", ...]:
+    def left_out(self) -> tuple[Finding, ...]:
         """Effects that the structure lacks and its coefficients hide, the most harmful first."""
-        return tuple(LeftOut(**item) for item in json.loads(self.data.attrs["left_out"]))
+        return from_plain(tuple[Finding, ...], json.loads(self.data.attrs["left_out"]))
 
     def draws(self, names: Sequence[str] | None = None) -> np.ndarray:
         """Draws of the named parameters, SI, all chains together, shape (n, k)."""
@@ -236,10 +236,9 @@ class Estimate:
         return tuple(json.loads(self.data.attrs["tried_effects"]))
 
     @property
-    def wider_findings(self) -> tuple["ModelErrorFinding", ...]:
+    def wider_findings(self) -> tuple[Finding, ...]:
         """Which of them have which cause, and how to get rid of it."""
-        found = json.loads(self.data.attrs["model_error_findings"])
-        return tuple(ModelErrorFinding(**{**item, "names": tuple(item["names"])}) for item in found)
+        return from_plain(tuple[Finding, ...], json.loads(self.data.attrs["model_error_findings"]))
 
     def own_values(self) -> list[tuple[str, str, float, float, str]]:
         """Of each value that varies between trials: its name, the trial, its mean, standard deviation and SI unit."""
@@ -251,32 +250,6 @@ class Estimate:
             own, unit = common + spread * deviation, str(self.data.sel(parameter=name)["unit"].values)
             found.append((name, label, float(own.mean()), float(own.std()), unit))
         return found
-
-
-@dataclass(frozen=True)
-class ModelErrorFinding:
-    """What makes most of the ± with model error of some parameters.
-
-    Attributes:
-        names: of the parameters.
-        cause: in words.
-        remedy: how to get rid of it.
-        is_noise: whether that is another model of the noise, which correlated residuals ask for too.
-    """
-
-    names: tuple[str, ...]
-    cause: str
-    remedy: str
-    is_noise: bool = False
-
-    @property
-    def sentence(self) -> str:
-        """The whole of it; the parameters come first."""
-        return self.sentence_of(listed(self.names))
-
-    def sentence_of(self, whose: str) -> str:
-        """Return the same about parameters that are named in other words, such as those of several structures."""
-        return f"{whose}: most of the ± with model error is from {self.cause}; {self.remedy}"
 
 
 def with_model_error(wider: float | None, cause: str, factor: float) -> str:
@@ -430,28 +403,3 @@ class Known:
 
 def _share(move: float) -> str:
     return f"{100 * move:+.0f} %" if abs(move) >= 0.1 else f"{100 * move:+.2g} %"
-
-
-@dataclass(frozen=True)
-class LeftOut:
-    """An effect that the data ask for and the model lacks, and that moves a coefficient by more than its standard deviation.
-
-    Attributes:
-        words: its name and size.
-        remedy: how to add it to the model.
-        moves: the coefficient that it moves most, in standard deviations.
-        by: that many.
-    """
-
-    words: str
-    remedy: str
-    moves: str
-    by: float
-
-    @property
-    def sentence(self) -> str:
-        """What is missing and what it does."""
-        return (
-            f"the model lacks {self.words}: with it {self.moves} would move by {abs(self.by):.2g} of its standard deviations, "
-            f"so that the uncertainty stated is too small; {self.remedy}"
-        )

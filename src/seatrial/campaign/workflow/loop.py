@@ -123,7 +123,7 @@ def summarise(outcome: Outcome) -> Summary:
     # In order of gravity: what touches the values that are printed, then the records, then what nothing rests on.
     # Every surface takes its cautions from here, so that one that prints none has none further down.
     cautions: list[Message] = [*fit_complaints(outcome.fits, outcome.pooled), *comparison_cautions(outcome.compared)]
-    cautions += [*(effect.sentence for effect in chosen.left_out), *chosen.cautions, *outcome.known.cautions]
+    cautions += [*chosen.left_out, *chosen.cautions, *outcome.known.cautions]
     cautions += selection.cautions
     cautions += [] if outcome.contenders is None else outcome.contenders.cautions(selection)
     cautions += [] if outcome.cross_validation is None else outcome.cross_validation.complaints()

@@ -275,7 +275,7 @@ def _wrong(outcome: Outcome) -> Proposal | None:
     found = [
         ("the model does not explain what it was fitted to", text) for text in sentences(fitted_failures(outcome.fits))
     ]
-    found += [("an effect is missing", effect.sentence) for effect in outcome.chosen.left_out]
+    found += [("an effect is missing", text) for text in sentences(outcome.chosen.left_out)]
     unseen = sentences(held_back_alarms(outcome.fits, outcome.pooled))
     found += [("the model fails where it was not fitted", text) for text in unseen]
     if not found:

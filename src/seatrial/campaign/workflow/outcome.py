@@ -10,10 +10,11 @@ from seatrial.campaign.inference.baselines import comparison_alarms
 from seatrial.campaign.inference.judge_predictions import disowned, held_back_alarms
 from seatrial.campaign.store.baselines import FittedBaselines
 from seatrial.campaign.store.cross_validation import CrossValidation
-from seatrial.campaign.store.estimates import Estimate, Known, ModelErrorFinding
+from seatrial.campaign.store.estimates import Estimate, Known
 from seatrial.campaign.store.predictions import Fit
 from seatrial.campaign.store.structures import Contenders, Screened, Summary
 from seatrial.core.dataset import Dataset
+from seatrial.core.findings import Finding
 from seatrial.estimation.prediction.baseline_comparison import Comparison
 from seatrial.estimation.prediction.pooled_coverage import Pooled
 from seatrial.messages.render import sentences
@@ -104,9 +105,10 @@ class Outcome:
         return disowned(self.fits)
 
     @property
-    def wider_findings(self) -> list[ModelErrorFinding]:
+    def wider_findings(self) -> list[Finding]:
         """What makes most of the ± with model error, but for the noise where a caution asks for another model of it already."""
-        return [one for one in self.chosen.wider_findings if not (one.is_noise and self.disowned)]
+        noise = (("better-noise",), ("drifting-too",))
+        return [one for one in self.chosen.wider_findings if not (one.remedies in noise and self.disowned)]
 
     @property
     def other_alarms(self) -> list[str]:

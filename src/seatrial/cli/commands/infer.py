@@ -163,6 +163,7 @@ def _by_chains(campaign: Any, reporter: Any, answer: Answer) -> Exit:
     from seatrial.campaign.inference.judge_predictions import held_back_cautions, held_back_lines, predict_held_back
     from seatrial.campaign.store.estimates import with_model_error
     from seatrial.campaign.workflow.steps import Workflow
+    from seatrial.messages.render import sentence
 
     flow = Workflow(campaign, reporter)
     trials = _checked_trials(campaign, flow, answer)
@@ -175,7 +176,7 @@ def _by_chains(campaign: Any, reporter: Any, answer: Answer) -> Exit:
             factor, unit = campaign.shown(name, str(row["unit"].values))
             numbers = f"{factor * float(row['mean']):>12.5g} ± {factor * float(row['sd']):<10.3g} {unit}"
             answer.say(f"  {name:<16} {numbers}{with_model_error(item.wider(name), item.wider_cause(name), factor)}")
-        for line in (item.wider_words, *(one.sentence for one in item.wider_findings)):
+        for line in (item.wider_words, *map(sentence, item.wider_findings)):
             answer.say(f"  {line}")
         for name, label, mean, sd, si in item.own_values():
             factor, unit = campaign.shown(name, si)

@@ -187,7 +187,7 @@ def _tell_and_report(answer: Answer, outcome: Any, proposal: Any) -> Exit:
             sd = row.model_error_sd or row.sd
             answer.say(f"    {row.name:<14} {factor * row.mean:>12.5g} ± {factor * sd:<10.3g} {unit}")
     for finding in outcome.wider_findings:
-        answer.say(f"  {finding.sentence}")
+        answer.say(f"  {sentence(finding)}")
     for fit in outcome.fits:
         answer.say(f"  {_said_of(fit)}")
     for one in outcome.pooled:

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ from typing import Any
 from markupsafe import Markup
 from nicegui import ui
 
-from seatrial.campaign.store.estimates import ModelErrorFinding, StoredCoefficient
+from seatrial.campaign.store.estimates import StoredCoefficient
 from seatrial.campaign.store.predictions import Predictions
 from seatrial.campaign.store.results import Results
 from seatrial.campaign.store.stored_result import Store
@@ -25,6 +26,7 @@ from seatrial.cli.campaign_text import written_units
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import Shown, shown_as_written
 from seatrial.core.errors import InputError, SeatrialError
+from seatrial.core.findings import Finding
 from seatrial.dashboard.app_context import AppContext, change_of, fill, keep_current, markup, say
 from seatrial.dashboard.page_layout import LOOK, link, links_html, section, table
 from seatrial.dashboard.result_charts import Probability, fit_charts, marginal_chart, probability_chart
@@ -32,7 +34,7 @@ from seatrial.dashboard.view_models import EstimatedStructure, EstimatedValue, M
 from seatrial.dashboard.worker_pool import stamp
 from seatrial.estimation.prediction.fit_verdict import explained_share
 from seatrial.estimation.prediction.remedies import listed
-from seatrial.messages.render import statement
+from seatrial.messages.render import sentence, statement
 from seatrial.report.labels import label_html, name_html, sentence_about
 from seatrial.report.numbers import Digits, percent, probability, short, times_ten, typeset, unit_html, with_sd
 from seatrial.selection.structures import Structure, structure_names
@@ -240,17 +242,17 @@ def estimated_html(found: Sequence[EstimatedStructure]) -> Markup:
 def _causes(found: Sequence[EstimatedStructure]) -> list[Markup]:
     """Return a sentence for each cause of a ± with model error, with the parameters and the structures in which it is the cause."""
     labels = {row.name: row.label for one in found for row in one.values if row.label}
-    causes: dict[tuple[str, str], dict[tuple[str, ...], list[str]]] = {}
+    causes: dict[Finding, dict[tuple[str, ...], list[str]]] = {}
     for one in found:
         for finding in one.findings:
-            causes.setdefault((finding.cause, finding.remedy), {}).setdefault(finding.names, []).append(one.label)
-    sentences = [
-        ModelErrorFinding((), *cause).sentence_of(
-            "; ".join(f"{listed(names)} in {listed(list(dict.fromkeys(inside)))}" for names, inside in whose.items())
+            causes.setdefault(replace(finding, subject=()), {}).setdefault(finding.subject, []).append(one.label)
+    findings = [
+        replace(
+            cause, subject=tuple(f"{listed(names)} in {listed(list(dict.fromkeys(of)))}" for names, of in whose.items())
         )
         for cause, whose in causes.items()
     ]
-    return [sentence_about(text, {}, labels) for text in sentences]
+    return [sentence_about(sentence(one), {}, labels) for one in findings]
 
 
 def _of_structure(one: EstimatedStructure) -> Markup:

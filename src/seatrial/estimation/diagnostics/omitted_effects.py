@@ -38,6 +38,9 @@ from seatrial.estimation.posterior.output_error import OutputError
 from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.estimation.priors import Prior
 
+MIN_SHIFT, MIN_LOG_ODDS = 1.0, 3.0
+"""Shift of a coefficient, in standard deviations, and log odds from which a missing effect is reported: 20 to 1, strong evidence (Kass and
+Raftery, Journal of the American Statistical Association 90, 1995)."""
 HIDDEN = 1e-4
 """Share of a signature that the parameters must leave for it to be told from them."""
 MOST = 3

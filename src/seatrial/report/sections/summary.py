@@ -17,7 +17,7 @@ from seatrial.core.findings import Finding
 from seatrial.estimation.prediction.baseline_comparison import CLEAR
 from seatrial.estimation.prediction.fit_verdict import WORSE_THAN_MEAN, explained_share
 from seatrial.estimation.prediction.remedies import listed
-from seatrial.messages.render import sentences
+from seatrial.messages.render import sentence, sentences
 from seatrial.report.drawing import (
     digits_of,
     factors_of,
@@ -78,7 +78,7 @@ def summary_section(outcome: Outcome) -> dict[str, Any]:
         "taken_as_exact": sentence_of(outcome, text) if (text := taken_as_exact(outcome.campaign)) else "",
         "unit_mass": outcome.campaign.hull.mass is None,
         "wider": sentence_of(outcome, outcome.chosen.wider_words),
-        "wider_findings": [sentence_of(outcome, one.sentence) for one in outcome.wider_findings],
+        "wider_findings": [sentence_of(outcome, sentence(one)) for one in outcome.wider_findings],
         "has_wider": any(row["wider"] for row in (*rows, *others)),
         "models": _models(outcome),
         "advice": [sentence_of(outcome, line) for line in (*proposal.first, *proposal.advice)],
