@@ -64,7 +64,7 @@ def panels(outcome: Outcome) -> list[tuple[str, Drawing]]:
 def posterior_of(outcome: Outcome, name: str) -> Drawing:
     """Draw one parameter of the chosen structure over its prior."""
     row = outcome.chosen.data.sel(parameter=name)
-    item = next(item for item in outcome.summary["coefficients"] if item["name"] == name)
+    item = next(item for item in outcome.summary.coefficients if item.name == name)
     figure, (axes,) = new_figure(NARROW, [128], left=14, right=14, bottom=38)
     draw_marginal(
         axes,
@@ -72,7 +72,7 @@ def posterior_of(outcome: Outcome, name: str) -> Drawing:
         label_mathtext(labels_of(outcome)[name]),
         units_of(outcome)[name],
         prior=prior_of(outcome, name),
-        interval=(item["lower_95"], item["upper_95"]),
+        interval=(item.lower_95, item.upper_95),
         normal=(float(row["mode"]), float(row["laplace_sd"])),
         truth=truth_of(outcome).get(name),
     )
