@@ -211,7 +211,8 @@ def importance_gain(
         "laplace": float(local.mean()),
         "correction": float(correction.mean()),
         "correction_error": float(np.sqrt(joint[1, 1] / m)),
-        **_of_weights(ess),
+        "median_ess": float(np.median(ess)),
+        "low_ess": float(np.quantile(ess, MAX_POOR_SHARE)),
     }
     name = "nested Monte Carlo, importance draws about each mode"
     return Gain(value, float(np.sqrt(variance)), name, diagnostics, _refusal(ess, settings.inner, "use more of them"))
@@ -354,10 +355,6 @@ def _information(plan: TrialPlan, belief: Belief, control: Array, z: Array) -> A
         return slope.T @ plan.information(values_of(belief, z), control) @ slope
 
     return jax.vmap(one)(z)
-
-
-def _of_weights(ess: np.ndarray) -> dict[str, float]:
-    return {"median_ess": float(np.median(ess)), "low_ess": float(np.quantile(ess, MAX_POOR_SHARE))}
 
 
 def _refusal(ess: np.ndarray, inner: int, remedy: str) -> str:

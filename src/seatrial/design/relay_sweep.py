@@ -145,7 +145,12 @@ def _allowed(family: RelayFamily, amplitudes: np.ndarray, thresholds: np.ndarray
             expected="positive numbers",
             remedy="both are changes from trim; `effect` says which way the output moves",
         )
-    excesses = [limits.excess(_reversal(family, amplitude), family.sample_time) for amplitude in amplitudes]
+    excesses = []
+    for amplitude in amplitudes:
+        # The steepest edge goes from one side to the other: a relay never does more.
+        step = min(2 * amplitude, family.rate * family.sample_time)
+        edge = family.control_trim + np.append(np.arange(-amplitude, amplitude, step), amplitude)
+        excesses.append(limits.excess(edge, family.sample_time))
     allowed = np.array([not excess for excess in excesses])
     if not allowed.any():
         gentlest = excesses[int(np.argmin(amplitudes))]
@@ -160,12 +165,6 @@ def _allowed(family: RelayFamily, amplitudes: np.ndarray, thresholds: np.ndarray
             remedy="lower the amplitudes, set `rate` if that is at fault, or widen the limits if the vehicle allows it",
         )
     return allowed
-
-
-def _reversal(family: RelayFamily, amplitude: float) -> np.ndarray:
-    """Control of the steepest edge, from one side to the other: a relay never does more."""
-    step = min(2 * amplitude, family.rate * family.sample_time)
-    return family.control_trim + np.append(np.arange(-amplitude, amplitude, step), amplitude)
 
 
 @program(static_argnums=(0, 1))

@@ -153,7 +153,9 @@ def judge_safety(
     _check(probability, confidence, len(draws))
     controls, draws = check_runs(plan, controls, draws)
     ends = np.full(len(controls), plan.step.shape[0]) if samples is None else np.asarray(samples)
-    noise = None if plan.autopilot is None else _noise(plan, len(draws))
+    # The same noise of the sensors for all designs and in every call, so that they differ by themselves alone.
+    size = len(draws), *plan.weight.shape
+    noise = None if plan.autopilot is None else np.random.default_rng(0).standard_normal(size)
     run = partial(_rooms, plan, tuple(limits), np.asarray(draws, float), noise)
     least, finite = in_blocks(run, controls, ends)
     rooms = np.where(finite[..., None], least, -np.inf)
@@ -249,11 +251,6 @@ def check_runs(
                 remedy="check how the designs are made and whether the draws come from a proper prior",
             )
     return np.asarray(controls, float), np.asarray(draws, float)
-
-
-def _noise(plan: TrialPlan, count: int) -> Float[np.ndarray, "S n m"]:
-    """Noise of every vehicle's sensors over its standard deviation, the same for all designs and in every call."""
-    return np.random.default_rng(0).standard_normal((count, *plan.weight.shape))
 
 
 @program

@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from seatrial.core.errors import InputError
 
@@ -82,7 +82,8 @@ def shift_between(first: Samples, second: Samples) -> ClockShift:
         part = (
             float(np.clip(0.5 * (before - after) / bend, -0.5, 0.5)) if bend < 0 and before >= 0 and after >= 0 else 0.0
         )
-    peaks = _is_peak(size) & (size > RIVAL_SHARE * size[best])
+    before, after = np.append(-np.inf, size[:-1]), np.append(size[1:], -np.inf)
+    peaks = (size >= before) & (size > after) & (size > RIVAL_SHARE * size[best])
     peaks[best] = False
     rival = int(np.argmax(np.where(peaks, size, -np.inf))) if peaks.any() else None
     between, place = float(first.time[0] - second.time[0]), float(lag[best]) + part
@@ -152,8 +153,3 @@ def _correlations(
     flat = (spread[0] <= 1e-9 * square_a.max()) | (spread[1] <= 1e-9 * square_b.max())
     enough = count >= max(MIN_COMMON_STEPS, MIN_OVERLAP * min(a.size, b.size))
     return lag[enough], np.where(flat, np.nan, np.clip(correlations, -1.0, 1.0))[enough]
-
-
-def _is_peak(size: Float[np.ndarray, " l"]) -> Bool[np.ndarray, " l"]:
-    before, after = np.append(-np.inf, size[:-1]), np.append(size[1:], -np.inf)
-    return (size >= before) & (size > after)

@@ -257,12 +257,9 @@ def _still(guessed: Sequence[Guess], first: Guess) -> Iterator[str]:
     """Name the outputs that stand still after the last that moves."""
     still = [guess for guess in guessed if _source(guess) == _source(first) and not guess.strength]
     if still:
-        names, channels = (" to ".join(dict.fromkeys((some[0], some[-1]))) for some in _names_of(still))
+        ends = ([guess.column for guess in still], [guess.channel for guess in still])
+        names, channels = (" to ".join(dict.fromkeys((some[0], some[-1]))) for some in ends)
         yield f"{first.table}: {names} never change: map them too, as {channels}, if they are thrusters that stood still"
-
-
-def _names_of(some: Sequence[Guess]) -> tuple[list[str], list[str]]:
-    return [guess.column for guess in some], [guess.channel for guess in some]
 
 
 def _full_name(table: TableSummary, column: ColumnSummary) -> str:

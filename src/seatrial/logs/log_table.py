@@ -165,7 +165,9 @@ def read_stamped(source: LogSource, columns: Sequence[str], words: Sequence[str]
     table, every = info.name if info else "", list(dict.fromkeys((*clocks, *columns, *words)))
     others = () if info is None or form.is_text else info.clocks
     raw = read_columns(log_file(source), table, list(dict.fromkeys((*every, *others))), tuple(clocks), words)
-    clock = next((name for name in clocks if _moves(raw.columns[name])), next(iter(clocks)))
+    # Some drivers leave their stamp at zero: a clock that never moves was never set.
+    moving = (name for name in clocks if (stamps := raw.columns[name]).size and (stamps != stamps[0]).any())
+    clock = next(moving, next(iter(clocks)))
 
     time_where = f'{where}, column "{clock}"'
     time, epoch = _elapsed(raw, clock, source, clocks[clock], time_where)
@@ -352,11 +354,6 @@ def _clocks(source: LogSource, info: TableInfo | None, where: str) -> dict[str, 
             remedy="name it and its unit; `seatrial inspect` lists the columns",
         )
     return clocks
-
-
-def _moves(stamps: np.ndarray) -> bool:
-    """Return whether a clock was set at all: some drivers leave their stamp at zero."""
-    return stamps.size > 0 and bool((stamps != stamps[0]).any())
 
 
 def _elapsed(

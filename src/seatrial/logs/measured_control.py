@@ -35,7 +35,8 @@ def looks_measured(time: Float[np.ndarray, " n"], values: Float[np.ndarray, " n"
     """
     known = np.isfinite(values)
     t, x = time[known], values[known]
-    if t.size < MIN_SAMPLES or _jumps_between_levels(x):
+    jumps = np.unique(x).size <= MAX_LEVELS and np.mean((x == x.min()) | (x == x.max())) >= MIN_END_SHARE
+    if t.size < MIN_SAMPLES or jumps:
         return False
     step = np.diff(t)
     near = step <= MAX_NEIGHBOUR_STEPS * np.median(step)
@@ -67,10 +68,6 @@ def mean_to_next(values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
     present = values[known]
     means[known] = np.append(0.5 * (present[:-1] + present[1:]), present[-1:])
     return means
-
-
-def _jumps_between_levels(x: Float[np.ndarray, " n"]) -> bool:
-    return np.unique(x).size <= MAX_LEVELS and float(np.mean((x == x.min()) | (x == x.max()))) >= MIN_END_SHARE
 
 
 def _moves_everywhere(change: Float[np.ndarray, " m"]) -> bool:

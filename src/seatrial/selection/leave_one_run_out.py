@@ -98,7 +98,7 @@ class LeaveOneRunOut:
     @property
     def std_error(self) -> float:
         """Standard error of the sum, the runs being a sample of possible ones."""
-        return _sum_error([run.elpd for run in self.runs])
+        return float(np.sqrt(len(self.runs)) * np.std([run.elpd for run in self.runs], ddof=1))
 
     @property
     def k_hat(self) -> float:
@@ -314,7 +314,3 @@ def _resampled(
     first = float(jax.random.uniform(key))
     places = np.searchsorted(edges / edges[-1], (first + np.arange(PREDICTION_DRAWS)) / PREDICTION_DRAWS)
     return z[np.minimum(places, len(z) - 1)]
-
-
-def _sum_error(values: Sequence[float] | np.ndarray) -> float:
-    return float(np.sqrt(len(values)) * np.std(values, ddof=1))

@@ -280,7 +280,7 @@ def select(
     if shortlist:
         inclusion |= {term: shortlist.inclusion[term] for term in screened}
     verdicts = [
-        _screened_verdict(term, inclusion[term], bool(has[term][0]))
+        f"{'every' if has[term][0] else 'no'} simulated structure has {term}: by the screening its probability is {inclusion[term]:.2f}"
         if term in screened
         else term_verdict(term, inclusion[term], inclusion_error[term], _range(logs, doubts, has[term]))
         for term in optional
@@ -422,12 +422,6 @@ def term_verdict(term: str, inclusion: float, error: float, reached: tuple[float
     if without >= LIKELY:
         return f"the data do not support {term}: probability {without:.2f} without it{margin}"
     return f"the data cannot decide about {term}: probability {inclusion:.2f} with it, {without:.2f} without{margin}"
-
-
-def _screened_verdict(term: str, inclusion: float, is_present: bool) -> str:
-    """Return what is said of a term that all simulated structures have, or none."""
-    which = "every" if is_present else "no"
-    return f"{which} simulated structure has {term}: by the screening its probability is {inclusion:.2f}"
 
 
 def pair_verdicts(has: Mapping[str, np.ndarray], probability: np.ndarray) -> list[str]:

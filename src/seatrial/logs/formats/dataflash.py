@@ -195,18 +195,15 @@ def _divide(piece: bytes, lengths: np.ndarray, in_step: bool, scan: _Scan, path:
             _define(piece[at + 3 : at + length], scan, lengths, path)
             ends = None
         elif ends is None:
-            ends = _ends(heads, codes[heads + 2], lengths)
+            # Looked at one by one: types to be learnt, and headers that no header follows in step.
+            kinds = codes[heads + 2]
+            follows = heads[1:] == heads[:-1] + lengths[kinds[:-1]]
+            ends = np.append(np.flatnonzero(~follows | (kinds[:-1] == _FMT)), heads.size - 1)
         first = int(np.searchsorted(heads, at))
         last = int(ends[np.searchsorted(ends, first)]) if ends is not None else first
         parts.append(heads[first : max(last, first + 1)])
         at = int(heads[last]) if last > first else at + length
     return np.concatenate(parts) if parts else np.empty(0, np.int64), at, in_step
-
-
-def _ends(heads: np.ndarray, kinds: np.ndarray, lengths: np.ndarray) -> np.ndarray:
-    """Return the headers that must be looked at one by one: types to be learnt, and those that no header follows in step."""
-    follows = heads[1:] == heads[:-1] + lengths[kinds[:-1]]
-    return np.append(np.flatnonzero(~follows | (kinds[:-1] == _FMT)), heads.size - 1)
 
 
 def _define(body: bytes, scan: _Scan, lengths: np.ndarray, path: Path) -> None:

@@ -97,14 +97,12 @@ def _catalogue(log: LogFile) -> tuple[TableInfo, ...]:
 
 
 def _table(topic: str, seen: _Seen, notes: tuple[str, ...]) -> TableInfo:
-    clocks, columns = clocks_among([ColumnInfo(name, _clock_unit(name)) for name in seen.numbers])
+    # MAVLink's clocks, of which clocks_among knows no unit by the name.
+    units = {"time_boot_ms": "ms", "time_usec": "us", "time_unix_usec": "us"}
+    clocks, columns = clocks_among([ColumnInfo(name, units.get(name.rpartition(".")[2])) for name in seen.numbers])
     trouble = "" if seen.encoding == "json" else f'messages in the encoding "{seen.encoding}", where JSON is read'
     first = (ColumnInfo(LOG_TIME, "ns"), *columns)
     return TableInfo(topic, first, (LOG_TIME, *clocks), seen.rows, "", trouble, notes, tuple(seen.words), True)
-
-
-def _clock_unit(name: str) -> str | None:
-    return {"time_boot_ms": "ms", "time_usec": "us", "time_unix_usec": "us"}.get(name.rpartition(".")[2])
 
 
 def _blocks(log: LogFile, wanted: Wanted) -> Iterator[Block]:
@@ -176,6 +174,7 @@ def _messages(log: LogFile, end: _End) -> Iterator[_Message]:
     with optional("ros", log.path):
         import mcap.exceptions as errors
         import mcap.stream_reader as mcap
+        from mcap.records import Channel, Message
     channels: dict[int, _Channel] = {}
     size = max(log.path.stat().st_size, 1)
     with log.path.open("rb") as stream:
@@ -184,9 +183,9 @@ def _messages(log: LogFile, end: _End) -> Iterator[_Message]:
             for record in records:
                 done = min(stream.tell() / size, 1.0)
                 for one in _contents(record, mcap, errors):
-                    if isinstance(one, mcap.Channel):
+                    if isinstance(one, Channel):
                         channels[one.id] = _Channel(one.topic, one.message_encoding)
-                    elif isinstance(one, mcap.Message) and one.channel_id in channels and one.log_time < 2**63:
+                    elif isinstance(one, Message) and one.channel_id in channels and one.log_time < 2**63:
                         yield _Message(channels[one.channel_id], one.log_time, one.data, done)
             end.is_whole = True
         except (errors.McapError, struct.error) as damage:

@@ -87,11 +87,11 @@ def _read(log: LogFile, topics: Sequence[str] | None = None) -> tuple[dict[str, 
             # Rows may hold the padding at their end, but pyulog 1.3 does not count it and would pass these rows over.
             self.max_data_size = _MAX_ROW_BYTES
 
-        def _parse_nested_type(self, *about: Any) -> None:
+        def _parse_nested_type(self, prefix_str: str, type_name: str, message_formats: Any) -> None:
             # Arrays of arrays in a damaged definition would be listed for minutes; pyulog takes this error for damage.
             if len(self.field_data) > _MAX_ROW_BYTES:
                 raise ValueError("a topic of too many fields")
-            super()._parse_nested_type(*about)
+            super()._parse_nested_type(prefix_str, type_name, message_formats)
 
     class Reader(pyulog.ULog):
         _MessageAddLogged = Topic
