@@ -90,7 +90,7 @@ def test_a_slow_error_that_no_short_run_shows_alone_is_found_in_all_together(kno
     said = residual_doubt(campaign, drawn, replace(trials, fit=tuple(both)))
     assert "residuals of u are correlated (" in said
     assert "; likewise " in said
-    assert 'set estimation.residuals = "drifting"' in said
+    assert 'Set estimation.residuals = "drifting"' in said
 
 
 def test_process_noise_that_correlates_a_free_simulation_is_no_finding(known):
@@ -161,7 +161,7 @@ def test_a_model_that_has_become_wrong_is_an_alarm_with_the_factor_that_would_me
     """A fifth of the thrust lost in the held-back runs, as by another propeller: the motion is explained, its bands do not hold."""
     found, _ = predicted(known, *(run(known, label, WAVE, 1, thrust=0.8) for label in "23"))
     assert found.pooled[0].level == "fail"
-    assert "widen the bands" in held_back_alarms(found.fits, found.pooled)[0]
+    assert held_back_alarms(found.fits, found.pooled)[0].remedies[0] == "widen-bands"
     assert found.pooled[0].widen > 1.5
 
 

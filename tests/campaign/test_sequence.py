@@ -18,6 +18,7 @@ from seatrial.campaign.workflow import loop as sequence
 from seatrial.campaign.workflow.loop import run_sequence, summarise
 from seatrial.campaign.workflow.next_trial import Proposal, propose, settling
 from seatrial.core.errors import InputError
+from seatrial.messages.catalogue import ENTRIES
 from seatrial.report.sections.summary import answer, summary_section
 from seatrial.selection.verdict import OTHER_NOISE_VERDICT, select
 from tests.campaign.small import SMALL
@@ -208,19 +209,17 @@ def test_what_is_missing_stands_in_place_of_stop(tmp_path):
 def test_no_goal_is_met_by_standard_deviations_that_do_not_hold(tmp_path):
     """Correlated residuals of a fitted run disown them; one with model error counts in place of that within the model."""
     outcome = with_goal(make_outcome(tmp_path), Goal(shares={"X_u": 9.0}))
-    slow = tuple(
-        replace(fit, about="correlated residuals", level="caution", reason="so slow", advice="do")
-        for fit in outcome.fits
-    )
+    slow = tuple(replace(fit, verdict=ENTRIES["residuals-correlated"].example) for fit in outcome.fits)
     found = propose(replace(outcome, fits=slow))
     assert found.trial is None
     assert "only if the stated ± hold" in found.lines[-1]
-    assert ": run 1: so slow; likewise " in found.lines[-1]
+    assert ": run 1: residuals of u are correlated " in found.lines[-1]
+    assert "; likewise " in found.lines[-1]
     assert "Its stated ± do not hold, and which terms are needed may change" in answer(replace(outcome, fits=slow))
     assert "the model or its noise did not pass" in summary_section(replace(outcome, fits=slow))["passed"]
     assert summary_section(outcome)["passed"] == "No health check failed"
     unmet = propose(with_goal(replace(outcome, fits=slow), Goal(shares={"X_u": 1e-3})))
-    assert unmet.first[0].startswith("first correct what failed: run 1: so slow; likewise ")
+    assert unmet.first[0].startswith("first correct what failed: run 1: residuals of u are correlated ")
     assert unmet.beside([unmet.quoted]).first == ("first correct what failed: see the caution about it",)
     assert unmet.beside(["another"]) is unmet
     rows = tuple(

@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 from markupsafe import Markup
 
-from seatrial.campaign.store.estimates import ModelErrorFinding
 from seatrial.campaign.store.stored_result import Store
 from seatrial.campaign.store.structures import QUOTED, StoredAverage, StoredCoefficient, StoredMode
 from seatrial.core.display_units import shown_as_written
 from seatrial.core.errors import InputError
+from seatrial.core.findings import Finding
 from seatrial.dashboard.app_context import fill
 from seatrial.dashboard.jobs import Jobs, log_of
 from seatrial.dashboard.logs import Column, Looked
@@ -102,9 +102,11 @@ def test_an_error_beside_its_field_names_no_line_of_the_file():
 
 
 def test_estimates_stand_by_structure_before_a_model_is_chosen():
-    force = ModelErrorFinding(("X_uabsu",), "a force X_u", "other structures have X_u")
-    delay = ModelErrorFinding(("X_uabsu", "sigma_u"), "a delay of the actuators", "give `delay` a prior")
-    both = replace(force, names=("X_u", "X_uabsu"))
+    force = Finding("model-error-wide", "note", ("X_uabsu",), {"effects": (("force", "X_u"),)}, ("see-selection",))
+    delay = Finding(
+        "model-error-wide", "note", ("X_uabsu", "sigma_u"), {"effects": (("delay", ""),)}, ("delay-of-actuators",)
+    )
+    both = replace(force, subject=("X_u", "X_uabsu"))
     found = (
         EstimatedStructure("M-0", ("X_u",), (EstimatedValue("X_u", "X_{u}", "kg/s", -1.25, 0.23, None, ""),)),
         EstimatedStructure(
@@ -127,14 +129,8 @@ def test_estimates_stand_by_structure_before_a_model_is_chosen():
     assert '<th scope="col">mean ± sd, within the model' in second
     assert '<td data-head="with model error">± 0.478' in second  # on a narrow screen, where the head is above each cell
     said = re.sub("<[^>]*>", "", html).split("Where the model error comes from")[1]
-    assert (
-        "Xu|u| in M-1 and M-2; Xu and Xu|u| in M-3: most of the ± with model error is from a force Xu; other structures have Xu."
-        in said
-    )
-    assert (
-        "Xu|u| and sigma_u in M-2: most of the ± with model error is from a delay of the actuators; give `delay` a prior."
-        in said
-    )
+    assert "Xu|u| in M-1 and M-2; Xu and Xu|u| in M-3: most of the ± with model error is from a force Xu. See" in said
+    assert "Xu|u| and sigma_u in M-2: most of the ± with model error is from a delay of the actuators. Give" in said
     assert html.count("most of the ± with model error") == 2
     assert html.index("Do not use these numbers yet") < html.index("<caption>")
 

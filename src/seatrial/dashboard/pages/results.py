@@ -246,12 +246,10 @@ def _causes(found: Sequence[EstimatedStructure]) -> list[Markup]:
     for one in found:
         for finding in one.findings:
             causes.setdefault(replace(finding, subject=()), {}).setdefault(finding.subject, []).append(one.label)
-    findings = [
-        replace(
-            cause, subject=tuple(f"{listed(names)} in {listed(list(dict.fromkeys(of)))}" for names, of in whose.items())
-        )
-        for cause, whose in causes.items()
-    ]
+    findings = []
+    for cause, whose in causes.items():
+        parts = [f"{listed(names)} in {listed(list(dict.fromkeys(inside)))}" for names, inside in whose.items()]
+        findings.append(replace(cause, subject=("; ".join(parts),)))
     return [sentence_about(sentence(one), {}, labels) for one in findings]
 
 
