@@ -32,7 +32,7 @@ def fit_sindy(problem: Problem) -> Fitted:
         InputError: PySINDy is not installed.
     """
     with _peer("pysindy"):
-        import pysindy as sindy
+        import pysindy as sindy  # pyright: ignore[reportMissingImports]
     scales = _Scales.of(problem)
     runs = [scales.standard(record) for record in problem.records]
     best: tuple[float, Any] | None = None
@@ -61,7 +61,7 @@ def fit_n4sid(problem: Problem) -> Fitted:
         InputError: nfoursid is not installed, or there are too many samples for it.
     """
     with _peer("nfoursid"):
-        from nfoursid import nfoursid as module
+        from nfoursid import nfoursid as module  # pyright: ignore[reportMissingImports]
     import pandas as pd
 
     scales = _Scales.of(problem)
