@@ -73,7 +73,7 @@ def test_a_slow_error_fitted_as_white_is_an_alarm_of_select_and_its_remedy_works
     assert "these probabilities hold for the noise that is modelled, which the residuals contradict" in out
     (alarm,) = (line for line in err.splitlines() if line.startswith("alarm: "))
     assert "the probabilities of models and terms mean nothing: run 1: residuals of u are correlated (" in alarm
-    assert 'set estimation.residuals = "drifting"' in alarm
+    assert 'Set estimation.residuals = "drifting"' in alarm
     code, out, _ = run(monkeypatch, capsys, "select", tmp_path, "-q", "--json")
     assert code == Exit.ALARMS
     assert ["alarm: " + text for text in json.loads(out)["alarms"]] == [alarm]
