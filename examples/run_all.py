@@ -71,7 +71,7 @@ def six_degrees(name: str, maker: str) -> None:
 
 
 def design_trials(name: str) -> None:
-    """Design one campaign's trial in families and free of them; what follows, `run`, `next` and `rehearse`, takes minutes."""
+    """Design one campaign's trial in families and free of them; what follows, `run`, `next` and `plan`, takes minutes."""
     folder = OUTPUTS / name
     folder.mkdir(parents=True, exist_ok=True)
     shutil.copy(EXAMPLES / name / "campaign.toml", folder)

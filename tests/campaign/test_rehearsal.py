@@ -231,7 +231,7 @@ def test_without_a_goal_there_is_nothing_to_rehearse(tmp_path, goal):
 
 
 def test_the_command_tells_and_draws(small, found, monkeypatch, capsys):
-    code, out, _ = run(monkeypatch, capsys, "rehearse", small.folder, "--truths", VEHICLES, "--quiet")
+    code, out, _ = run(monkeypatch, capsys, "plan", small.folder, "--vehicles", VEHICLES, "--quiet")
     assert code in (Exit.OK, Exit.ALARMS)
     for word in ("adaptive saves", "against fixed", "against random", "rehearsal.svg"):
         assert word in out

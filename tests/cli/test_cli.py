@@ -50,6 +50,12 @@ def test_unknown_command_names_the_nearest(monkeypatch, capsys):
     assert "estimate" in err
 
 
+def test_former_command_names_its_successor(monkeypatch, capsys, tmp_path):
+    code, _, err = run(monkeypatch, capsys, "rehearse", tmp_path)
+    assert code == Exit.BAD_INPUT
+    assert "seatrial plan DIR --vehicles" in err
+
+
 @pytest.mark.parametrize("command", [name for name, one in COMMANDS.items() if one.makes and name != "export"])
 def test_a_folder_that_is_no_campaign(monkeypatch, capsys, tmp_path, command):
     code, out, err = run(monkeypatch, capsys, command, tmp_path)

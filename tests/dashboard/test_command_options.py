@@ -34,7 +34,7 @@ def test_a_form_says_what_a_shell_would():
     ("command", "name", "value", "expected"),
     [
         ("design", "--free-form", "201", "0 to 200"),
-        ("rehearse", "--truths", "-5", "a whole number"),
+        ("plan", "--vehicles", "-5", "a whole number"),
         ("calibrate", "--replicates", "1e3", "a whole number"),
         ("next", "--by", "guess", "one of chains, mode"),
     ],

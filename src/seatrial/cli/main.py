@@ -18,9 +18,9 @@ from seatrial.cli.commands.init import init
 from seatrial.cli.commands.live import live
 from seatrial.cli.commands.logs import inspect
 from seatrial.cli.commands.loop import next_trial, report, run
-from seatrial.cli.commands.plan import design, plan_campaign, prior
-from seatrial.cli.commands.rehearse import rehearse
+from seatrial.cli.commands.plan import design, plan, prior
 from seatrial.cli.running import run_app, with_answer
+from seatrial.core.errors import InputError
 
 
 class Command(NamedTuple):
@@ -40,8 +40,9 @@ COMMANDS = {
     "init": Command(init),
     "prior": Command(prior, "what the priors mean as speeds"),
     "design": Command(design, "the most informative trial"),
-    "plan": Command(plan_campaign, "all trials of a day, and the chance of meeting the goals"),
-    "rehearse": Command(rehearse, "how many trials the goal will take"),
+    "plan": Command(
+        plan, "all trials of a day and the chance of meeting the goals, or how many trials the goal will take"
+    ),
     "simulate": Command(simulate, "the trial on the simulated vehicle"),
     "inspect": Command(inspect),
     "import": Command(import_logs, "records from logs"),
@@ -63,6 +64,8 @@ COMMANDS = {
     "export": Command(export, "the estimated vehicle as files for a simulator"),
 }
 """By name, in the order in which they are listed. To add a command, see the table of CONTRIBUTING."""
+RENAMED = {"rehearse": "seatrial plan DIR --vehicles 20"}
+"""Former commands, and the command line that does their work now."""
 
 
 class _Commands(Mapping[str, Any]):
@@ -90,6 +93,16 @@ def app_of(commands: Mapping[str, Command]) -> typer.Typer:
         def __init__(self, **attrs: Any):
             super().__init__(**attrs)
             self.commands = _Commands(commands)  # pyright: ignore[reportAttributeAccessIssue]
+
+        def get_command(self, ctx: Any, cmd_name: str) -> Any:
+            if cmd_name in RENAMED:
+                raise InputError(
+                    "command",
+                    found=cmd_name,
+                    expected="a command that exists",
+                    remedy=f"`{RENAMED[cmd_name]}` does its work",
+                )
+            return super().get_command(ctx, cmd_name)
 
     app = typer.Typer(
         cls=Group,

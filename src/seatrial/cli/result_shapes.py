@@ -227,7 +227,7 @@ class Strategy(TypedDict):
 
 
 class Rehearsal(TypedDict):
-    """`rehearse`."""
+    """`plan --vehicles N`: the trials that each strategy needed on vehicles drawn from the priors."""
 
     vehicles: int
     most: int

@@ -37,7 +37,7 @@ from seatrial.estimation.simulation.disturbance import disturbance_name
 from seatrial.manoeuvres.family import Family
 
 DOUBLET = "repeated-doublet"
-FEWEST_VEHICLES = 2
+MIN_VEHICLES = 2
 """Of one alone there is no standard error."""
 DIMENSIONS = {
     "truth": ("vehicle", "coefficient"),
@@ -57,14 +57,14 @@ Choose = Callable[[int, np.ndarray | None, np.ndarray | None], Design]
 Outcome = dict[str, np.ndarray]
 
 
-def rehearse(campaign: Campaign, truths: int, reporter: Reporter = SILENT) -> Rehearsal:
+def rehearse(campaign: Campaign, vehicles: int, reporter: Reporter = SILENT) -> Rehearsal:
     """Rehearse a campaign on vehicles drawn from its priors; a rehearsal that was interrupted, or is to be larger, goes on.
 
     The goal is the standard deviations of `[goal]`; whether one structure is decided is not rehearsed.
 
     Args:
         campaign: configuration.
-        truths: vehicles, two at least.
+        vehicles: how many, two at least.
         reporter: receives what happens.
 
     Raises:
@@ -75,25 +75,25 @@ def rehearse(campaign: Campaign, truths: int, reporter: Reporter = SILENT) -> Re
     if any(name.startswith(disturbance_name("")) for name in campaign.priors):
         campaign.check_no_autopilot("a rehearsal of disturbances")
     goal = goal_of(campaign)
-    if truths < FEWEST_VEHICLES:
+    if vehicles < MIN_VEHICLES:
         raise InputError(
-            "rehearsal", found=f"{truths} vehicles", expected=f"{FEWEST_VEHICLES} at least", remedy="ask for more"
+            "rehearsal", found=f"{vehicles} vehicles", expected=f"{MIN_VEHICLES} at least", remedy="ask for more"
         )
     kept = stored_rehearsal(campaign)
     outcomes = _outcomes(kept.read().data) if kept.is_current() else []
-    if len(outcomes) < truths:
+    if len(outcomes) < vehicles:
         designs = design_first(campaign, reporter)
         space = design_space(campaign, designs)
         fixed = {"fixed": space.best_of(designs, designs.best.family.kind)}
         if any(sweep.family.kind == DOUBLET for sweep in designs.sweeps[1:]):
             fixed["doublet"] = space.best_of(designs, DOUBLET)
-        report = reporter.progress(f"rehearse {truths} vehicles")
-        report(len(outcomes), truths)
-        while len(outcomes) < truths:
+        report = reporter.progress(f"rehearse {vehicles} vehicles")
+        report(len(outcomes), vehicles)
+        while len(outcomes) < vehicles:
             outcomes.append(_rehearse_one(campaign, goal, space, fixed, len(outcomes)))
             kept.write(Rehearsal(_dataset(campaign, (ADAPTIVE, *fixed, "random"), outcomes)))
-            report(len(outcomes), truths)
-    return Rehearsal(kept.read().data.isel(vehicle=slice(truths)))
+            report(len(outcomes), vehicles)
+    return Rehearsal(kept.read().data.isel(vehicle=slice(vehicles)))
 
 
 def known_after(campaign: Campaign, records: Sequence[Record], most: int) -> tuple[np.ndarray, np.ndarray]:
@@ -113,7 +113,10 @@ def known_after(campaign: Campaign, records: Sequence[Record], most: int) -> tup
 def stored_rehearsal(campaign: Campaign) -> StoredResult[Rehearsal]:
     """Return where a rehearsal is kept, of as many vehicles as there are so far, and what it depends on."""
     return StoredResult(
-        Store(campaign.folder).rehearsal, rehearsal_key(campaign), Rehearsal, f"seatrial rehearse {campaign.folder}"
+        Store(campaign.folder).rehearsal,
+        rehearsal_key(campaign),
+        Rehearsal,
+        f"seatrial plan {campaign.folder} --vehicles 20",
     )
 
 

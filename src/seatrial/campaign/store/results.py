@@ -71,7 +71,7 @@ class Results:
 
     def rehearsal(self) -> Rehearsal:
         """Read how many trials each strategy needed on vehicles drawn from the priors."""
-        return self._read(Rehearsal, self.store.rehearsal, "rehearse")
+        return self._read(Rehearsal, self.store.rehearsal, "plan --vehicles 20")
 
     def record(self, run: str) -> Record:
         """Read the record of one trial."""

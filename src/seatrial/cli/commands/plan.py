@@ -1,4 +1,4 @@
-"""Before the trial: what the priors mean, the most informative trial, the plan of all trials."""
+"""Before the trial: what the priors mean, the most informative trial, the plan of all trials and its rehearsal."""
 
 import shlex
 from collections.abc import Callable
@@ -115,19 +115,42 @@ def design(
     with_campaign(folder, quiet, work, context)
 
 
-def plan_campaign(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
+def plan(
+    context: typer.Context,
+    folder: Folder,
+    vehicles: Annotated[
+        int,
+        typer.Option(
+            min=0,
+            max=10_000,
+            help="Rehearse instead: simulate how many trials the goal takes for this many vehicles (2 or more) drawn from the priors, "
+            "for example 20.",
+        ),
+    ] = 0,
+    quiet: Quiet = False,
+) -> None:
     """Plan all trials of a campaign within time and battery.
 
     It prints their order, the chance of meeting the goals, and what to drop first. After a trial it plans the rest from the posterior mode.
+    With --vehicles it simulates trials of each vehicle until the goal is met: each designed from the ones before, one design repeated, and
+    random steps.
     """
 
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
         from seatrial.campaign.workflow.steps import Workflow
 
-        found = Workflow(campaign, reporter, so_far=_so_far(campaign, reporter)).get("plan")
-        answer.say("\n".join(found.lines()))
-        answer.give(**results.plan(found))
-        return answer.finish([], [])
+        if not vehicles:
+            trials = Workflow(campaign, reporter, so_far=_so_far(campaign, reporter)).get("plan")
+            answer.say("\n".join(trials.lines()))
+            answer.give(**results.plan(trials))
+            return answer.finish([], [])
+        from seatrial.report.figure_files import write_rehearsal_picture
+
+        rehearsal = Workflow(campaign, reporter, vehicles=vehicles).get("rehearsal")
+        answer.say("\n".join(rehearsal.lines()))
+        answer.give(**results.rehearsal(rehearsal))
+        answer.wrote("picture", write_rehearsal_picture(campaign, rehearsal))
+        return answer.finish(rehearsal.alarms(), [])
 
     with_campaign(folder, quiet, work, context)
 
