@@ -1,6 +1,7 @@
 """The command that judges records before anything is fitted to them; what it expects is made by Euler steps here."""
 
 import csv
+import json
 
 import numpy as np
 import pytest
@@ -106,6 +107,16 @@ def test_the_sign_and_the_unit_of_a_channel(tmp_path, scale, code, told):
         }[scale]
     )
     assert (tmp_path / "a" / "check-one.svg").read_text().endswith("</svg>\n")
+
+
+def test_accepted_finding_is_one_line_and_no_alarm(tmp_path):
+    write(tmp_path / "a", "-1.0", CAMPAIGN + '\n[checks]\naccept = ["direction-reversed"]\n')
+    result = CliRunner().invoke(app, ["check", str(tmp_path / "a"), "--quiet", "--json"])
+    document = json.loads(result.stdout)
+    assert (result.exit_code, document["alarms"], document["cautions"]) == (0, [], [])
+    (found,) = [one for one in document["result"]["records"][0]["findings"] if one["code"] == "direction-reversed"]
+    assert (found["level"], found["remedy"]) == ("note", "")
+    assert found["message"].startswith("accepted: u moves against the expected motion")
 
 
 def test_a_velocity_that_is_mapped_and_has_no_sensor_is_told(tmp_path):
