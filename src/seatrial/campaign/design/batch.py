@@ -8,9 +8,7 @@ import numpy as np
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.design.evaluate import check_whole_trials, plan_of, utility_unit
 from seatrial.campaign.design.prior_state_space import prior_draws
-from seatrial.campaign.design.schedule import write_schedule
-from seatrial.campaign.design.sweep import design_first, design_key
-from seatrial.campaign.design.thrust_commands import commands_of
+from seatrial.campaign.design.sweep import design_first, write_design
 from seatrial.campaign.design.utility import criterion_of, utility_draws
 from seatrial.campaign.store.stored_result import Store
 from seatrial.core.reporter import SILENT, Reporter
@@ -80,15 +78,12 @@ def plan_together(campaign: Campaign, trials: int, reporter: Reporter = SILENT) 
         information.append(information_table(plan, every[start : start + BLOCK], few))
     report(len(every), len(every))
     criterion = criterion_of(campaign, plan, draws)
-    found = plan_batch(np.concatenate(information), lambda one: np.asarray(criterion(one)), trials)
+    batch = plan_batch(np.concatenate(information), lambda one: np.asarray(criterion(one)), trials)
     words, schedules = [], []
-    for number, index in enumerate(found.designs, 1):
+    for number, index in enumerate(batch.designs, 1):
         sweep, i, j = places[index]
         amplitude, period = float(sweep.amplitude[i]), float(sweep.period[j])
         words.append(design_words(sweep.family, amplitude, period))
         path = Store(campaign.folder).batch_schedule(number)
-        manoeuvre, about = sweep.family.manoeuvre(amplitude, period), {"design": design_key(campaign)}
-        schedules.append(
-            write_schedule(path, manoeuvre, sweep.family.sample_time, about=about, commands=commands_of(campaign))
-        )
-    return PlannedBatch(tuple(words), found, tuple(schedules), utility_unit(campaign.design).split("/")[0])
+        schedules.append(write_design(campaign, path, sweep.family.manoeuvre(amplitude, period)))
+    return PlannedBatch(tuple(words), batch, tuple(schedules), utility_unit(campaign.design).split("/")[0])

@@ -53,18 +53,18 @@ def check_autopilot(
     state = model.states[int(states[counts.argmax()])]
     axis = AXES.get(state, f"the actuator {state.removesuffix(ACTUAL)}")
     doubling = float(np.log(2) / np.median(growth.rate[lost]))
-    found = f"{share:.0%} of the vehicles that the priors allow are unstable under the autopilot, most in {axis}" + (
+    finding = f"{share:.0%} of the vehicles that the priors allow are unstable under the autopilot, most in {axis}" + (
         f": a small motion there doubles in {doubling:.2g} s" if doubling > 0 else ": they run away"
     )
     remedy = _advice(best_gain_change(plan, trim, few), share)
     if share > 1.0 - probability:
         raise InputError(
             campaign.where(f"autopilot.{campaign.autopilot.loops[0].holds}"),
-            found=found,
+            found=finding,
             expected=f"an autopilot that holds {probability:.0%} of them",
             remedy=remedy,
         )
-    reporter.say(f"caution: {found}; {remedy}")
+    reporter.say(f"caution: {finding}; {remedy}")
 
 
 def _advice(change: GainChange | None, share: float) -> str:

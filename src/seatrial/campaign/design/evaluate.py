@@ -105,9 +105,9 @@ def weigh(
         if design.utility != "entropy":
             utility = utility - _of_no_trial(criterion_of(campaign, plan, draws), design, draws)
         utility = gain_per_cost(utility, expected_cost(plan, cost, controls, draws[:UTILITY_DRAWS]).mean)
-    found = np.full(sweep.gain.shape, np.nan)
-    found[rows, columns] = utility
-    return replace(sweep, utility=found)
+    values = np.full(sweep.gain.shape, np.nan)
+    values[rows, columns] = utility
+    return replace(sweep, utility=values)
 
 
 def safety_lines(
@@ -178,8 +178,8 @@ def _utility(
     controls: np.ndarray,
     draws: np.ndarray,
 ) -> np.ndarray:
-    found = utility_table(plan, controls, utility_draws(design, draws), criterion)
-    return found.worst() if design.over == "worst" else found.mean
+    table = utility_table(plan, controls, utility_draws(design, draws), criterion)
+    return table.worst() if design.over == "worst" else table.mean
 
 
 def _by_the_second(

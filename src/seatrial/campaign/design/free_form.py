@@ -9,9 +9,7 @@ from jaxtyping import Float
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.design.evaluate import check_whole_trials, plan_of
 from seatrial.campaign.design.prior_state_space import HALF
-from seatrial.campaign.design.schedule import write_schedule
-from seatrial.campaign.design.sweep import design_first, design_key
-from seatrial.campaign.design.thrust_commands import commands_of
+from seatrial.campaign.design.sweep import design_first, design_key, write_design
 from seatrial.campaign.inference.posterior import random_key
 from seatrial.campaign.store.designs import FreeTrial
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
@@ -61,13 +59,9 @@ def design_free_trial(campaign: Campaign, levels: int, reporter: Reporter = SILE
             f"in straight lines from level to level; {int(campaign.family.active / campaign.family.ramp)} levels or fewer keep the ramp"
         )
     kept = stored_free_trial(campaign, levels)
-    found = kept.read_or_make(lambda: _search(campaign, levels, reporter))
-    manoeuvre = _form(campaign.family, levels).manoeuvre(np.array(found.levels))
-    about = {"design": design_key(campaign)}
-    path = Store(campaign.folder).schedule(kept.path)
-    return found, write_schedule(
-        path, manoeuvre, campaign.family.sample_time, about=about, commands=commands_of(campaign)
-    )
+    trial = kept.read_or_make(lambda: _search(campaign, levels, reporter))
+    manoeuvre = _form(campaign.family, levels).manoeuvre(np.array(trial.levels))
+    return trial, write_design(campaign, Store(campaign.folder).schedule(kept.path), manoeuvre)
 
 
 def check_free_trial(campaign: Campaign) -> None:
@@ -115,25 +109,25 @@ def _search(campaign: Campaign, levels: int, reporter: Reporter) -> FreeTrial:
     )
     time, control = family.sample(best.family.sample_time)
     near = nearest_levels(form, time, control)
-    found = design_free_form(
+    optimum = design_free_form(
         problem,
         campaign.seed,
         {f"the best {family.name}": near, **_random(campaign.limits, campaign.seed, form.size)},
         progress=reporter.progress("free-form design"),
     )
-    controls = np.stack([_commands(campaign, plan, one) for one in (found.manoeuvre, family)])
+    controls = np.stack([_commands(campaign, plan, one) for one in (optimum.manoeuvre, family)])
     # Both by the same measure, on draws that had no part in the search.
     judged = utility_table(plan, controls, draws[SAFE_FOR : SAFE_FOR + 64], find_criterion("fisher-d", cov)).mean
     return FreeTrial(
-        tuple(map(float, found.levels)),
+        tuple(map(float, optimum.levels)),
         float(judged[0]),
         float(judged[1]),
         family.name,
-        float(found.at_bounds),
-        found.active,
+        float(optimum.at_bounds),
+        optimum.active,
         _safety(campaign, plan, controls[0], draws),
-        tuple((one.name, float(one.before), float(one.utility)) for one in found.outcomes),
-        found.status,
+        tuple((one.name, float(one.before), float(one.utility)) for one in optimum.outcomes),
+        optimum.status,
     )
 
 

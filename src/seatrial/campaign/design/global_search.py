@@ -8,9 +8,7 @@ from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.design_table import DesignSettings
 from seatrial.campaign.design.evaluate import check_whole_trials, plan_of, utility_unit
 from seatrial.campaign.design.prior_state_space import HALF, prior_draws
-from seatrial.campaign.design.schedule import write_schedule
-from seatrial.campaign.design.sweep import design_first, design_key
-from seatrial.campaign.design.thrust_commands import commands_of
+from seatrial.campaign.design.sweep import design_first, design_key, write_design
 from seatrial.campaign.design.utility import criterion_of, utility_draws
 from seatrial.campaign.store.designs import Searched
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
@@ -50,29 +48,23 @@ def search_design(campaign: Campaign, budget: int, reporter: Reporter = SILENT) 
     """
     check_search(campaign, budget)
     kept = stored_search(campaign, budget)
-    found = kept.read_or_make(lambda: _search(campaign, budget, reporter))
-    family = next(one for one in campaign.families if one.kind == found.kind)
-    manoeuvre = family.manoeuvre(found.amplitude, found.period)
-    about = {"design": design_key(campaign)}
+    design = kept.read_or_make(lambda: _search(campaign, budget, reporter))
+    family = next(one for one in campaign.families if one.kind == design.kind)
     path = Store(campaign.folder).schedule(kept.path)
-    return (
-        found,
-        family,
-        write_schedule(path, manoeuvre, family.sample_time, about=about, commands=commands_of(campaign)),
-    )
+    return design, family, write_design(campaign, path, family.manoeuvre(design.amplitude, design.period))
 
 
-def search_lines(found: Searched, family: Family) -> list[str]:
+def search_lines(design: Searched, family: Family) -> list[str]:
     """Say what was found."""
-    rest = "" if found.settled else "; the search had not settled: search longer"
-    rounded = f" ({found.budget} asked for: whole populations of {POPULATION} in each family)"
-    over = f"{found.evaluations} designs{rounded if found.evaluations != found.budget else ''}"
-    best, beside = (f"{value:.3f} {found.unit}".rstrip() for value in (found.utility, found.beside))
+    rest = "" if design.settled else "; the search had not settled: search longer"
+    rounded = f" ({design.budget} asked for: whole populations of {POPULATION} in each family)"
+    over = f"{design.evaluations} designs{rounded if design.evaluations != design.budget else ''}"
+    best, beside = (f"{value:.3f} {design.unit}".rstrip() for value in (design.utility, design.beside))
     return [
-        f"global search over {over}: {design_words(family, found.amplitude, found.period)}: "
-        f"{best}, the best of the grid ({found.grid}) {beside} by the same measure{rest}",
-        *found.safety,
-        *(f"{kind}: no design inside the limits was met" for kind in found.refused),
+        f"global search over {over}: {design_words(family, design.amplitude, design.period)}: "
+        f"{best}, the best of the grid ({design.grid}) {beside} by the same measure{rest}",
+        *design.safety,
+        *(f"{kind}: no design inside the limits was met" for kind in design.refused),
     ]
 
 
@@ -106,25 +98,25 @@ def _search(campaign: Campaign, budget: int, reporter: Reporter) -> Searched:
     model = campaign.model(campaign.full)
     plan, best = plan_of(campaign, model), design_first(campaign, reporter).best
     draws = prior_draws(campaign, model)
-    found, refused = [], []
+    optima, refused = [], []
     for family in campaign.families:
         worth = _worth_of(campaign, plan, family, draws[:HALF])
         share, seed = budget // len(campaign.families), campaign.seed
         progress = reporter.progress(f"global search: {family.words}")
         try:
-            found.append((family, search_globally(worth, lower, upper, share, seed, POPULATION, progress=progress)))
+            optima.append((family, search_globally(worth, lower, upper, share, seed, POPULATION, progress=progress)))
         except InputError as error:
             if "allowed" not in error.found:
                 raise
             refused.append(family.words)
-    if not found:
+    if not optima:
         raise InputError(
             campaign.where("design"),
             found=f"{budget} designs, none of them inside the limits",
             expected="some that are",
             remedy="widen the limits, or the ranges of amplitude and period",
         )
-    family, optimum = max(found, key=lambda one: one[1].utility)
+    family, optimum = max(optima, key=lambda one: one[1].utility)
     trim = campaign.control_trim(model)
     controls = np.stack([all_controls(family, trim, *(x[None] for x in optimum.settings))[0], best.best_controls()])
     fresh = draws[HALF:]
@@ -175,7 +167,7 @@ def _worth_of(campaign: Campaign, plan: TrialPlan, family: Family, draws: np.nda
             held = np.where(allowed[:, None, None], controls, [value for _, value in trim])
             allowed &= judge_safety(plan, held, draws, campaign.motion_limits, campaign.design.probability).allowed
         held = np.where(allowed[:, None, None], controls, [value for _, value in trim])
-        found = utility_table(plan, held, few, criterion)
-        return np.where(allowed, found.worst() if worst else found.mean, np.nan)
+        table = utility_table(plan, held, few, criterion)
+        return np.where(allowed, table.worst() if worst else table.mean, np.nan)
 
     return worth

@@ -106,19 +106,19 @@ class Plan:
         """Return it in words."""
         several = len(self.stages) > 1
         takes = _cost_words(self.seconds, self.joules)
-        said = [f"plan from {self.basis}: {_trials(len(self.steps))}, {takes}"]
+        lines = [f"plan from {self.basis}: {_trials(len(self.steps))}, {takes}"]
         for number, stage in enumerate(self.stages):
-            said += [self._head(number, stage)] * several
-            said += [
+            lines += [self._head(number, stage)] * several
+            lines += [
                 f"  {place}. {step.words}; schedule in {step.schedule}"
                 for place, step in enumerate(self.steps, 1)
                 if step.stage == number
             ]
         if not (self.steps or self.ended_by):
             return [f"plan from {self.basis}: no further trial: the goals are met with chance {self.chance:.2f}"]
-        said.append(f"chance that all goals are met after it: {self.chance:.2f} ± {self.chance_error:.2f}")
-        said.append("of each goal: " + ", ".join(f"{name} {chance:.2f}" for name, chance in self.goals.items()))
-        return [*said, *self._what_it_takes(), *self._drops()]
+        lines.append(f"chance that all goals are met after it: {self.chance:.2f} ± {self.chance_error:.2f}")
+        lines.append("of each goal: " + ", ".join(f"{name} {chance:.2f}" for name, chance in self.goals.items()))
+        return [*lines, *self._what_it_takes(), *self._drops()]
 
     def _head(self, number: int, stage: Stage) -> str:
         names = ", ".join(AXES[axis][1].rpartition(" ")[0] for axis in stage.axes)
@@ -255,7 +255,7 @@ def _designs(
     campaign: Campaign, plan: TrialPlan, draws: np.ndarray, reporter: Reporter
 ) -> tuple[list[_Design], Float[np.ndarray, "D S k k"]]:
     """Return the designs that keep all limits, and the information of each at the first draws; those that diverge at one are left out."""
-    trim, found = campaign.control_trim(plan.model), []
+    trim, designs = campaign.control_trim(plan.model), []
     names = tuple(name for name, _ in trim)
     for family, amplitudes in _families(campaign, names):
         periods = campaign.design.grid()[1]
@@ -264,23 +264,25 @@ def _designs(
             continue
         controls = all_controls(family, trim, rows, columns)
         kept = inside_limits(family, controls, trim, campaign.control_limits)
-        found += [_Design(family, float(rows[i]), float(columns[i]), controls[i], names) for i in np.flatnonzero(kept)]
-    if not found:
+        designs += [
+            _Design(family, float(rows[i]), float(columns[i]), controls[i], names) for i in np.flatnonzero(kept)
+        ]
+    if not designs:
         raise InputError(
             campaign.where("design"),
             found="no design that fits and keeps the limits of the controls",
             expected="one at least",
             remedy="lower the amplitudes or lengthen `ramp`; `seatrial design` says which limit is broken",
         )
-    report = reporter.progress(f"plan: {len(found)} designs")
+    report = reporter.progress(f"plan: {len(designs)} designs")
     report(0, 2)
     if campaign.motion_limits:
-        every, limits = np.stack([one.controls for one in found]), campaign.motion_limits
+        every, limits = np.stack([one.controls for one in designs]), campaign.motion_limits
         safety = judge_safety(plan, every, draws, limits, campaign.design.probability)
-        check_some_allowed(replace(safety, names=tuple(one.words for one in found)))
-        found = [one for one, allowed in zip(found, safety.allowed, strict=True) if allowed]
+        check_some_allowed(replace(safety, names=tuple(one.words for one in designs)))
+        designs = [one for one, allowed in zip(designs, safety.allowed, strict=True) if allowed]
     report(1, 2)
-    information = information_or_nan(plan, np.stack([one.controls for one in found]), draws[:UTILITY_DRAWS])
+    information = information_or_nan(plan, np.stack([one.controls for one in designs]), draws[:UTILITY_DRAWS])
     finite = np.isfinite(information).all((1, 2, 3))
     if not finite.any():
         raise InputError(
@@ -290,7 +292,7 @@ def _designs(
             remedy="narrow the priors to damping that dissipates, or excite less; `seatrial prior` shows why",
         )
     report(2, 2)
-    return [one for one, there in zip(found, finite, strict=True) if there], information[finite]
+    return [one for one, is_finite in zip(designs, finite, strict=True) if is_finite], information[finite]
 
 
 def _stage_goals(
@@ -326,9 +328,9 @@ class _Judge:
         used = {trial.design: self._known[trial.design][which] for trial in trials}
         lost = ~np.all([np.isfinite(one).all((1, 2)) for one in used.values()], axis=0) if used else np.array(False)
         used = {number: np.where(np.isfinite(one), one, 0.0) for number, one in used.items()}
-        found = goals_met(self._goals, self._draws[which], used, trials, self._normal[which])
-        found[np.broadcast_to(lost, found.shape[:1])] = False
-        return found
+        are_met = goals_met(self._goals, self._draws[which], used, trials, self._normal[which])
+        are_met[np.broadcast_to(lost, are_met.shape[:1])] = False
+        return are_met
 
     def chance(self, trials: Sequence[PlannedTrial], which: slice = slice(HALF, None)) -> float:
         """Return the share of the draws at which all goals are met; the second half has no part in the choice."""

@@ -12,9 +12,7 @@ from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.design_table import RelayTable
 from seatrial.campaign.design.evaluate import check_whole_trials, plan_of
 from seatrial.campaign.design.prior_state_space import HALF, belief_space, believed
-from seatrial.campaign.design.schedule import write_schedule
-from seatrial.campaign.design.sweep import design_first, design_key
-from seatrial.campaign.design.thrust_commands import commands_of
+from seatrial.campaign.design.sweep import design_first, design_key, write_design
 from seatrial.campaign.design.utility import UTILITY_DRAWS
 from seatrial.campaign.inference.posterior import random_key
 from seatrial.campaign.store.designs import RelayTrial
@@ -64,8 +62,8 @@ class RelayLoop:
         at = self.space.outputs.index(self.family.output)
 
         def run(start: Array, error: Array) -> tuple[Array, Array]:
-            found = _closed(self.family, self.space, amplitude, threshold, start, error)
-            return found.control, found.outputs[..., at]
+            runs = _closed(self.family, self.space, amplitude, threshold, start, error)
+            return runs.control, runs.outputs[..., at]
 
         return in_blocks(run, starts, noise)
 
@@ -208,12 +206,11 @@ def design_relay_trial(campaign: Campaign, reporter: Reporter = SILENT) -> tuple
         NumericalError: the vehicle diverges at the prior means.
     """
     loop, kept = relay_loop(campaign), stored_relay(campaign)
-    found = kept.read_or_make(lambda: _search(campaign, loop, reporter))
+    trial = kept.read_or_make(lambda: _search(campaign, loop, reporter))
     path = Store(campaign.folder).schedule(kept.path)
-    foreseen, _ = loop.foreseen(found.amplitude, found.threshold)
-    law = {"family": loop.family.as_plain(), "amplitude": found.amplitude, "threshold": found.threshold}
-    about = {"relay": law, "design": design_key(campaign)}
-    return found, write_schedule(path, foreseen, campaign.family.sample_time, found.rule, about, commands_of(campaign))
+    foreseen, _ = loop.foreseen(trial.amplitude, trial.threshold)
+    law = {"family": loop.family.as_plain(), "amplitude": trial.amplitude, "threshold": trial.threshold}
+    return trial, write_design(campaign, path, foreseen, trial.rule, relay=law)
 
 
 def _search(campaign: Campaign, loop: RelayLoop, reporter: Reporter) -> RelayTrial:
@@ -305,8 +302,8 @@ def _judged(
 
 
 def _quantiles(values: np.ndarray) -> tuple[float, ...]:
-    there = values[np.isfinite(values)]
-    return tuple(map(float, np.quantile(there, RANGE))) if there.size else (float("nan"),) * len(RANGE)
+    finite = values[np.isfinite(values)]
+    return tuple(map(float, np.quantile(finite, RANGE))) if finite.size else (float("nan"),) * len(RANGE)
 
 
 @program

@@ -31,11 +31,11 @@ def with_residual_noise(campaign: Campaign, estimate: Drawn) -> Campaign:
 
 def residual_noise(campaign: Campaign, estimate: Drawn) -> dict[str, float]:
     """Return for each channel the standard deviation of the white noise that blurs a designed trial as the fit's residuals would, SI."""
-    found, slowest = {}, float(campaign.design.grid()[1].max())
+    noise, slowest = {}, float(campaign.design.grid()[1].max())
     for sensor in campaign.sensor_models:
         name, settings = sensor.channel, campaign.sensors[sensor.channel]
         if noise_name(name) not in estimate.names:
-            found[name] = settings.noise
+            noise[name] = settings.noise
             continue
         values = {one: estimate.draws([one])[:, 0] for one in estimate.names if one.endswith(f"_{name}")}
         sd = float(np.sqrt(np.mean(noise_sd(sensor, values) ** 2)))
@@ -44,15 +44,15 @@ def residual_noise(campaign: Campaign, estimate: Drawn) -> dict[str, float]:
             memory = np.exp(-max(campaign.family.sample_time, 1.0 / settings.rate) / slow.time)
             by_slow = (1 + memory) / (1 - memory) / (1 + (2 * np.pi * slow.time / slowest) ** 2)
             blur = 1 - slow.share + slow.share * max(1.0, by_slow)
-        found[name] = sd * float(np.sqrt(blur))
-    return found
+        noise[name] = sd * float(np.sqrt(blur))
+    return noise
 
 
 def noise_words(campaign: Campaign, estimate: Drawn) -> str:
     """Say what noise a promise counts on where that is not what [sensors] says; empty where it is."""
-    said = []
+    differing = []
     for name, sd in residual_noise(campaign, estimate).items():
         nominal, (factor, unit) = campaign.sensors[name].noise, shown_unit(name)
         if not nominal / TOLD < sd < nominal * TOLD:
-            said.append(f"{sd * factor:.2g} {unit} on {name} ([sensors]: {nominal * factor:.2g} {unit})")
-    return f"computed with the noise found in the fit, {listed(said)}" if said else ""
+            differing.append(f"{sd * factor:.2g} {unit} on {name} ([sensors]: {nominal * factor:.2g} {unit})")
+    return f"computed with the noise found in the fit, {listed(differing)}" if differing else ""

@@ -68,14 +68,14 @@ def sensor_table(campaign: Campaign, reporter: Reporter = SILENT) -> SensorCompa
     )
     draws = prior_draws(campaign, model)
     cov = np.atleast_2d(np.cov(draws, rowvar=False))
-    found = sensor_worth(plan, controls, draws[:UTILITY_DRAWS], cov, find_criterion("fisher-d", cov), choices)
+    worths = sensor_worth(plan, controls, draws[:UTILITY_DRAWS], cov, find_criterion("fisher-d", cov), choices)
     units = tuple(model.unit_of(term) for term in model.coefficients)
     goal, mean, meets = campaign.goal, draws.mean(0), ()
     if goal is not None and (goal.shares or goal.sds):
         meets = tuple(
-            not goal.unmet({name: (mean[i], worth.sd[i]) for i, name in enumerate(plan.names)}) for worth in found
+            not goal.unmet({name: (mean[i], worth.sd[i]) for i, name in enumerate(plan.names)}) for worth in worths
         )
-    return SensorComparison(plan.names, units, tuple(zip(words, found, strict=True)), meets)
+    return SensorComparison(plan.names, units, tuple(zip(words, worths, strict=True)), meets)
 
 
 def _choices(noise: Mapping[str, float], mask: Float[np.ndarray, "n m"], step: float) -> list[tuple[str, SensorChoice]]:
@@ -89,19 +89,19 @@ def _choices(noise: Mapping[str, float], mask: Float[np.ndarray, "n m"], step: f
     every = tuple(round(len(mask) / column.sum()) for column in mask.T)
     ones = (1.0,) * len(every)
     rates = (f"{channel} at {1.0 / (samples * step):.3g} Hz" for channel, samples in zip(noise, every, strict=True))
-    found = [(f"as they are: {', '.join(rates)}", SensorChoice(every, ones))]
+    choices = [(f"as they are: {', '.join(rates)}", SensorChoice(every, ones))]
     for i, channel in enumerate(noise):
         for rate in RATES:
             samples = round(1.0 / (rate * step))
             if samples >= 1 and samples != every[i] and abs(samples * rate * step - 1.0) < 0.01:
-                found.append((f"{channel} at {rate:g} Hz", SensorChoice(_with(every, i, samples), ones)))
+                choices.append((f"{channel} at {rate:g} Hz", SensorChoice(_with(every, i, samples), ones)))
         better = noise[channel] / 2
-        found.append(
+        choices.append(
             (f"{channel} of noise {better:.3g} {signal_unit(channel)}", SensorChoice(every, _with(ones, i, 0.5)))
         )
         if len(every) > 1:
-            found.append((f"without {channel}", SensorChoice(_with(every, i, 0), ones)))
-    return found
+            choices.append((f"without {channel}", SensorChoice(_with(every, i, 0), ones)))
+    return choices
 
 
 def _with(values: tuple, place: int, value: float) -> tuple:

@@ -2,7 +2,8 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -29,6 +30,7 @@ from seatrial.design.limit_conflicts import remedy_of_any
 from seatrial.design.sweep import LANES, Sweep, sweep_family
 from seatrial.design.trial_plan import TrialPlan
 from seatrial.manoeuvres.family import Family, design_words
+from seatrial.manoeuvres.manoeuvre import Manoeuvre
 from seatrial.numerics.gaussian import Gaussian
 from seatrial.selection.structures import Structure
 
@@ -83,16 +85,16 @@ def sweep_all(
         for family in range(len(campaign.families))
         for first in range(0, amplitude.size, every)
     ]
-    found: dict[_Rows, Sweep] = {}
+    swept: dict[_Rows, Sweep] = {}
     refused: dict[_Rows, InputError | NumericalError] = {}
 
     def done(index: int, result: tuple[_Rows, Sweep | InputError | NumericalError]) -> _Rows | None:
         rows, outcome = result
         if isinstance(outcome, Sweep):
-            found[rows] = outcome
+            swept[rows] = outcome
         else:
             refused[rows] = outcome
-        report(len(found) + len(refused), len(parts))
+        report(len(swept) + len(refused), len(parts))
         of_family = [one for one in parts if one.family == rows.family]
         if len(of_family) > 1 and all(one in refused for one in of_family) and rows in of_family:
             return _Rows(rows.family, 0, amplitude.size)  # only the grid as a whole says what is the gentlest design
@@ -104,9 +106,9 @@ def sweep_all(
     sweeps, reasons = [], {}
     for number, family in enumerate(campaign.families):
         rows = [one for one in parts if one.family == number]
-        there = [found.get(one) for one in rows]
-        if any(there):
-            sweeps.append(_joined(rows, there, amplitude))
+        family_sweeps = [swept.get(one) for one in rows]
+        if any(family_sweeps):
+            sweeps.append(_joined(rows, family_sweeps, amplitude))
         else:
             reasons[family.kind] = refused[_Rows(number, 0, amplitude.size)]
     return sweeps, reasons
@@ -211,8 +213,8 @@ class Designs:
 
     def lines(self) -> list[str]:
         """The best of each family, and the families that have none."""
-        found = [f"{_words(sweep)}: {sweep.gain[sweep.best]:.2f} nat{self._worth(sweep)}" for sweep in self.sweeps]
-        return found + [f"{kind}: no design, {why}" for kind, why in self.refused.items()] + self.diverging()
+        lines = [f"{_words(sweep)}: {sweep.gain[sweep.best]:.2f} nat{self._worth(sweep)}" for sweep in self.sweeps]
+        return lines + [f"{kind}: no design, {why}" for kind, why in self.refused.items()] + self.diverging()
 
     @property
     def at_edge(self) -> str:
@@ -298,11 +300,15 @@ def coefficient_draws(drawn: Drawn, seed: int) -> Float[np.ndarray, "S k"]:
 
 def _designs(campaign: Campaign, kept: StoredResult[SweptDesigns], make: Callable[[], SweptDesigns]) -> Designs:
     """Read or make sweeps; the schedule of the best trial is written again where it is missing or not the same."""
-    found = designs_of(campaign, kept.read_or_make(make))
-    sample_time = campaign.family.sample_time
-    schedule, about = Store(campaign.folder).schedule(kept.path), {"design": design_key(campaign)}
-    write_schedule(schedule, found.best.best_manoeuvre(), sample_time, about=about, commands=commands_of(campaign))
-    return found
+    designs = designs_of(campaign, kept.read_or_make(make))
+    write_design(campaign, Store(campaign.folder).schedule(kept.path), designs.best.best_manoeuvre())
+    return designs
+
+
+def write_design(campaign: Campaign, path: Path, manoeuvre: Manoeuvre, rule: str = "", **about: Any) -> Path:
+    """Write the schedule of a design, with the key of the designs that it belongs to; arguments and result as `write_schedule`."""
+    about = {**about, "design": design_key(campaign)}
+    return write_schedule(path, manoeuvre, campaign.family.sample_time, rule, about, commands_of(campaign))
 
 
 def designs_of(campaign: Campaign, stored: SweptDesigns) -> Designs:

@@ -114,7 +114,7 @@ def criteria_all(
             stored_criteria(campaign, estimate).is_current(),
             stored_future(campaign, estimate, trials, edges).is_current(),
         )
-        bars = [None if there else reporter.progress(title) for title, there in zip(titles, done, strict=True)]
+        bars = [None if is_done else reporter.progress(title) for title, is_done in zip(titles, done, strict=True)]
         tasks.append(partial(_both, campaign, estimate, trials, edges, *bars))
     return run_side_by_side(tasks)
 
@@ -146,19 +146,19 @@ def _both(
     future = stored_future(campaign, estimate, trials, edges).read_or_make(
         lambda: _predict(campaign, estimate.structure, trials, edges, later or no_progress)
     )
-    found = {**_criteria_in(present), **_criteria_in(future)}
+    merged = {**_criteria_in(present), **_criteria_in(future)}
     refused = tuple(one.refused for one in (present, future) if one.refused)
     deviance = DevianceCriteria(*(MonteCarloValue(*pair) for pair in present.deviance))
-    return Criteria(estimate.structure, deviance, found, edges, refused)
+    return Criteria(estimate.structure, deviance, merged, edges, refused)
 
 
 def _compute(campaign: Campaign, estimate: Estimate, trials: Trials) -> StoredCriteria:
     posterior = build_posterior(campaign, estimate.structure, trials.fit)
     draws = thin_draws(estimate.data["draws"].values, MOST)
-    refused, found = "", []
+    refused, computed = "", []
     try:
         table = pointwise_log_likelihood(posterior, draws)
-        found = [
+        computed = [
             *_at_maximum(posterior, random_key(campaign.seed, f"mode {estimate.structure.terms}"), estimate),
             waic(table),
             psis_loo(table),
@@ -166,7 +166,7 @@ def _compute(campaign: Campaign, estimate: Estimate, trials: Trials) -> StoredCr
     except InputError as error:
         refused = f"AIC, BIC, WAIC and PSIS-LOO need the density of each measurement by itself, but found {error.found}"
     deviance = deviance_criteria(posterior, draws)
-    return _stored(found, refused, tuple(tuple(one) for one in deviance))
+    return _stored(computed, refused, tuple(tuple(one) for one in deviance))
 
 
 def _at_maximum(posterior: Posterior, key: Array, estimate: Estimate) -> list[PredictiveCriterion]:
@@ -189,8 +189,8 @@ def _predict(
         return past(time)
 
     try:
-        found = leave_future_out(watched, edges, random_key(campaign.seed, f"future {structure.terms}"))
-        criteria = _stored([found.criterion], "")
+        future = leave_future_out(watched, edges, random_key(campaign.seed, f"future {structure.terms}"))
+        criteria = _stored([future.criterion], "")
     except (InputError, NumericalError) as error:
         criteria = _stored(
             [], f"no leave-future-out of {structure.label}: {error.found if isinstance(error, InputError) else error}"
@@ -312,14 +312,14 @@ def criteria_lines(found: Sequence[Criteria]) -> list[str]:
 
 def criteria_cautions(found: Sequence[Criteria]) -> list[str]:
     """What is missing, or not to be trusted."""
-    said = [text for one in found for text in one.refused]
-    said += [
+    messages = [text for one in found for text in one.refused]
+    messages += [
         f"{one.structure.label}, {name}: {criterion.status}"
         for one in found
         for name, criterion in one.predictive.items()
         if criterion.status
     ]
-    return list(dict.fromkeys(said))
+    return list(dict.fromkeys(messages))
 
 
 def nested_pairs(
@@ -334,7 +334,7 @@ def nested_pairs(
         selection: evidences to compare with; None where they have not been computed.
     """
     by_names = {frozenset(estimate.names): estimate for estimate in estimates}
-    said = []
+    messages = []
     for larger in estimates:
         terms = [term for term in campaign.structure.optional if term in larger.names]
         pairs = [(term, by_names.get(frozenset(larger.names) - {term})) for term in terms]
@@ -342,8 +342,8 @@ def nested_pairs(
         if inside:
             posterior = build_posterior(campaign, larger.structure, trials.fit)
             z = np.asarray(posterior.unconstrain(jnp.asarray(larger.data["draws"].values)))
-            said += [_pair(posterior, z, term, larger, smaller, selection) for term, smaller in inside]
-    return said
+            messages += [_pair(posterior, z, term, larger, smaller, selection) for term, smaller in inside]
+    return messages
 
 
 def _pair(

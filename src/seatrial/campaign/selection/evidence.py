@@ -93,12 +93,12 @@ def agreement_words(evidence: Evidence) -> str:
         for name, one in others.items()
         if agrees(one)
     ]
-    said = f"by {METHOD_LABELS[value]}, " + (
+    sentence = f"by {METHOD_LABELS[value]}, " + (
         f"with which {' and '.join(agree)} agree{'s' * (len(agree) == 1)}; {evidence.check_words}"
         if agree
         else "which no other method confirms"
     )
-    return "; ".join([said, *evidence.diagnostics["notes"], *([evidence.status] if evidence.status else [])])
+    return "; ".join([sentence, *evidence.diagnostics["notes"], *([evidence.status] if evidence.status else [])])
 
 
 def agreement_counts(labels: Sequence[str], evidences: Sequence[Evidence]) -> str:
@@ -112,13 +112,13 @@ def agreement_counts(labels: Sequence[str], evidences: Sequence[Evidence]) -> st
     agreed, count, behind = len(sound) - len(decided), len(evidences), len(tables) - len(sound)
     if agreed == count:
         return "Every evidence was computed by importance sampling and by tempered SMC, and the two agree."
-    said = [f"Importance sampling and tempered SMC agree on {agreed} of {count} evidences"] if sound else []
-    said += [f"nested sampling decided that of {listed(decided)}"] if decided else []
+    parts = [f"Importance sampling and tempered SMC agree on {agreed} of {count} evidences"] if sound else []
+    parts += [f"nested sampling decided that of {listed(decided)}"] if decided else []
     if behind:
-        said.append(
+        parts.append(
             f"{behind} {'is' if behind == 1 else 'are'} so far behind that one repeat of tempered SMC was enough"
         )
-    return f"{'; '.join(said)}." if said else ""
+    return f"{'; '.join(parts)}." if parts else ""
 
 
 def evidence_key(campaign: Campaign, structure: Structure, trials: HasKey) -> str:

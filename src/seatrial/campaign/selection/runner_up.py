@@ -104,10 +104,10 @@ def compare_speeds(
         strict=True,
     )
     runs = [(time, mine, other) for (time, mine), (_, other) in pairs]
-    found = [[_difference(time, a[..., i], b[..., i]) for time, a, b in runs] for i in range(len(channels))]
+    speeds = [[_difference(time, a[..., i], b[..., i]) for time, a, b in runs] for i in range(len(channels))]
     noise = [noise_of(campaign, best, name) if name in campaign.channels else 1.0 for name in channels]
-    most = np.argmax([max(one.largest for one in each) / own for each, own in zip(found, noise, strict=True)])
-    return channels[most], found[most]
+    most = np.argmax([max(one.largest for one in each) / own for each, own in zip(speeds, noise, strict=True)])
+    return channels[most], speeds[most]
 
 
 def expected_nats(
@@ -166,8 +166,8 @@ def _speeds(
         for i, (one, record) in enumerate(zip(here, trials.fit, strict=True))
     ]
     found = []
-    told = sweep.best_controls(campaign.control_trim(model))[None]
-    designed = sweep.family.time(), _applied(campaign, estimate, told, estimate.structure)[0]
+    controls = sweep.best_controls(campaign.control_trim(model))[None]
+    designed = sweep.family.time(), _applied(campaign, estimate, controls, estimate.structure)[0]
     absent = np.zeros(len(trim))
     for one, start, time, control in [*runs, (values, trim, *designed)]:
         params = {term.text: np.asarray(one.get(term.text, absent)) for term in model.coefficients}
@@ -184,12 +184,12 @@ def _speeds(
     return found
 
 
-def _applied(campaign: Campaign, estimate: Estimate, told: np.ndarray, structure: Structure) -> np.ndarray:
+def _applied(campaign: Campaign, estimate: Estimate, commands: np.ndarray, structure: Structure) -> np.ndarray:
     """Return the controls under some designs, as an autopilot makes them for the posterior mean; terms that it has not are 0."""
     model = campaign.model(structure)
     mean = dict(zip(estimate.names, estimate.draws().mean(0), strict=True))
     values = np.array([mean.get(term.text, 0.0) for term in model.coefficients])
-    return applied_controls(campaign, model, values, told)
+    return applied_controls(campaign, model, values, commands)
 
 
 @program(static_argnums=0)

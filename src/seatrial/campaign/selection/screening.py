@@ -75,21 +75,21 @@ def screening_of(campaign: Campaign, trials: Trials, reporter: Reporter = SILENT
     if not can_be_screened(campaign):
         return None, []
     try:
-        found = screen_terms(campaign, trials, reporter)
+        screened = screen_terms(campaign, trials, reporter)
     except InputError as error:
         if campaign.is_large:
             raise
         why = f"{error.where}: {error.sentence()}"
         return None, [f"the structures are simulated without a screening in closed form, which failed: {why}"]
-    return found, found.cautions if campaign.is_large else []
+    return screened, screened.cautions if campaign.is_large else []
 
 
 def with_shortlist(campaign: Campaign, trials: Trials, reporter: Reporter = SILENT) -> Campaign:
     """The campaign with what a screening leaves of its structures, where there are too many to simulate each."""
     if campaign.shortlist or not campaign.is_large:
         return campaign
-    found = screen_terms(campaign, trials, reporter)
-    best = [found.terms(rank) for rank in range(min(campaign.structure.shortlist, found.data.sizes["model"]))]
+    screened = screen_terms(campaign, trials, reporter)
+    best = [screened.terms(rank) for rank in range(min(campaign.structure.shortlist, screened.data.sizes["model"]))]
     order = campaign.full.terms
     sets = [tuple(term for term in order if term in terms) for terms in sorted(best, key=len, reverse=True)]
     return replace(campaign, shortlist=label_structures(sets))
@@ -100,13 +100,13 @@ def shortlist_of(campaign: Campaign, trials: Trials) -> Shortlist | None:
     if not (campaign.is_large and campaign.shortlist):
         return None
     data, simulated = screen_terms(campaign, trials).data, {frozenset(one.terms) for one in campaign.shortlist}
-    found = Screened(data)
+    screened = Screened(data)
     share = sum(
         float(data["probability"][rank])
         for rank in range(data.sizes["model"])
-        if frozenset(found.terms(rank)) in simulated
+        if frozenset(screened.terms(rank)) in simulated
     )
-    inclusion = {term: float(data["inclusion"].sel(term=term)) for term in found.optional}
+    inclusion = {term: float(data["inclusion"].sel(term=term)) for term in screened.optional}
     return Shortlist(inclusion, share)
 
 
@@ -140,38 +140,38 @@ def _screen_rows(campaign: Campaign, trials: Trials) -> Dataset:
         delay = likely_delay(records, equations, narrowest, *campaign.prior("delay").bounds)
         records = [delayed(record, delay) for record in records]
     key, g = random_key(campaign.seed, "screening"), campaign.structure.g
-    found = screen(equations, campaign.rules, records, noise, believed, key, narrowest, g)
-    columns = [found.rows.names.index(name) for name in found.posterior.names]
+    screening = screen(equations, campaign.rules, records, noise, believed, key, narrowest, g)
+    columns = [screening.rows.names.index(name) for name in screening.posterior.names]
     by_term = {
-        "fit": found.fit.values[columns],
-        "fit_sd": found.fit.sd[columns],
-        "bias": found.bias.bias[columns],
-        "bias_error": found.bias.error[columns],
+        "fit": screening.fit.values[columns],
+        "fit_sd": screening.fit.sd[columns],
+        "bias": screening.bias.bias[columns],
+        "bias_error": screening.bias.error[columns],
     }
-    said = {
+    attributes = {
         "delay": "" if delay is None else f"commands act {delay:.3g} s late, as explains the rows best",
-        "rows": found.fit.status,
-        "noise": found.bias.status,
+        "rows": screening.fit.status,
+        "noise": screening.bias.status,
         "left_out": ignored(campaign, campaign.full),
-        "r2": float(found.rows.r2[0]),
+        "r2": float(screening.rows.r2[0]),
     }
-    return _dataset(campaign, found, by_term, said)
+    return _dataset(campaign, screening, by_term, attributes)
 
 
 def _screen_about_mode(campaign: Campaign, trials: Trials) -> Dataset:
     """Screen a vehicle whose axes are coupled, about the mode of all terms; noise is in the sensors alone there."""
     posterior = build_posterior(campaign, campaign.full, trials.fit)
     mode = find_mode(posterior, random_key(campaign.seed, "screening"))
-    found = screen_about_mode(posterior, mode, campaign.rules, campaign.structure.g)
-    nothing = np.zeros(found.values.size)
-    by_term = {"fit": found.values, "fit_sd": found.sd, "bias": nothing, "bias_error": nothing}
-    said = {
+    screening = screen_about_mode(posterior, mode, campaign.rules, campaign.structure.g)
+    nothing = np.zeros(screening.values.size)
+    by_term = {"fit": screening.values, "fit_sd": screening.sd, "bias": nothing, "bias_error": nothing}
+    attributes = {
         "delay": "about the mode of all terms, all other unknowns integrated out",
         "rows": "",
         "noise": "",
         "left_out": "",
     }
-    return _dataset(campaign, found, by_term, {**said, "r2": np.nan})
+    return _dataset(campaign, screening, by_term, {**attributes, "r2": np.nan})
 
 
 def _dataset(
