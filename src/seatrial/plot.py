@@ -203,9 +203,13 @@ def pairs(
             if column > row:
                 panel.set_axis_off()
             elif column == row:
-                _diagonal(panel, low, truth)
+                drawn, known = low.draws.ravel(), truth.get(low.name)
+                draw_marginal(panel, drawn, low.symbol, low.unit, prior=None, interval=_interval(drawn), truth=known)
             else:
-                _one_pair(panel, left, low, truth)
+                pair = None if not {left.name, low.name} <= set(truth) else (truth[left.name], truth[low.name])
+                draw_pair(
+                    panel, left.draws.ravel(), low.draws.ravel(), (left.symbol, low.symbol), (left.unit, low.unit), pair
+                )
     if ax is None and count > 1:
         axes[0, 0].figure.legend(*_keys(axes[1, 0]), loc="upper right", **LEGEND)
     return axes
@@ -389,16 +393,6 @@ def _normal(name: str, mode: Mode | None, result: Draws | Estimate) -> tuple[flo
         return None
     at = mode.names.index(name)
     return float(mode.values[at]), float(mode.sd[at])
-
-
-def _diagonal(panel: "Axes", one: _Drawn, truth: Mapping[str, float]) -> None:
-    drawn, known = one.draws.ravel(), truth.get(one.name)
-    draw_marginal(panel, drawn, one.symbol, one.unit, prior=None, interval=_interval(drawn), truth=known)
-
-
-def _one_pair(panel: "Axes", x: _Drawn, y: _Drawn, truth: Mapping[str, float]) -> None:
-    known = None if not {x.name, y.name} <= set(truth) else (truth[x.name], truth[y.name])
-    draw_pair(panel, x.draws.ravel(), y.draws.ravel(), (x.symbol, y.symbol), (x.unit, y.unit), known)
 
 
 def _interval(draws: np.ndarray) -> tuple[float, float]:

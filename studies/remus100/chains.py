@@ -23,7 +23,6 @@ from seatrial.selection.criteria import deviance_criteria, psis_loo, waic
 from studies.remus100.panels import PAGE, TEXT, key, name_axes, panels, symbol, with_unit
 from studies.remus100.study import Study
 from studies.remus100.trial import paper_posterior, paper_trial, wide
-from studies.remus100.vehicle_file import Reading
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -130,7 +129,12 @@ def draw_chain(study: Study, data: xr.Dataset) -> "Figure":
     for row, name in enumerate(names):
         one = data.sel(parameter=name)
         right = _trace(grid[row, 0], one, study.sizes.burn_in)
-        _autocorrelation(grid[row, 1], one)
+        axes = grid[row, 1]
+        lag = one["lag"].values
+        axes.fill_between(lag, 0, one["raw_acf"].values, color=ORANGE, alpha=0.25, linewidth=0, label="raw")
+        heights = np.stack([np.zeros(lag.size), one["acf"].values, np.full(lag.size, np.nan)], -1).ravel()
+        axes.plot(np.repeat(lag, 3), heights, color=ORANGE, linewidth=0.7, label="detrended")
+        axes.set(xlim=(float(lag[0]), float(lag[-1])), ylim=(min(-0.1, float(one["acf"].min())), 1.05))
         _posterior(grid[row, 2], one)
         last = row == len(names) - 1
         name_axes(grid[row, 0], "iteration [1000]" if last else "", f"{symbol(name)} / true")
@@ -189,6 +193,7 @@ def _summary(study: Study, posterior: Posterior, sampled: _Sampled) -> xr.Datase
     one = values[0]
     scores = [geweke_scores(one[:, i]) for i in range(len(names))]
     every = max(1, values.shape[1] // KEPT)
+    true = {**reading.truth, reading.doubted: reading.source.doubted.values[0], "sigma_u": reading.sigma}
     columns = {
         "mean": flat.mean(0),
         "sd": flat.std(0, ddof=1),
@@ -199,14 +204,20 @@ def _summary(study: Study, posterior: Posterior, sampled: _Sampled) -> xr.Datase
         "ess_tail": health.ess_tail,
         "mcse": health.mcse,
         "mode": sampled.mode / scale,
-        "truth": _truth(reading, names) / scale,
+        "truth": np.array([true[name] for name in names]) / scale,
     }
+    # The draws as they are, their mean left in: near 1 at every lag unless the mean is near 0.
     return xr.Dataset(
         {
             **{name: ("parameter", column) for name, column in columns.items()},
             "draws": (("chain", "draw", "parameter"), values[:, every - 1 :: every]),
             "trace": (("iteration", "parameter"), sampled.trace / scale),
-            "raw_acf": (("lag", "parameter"), np.stack([_raw_acf(x) for x in one.T], -1)),
+            "raw_acf": (
+                ("lag", "parameter"),
+                np.stack(
+                    [(np.array([x[lag:] @ x[: x.size - lag] for lag in range(LAGS + 1)]) / (x @ x)) for x in one.T], -1
+                ),
+            ),
             "acf": (
                 ("lag", "parameter"),
                 np.stack([array_stats.autocorr(_detrended(x))[: LAGS + 1] for x in one.T], -1),
@@ -224,16 +235,6 @@ def _summary(study: Study, posterior: Posterior, sampled: _Sampled) -> xr.Datase
         {"parameter": list(names), "iteration": 100 * np.arange(len(sampled.trace)), "lag": np.arange(LAGS + 1)},
         {"labels": [parameter.label for parameter in posterior.parameters]},
     )
-
-
-def _truth(reading: Reading, names: tuple[str, ...]) -> Float[np.ndarray, " d"]:
-    true = {**reading.truth, reading.doubted: reading.source.doubted.values[0], "sigma_u": reading.sigma}
-    return np.array([true[name] for name in names])
-
-
-def _raw_acf(x: np.ndarray) -> np.ndarray:
-    """Return the products of the draws as they are, their mean left in: near 1 at every lag unless the mean is near 0."""
-    return np.array([x[lag:] @ x[: x.size - lag] for lag in range(LAGS + 1)]) / (x @ x)
 
 
 def _detrended(x: np.ndarray) -> np.ndarray:
@@ -263,14 +264,6 @@ def _trace(axes: "Axes", one: xr.Dataset, burn_in: int) -> "Axes":
     right.tick_params(colors=MUTED, labelsize=TEXT, length=3, width=0.8, labelcolor=INK, pad=2)
     limit_ticks(right.yaxis, 4)
     return right
-
-
-def _autocorrelation(axes: "Axes", one: xr.Dataset) -> None:
-    lag = one["lag"].values
-    axes.fill_between(lag, 0, one["raw_acf"].values, color=ORANGE, alpha=0.25, linewidth=0, label="raw")
-    heights = np.stack([np.zeros(lag.size), one["acf"].values, np.full(lag.size, np.nan)], -1).ravel()
-    axes.plot(np.repeat(lag, 3), heights, color=ORANGE, linewidth=0.7, label="detrended")
-    axes.set(xlim=(float(lag[0]), float(lag[-1])), ylim=(min(-0.1, float(one["acf"].min())), 1.05))
 
 
 def _posterior(axes: "Axes", one: xr.Dataset) -> None:

@@ -165,7 +165,9 @@ def claim_ridges(study: Study) -> Item:
 
 def claim_quiet_time(study: Study) -> Item:
     """A long quiet time after the doublets minimises the jumps."""
-    jumps = {name: _largest_drop(study.part(part)["gain"].values[-1]) for name, part in WINDOWS.items()}
+    jumps = {
+        name: float(max(0.0, -np.diff(study.part(part)["gain"].values[-1]).min())) for name, part in WINDOWS.items()
+    }
     holds = jumps["short"] < jumps["long"]
     return Item(
         "claim-quiet-time",
@@ -192,10 +194,6 @@ def ridges(gain: Float[np.ndarray, " P"]) -> list[float]:
 def _grows(gain: np.ndarray) -> float:
     """Share of the steps from one amplitude to the next that add information."""
     return float(np.mean(np.diff(gain, axis=0) > 0))
-
-
-def _largest_drop(gain: np.ndarray) -> float:
-    return float(max(0.0, -np.diff(gain).min()))
 
 
 def _at(period: float) -> int:

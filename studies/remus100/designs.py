@@ -198,9 +198,11 @@ def draw_figure_3(study: Study) -> "Figure":
     for window, look in WINDOWS.items():
         one = study.part(f"sweep-{window}")
         ridges.plot(one["period"], one["gain"].values[-1], label=window, linewidth=1.0, markersize=2.5, **look)
+        # In the order of the lines' ends, so that no two names overlap.
+        ends = {name: float(study.part(f"sweep-{name}")["gain"].values[-1, -1]) for name in WINDOWS}
         ridges.annotate(
             f"window {ACTIVE[window]:g} s",
-            (1.03, _apart(study, window)),
+            (1.03, (0.64 + 0.15 * sorted(WINDOWS, key=ends.__getitem__).index(window))),
             xycoords="axes fraction",
             va="center",
             fontsize=TEXT,
@@ -245,12 +247,6 @@ def draw_relay(study: Study) -> "Figure":
     name_axes(grid[1, 1], "time [s]", "$u$ [m/s]")
     key(figure, {"self-oscillating, best": RELAY, "doublets of 10 s": DOUBLET}, x=0.56)
     return figure
-
-
-def _apart(study: Study, window: str) -> float:
-    """Return the height of a window's name beside its line: in the order of the lines' ends, so that no two overlap."""
-    ends = {name: float(study.part(f"sweep-{name}")["gain"].values[-1, -1]) for name in WINDOWS}
-    return 0.64 + 0.15 * sorted(WINDOWS, key=ends.__getitem__).index(window)
 
 
 def _surface(figure: "Figure", sweep: xr.Dataset) -> None:

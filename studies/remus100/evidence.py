@@ -163,12 +163,16 @@ def listing_1(study: Study) -> Item:
         short = (
             data["log_values"].values - study.part(f"evidence-{table}")["log_value"].sel({"method": REFERENCE}).values
         )
+        share = _certain(p)
         numbers += [
             Number(
                 f"Table {roman}: median effective sample size of {study.sizes.listing_draws} draws", None, sizes[-1]
             ),
             Number(
-                f"Table {roman}: share of seeds with P(M-0) below .01 or above .99", None, shares[-1], _share_error(p)
+                f"Table {roman}: share of seeds with P(M-0) below .01 or above .99",
+                None,
+                shares[-1],
+                sqrt(max(share * (1 - share), 1 / p.size) / p.size),
             ),
             Number(
                 f"Table {roman}: share of seeds with P(M-0) above a half",
@@ -337,7 +341,12 @@ def _table(study: Study, table: int) -> Item:
         ]
     reference = data.sel({"method": REFERENCE})
     p, error = probability(reference["log_value"].values, reference["error"].values)
-    worst = _disagreement(data)
+    values, errors = data["log_value"].values, data["error"].values
+    worst = max(
+        float((np.abs(values[i] - values[j]) / np.hypot(errors[i], errors[j])).max())
+        for i in range(len(values))
+        for j in range(i)
+    )
     ess = float(np.median(listing["ess"]))
     numbers += [
         Number(
@@ -370,23 +379,8 @@ def _table(study: Study, table: int) -> Item:
     )
 
 
-def _disagreement(data: xr.Dataset) -> float:
-    """Return the largest difference of two methods' log evidences of one model, in units of their joint error."""
-    values, errors = data["log_value"].values, data["error"].values
-    return max(
-        float((np.abs(values[i] - values[j]) / np.hypot(errors[i], errors[j])).max())
-        for i in range(len(values))
-        for j in range(i)
-    )
-
-
 def _certain(p: np.ndarray) -> float:
     return float(((p < 0.01) | (p > 0.99)).mean())
-
-
-def _share_error(p: np.ndarray) -> float:
-    share = _certain(p)
-    return sqrt(max(share * (1 - share), 1 / p.size) / p.size)
 
 
 def _spread(row: np.ndarray) -> float:

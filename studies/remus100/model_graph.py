@@ -70,7 +70,12 @@ def _observed_channel(axes: "Axes", noise: Parameter, terms: list[Parameter], pl
     mean = _rectangle(axes, middle, f"mean_{channel}", _equation(terms), width)
     precision = _rectangle(axes, at, f"prec_{channel}", rf"$\tau_{{{channel}}} = 1/\sigma_{{{channel}}}^2$", 84)
     for term in terms:
-        _arrow(axes, (places[term.name], PARAMETERS - RADIUS), (_towards(places[term.name], middle, width), _top()))
+        # Straight below, or as near as the box reaches.
+        _arrow(
+            axes,
+            (places[term.name], PARAMETERS - RADIUS),
+            (min(max(places[term.name], middle - 0.46 * width), middle + 0.46 * width), _top()),
+        )
     _arrow(axes, (at, PARAMETERS - RADIUS), (at, _top()))
     centre = (middle + at) / 2
     _circle(axes, centre, OBSERVED, f"obs_{channel}", fill=True)
@@ -107,11 +112,6 @@ def _equation(terms: list[Parameter]) -> str:
         share = r"(1-\tau)\," if name.axis == "T" else ""
         products.append(rf"{share}{name.label}\,{''.join(factor.label for factor in name.factors)}")
     return rf"$(m - X_{{\dot{{u}}}})\,\dot{{u}} = {' + '.join(products)}$"
-
-
-def _towards(x: float, centre: float, width: float) -> float:
-    """Return where an arrow from x meets the upper edge of a box: straight below, or as near as the box reaches."""
-    return min(max(x, centre - 0.46 * width), centre + 0.46 * width)
 
 
 def _top() -> float:

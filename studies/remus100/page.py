@@ -80,6 +80,9 @@ SIZES = {
 def card(item: Item, reading: Reading) -> dict[str, Any]:
     """Return what the templates print of an item."""
     labels = labels_of(reading)
+    # Long tables are halved, to stand side by side.
+    rows = [_row(number, labels) for number in item.numbers]
+    middle = (len(rows) + 1) // 2 if len(rows) > LONG else len(rows)
     return {
         "key": item.key,
         "title": name_html(typeset(item.title), labels),
@@ -87,7 +90,7 @@ def card(item: Item, reading: Reading) -> dict[str, Any]:
         "look": LOOKS[item.verdict],
         "because": sentence_html(item.because, labels) if item.because else Markup(""),
         "short": sentence_html(item.because.split("; ")[0], labels) if item.because else Markup(""),
-        "tables": _halves([_row(number, labels) for number in item.numbers]),
+        "tables": [half for half in (rows[:middle], rows[middle:]) if half],
         "has_printed": any(number.printed is not None for number in item.numbers),
         "has_error": any(number.error for number in item.numbers),
         "settings": [_setting(name, value, labels) for name, value in item.settings.items() if not _is_text(value)],
@@ -165,12 +168,6 @@ def _row(number: Number, labels: dict[str, str]) -> dict[str, Any]:
     }
 
 
-def _halves(rows: list[dict[str, Any]]) -> list[list[dict[str, Any]]]:
-    """Return one table, or two of about the same length; none without rows."""
-    middle = (len(rows) + 1) // 2 if len(rows) > LONG else len(rows)
-    return [half for half in (rows[:middle], rows[middle:]) if half]
-
-
 def _is_text(value: Any) -> bool:
     return isinstance(value, list) and any(isinstance(one, str) and " " in one for one in value)
 
@@ -202,6 +199,8 @@ def _render(study: Study, items: Sequence[Item], drawings: Drawn) -> str:
     cards = [card(item, study.reading) | {"drawings": drawings.get(item.key, [])} for item in items]
     sections = {anchor: [one for one in cards if _section(one["key"]) == anchor] for anchor, _ in SECTIONS.values()}
     titles = {anchor: title for anchor, title in SECTIONS.values() if sections[anchor]}
+    counted = Counter(item.verdict for item in items)
+    here, full = asdict(study.sizes), asdict(FULL)
     return render_html(
         "paper.html",
         contents={
@@ -221,8 +220,12 @@ def _render(study: Study, items: Sequence[Item], drawings: Drawn) -> str:
             "scope": f"{sizes.chains} chains of {sizes.burn_in} + {sizes.draws} iterations, Listing 1 over {sizes.listing_repeats} "
             f"seeds of {sizes.listing_draws} draws, filters over {sizes.filter_seeds} trials",
             "is_full": sizes == FULL,
-            "counts": _counts(study, items),
-            "sizes": _sizes(study),
+            "counts": [
+                {"words": verdict_words(verdict, study.reading), "look": look, "count": counted[verdict]}
+                for verdict, look in LOOKS.items()
+                if counted[verdict]
+            ],
+            "sizes": [{"words": words, "here": here[name], "full": full[name]} for name, words in SIZES.items()],
             "unprinted": settings_rows(study.reading),
             "figures": [f"figures/{key}" for key in chosen_figures(item.key for item in items)],
             "numbers": FILE_NAME,
@@ -254,19 +257,3 @@ def _section(key: str) -> str:
     """Return the anchor of the section in which an item stands: the last to begin before it, or with it."""
     order = list(ENTRIES)
     return [anchor for first, (anchor, _) in SECTIONS.items() if order.index(first) <= order.index(key)][-1]
-
-
-def _counts(study: Study, items: Sequence[Item]) -> list[dict[str, Any]]:
-    """Return how many items have each verdict."""
-    counted = Counter(item.verdict for item in items)
-    return [
-        {"words": verdict_words(verdict, study.reading), "look": look, "count": counted[verdict]}
-        for verdict, look in LOOKS.items()
-        if counted[verdict]
-    ]
-
-
-def _sizes(study: Study) -> list[dict[str, Any]]:
-    """Sample sizes here beside those of the full study."""
-    here, full = asdict(study.sizes), asdict(FULL)
-    return [{"words": words, "here": here[name], "full": full[name]} for name, words in SIZES.items()]

@@ -54,7 +54,10 @@ def configure(cache: bool = True) -> None:
             EngineWarning,
             stacklevel=2,
         )
-    os.environ["XLA_FLAGS"] = _with_fused_time_loops(os.environ.get("XLA_FLAGS", ""))
+    flags = os.environ.get("XLA_FLAGS", "")
+    if not _fuses_time_loops(flags):
+        flags = f"{flags} {_BACKEND_OPTIONS}={_LOOP_OPTION}=1000000000".strip()
+    os.environ["XLA_FLAGS"] = flags if _VECTOR_WIDTH in flags else f"{flags} {_VECTOR_WIDTH}=256"
     os.environ.setdefault("JAX_ENABLE_X64", "1")
     os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "2")
     jax = sys.modules.get("jax")
@@ -168,12 +171,6 @@ def _has_computed() -> bool:
 
 def _fuses_time_loops(flags: str) -> bool:
     return _BACKEND_OPTIONS in flags
-
-
-def _with_fused_time_loops(flags: str) -> str:
-    if not _fuses_time_loops(flags):
-        flags = f"{flags} {_BACKEND_OPTIONS}={_LOOP_OPTION}=1000000000".strip()
-    return flags if _VECTOR_WIDTH in flags else f"{flags} {_VECTOR_WIDTH}=256"
 
 
 def _keep_compiled(jax: Any, started: bool) -> None:

@@ -57,7 +57,11 @@ def key_of(*content: Any) -> str:
     """
     digest = _Digest()
     parts = [digest.of(one) for one in content]
-    parts += [digest.of(_settings()), digest.of(_machine())]
+    # Those of this thread count too: they change what is compiled.
+    names = settings_of_thread.trace_context_names()
+    settings = jax.config.values | dict(zip(names, settings_of_thread.trace_context(), strict=True))
+    weighty = {name: settings[name] for name in sorted(settings) if not any(word in name for word in _OF_NO_WEIGHT)}
+    parts += [digest.of(weighty), digest.of(_machine())]
     parts += [digest.of((package, _sources(package))) for package in sorted(digest.packages)]
     return _joined(*parts).hex()
 
@@ -290,13 +294,6 @@ def _make_room(folder: Path, written: int) -> None:
         with suppress(FileNotFoundError):
             os.unlink(path)
         total -= one.st_size
-
-
-def _settings() -> dict[str, Any]:
-    """Return JAX's settings that may change what is compiled, those of this thread included."""
-    names = settings_of_thread.trace_context_names()
-    found = jax.config.values | dict(zip(names, settings_of_thread.trace_context(), strict=True))
-    return {name: found[name] for name in sorted(found) if not any(word in name for word in _OF_NO_WEIGHT)}
 
 
 @lru_cache(maxsize=1)

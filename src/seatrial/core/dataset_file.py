@@ -61,7 +61,10 @@ def open_dataset(path: Path) -> Dataset:
             dataset.attrs.pop(SEAL, None)
             return dataset
     with _sound(path):
-        dataset = _foreign(path)
+        # Another tool wrote it: xarray knows every encoding that a NetCDF file may have.
+        import xarray  # with pandas half a second, which files of our own need not wait for
+
+        dataset = Dataset.of(xarray.load_dataset(path, engine="h5netcdf", decode_times=False))
         seal = dataset.attrs.pop(SEAL, None)
         damaged = seal is not None and seal != _hash(dataset)
     if damaged:
@@ -163,13 +166,6 @@ def _is_changed(path: Path, size: int, at: int) -> bool:
             digest.update(piece)
             left -= len(piece)
     return tail != _MARK + digest.hexdigest().encode() + b"\n"
-
-
-def _foreign(path: Path) -> Dataset:
-    """Read a file that another tool wrote, as xarray does."""
-    import xarray  # with pandas half a second, which files of our own need not wait for
-
-    return Dataset.of(xarray.load_dataset(path, engine="h5netcdf", decode_times=False))
 
 
 def _encoded(dataset: Dataset) -> bytes:

@@ -80,7 +80,8 @@ def atomic_path(path: Path) -> Iterator[Path]:
         try:
             yield temporary
             os.chmod(temporary, 0o644)
-            _flush(temporary)
+            with temporary.open("rb") as stream:
+                os.fsync(stream.fileno())
             os.replace(temporary, path)
             for seen in _WATCHERS:
                 seen[path.absolute()] = look_of(path)
@@ -198,11 +199,6 @@ def sha256_of_json(content: Any) -> str:
 def _irregular(path: Path) -> InputError:
     found = "a link" if path.is_symlink() else "a pipe, a socket or a device"
     return InputError(str(path), found=found, expected="a file", remedy="remove it, then run the same command again")
-
-
-def _flush(path: Path) -> None:
-    with path.open("rb") as stream:
-        os.fsync(stream.fileno())
 
 
 @contextmanager

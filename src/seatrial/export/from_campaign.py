@@ -150,6 +150,7 @@ def _alone(campaign: Campaign, estimate: Estimate) -> tuple[ExportedVehicle, Exp
     where = f"catalogue {source}" if source else "campaign.toml"
     absent = [f"everything about {rate}" for rate in RATES if rate not in result.moves]
     absent += result.unknown_drives
+    names = tuple(name for name in estimate.names if name.split("[")[0] == CURRENT)
     return result, ExportProvenance(
         estimate.key,
         campaign.name,
@@ -174,7 +175,7 @@ def _alone(campaign: Campaign, estimate: Estimate) -> tuple[ExportedVehicle, Exp
                 if name not in TETHER
             ),
         ),
-        _current(estimate),
+        float(np.abs(estimate.draws(names).mean(0)).max()) if names else 0.0,
     )
 
 
@@ -273,12 +274,6 @@ def _estimated(estimate: Estimate, structure: Structure, summary: Summary) -> Co
         averaged,
         summary.quoted if averaged else "",
     )
-
-
-def _current(estimate: Estimate) -> float:
-    """Return the largest current of its trials by its mean, m/s; 0 where none was estimated."""
-    names = tuple(name for name in estimate.names if name.split("[")[0] == CURRENT)
-    return float(np.abs(estimate.draws(names).mean(0)).max()) if names else 0.0
 
 
 def _stale(folder: Path, found: str, remedy: str) -> InputError:

@@ -32,15 +32,20 @@ def check_stable(vehicle: ExportedVehicle, target: str) -> None:
     """
     place = f'vehicle "{vehicle.name}", export to {target}'
     _check_mass(vehicle, place)
-    for name, value in _diagonal_drag(vehicle):
-        if value > 0:
+    # Quadratic drag of a velocity on its own axis must take energy by itself.
+    own = {CoefficientName.parse(f"{axis}_{rate}abs{rate}") for axis, rate in zip(AXES, RATES, strict=True)}
+    for name, value in vehicle.forces.items():
+        if CoefficientName.parse(name) in own and value > 0:
             raise InputError(
                 f"{place}, {name}",
                 found=f"{name} = {value:.6g} {vehicle.unit(name)}, which gives energy to the motion",
                 expected="a value of 0 or less: drag takes energy",
                 remedy=_AGAIN,
             )
-    for speeds in _motions(vehicle):
+    # Each velocity alone, those that couple, and all together.
+    singles = [{rate: _RANGE[rate]} for rate in vehicle.moves]
+    pairs = [{a: _RANGE[a], b: _RANGE[b]} for a, b in _COUPLED if a in vehicle.moves and b in vehicle.moves]
+    for speeds in [*singles, *pairs, {rate: _RANGE[rate] for rate in vehicle.moves}]:
         findings = dissipation_findings(vehicle.forces, speeds)
         if findings:
             name = _culprit(vehicle, speeds)
@@ -125,19 +130,6 @@ def _check_mass(vehicle: ExportedVehicle, place: str) -> None:
         expected="a positive definite mass matrix",
         remedy="added masses on the diagonal are negative in SNAME notation: check their signs, and the centre of gravity",
     )
-
-
-def _diagonal_drag(vehicle: ExportedVehicle) -> list[tuple[str, float]]:
-    """Return quadratic drag of each velocity on its own axis."""
-    own = {CoefficientName.parse(f"{axis}_{rate}abs{rate}") for axis, rate in zip(AXES, RATES, strict=True)}
-    return [(name, value) for name, value in vehicle.forces.items() if CoefficientName.parse(name) in own]
-
-
-def _motions(vehicle: ExportedVehicle) -> list[dict[str, float]]:
-    """Return the ranges in which damping is tried: each velocity alone, those that couple, and all together."""
-    singles = [{rate: _RANGE[rate]} for rate in vehicle.moves]
-    pairs = [{a: _RANGE[a], b: _RANGE[b]} for a, b in _COUPLED if a in vehicle.moves and b in vehicle.moves]
-    return [*singles, *pairs, {rate: _RANGE[rate] for rate in vehicle.moves}]
 
 
 def _culprit(vehicle: ExportedVehicle, speeds: dict[str, float]) -> str | None:

@@ -90,7 +90,7 @@ class SquareRootUnscentedKalmanFilter:
         predicted = weighted_mean(self.rule, n, outputs)
         masked = mask_missing(space, measurement, predicted)
         residuals = [tuple(map(gate, masked.weight, _minus(output, predicted))) for output in outputs]
-        noise = _diagonal(masked.noise_sd)
+        noise = [(*[0.0] * i, entry) for i, entry in enumerate(masked.noise_sd)]
         if self.bounds:
             mean = weighted_mean(self.rule, n, points)
             joint = [(*r, *_minus(point, mean)) for r, point in zip(residuals, points, strict=True)]
@@ -214,10 +214,6 @@ def _factor(rows: Sequence[Vector], removed: Vector) -> tuple[Triangle, Scalar]:
 
 def _minus(a: Vector, b: Vector) -> Vector:
     return tuple(x - y for x, y in zip(a, b, strict=True))
-
-
-def _diagonal(entries: Sequence[Scalar]) -> list[Vector]:
-    return [(*[0.0] * i, entry) for i, entry in enumerate(entries)]
 
 
 def _transpose(factor: Triangle) -> list[Vector]:

@@ -154,7 +154,13 @@ class Rows(NamedTuple):
             return
         values, step = schedule.controls[control], float(schedule.time[1])
         factor, unit = shown_unit(control)
-        broken = _widened(limits).excess(values, step)
+        # Decimals of a file are rounded: that alone breaks no limit.
+        lower, upper, rate = limits.lower, limits.upper, limits.rate
+        broken = Limits(
+            None if lower is None else lower - _ROUNDING * max(1.0, abs(lower)),
+            None if upper is None else upper + _ROUNDING * max(1.0, abs(upper)),
+            None if rate is None else rate * (1.0 + _ROUNDING),
+        ).excess(values, step)
         for name, found, ends in (
             ("lower", values, unit),
             ("upper", values, unit),
@@ -243,15 +249,6 @@ def read_rows(path: Path, controls: Sequence[str]) -> Rows:
     rows = Rows(str(path), tuple(i for i, _ in lines[1:]), values.pop("time"), values)
     _check_times(rows)
     return rows
-
-
-def _widened(limits: Limits) -> Limits:
-    lower, upper, rate = limits.lower, limits.upper, limits.rate
-    return Limits(
-        None if lower is None else lower - _ROUNDING * max(1.0, abs(lower)),
-        None if upper is None else upper + _ROUNDING * max(1.0, abs(upper)),
-        None if rate is None else rate * (1.0 + _ROUNDING),
-    )
 
 
 def _text(path: Path) -> str:

@@ -43,18 +43,17 @@ def write_accelerations_picture(folder: Path, record: Record, channels: Sequence
             SmoothedSignal(
                 signal_axis(name), factor * result.value, factor * result.value_sd, factor * record.channel(name)
             ),
-            SmoothedSignal(_rate_axis(name, unit), factor * result.rate, factor * result.rate_sd),
+            SmoothedSignal(
+                unit_label(
+                    signal_symbol(name + RATE), f"{unit.removesuffix('/s')}/s^2" if unit.endswith("/s") else f"{unit}/s"
+                ),
+                factor * result.rate,
+                factor * result.rate_sd,
+            ),
         ]
     with own_settings():
         write_text(path, draw_svg(smoothed_record(record.time, curves), f"accelerations-{record.label}"))
     return path
-
-
-def _rate_axis(name: str, unit: str) -> str:
-    """Return the axis label of a rate in the unit of its signal over s."""
-    return unit_label(
-        signal_symbol(name + RATE), f"{unit.removesuffix('/s')}/s^2" if unit.endswith("/s") else f"{unit}/s"
-    )
 
 
 # The picture of a calibration: a stand-alone SVG in the campaign's folder.

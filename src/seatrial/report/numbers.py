@@ -29,7 +29,8 @@ class Digits(NamedTuple):
         if not (isfinite(sd) and sd > 0):
             return cls(_significant(value, 4)[1] if isfinite(value) else 0, None)
         exponent = common_exponent(value, sd)
-        return cls(exponent, _decimals(sd, exponent))
+        # Two significant digits of the standard deviation.
+        return cls(exponent, max(0, 1 - floor(log10(float(f"{sd:.1e}")) - exponent)))
 
     def bare(self, value: float) -> str:
         """Write a number without its power of ten."""
@@ -143,11 +144,6 @@ def _power(number: re.Match) -> str:
     mantissa, exponent = number.groups()
     power = times_ten(int(exponent))
     return power.removeprefix(" × ") if power and float(mantissa) == 1 else mantissa + power
-
-
-def _decimals(sd: float, exponent: int) -> int:
-    """Decimals that show two significant digits of the standard deviation."""
-    return max(0, 1 - floor(log10(float(f"{sd:.1e}")) - exponent))
 
 
 def _significant(value: float, digits: int) -> tuple[str, int]:

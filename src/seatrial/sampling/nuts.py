@@ -191,14 +191,12 @@ def _block(target: Target, state: NutsState, key: jax.Array, start: int, phase: 
             divergences=state.divergences + jnp.where(phase.warming, 0, jnp.sum(info.is_divergent)),
             steps=state.steps + jnp.sum(info.num_integration_steps),
         )
-        return _adapt(state, _least(info.acceptance_rate), phase), (at.position, at.logdensity, acceptance)
+        # The harmonic mean over the chains: one that is stuck in a narrow neck asks for shorter steps, however well
+        # the others fare.
+        shared = 1.0 / jnp.mean(1.0 / jnp.maximum(jnp.nan_to_num(info.acceptance_rate), STUCK))
+        return _adapt(state, shared, phase), (at.position, at.logdensity, acceptance)
 
     return jax.lax.scan(iterate, state, (start + jnp.arange(BLOCK), phase))
-
-
-def _least(acceptance: Float[Array, " chains"]) -> Array:
-    """Harmonic mean over the chains: one that is stuck in a narrow neck asks for shorter steps, however well the others fare."""
-    return 1.0 / jnp.mean(1.0 / jnp.maximum(jnp.nan_to_num(acceptance), STUCK))
 
 
 def _adapt(state: NutsState, acceptance: Array, phase: _Phase) -> NutsState:

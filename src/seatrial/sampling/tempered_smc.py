@@ -207,7 +207,11 @@ def _step(settings: SMCSettings, target: Target, cloud: _Cloud, key: Array, last
     temperature = jnp.where(delta < last - cloud.temperature, cloud.temperature + delta, last)
     picked = _systematic(pick_key, log_weights)
     at = jax.tree.map(lambda array: array[picked], cloud.at)
-    steps = jnp.exp(cloud.log_scale) * 2.38 / np.sqrt(target.dim) * _factor_of(at.z)
+    dim = at.z.shape[1]
+    cov = jnp.cov(at.z, rowvar=False).reshape(dim, dim)
+    # Particles that agree in a direction leave no factor of their covariance: a little is added to its diagonal.
+    factor = jnp.linalg.cholesky(cov + 1e-10 * jnp.diag(jnp.diag(cov)) + 1e-300 * jnp.eye(dim))
+    steps = jnp.exp(cloud.log_scale) * 2.38 / np.sqrt(target.dim) * factor
     move = partial(_move, target, settings.moves_for(target.dim), temperature, steps)
     at, accepted = map_lanes(lambda one: move(*one), (at, jax.random.split(move_key, n)), cpu=_lanes(settings, target))
     acceptance = jnp.mean(accepted)
@@ -263,13 +267,6 @@ def _place(target: Target, z: Array) -> _Place:
 
 def _log_density(at: _Place, temperature: Array) -> Array:
     return at.log_prior + temperature * at.log_likelihood
-
-
-def _factor_of(particles: Array) -> Array:
-    """Return the Cholesky factor of the covariance of particles, shape (d, d)."""
-    dim = particles.shape[1]
-    cov = jnp.cov(particles, rowvar=False).reshape(dim, dim)
-    return jnp.linalg.cholesky(cov + 1e-10 * jnp.diag(jnp.diag(cov)) + 1e-300 * jnp.eye(dim))
 
 
 def _lanes(settings: SMCSettings, target: Target) -> int:

@@ -100,7 +100,10 @@ def remus100_fossen(attitude: Kind = "quaternion", positions: tuple[str, ...] = 
     products = matrix_products(rigid)
     kept = Attitude(attitude_states(attitude, RATES, (), {"phi", "theta", *(("psi",) if positions else ())}))
     states = (*RATES, *positions, *kept.states)
-    damping = _damping(mass, body.weight)
+    # From time constants; in roll and pitch from natural frequencies and damping ratios.
+    roll, pitch = (sqrt(body.weight * _LOW / mass[i, i]) for i in (3, 4))
+    shares = (1 / 20, 1 / 20, 1 / 20, 2 * 0.3 * roll, 2 * 0.8 * pitch, 1 / 1.0)
+    damping = [float(mass[i, i]) * share for i, share in enumerate(shares)]
 
     def derivative(_: Params, state: tuple, control: tuple) -> tuple:
         known = dict(zip(states, state, strict=True))
@@ -124,13 +127,6 @@ def remus100_fossen(attitude: Kind = "quaternion", positions: tuple[str, ...] = 
         return (*rates, *position_rates(positions, pose, nu[:3], {}), *kept.rates(pose, nu[3:]))
 
     return VehicleModel(body.name, states, ("n", "delta_r", "delta_s"), (), (("fossen", 1.0),), False, derivative)
-
-
-def _damping(mass: np.ndarray, weight: float) -> list[float]:
-    """Return linear damping from time constants, and in roll and pitch from natural frequencies and damping ratios."""
-    roll, pitch = (sqrt(weight * _LOW / mass[i, i]) for i in (3, 4))
-    shares = (1 / 20, 1 / 20, 1 / 20, 2 * 0.3 * roll, 2 * 0.8 * pitch, 1 / 1.0)
-    return [float(mass[i, i]) * share for i, share in enumerate(shares)]
 
 
 def _propelled(nu: tuple, control: tuple) -> list[Any]:

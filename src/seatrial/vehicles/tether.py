@@ -69,14 +69,17 @@ class Tether:
         """
         turned = cross((velocity[3], velocity[4], velocity[5]), self.point)
         local = [total(parts) for parts in zip(velocity[:3], turned, strict=True)]
+        # The root's derivative at 0 is taken for 0: the speed is multiplied by the velocity there.
+        square = dot(local, local)
+        xp = array_module(square)
         drag = total(
-            (values.get(LINEAR, self.linear), times(values.get(QUADRATIC, self.quadratic), _root(dot(local, local))))
+            (
+                values.get(LINEAR, self.linear),
+                times(
+                    values.get(QUADRATIC, self.quadratic),
+                    xp.where(square > 0, xp.sqrt(xp.where(square > 0, square, 1.0)), 0.0),
+                ),
+            )
         )
         x, y, z = (-times(drag, part) for part in local)
         return (x, y, z, *cross(self.point, (x, y, z)))
-
-
-def _root(square: Any) -> Any:
-    """Return the square root, whose derivative at 0 is taken for 0: a speed stands beside its velocity there."""
-    xp = array_module(square)
-    return xp.where(square > 0, xp.sqrt(xp.where(square > 0, square, 1.0)), 0.0)

@@ -34,7 +34,7 @@ from seatrial.numerics.rotations import cross, dot, times, total
 from seatrial.vehicles.active_dof import AddedCoriolis, Current, Freedom, acts
 from seatrial.vehicles.actuators import Actuator, with_actuators
 from seatrial.vehicles.attitude import Attitude, Kind, attitude_states, position_angles, position_rates
-from seatrial.vehicles.coriolis import Product, entry_products, matrix_products, summed
+from seatrial.vehicles.coriolis import entry_products, matrix_products, summed
 from seatrial.vehicles.hull import (
     AXES,
     GRAVITY,
@@ -88,7 +88,10 @@ def forces_of(
             sums.setdefault(CoefficientName("", "X", name.factors, name.key), []).append((factor, name.text))
         else:
             sums.setdefault(name, []).append((1.0, name.text))
-    constant = {p.name: p.factor for p in _coriolis_products(hull, fixed, freedom, added_coriolis)}
+    # Of a body of which nothing is known there are no products of the rigid body.
+    rigid = [] if hull.mass is None else matrix_products(rigid_mass_matrix(hull))
+    added = matrix_products(added_mass_matrix(fixed)) if added_coriolis == "automatic" else []
+    constant = {p.name: p.factor for p in summed((*rigid, *added)) if acts(p.name, freedom, ())}
     if added_coriolis == "automatic":
         for entry in inertial:
             for product in entry_products(*added_mass_entry(entry)):
@@ -122,15 +125,6 @@ def forces_of(
         return results
 
     return forces
-
-
-def _coriolis_products(
-    hull: Hull, fixed: Mapping[str, float], freedom: Freedom, added_coriolis: AddedCoriolis
-) -> list[Product]:
-    """Return the products of the rigid body, and of the fixed added mass where that is wanted; none of a body of which nothing is known."""
-    rigid = [] if hull.mass is None else matrix_products(rigid_mass_matrix(hull))
-    added = matrix_products(added_mass_matrix(fixed)) if added_coriolis == "automatic" else []
-    return [product for product in summed((*rigid, *added)) if acts(product.name, freedom, ())]
 
 
 # Accelerations from forces, M nudot = tau, with everything exploited that is known before compilation.
@@ -324,7 +318,12 @@ def _assembled(
     attitude = _attitude(hull, named, freedom, {one.name for one in floating})
     drift = _current_components(freedom)
     states = (*freedom.moves, *freedom.positions, *attitude.states, *(drift if freedom.current == "state" else ()))
-    controls = _controls(named, freedom, states, thrusters) + (drift if freedom.current == "given" else ())
+    used = {signal for name in named for signal in name.signals} | set(freedom.given)
+    used -= {"n", "f"} if thrusters else set()
+    plain = (name for name in SIGNALS if name in used and name not in (*states, *RATES, *ANGLES))
+    given = (name for name in SIGNALS if name in freedom.given)
+    currents = drift if freedom.current == "given" else ()
+    controls = (*given, *plain, *controls_of(thrusters, named, freedom.moves), *currents)
     forces = forces_of(hull, named, fixed, freedom, added_coriolis, thrusters, inertial)
     angles = {angle for name in named for angle in name.signals if angle in ANGLES and angle not in controls}
 
@@ -429,16 +428,6 @@ def _current_components(freedom: Freedom) -> tuple[str, ...]:
     if freedom.current is None:
         return ()
     return CURRENT_COMPONENTS if any(rate in freedom.moves for rate in ("w", "p", "q")) else CURRENT_COMPONENTS[:2]
-
-
-def _controls(
-    named: Sequence[CoefficientName], freedom: Freedom, states: Sequence[str], thrusters: Sequence[Thruster]
-) -> tuple[str, ...]:
-    used = {signal for name in named for signal in name.signals} | set(freedom.given)
-    used -= {"n", "f"} if thrusters else set()
-    plain = (name for name in SIGNALS if name in used and name not in (*states, *RATES, *ANGLES))
-    given = (name for name in SIGNALS if name in freedom.given)
-    return (*given, *plain, *controls_of(thrusters, named, freedom.moves))
 
 
 def _constants(

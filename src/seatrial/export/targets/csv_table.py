@@ -52,7 +52,9 @@ class CsvTable:
         head = ["name", "value", "sd", "unit", "source", "model_error_sd", *_AVERAGED]
         head += [f"covariance with {name}" for name in known]
         full = [row + [""] * (len(head) - len(row)) for row in (*rows, *body)]
-        text = "".join(f"# {line}\n" for line in (*statement.lines, UNCERTAINTY)) + _csv([head, *full])
+        stream = io.StringIO()
+        csv.writer(stream, lineterminator="\n").writerows([head, *full])
+        text = "".join(f"# {line}\n" for line in (*statement.lines, UNCERTAINTY)) + stream.getvalue()
         return {"coefficients.csv": text}
 
 
@@ -103,9 +105,3 @@ def _whole_rows(hull: Hull) -> list[tuple[str, float | None, str]]:
     rows += [(f"{a}_b", value, "m") for a, value in zip("xyz", hull.centre_of_buoyancy, strict=True)]
     rows += [("weight", hull.weight, "N"), ("buoyancy", hull.buoyancy, "N")]
     return rows
-
-
-def _csv(rows: list[list[str]]) -> str:
-    stream = io.StringIO()
-    csv.writer(stream, lineterminator="\n").writerows(rows)
-    return stream.getvalue()

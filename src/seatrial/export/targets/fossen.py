@@ -5,6 +5,7 @@ overridden as a whole: M, C, every named term, weight and buoyancy, the lags and
 Source: github.com/cybergalactic/PythonVehicleSimulator, `vehicles/remus100.py` and `lib/mainLoop.py` (MIT licence).
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from math import isfinite, pi
 
@@ -68,7 +69,7 @@ class Fossen:
                     ("LAG", "time_constant"),
                 )
             },
-            "UNPACK": _unpack(controls),
+            "UNPACK": "\n".join(f"        {control} = control[{i}]" for i, control in enumerate(controls)),
             "FORCES": _forces(vehicle),
             "SINGLE": _steps(controls),
         }
@@ -125,10 +126,6 @@ def _label(control: str) -> str:
     return known.get(control, f"{control} ({signal_unit(control)})")
 
 
-def _unpack(controls: tuple[str, ...]) -> str:
-    return "\n".join(f"        {control} = control[{i}]" for i, control in enumerate(controls))
-
-
 def _forces(vehicle: ExportedVehicle) -> str:
     """Return one sum for each axis, and the thrusters."""
     hull, lines = vehicle.hull, []
@@ -173,12 +170,9 @@ def _factor(factor: Factor, trim: dict | object, names: dict[str, str]) -> str:
     return text if factor.power == 1 else f"{text}**{factor.power}"
 
 
-def _row(values: object) -> str:
-    return "np.array([" + ", ".join(_finite(value) for value in values) + "])"  # pyright: ignore[reportGeneralTypeIssues]
-
-
-def _finite(value: float) -> str:
-    return number(value) if isfinite(value) else ("np.inf" if value > 0 else "-np.inf")
+def _row(values: Iterable[float]) -> str:
+    texts = (number(value) if isfinite(value) else "np.inf" if value > 0 else "-np.inf" for value in values)
+    return f"np.array([{', '.join(texts)}])"
 
 
 def _matrix(matrix: np.ndarray) -> str:

@@ -122,7 +122,8 @@ class Gz:
         terms = sorted_terms(vehicle.forces)
         _, thrust = drives_of(vehicle)
         fins, odd = fins_of(terms)
-        kept = without(vehicle, [*terms.other, *thrust, *_fin_terms(vehicle)])
+        finned = [name for name in vehicle.forces if sorted_terms({name: 1.0}).fin]
+        kept = without(vehicle, [*terms.other, *thrust, *finned])
         actuators = {name: Actuator(0.0, one.lower, one.upper) for name, one in vehicle.actuators.items()}
         drifting = _drift_losses(self.engine, vehicle, fins)
         lost = (
@@ -212,10 +213,6 @@ def _rate(i: int) -> str:
     return RATES[i].upper()
 
 
-def _fin_terms(vehicle: ExportedVehicle) -> list[str]:
-    return [name for name in vehicle.forces if sorted_terms({name: 1.0}).fin]
-
-
 def _notes(options: Gz, vehicle: ExportedVehicle, name: str) -> list[str]:
     """Return what a user of these files must know."""
     drives, _ = drives_of(vehicle)
@@ -251,7 +248,12 @@ def _model(options: Gz, vehicle: ExportedVehicle, name: str) -> str:
     parts = [flu(drive.place) for drive in drives] + [np.array([fin.place, 0.0, 0.0]) for fin in fins]
     own = flip(vehicle.rigid_mass) - sum((point_mass(PART, PART_INERTIA, at) for at in parts), start=np.zeros((6, 6)))
     body = body_of(own)
-    box = _box(vehicle, options.density, parts)
+    # A box of the displaced volume, as long as the parts that lie farthest apart need.
+    volume = volume_of(vehicle, options.density)
+    length = max([2.0 * abs(float(at[0])) for at in parts] + [volume ** (1 / 3)])
+    side = (volume / length) ** 0.5
+    place = pose(flu(vehicle.hull.centre_of_buoyancy))
+    box = f"<pose>{place}</pose><geometry><box><size>{numbers((length, side, side))}</size></box></geometry>"
     lines = [
         f'  <model name="{name}">',
         '    <link name="base_link">',
@@ -277,15 +279,6 @@ def _added_mass(vehicle: ExportedVehicle) -> str:
     matrix = flip(vehicle.added_mass)
     rows = [f"          <{key}>{number(matrix[_SIX.index(key[0]), _SIX.index(key[1])])}</{key}>" for key in _UPPER]
     return "\n".join(["        <fluid_added_mass>", *rows, "        </fluid_added_mass>"])
-
-
-def _box(vehicle: ExportedVehicle, density: float, parts: list[np.ndarray]) -> str:
-    """Return a box of the displaced volume about the centre of buoyancy, as long as what stands farthest apart asks for."""
-    volume = volume_of(vehicle, density)
-    length = max([2.0 * abs(float(at[0])) for at in parts] + [volume ** (1 / 3)])
-    side = (volume / length) ** 0.5
-    place = pose(flu(vehicle.hull.centre_of_buoyancy))
-    return f"<pose>{place}</pose><geometry><box><size>{numbers((length, side, side))}</size></box></geometry>"
 
 
 def _part(name: str, place: np.ndarray, axis: np.ndarray, limit: str) -> str:

@@ -8,8 +8,6 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import Any
 
-import numpy as np
-
 from seatrial.core.signals import RATES, signal_unit
 from seatrial.export.motion import motion_of
 from seatrial.export.stability import check_stable
@@ -113,7 +111,7 @@ def described(vehicle: ExportedVehicle) -> dict[str, Any]:
         },
         "matrices": {
             "order": list(RATES),
-            "rigid_mass": _known(vehicle, vehicle.rigid_mass),
+            "rigid_mass": (vehicle.rigid_mass.tolist() if vehicle.is_whole else None),
             "added_mass": vehicle.added_mass.tolist(),
             "units": "kg, kg m and kg m^2",
         },
@@ -123,10 +121,6 @@ def described(vehicle: ExportedVehicle) -> dict[str, Any]:
         ],
         "actuators": {name: _actuator(name, actuator) for name, actuator in vehicle.actuators.items()},
     }
-
-
-def _known(vehicle: ExportedVehicle, matrix: np.ndarray) -> list[list[float]] | None:
-    return matrix.tolist() if vehicle.is_whole else None
 
 
 def _actuator(name: str, actuator: Actuator) -> dict[str, Any]:

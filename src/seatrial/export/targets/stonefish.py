@@ -66,8 +66,9 @@ class Stonefish:
         """See `Exporter`."""
         solid, actuators = solid_of(vehicle, self.density), _actuators(vehicle)
         rest = [name for name in vehicle.forces if name not in _named(vehicle, solid)]
+        kept = np.isclose(solid.inertia + solid.turned, _turning_inertia(vehicle), rtol=1e-9)
         lost = [
-            *added_mass_losses(vehicle, _turning(vehicle, solid)),
+            *added_mass_losses(vehicle, [f"{AXES[3 + i]}_{RATES[3 + i]}dot" for i in range(3) if kept[i]]),
             *term_losses(vehicle, rest),
             *actuator_losses(vehicle, actuators),
         ]
@@ -337,7 +338,10 @@ def rudders_of(vehicle: ExportedVehicle) -> tuple[Fin, ...]:
     """Return the fins that turn, and at the origin fixed ones that give the lift Y_uv and Z_uw that those leave."""
     terms = sorted_terms(vehicle.forces)
     result = fins_of(terms)[0]
-    rest = {axis: -terms.product.get((axis, 0, axis), 0.0) - _lift(result, axis) for axis in (1, 2)}
+    rest = {
+        axis: -terms.product.get((axis, 0, axis), 0.0) - sum(abs(fin.lift) for fin in result if fin.axis == axis)
+        for axis in (1, 2)
+    }
     return result + tuple(Fin(f"{_HULL}{RATES[axis]}", axis, lift, 0.0) for axis, lift in rest.items() if lift > 0)
 
 
@@ -345,10 +349,6 @@ def _weighed(vector: Float[np.ndarray, " 3"], by: Float[np.ndarray, " 3"]) -> Fl
     """Return a vector times the multiplier of its direction."""
     length = np.linalg.norm(vector)
     return (np.abs(vector) @ by / length) * vector if length > 0 else vector
-
-
-def _lift(fins: tuple[Fin, ...], axis: int) -> float:
-    return sum(abs(fin.lift) for fin in fins if fin.axis == axis)
 
 
 def _fin_terms(fin: Fin) -> tuple[str, ...]:
@@ -370,12 +370,6 @@ def _named(vehicle: ExportedVehicle, solid: Solid) -> set[str]:
         results |= {f"{own}abs{RATES[i]}"} if i in (0, 3, 4, 5) or not solid.cruises else set()
         results |= {own}
     return results
-
-
-def _turning(vehicle: ExportedVehicle, solid: Solid) -> list[str]:
-    """Return the added inertia that is in the file's."""
-    kept = np.isclose(solid.inertia + solid.turned, _turning_inertia(vehicle), rtol=1e-9)
-    return [f"{AXES[3 + i]}_{RATES[3 + i]}dot" for i in range(3) if kept[i]]
 
 
 def _turning_inertia(vehicle: ExportedVehicle) -> Float[np.ndarray, " 3"]:

@@ -42,7 +42,14 @@ def trial_script(trial: Trial) -> str:
     )
     code = files("seatrial.export.trials").joinpath("mavlink_script.py").read_text(encoding="utf-8")
     imports, _, rest = code[code.index("from __future__") :].partition(_BEGIN)
-    head = _DOC.replace("@FULL@", repr(full)).replace("@DOC@", "\n".join(_safe(line) for line in trial.lines))
+    # The text stands in a docstring of the script.
+    head = _DOC.replace("@FULL@", repr(full)).replace(
+        "@DOC@",
+        "\n".join(
+            "".join(c if c.isprintable() else " " for c in line).replace("\\", "/").replace('"', "'")
+            for line in trial.lines
+        ),
+    )
     own = f"""CONTROL, UNIT = {trial.control!r}, {unit!r}
 AXIS, SIGN = {stick.axis!r}, {stick.sign}
 LOWER, UPPER, RATE = {bounds[0]!r}, {bounds[1]!r}, {rate!r}
@@ -56,8 +63,3 @@ ROWS = [
 def _shown(value: float) -> float:
     """Return a number without the rounding of its unit."""
     return float(f"{value:.12g}")
-
-
-def _safe(line: str) -> str:
-    """Return the text that can stand in a docstring."""
-    return "".join(c if c.isprintable() else " " for c in line).replace("\\", "/").replace('"', "'")

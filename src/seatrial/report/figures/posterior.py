@@ -98,7 +98,7 @@ def draw_marginal(
     low, high = _frame(draws, mean, sd, prior, truth)
     exponent = power_of_ten(low, high)
     scale = 10.0**-exponent
-    counts, edges = np.histogram(draws, bins=_bins(draws.size), range=(low, high))
+    counts, edges = np.histogram(draws, bins=int(np.clip(draws.size**0.4, 20, 60)), range=(low, high))
     density = counts / (draws.size * (edges[1] - edges[0]))
     top = float(density.max())
     axes.stairs(density / top, edges * scale, fill=True, color=BLUE, alpha=0.45, linewidth=0, label="posterior draws")
@@ -155,7 +155,10 @@ def draw_pair(
     ranges = [np.quantile(values, [0.0005, 0.9995]) + np.ptp(values) * np.array([-0.06, 0.06]) for values in (x, y)]
     counts, x_edges, y_edges = np.histogram2d(x, y, bins=48, range=ranges)
     smooth = gaussian_filter(counts, 1.6)
-    levels = _levels(smooth)
+    # Heights above which the shares of the density lie, lowest first.
+    ordered = np.sort(smooth.ravel())[::-1]
+    held = np.cumsum(ordered) / ordered.sum()
+    levels = [float(ordered[min(int(np.searchsorted(held, share)), ordered.size - 1)]) for share in SHARES]
     if levels[0] < levels[1]:
         axes.contour(
             (x_edges[1:] + x_edges[:-1]) / 2,
@@ -219,10 +222,6 @@ def profile_figure(panels: Sequence[Panel], words: Sequence[str] = ()) -> "Figur
     return figure
 
 
-def _bins(count: int) -> int:
-    return int(np.clip(count**0.4, 20, 60))
-
-
 def _frame(
     draws: np.ndarray, mean: float, sd: float, prior: PriorShape | None, truth: float | None
 ) -> tuple[float, float]:
@@ -236,13 +235,6 @@ def _frame(
         low, high = min(low, truth), max(high, truth)
     width = high - low if high - low > 1e-9 * abs(high) else abs(high) or 1.0
     return low - 0.04 * width, high + 0.04 * width
-
-
-def _levels(density: np.ndarray) -> list[float]:
-    """Return the heights above which the given shares of the density lie, lowest first."""
-    ordered = np.sort(density.ravel())[::-1]
-    held = np.cumsum(ordered) / ordered.sum()
-    return [float(ordered[min(int(np.searchsorted(held, share)), ordered.size - 1)]) for share in SHARES]
 
 
 def _draw(axes: "Axes", panel: Panel) -> None:

@@ -61,7 +61,18 @@ def draw_surface(
     axes.grid(False)
     if np.isnan(gain).any():
         _hatch(axes)
-    contours = axes.contourf(period, amplitude, gain, levels=_levels(gain), cmap=COLOURS, zorder=1)
+    from matplotlib.ticker import MaxNLocator
+
+    low, high = float(np.nanmin(gain)), float(np.nanmax(gain))
+    spread = max(high - low, 1e-6 * max(abs(high), 1.0))
+    contours = axes.contourf(
+        period,
+        amplitude,
+        gain,
+        levels=np.asarray(MaxNLocator(LEVELS).tick_values(high - spread, high)),
+        cmap=COLOURS,
+        zorder=1,
+    )
     contours.set_edgecolor("face")
     at_amplitude, at_period = np.meshgrid(amplitude, period, indexing="ij")
     tried = np.isfinite(gain)
@@ -84,14 +95,6 @@ def draw_surface(
         spine.set_visible(True)
     label_axes(axes, *labels)
     _bar(axes, contours)
-
-
-def _levels(gain: np.ndarray) -> np.ndarray:
-    from matplotlib.ticker import MaxNLocator
-
-    low, high = float(np.nanmin(gain)), float(np.nanmax(gain))
-    spread = max(high - low, 1e-6 * max(abs(high), 1.0))
-    return np.asarray(MaxNLocator(LEVELS).tick_values(high - spread, high))
 
 
 def _hatch(axes: "Axes") -> None:

@@ -95,7 +95,11 @@ def _card(outcome: Outcome, index: int, record: Record, held_back: bool, most: i
     return {
         "title": title,
         "held_back": held_back,
-        "verdicts": [_verdict(fit) for fit in outcome.fits if fit.record == record.label],
+        "verdicts": [
+            {"level": fit.level, "kind": LOOKS[fit.level], "reason": sentence_html(fit.finding, {})}
+            for fit in outcome.fits
+            if fit.record == record.label
+        ],
         "figures": [
             draw(fit, f"fit-{index}", f"{title}: measured and predicted"),
             draw(
@@ -105,10 +109,6 @@ def _card(outcome: Outcome, index: int, record: Record, held_back: bool, most: i
             ),
         ],
     }
-
-
-def _verdict(fit: Fit) -> dict[str, Any]:
-    return {"level": fit.level, "kind": LOOKS[fit.level], "reason": sentence_html(fit.finding, {})}
 
 
 def _basis(outcome: Outcome) -> str:

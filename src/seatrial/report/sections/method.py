@@ -1,7 +1,6 @@
 """How it was computed: settings, the health of every posterior and evidence, where the data came from, and the files."""
 
 import json
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -68,6 +67,9 @@ def _health(outcome: Outcome, index: int) -> dict[str, Any]:
         float(data["r_hat"].values[worst]),
         float(min(data["ess_bulk"].values.min(), data["ess_tail"].values.min())),
     )
+    # In joint errors; a dash where no other method is healthy.
+    value = value_of(result)
+    others = [abs(one["joint_errors"]) for name, one in result.items() if name != value and not one["status"]]
     return {
         "model": model_html(outcome, estimate.structure.label),
         "chosen": index == outcome.selection.chosen,
@@ -83,16 +85,9 @@ def _health(outcome: Outcome, index: int) -> dict[str, Any]:
             f"{one['log_value']:.2f} ± {one['std_error']:.2f}" if (one := result.get(name)) else "–"
             for name in _methods(outcome)
         ],
-        "apart": _apart(result),
+        "apart": (short(min(others), 2) if others else "–"),
         "evidence_bad": bool(evidence.status),
     }
-
-
-def _apart(table: Mapping[str, Mapping[str, float]]) -> str:
-    """Return how far the healthy method nearest to the value lies from it, in joint errors; a dash where there is none."""
-    value = value_of(table)
-    others = [abs(one["joint_errors"]) for name, one in table.items() if name != value and not one["status"]]
-    return short(min(others), 2) if others else "–"
 
 
 def _methods(outcome: Outcome) -> list[str]:
@@ -111,22 +106,18 @@ def _provenance(record: Any) -> dict[str, Any]:
     }
 
 
-def _runs(outcome: Outcome) -> list[str]:
-    """Return the labels of the records as they are stored, of which trials may be pieces."""
-    trials = (*outcome.trials.fit, *outcome.trials.predict)
-    cut = [
-        record.label.rpartition(".")[0] if "piece" in record.provenance.options else record.label for record in trials
-    ]
-    return list(dict.fromkeys(cut))
-
-
 def _files(outcome: Outcome) -> list[tuple[str, str]]:
     """Return the files that exist, relative to the campaign's folder, and what they hold."""
     store = Store(outcome.campaign.folder)
     folder = outcome.campaign.folder
+    # Trials may be pieces of a record.
+    trials = (*outcome.trials.fit, *outcome.trials.predict)
+    cut = [
+        record.label.rpartition(".")[0] if "piece" in record.provenance.options else record.label for record in trials
+    ]
     listed = [
         (folder / FILE_NAME, "the campaign file: vehicle, priors, goals and limits"),
-        *((store.record(run), f"record {run}") for run in _runs(outcome)),
+        *((store.record(run), f"record {run}") for run in list(dict.fromkeys(cut))),
         (store.design, "designs swept for the trial"),
         (store.schedule(store.design), "control of the trial over time, its unit in the header"),
         *(

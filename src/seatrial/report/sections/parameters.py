@@ -41,23 +41,31 @@ def parameters_section(outcome: Outcome) -> dict[str, Any]:
     items = {item.name: item for item in known.parameters}
     rows = [_row(outcome, row, items.get(row.name, UNKNOWN)) for row in outcome.summary.coefficients]
     matrix = correlation(chosen.draws())
-    paired = _most_correlated(matrix)
+    strength = np.nan_to_num(np.abs(matrix - np.diag(np.diag(matrix)))).max(axis=0)
+    paired = sorted(np.argsort(-strength, kind="stable")[:MOST_PAIRS].tolist())
     several = len(known.parameters) > 1
     terms = chosen.structure.terms
     shown = [row for row in rows if row["name"] in terms or row["flagged"]]
+    # Forces by their symbols, other effects in words.
+    effects = outcome.chosen.tried_effects
+    forces = {word for effect in effects for word in effect.split() if is_coefficient(word)}
+    labels = labels_of(outcome) | {force: CoefficientName.parse(force).label for force in forces}
+    names = outcome.chosen.names[:MOST_ROWS]
+    draws = outcome.chosen.data["draws"].sel(parameter=list(names)).values
+    symbols = [label_mathtext(labels_of(outcome)[name]) for name in names]
     return {
         "model": model_said(outcome, chosen.structure.label),
         "rows": shown,
         "more": (more := [row for row in rows if row not in shown]),
         "more_kinds": other_kinds([row["name"] for row in more]),
-        "tried_effects": _tried_effects(outcome),
+        "tried_effects": [name_html(effect, labels) for effect in effects],
         "verdict": []
         if set(known.verdict) <= set(outcome.summary.cautions) and known.verdict
         else verdict_of(outcome, known),
         "directions": [_direction(item, labels_of(outcome)) for item in known.directions] if several else [],
         "corner": _corner(outcome, paired),
         "pairs_left_out": len(chosen.names) - len(paired),
-        "chains": _chains(outcome),
+        "chains": draw(chain_rows(draws, symbols), "chains", "Traces of the chains, a row for each parameter"),
         "chain_count": chosen.data.sizes["chain"],
         "filter": _filter(outcome),
         "has_truth": bool(truth_of(outcome)),
@@ -132,14 +140,6 @@ def _row(outcome: Outcome, item: StoredCoefficient, known: KnownParameter) -> di
     }
 
 
-def _tried_effects(outcome: Outcome) -> list[Markup]:
-    """Return the effects that were looked for, forces by their symbols."""
-    effects = outcome.chosen.tried_effects
-    forces = {word for effect in effects for word in effect.split() if is_coefficient(word)}
-    labels = labels_of(outcome) | {force: CoefficientName.parse(force).label for force in forces}
-    return [name_html(effect, labels) for effect in effects]
-
-
 def _direction(item: Direction, labels: dict[str, str]) -> Markup:
     """Return the change of one standard error: symbols with what each changes by."""
     parts = [
@@ -149,12 +149,6 @@ def _direction(item: Direction, labels: dict[str, str]) -> Markup:
         for name, size in item.parts
     ]
     return Markup(", ").join(parts)
-
-
-def _most_correlated(matrix: np.ndarray) -> list[int]:
-    """Return the parameters of the strongest correlations, in their order."""
-    strength = np.nan_to_num(np.abs(matrix - np.diag(np.diag(matrix)))).max(axis=0)
-    return sorted(np.argsort(-strength, kind="stable")[:MOST_PAIRS].tolist())
 
 
 def _corner(outcome: Outcome, paired: list[int]) -> Drawing:
@@ -169,13 +163,6 @@ def _corner(outcome: Outcome, paired: list[int]) -> Drawing:
         [truth.get(name) for name in names],
     )
     return draw(figure, "pairs", "Posteriors, one at a time on the diagonal and every two together below it")
-
-
-def _chains(outcome: Outcome) -> Drawing:
-    names = outcome.chosen.names[:MOST_ROWS]
-    draws = outcome.chosen.data["draws"].sel(parameter=list(names)).values
-    symbols = [label_mathtext(labels_of(outcome)[name]) for name in names]
-    return draw(chain_rows(draws, symbols), "chains", "Traces of the chains, a row for each parameter")
 
 
 def _filter(outcome: Outcome) -> dict[str, Any]:

@@ -360,13 +360,9 @@ def _values(table: dict[str, Any], part: str, where: str) -> dict[str, float]:
     values = {CoefficientName.parse(name).text: float(value) for name, value in table.get(part, {}).items()}
     if "primes" not in table:
         return values
-    scale = _prime_scale(table, where)
-    return {name: from_prime(name, value, **scale) for name, value in values.items()}
-
-
-def _prime_scale(table: dict[str, Any], where: str) -> dict[str, float]:
     units = {"density": "kg/m^3", "length": "m", "speed": "m/s"}
-    return {key: quantity(table["primes"][key], unit, where) for key, unit in units.items()}
+    scale = {key: quantity(table["primes"][key], unit, where) for key, unit in units.items()}
+    return {name: from_prime(name, value, **scale) for name, value in values.items()}
 
 
 def _hull(table: dict[str, Any], fixed: dict[str, float], where: str) -> Hull:
