@@ -12,8 +12,8 @@ from typing import Any, ClassVar
 import jax
 import jax.numpy as jnp
 
-from seatrial.filters.belief import Belief, Update, condition, mask_missing, process_covariance
-from seatrial.filters.forms import CovarianceTriangle, Form
+from seatrial.filters.belief import FilterState, Update, condition, mask_missing, process_covariance
+from seatrial.filters.forms import CovarianceTriangle, StateForm
 from seatrial.numerics.state_space import StateSpace
 from seatrial.numerics.triangular import Scalar, Vector, cholesky, to_triangle
 
@@ -22,10 +22,12 @@ from seatrial.numerics.triangular import Scalar, Vector, cholesky, to_triangle
 class SkeletonFilter:
     """Its fields are its settings: plain numbers, so that it can be hashed and shares compiled code."""
 
-    form: ClassVar[Form] = CovarianceTriangle()
+    form: ClassVar[StateForm] = CovarianceTriangle()
     """How the belief is held: covariance or Cholesky factor, scalars or arrays."""
 
-    def predict(self, space: StateSpace, belief: Belief, control: Vector, step: Scalar) -> tuple[Belief, Scalar]:
+    def predict(
+        self, space: StateSpace, belief: FilterState, control: Vector, step: Scalar
+    ) -> tuple[FilterState, Scalar]:
         """See `Filter.predict`; states from `n_dynamic` on are constants, which `transition` does not return."""
         mean = jnp.stack(belief.mean)
 
@@ -35,9 +37,11 @@ class SkeletonFilter:
 
         slope = jax.jacfwd(move)(mean)
         noise = process_covariance(space, belief.mean, control, step)
-        return Belief(tuple(move(mean)), to_triangle(slope @ _full(belief) @ slope.T + noise)), 0
+        return FilterState(tuple(move(mean)), to_triangle(slope @ _full(belief) @ slope.T + noise)), 0
 
-    def update(self, space: StateSpace, belief: Belief, control: Vector, measurement: Vector) -> tuple[Belief, Update]:
+    def update(
+        self, space: StateSpace, belief: FilterState, control: Vector, measurement: Vector
+    ) -> tuple[FilterState, Update]:
         """See `Filter.update`; a channel that was not measured has weight 0 and drops out exactly."""
         mean = jnp.stack(belief.mean)
 
@@ -51,6 +55,6 @@ class SkeletonFilter:
         return condition(belief, cholesky(to_triangle(spread)), [tuple(row) for row in cross], masked)
 
 
-def _full(belief: Belief) -> Any:
+def _full(belief: FilterState) -> Any:
     lower = jnp.stack([jnp.stack([*row, *[jnp.zeros(())] * (len(belief.spread) - len(row))]) for row in belief.spread])
     return lower + jnp.tril(lower, -1).T

@@ -15,7 +15,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from seatrial.sampling.run import BLOCK, ChainSettings, Run, begin, keep
+from seatrial.sampling.run import BLOCK, ChainRun, ChainSettings, begin, keep
 from seatrial.sampling.run import finish as finish
 from seatrial.sampling.target import Target, log_densities
 from seatrial.sampling.walk import first_log_scale, live_densities, log_ratio_of, mean_acceptance, step_factor
@@ -35,7 +35,7 @@ class State(NamedTuple):
     factor: Float[Array, "d d"]
 
 
-def start_chains(target: Target, starts: Float[Array, "chains d"], cov: Float[Array, "d d"]) -> Run:
+def start_chains(target: Target, starts: Float[Array, "chains d"], cov: Float[Array, "d d"]) -> ChainRun:
     """Begin a run.
 
     Raises:
@@ -45,7 +45,7 @@ def start_chains(target: Target, starts: Float[Array, "chains d"], cov: Float[Ar
     return begin(State(starts, live_densities(target, starts), factor))
 
 
-def advance_chains(target: Target, run: Run, key: jax.Array, settings: ChainSettings) -> Run:
+def advance_chains(target: Target, run: ChainRun, key: jax.Array, settings: ChainSettings) -> ChainRun:
     """Advance a run by one block of iterations; draws of the warm-up are not kept."""
     state, drawn = _block(target, run.state, key, run.iteration)
     return keep(run, state, drawn, settings)

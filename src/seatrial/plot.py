@@ -26,7 +26,7 @@ from seatrial.estimation.prediction.prediction import Prediction
 from seatrial.estimation.priors import Prior, prior_curve
 from seatrial.report.drawing import prior_panels, prior_spreads, record_curves, signal_axis
 from seatrial.report.figures.checks import draw_motions, prior_motions
-from seatrial.report.figures.fit import Driven, Predicted, draw_fit, draw_residuals
+from seatrial.report.figures.fit import Driven, PredictedChannel, draw_fit, draw_residuals
 from seatrial.report.figures.parameters import draw_chains
 from seatrial.report.figures.posterior import PriorShape, draw_marginal, draw_pair
 from seatrial.report.figures.structures import draw_probabilities
@@ -60,7 +60,7 @@ LEGEND: dict[str, Any] = {
     "columnspacing": 1.2,
 }
 """How the drawn things are explained."""
-MOST_PAIRS = 8
+MAX_PAIRS = 8
 """Parameters beyond which a grid of pairs cannot be read."""
 
 
@@ -187,12 +187,12 @@ def pairs(
         InputError: no such parameter, too many of them, something that is no true value, or another number of axes.
     """
     truth = _true_values(truth, _drawn(result))
-    table = _table(_drawn(result), names)[: MOST_PAIRS if names is None else None]
-    if len(table) > MOST_PAIRS:
+    table = _table(_drawn(result), names)[: MAX_PAIRS if names is None else None]
+    if len(table) > MAX_PAIRS:
         raise InputError(
             "names",
             found=f"{len(table)} parameters",
-            expected=f"at most {MOST_PAIRS}",
+            expected=f"at most {MAX_PAIRS}",
             remedy="name those that matter",
         )
     count = len(table)
@@ -321,7 +321,7 @@ def prior_predictive(result: PriorPredictive, *, ax: "Place" = None) -> np.ndarr
     return _array(axes)
 
 
-class _Drawn(NamedTuple):
+class _DrawnParameter(NamedTuple):
     """One parameter: its draws, SI, shape (chains, draws), and how it is printed."""
 
     name: str
@@ -336,7 +336,7 @@ def _drawn(result: Draws | Estimate | Outcome) -> Draws | Estimate:
     return check_kind(chosen, (Draws, Estimate), "result", "draw with `sample`, or estimate a campaign")
 
 
-def _table(result: Draws | Estimate, names: Sequence[str] | None) -> list[_Drawn]:
+def _table(result: Draws | Estimate, names: Sequence[str] | None) -> list[_DrawnParameter]:
     wanted = result.names if names is None else check_names(names, "names")
     chosen = [check_choice(one, result.names, "names") for one in wanted]
     if not chosen:
@@ -345,10 +345,13 @@ def _table(result: Draws | Estimate, names: Sequence[str] | None) -> list[_Drawn
         )
     if isinstance(result, Draws):
         units = dict(zip(result.names, result.units, strict=True))
-        return [_Drawn(name, name_mathtext(name), units[name], result[name]) for name in chosen]
+        return [_DrawnParameter(name, name_mathtext(name), units[name], result[name]) for name in chosen]
     data = result.data
     units = dict(zip(result.names, map(str, data["unit"].values), strict=True))
-    return [_Drawn(name, name_mathtext(name), units[name], data["draws"].sel(parameter=name).values) for name in chosen]
+    return [
+        _DrawnParameter(name, name_mathtext(name), units[name], data["draws"].sel(parameter=name).values)
+        for name in chosen
+    ]
 
 
 def _true_values(truth: Mapping[str, float] | None, result: Draws | Estimate) -> dict[str, float]:
@@ -405,7 +408,7 @@ def _interval(draws: np.ndarray) -> tuple[float, float]:
 
 def _curves(
     result: Prediction | Outcome, record: str | None
-) -> tuple[np.ndarray, list[Predicted], dict[str, Driven], bool]:
+) -> tuple[np.ndarray, list[PredictedChannel], dict[str, Driven], bool]:
     """Return time, channels and controls in the units in which they are shown, and whether the record was held back."""
     if isinstance(result, Outcome):
         records = {one.label: one for one in (*result.trials.fit, *result.trials.predict)}
@@ -422,7 +425,7 @@ def _curves(
     for column, name in enumerate(result.channels):
         factor = shown_unit(name)[0]
         parts = of.channel(name), result.mean[:, column], result.sd[:, column]
-        channels.append(Predicted(signal_axis(name), *(part * factor for part in parts)))
+        channels.append(PredictedChannel(signal_axis(name), *(part * factor for part in parts)))
     controls = {name: Driven(signal_axis(name), of.channel(name) * shown_unit(name)[0]) for name in of.controls}
     return of.time, channels, controls, False
 

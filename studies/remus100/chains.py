@@ -18,7 +18,7 @@ from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.report.figures.style import BLUE, INK, MUTED, ORANGE, PURPLE, limit_ticks, thin
 from seatrial.sampling import adaptive_metropolis
 from seatrial.sampling.diagnostics import diagnose, geweke_scores, printed_geweke_scores
-from seatrial.sampling.run import ChainSettings, Run, finish, is_finished
+from seatrial.sampling.run import ChainRun, ChainSettings, finish, is_finished
 from seatrial.selection.criteria import deviance_criteria, psis_loo, waic
 from studies.remus100.panels import PAGE, TEXT, key, name_axes, panels, symbol, with_unit
 from studies.remus100.study import Study
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 LAGS = 200
-KEPT = 5000
+KEPT_DRAWS = 5000
 """Draws of each chain that are kept for figures; every number comes from all of them."""
 AFAR = 10.0
 """Nats below the mode at which a start counts as arrived."""
@@ -168,7 +168,7 @@ def _sample(study: Study, posterior: Posterior, sampler: ModuleType, title: str)
     mode_key, start_key, key = jax.random.split(study.random_key(title), 3)
     mode = find_mode(posterior, mode_key)
     starts = jax.random.multivariate_normal(start_key, mode.z, mode.cov, (sizes.chains,)).at[0].set(mode.z)
-    run: Run = sampler.start_chains(posterior, starts, jnp.asarray(mode.cov))
+    run: ChainRun = sampler.start_chains(posterior, starts, jnp.asarray(mode.cov))
     report, total = study.progress(f"{title}, {sizes.chains} chains"), sizes.burn_in + sizes.draws
     trace, first, begun = [np.asarray(starts[0])], 0.0, time.perf_counter()
     while not is_finished(run, settings):
@@ -192,7 +192,7 @@ def _summary(study: Study, posterior: Posterior, sampled: _Sampled) -> xr.Datase
     hpd = np.array([array_stats.hdi(flat[:, i], prob=0.95) for i in range(len(names))])
     one = values[0]
     scores = [geweke_scores(one[:, i]) for i in range(len(names))]
-    every = max(1, values.shape[1] // KEPT)
+    every = max(1, values.shape[1] // KEPT_DRAWS)
     true = {**reading.truth, reading.doubted: reading.source.doubted.values[0], "sigma_u": reading.sigma}
     columns = {
         "mean": flat.mean(0),

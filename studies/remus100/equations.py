@@ -17,7 +17,7 @@ from studies.remus100.vehicle_file import NAMES
 DRAWS_SEED = 6
 POINT = (1.2, 1.1)
 """Surge speed and propeller speed, over trim, at which the vehicle's equations are compared."""
-EXACT, SAMPLED = 1e-9, 0.02
+ROUNDING_TOLERANCE, SAMPLING_TOLERANCE = 1e-9, 0.02
 """Relative differences allowed: to rounding, and where the independent number is itself a sample of 200 000."""
 REASONS = {
     "equations-2": "(3) lacks a bracket, and (4) and (5) lack the division by m - X_udot: our sums of forces are as printed, "
@@ -155,7 +155,8 @@ def _item(study: Study, key: str, extra: list[tuple[str, str, float, float]]) ->
     apart = [
         f"{equation} {what} is {ours:.10g} here and {other:.10g} independently"
         for equation, what, ours, other in taken
-        if not abs(ours - other) <= (SAMPLED if "draws" in what else EXACT) * max(1.0, abs(other))
+        if not abs(ours - other)
+        <= (SAMPLING_TOLERANCE if "draws" in what else ROUNDING_TOLERANCE) * max(1.0, abs(other))
     ]
     numbers = [
         Number(f"{equation} {what}, {whose}", None, float(value))

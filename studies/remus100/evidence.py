@@ -42,9 +42,9 @@ Estimator = Callable[[Posterior, jax.Array], Evidence]
 PRINTED_M0 = {4: 0.4642, 5: 0.5501}
 """Printed probability of M-0."""
 REFERENCE = "importance sampling"
-UNDECIDED = 0.1
+UNDECIDED_MARGIN = 0.1
 """A probability this near to a half prefers neither model."""
-PRINTED = {4: 0.4642, 5: 0.5501}
+PRINTED_PROBABILITIES = {4: 0.4642, 5: 0.5501}
 """Probability of M-0 that the paper prints in Tables IV and V."""
 BINS = np.linspace(0, 1, 21)
 TALL, TALLEST = 1.7, 1.2
@@ -239,7 +239,7 @@ def odds(study: Study) -> Item:
         for value, row in zip(values, p, strict=True)
     )
     told = [f"{value:g}" for value, row in zip(values, p, strict=True) if row.mean() > 0.95]
-    undecided = all(abs(row.mean() - 0.5) < UNDECIDED for row in p[:2])
+    undecided = all(abs(row.mean() - 0.5) < UNDECIDED_MARGIN for row in p[:2])
     printed = study.reading.is_paper and all(
         abs(row.mean() - value) < 3 * _spread(row) for row, value in zip(p[:2], PRINTED_M0.values(), strict=True)
     )
@@ -362,7 +362,7 @@ def _table(study: Study, table: int) -> Item:
         "reproduced" if ess >= MIN_ESS and (printed is None or abs(p - printed) < 3 * error + 0.02) else "cannot hold"
     )
     roman = "IV" if table == 4 else "V"
-    preferred = "neither model" if abs(p - 0.5) < UNDECIDED else "M-0" if p > 0.5 else "M-1"
+    preferred = "neither model" if abs(p - 0.5) < UNDECIDED_MARGIN else "M-0" if p > 0.5 else "M-1"
     because = (
         (f"the printed {printed} is" if printed is not None else "an answer of Listing 1 is")
         + f" one draw that here rests on {ess:.1f} effective draws; {len(data['method'])} methods of integration "
@@ -420,7 +420,7 @@ def _answers(axes: "Axes", study: Study, table: int) -> None:
                     color=INK,
                 )
         ticks.append((y + 0.45, f"Listing 1, {p.size} seeds,\n{title}"))
-    printed = study.reading.printed(PRINTED[table])
+    printed = study.reading.printed(PRINTED_PROBABILITIES[table])
     if printed is not None:
         y -= 1
         axes.plot(printed, y, marker="D", markersize=5, color=INK, linestyle="none", label="printed")

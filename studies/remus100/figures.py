@@ -7,7 +7,15 @@ from seatrial.report.numbers import plain
 from studies.remus100.chains import chain_figure
 from studies.remus100.designs import ACTIVE, POINTS, draw_figure_3, draw_relay
 from studies.remus100.evidence import draw_listing_1, draw_odds
-from studies.remus100.filters import BOUND_SHARE, FIRST_SEED, HOLD, SETTLED, draw_figure_1, draw_figure_2, draw_figure_4
+from studies.remus100.filters import (
+    BOUND_SHARE,
+    FIRST_SEED,
+    HOLD,
+    SETTLING_TIME,
+    draw_figure_1,
+    draw_figure_2,
+    draw_figure_4,
+)
 from studies.remus100.iteration import draw_iteration
 from studies.remus100.model_graph import draw_figure_5
 from studies.remus100.study import Study
@@ -58,7 +66,7 @@ def _figure_1(study: Study) -> str:
     return (
         f"One trial, seed {FIRST_SEED}, of random steps of n held for {plain(HOLD)} s each. Left: input, and the response as "
         "measured, as it truly was, and as each filter has it. Middle: estimates, in the frame of what follows "
-        f"{plain(SETTLED)} s; the first swings leave it. Right: standard deviations that the filters state, on a logarithmic "
+        f"{plain(SETTLING_TIME)} s; the first swings leave it. Right: standard deviations that the filters state, on a logarithmic "
         "axis. Where lines lie on one another the filters agree."
     )
 
@@ -95,7 +103,7 @@ def _figure_4(study: Study) -> str:
     return (
         f"The SRUKF along doublets of {plain(study.reading.highest / RPM)} rpm and {plain(DOUBLET)} s for "
         f"{plain(ACTIVE['medium'])} s, then quiet. Left: input, and response as measured, as it truly was and, for u, as "
-        f"the filter has it. Middle: estimates, in the frame of what follows {plain(SETTLED)} s. Right: standard "
+        f"the filter has it. Middle: estimates, in the frame of what follows {plain(SETTLING_TIME)} s. Right: standard "
         "deviations, which fall while the doublets run; the quiet time after them teaches little more."
     )
 

@@ -66,7 +66,7 @@ ALONE = {"SRUKF": {"color": BLUE, "linewidth": 1.3}}
 TRUE = {"color": INK, "linewidth": 0.9, "linestyle": (0, (6, 2))}
 BOUND = {"color": MUTED, "linewidth": 1.0, "linestyle": (0, (1, 2))}
 MEASURED = {"color": DOTS, "marker": "o", "markersize": 2, "linestyle": "none"}
-SETTLED = 3.0
+SETTLING_TIME = 3.0
 """Seconds after which the estimates have left the first guess and decide the frame."""
 BINS = 10
 """Samples over which clipping is averaged."""
@@ -284,7 +284,7 @@ def _traces(
             for axes, values in zip(grid[row, 1:], (run.mean, run.sd), strict=True):
                 axes.plot(time[keep], values[keep, row], label=run.name, **looks[run.name])
         grid[row, 1].axhline(truth, label="true", zorder=2.5, **TRUE)
-        settled = np.concatenate([run.mean[time >= min(SETTLED, time[-1] / 2), row] for run in runs])
+        settled = np.concatenate([run.mean[time >= min(SETTLING_TIME, time[-1] / 2), row] for run in runs])
         low, high = min(settled.min(), truth), max(settled.max(), truth)
         pad = 0.08 * ((high - low) or abs(truth))
         grid[row, 1].set_ylim(low - pad, high + pad)

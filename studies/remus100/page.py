@@ -44,7 +44,7 @@ ELSEWHERE: dict[Verdict, str] = {
 UNITS = {"s": "s", "rpm": "rpm"}
 """Units at the end of a setting's name."""
 DIGITS, PRINTED_DIGITS = 4, 6
-LONG = 12
+MAX_TABLE_ROWS = 12
 """Rows from which a table of numbers is set in two."""
 Drawn: TypeAlias = dict[str, list[tuple[Drawing, str]]]
 """Figures by the item they stand under, each with its width: `wide` or `column`."""
@@ -82,7 +82,7 @@ def card(item: Item, reading: Reading) -> dict[str, Any]:
     labels = labels_of(reading)
     # Long tables are halved, to stand side by side.
     rows = [_row(number, labels) for number in item.numbers]
-    middle = (len(rows) + 1) // 2 if len(rows) > LONG else len(rows)
+    middle = (len(rows) + 1) // 2 if len(rows) > MAX_TABLE_ROWS else len(rows)
     return {
         "key": item.key,
         "title": name_html(typeset(item.title), labels),

@@ -44,7 +44,7 @@ MARGIN = 60.0
 """Nats below the best likelihood at which a draw cannot change a printed digit."""
 PIECE = 100
 """Samples simulated between the first looks at the bounds; later, an eighth of what is done."""
-PROMISING = 64
+PROMISING_DRAWS = 64
 """Draws simulated to the end at each look, for the best likelihood."""
 _NEVER = -1e100
 """Stands for log 0 in arithmetic."""
@@ -81,7 +81,7 @@ def log_likelihoods(
         if done >= 2 * refreshed:
             refreshed = done
             extrapolated = start[draw] - (start[draw] - bound) * (rows / done)
-            promising = draw[np.argpartition(-extrapolated, min(PROMISING, draw.size) - 1)[:PROMISING]]
+            promising = draw[np.argpartition(-extrapolated, min(PROMISING_DRAWS, draw.size) - 1)[:PROMISING_DRAWS]]
             best = max(best, float(np.max(_log_likelihoods(posterior, values[promising]))))
         kept = np.flatnonzero(bound >= best - MARGIN)
         draw, bound = draw[kept], bound[kept]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from seatrial.core.dataset import Column, Dataset
+from seatrial.core.dataset import DataColumn, Dataset
 from seatrial.core.dataset_file import SEAL, open_dataset, write_dataset
 from seatrial.core.errors import InputError
 
@@ -103,7 +103,7 @@ def test_labels_choose_what_they_choose_in_xarray(chosen):
 def test_calculations_are_those_of_xarray(calculate):
     ours = Dataset({"a": ("x", np.arange(3.0)), "b": ("x", np.ones(3))}, {"x": ["p", "q", "r"]})
     found, expected = calculate(ours), calculate(ours.to_xarray())
-    found = found.to_xarray() if isinstance(found, Column) else found
+    found = found.to_xarray() if isinstance(found, DataColumn) else found
     assert found.equals(expected) if hasattr(found, "equals") else found == expected
 
 

@@ -408,7 +408,7 @@ def test_programs_unused_for_longest_make_room(toy, done, monkeypatch):
         os.utime(path, (1.0, 1.0))
     toy.power.clear()
     toy.power(jnp.ones(2), 2)  # a use
-    monkeypatch.setattr(program_store, "LARGEST", sum(path.stat().st_size for path in files()) + 10)
+    monkeypatch.setattr(program_store, "MAX_STORE_BYTES", sum(path.stat().st_size for path in files()) + 10)
     monkeypatch.setattr(program_store, "_since_look", -1)
     toy.power(jnp.ones(2), 4)
     toy.power.clear()
@@ -457,7 +457,7 @@ DIFFERENT = {
 
 @pytest.mark.parametrize("kind", DIFFERENT)
 def test_different_contents_have_different_keys(kind, monkeypatch):
-    monkeypatch.setattr(program_store, "_VERSIONED", (*program_store._VERSIONED, "tests"))
+    monkeypatch.setattr(program_store, "_VERSIONED_LIBRARIES", (*program_store._VERSIONED_LIBRARIES, "tests"))
     keys = [key_of(one) for one in DIFFERENT[kind]]
     assert len(set(keys)) == len(keys)
     assert keys == [key_of(one) for one in DIFFERENT[kind]]
@@ -485,7 +485,7 @@ def slowed(model, factor):
 
 
 def test_two_vehicles_of_the_same_names_have_programs_of_their_own(toy, done, monkeypatch):
-    monkeypatch.setattr(program_store, "_VERSIONED", (*program_store._VERSIONED, "tests"))
+    monkeypatch.setattr(program_store, "_VERSIONED_LIBRARIES", (*program_store._VERSIONED_LIBRARIES, "tests"))
     params, control, step = {"X_u": -1.0, "X_uabsu": -2.0, "T_nabsn": 1e-3}, np.full((9, 1), 90.0), np.full(9, 0.1)
     for outcome in ((0, 3), (3, 0)):
         models = surge(), slowed(surge(), 0.5), slowed(surge(), 0.25)

@@ -5,7 +5,7 @@ import pytest
 
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.estimation.regression.equation_error import (
-    MOVED,
+    MAX_SHIFT_ERRORS,
     Accelerations,
     _complaint,
     _long_run,
@@ -188,7 +188,7 @@ def test_refined_fit_has_the_regressors_of_its_own_motion_for_instruments():
 @pytest.mark.parametrize(("moved", "told"), [(0.99, False), (-0.99, False), (1.01, True), (-1.01, True)])
 def test_a_bias_of_the_plain_fit_is_told_of_the_coefficient_that_moved_most(moved, told):
     plain, sd = np.array([-1.0, 5.0]), np.array([0.1, 0.3])
-    said = _complaint(("a", "b"), plain, sd, plain + MOVED * sd * [0.5, moved])
+    said = _complaint(("a", "b"), plain, sd, plain + MAX_SHIFT_ERRORS * sd * [0.5, moved])
     assert bool(said) == told
     assert not told or "b comes out as 5 ± 0.3" in said
 

@@ -103,7 +103,7 @@ def test_a_feedback_sees_what_its_sensor_shows(delay):
     error = np.where(np.arange(n) % 4 == 1, np.nan, RNG.normal(size=n) * 0.01)
     feedback = Feedback(TurnsRound(), Moment(jnp.arange(n) * h, (), (jnp.asarray(error),)))
     simulator = Simulator(FORCED, (Sensor("u", bias=True), Sensor("udot")), delay=delay > 0)
-    found = simulator.follow({**FREE, "bias_u": bias, "delay": delay}, jnp.zeros(1), feedback, jnp.full(n, h))
+    found = simulator.simulate({**FREE, "bias_u": bias, "delay": delay}, jnp.zeros(1), feedback, jnp.full(n, h))
     u, side, forces, speed = 0.0, 1.0, [0.7] * 10, []
     for k in range(n):
         seen = u + bias + error[k]

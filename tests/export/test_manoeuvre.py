@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from seatrial.export.manoeuvre import (
+    DEFAULT_SPEED,
     DURATION,
-    SPEED,
     STEP,
-    Plan,
+    ManoeuvrePlan,
     changes,
     growth_rate,
     plan_for,
@@ -18,7 +18,7 @@ from seatrial.export.manoeuvre import (
 )
 from seatrial.export.motion import motion_of
 from seatrial.export.rigid_body import Drive
-from seatrial.export.target import Change
+from seatrial.export.target import MotionChange
 from seatrial.export.write import _change_words, loss_words
 from seatrial.vehicles.actuators import Actuator
 from seatrial.vehicles.thrusters import allocation
@@ -109,7 +109,7 @@ def test_the_drive_holds_the_speed_or_the_speed_is_the_one_that_is_held(thrust, 
 
 def test_speed_of_a_vehicle_without_trim():
     bare = torpedo()
-    assert plan_for(bare, motion_of(bare)).speed == SPEED == 1.5
+    assert plan_for(bare, motion_of(bare)).speed == DEFAULT_SPEED == 1.5
 
 
 def test_actuators_lag_saturate_and_hold_over_a_step():
@@ -172,7 +172,7 @@ def _controls_in_still_water():
 
 def test_motion_that_runs_away_ends_in_nan():
     """u' = u from 1 m/s passes 1000 m/s after 6.9 s; what comes after is not given."""
-    plan = Plan(1.0, lambda t: {}, "")
+    plan = ManoeuvrePlan(1.0, lambda t: {}, "")
     found = run_manoeuvre(lambda nu, *_: np.array([nu[0], 0, 0, 0, 0, 0]), {}, plan)
     assert found.shape == (round(DURATION / STEP) + 1, 6)
     last = int(np.flatnonzero(np.isfinite(found[:, 0]))[-1])
@@ -189,7 +189,7 @@ def test_growth_of_small_motions_is_the_largest_eigenvalue():
         v, r = controls["gain"] * nu[0] * matrix @ [nu[1], nu[5]]
         return np.array([-3 * (nu[0] - 2), v, 0, 0, 0, r])
 
-    plan = Plan(2.0, lambda t: {"gain": 1.0 if t == 0 else 0.0}, "")
+    plan = ManoeuvrePlan(2.0, lambda t: {"gain": 1.0 if t == 0 else 0.0}, "")
     assert growth_rate(motion, plan) == pytest.approx(2 * np.linalg.eigvals(matrix).real.max(), rel=1e-6)
 
 
@@ -202,18 +202,18 @@ def test_changes_are_the_largest_differences_of_what_moves():
     other[:, 2] = [0, 0, 0.25, 0, -0.5]
     other[3:, 5] = np.nan
     surge, heave, yaw = changes(vehicle, own, other)
-    assert surge == Change("u", "m/s", 2.0, 3.0)
-    assert heave == Change("w", "m/s", 0.5, 0.0)
-    assert yaw == Change("r", "rad/s", np.inf, 2.0)
+    assert surge == MotionChange("u", "m/s", 2.0, 3.0)
+    assert heave == MotionChange("w", "m/s", 0.5, 0.0)
+    assert yaw == MotionChange("r", "rad/s", np.inf, 2.0)
     own[3:, 5] = np.nan
     assert changes(vehicle, own, other)[-1].largest == 1.0
 
 
 def test_changes_in_words():
-    assert _change_words(Change("u", "m/s", 0.5, 2.0)) == "u by 0.5 m/s (25% of its range)"
-    assert _change_words(Change("w", "m/s", 0.5, 0.0)) == "w by 0.5 m/s (its range is 0)"
-    assert _change_words(Change("r", "rad/s", np.inf, 1.0)) == "r runs away in the target"
-    few = [Change("u", "m/s", 1e-12, 2.0), Change("v", "m/s", 0.1, 2.0)]
+    assert _change_words(MotionChange("u", "m/s", 0.5, 2.0)) == "u by 0.5 m/s (25% of its range)"
+    assert _change_words(MotionChange("w", "m/s", 0.5, 0.0)) == "w by 0.5 m/s (its range is 0)"
+    assert _change_words(MotionChange("r", "rad/s", np.inf, 1.0)) == "r runs away in the target"
+    few = [MotionChange("u", "m/s", 1e-12, 2.0), MotionChange("v", "m/s", 0.1, 2.0)]
     assert loss_words(few) == "v by 0.1 m/s (5% of its range)"
     assert loss_words(few[:1]) == "none"
 

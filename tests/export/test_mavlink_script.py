@@ -18,7 +18,7 @@ from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.design.schedule import write_schedule
 from seatrial.campaign.store.stored_result import Store
 from seatrial.core.errors import InputError
-from seatrial.export.trials.trial import SPEED, EitherWayError, Stick, Trial, read_trial, stick_of
+from seatrial.export.trials.trial import DEFAULT_SPEED, EitherWayError, Stick, Trial, read_trial, stick_of
 from seatrial.export.trials.write import write_plain, write_trial
 from seatrial.vehicles.axis_equation import axes_vehicle, axis_equation
 from seatrial.vehicles.catalogue import load_vehicle, vehicle_names
@@ -313,7 +313,7 @@ def test_the_stick_moves_the_vehicle_as_its_model_goes(load, name, control):
     fakes = pytest.importorskip("tests.export.fake_ardusub", reason="pymavlink")
     published = load_vehicle(name)
     model = published.build(attitude="euler")
-    known = {"u": SPEED, **published.hull.trim}
+    known = {"u": DEFAULT_SPEED, **published.hull.trim}
     size = {"n": 150.0}.get(control, 0.1)
     value = np.array([-size, size])
     if control.startswith("f_"):
@@ -352,7 +352,7 @@ def simulated(model, params, known):
 def test_the_same_rudder_turns_vehicles_to_different_sides(name, sign):
     """As their sources say: Fossen's positive rudder turns to starboard, that of the others to port."""
     vehicle = load_vehicle(name)
-    known, value = {"u": SPEED, **vehicle.hull.trim}, np.array([-0.1, 0.1])
+    known, value = {"u": DEFAULT_SPEED, **vehicle.hull.trim}, np.array([-0.1, 0.1])
     stick = stick_of(vehicle.build(attitude="euler"), vehicle.coefficients, "delta_r", value, known)
     assert stick == Stick("r", sign)
 

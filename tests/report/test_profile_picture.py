@@ -4,7 +4,7 @@ import numpy as np
 
 from seatrial.estimation.posterior.profile_result import DROP, Profile
 from seatrial.report.drawing import draw_svg
-from seatrial.report.figures.posterior import Panel, profile_figure
+from seatrial.report.figures.posterior import ProfilePanel, profile_figure
 
 
 def profile(kind: str) -> Profile:
@@ -26,7 +26,7 @@ def labels_of(axes) -> list[str]:
 
 
 def test_each_parameter_has_its_interval_and_its_truth():
-    panels = [Panel(profile(kind), "$X_{u}$", -2.9) for kind in ("closed", "open above", "flat", "closed")]
+    panels = [ProfilePanel(profile(kind), "$X_{u}$", -2.9) for kind in ("closed", "open above", "flat", "closed")]
     figure = profile_figure(panels, ["cost $5"])
     closed, above, flat, _ = figure.axes
     assert {"profile", "1.92 below", "95 % interval", "true value"} <= set(labels_of(closed))
@@ -39,7 +39,7 @@ def test_each_parameter_has_its_interval_and_its_truth():
 
 
 def test_between_its_points_the_curve_is_the_parabola():
-    (axes,) = profile_figure([Panel(profile("closed"), "$X_{u}$")]).axes
+    (axes,) = profile_figure([ProfilePanel(profile("closed"), "$X_{u}$")]).axes
     curve = next(line for line in axes.lines if line.get_label() == "profile")
     x, y = map(np.asarray, curve.get_data())
     np.testing.assert_allclose(y, -0.5 * ((x + 3) / 0.5) ** 2, atol=1e-9)

@@ -10,7 +10,7 @@ from seatrial.report.drawing import draw_svg
 from seatrial.report.figure_files import write_select_picture
 from seatrial.report.figures.structures import (
     CoefficientPath,
-    Gap,
+    MotionGap,
     coefficient_paths,
     inclusion_paths,
     model_space,
@@ -64,7 +64,7 @@ def test_names_at_the_edge_do_not_meet_and_paths_have_their_units():
 
 def test_a_gap_is_shown_with_its_band_and_with_noise_that_is_near():
     time = np.arange(9.0)
-    gap = Gap("Run $1", time, 1 + time, 0.01 * time, 0.01 * time - 0.01, 0.01 * time + 0.01, (time, 1 + time))
+    gap = MotionGap("Run $1", time, 1 + time, 0.01 * time, 0.01 * time - 0.01, 0.01 * time + 0.01, (time, 1 + time))
     figure = structure_gaps([gap, gap], 0.05, "$u$ [m/s]")
     above, below = figure.axes[:2]
     assert {"90 % band of both posteriors", "posterior means", "residuals of the fit, sd"} <= set(labels_of(below))

@@ -7,7 +7,7 @@ from scipy import stats
 from seatrial.estimation.priors import Normal
 from seatrial.sampling import adaptive_metropolis, independence_metropolis
 from seatrial.sampling.diagnostics import diagnose
-from seatrial.sampling.independence_metropolis import LEAST, MOST
+from seatrial.sampling.independence_metropolis import MAX_SHARE, MIN_SHARE
 from seatrial.sampling.run import ChainSettings
 from seatrial.sampling.sampler import sample
 from tests.estimation_cases import linear_gaussian, posterior
@@ -40,7 +40,7 @@ def test_nearly_normal_posterior_takes_fresh_draws_and_forgets_at_once():
     walk = sample(adaptive_metropolis, target, starts, jnp.eye(2), KEY, settings)
     ours, theirs = (diagnose(draws.z).ess_bulk.min() for draws in (independence_metropolis.finish(run), walk))
     assert ours > 4 * theirs
-    assert 0.6 < float(run.state.fresh) <= MOST
+    assert 0.6 < float(run.state.fresh) <= MAX_SHARE
 
 
 def test_two_far_modes_leave_it_to_the_walk_and_jump_all_the_same():
@@ -58,7 +58,7 @@ def test_two_far_modes_leave_it_to_the_walk_and_jump_all_the_same():
     run = independence_metropolis.start_chains(target, starts, 0.1 * jnp.eye(2))
     while run.iteration < settings.warmup + settings.draws:
         run = independence_metropolis.advance_chains(target, run, KEY, settings)
-    assert LEAST <= float(run.state.fresh) < 0.4
+    assert MIN_SHARE <= float(run.state.fresh) < 0.4
     right = np.asarray(target.constrain(jnp.asarray(independence_metropolis.finish(run).z))) > 0
     error = np.sqrt(0.21 / diagnose(right.astype(float)).ess_bulk)
     assert (error < 0.03).all()

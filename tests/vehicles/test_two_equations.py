@@ -109,8 +109,8 @@ def test_each_has_its_own_answer(path):
 
 def test_models_are_equal_if_their_functions_are():
     model = of_mass(30.0)
-    views = replace(model, views={"phi": lambda *_: 0.0})
-    late = replace(model, late=(lambda *_: 0.0,))
+    views = replace(model, outputs={"phi": lambda *_: 0.0})
+    late = replace(model, exact_lags=(lambda *_: 0.0,))
     for other in (halved(model), views, late):
         assert other != model
         assert other == replace(other, name="another")

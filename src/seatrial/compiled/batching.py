@@ -15,7 +15,7 @@ import numpy as np
 MEMORY = 8 << 30
 """Bytes on an accelerator that one call may take: two thirds of what JAX reserves on a card of 16 GB, one of the smallest that are
 made for double precision. The same on every card, so that equal cards of unequal memory give equal bits."""
-_FEW = 8
+_FEW_LANES = 8
 """Lanes of the smaller of two calls from which is told what a lane takes."""
 
 
@@ -57,11 +57,11 @@ def lanes_at_once(run: Callable, *many: Any, cpu: int) -> int:
     if not on_accelerator():
         return cpu
     try:
-        few, twice = (_bytes_made(run, many, count) for count in (_FEW, 2 * _FEW))
+        few, twice = (_bytes_made(run, many, count) for count in (_FEW_LANES, 2 * _FEW_LANES))
     except jax.errors.JAXTypeError:  # a part of it is computed outside JAX
         return cpu
-    each = max(1, (twice - few) // _FEW)
-    shared = max(0, few - _FEW * each)
+    each = max(1, (twice - few) // _FEW_LANES)
+    shared = max(0, few - _FEW_LANES * each)
     fitting = max(1, (MEMORY - shared) // each)
     wanted = max(cpu, jax.tree.leaves(many)[0].shape[0])
     return min(1 << (wanted - 1).bit_length(), 1 << (fitting.bit_length() - 1))

@@ -26,7 +26,7 @@ _is_prepared = False
 _keeps_programs = False
 _say: Callable[[str], None] | None = None
 _compiling = 0.0
-_SLOW = 2.0
+_SLOW_SECONDS = 2.0
 """Seconds of compiling after which it is told."""
 BEGAN = time.time()
 """When this process began to load the package."""
@@ -148,7 +148,7 @@ def compiled_for(seconds: float) -> None:
     """Count the time that a program took to be compiled and kept."""
     global _compiling, _say
     _compiling += seconds
-    if _compiling > _SLOW and _say is not None:
+    if _compiling > _SLOW_SECONDS and _say is not None:
         say, _say = _say, None
         say(
             f"compiling programs for this kind of vehicle and data; they are kept in {program_directory()}, and the next run is faster"

@@ -29,11 +29,11 @@ from seatrial.compiled import engine
 from seatrial.core.files import atomic_path, remove_orphans
 from seatrial.core.processes import cores
 
-LARGEST = 500 << 20
+MAX_STORE_BYTES = 500 << 20
 """Bytes of all files; beyond them those go whose last use is longest ago."""
 OWN_PACKAGES = ("seatrial", "studies")
 """Whose files enter the key."""
-_VERSIONED = ("jax", "jaxlib", "numpy", "ml_dtypes", "blackjax", "optax")
+_VERSIONED_LIBRARIES = ("jax", "jaxlib", "numpy", "ml_dtypes", "blackjax", "optax")
 """Whose versions do."""
 _MAGIC = b"seatrial program 1\n"
 _OF_NO_WEIGHT = ("cache", "log", "dump", "traceback", "axis_env_state")
@@ -183,7 +183,7 @@ class _Digest:
         package = module.partition(".")[0]
         if package in OWN_PACKAGES:
             self.packages.add(package)
-        elif (package not in _VERSIONED and package not in sys.stdlib_module_names) or package == "__main__":
+        elif (package not in _VERSIONED_LIBRARIES and package not in sys.stdlib_module_names) or package == "__main__":
             raise NoKey(f"something of {module}")
         return module.encode()
 
@@ -276,7 +276,7 @@ _since_look = -1
 def _make_room(folder: Path, written: int) -> None:
     """Drop what was unused for longest: looked after at the first file that a process writes, and then now and then."""
     global _since_look
-    if 0 <= _since_look < LARGEST // 20:
+    if 0 <= _since_look < MAX_STORE_BYTES // 20:
         _since_look += written
         return
     _since_look = 0
@@ -289,7 +289,7 @@ def _make_room(folder: Path, written: int) -> None:
             about.append((file.stat(follow_symlinks=False), file.path))
     total = sum(one.st_size for one, _ in about)
     for one, path in sorted(about, key=lambda pair: pair[0].st_mtime):
-        if total <= LARGEST:
+        if total <= MAX_STORE_BYTES:
             return
         with suppress(FileNotFoundError):
             os.unlink(path)
@@ -315,7 +315,9 @@ def _installed() -> list[str]:
     found = set()
     for place in filter(os.path.isdir, sys.path):
         found |= {
-            name for name in os.listdir(place) if name.endswith(".dist-info") and name.split("-")[0] in _VERSIONED
+            name
+            for name in os.listdir(place)
+            if name.endswith(".dist-info") and name.split("-")[0] in _VERSIONED_LIBRARIES
         }
     return sorted(found)
 

@@ -217,7 +217,7 @@ class _Ready(NamedTuple):
     out_tree: Any
 
 
-class _Shape(NamedTuple):
+class _ArrayShape(NamedTuple):
     """What a program knows of an array."""
 
     shape: tuple[int, ...]
@@ -237,7 +237,7 @@ class _Signature(NamedTuple):
 
     tree: Any
     static: tuple[tuple[int | str, type, Any], ...]
-    shapes: tuple[_Shape, ...]
+    shapes: tuple[_ArrayShape, ...]
     context: Any
 
     def content(self) -> tuple[Any, ...]:
@@ -318,9 +318,9 @@ def _shape_of_call(leaf: Any) -> Any:
         return None
 
 
-def _shape(leaf: Any) -> _Shape:
+def _shape(leaf: Any) -> _ArrayShape:
     about = leaf if isinstance(leaf, jax.ShapeDtypeStruct) else jax.typeof(leaf)
-    return _Shape(about.shape, about.dtype, about.weak_type)
+    return _ArrayShape(about.shape, about.dtype, about.weak_type)
 
 
 def _found(folder: Path, key: str) -> _Ready | None:

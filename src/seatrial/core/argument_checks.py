@@ -12,13 +12,13 @@ import numpy as np
 from seatrial.core.errors import InputError, nearest
 
 Thing = TypeVar("Thing")
-_SHOWN = 80
+_MAX_SHOWN_CHARACTERS = 80
 """Characters of what was found that an error shows."""
 
 
 def shown(value: Any) -> str:
     """Return a value as an error shows it: as it would be written, cut short; of a table its heading."""
-    return repr(value).partition("\n")[0][:_SHOWN]
+    return repr(value).partition("\n")[0][:_MAX_SHOWN_CHARACTERS]
 
 
 def check_kind(value: Any, kind: type[Thing] | tuple[type[Thing], ...], place: str, remedy: str) -> Thing:

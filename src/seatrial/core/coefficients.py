@@ -32,7 +32,7 @@ AXES: dict[str, tuple[Dimension, str]] = {
 }
 EXAMPLES = "write for example X_u, X_uabsu, T_nabsn or N_delta_r"
 _SIGNAL = "|".join(sorted(map(re.escape, SIGNALS), key=len, reverse=True))
-_CLOSE = 0.6
+_MIN_LIKENESS = 0.6
 """Likeness to a signal, of 1, from which it may have been meant."""
 _FACTOR = re.compile(rf"(?P<abs>abs)?(?P<change>d)?(?P<signal>{_SIGNAL})(?P<dot>dot)?(?P<power>[2-9])?")
 
@@ -176,7 +176,7 @@ def _factors(text: str, rest: str, offset: int) -> tuple[Factor, ...]:
 
 def _malformed(text: str, position: int) -> InputError:
     rest = text[position:]
-    near = difflib.get_close_matches(rest, SIGNALS, n=1, cutoff=_CLOSE)
+    near = difflib.get_close_matches(rest, SIGNALS, n=1, cutoff=_MIN_LIKENESS)
     return InputError(
         f'coefficient name "{text}", character {position + 1}\n  {text}\n  {" " * position}^',
         found=f'"{text}", which is not a term: ' + (f'"{rest}" is no signal' if rest else "nothing follows the axis"),

@@ -70,16 +70,16 @@ class Dataset:
         return dict(lengths)
 
     @property
-    def data_vars(self) -> dict[str, "Column"]:
+    def data_vars(self) -> dict[str, "DataColumn"]:
         """What is no coordinate, by name."""
         return {name: self[name] for name in self.variables if name not in self.coordinates}
 
     @overload
-    def __getitem__(self, name: str) -> "Column": ...
+    def __getitem__(self, name: str) -> "DataColumn": ...
     @overload
     def __getitem__(self, name: list[str]) -> "xr.Dataset": ...
-    def __getitem__(self, name: str | list[str]) -> "Column | xr.Dataset":
-        return Column(self, name, self.variables[name]) if isinstance(name, str) else self.to_xarray()[name]
+    def __getitem__(self, name: str | list[str]) -> "DataColumn | xr.Dataset":
+        return DataColumn(self, name, self.variables[name]) if isinstance(name, str) else self.to_xarray()[name]
 
     def __contains__(self, name: object) -> bool:
         return name in self.variables
@@ -142,7 +142,7 @@ class Dataset:
         return Dataset(data, {name: variables[name] for name in variables if name in self.coordinates}, attrs)
 
 
-class Column(NDArrayOperatorsMixin):
+class DataColumn(NDArrayOperatorsMixin):
     """A variable of a dataset, which knows the labels along its dimensions; calculations with it are xarray's."""
 
     def __init__(self, dataset: Dataset, name: str, variable: Variable):
@@ -154,7 +154,7 @@ class Column(NDArrayOperatorsMixin):
         """Lengths of its dimensions."""
         return dict(zip(self.dims, self.values.shape, strict=True))
 
-    def sel(self, **labels: Any) -> "Column":
+    def sel(self, **labels: Any) -> "DataColumn":
         """Return what has some labels along dimensions."""
         return self._dataset.only(self._name).sel(**labels)[self._name]
 
@@ -210,7 +210,7 @@ def _asked(of: Any, name: str) -> Any:
 
 
 def _as_xarray(one: Any) -> Any:
-    return one.to_xarray() if isinstance(one, Dataset | Column) else one
+    return one.to_xarray() if isinstance(one, Dataset | DataColumn) else one
 
 
 def _variable(name: str, given: Any) -> Variable:

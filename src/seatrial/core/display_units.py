@@ -7,10 +7,10 @@ from collections.abc import Callable, Mapping
 from math import pi
 
 from seatrial.core.errors import InputError
-from seatrial.core.signals import ANGLE, ANGULAR_RATE, FORCE, HELD, MOMENT, SET, SIGNALS, signal_unit
+from seatrial.core.signals import ANGLE, ANGULAR_RATE, FORCE, GAUGE_CHANNELS, MOMENT, SET, SIGNALS, signal_unit
 from seatrial.core.units import to_si
 
-_SHOWN = {
+_SHOWN_UNITS = {
     str(ANGLE): (180 / pi, "deg"),
     str(ANGULAR_RATE): (180 / pi, "deg/s"),
     str(FORCE): (1.0, "N"),
@@ -49,4 +49,8 @@ def shown_unit(signal: str) -> tuple[float, str]:
     if signal == "n":
         return 30 / pi, "rpm"
     unit = signal_unit(signal)
-    return _SHOWN.get(unit, (1.0, unit)) if signal in (*SIGNALS, *HELD) or signal[:2] == "f_" else (1.0, unit)
+    return (
+        _SHOWN_UNITS.get(unit, (1.0, unit))
+        if signal in (*SIGNALS, *GAUGE_CHANNELS) or signal[:2] == "f_"
+        else (1.0, unit)
+    )

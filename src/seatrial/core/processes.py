@@ -174,7 +174,7 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-EVERY = 1.0
+SECONDS_BETWEEN_LOOKS = 1.0
 """Seconds between two looks at whether the parent is there, where nothing tells."""
 _PR_SET_PDEATHSIG = 1
 
@@ -199,7 +199,7 @@ def end_with_parent(parent: int | None = None) -> None:
         if starter is not None:
             wait([starter.sentinel])
         while starter is None and os.getppid() == number:
-            time.sleep(EVERY)
+            time.sleep(SECONDS_BETWEEN_LOOKS)
         os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()

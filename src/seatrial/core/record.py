@@ -15,7 +15,7 @@ from seatrial.core.units import to_si
 
 Role = Literal["control", "measurement"]
 _SI = {str(FORCE): "N", str(MOMENT): "N m"}
-LARGEST = 1e9
+MAX_MAGNITUDE = 1e9
 """SI, from which a number is no measurement of a vehicle."""
 
 
@@ -296,7 +296,7 @@ def _check_garbage(values: np.ndarray, channel: Channel, where: str) -> None:
             remedy="map another column, or drop the channel",
         )
     size = np.max(np.abs(values))
-    if size > 0 and not 1e-6 < size < LARGEST and channel.role == "measurement":
+    if size > 0 and not 1e-6 < size < MAX_MAGNITUDE and channel.role == "measurement":
         raise InputError(
             where,
             found=f"values of at most {size:.1e} {channel.unit}",

@@ -44,7 +44,7 @@ class SilentReporter:
         return lambda done, total, seconds=None, /: None
 
 
-ENOUGH = 0.02
+MIN_PACE_SHARE = 0.02
 """Share of a piece of work from which its pace is believed: before, what was compiled weighs more."""
 
 
@@ -63,7 +63,7 @@ def remaining(seconds: float, begun_at: int, done: int, total: int, silent: floa
         silent: seconds since the last report.
     """
     made = done - begun_at
-    if made <= 0 or made < ENOUGH * total:
+    if made <= 0 or made < MIN_PACE_SHARE * total:
         return None
     return max(seconds * (total - done) / made - silent, SILENT_SHARE * silent)
 

@@ -81,7 +81,7 @@ OVER_GROUND = ("u_g", "v_g", "w_g")
 """Velocity over ground along the body axes, where u, v and w are through the water; in m/s."""
 SPECIFIC_FORCE = ("a_x", "a_y", "a_z")
 """What an accelerometer shows: acceleration less gravity along the body axes, (0, 0, -9.81) at rest and level; in m/s^2."""
-HELD = ("force_X", "force_Y", "force_Z", "moment_K", "moment_M", "moment_N")
+GAUGE_CHANNELS = ("force_X", "force_Y", "force_Z", "moment_K", "moment_M", "moment_N")
 """What a gauge that holds the vehicle shows: force and moment that thrust and water exert on it along the body axes; in N and N m."""
 PROPULSION = ("n", "tau_X")
 """Controls that drive a vehicle ahead, and hold its speed."""
@@ -118,7 +118,7 @@ def signal_unit(name: str) -> str:
 def signal_label(name: str) -> str:
     """LaTeX of a signal, of a thruster's, of the force on a gauge, or of their derivative when written with `dot`; else the name itself."""
     base = name.removesuffix("dot")
-    label = f"{'F' if base in HELD[:3] else 'M'}_{base[-1]}" if base in HELD else base
+    label = f"{'F' if base in GAUGE_CHANNELS[:3] else 'M'}_{base[-1]}" if base in GAUGE_CHANNELS else base
     label = SIGNALS[base].label if base in SIGNALS else label
     label = f"{base[0]}_{{{base[2:]}}}" if is_thruster(base) else label
     return label if base == name else rf"\dot{{{label}}}"
@@ -155,8 +155,8 @@ def _dimension(name: str) -> Dimension:
         (QUATERNION, Dimension()),
         ((*CURRENT_COMPONENTS, *OVER_GROUND, *OVER_EARTH), SPEED),
         (SPECIFIC_FORCE, Dimension(m=1, s=-2)),
-        (HELD[:3], FORCE),
-        (HELD[3:], MOMENT),
+        (GAUGE_CHANNELS[:3], FORCE),
+        (GAUGE_CHANNELS[3:], MOMENT),
     ):
         if base in names:
             return dimension

@@ -72,21 +72,21 @@ _NAMES = {written: name for name, symbol, *_ in _DEFINITIONS for written in (nam
 _FACTORS = {name: factor for name, _, factor, _ in _DEFINITIONS}
 _POWERS = {name: {_DIMENSIONS[one]: power for one, power in powers.items()} for name, _, _, powers in _DEFINITIONS}
 UNITS = tuple(sorted(_NAMES))
-_USUAL = (
+_USUAL_UNITS = (
     *("m/s", "kn", "rpm", "deg/s", "rad/s", "deg", "rad", "m", "km", "s", "ms", "min", "kg", "t", "N", "kN", "kgf"),
     *("N m", "V", "W", "Hz", "1/s", "kg/s", "m/s^2", "%"),
 )
 """Units that errors suggest, those of one dimension in this order."""
-_SPELLED = {"kt": "kn", "kts": "kn", "knots": "kn", "feet": "ft", "lbs": "lb", "secs": "s"}
+_SPELLED_UNITS = {"kt": "kn", "kts": "kn", "knots": "kn", "feet": "ft", "lbs": "lb", "secs": "s"}
 """What logs call some units."""
 _IN_SYMBOLS = 'write symbols, with / for per and ^ for powers, as in "m/s" or "kg m^2"'
 """Remedy for a unit that is written in words."""
-_LONGEST = 120
+_MAX_CHARACTERS = 120
 """Characters of a quantity or of a unit."""
-_LARGEST_POWER = 27
+_MAX_POWER = 27
 """Of one unit in an expression, all factors together; every conversion between such units is a finite number."""
 _TOKEN = re.compile(r"\s*([A-Za-z_]+|%|(?:\^|\*\*)\s*-?[1-9][0-9]?(?![0-9])|[*·/()]|1(?![0-9]))\s*")
-_RAISED = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
+_RAISED_DIGITS = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 _DECIMAL_COMMA = re.compile(r",\d")
 _QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*")
 
@@ -125,11 +125,11 @@ def quantity(text: str | float, expected_unit: str, where: str) -> float:
         if expected_unit == "1" and isfinite(text):
             return float(text)
         raise _without_unit(repr(text).removesuffix(".0"), expected_unit, where)
-    match = _QUANTITY.fullmatch(text) if isinstance(text, str) and len(text) <= _LONGEST else None
+    match = _QUANTITY.fullmatch(text) if isinstance(text, str) and len(text) <= _MAX_CHARACTERS else None
     if match is None or not isfinite(float(match[1])):
         raise InputError(
             where,
-            found=repr(text)[:_LONGEST],
+            found=repr(text)[:_MAX_CHARACTERS],
             expected=f'a quantity such as "1.5 {_like(expected_unit)[0]}"',
             remedy="write a number, a space and a unit",
         )
@@ -159,13 +159,13 @@ def _without_unit(number: str, expected_unit: str, where: str) -> InputError:
 def _like(expected_unit: str) -> tuple[str, ...]:
     """Usual units of a dimension, the expected one among them."""
     wanted = _unit(expected_unit).powers
-    found = tuple(unit for unit in _USUAL if _unit(unit).powers == wanted)
+    found = tuple(unit for unit in _USUAL_UNITS if _unit(unit).powers == wanted)
     return found if expected_unit in found else (*found, expected_unit)
 
 
 def _parse(unit: str, expected_unit: str, where: str) -> Unit:
     """Unit of an expression; `expected_unit` is what is suggested in its place."""
-    text = unit[: _LONGEST + 1]
+    text = unit[: _MAX_CHARACTERS + 1]
     unknown = [word for word in re.findall(r"[A-Za-z_%]+", text) if word not in UNITS]
     if unknown:
         is_in_words = len(unknown) > 1 or unknown[0].casefold() == "per"
@@ -189,8 +189,8 @@ def _parse(unit: str, expected_unit: str, where: str) -> Unit:
 
 def _meant(word: str) -> str:
     """Question after the nearest unit, capitals aside; empty where none is near."""
-    if word.casefold() in _SPELLED:
-        return f'write "{_SPELLED[word.casefold()]}"'
+    if word.casefold() in _SPELLED_UNITS:
+        return f'write "{_SPELLED_UNITS[word.casefold()]}"'
     names = {unit.casefold() for unit in UNITS}
     close = difflib.get_close_matches(word.casefold(), sorted(names), n=1, cutoff=0.5)
     alike = [f'"{unit}"' for unit in UNITS if unit.casefold() in close]
@@ -204,7 +204,7 @@ def _unit(text: str) -> Unit:
         return Unit(1.0, ())
     tokens = _tokens(text)
     powers = _product(tokens)
-    if tokens or max(map(abs, powers.values()), default=0) > _LARGEST_POWER:
+    if tokens or max(map(abs, powers.values()), default=0) > _MAX_POWER:
         raise ValueError(text)
     factor = prod(_FACTORS[name] ** power for name, power in powers.items())
     if not 0 < factor < inf:
@@ -223,9 +223,9 @@ def _dimensions(powers: Mapping[str, int]) -> tuple[tuple[str, int], ...]:
 
 def _tokens(text: str) -> deque[str]:
     """Names, signs, brackets, and powers as `^-2`."""
-    text = re.sub("[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+", lambda found: "^" + found[0].translate(_RAISED), text)
+    text = re.sub("[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+", lambda found: "^" + found[0].translate(_RAISED_DIGITS), text)
     tokens, at = deque[str](), 0
-    if len(text) > _LONGEST:
+    if len(text) > _MAX_CHARACTERS:
         raise ValueError(text)
     while at < len(text):
         match = _TOKEN.match(text, at)

@@ -2,7 +2,7 @@
 
 import re
 
-_HIDDEN = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
+_HIDDEN_CHARACTERS = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
 """Controls of a terminal, marks that turn the direction of the text around them, and bytes of a path that are no UTF-8."""
 
 
@@ -11,4 +11,4 @@ def visible(text: str) -> str:
 
     Line feeds and tabulators stay; within strings of JSON the result means the same.
     """
-    return _HIDDEN.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
+    return _HIDDEN_CHARACTERS.sub(lambda found: f"\\u{ord(found[0]):04x}", text)

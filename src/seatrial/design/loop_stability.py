@@ -20,7 +20,7 @@ from seatrial.core.errors import InputError
 from seatrial.design.sweep import in_blocks
 from seatrial.design.trial_plan import TrialPlan
 from seatrial.estimation.posterior.information import fed_back
-from seatrial.manoeuvres.autopilot import GAINS, Autopilot, LoopMemory, Memory
+from seatrial.manoeuvres.autopilot import GAINS, Autopilot, AutopilotMemory, LoopMemory
 from seatrial.manoeuvres.pilot import Moment, close_loop
 from seatrial.numerics.integrate import rk4_for_slopes
 from seatrial.vehicles.simulate import move_by
@@ -130,11 +130,11 @@ def _linearised(plan: TrialPlan, pilot: Autopilot, cycles: int, trim: Array, dra
     n, n_loops, commands = len(plan.model.states), len(pilot.loops), tuple(trim)
     quiet = Moment(0.0, commands, tuple(jnp.zeros(()) for _ in pilot.outputs))
 
-    def apart(z: Array, count: Array) -> tuple[tuple, Memory]:
+    def apart(z: Array, count: Array) -> tuple[tuple, AutopilotMemory]:
         loops = tuple(LoopMemory(*(z[n + 4 * i + j] for j in range(4))) for i in range(n_loops))
-        return tuple(z[i] for i in range(n)), Memory(count, loops)
+        return tuple(z[i] for i in range(n)), AutopilotMemory(count, loops)
 
-    def together(state: tuple, memory: Memory) -> Array:
+    def together(state: tuple, memory: AutopilotMemory) -> Array:
         return jnp.stack([jnp.asarray(x, float) for x in (*state, *(x for loop in memory.loops for x in loop))])
 
     def one(values: Array) -> tuple[Array, Array]:

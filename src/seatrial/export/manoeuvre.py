@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from seatrial.core.signals import RATES, signal_unit
 from seatrial.export.motion import CURRENT_IN_BODY, Motion, motion_of
-from seatrial.export.target import Carried, Change
+from seatrial.export.target import Carried, MotionChange
 from seatrial.export.vehicle import ExportedVehicle
 from seatrial.vehicles.actuators import Actuator
 from seatrial.vehicles.control_signs import DURATION as PUSH_DURATION
@@ -30,17 +30,17 @@ Controls = Callable[[float], Mapping[str, float]]
 Current = tuple[float, float, float]
 STILL: Current = (0.0, 0.0, 0.0)
 DURATION, STEP = 40.0, 0.05
-SPEED = 1.5
+DEFAULT_SPEED = 1.5
 """Speed ahead, m/s, where the vehicle has no trim speed of its own."""
 _DOUBLET, _RUDDER, _PLANE = 0.2, np.radians(4.0), np.radians(2.0)
 _PUSH, _TURN, _DIVE = 10.0, 2.0, 5.0
 """Forces of an open frame, N and N m."""
 _ABSURD = 1e3
-_SMALL = 1e-5
+_DIFFERENCE_STEP = 1e-5
 """Step of a difference quotient, SI."""
 
 
-class Plan(NamedTuple):
+class ManoeuvrePlan(NamedTuple):
     """Where the manoeuvre starts, the controls at each time, and both in words."""
 
     speed: float
@@ -48,12 +48,12 @@ class Plan(NamedTuple):
     words: str
 
 
-def plan_for(vehicle: ExportedVehicle, motion: Motion) -> Plan:
+def plan_for(vehicle: ExportedVehicle, motion: Motion) -> ManoeuvrePlan:
     """Return the standard manoeuvre of a vehicle, with those controls that it has."""
     names = vehicle.model().controls
     if vehicle.thrusters and names[-1].startswith("f_"):
         return _frame_plan(vehicle, names)
-    speed = vehicle.hull.trim.get("u", SPEED) if "u" in vehicle.moves else 0.0
+    speed = vehicle.hull.trim.get("u", DEFAULT_SPEED) if "u" in vehicle.moves else 0.0
     ahead = next((name for name in ("n", "tau_X", "n_1") if name in names), None)
     drives = [name for name in names if name == ahead or (ahead == "n_1" and name.startswith("n_"))]
     steady, speed = _steady(motion, names, drives, speed)
@@ -70,11 +70,11 @@ def plan_for(vehicle: ExportedVehicle, motion: Motion) -> Plan:
             results[name] = size if at <= t < at + 6.0 else 0.0
         return results
 
-    return Plan(speed, controls, ", ".join(parts))
+    return ManoeuvrePlan(speed, controls, ", ".join(parts))
 
 
 def run_manoeuvre(
-    motion: Motion, actuators: Mapping[str, Actuator], plan: Plan, current: Current = STILL
+    motion: Motion, actuators: Mapping[str, Actuator], plan: ManoeuvrePlan, current: Current = STILL
 ) -> Float[np.ndarray, "n 6"]:
     """Return the velocities through the water of a motion through the manoeuvre, begun to the north; NaN from where it runs away.
 
@@ -138,20 +138,21 @@ def simulate(
     return result
 
 
-def growth_rate(motion: Motion, plan: Plan) -> float:
+def growth_rate(motion: Motion, plan: ManoeuvrePlan) -> float:
     """Return the largest real part of the eigenvalues of small motions about straight ahead under the controls of the start, 1/s."""
     start = np.zeros(9)
     start[0] = plan.speed
     held = dict(plan.controls(0.0))
     columns = [
-        _rates(motion, start + h, held)[:8] - _rates(motion, start - h, held)[:8] for h in _SMALL * np.eye(9)[:8]
+        _rates(motion, start + h, held)[:8] - _rates(motion, start - h, held)[:8]
+        for h in _DIFFERENCE_STEP * np.eye(9)[:8]
     ]
-    return float(np.linalg.eigvals(np.array(columns).T / (2 * _SMALL)).real.max())
+    return float(np.linalg.eigvals(np.array(columns).T / (2 * _DIFFERENCE_STEP)).real.max())
 
 
 def changes(
     vehicle: ExportedVehicle, own: Float[np.ndarray, "n 6"], other: Float[np.ndarray, "n 6"]
-) -> tuple[Change, ...]:
+) -> tuple[MotionChange, ...]:
     """Return the largest difference of each velocity, infinite where the other runs away, and the range of the vehicle's own.
 
     Args:
@@ -164,12 +165,14 @@ def changes(
         if rate in vehicle.moves or np.nanmax(np.abs(other[:, i])) > 0:
             gone = np.isnan(other[:, i]) & ~np.isnan(own[:, i])
             largest = np.inf if gone.any() else float(np.nanmax(np.abs(own[:, i] - other[:, i])))
-            results.append(Change(rate, signal_unit(rate), largest, float(np.nanmax(own[:, i]) - np.nanmin(own[:, i]))))
+            results.append(
+                MotionChange(rate, signal_unit(rate), largest, float(np.nanmax(own[:, i]) - np.nanmin(own[:, i])))
+            )
     return tuple(results)
 
 
 def motion_senses(
-    vehicle: ExportedVehicle, motion: Motion, plan: Plan, controls: Iterable[str] | None = None
+    vehicle: ExportedVehicle, motion: Motion, plan: ManoeuvrePlan, controls: Iterable[str] | None = None
 ) -> dict[str, Sense]:
     """Return the sense of each control in a motion, from the start of a plan; empty where it moves nothing.
 
@@ -209,7 +212,7 @@ def contrary_to(vehicle: ExportedVehicle, convention: Mapping[str, Sense]) -> tu
     )
 
 
-def command_line(vehicle: ExportedVehicle, carried: Carried, plan: Plan) -> str:
+def command_line(vehicle: ExportedVehicle, carried: Carried, plan: ManoeuvrePlan) -> str:
     """Return what positive commands do in the target, in words; nothing for a vehicle without controls.
 
     Args:
@@ -273,7 +276,7 @@ def _steady(motion: Motion, names: tuple[str, ...], drives: list[str], speed: fl
     return 0.0, float(brentq(lambda u: surge(u, 0.0), speeds[held[0]], speeds[held[0] + 1])) if held else speed
 
 
-def _frame_plan(vehicle: ExportedVehicle, names: tuple[str, ...]) -> Plan:
+def _frame_plan(vehicle: ExportedVehicle, names: tuple[str, ...]) -> ManoeuvrePlan:
     inverse = np.linalg.pinv(allocation(vehicle.thrusters))
 
     def controls(t: float) -> dict[str, float]:
@@ -284,7 +287,7 @@ def _frame_plan(vehicle: ExportedVehicle, names: tuple[str, ...]) -> Plan:
         forces = inverse @ wanted
         return {name: float(forces[int(name[2:]) - 1]) if name.startswith("f_") else 0.0 for name in names}
 
-    return Plan(
+    return ManoeuvrePlan(
         0.0,
         controls,
         f"from rest a doublet of {_PUSH:g} N in surge, a yaw moment of {_TURN:g} N m and a heave force of {_DIVE:g} N for 6 s each",

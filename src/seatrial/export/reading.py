@@ -16,7 +16,7 @@ from seatrial.vehicles.actuators import Actuator
 from seatrial.vehicles.hull import Hull
 from seatrial.vehicles.thrusters import Thruster
 
-ADDED = ("model_error_sd", "uncertainty", "quoted", "averaged")
+LATER_KEYS = ("model_error_sd", "uncertainty", "quoted", "averaged")
 """Keys that files of earlier versions of the same format lack."""
 _ROUNDING = 1e-9
 """Relative difference that is rounding."""
@@ -124,7 +124,7 @@ def _check_agreement(result: Any, expected: Any, key: str) -> None:
     if isinstance(expected, dict) and isinstance(result, dict):
         for name, value in expected.items():
             if name not in result:
-                if name in ADDED:
+                if name in LATER_KEYS:
                     continue
                 raise _contradiction(f"{key}{name}", "nothing", repr(value))
             _check_agreement(result[name], value, f"{key}{name}.")

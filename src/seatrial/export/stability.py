@@ -20,7 +20,7 @@ _AGAIN = (
 )
 _RANGE = dict(zip(RATES, (2.0, 0.5, 0.5, 1.0, 0.5, 0.5), strict=True))
 """Range of each velocity in which damping is tried, m/s and rad/s."""
-_COUPLED = (("v", "p"), ("v", "r"), ("w", "q"), ("p", "r"))
+_COUPLED_VELOCITIES = (("v", "p"), ("v", "r"), ("w", "q"), ("p", "r"))
 _SAMPLES = 500
 
 
@@ -44,7 +44,7 @@ def check_stable(vehicle: ExportedVehicle, target: str) -> None:
             )
     # Each velocity alone, those that couple, and all together.
     singles = [{rate: _RANGE[rate]} for rate in vehicle.moves]
-    pairs = [{a: _RANGE[a], b: _RANGE[b]} for a, b in _COUPLED if a in vehicle.moves and b in vehicle.moves]
+    pairs = [{a: _RANGE[a], b: _RANGE[b]} for a, b in _COUPLED_VELOCITIES if a in vehicle.moves and b in vehicle.moves]
     for speeds in [*singles, *pairs, {rate: _RANGE[rate] for rate in vehicle.moves}]:
         findings = dissipation_findings(vehicle.forces, speeds)
         if findings:

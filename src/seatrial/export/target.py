@@ -31,7 +31,7 @@ class Carried(NamedTuple):
     reversed: tuple[str, ...] = ()
 
 
-class Change(NamedTuple):
+class MotionChange(NamedTuple):
     """Largest difference of one velocity between the vehicle and the target's, and the range of the vehicle's own; SI."""
 
     rate: str
@@ -58,11 +58,11 @@ class Statement(NamedTuple):
     target: str
     provenance: ExportProvenance
     carried: Carried
-    loss: tuple[Change, ...]
+    loss: tuple[MotionChange, ...]
     manoeuvre: str
     lines: tuple[str, ...]
     growth: float = 0.0
-    loss_in_current: tuple[Change, ...] | None = None
+    loss_in_current: tuple[MotionChange, ...] | None = None
     estimated: CoefficientEstimates = CoefficientEstimates()
 
 

@@ -14,9 +14,9 @@ from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError, nearest, not_among
 from seatrial.core.files import write_text
 from seatrial.core.signals import RATES
-from seatrial.export.manoeuvre import Plan, changes, command_line, growth_rate, plan_for, run_manoeuvre
+from seatrial.export.manoeuvre import ManoeuvrePlan, changes, command_line, growth_rate, plan_for, run_manoeuvre
 from seatrial.export.motion import motion_of
-from seatrial.export.target import Carried, Change, Exporter, Statement
+from seatrial.export.target import Carried, Exporter, MotionChange, Statement
 from seatrial.export.targets.csv_table import CsvTable
 from seatrial.export.targets.fossen import Fossen
 from seatrial.export.targets.gz import Gz
@@ -29,9 +29,9 @@ from seatrial.vehicles.catalogue import load_vehicle, vehicle_names
 # What an export says of itself, in its header and on the terminal: where it comes from, how well it is known, what is
 # lost.
 
-_SLOW = 0.05
+_SLOW_GROWTH = 0.05
 """Growth, 1/s, below which nothing grows much in the manoeuvre."""
-_NOTHING = 1e-9
+_ROUNDING_SHARE = 1e-9
 """Share of a velocity's range, or m/s and rad/s, below which a difference is rounding."""
 EXPORTERS: dict[str, Callable[..., Exporter]] = {
     "gz": Gz,
@@ -76,9 +76,9 @@ def untethered(vehicle: ExportedVehicle) -> ExportedVehicle:
     return replace(vehicle, hull=replace(vehicle.hull, tether=None))
 
 
-def loss_words(loss: Iterable[Change]) -> str:
+def loss_words(loss: Iterable[MotionChange]) -> str:
     """Return the loss in predicted motion in words."""
-    shown = [change for change in loss if change.largest > _NOTHING * max(1.0, change.range)]
+    shown = [change for change in loss if change.largest > _ROUNDING_SHARE * max(1.0, change.range)]
     if not shown:
         return "none"
     return "; ".join(_change_words(change) for change in shown)
@@ -160,8 +160,8 @@ def of_catalogue(name: str) -> tuple[ExportedVehicle, ExportProvenance]:
 
 
 def _loss_in_current(
-    vehicle: ExportedVehicle, carried: Carried, plan: Plan, current: float
-) -> tuple[Change, ...] | None:
+    vehicle: ExportedVehicle, carried: Carried, plan: ManoeuvrePlan, current: float
+) -> tuple[MotionChange, ...] | None:
     """Return the changes of the velocities through the water, in a current to the east; None without one."""
     if current == 0:
         return None
@@ -205,7 +205,7 @@ def _lines(vehicle: ExportedVehicle, statement: Statement, commands: str) -> lis
         lines.append(
             f"the same through the water in the campaign's current, {provenance.current:.2g} m/s from abeam: {words}"
         )
-    if statement.growth > _SLOW and loss_words(statement.loss) != "none":
+    if statement.growth > _SLOW_GROWTH and loss_words(statement.loss) != "none":
         lines.append(
             "ahead at that speed the vehicle itself is unstable without control: small differences grow "
             f"{np.exp(statement.growth):.1f} times each second, and so does whatever is lost"
@@ -213,8 +213,12 @@ def _lines(vehicle: ExportedVehicle, statement: Statement, commands: str) -> lis
     return lines
 
 
-def _change_words(change: Change) -> str:
+def _change_words(change: MotionChange) -> str:
     if not np.isfinite(change.largest):
         return f"{change.rate} runs away in the target"
-    share = f" ({change.largest / change.range:.0%} of its range)" if change.range > _NOTHING else " (its range is 0)"
+    share = (
+        f" ({change.largest / change.range:.0%} of its range)"
+        if change.range > _ROUNDING_SHARE
+        else " (its range is 0)"
+    )
     return f"{change.rate} by {change.largest:.2g} {change.unit}{share}"

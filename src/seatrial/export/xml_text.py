@@ -5,7 +5,7 @@ from xml.sax.saxutils import escape
 
 import numpy as np
 
-HEAD = '<?xml version="1.0"?>\n'
+XML_HEAD = '<?xml version="1.0"?>\n'
 
 
 def number(value: float) -> str:

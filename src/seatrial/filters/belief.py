@@ -11,7 +11,7 @@ from seatrial.numerics.triangular import Scalar, Triangle, Vector, dot, is_zero,
 LOG_2PI = 1.8378770664093453
 
 
-class Belief(NamedTuple):
+class FilterState(NamedTuple):
     """Mean and spread of the state, held as the filter's form says: covariance or its Cholesky factor, scalars or arrays."""
 
     mean: Any
@@ -48,11 +48,15 @@ class Filter(Protocol):
     form: ClassVar[Any]
     """How the belief is held, one of `seatrial.filters.forms`."""
 
-    def predict(self, space: StateSpace, belief: Belief, control: Vector, step: Scalar) -> tuple[Belief, Scalar]:
+    def predict(
+        self, space: StateSpace, belief: FilterState, control: Vector, step: Scalar
+    ) -> tuple[FilterState, Scalar]:
         """Return the belief one step later, and the number of sigma points clipped."""
         ...
 
-    def update(self, space: StateSpace, belief: Belief, control: Vector, measurement: Vector) -> tuple[Belief, Update]:
+    def update(
+        self, space: StateSpace, belief: FilterState, control: Vector, measurement: Vector
+    ) -> tuple[FilterState, Update]:
         """Return the belief after a measurement in which NaN marks a missing channel."""
         ...
 
@@ -141,7 +145,9 @@ def whiten(factor: Triangle, masked: Masked, failed: Scalar = False, clipped: Sc
     )
 
 
-def condition(belief: Belief, factor: Triangle, cross: Sequence[Vector], masked: Masked) -> tuple[Belief, Update]:
+def condition(
+    belief: FilterState, factor: Triangle, cross: Sequence[Vector], masked: Masked
+) -> tuple[FilterState, Update]:
     """Update in covariance form: mean + B e and P - B B^T, with B = P_xy S^-T/2 and e the whitened innovation.
 
     Args:
@@ -156,4 +162,4 @@ def condition(belief: Belief, factor: Triangle, cross: Sequence[Vector], masked:
     covariance = tuple(
         tuple(p - dot(gains[i], gains[j]) for j, p in enumerate(row)) for i, row in enumerate(belief.spread)
     )
-    return Belief(mean, covariance), update
+    return FilterState(mean, covariance), update

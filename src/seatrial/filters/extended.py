@@ -17,8 +17,8 @@ from jaxtyping import Array, Float
 
 from seatrial.filters.belief import (
     LOG_2PI,
-    Belief,
     Filter,
+    FilterState,
     Update,
     condition,
     gate,
@@ -26,11 +26,11 @@ from seatrial.filters.belief import (
     process_columns,
     process_covariance,
 )
-from seatrial.filters.forms import CovarianceArray, CovarianceTriangle, Form
+from seatrial.filters.forms import CovarianceArray, CovarianceTriangle, StateForm
 from seatrial.numerics.state_space import StateSpace
 from seatrial.numerics.triangular import Scalar, Triangle, Vector, cholesky, dot, plus
 
-MOST_UNROLLED = 4
+MAX_UNROLLED_STATES = 4
 """States up to which scalars are faster to run and not slow to compile."""
 
 
@@ -38,9 +38,11 @@ MOST_UNROLLED = 4
 class ExtendedKalmanFilter:
     """EKF; the derivative by a coefficient is its regressor, carried exactly through the integrator."""
 
-    form: ClassVar[Form] = CovarianceTriangle()
+    form: ClassVar[StateForm] = CovarianceTriangle()
 
-    def predict(self, space: StateSpace, belief: Belief, control: Vector, step: Scalar) -> tuple[Belief, Scalar]:
+    def predict(
+        self, space: StateSpace, belief: FilterState, control: Vector, step: Scalar
+    ) -> tuple[FilterState, Scalar]:
         """See `Filter.predict`."""
         d, n = space.n_dynamic, len(belief.mean)
         moved, jacobian = _linearise(lambda x: space.transition(x, control, step), belief.mean)
@@ -50,9 +52,11 @@ class ExtendedKalmanFilter:
         rows += [[carried[j][i] if j < d else covariance[i][j] for j in range(i + 1)] for i in range(d, n)]
         noise = list(zip(*process_columns(space, belief.mean, control, step), strict=True))
         spread = tuple(tuple(plus(p, dot(noise[i], noise[j])) for j, p in enumerate(row)) for i, row in enumerate(rows))
-        return Belief((*moved, *belief.mean[d:]), spread), 0
+        return FilterState((*moved, *belief.mean[d:]), spread), 0
 
-    def update(self, space: StateSpace, belief: Belief, control: Vector, measurement: Vector) -> tuple[Belief, Update]:
+    def update(
+        self, space: StateSpace, belief: FilterState, control: Vector, measurement: Vector
+    ) -> tuple[FilterState, Update]:
         """See `Filter.update`."""
         predicted, jacobian = _linearise(lambda x: space.observe(x, control), belief.mean)
         masked = mask_missing(space, measurement, predicted)
@@ -75,15 +79,19 @@ class ExtendedKalmanFilter:
 class LargeExtendedKalmanFilter:
     """EKF on arrays."""
 
-    form: ClassVar[Form] = CovarianceArray()
+    form: ClassVar[StateForm] = CovarianceArray()
 
-    def predict(self, space: StateSpace, belief: Belief, control: Vector, step: Scalar) -> tuple[Belief, Scalar]:
+    def predict(
+        self, space: StateSpace, belief: FilterState, control: Vector, step: Scalar
+    ) -> tuple[FilterState, Scalar]:
         """See `Filter.predict`."""
         moved, slope = _slopes(lambda x: (*space.transition(x, control, step), *x[space.n_dynamic :]), belief.mean)
         noise = process_covariance(space, tuple(belief.mean), control, step)
-        return Belief(moved, slope @ belief.spread @ slope.T + noise), 0
+        return FilterState(moved, slope @ belief.spread @ slope.T + noise), 0
 
-    def update(self, space: StateSpace, belief: Belief, control: Vector, measurement: Vector) -> tuple[Belief, Update]:
+    def update(
+        self, space: StateSpace, belief: FilterState, control: Vector, measurement: Vector
+    ) -> tuple[FilterState, Update]:
         """See `Filter.update`."""
         predicted, slopes = _slopes(lambda x: space.observe(x, control), belief.mean)
         masked = mask_missing(space, measurement, tuple(predicted))
@@ -102,12 +110,12 @@ class LargeExtendedKalmanFilter:
         log_likelihood = -0.5 * (nis + n_measured * LOG_2PI + jnp.log(size).sum())
         failed = ~jnp.isfinite(log_likelihood)
         report = Update(log_likelihood, nis, n_measured, masked.reported, failed, 0, tuple(residuals), tuple(variances))
-        return Belief(belief.mean + gained, spread), report
+        return FilterState(belief.mean + gained, spread), report
 
 
 def extended_filter(n_states: int) -> Filter:
     """Return the extended Kalman filter for so many states, in the form that suits them."""
-    return ExtendedKalmanFilter() if n_states <= MOST_UNROLLED else LargeExtendedKalmanFilter()
+    return ExtendedKalmanFilter() if n_states <= MAX_UNROLLED_STATES else LargeExtendedKalmanFilter()
 
 
 def _slopes(

@@ -4,31 +4,31 @@ from typing import Any, Protocol
 
 import jax.numpy as jnp
 
-from seatrial.filters.belief import Belief
+from seatrial.filters.belief import FilterState
 from seatrial.numerics.gaussian import Gaussian
 from seatrial.numerics.triangular import Scalar, cholesky, cholesky_of_array, to_matrix, to_triangle
 
 
-class Form(Protocol):
+class StateForm(Protocol):
     """The two ends of a run, and what is asked of a belief on the way."""
 
-    def begin(self, initial: Gaussian) -> Belief:
+    def begin(self, initial: Gaussian) -> FilterState:
         """Return the belief of a Gaussian."""
         ...
 
-    def end(self, belief: Belief) -> Gaussian:
+    def end(self, belief: FilterState) -> Gaussian:
         """Return the Gaussian of a belief."""
         ...
 
-    def means(self, belief: Belief) -> tuple[Scalar, ...]:
+    def means(self, belief: FilterState) -> tuple[Scalar, ...]:
         """Return the mean of each state."""
         ...
 
-    def sds(self, belief: Belief) -> tuple[Scalar, ...]:
+    def sds(self, belief: FilterState) -> tuple[Scalar, ...]:
         """Return the standard deviation of each state."""
         ...
 
-    def positive(self, belief: Belief) -> Scalar:
+    def positive(self, belief: FilterState) -> Scalar:
         """Return whether every pivot of the factor, or every variance of the covariance, is positive and finite."""
         ...
 
@@ -36,23 +36,23 @@ class Form(Protocol):
 class CovarianceTriangle:
     """The lower triangle of the covariance, as scalars."""
 
-    def begin(self, initial: Gaussian) -> Belief:
+    def begin(self, initial: Gaussian) -> FilterState:
         """See `Form.begin`."""
-        return Belief(tuple(initial.mean), to_triangle(initial.chol_cov @ initial.chol_cov.T))
+        return FilterState(tuple(initial.mean), to_triangle(initial.chol_cov @ initial.chol_cov.T))
 
-    def end(self, belief: Belief) -> Gaussian:
+    def end(self, belief: FilterState) -> Gaussian:
         """See `Form.end`."""
         return Gaussian(jnp.stack(belief.mean), to_matrix(cholesky(belief.spread)))
 
-    def means(self, belief: Belief) -> tuple[Scalar, ...]:
+    def means(self, belief: FilterState) -> tuple[Scalar, ...]:
         """See `Form.means`."""
         return belief.mean
 
-    def sds(self, belief: Belief) -> tuple[Scalar, ...]:
+    def sds(self, belief: FilterState) -> tuple[Scalar, ...]:
         """See `Form.sds`."""
         return tuple(jnp.sqrt(row[-1]) for row in belief.spread)
 
-    def positive(self, belief: Belief) -> Scalar:
+    def positive(self, belief: FilterState) -> Scalar:
         """See `Form.positive`."""
         return _positive(jnp.stack([row[-1] for row in belief.spread]))
 
@@ -60,15 +60,15 @@ class CovarianceTriangle:
 class FactorTriangle(CovarianceTriangle):
     """The Cholesky factor of the covariance, as scalars."""
 
-    def begin(self, initial: Gaussian) -> Belief:
+    def begin(self, initial: Gaussian) -> FilterState:
         """See `Form.begin`."""
-        return Belief(tuple(initial.mean), to_triangle(initial.chol_cov))
+        return FilterState(tuple(initial.mean), to_triangle(initial.chol_cov))
 
-    def end(self, belief: Belief) -> Gaussian:
+    def end(self, belief: FilterState) -> Gaussian:
         """See `Form.end`."""
         return Gaussian(jnp.stack(belief.mean), to_matrix(belief.spread))
 
-    def sds(self, belief: Belief) -> tuple[Scalar, ...]:
+    def sds(self, belief: FilterState) -> tuple[Scalar, ...]:
         """See `Form.sds`."""
         return tuple(jnp.sqrt(sum(x * x for x in row)) for row in belief.spread)
 
@@ -76,23 +76,23 @@ class FactorTriangle(CovarianceTriangle):
 class CovarianceArray:
     """The mean, shape (n,), and the covariance, shape (n, n), as arrays."""
 
-    def begin(self, initial: Gaussian) -> Belief:
+    def begin(self, initial: Gaussian) -> FilterState:
         """See `Form.begin`."""
-        return Belief(initial.mean, initial.chol_cov @ initial.chol_cov.T)
+        return FilterState(initial.mean, initial.chol_cov @ initial.chol_cov.T)
 
-    def end(self, belief: Belief) -> Gaussian:
+    def end(self, belief: FilterState) -> Gaussian:
         """See `Form.end`."""
         return Gaussian(belief.mean, cholesky_of_array(belief.spread))
 
-    def means(self, belief: Belief) -> tuple[Scalar, ...]:
+    def means(self, belief: FilterState) -> tuple[Scalar, ...]:
         """See `Form.means`."""
         return tuple(belief.mean)
 
-    def sds(self, belief: Belief) -> tuple[Scalar, ...]:
+    def sds(self, belief: FilterState) -> tuple[Scalar, ...]:
         """See `Form.sds`."""
         return tuple(jnp.sqrt(jnp.diag(belief.spread)))
 
-    def positive(self, belief: Belief) -> Scalar:
+    def positive(self, belief: FilterState) -> Scalar:
         """See `Form.positive`."""
         return _positive(jnp.diag(belief.spread))
 
@@ -100,23 +100,23 @@ class CovarianceArray:
 class FactorArray:
     """The mean, shape (n,), and the Cholesky factor of the covariance, shape (n, n), as arrays."""
 
-    def begin(self, initial: Gaussian) -> Belief:
+    def begin(self, initial: Gaussian) -> FilterState:
         """See `Form.begin`."""
-        return Belief(initial.mean, initial.chol_cov)
+        return FilterState(initial.mean, initial.chol_cov)
 
-    def end(self, belief: Belief) -> Gaussian:
+    def end(self, belief: FilterState) -> Gaussian:
         """See `Form.end`."""
         return Gaussian(belief.mean, belief.spread)
 
-    def means(self, belief: Belief) -> tuple[Scalar, ...]:
+    def means(self, belief: FilterState) -> tuple[Scalar, ...]:
         """See `Form.means`."""
         return tuple(belief.mean)
 
-    def sds(self, belief: Belief) -> tuple[Scalar, ...]:
+    def sds(self, belief: FilterState) -> tuple[Scalar, ...]:
         """See `Form.sds`."""
         return tuple(jnp.sqrt((belief.spread**2).sum(1)))
 
-    def positive(self, belief: Belief) -> Scalar:
+    def positive(self, belief: FilterState) -> Scalar:
         """See `Form.positive`."""
         return _positive(jnp.diag(belief.spread))
 

@@ -24,8 +24,8 @@ from jaxtyping import Array, Float
 
 from seatrial.filters.belief import (
     LOG_2PI,
-    Belief,
     Filter,
+    FilterState,
     Update,
     gate,
     mask_missing,
@@ -33,7 +33,7 @@ from seatrial.filters.belief import (
     process_covariance,
     whiten,
 )
-from seatrial.filters.forms import FactorArray, FactorTriangle, Form
+from seatrial.filters.forms import FactorArray, FactorTriangle, StateForm
 from seatrial.filters.unscented import at_points, weighted_mean
 from seatrial.numerics.sigma_points import UnscentedRule, sigma_pairs
 from seatrial.numerics.state_space import StateSpace
@@ -50,7 +50,7 @@ from seatrial.numerics.triangular import (
 )
 
 Bounds = tuple[tuple[float, float], ...]
-MOST_UNROLLED = 6
+MAX_UNROLLED_STATES = 6
 """States up to which scalars are faster to run and not slow to compile."""
 
 
@@ -63,11 +63,13 @@ class SquareRootUnscentedKalmanFilter:
         bounds: (lower, upper) of every state, infinite where free; None for the unconstrained filter.
     """
 
-    form: ClassVar[Form] = FactorTriangle()
+    form: ClassVar[StateForm] = FactorTriangle()
     rule: UnscentedRule = UnscentedRule()
     bounds: Bounds | None = None
 
-    def predict(self, space: StateSpace, belief: Belief, control: Vector, step: Scalar) -> tuple[Belief, Scalar]:
+    def predict(
+        self, space: StateSpace, belief: FilterState, control: Vector, step: Scalar
+    ) -> tuple[FilterState, Scalar]:
         """See `Filter.predict`."""
         d, n = space.n_dynamic, len(belief.mean)
         points, clipped = self._points(belief)
@@ -80,9 +82,11 @@ class SquareRootUnscentedKalmanFilter:
         spread, failed = _factor([*pairs, *others, *process_columns(space, belief.mean, control, step)], centre)
         if not is_zero(failed):
             spread = tuple(tuple(jnp.where(failed, jnp.nan, entry) for entry in row) for row in spread)
-        return Belief((*moved, *belief.mean[len(moved) :]), spread), clipped
+        return FilterState((*moved, *belief.mean[len(moved) :]), spread), clipped
 
-    def update(self, space: StateSpace, belief: Belief, control: Vector, measurement: Vector) -> tuple[Belief, Update]:
+    def update(
+        self, space: StateSpace, belief: FilterState, control: Vector, measurement: Vector
+    ) -> tuple[FilterState, Update]:
         """See `Filter.update`."""
         m, n = len(measurement), len(belief.mean)
         points, clipped = self._points(belief)
@@ -104,9 +108,9 @@ class SquareRootUnscentedKalmanFilter:
         factor, failed = _factor([*pairs, *others], centre)
         white, update = whiten(factor[:m], masked, failed, clipped)
         shifted = tuple(x + dot(row[:m], white) for x, row in zip(mean, factor[m:], strict=True))
-        return Belief(self._inside(shifted), tuple(row[m:] for row in factor[m:])), update
+        return FilterState(self._inside(shifted), tuple(row[m:] for row in factor[m:])), update
 
-    def _points(self, belief: Belief) -> tuple[list[Vector], Scalar]:
+    def _points(self, belief: FilterState) -> tuple[list[Vector], Scalar]:
         above, below = sigma_pairs(belief.mean, belief.spread, self.rule.spread(len(belief.mean)))
         points = [belief.mean, *above, *below]
         if self.bounds is None:
@@ -158,19 +162,23 @@ class LargeUnscentedKalmanFilter:
         rule: unscented rule.
     """
 
-    form: ClassVar[Form] = FactorArray()
+    form: ClassVar[StateForm] = FactorArray()
     rule: UnscentedRule = UnscentedRule()
 
-    def predict(self, space: StateSpace, belief: Belief, control: Vector, step: Scalar) -> tuple[Belief, Scalar]:
+    def predict(
+        self, space: StateSpace, belief: FilterState, control: Vector, step: Scalar
+    ) -> tuple[FilterState, Scalar]:
         """See `Filter.predict`."""
         points = self._points(belief)
         moved = space.transition(tuple(points.T), control, step)
         images = jnp.concatenate([_columns(moved, len(points)), points[:, len(moved) :]], axis=1)
         mean, away = self._about_mean(images)
         spread = self._squares(away) + process_covariance(space, belief.mean, control, step)
-        return Belief(mean, cholesky_of_array(spread)), 0
+        return FilterState(mean, cholesky_of_array(spread)), 0
 
-    def update(self, space: StateSpace, belief: Belief, control: Vector, measurement: Vector) -> tuple[Belief, Update]:
+    def update(
+        self, space: StateSpace, belief: FilterState, control: Vector, measurement: Vector
+    ) -> tuple[FilterState, Update]:
         """See `Filter.update`."""
         m, points = len(measurement), self._points(belief)
         predicted, away = self._about_mean(_columns(space.observe(tuple(points.T), control), len(points)))
@@ -184,9 +192,9 @@ class LargeUnscentedKalmanFilter:
         failed, sizes = ~jnp.isfinite(log_likelihood), jnp.diag(factor)[:m]
         residual, variance = tuple(white * sizes), tuple(sizes**2)
         report = Update(log_likelihood, nis, n_measured, masked.reported, failed, 0, residual, variance)
-        return Belief(belief.mean + factor[m:, :m] @ white, factor[m:, m:]), report
+        return FilterState(belief.mean + factor[m:, :m] @ white, factor[m:, m:]), report
 
-    def _points(self, belief: Belief) -> Float[Array, "p n"]:
+    def _points(self, belief: FilterState) -> Float[Array, "p n"]:
         away = self.rule.spread(belief.mean.size) * belief.spread.T
         return belief.mean + jnp.concatenate([jnp.zeros_like(away[:1]), away, -away])
 
@@ -203,7 +211,7 @@ class LargeUnscentedKalmanFilter:
 
 def unscented_filter(n_states: int) -> Filter:
     """Return the square-root unscented filter for so many states, in the form that suits them."""
-    return SquareRootUnscentedKalmanFilter() if n_states <= MOST_UNROLLED else LargeUnscentedKalmanFilter()
+    return SquareRootUnscentedKalmanFilter() if n_states <= MAX_UNROLLED_STATES else LargeUnscentedKalmanFilter()
 
 
 def _factor(rows: Sequence[Vector], removed: Vector) -> tuple[Triangle, Scalar]:

@@ -22,7 +22,7 @@ LAGS = 10
 RELEVANT = 0.1
 """A correlation, or a departure of the mean NIS from 1, below this does no harm, however significant."""
 ERRATIC = 2.0
-SHRINKING, GROWING = 0.75, 1.1
+SHRINKING_RATIO, GROWING_RATIO = 0.75, 1.1
 """A standard deviation that falls as one over the square root of time keeps 0.87 of its value over the last quarter."""
 
 
@@ -125,9 +125,9 @@ def _findings(report: TuningReport, space: StateSpace, counts: list[int]) -> lis
     for name, erratic, settling in zip(constants, report.erratic, report.settling, strict=True):
         if erratic > ERRATIC and not noisy_r:
             findings.append(_finding("estimate-erratic", "Q", "down", (name,), ratio=float(erratic)))
-        if settling > GROWING:
+        if settling > GROWING_RATIO:
             findings.append(_finding("sd-growing", "Q", "down", (name,), change=float(settling - 1)))
-        if settling < SHRINKING:
+        if settling < SHRINKING_RATIO:
             findings.append(_finding("not-settled", "trial", "longer", (name,), change=float(1 - settling)))
     if not findings and report.nees > report.nees_band[1]:
         findings.append(_finding("states-beyond-stated", "Q", "up", (), ratio=report.nees))

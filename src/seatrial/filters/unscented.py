@@ -11,8 +11,8 @@ from typing import ClassVar
 import jax.numpy as jnp
 
 from seatrial.compiled.batching import map_in_step
-from seatrial.filters.belief import Belief, Update, condition, gate, mask_missing, process_columns
-from seatrial.filters.forms import CovarianceTriangle, Form
+from seatrial.filters.belief import FilterState, Update, condition, gate, mask_missing, process_columns
+from seatrial.filters.forms import CovarianceTriangle, StateForm
 from seatrial.numerics.sigma_points import UnscentedRule, sigma_pairs
 from seatrial.numerics.state_space import StateSpace
 from seatrial.numerics.triangular import Scalar, Vector, cholesky, dot, plus, times, total
@@ -22,10 +22,12 @@ from seatrial.numerics.triangular import Scalar, Vector, cholesky, dot, plus, ti
 class UnscentedKalmanFilter:
     """UKF with the scaled unscented rule."""
 
-    form: ClassVar[Form] = CovarianceTriangle()
+    form: ClassVar[StateForm] = CovarianceTriangle()
     rule: UnscentedRule = UnscentedRule()
 
-    def predict(self, space: StateSpace, belief: Belief, control: Vector, step: Scalar) -> tuple[Belief, Scalar]:
+    def predict(
+        self, space: StateSpace, belief: FilterState, control: Vector, step: Scalar
+    ) -> tuple[FilterState, Scalar]:
         """See `Filter.predict`."""
         d = space.n_dynamic
         points = self._points(belief)
@@ -40,9 +42,11 @@ class UnscentedKalmanFilter:
             tuple(plus(p, dot(noise[i], noise[j])) for j, p in enumerate(row[: i + 1]))
             for i, row in enumerate(covariance)
         )
-        return Belief(mean, spread), 0
+        return FilterState(mean, spread), 0
 
-    def update(self, space: StateSpace, belief: Belief, control: Vector, measurement: Vector) -> tuple[Belief, Update]:
+    def update(
+        self, space: StateSpace, belief: FilterState, control: Vector, measurement: Vector
+    ) -> tuple[FilterState, Update]:
         """See `Filter.update`."""
         n = len(belief.mean)
         points = self._points(belief)
@@ -60,7 +64,7 @@ class UnscentedKalmanFilter:
         cross = _moment(weights, [_minus(point, belief.mean) for point in points], residuals)
         return condition(belief, cholesky(innovation_cov), [tuple(row) for row in cross], masked)
 
-    def _points(self, belief: Belief) -> list[Vector]:
+    def _points(self, belief: FilterState) -> list[Vector]:
         above, below = sigma_pairs(belief.mean, cholesky(belief.spread), self.rule.spread(len(belief.mean)))
         return [belief.mean, *above, *below]
 

@@ -99,7 +99,7 @@ class Loop:
         return (angle + pi) % (2 * pi) - pi if self.holds in ANGLES else angle
 
 
-class Memory(NamedTuple):
+class AutopilotMemory(NamedTuple):
     """What an autopilot remembers: samples since the beginning, and what each loop does."""
 
     count: Any
@@ -139,12 +139,12 @@ class Autopilot:
         """Samples after which all loops decide at the same time again."""
         return lcm(*(loop.every for loop in self.loops))
 
-    def begin(self) -> Memory:
+    def begin(self) -> AutopilotMemory:
         """See `Pilot.begin`."""
         zero = jnp.zeros(())
-        return Memory(jnp.zeros((), int), tuple(LoopMemory(zero, zero, zero, zero) for _ in self.loops))
+        return AutopilotMemory(jnp.zeros((), int), tuple(LoopMemory(zero, zero, zero, zero) for _ in self.loops))
 
-    def decide(self, memory: Memory, time: Any, seen: tuple, told: tuple) -> Memory:
+    def decide(self, memory: AutopilotMemory, time: Any, seen: tuple, told: tuple) -> AutopilotMemory:
         """See `Pilot.decide`; the time is that of its own count."""
         shown = dict(zip(self.outputs, seen, strict=True))
         wanted = dict(zip(self.commands, told, strict=True))
@@ -153,9 +153,9 @@ class Autopilot:
             after = loop.decide(before, memory.count, wanted[loop.set_point], shown)
             wanted |= {name: wanted[name] + share * after.output for name, share in loop.moves}
             decided.append(after)
-        return Memory(memory.count + 1, tuple(decided))
+        return AutopilotMemory(memory.count + 1, tuple(decided))
 
-    def controls(self, memory: Memory, told: tuple) -> tuple:
+    def controls(self, memory: AutopilotMemory, told: tuple) -> tuple:
         """See `Pilot.controls`."""
         wanted = dict(zip(self.commands, told, strict=True))
         for loop, known in zip(self.loops, memory.loops, strict=True):

@@ -11,7 +11,7 @@ from seatrial.core.argument_checks import as_number, check_choice, check_count, 
 from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError
 from seatrial.manoeuvres.manoeuvre import Manoeuvre
-from seatrial.manoeuvres.schedule import MOST_SAMPLES, Schedule, schedule_of
+from seatrial.manoeuvres.schedule import MAX_SAMPLES, Schedule, schedule_of
 from seatrial.manoeuvres.shapes import SHAPES, Part, Shape
 from seatrial.numerics.array_module import array_module
 
@@ -226,11 +226,11 @@ def _check_times(family: Family) -> None:
     step = check_number(
         family.sample_time, "Family, sample_time", above=0.0, remedy="give a time in s, for example 0.1"
     )
-    if step > family.duration / 10 or family.duration > MOST_SAMPLES * step:
+    if step > family.duration / 10 or family.duration > MAX_SAMPLES * step:
         raise InputError(
             "Family, sample_time",
             found=f"{step:g} s, of a trial of {family.duration:g} s",
-            expected=f"a tenth of the duration at most, and at most {MOST_SAMPLES} samples in all",
+            expected=f"a tenth of the duration at most, and at most {MAX_SAMPLES} samples in all",
             remedy="a hundredth of the fastest time constant is short enough",
         )
     if family.start + family.active > family.duration * (1 + 1e-9):

@@ -22,16 +22,16 @@ from seatrial.core.signals import signal_unit
 from seatrial.core.units import to_si
 from seatrial.manoeuvres.manoeuvre import Limits, Manoeuvre
 
-MOST_SAMPLES = 200_000
+MAX_SAMPLES = 200_000
 """Samples of one trial."""
-MOST_BYTES = 1 << 26
+MAX_BYTES = 1 << 26
 COMMAND = "command"
 """In place of a unit: the command of a thruster by its law of thrust, which is written for the operator and not read back."""
 _BEND = 1e-9
 """Change of slope, as a share of the largest value, below which a line is straight."""
 _JUMP = 1e-9
 """Time that a jump takes, s."""
-_ROUNDING = 1e-6
+_ROUNDING_SHARE = 1e-6
 """Share of a limit by which the digits of a table may lie beyond it."""
 
 
@@ -80,16 +80,16 @@ class Schedule:
         """Return every control of a vehicle, SI, in its order; those that the schedule leaves alone are held at trim."""
         return {name: self.controls.get(name, np.full(self.time.size, value)) for name, value in trim}
 
-    def bends(self) -> "Rows":
+    def bends(self) -> "ScheduleRows":
         """Return the rows between which every control is a straight line through its samples."""
         bent = np.zeros(max(self.time.size - 2, 0), bool)
         for values in self.controls.values():
             bent |= np.abs(np.diff(values, n=2)) > _BEND * max(1.0, float(np.abs(values).max()))
         at = np.flatnonzero(np.concatenate([[True], bent, [True]]))
-        return Rows("", tuple(map(int, at)), self.time[at], {name: x[at] for name, x in self.controls.items()})
+        return ScheduleRows("", tuple(map(int, at)), self.time[at], {name: x[at] for name, x in self.controls.items()})
 
 
-class Rows(NamedTuple):
+class ScheduleRows(NamedTuple):
     """A schedule as its table has it.
 
     Attributes:
@@ -111,11 +111,11 @@ class Rows(NamedTuple):
             InputError: fewer than three samples, or too many.
         """
         last = float(self.time[-1])
-        if not 2 <= last / sample_time + 1e-6 < MOST_SAMPLES:
+        if not 2 <= last / sample_time + 1e-6 < MAX_SAMPLES:
             raise InputError(
                 f"{self.source}:{self.line[-1]}",
                 found=f"a schedule that ends after {last:g} s",
-                expected=f"3 to {MOST_SAMPLES} samples of {sample_time:g} s",
+                expected=f"3 to {MAX_SAMPLES} samples of {sample_time:g} s",
                 remedy="correct the times, or `sample_time` of [design]",
             )
         time = np.arange(int(last / sample_time + 1e-6) + 1) * sample_time
@@ -157,9 +157,9 @@ class Rows(NamedTuple):
         # Decimals of a file are rounded: that alone breaks no limit.
         lower, upper, rate = limits.lower, limits.upper, limits.rate
         broken = Limits(
-            None if lower is None else lower - _ROUNDING * max(1.0, abs(lower)),
-            None if upper is None else upper + _ROUNDING * max(1.0, abs(upper)),
-            None if rate is None else rate * (1.0 + _ROUNDING),
+            None if lower is None else lower - _ROUNDING_SHARE * max(1.0, abs(lower)),
+            None if upper is None else upper + _ROUNDING_SHARE * max(1.0, abs(upper)),
+            None if rate is None else rate * (1.0 + _ROUNDING_SHARE),
         ).excess(values, step)
         for name, found, ends in (
             ("lower", values, unit),
@@ -219,7 +219,7 @@ def table_text(
     return "\n".join([head, *rows, *remarks]) + "\n"
 
 
-def read_rows(path: Path, controls: Sequence[str]) -> Rows:
+def read_rows(path: Path, controls: Sequence[str]) -> ScheduleRows:
     """Read a table.
 
     Args:
@@ -246,7 +246,7 @@ def read_rows(path: Path, controls: Sequence[str]) -> Rows:
         for at, (name, factor) in enumerate(columns.items())
         if not name.endswith(f"_{COMMAND}")
     }
-    rows = Rows(str(path), tuple(i for i, _ in lines[1:]), values.pop("time"), values)
+    rows = ScheduleRows(str(path), tuple(i for i, _ in lines[1:]), values.pop("time"), values)
     _check_times(rows)
     return rows
 
@@ -260,11 +260,11 @@ def _text(path: Path) -> str:
             expected="a schedule as CSV",
             remedy="check the path",
         )
-    if (size := path.stat().st_size) > MOST_BYTES:
+    if (size := path.stat().st_size) > MAX_BYTES:
         raise InputError(
             str(path),
             found=f"{size / 2**20:.0f} MB",
-            expected=f"a schedule of at most {MOST_BYTES >> 20} MB",
+            expected=f"a schedule of at most {MAX_BYTES >> 20} MB",
             remedy="check the path: a row is needed only where a control bends",
         )
     content = path.read_bytes()
@@ -351,7 +351,7 @@ def _row(where: str, cells: Sequence[str], columns: int) -> list[float]:
     return values
 
 
-def _check_times(rows: Rows) -> None:
+def _check_times(rows: ScheduleRows) -> None:
     time, steps = rows.time, np.diff(rows.time)
     late = np.flatnonzero((steps < 0) | (np.append(1.0, steps[:-1]) == 0) & (steps == 0))
     if time[0] != 0 or late.size:

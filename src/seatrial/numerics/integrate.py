@@ -20,12 +20,12 @@ Look = Callable[[State, Any, tuple, Any], tuple[Any, Any]]
 Law = Callable[[State, Any, Any], tuple[tuple, Any]]
 """`(state, memory, extra) ->` the control until the next sample, and the memory: what closes a loop."""
 
-LARGE = 10
+MIN_LOOPED_STATES = 10
 """Number of states from which the four stages are a loop over one copy of the model, on a processor: faster, and compiled in a third
 of the time. On an accelerator each turn would be launched anew."""
 
 
-def rk4_step(rate: Rate, state: State, step: Any, large: int = LARGE) -> State:
+def rk4_step(rate: Rate, state: State, step: Any, large: int = MIN_LOOPED_STATES) -> State:
     """Classical fourth-order Runge-Kutta step (Kutta, 1901).
 
     Args:

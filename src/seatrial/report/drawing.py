@@ -17,11 +17,11 @@ from seatrial.campaign.config.truth import true_coefficients
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import shown_unit
 from seatrial.core.record import Record
-from seatrial.core.signals import HELD, SIGNALS, is_thruster, signal_label
+from seatrial.core.signals import GAUGE_CHANNELS, SIGNALS, is_thruster, signal_label
 from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.manoeuvres.schedule import Schedule
 from seatrial.report.figures.checks import Moved
-from seatrial.report.figures.fit import Driven, Predicted
+from seatrial.report.figures.fit import Driven, PredictedChannel
 from seatrial.report.figures.records import controls_over_time
 from seatrial.report.figures.style import PALETTE, unit_label
 from seatrial.report.labels import label_html, label_mathtext, name_html, sentence_about
@@ -43,7 +43,7 @@ _PATH = re.compile(r'\sd="([^"]*)"')
 _LONG_NUMBER = re.compile(r"-?\d+\.\d{2,}")
 _SPACE = re.compile(r"\s*([MLCQz])\s*")
 _LEVEL = re.compile(r"M([\d.-]+) ([\d.-]+)L([\d.-]+) \2(?=M|$)")
-MANY, DOT = 20, 0.2
+COARSE_POINTS, DOT = 20, 0.2
 """Points beyond which a path is written more coarsely, and length below which a stroke is a dot, points."""
 _FONT = re.compile(r"'DejaVu Sans'[^;\"]*")
 _VARIABLE = {light: f"var(--{name})" for name, (light, _) in PALETTE.items()}
@@ -136,7 +136,9 @@ def labels_of(outcome: "Outcome") -> dict[str, str]:
     names are no symbols."""
     campaign = outcome.campaign
     signals = {
-        name: signal_label(name) for name in (*SIGNALS, *HELD, *campaign.model(campaign.full).controls) if "_" in name
+        name: signal_label(name)
+        for name in (*SIGNALS, *GAUGE_CHANNELS, *campaign.model(campaign.full).controls)
+        if "_" in name
     }
     terms = {term: CoefficientName.parse(term).label for term in (*campaign.structure.optional, *campaign.hull.fixed)}
     return signals | terms | _of_parameters(outcome, "label")
@@ -213,7 +215,7 @@ def _of_parameters(outcome: "Outcome", column: str) -> dict[str, str]:
 
 def signal_symbol(name: str) -> str:
     """Return a signal's symbol for a figure, within dollars; `udot` is the derivative of `u`."""
-    known = is_thruster(name) or name.removesuffix("dot") in (*SIGNALS, *HELD)
+    known = is_thruster(name) or name.removesuffix("dot") in (*SIGNALS, *GAUGE_CHANNELS)
     return label_mathtext(signal_label(name) if known else rf"\mathrm{{{name}}}")
 
 
@@ -222,7 +224,9 @@ def signal_axis(name: str) -> str:
     return unit_label(signal_symbol(name), shown_unit(name)[1])
 
 
-def record_curves(outcome: "Outcome", index: int, record: Record) -> tuple[np.ndarray, list[Predicted], list[Driven]]:
+def record_curves(
+    outcome: "Outcome", index: int, record: Record
+) -> tuple[np.ndarray, list[PredictedChannel], list[Driven]]:
     """Time, channels and controls of one record, in the units in which they are shown."""
     data = outcome.predictions
     rows = data["record"].values == index
@@ -230,7 +234,7 @@ def record_curves(outcome: "Outcome", index: int, record: Record) -> tuple[np.nd
     for column, name in enumerate(map(str, data["channel"].values)):
         factor = shown_unit(name)[0]
         columns = (data[part].values[rows, column] * factor for part in ("measured", "mean", "sd"))
-        channels.append(Predicted(signal_axis(name), *columns))
+        channels.append(PredictedChannel(signal_axis(name), *columns))
     controls = [Driven(signal_axis(name), record.channel(name) * shown_unit(name)[0]) for name in record.controls]
     return data["time"].values[rows], channels, controls
 
@@ -262,7 +266,7 @@ def _own_ids(body: str, name: str) -> str:
 def _short(path: re.Match) -> str:
     """Write a path of many points to a tenth of a point, without what need not be said; a stroke as short as a dot has no length."""
     text = path[1]
-    if text.count("\n") > MANY:
+    if text.count("\n") > COARSE_POINTS:
         text = _LONG_NUMBER.sub(lambda number: f"{float(number[0]):.1f}".removesuffix(".0"), text)
     return f' d="{_LEVEL.sub(_level, _SPACE.sub(_letter, text.strip()))}"'
 

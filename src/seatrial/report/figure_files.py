@@ -24,7 +24,7 @@ from seatrial.estimation.posterior.profile_result import Profiles
 from seatrial.report.drawing import draw_svg, prior_panels, prior_spreads, signal_axis, signal_symbol
 from seatrial.report.figures.checks import Progressed, prior_motions, rank_figure, rehearsal_figure
 from seatrial.report.figures.fit import SmoothedSignal, smoothed_record
-from seatrial.report.figures.posterior import Panel, profile_figure
+from seatrial.report.figures.posterior import ProfilePanel, profile_figure
 from seatrial.report.figures.records import raw_record, relay_figure
 from seatrial.report.figures.style import INK, MUTED, PAPER, WIDE, own_settings, unit_label
 from seatrial.report.labels import label_mathtext
@@ -104,7 +104,9 @@ def write_prior_picture(folder: Path, name: str, result: PriorPredictive) -> Pat
 def write_profile_picture(folder: Path, name: str, truth: Mapping[str, float], result: Profiles) -> Path:
     """Write `profile.svg` in the campaign's folder, atomically, and return its path."""
     path = folder / "profile.svg"
-    panels = [Panel(profile, label_mathtext(profile.label), truth.get(profile.name)) for profile in result.profiles]
+    panels = [
+        ProfilePanel(profile, label_mathtext(profile.label), truth.get(profile.name)) for profile in result.profiles
+    ]
     words = [
         f"{name}: profile likelihoods of {result.structure}, the other parameters following",
         "shaded: 95 % interval, where the best fit falls by less than 1.92 (dashed)"

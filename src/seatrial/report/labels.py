@@ -14,7 +14,7 @@ from markupsafe import Markup, escape
 
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError
-from seatrial.core.signals import HELD, SIGNALS, is_thruster, signal_label
+from seatrial.core.signals import GAUGE_CHANNELS, SIGNALS, is_thruster, signal_label
 from seatrial.report.numbers import typeset
 
 GREEK = {
@@ -77,7 +77,7 @@ def name_mathtext(name: str) -> str:
 
 def _label_of(name: str) -> str:
     """Return the LaTeX of a coefficient, of a signal or its rate; the name itself of what is none of these."""
-    if is_thruster(name) or name.removesuffix("dot") in (*SIGNALS, *HELD):
+    if is_thruster(name) or name.removesuffix("dot") in (*SIGNALS, *GAUGE_CHANNELS):
         return signal_label(name)
     try:
         return CoefficientName.parse(name).label

@@ -11,7 +11,7 @@ from seatrial.estimation.prediction import remedies
 MINUS = "\u2212"
 DASH = "\u2013"
 NARROW_SPACE = "\u202f"
-_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_RAISED_DIGITS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 class Digits(NamedTuple):
@@ -91,7 +91,7 @@ def plain(value: float, digits: int = 4) -> str:
 
 def times_ten(exponent: int) -> str:
     """Write ` × 10⁻⁴`; empty for no power of ten."""
-    return f" × 10{str(exponent).translate(_RAISED)}" if exponent else ""
+    return f" × 10{str(exponent).translate(_RAISED_DIGITS)}" if exponent else ""
 
 
 def probability(value: float, error: float = 0.0) -> str:
@@ -130,7 +130,7 @@ def unit_html(unit: str) -> Markup:
 
 def unit_text(unit: str) -> str:
     """Return a unit as plain text for figures: `kg m/rad²`."""
-    return re.sub(r"\^(-?\d+)", lambda match: match[1].translate(_RAISED), unit)
+    return re.sub(r"\^(-?\d+)", lambda match: match[1].translate(_RAISED_DIGITS), unit)
 
 
 def typeset(text: str) -> str:

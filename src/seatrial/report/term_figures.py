@@ -12,7 +12,7 @@ from seatrial.core.record import Record
 from seatrial.report.drawing import signal_axis
 from seatrial.report.figures.structures import (
     CoefficientPath,
-    Gap,
+    MotionGap,
     coefficient_paths,
     inclusion_paths,
     mark_decided,
@@ -127,7 +127,9 @@ def contenders_figure(contenders: Contenders, names: Mapping[str, str], records:
     for index in contenders.shown[: 1 if records else None]:
         curve, words = contenders.curve(index), contenders.where(index)
         columns = {name: curve[name].values * factor for name in ("best", "difference", "lower", "upper")}
-        gaps.append(Gap(words[:1].upper() + words[1:], curve["time"].values, **columns, measured=measured.get(words)))
+        gaps.append(
+            MotionGap(words[:1].upper() + words[1:], curve["time"].values, **columns, measured=measured.get(words))
+        )
     return TermFigure(
         "contenders",
         structure_gaps(gaps, factor * float(contenders.data.attrs["noise"]), signal_axis(channel)),

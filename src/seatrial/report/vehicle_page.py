@@ -5,7 +5,7 @@ import numpy as np
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import shown_unit
 from seatrial.vehicles.catalogue import PublishedVehicle
-from seatrial.vehicles.control_signs import SPEED, control_senses, sense_words
+from seatrial.vehicles.control_signs import DEFAULT_SPEED, control_senses, sense_words
 from seatrial.vehicles.hull import AXES, Hull
 
 MOTIONS = {"X": "surge", "Y": "sway", "Z": "heave", "K": "roll", "M": "pitch", "N": "yaw", "T": "thrust"}
@@ -46,7 +46,7 @@ def vehicle_page(name: str, vehicle: PublishedVehicle) -> str:
             for number, thruster in enumerate(vehicle.thrusters, 1)
         ]
         parts += ["## Thrusters", _table(("", "place, m", "direction"), rows)]
-    speed = 0.0 if vehicle.thrusters else hull.trim.get("u", SPEED)
+    speed = 0.0 if vehicle.thrusters else hull.trim.get("u", DEFAULT_SPEED)
     where = f"{speed:.4g} m/s straight ahead" if speed else "rest"
     senses = control_senses(model, vehicle.coefficients, speed)
     rows = [(name, sense_words(sense)) for name, sense in senses.items()]

@@ -18,7 +18,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from seatrial.compiled.programs import program
-from seatrial.sampling.run import BLOCK, ChainSettings, Run, begin, keep
+from seatrial.sampling.run import BLOCK, ChainRun, ChainSettings, begin, keep
 from seatrial.sampling.run import finish as finish
 from seatrial.sampling.target import Target, log_densities
 from seatrial.sampling.walk import (
@@ -57,7 +57,7 @@ class ChainState(NamedTuple):
 State = ChainState
 
 
-def start_chains(target: Target, starts: Float[Array, "chains d"], cov: Float[Array, "d d"]) -> Run:
+def start_chains(target: Target, starts: Float[Array, "chains d"], cov: Float[Array, "d d"]) -> ChainRun:
     """Begin a run.
 
     Args:
@@ -72,7 +72,7 @@ def start_chains(target: Target, starts: Float[Array, "chains d"], cov: Float[Ar
     return begin(ChainState(starts, log_density, starts.mean(0), cov, first_log_scale(target.dim)))
 
 
-def advance_chains(target: Target, run: Run, key: jax.Array, settings: ChainSettings) -> Run:
+def advance_chains(target: Target, run: ChainRun, key: jax.Array, settings: ChainSettings) -> ChainRun:
     """Advance a run by one block of iterations; draws of the warm-up are not kept."""
     state, drawn = _block(target, run.state, key, run.iteration, settings.warmup)
     return keep(run, state, drawn, settings)

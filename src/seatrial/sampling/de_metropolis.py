@@ -17,14 +17,14 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from seatrial.compiled.programs import program
-from seatrial.sampling.run import BLOCK, ChainSettings, Run, begin, keep
+from seatrial.sampling.run import BLOCK, ChainRun, ChainSettings, begin, keep
 from seatrial.sampling.run import finish as finish
 from seatrial.sampling.target import Target, log_densities
 from seatrial.sampling.walk import live_densities, mean_acceptance
 
 ROWS = 1024
 """Rows of the archive, at least; and at least 32 for each chain."""
-EVERY = 10
+ARCHIVE_INTERVAL = 10
 """Iterations between two entries in the archive."""
 SNOOKER = 0.1
 FULL_STEP = 0.1
@@ -51,7 +51,7 @@ class ArchiveState(NamedTuple):
 State = ArchiveState
 
 
-def start_chains(target: Target, starts: Float[Array, "chains d"], cov: Float[Array, "d d"]) -> Run:
+def start_chains(target: Target, starts: Float[Array, "chains d"], cov: Float[Array, "d d"]) -> ChainRun:
     """Begin a run; the archive begins as normal draws about the starts.
 
     Args:
@@ -70,7 +70,7 @@ def start_chains(target: Target, starts: Float[Array, "chains d"], cov: Float[Ar
     return begin(ArchiveState(starts, log_density, archive, JITTER * jnp.sqrt(jnp.diag(cov))))
 
 
-def advance_chains(target: Target, run: Run, key: jax.Array, settings: ChainSettings) -> Run:
+def advance_chains(target: Target, run: ChainRun, key: jax.Array, settings: ChainSettings) -> ChainRun:
     """Advance a run by one block of iterations; draws of the warm-up are not kept."""
     state, drawn = _block(target, run.state, key, run.iteration, settings.warmup)
     return keep(run, state, drawn, settings)
@@ -104,9 +104,9 @@ def _block(target: Target, state: ArchiveState, key: jax.Array, start: int, warm
         accepted = jnp.log(jax.random.uniform(accept_key, (chains,))) < log_ratio
         z = jnp.where(accepted[:, None], proposal, state.z)
         kept = jnp.where(accepted, log_density, state.log_density)
-        oldest = (t // EVERY * chains) % rows
+        oldest = (t // ARCHIVE_INTERVAL * chains) % rows
         entered = jax.lax.dynamic_update_slice(state.archive, z, (oldest, 0))
-        archive = jnp.where((t < warmup) & (t % EVERY == EVERY - 1), entered, state.archive)
+        archive = jnp.where((t < warmup) & (t % ARCHIVE_INTERVAL == ARCHIVE_INTERVAL - 1), entered, state.archive)
         return state._replace(z=z, log_density=kept, archive=archive), (z, kept, mean_acceptance(log_ratio))
 
     return jax.lax.scan(iterate, state, start + jnp.arange(BLOCK))

@@ -24,7 +24,7 @@ from jax.scipy.special import ndtr
 from jaxtyping import Array, Float
 
 from seatrial.compiled.programs import program
-from seatrial.sampling.run import BLOCK, ChainSettings, Run, begin, keep
+from seatrial.sampling.run import BLOCK, ChainRun, ChainSettings, begin, keep
 from seatrial.sampling.run import finish as finish
 from seatrial.sampling.target import Target, log_densities
 from seatrial.sampling.walk import (
@@ -40,9 +40,9 @@ from seatrial.sampling.walk import (
 
 PRIOR_WEIGHT, PACE = 100, 6.0
 """Iterations' worth of trust in what was given, and the pace at which it is forgotten: after t of them, (100 / (t + 100))^6."""
-LEAST_FREEDOM = 5
+MIN_FREEDOM = 5
 """Degrees of freedom of the fresh draws of few parameters: tails that the posterior's cannot exceed for long."""
-FIRST, LEAST, MOST = 0.5, 0.1, 0.9
+FIRST_SHARE, MIN_SHARE, MAX_SHARE = 0.5, 0.1, 0.9
 """Share of fresh draws at the start, and its bounds: both moves are always made."""
 
 
@@ -69,7 +69,7 @@ class IndependenceState(NamedTuple):
 State = IndependenceState
 
 
-def start_chains(target: Target, starts: Float[Array, "chains d"], cov: Float[Array, "d d"]) -> Run:
+def start_chains(target: Target, starts: Float[Array, "chains d"], cov: Float[Array, "d d"]) -> ChainRun:
     """Begin a run.
 
     Args:
@@ -80,11 +80,11 @@ def start_chains(target: Target, starts: Float[Array, "chains d"], cov: Float[Ar
     Raises:
         NumericalError: a start of zero density.
     """
-    log_density, fresh = live_densities(target, starts), FIRST
+    log_density, fresh = live_densities(target, starts), FIRST_SHARE
     return begin(IndependenceState(starts, log_density, starts.mean(0), cov, fresh, first_log_scale(target.dim)))
 
 
-def advance_chains(target: Target, run: Run, key: jax.Array, settings: ChainSettings) -> Run:
+def advance_chains(target: Target, run: ChainRun, key: jax.Array, settings: ChainSettings) -> ChainRun:
     """Advance a run by one block of iterations; draws of the warm-up are not kept."""
     state, drawn = _block(target, run.state, key, run.iteration, settings.warmup)
     return keep(run, state, drawn, settings)
@@ -110,7 +110,7 @@ def _block(target: Target, state: IndependenceState, key: jax.Array, start: int,
         acceptance = mean_acceptance(log_ratio)
         weight = jnp.where(t < warmup, PACE / (t + PRIOR_WEIGHT), 0.0)
         mean, cov = learn_moments(state.mean, state.cov, z, weight)
-        share = jnp.clip(state.fresh + weight * (acceptance - state.fresh), LEAST, MOST)
+        share = jnp.clip(state.fresh + weight * (acceptance - state.fresh), MIN_SHARE, MAX_SHARE)
         log_scale = state.log_scale + gain_at(t, warmup) * (acceptance - TARGET_ACCEPTANCE)
         learnt = jnp.where(fresh, share, state.fresh), jnp.where(fresh, state.log_scale, log_scale)
         return IndependenceState(z, kept, mean, cov, *learnt), (z, kept, acceptance)
@@ -126,4 +126,4 @@ def _log_fresh(z: Float[Array, "chains d"], mean: Array, factor: Array) -> Float
 
 
 def _freedom(d: int) -> int:
-    return max(LEAST_FREEDOM, d)
+    return max(MIN_FREEDOM, d)

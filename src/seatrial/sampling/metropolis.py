@@ -22,7 +22,7 @@ from jaxtyping import Array, Float
 from seatrial.compiled.programs import program
 from seatrial.sampling import adaptive_metropolis
 from seatrial.sampling.adaptive_metropolis import ChainState
-from seatrial.sampling.run import BLOCK, ChainSettings, Run, keep
+from seatrial.sampling.run import BLOCK, ChainRun, ChainSettings, keep
 from seatrial.sampling.run import finish as finish
 from seatrial.sampling.target import Target, log_densities
 from seatrial.sampling.walk import gain_at, log_ratio_of, mean_acceptance
@@ -32,7 +32,7 @@ TARGET_ACCEPTANCE = 0.44
 State = ChainState
 
 
-def start_chains(target: Target, starts: Float[Array, "chains d"], cov: Float[Array, "d d"]) -> Run:
+def start_chains(target: Target, starts: Float[Array, "chains d"], cov: Float[Array, "d d"]) -> ChainRun:
     """Begin a run.
 
     Args:
@@ -47,13 +47,13 @@ def start_chains(target: Target, starts: Float[Array, "chains d"], cov: Float[Ar
     return run._replace(state=run.state._replace(cov=jnp.diag(jnp.diag(cov)), log_scale=jnp.zeros(())))
 
 
-def advance_chains(target: Target, run: Run, key: jax.Array, settings: ChainSettings) -> Run:
+def advance_chains(target: Target, run: ChainRun, key: jax.Array, settings: ChainSettings) -> ChainRun:
     """Advance a run by one block of iterations; draws of the warm-up are not kept."""
     state, drawn = _block(target, run.state, key, run.iteration, settings.warmup)
     return keep(run, state, drawn, settings)
 
 
-class _Place(NamedTuple):
+class _ChainPositions(NamedTuple):
     """Positions, shape (chains, d), their log densities, and the mean acceptance of each component; what lies beyond d is dropped."""
 
     z: Array
@@ -66,14 +66,16 @@ def _block(target: Target, state: ChainState, key: jax.Array, start: int, warmup
     chains, d = state.z.shape
     even = d + d % 2
 
-    def decide(at: _Place, i: Array, proposal: Array, proposed: Array, threshold: Array) -> tuple[_Place, Array]:
+    def decide(
+        at: _ChainPositions, i: Array, proposal: Array, proposed: Array, threshold: Array
+    ) -> tuple[_ChainPositions, Array]:
         log_ratio = log_ratio_of(proposed, at.log_density)
         accepted = threshold[:, i] < log_ratio
         z = jnp.where(accepted[:, None], proposal, at.z)
         log_density = jnp.where(accepted, proposed, at.log_density)
-        return _Place(z, log_density, at.acceptance.at[i].set(mean_acceptance(log_ratio))), accepted
+        return _ChainPositions(z, log_density, at.acceptance.at[i].set(mean_acceptance(log_ratio))), accepted
 
-    def move_two(pair: Array, at: _Place, step: Array, threshold: Array) -> _Place:
+    def move_two(pair: Array, at: _ChainPositions, step: Array, threshold: Array) -> _ChainPositions:
         """Move every chain; the second component is tried after both outcomes of the first: three lanes cost little more than one."""
         i, k = 2 * pair, 2 * pair + 1
         first = at.z.at[:, i].add(step[:, i])
@@ -90,7 +92,7 @@ def _block(target: Target, state: ChainState, key: jax.Array, start: int, warmup
         variances = jnp.diag(state.cov)
         filled = ((0, 0), (0, even - d))
         move = partial(move_two, step=jnp.pad(step * jnp.sqrt(variances), filled), threshold=jnp.pad(threshold, filled))
-        begin = _Place(state.z, state.log_density, jnp.zeros(d))
+        begin = _ChainPositions(state.z, state.log_density, jnp.zeros(d))
         z, log_density, acceptance = jax.lax.fori_loop(0, even // 2, move, begin)
         learnt = jnp.exp(2 * gain_at(t, warmup) * (acceptance - TARGET_ACCEPTANCE))
         cov = jnp.diag(variances * learnt)

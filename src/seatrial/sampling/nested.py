@@ -25,7 +25,7 @@ from seatrial.sampling.target import Target
 ALIVE_DRAWS = 64
 """Prior draws for each live point after which a prior that hardly ever simulates is given up."""
 
-GUESSED = 6.0
+GUESSED_INFORMATION = 6.0
 """Information that a parameter gains, nats, for the remaining time: a standard deviation of a six hundredth of the prior's."""
 
 
@@ -89,7 +89,7 @@ def sample_nested(
         dead.append(np.asarray(removed.loglikelihood)[order])
         left.append(np.asarray(removed.position)[order])
         rejected.append(1.0 - float(accepted))
-        progress(min(990, round(1000 * batch * len(dead) / (live * GUESSED * target.dim))), 1000)
+        progress(min(990, round(1000 * batch * len(dead) / (live * GUESSED_INFORMATION * target.dim))), 1000)
         if np.logaddexp(0.0, float(state.integrator.logZ_live - state.integrator.logZ)) < remaining:
             log_evidence, information, share = _integrate(dead, np.asarray(state.particles.loglikelihood))
             z = np.concatenate([*left, np.asarray(state.particles.position)])

@@ -27,7 +27,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from seatrial.compiled.programs import program
 from seatrial.sampling import run as runs
-from seatrial.sampling.run import BLOCK, ChainSettings, Draws, Run, begin, keep, refuse_dead_starts
+from seatrial.sampling.run import BLOCK, ChainRun, ChainSettings, Draws, begin, keep, refuse_dead_starts
 from seatrial.sampling.target import Target
 
 # Gradients of a log density: forward through the time loop where the parameters are few, backward where they are many.
@@ -77,7 +77,7 @@ def _or_zero_density(value: Array) -> Array:
 
 
 TARGET_ACCEPTANCE = 0.8
-STUCK = 0.05
+MIN_ACCEPTANCE = 0.05
 """Acceptance below which a chain counts as one of this, so that it does not outweigh all others."""
 MAX_DOUBLINGS = 8
 """A path has at most 2^8 - 1 steps."""
@@ -118,7 +118,7 @@ class NutsState(NamedTuple):
 State = NutsState
 
 
-def start_chains(target: Target, starts: Float[Array, "chains d"], cov: Float[Array, "d d"]) -> Run:
+def start_chains(target: Target, starts: Float[Array, "chains d"], cov: Float[Array, "d d"]) -> ChainRun:
     """Begin a run.
 
     Args:
@@ -138,14 +138,14 @@ def start_chains(target: Target, starts: Float[Array, "chains d"], cov: Float[Ar
     return begin(NutsState(starts, log_density, gradient, cov, step, empty.mean, empty.m2, none, none, none))
 
 
-def advance_chains(target: Target, run: Run, key: jax.Array, settings: ChainSettings) -> Run:
+def advance_chains(target: Target, run: ChainRun, key: jax.Array, settings: ChainSettings) -> ChainRun:
     """Advance a run by one block of iterations; draws of the warm-up are not kept."""
     phase = _Phase(*(column[run.iteration : run.iteration + BLOCK] for column in _schedule(settings)))
     state, drawn = _block(target, run.state, key, run.iteration, phase)
     return keep(run, state, drawn, settings)
 
 
-def finish(run: Run) -> Draws:
+def finish(run: ChainRun) -> Draws:
     """Draws of a finished run, with the number of divergent transitions."""
     return replace(runs.finish(run), divergences=int(run.state.divergences))
 
@@ -193,7 +193,7 @@ def _block(target: Target, state: NutsState, key: jax.Array, start: int, phase: 
         )
         # The harmonic mean over the chains: one that is stuck in a narrow neck asks for shorter steps, however well
         # the others fare.
-        shared = 1.0 / jnp.mean(1.0 / jnp.maximum(jnp.nan_to_num(info.acceptance_rate), STUCK))
+        shared = 1.0 / jnp.mean(1.0 / jnp.maximum(jnp.nan_to_num(info.acceptance_rate), MIN_ACCEPTANCE))
         return _adapt(state, shared, phase), (at.position, at.logdensity, acceptance)
 
     return jax.lax.scan(iterate, state, (start + jnp.arange(BLOCK), phase))

@@ -59,7 +59,7 @@ class ChainSettings:
             )
 
 
-class Run(NamedTuple):
+class ChainRun(NamedTuple):
     """A run so far: what a checkpoint holds.
 
     Attributes:
@@ -240,11 +240,11 @@ def unnamed_draws(
     return Draws(z, log_density, acceptance, divergences, tuple(f"z[{i}]" for i in range(d)), ("1",) * d, z)
 
 
-def begin(state: Any) -> Run:
+def begin(state: Any) -> ChainRun:
     """Begin a run at a state; its arrays get types that no block changes, so that one program serves all blocks."""
     state = jax.device_put(jax.tree.map(np.asarray, state))
     chains, d = state.z.shape
-    return Run(state, 0, np.empty((0, chains, d)), np.empty((0, chains)), np.empty(0))
+    return ChainRun(state, 0, np.empty((0, chains, d)), np.empty((0, chains)), np.empty(0))
 
 
 def refuse_dead_starts(log_density: Float[Array, " chains"]) -> None:
@@ -260,7 +260,7 @@ def refuse_dead_starts(log_density: Float[Array, " chains"]) -> None:
         )
 
 
-def keep(run: Run, state: Any, drawn: tuple[Array, Array, Array], settings: ChainSettings) -> Run:
+def keep(run: ChainRun, state: Any, drawn: tuple[Array, Array, Array], settings: ChainSettings) -> ChainRun:
     """Append the positions, log densities and acceptances of one block to a run, thinned, unless it is still warming up."""
     drawn[-1].block_until_ready()
     iteration = run.iteration + BLOCK
@@ -271,15 +271,15 @@ def keep(run: Run, state: Any, drawn: tuple[Array, Array, Array], settings: Chai
         np.concatenate([old, np.asarray(new)[settings.thin - 1 :: settings.thin]])
         for old, new in zip(so_far, drawn, strict=True)
     ]
-    return Run(state, iteration, *kept)
+    return ChainRun(state, iteration, *kept)
 
 
-def is_finished(run: Run, settings: ChainSettings) -> bool:
+def is_finished(run: ChainRun, settings: ChainSettings) -> bool:
     """Return whether the run has all its draws."""
     return run.iteration >= settings.warmup + settings.draws
 
 
-def finish(run: Run) -> Draws:
+def finish(run: ChainRun) -> Draws:
     """Return the draws of a finished run."""
     return unnamed_draws(np.swapaxes(run.z, 0, 1), run.log_density.T, float(run.acceptance.mean()))
 
@@ -303,7 +303,7 @@ def complaints_of_draws(draws: Draws) -> list[str]:
     return said
 
 
-def arrays_of_run(run: Run) -> dict[str, np.ndarray]:
+def arrays_of_run(run: ChainRun) -> dict[str, np.ndarray]:
     """Return the arrays of a run by name, for a checkpoint."""
     state = {f"state {name}": value for name, value in run.state._asdict().items()}
     return {
@@ -311,11 +311,11 @@ def arrays_of_run(run: Run) -> dict[str, np.ndarray]:
     }
 
 
-def run_from_arrays(state: type, arrays: Mapping[str, np.ndarray]) -> Run:
+def run_from_arrays(state: type, arrays: Mapping[str, np.ndarray]) -> ChainRun:
     """Restore a run of a sampler whose state has this type; every bit is as it was.
 
     Raises:
         KeyError: arrays of another sampler.
     """
     restored = jax.device_put(state(*(arrays[f"state {name}"] for name in state._fields)))
-    return Run(restored, int(arrays["iteration"]), *(arrays[name] for name in Run._fields[2:]))
+    return ChainRun(restored, int(arrays["iteration"]), *(arrays[name] for name in ChainRun._fields[2:]))

@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 
 from seatrial.core.reporter import Progress, no_progress
 from seatrial.sampling.names import SamplerName
-from seatrial.sampling.run import ChainSettings, Draws, Run, is_finished
+from seatrial.sampling.run import ChainRun, ChainSettings, Draws, is_finished
 from seatrial.sampling.target import Target
 
 
@@ -24,15 +24,15 @@ class Sampler(Protocol):
         """Type of the state inside a run, a NamedTuple of arrays."""
         ...
 
-    def start_chains(self, target: Target, starts: Float[Array, "chains d"], cov: Float[Array, "d d"]) -> Run:
+    def start_chains(self, target: Target, starts: Float[Array, "chains d"], cov: Float[Array, "d d"]) -> ChainRun:
         """Begin a run from one position of finite density for each chain and a guess of the covariance."""
         ...
 
-    def advance_chains(self, target: Target, run: Run, key: jax.Array, settings: ChainSettings) -> Run:
+    def advance_chains(self, target: Target, run: ChainRun, key: jax.Array, settings: ChainSettings) -> ChainRun:
         """Advance a run by one block of iterations; the key is the same for all blocks."""
         ...
 
-    def finish(self, run: Run) -> Draws:
+    def finish(self, run: ChainRun) -> Draws:
         """Return the draws of a finished run."""
         ...
 

@@ -81,7 +81,7 @@ class SMCSettings:
         return self.moves if self.moves is not None else max(8, 2 * dim, dim * dim // 5)
 
 
-class Start(NamedTuple):
+class TemperedStart(NamedTuple):
     """Equally weighted draws from p(z) L(z)^b, shape (particles, d), b, and the share of the prior where the likelihood is not zero."""
 
     particles: Float[np.ndarray, "particles d"]
@@ -110,16 +110,16 @@ class SMCResult(NamedTuple):
     expected_variance: float
 
 
-def prior_particles(target: Target, key: Array, n: int) -> Start:
+def prior_particles(target: Target, key: Array, n: int) -> TemperedStart:
     """Return draws from the prior, those whose likelihood is zero replaced by others."""
     draw_key, pick_key = split(key)
     blocks = [target.sample_prior(fold_in(draw_key, i), AT_ONCE) for i in range(-(-n // AT_ONCE))]
     drawn = np.concatenate([np.asarray(block) for block in blocks])[:n]
     alive = np.flatnonzero(np.isfinite(evaluate(target, drawn)))
     if alive.size == 0:
-        return Start(drawn, _START, 0.0)
+        return TemperedStart(drawn, _START, 0.0)
     offset = np.random.default_rng(np.asarray(jax.random.key_data(pick_key))).uniform()
-    return Start(drawn[alive[(alive.size * (np.arange(n) + offset) / n).astype(int)]], _START, alive.size / n)
+    return TemperedStart(drawn[alive[(alive.size * (np.arange(n) + offset) / n).astype(int)]], _START, alive.size / n)
 
 
 def sample_tempered_smc(
@@ -128,7 +128,7 @@ def sample_tempered_smc(
     settings: SMCSettings,
     progress: Progress = no_progress,
     max_steps: int = 500,
-    start: Start | None = None,
+    start: TemperedStart | None = None,
 ) -> SMCResult:
     """Run one tempered SMC to the posterior, from the prior or from where an earlier run has come.
 
@@ -175,7 +175,7 @@ def sample_tempered_smc(
     )
 
 
-class _Place(NamedTuple):
+class _Particles(NamedTuple):
     """Where particles are: z, shape (..., d), and log prior density and log-likelihood there, shape (...)."""
 
     z: Array
@@ -183,22 +183,24 @@ class _Place(NamedTuple):
     log_likelihood: Array
 
 
-class _Cloud(NamedTuple):
+class _Population(NamedTuple):
     """Equally weighted particles on their way: where they are, b, and the logarithm of the scale of their moves."""
 
-    at: _Place
+    at: _Particles
     temperature: Array
     log_scale: Array
 
 
 @program(static_argnums=0)
-def _begin(settings: SMCSettings, target: Target, particles: Array, temperature: Array) -> _Cloud:
+def _begin(settings: SMCSettings, target: Target, particles: Array, temperature: Array) -> _Population:
     at = map_lanes(partial(_place, target), particles, cpu=_lanes(settings, target))
-    return _Cloud(at, jnp.asarray(temperature, float), jnp.zeros(()))
+    return _Population(at, jnp.asarray(temperature, float), jnp.zeros(()))
 
 
 @program(static_argnums=0)
-def _step(settings: SMCSettings, target: Target, cloud: _Cloud, key: Array, last: Array) -> tuple[_Cloud, Array, Array]:
+def _step(
+    settings: SMCSettings, target: Target, cloud: _Population, key: Array, last: Array
+) -> tuple[_Population, Array, Array]:
     """Take a step of temperature, to `last` at most, and move; also the log of the mean weight, and the mean acceptance."""
     pick_key, move_key = jax.random.split(key)
     n = settings.particles_for(target.dim)
@@ -216,10 +218,10 @@ def _step(settings: SMCSettings, target: Target, cloud: _Cloud, key: Array, last
     at, accepted = map_lanes(lambda one: move(*one), (at, jax.random.split(move_key, n)), cpu=_lanes(settings, target))
     acceptance = jnp.mean(accepted)
     scale = cloud.log_scale + _GAIN * (acceptance - TARGET_ACCEPTANCE)
-    return _Cloud(at, temperature, scale), logsumexp(log_weights) - np.log(n), acceptance
+    return _Population(at, temperature, scale), logsumexp(log_weights) - np.log(n), acceptance
 
 
-def _temperature_step(cloud: _Cloud, effective: float, last: Array) -> Array:
+def _temperature_step(cloud: _Population, effective: float, last: Array) -> Array:
     """Return the largest step of temperature, to `last` at most, whose weights keep so many effective particles."""
     log_likelihood = cloud.at.log_likelihood
     whole = last - cloud.temperature
@@ -247,10 +249,12 @@ def _systematic(key: Array, log_weights: Array) -> Array:
     return jnp.minimum(jnp.searchsorted(sums / sums[-1], places), n - 1)
 
 
-def _move(target: Target, moves: int, temperature: Array, steps: Array, at: _Place, key: Array) -> tuple[_Place, Array]:
+def _move(
+    target: Target, moves: int, temperature: Array, steps: Array, at: _Particles, key: Array
+) -> tuple[_Particles, Array]:
     """Move one particle by Metropolis steps of a covariance, whose factor is given; also the mean probability of acceptance."""
 
-    def move(at: _Place, key: Array) -> tuple[_Place, Array]:
+    def move(at: _Particles, key: Array) -> tuple[_Particles, Array]:
         step_key, accept_key = jax.random.split(key)
         proposed = _place(target, at.z + steps @ jax.random.normal(step_key, at.z.shape))
         log_ratio = log_ratio_of(_log_density(proposed, temperature), _log_density(at, temperature))
@@ -261,11 +265,11 @@ def _move(target: Target, moves: int, temperature: Array, steps: Array, at: _Pla
     return at, jnp.mean(acceptance)
 
 
-def _place(target: Target, z: Array) -> _Place:
-    return _Place(z, target.log_prior(z), target.log_likelihood(z))
+def _place(target: Target, z: Array) -> _Particles:
+    return _Particles(z, target.log_prior(z), target.log_likelihood(z))
 
 
-def _log_density(at: _Place, temperature: Array) -> Array:
+def _log_density(at: _Particles, temperature: Array) -> Array:
     return at.log_prior + temperature * at.log_likelihood
 
 

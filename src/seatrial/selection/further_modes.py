@@ -22,7 +22,7 @@ from seatrial.core.reporter import Progress, no_progress
 from seatrial.estimation.posterior.mode import Mode, climb, rises
 from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.sampling.target import Target, evaluate
-from seatrial.sampling.tempered_smc import SMCResult, SMCSettings, Start, prior_particles, sample_tempered_smc
+from seatrial.sampling.tempered_smc import SMCResult, SMCSettings, TemperedStart, prior_particles, sample_tempered_smc
 from seatrial.selection.importance import distance, edges_of, laplace_proposal
 
 LIKELIHOOD_POWER = 10.0
@@ -74,7 +74,7 @@ def sample_cold(
     target: Target, warm: SMCResult, key: jax.Array, settings: SMCSettings, progress: Progress = no_progress
 ) -> Float[np.ndarray, "particles d"]:
     """Cool the particles of a run ten times further, and return where they are then; errors as `sample_tempered_smc`."""
-    start = Start(warm.particles, 1.0 / LIKELIHOOD_POWER)
+    start = TemperedStart(warm.particles, 1.0 / LIKELIHOOD_POWER)
     return sample_tempered_smc(
         Cooled(target, np.full((), LIKELIHOOD_POWER)), key, settings, progress, start=start
     ).particles

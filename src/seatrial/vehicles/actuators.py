@@ -16,7 +16,7 @@ import jax.numpy as jnp
 from seatrial.core.argument_checks import check_kind, check_number, check_order
 from seatrial.core.errors import not_among
 from seatrial.core.signals import ACTUAL
-from seatrial.vehicles.model import Follow, Params, Unknown, VehicleModel, cached_model
+from seatrial.vehicles.model import Follow, Params, VehicleModel, VehicleUnknown, cached_model
 
 
 @dataclass(frozen=True)
@@ -89,9 +89,9 @@ def with_actuators(model: VehicleModel, actuators: Mapping[str, Actuator], unkno
             ),
         )
 
-    views = {
+    outputs = {
         name: lambda params, state, control, view=view: view(params, state[:count], acting(state, control))
-        for name, view in model.views.items()
+        for name, view in model.outputs.items()
     }
 
     def follow_of(name: str) -> Follow:
@@ -110,18 +110,18 @@ def with_actuators(model: VehicleModel, actuators: Mapping[str, Actuator], unkno
         states=(*model.states, *(name + ACTUAL for name in lagging)),
         constants=(*model.constants, *constants),
         derivative=derivative,
-        views=views,
-        late=(*model.late, *(follow_of(name) for name in lagging)),
+        outputs=outputs,
+        exact_lags=(*model.exact_lags, *(follow_of(name) for name in lagging)),
         unknowns=(*model.unknowns, *_unknown_lags(unknown, {name: actuators[name] for name in lagging})),
     )
 
 
-def _unknown_lags(unknown: Sequence[str], actuators: Mapping[str, Actuator]) -> Iterator[Unknown]:
+def _unknown_lags(unknown: Sequence[str], actuators: Mapping[str, Actuator]) -> Iterator[VehicleUnknown]:
     for lag in unknown:
         late = [one.time_constant for name, one in actuators.items() if lag in lags_of(name)]
         if late:
             label = rf"t_{{\mathrm{{lag}},{lag.removeprefix('lag_')}}}"
-            yield Unknown(lag, "s", label, late[0], signed=False)
+            yield VehicleUnknown(lag, "s", label, late[0], signed=False)
 
 
 def _time_constant(name: str, actuator: Actuator, params: Params) -> Any:

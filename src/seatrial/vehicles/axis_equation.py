@@ -198,5 +198,5 @@ def axes_vehicle(name: str, equations: Sequence[AxisEquation], per_unit_inertia:
         )
     )
     free = tuple(term for equation in equations for term in equation.terms)
-    pushed = tuple(equation.axis for equation in equations)
-    return VehicleModel(name, rates, given, free, constants, per_unit_inertia, derivative, pushed=pushed)
+    axes = tuple(equation.axis for equation in equations)
+    return VehicleModel(name, rates, given, free, constants, per_unit_inertia, derivative, disturbance_axes=axes)

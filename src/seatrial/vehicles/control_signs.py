@@ -15,7 +15,7 @@ from seatrial.vehicles.model import Params, VehicleModel
 
 Sense = Mapping[str, int]
 """Sign of each velocity that answers to a positive push of a control."""
-SPEED = 1.5
+DEFAULT_SPEED = 1.5
 """Speed ahead, m/s, at which controls are pushed where a vehicle has no trim speed."""
 DURATION, STEP = 0.5, 0.05
 """Of a push, s."""
@@ -40,7 +40,7 @@ _WORDS = {
 }
 
 
-def control_senses(model: VehicleModel, params: Params, speed: float = SPEED) -> dict[str, Sense]:
+def control_senses(model: VehicleModel, params: Params, speed: float = DEFAULT_SPEED) -> dict[str, Sense]:
     """Return the sense of every control of a vehicle; empty where a push moves nothing that the control is for.
 
     Args:

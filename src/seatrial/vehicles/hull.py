@@ -18,7 +18,7 @@ from seatrial.core.argument_checks import check_number, check_numbers, check_seq
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError
 from seatrial.core.signals import RATES
-from seatrial.vehicles.model import Params, Unknown
+from seatrial.vehicles.model import Params, VehicleUnknown
 from seatrial.vehicles.tether import Tether
 
 GRAVITY = 9.81
@@ -131,12 +131,12 @@ def whole_hull(
     return hull
 
 
-def floating_unknowns(hull: Hull) -> tuple[Unknown, ...]:
+def floating_unknowns(hull: Hull) -> tuple[VehicleUnknown, ...]:
     """Return what of weight and buoyancy may be sought: their difference, and the centre of buoyancy, x_b, y_b, z_b."""
     stated = zip(_XYZ, hull.centre_of_buoyancy, strict=True)
     return (
-        Unknown("net_weight", "N", "W-B", hull.weight - hull.buoyancy),
-        *(Unknown(f"{axis}_b", "m", f"{axis}_b", value) for axis, value in stated),
+        VehicleUnknown("net_weight", "N", "W-B", hull.weight - hull.buoyancy),
+        *(VehicleUnknown(f"{axis}_b", "m", f"{axis}_b", value) for axis, value in stated),
     )
 
 

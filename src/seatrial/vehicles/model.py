@@ -21,7 +21,7 @@ Follow = Callable[[Params, Any, tuple[Any, ...], Any], Any]
 
 
 @dataclass(frozen=True)
-class Unknown:
+class VehicleUnknown:
     """A number of a vehicle that no coefficient is, and that `derivative` takes from `params`; where it is not there, as stated.
 
     Attributes:
@@ -54,12 +54,12 @@ class VehicleModel:
         per_unit_mass: whether forces are divided by an unknown effective mass, and moments by an unknown inertia, so that units lose
             their kilogram.
         derivative: `derivative(params, state, control) -> rate`, on tuples of scalars, SI.
-        views: what a sensor may measure besides states and rates, such as Euler angles of a quaternion, by channel.
-        pushed: axes on which `derivative` adds a force from outside, where `params` has one under its `outside_force`, in the unit of
-            a constant force on that axis.
-        unknowns: numbers beside the coefficients that are sought.
-        late: how each of the last states follows its control while that is held, in their order: of actuators, of which no integrator is
-            to make an error.
+        outputs: what a sensor may measure besides states and rates, such as Euler angles of a quaternion, by channel.
+        disturbance_axes: axes on which `derivative` adds a force from outside, where `params` has one under its `outside_force`, in
+            the unit of a constant force on that axis.
+        unknowns: numbers beside the coefficients that are estimated.
+        exact_lags: how each of the last states follows its control while that is held, in their order: of actuators, of which no
+            integrator is to make an error.
     """
 
     name: str = field(compare=False)
@@ -69,10 +69,10 @@ class VehicleModel:
     constants: tuple[tuple[str, float], ...]
     per_unit_mass: bool
     derivative: Derivative = field(repr=False)
-    views: Mapping[str, View] = field(default_factory=dict, hash=False, repr=False)
-    pushed: tuple[str, ...] = ()
-    unknowns: tuple[Unknown, ...] = ()
-    late: tuple[Follow, ...] = field(default=(), repr=False)
+    outputs: Mapping[str, View] = field(default_factory=dict, hash=False, repr=False)
+    disturbance_axes: tuple[str, ...] = ()
+    unknowns: tuple[VehicleUnknown, ...] = ()
+    exact_lags: tuple[Follow, ...] = field(default=(), repr=False)
 
     def __repr__(self) -> str:
         """Print what moves, what drives it, and what is open."""
@@ -96,8 +96,8 @@ class VehicleModel:
         return str(dimension._replace(kg=dimension.kg - 1))
 
     def channel_units(self) -> dict[str, str]:
-        """Return the SI unit of everything a sensor may measure: the states and their rates, and other views of them."""
-        names = [*self.states, *(state + "dot" for state in self.states), *self.views]
+        """Return the SI unit of everything a sensor may measure: the states and their rates, and other outputs."""
+        names = [*self.states, *(state + "dot" for state in self.states), *self.outputs]
         return {name: signal_unit(name) for name in names}
 
     def output(self, channel: str, params: Params, state: tuple[Any, ...], control: tuple[Any, ...]) -> Any:
@@ -111,8 +111,8 @@ class VehicleModel:
         """
         if channel in self.states:
             return state[self.states.index(channel)]
-        if channel in self.views:
-            return self.views[channel](params, state, control)
+        if channel in self.outputs:
+            return self.outputs[channel](params, state, control)
         return self.derivative(params, state, control)[self.states.index(channel.removesuffix("dot"))]
 
 

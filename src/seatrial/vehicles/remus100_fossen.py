@@ -36,7 +36,7 @@ ACTUATORS = {
     "delta_s": Actuator(0.1, -pi / 12, pi / 12),
 }
 """The simulator's lags and limits: 1525 rpm and 15 degrees."""
-_LOW = 0.02
+_CENTRE_BELOW = 0.02
 """Centre of gravity below the origin, m."""
 STRIPS = 20
 """Lengths into which the hull is divided; the simulator sums over the 21 ends of these, each by a whole length: 5 % more than the hull."""
@@ -73,14 +73,14 @@ def spheroid() -> Spheroid:
 def spheroid_hull() -> Hull:
     """Return the rigid body, its inertia moved from the centre of gravity to the origin."""
     shape = spheroid()
-    low = shape.mass * _LOW**2
+    low = shape.mass * _CENTRE_BELOW**2
     roll, pitch, yaw = shape.inertia
     weight = shape.mass * GRAVITY
     return whole_hull(
         "REMUS 100 (Fossen)",
         shape.mass,
         (roll + low, pitch + low, yaw),
-        centre_of_gravity=(0.0, 0.0, _LOW),
+        centre_of_gravity=(0.0, 0.0, _CENTRE_BELOW),
         weight=weight,
     )
 
@@ -101,7 +101,7 @@ def remus100_fossen(attitude: Kind = "quaternion", positions: tuple[str, ...] = 
     kept = Attitude(attitude_states(attitude, RATES, (), {"phi", "theta", *(("psi",) if positions else ())}))
     states = (*RATES, *positions, *kept.states)
     # From time constants; in roll and pitch from natural frequencies and damping ratios.
-    roll, pitch = (sqrt(body.weight * _LOW / mass[i, i]) for i in (3, 4))
+    roll, pitch = (sqrt(body.weight * _CENTRE_BELOW / mass[i, i]) for i in (3, 4))
     shares = (1 / 20, 1 / 20, 1 / 20, 2 * 0.3 * roll, 2 * 0.8 * pitch, 1 / 1.0)
     damping = [float(mass[i, i]) * share for i, share in enumerate(shares)]
 
@@ -119,8 +119,8 @@ def remus100_fossen(attitude: Kind = "quaternion", positions: tuple[str, ...] = 
         for i in range(6):
             force[i] = force[i] - damping[i] * (fade if i < 2 else 1.0) * nu[i]
         down = pose.rows[2]
-        force[3] = force[3] - _LOW * body.weight * down[1]
-        force[4] = force[4] + _LOW * body.weight * down[0]
+        force[3] = force[3] - _CENTRE_BELOW * body.weight * down[1]
+        force[4] = force[4] + _CENTRE_BELOW * body.weight * down[0]
         rates = tuple(
             sum(float(inverse[i, j]) * force[j] for j in range(6) if abs(inverse[i, j]) > 1e-15) for i in range(6)
         )

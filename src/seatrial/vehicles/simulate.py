@@ -49,18 +49,19 @@ def move_by(
         integrator: one-step method.
         others: `(joint, held) ->` rates of what travels behind the state and is integrated with it.
     """
-    n, body = len(model.states), len(model.states) - len(model.late)
+    n, body = len(model.states), len(model.states) - len(model.exact_lags)
 
     def rates(joint: tuple, held: tuple) -> tuple:
         return (*model.derivative(params, joint[:n], held), *others(joint, held))
 
     def move(joint: tuple, held: tuple, h: Any) -> tuple:
-        if not model.late:
+        if not model.exact_lags:
             return integrator(lambda x: rates(x, held), joint, h)
 
         def actual(time: Any) -> tuple:
             return tuple(
-                follow(params, before, held, time) for follow, before in zip(model.late, joint[body:n], strict=True)
+                follow(params, before, held, time)
+                for follow, before in zip(model.exact_lags, joint[body:n], strict=True)
             )
 
         def rate(x: tuple) -> tuple:

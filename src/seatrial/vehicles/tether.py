@@ -15,7 +15,7 @@ from jaxtyping import Float
 
 from seatrial.numerics.array_module import array_module
 from seatrial.numerics.rotations import cross, dot, times, total
-from seatrial.vehicles.model import Unknown
+from seatrial.vehicles.model import VehicleUnknown
 
 TETHER = LINEAR, QUADRATIC = "tether_linear", "tether_quadratic"
 """Names of what may be sought of one."""
@@ -36,11 +36,11 @@ class Tether:
     quadratic: float = 0.0
 
     @property
-    def unknowns(self) -> tuple[Unknown, Unknown]:
+    def unknowns(self) -> tuple[VehicleUnknown, VehicleUnknown]:
         """What of it may be sought: both drags."""
         return (
-            Unknown(LINEAR, "kg/s", r"k_{\mathrm{tether},1}", self.linear, signed=False),
-            Unknown(QUADRATIC, "kg/m", r"k_{\mathrm{tether},2}", self.quadratic, signed=False),
+            VehicleUnknown(LINEAR, "kg/s", r"k_{\mathrm{tether},1}", self.linear, signed=False),
+            VehicleUnknown(QUADRATIC, "kg/m", r"k_{\mathrm{tether},2}", self.quadratic, signed=False),
         )
 
     def at(self, values: Mapping[str, float]) -> "Tether":

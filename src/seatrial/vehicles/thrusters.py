@@ -19,7 +19,7 @@ from seatrial.core.errors import InputError
 from seatrial.core.signals import RATES, is_thruster, signal_unit, thruster_controls
 from seatrial.numerics.array_module import array_module
 from seatrial.numerics.rotations import cross, dot, total
-from seatrial.vehicles.model import Unknown
+from seatrial.vehicles.model import VehicleUnknown
 
 PULSE_WIDTHS = (500.0, 2500.0)
 """Pulse widths that a speed controller may be sent, us: 800 to 2200 at most by ArduPilot, a margin on either side."""
@@ -159,7 +159,7 @@ def controls_of(
     return tuple(name for name, is_pushing in zip(names, pushes, strict=True) if is_pushing)
 
 
-def thrust_unknowns(controls: Sequence[str], thrusters: Sequence[Thruster]) -> tuple[Unknown, ...]:
+def thrust_unknowns(controls: Sequence[str], thrusters: Sequence[Thruster]) -> tuple[VehicleUnknown, ...]:
     """Return what of thrust may be sought: a gain of each thruster, and of all a gain, the share that is left astern, and a dead zone.
 
     Args:
@@ -169,10 +169,13 @@ def thrust_unknowns(controls: Sequence[str], thrusters: Sequence[Thruster]) -> t
     own = tuple(name for name in controls if is_thruster(name)) if thrusters else ()
     letters = dict.fromkeys(name[0] for name in own)
     return (
-        *(Unknown(f"gain_{name}", "1", rf"g_{{{name[2:]}}}", 1.0) for name in own),
-        *(Unknown(f"gain_{letter}", "1", "g", 1.0) for letter in letters),
-        *(Unknown(f"reverse_{letter}", "1", r"g_{\mathrm{astern}}", 1.0, signed=False) for letter in letters),
-        *(Unknown(f"dead_{letter}", signal_unit(letter), f"{letter}_{{0}}", 0.0, signed=False) for letter in letters),
+        *(VehicleUnknown(f"gain_{name}", "1", rf"g_{{{name[2:]}}}", 1.0) for name in own),
+        *(VehicleUnknown(f"gain_{letter}", "1", "g", 1.0) for letter in letters),
+        *(VehicleUnknown(f"reverse_{letter}", "1", r"g_{\mathrm{astern}}", 1.0, signed=False) for letter in letters),
+        *(
+            VehicleUnknown(f"dead_{letter}", signal_unit(letter), f"{letter}_{{0}}", 0.0, signed=False)
+            for letter in letters
+        ),
     )
 
 

@@ -23,7 +23,7 @@ from seatrial.core.coefficients import CoefficientName
 from seatrial.core.signals import (
     ANGLES,
     CURRENT_COMPONENTS,
-    HELD,
+    GAUGE_CHANNELS,
     OVER_GROUND,
     POSITIONS,
     RATES,
@@ -368,10 +368,10 @@ def _assembled(
                 u, v, w, p, q, r = (known.get(rate, 0.0) for rate in RATES)
                 turning = cross((p, q, r), (u, v, w))[axis]
                 return total((rates.get(RATES[axis], 0.0), turning, times(-GRAVITY, pose.rows[2][axis])))
-            if name in HELD:
+            if name in GAUGE_CHANNELS:
                 velocity = tuple(known.get(rate, 0.0) for rate in RATES)
                 angled = known | (dict(zip(ANGLES, pose.euler(), strict=True)) if angles else {})
-                return forces({**fixed, **params}, angled, velocity)[HELD.index(name)]
+                return forces({**fixed, **params}, angled, velocity)[GAUGE_CHANNELS.index(name)]
             if name in ANGLES:
                 return pose.euler()[ANGLES.index(name)]
             axis = OVER_GROUND.index(name)
@@ -382,11 +382,11 @@ def _assembled(
 
         return value
 
-    views = (
+    outputs = (
         *(ANGLES if attitude.by_quaternion else ()),
         *(OVER_GROUND if freedom.current is not None else ()),
         *(SPECIFIC_FORCE if hull.mass is not None and len(moving) > 1 else ()),
-        *(() if moving else HELD),
+        *(() if moving else GAUGE_CHANNELS),
     )
     constants = _constants(hull, freedom, added_coriolis, thrusters)
     pulled = () if hull.tether is None else hull.tether.unknowns
@@ -398,7 +398,7 @@ def _assembled(
         constants,
         hull.mass is None,
         derivative,
-        {name: shown(name) for name in views},
+        {name: shown(name) for name in outputs},
         tuple(AXES[i] for i in moving),
         (*floating, *(one for one in (*pulled, *thrust_unknowns(controls, thrusters)) if one.name in unknowns)),
     )

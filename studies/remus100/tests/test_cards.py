@@ -3,7 +3,7 @@
 import pytest
 
 from seatrial.report.numbers import plain, typeset
-from studies.remus100.page import LONG, card, settings_rows
+from studies.remus100.page import MAX_TABLE_ROWS, card, settings_rows
 from studies.remus100.study import Item, Number
 from studies.remus100.tests.page_studies import A
 
@@ -38,7 +38,7 @@ def test_a_number_is_rounded_to_its_error():
 
 
 def test_empty_columns_are_left_out_and_long_tables_are_halved():
-    many = printed(*[Number(f"n{i}", None, float(i)) for i in range(LONG + 1)])
+    many = printed(*[Number(f"n{i}", None, float(i)) for i in range(MAX_TABLE_ROWS + 1)])
     assert [len(rows) for rows in many["tables"]] == [7, 6]
     assert not many["has_printed"]
     assert not many["has_error"]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from seatrial.core.display_units import shown_unit
-from studies.remus100.evidence import PRINTED
+from studies.remus100.evidence import PRINTED_PROBABILITIES
 from studies.remus100.figures import FIGURES, chosen_figures
 from studies.remus100.filters import BOUND_SHARE
 from studies.remus100.registry import ENTRIES
@@ -200,7 +200,7 @@ def test_listing_1_shows_its_spread_beside_what_agrees(study, drawn):
         share = steps.values - steps.baseline
         np.testing.assert_allclose(share / share.sum(), np.histogram(p, steps.edges)[0] / p.size, atol=1e-12)
         assert [text.get_text() for text in axes.texts][:2] == ["38 %", "50 %"]
-        assert line(axes, "printed").get_xdata()[0] == PRINTED[table]
+        assert line(axes, "printed").get_xdata()[0] == PRINTED_PROBABILITIES[table]
         log_value = study.part(f"evidence-{table}")["log_value"].values
         points = [container for container in axes.containers if container.get_label() in METHODS]
         for point, (full, reduced) in zip(points, log_value, strict=True):

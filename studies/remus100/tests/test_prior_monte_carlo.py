@@ -72,7 +72,7 @@ def test_early_stop_changes_nothing(monkeypatch):
     monkeypatch.setattr(early_stop, "_log_likelihoods", counting)
     check_early_stop(surge("X_u", "X_uabsu", "T_nabsn"), 1000)
     assert len(sizes) == 5 + 1
-    assert sizes[0] == early_stop.PROMISING
+    assert sizes[0] == early_stop.PROMISING_DRAWS
     assert sizes[-1] == 1000
 
 

@@ -51,11 +51,11 @@ def check_disturbances(
         if not name.startswith(disturbance_name("")):
             continue
         axis = name.removeprefix(disturbance_time_name("")).removeprefix(disturbance_name(""))
-        if axis not in model.pushed:
+        if axis not in model.disturbance_axes:
             raise InputError(
                 where(f"prior.{name}"),
                 found=f"a disturbance on the axis {axis}, which does not move" if axis in tuple(AXES) else f'"{axis}"',
-                expected="an axis that moves: " + (", ".join(model.pushed) or "none of this vehicle"),
+                expected="an axis that moves: " + (", ".join(model.disturbance_axes) or "none of this vehicle"),
                 remedy="leave it out, or let the vehicle move along it",
             )
         if likelihood != "filter-error":

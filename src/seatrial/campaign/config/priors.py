@@ -26,7 +26,7 @@ from seatrial.estimation.priors import (
     restricted,
     truncated_normal,
 )
-from seatrial.estimation.simulation.mounts import LATE, MOST_LATE
+from seatrial.estimation.simulation.mounts import LATE, MAX_LATENESS
 from seatrial.estimation.simulation.sensor_errors import (
     correlation_name,
     dof_name,
@@ -102,11 +102,11 @@ def read_priors(
             remedy="give lower and upper",
         )
     for name in found:
-        if name.startswith(f"{LATE}_") and found[name].bounds[1] > MOST_LATE:
+        if name.startswith(f"{LATE}_") and found[name].bounds[1] > MAX_LATENESS:
             raise InputError(
                 keys.where(f"prior.{name}"),
                 found="a support that reaches beyond 1 s",
-                expected=f"a prior of how late the sensor is, from 0 s to {MOST_LATE:g} s at most",
+                expected=f"a prior of how late the sensor is, from 0 s to {MAX_LATENESS:g} s at most",
                 remedy='for example distribution = "uniform", lower = 0.0 and upper = 0.5',
             )
     for one in unknown:

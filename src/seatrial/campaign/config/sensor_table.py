@@ -11,7 +11,7 @@ from seatrial.campaign.config.quantities import Metres, Residuals, Scope, Severa
 from seatrial.campaign.config.vehicle_table import VehicleTable
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.signals import ANGLES, POSITIONS, QUATERNION, SPECIFIC_FORCE
-from seatrial.estimation.simulation.mounts import MOST_LATE, MOUNTED, Mount, mount_names
+from seatrial.estimation.simulation.mounts import MAX_LATENESS, MOUNTED_CHANNELS, Mount, mount_names
 from seatrial.vehicles.model import VehicleModel
 
 Hertz = Annotated[
@@ -50,8 +50,8 @@ Delay = Annotated[
     Unit(
         "s",
         least=0.0,
-        most=MOST_LATE,
-        expected=f"0 s to {MOST_LATE:g} s by which the sensor shows the past",
+        most=MAX_LATENESS,
+        expected=f"0 s to {MAX_LATENESS:g} s by which the sensor shows the past",
         remedy="a clock that is ahead, or far behind: shift its stamps with the log, or split the run",
     ),
 ]
@@ -167,11 +167,11 @@ def read_mounts(
         unknown = tuple(one for one in mount_names(name) if one in stated)
         mount = Mount(name, (x, y, z), (table.roll, table.pitch, table.yaw), table.scale, table.delay, unknown)
         for channel in table.channels:
-            if channel not in sensors or channel not in MOUNTED or channel in mounts:
+            if channel not in sensors or channel not in MOUNTED_CHANNELS or channel in mounts:
                 raise InputError(
                     keys.where(f"mounts.{name}.channels"),
                     found=f'"{channel}"' + ", which another mount has" * (channel in mounts),
-                    expected="channels of [sensors], of " + ", ".join(MOUNTED) + ", each in one mount",
+                    expected="channels of [sensors], of " + ", ".join(MOUNTED_CHANNELS) + ", each in one mount",
                     remedy="add its sensor, or leave it out here",
                 )
             mounts[channel] = mount

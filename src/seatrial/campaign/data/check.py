@@ -19,7 +19,7 @@ from seatrial.compiled.batching import bucket_length, filled
 from seatrial.compiled.programs import program
 from seatrial.core.findings import LEVELS, Finding, Message, accept
 from seatrial.core.record import SIMULATED, Record
-from seatrial.core.signals import HELD, QUATERNION, RATES
+from seatrial.core.signals import GAUGE_CHANNELS, QUATERNION, RATES
 from seatrial.design.prior_belief import draw_values
 from seatrial.design.trial_plan import TrialPlan
 from seatrial.estimation.diagnostics.excitation_checks import check_excitation, check_signs
@@ -257,7 +257,7 @@ def _judge(campaign: Campaign, record: Record) -> RecordJudgement:
         findings += check_thrusters(campaign, body)
         return _judgement(campaign, record, findings, record_cautions(record))
     for index, (name, column) in enumerate(measured.items()):
-        if name in HELD:
+        if name in GAUGE_CHANNELS:
             findings += check_range(name, column, motion.expected[:, index], campaign.noise[name])
     turns = [name for name in measured if name in QUATERNION]
     doubted = {one.subject[0] for one in findings if one.code == "trim-contradicted"}

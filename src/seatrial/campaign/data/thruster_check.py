@@ -15,7 +15,7 @@ from seatrial.campaign.inference.posterior import initial_state
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.findings import Finding
 from seatrial.core.record import Record
-from seatrial.core.signals import HELD, RATES, thruster_controls
+from seatrial.core.signals import GAUGE_CHANNELS, RATES, thruster_controls
 from seatrial.estimation.diagnostics.feedback_check import not_judged_in_loop
 from seatrial.estimation.diagnostics.record_checks import MAX_GAIN_SD, MIN_GAIN_ERROR, not_judged_yet
 from seatrial.estimation.diagnostics.symmetry import mirror_of
@@ -57,7 +57,7 @@ def _axes(campaign: Campaign, vehicle: WholeVehicle) -> list[int]:
     """Return the axes that move, or along which a gauge holds the vehicle."""
     if vehicle.moves:
         return [RATES.index(rate) for rate in vehicle.moves]
-    return [i for i, force in enumerate(HELD) if force in campaign.channels]
+    return [i for i, force in enumerate(GAUGE_CHANNELS) if force in campaign.channels]
 
 
 def _not_spanned(matrix: np.ndarray, moving: Sequence[int]) -> str:

@@ -168,12 +168,12 @@ def with_process_noise(model: VehicleModel, states: Sequence[str]) -> VehicleMod
             rates[place] = rates[place] + push
         return tuple(rates)
 
-    views = {
+    outputs = {
         name: lambda params, state, control, view=view: view(params, state, control[:count])
-        for name, view in model.views.items()
+        for name, view in model.outputs.items()
     }
     controls = (*model.controls, *map(process_name, states))
-    return replace(model, controls=controls, derivative=derivative, views=views)
+    return replace(model, controls=controls, derivative=derivative, outputs=outputs)
 
 
 def _true_sensor(sensor: Sensor, truth: Mapping[str, float]) -> Sensor:
@@ -214,7 +214,7 @@ def _noise(
 def _follow(
     simulator: Simulator, values: Mapping[str, Any], start: Any, control: tuple, step: Any
 ) -> tuple[Array, Array]:
-    followed = simulator.follow(values, start, control, step)
+    followed = simulator.simulate(values, start, control, step)
     return jnp.stack(followed.kept, -1), jnp.stack(followed.end)
 
 
@@ -248,7 +248,7 @@ def _closed_loop(
 
     @program
     def run(start: Array, moments: Moment) -> tuple[Array, Array, tuple]:
-        followed = simulator.follow(values, start, Feedback(pilot, moments), step)
+        followed = simulator.simulate(values, start, Feedback(pilot, moments), step)
         return jnp.stack(followed.kept, -1), jnp.stack(followed.end), followed.command
 
     return run

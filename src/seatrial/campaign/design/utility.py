@@ -11,7 +11,7 @@ from seatrial.design.fisher_utilities import Criterion, Discrimination, find_cri
 from seatrial.design.trial_plan import TrialPlan
 from seatrial.filters.belief import Filter
 from seatrial.filters.extended import ExtendedKalmanFilter
-from seatrial.filters.square_root import MOST_UNROLLED, unscented_filter
+from seatrial.filters.square_root import MAX_UNROLLED_STATES, unscented_filter
 from seatrial.filters.unscented import UnscentedKalmanFilter
 
 UTILITY_DRAWS = 32
@@ -26,11 +26,11 @@ def design_filter(name: DesignFilter, n_states: int, where: str) -> Filter:
     """
     if name == "square-root-unscented":
         return unscented_filter(n_states)
-    if n_states > 2 * MOST_UNROLLED:
+    if n_states > 2 * MAX_UNROLLED_STATES:
         raise InputError(
             where,
             found=f'"{name}" for {n_states} states and coefficients',
-            expected=f"at most {2 * MOST_UNROLLED}: it is compiled number by number",
+            expected=f"at most {2 * MAX_UNROLLED_STATES}: it is compiled number by number",
             remedy='set filter = "square-root-unscented"',
         )
     return UnscentedKalmanFilter() if name == "unscented" else ExtendedKalmanFilter()

@@ -96,7 +96,7 @@ def scale_of(
         float(np.median([np.ptp(record.time) for record in records])),
         sizes,
         coefficients,
-        {axis: _force(model, axis, sizes, values) for axis in model.pushed},
+        {axis: _force(model, axis, sizes, values) for axis in model.disturbance_axes},
     )
 
 
@@ -172,13 +172,13 @@ def _process(campaign: Campaign, model: VehicleModel, scale: Scale) -> ErrorMode
 def _disturbed(campaign: Campaign, model: VehicleModel, scale: Scale) -> ErrorModel | None:
     """A force with a memory on every axis."""
     if (
-        any(disturbance_name(axis) in campaign.priors for axis in model.pushed)
-        or not model.pushed
+        any(disturbance_name(axis) in campaign.priors for axis in model.disturbance_axes)
+        or not model.disturbance_axes
         or _is_late(campaign)
     ):
         return None
     tables = {}
-    for axis in model.pushed:
+    for axis in model.disturbance_axes:
         tables[disturbance_name(axis)] = _log_uniform(scale.forces[axis])
         tables[disturbance_time_name(axis)] = {
             "distribution": "log-uniform",

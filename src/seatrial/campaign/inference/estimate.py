@@ -38,9 +38,9 @@ from seatrial.estimation.priors import prior_curve
 from seatrial.sampling.diagnostics import asks_for_more, complaints, diagnose
 from seatrial.sampling.run import (
     BLOCK,
+    ChainRun,
     ChainSettings,
     Draws,
-    Run,
     arrays_of_run,
     complaints_of_draws,
     run_from_arrays,
@@ -174,7 +174,7 @@ def _advance(study: Study, item: _Begun | _Unended, report: Progress) -> _Ended 
     return _Ended(_dataset(posterior, mode, robust, missing, draws, campaign.hull.trim, doubts))
 
 
-def _enough(target: Target, sampler: Sampler, run: Run, table: EstimationTable) -> Draws | None:
+def _enough(target: Target, sampler: Sampler, run: ChainRun, table: EstimationTable) -> Draws | None:
     """Return the draws of chains that need no more: they are as many as asked for, or twice, and agree, or four times; else None."""
     made = run.iteration - table.warmup
     if made not in table.lengths:

@@ -7,7 +7,7 @@ from math import isfinite
 from typing import Literal, NamedTuple
 
 from seatrial.core.display_units import shown_unit
-from seatrial.core.record import LARGEST
+from seatrial.core.record import MAX_MAGNITUDE
 
 LATE = 1.0
 """Seconds by which a stamp may lie behind the latest and be of one that was overtaken; further back the clock was set anew."""
@@ -136,15 +136,15 @@ class ValueGate:
     def _judge(self, name: str, size: float) -> None:
         recent = self.recent.setdefault(name, deque(maxlen=RECENT))
         recent.append(size)
-        usual = {**self.sizes, **self.limits}.get(name, LARGEST)
-        least = INSIDE * usual if name in self.left_out else self.most.get(name, LARGEST)
+        usual = {**self.sizes, **self.limits}.get(name, MAX_MAGNITUDE)
+        least = INSIDE * usual if name in self.left_out else self.most.get(name, MAX_MAGNITUDE)
         if 2 * sum(one >= least for one in recent) > len(recent):
             self.left_out.add(name)
         else:
             self.left_out.discard(name)
 
     def _is_beyond(self, name: str, value: float) -> bool:
-        most = self.most.get(name, LARGEST)
+        most = self.most.get(name, MAX_MAGNITUDE)
         if abs(value) < most:
             return False
         factor, unit = shown_unit(name)

@@ -30,7 +30,7 @@ from seatrial.core.files import is_there
 from seatrial.core.record import Record
 from seatrial.core.reporter import SILENT, Reporter
 from seatrial.core.result_table import text_html
-from seatrial.core.signals import HELD, QUATERNION, RATES
+from seatrial.core.signals import GAUGE_CHANNELS, QUATERNION, RATES
 from seatrial.estimation.posterior.output_error import initial_name, own_name
 from seatrial.estimation.priors import Prior, physical_support
 from seatrial.estimation.simulation.delayed_control import delay_control
@@ -411,7 +411,9 @@ def predict_from_prior(campaign: Campaign, reporter: Reporter = SILENT) -> Prior
     params = {name: drawn[name] for name in moved_by}
     start, current = _starts(campaign, model, trial, drawn), _of_trial(drawn, CURRENT, trial.label)
     keep = np.unique(np.linspace(0, trial.time.size - 1, SHOWN).round().astype(int))
-    names = [name for name in RATES if name in model.states] or [name for name in HELD if name in campaign.channels]
+    names = [name for name in RATES if name in model.states] or [
+        name for name in GAUGE_CHANNELS if name in campaign.channels
+    ]
     moved, diverged = speeds(
         model, names, params, drawn.get("delay"), np.column_stack(start), trial.control, trial.step, keep
     )

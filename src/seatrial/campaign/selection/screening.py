@@ -16,7 +16,7 @@ from seatrial.core.errors import InputError
 from seatrial.core.reporter import SILENT, Reporter
 from seatrial.estimation.posterior.mode import find_mode
 from seatrial.estimation.regression.screening_delay import delayed, likely_delay
-from seatrial.estimation.regression.weak_form import FEWEST, where_measured
+from seatrial.estimation.regression.weak_form import MIN_WINDOW_STEPS, where_measured
 from seatrial.selection.screening import Screening, TermPrior, screen
 from seatrial.selection.screening_about_mode import ModeScreening, screen_about_mode
 from seatrial.selection.structures import count_structures, label_structures
@@ -134,7 +134,7 @@ def _screen_rows(campaign: Campaign, trials: Trials) -> Dataset:
     used = [name for equation in equations for name in equation.signals if name in campaign.channels]
     records = [where_measured(record, list(dict.fromkeys([*rates, *used]))) for record in trials.fit]
     slowest = max(float(np.median(record.step)) for record in records)
-    narrowest = max(NARROWEST, FEWEST * slowest)
+    narrowest = max(NARROWEST, MIN_WINDOW_STEPS * slowest)
     delay = None
     if campaign.has_delay:
         delay = likely_delay(records, equations, narrowest, *campaign.prior("delay").bounds)

@@ -63,8 +63,8 @@ def candidate_effects(posterior: Posterior) -> Iterator[Effect]:
     known = {CoefficientName.parse(name) for name, _ in model.constants if is_coefficient(name)}
     terms = {one: one.text for one in model.coefficients}
     driven = {(one.axis, control) for one in (*terms, *known) for control in model.controls if control in one.signals}
-    driven |= {(axis, f"tau_{axis}") for axis in model.pushed}
-    for axis in model.pushed:
+    driven |= {(axis, f"tau_{axis}") for axis in model.disturbance_axes}
+    for axis in model.disturbance_axes:
         speed = SPEEDS[axis]
         texts = [f"{axis}_0"]
         texts += [f"{axis}_{speed}", f"{axis}_{speed}abs{speed}", f"{axis}_{speed}3"] * (speed in model.states)
@@ -141,7 +141,7 @@ def show_with_effects(
                     name: column if name in MOTIONS else delay_control(column, size[DELAYED] / trial.step[0])
                     for name, column in control.items()
                 }
-            seen = simulator.follow({**named, **apart}, starts, tuple(control.values()), trial.step).kept
+            seen = simulator.simulate({**named, **apart}, starts, tuple(control.values()), trial.step).kept
             return tuple(x + biases.get(channel, 0.0) for channel, x in zip(likelihood.channels, seen, strict=True))
 
         return jax.vmap(of_one_trial)(likelihood.apart(named), posterior.data, likelihood.starts(named, posterior.data))

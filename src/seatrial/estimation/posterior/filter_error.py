@@ -24,7 +24,7 @@ from seatrial.estimation.simulation.disturbance import OverStep, disturbance_nam
 from seatrial.estimation.simulation.sensor_errors import Sensor, noise_name
 from seatrial.estimation.simulation.trial_data import TrialData
 from seatrial.filters.belief import Filter
-from seatrial.filters.extended import MOST_UNROLLED, extended_filter
+from seatrial.filters.extended import MAX_UNROLLED_STATES, extended_filter
 from seatrial.filters.run import filter_within
 from seatrial.numerics.gaussian import Gaussian
 from seatrial.numerics.integrate import rk4_step
@@ -110,7 +110,7 @@ class FilterError:
         def move(state: tuple, control: tuple, step: Any, forces: Sequence[Any]) -> tuple:
             params = under(forces)
             # Of many states the filter carries so many derivatives that one copy of the model is compiled in a tenth of the time.
-            return move_by(model, params, partial(rk4_step, large=MOST_UNROLLED + 1))(state[:n], control, step)
+            return move_by(model, params, partial(rk4_step, large=MAX_UNROLLED_STATES + 1))(state[:n], control, step)
 
         def over(step: Any) -> list[OverStep]:
             return [over_step(sd, time, step) for sd, time in zip(spreads, times, strict=True)]
@@ -208,12 +208,12 @@ def filter_error(
             expected="positive numbers, one for each state",
             remedy="give the noise of the sensor that shows the state",
         )
-    if still := [axis for axis in disturbed if axis not in model.pushed]:
+    if still := [axis for axis in disturbed if axis not in model.disturbance_axes]:
         raise InputError(
             "filter error, disturbances",
             found=f"one on the axis {still[0]}",
             expected="axes that move: "
-            + (", ".join(model.pushed) or "none of this vehicle takes a force from outside"),
+            + (", ".join(model.disturbance_axes) or "none of this vehicle takes a force from outside"),
             remedy="leave it out, or let the vehicle move along it",
         )
     chosen = extended_filter(len(model.states) + len(disturbed)) if method is None else method

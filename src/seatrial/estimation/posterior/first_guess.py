@@ -18,7 +18,7 @@ from jaxtyping import Array, Float
 
 from seatrial.compiled.programs import program
 from seatrial.core.record import Record
-from seatrial.core.signals import ACTUAL, ANGLES, HELD, QUATERNION, RATES
+from seatrial.core.signals import ACTUAL, ANGLES, GAUGE_CHANNELS, QUATERNION, RATES
 from seatrial.estimation.priors import Prior
 from seatrial.numerics.rotations import quaternion_of_angles
 from seatrial.vehicles.model import VehicleModel
@@ -182,7 +182,10 @@ def _sought(model: VehicleModel, priors: Mapping[str, Prior], terms: Sequence[st
 
 def _explained(model: VehicleModel, records: Sequence[Record]) -> tuple[str, ...]:
     """Return the velocities or forces that every record measures."""
-    known = (*(state for state in model.states if state in RATES), *(view for view in model.views if view in HELD))
+    known = (
+        *(state for state in model.states if state in RATES),
+        *(view for view in model.outputs if view in GAUGE_CHANNELS),
+    )
     return tuple(name for name in known if all(name in record.measured for record in records))
 
 
@@ -290,7 +293,7 @@ def _change(rates: tuple[str, ...], motion: _Motion) -> Float[np.ndarray, "w r"]
     """Return the change of each velocity over each window, or the impulse of each force."""
     step = np.diff(motion.time)
     begins = np.arange(0, step.size, SAMPLES)
-    if rates[0] in HELD:
+    if rates[0] in GAUGE_CHANNELS:
         return np.add.reduceat(step[:, None] * motion.explained[:-1], begins)
     return np.diff(motion.explained[np.append(begins, step.size)], axis=0)
 
@@ -301,7 +304,7 @@ def _linearised(model: VehicleModel, rates: tuple[str, ...]):
 
     def rate(values: Array, state: Array, control: Array) -> Array:
         known = dict(zip(names, values, strict=True))
-        if rates[0] in HELD:
+        if rates[0] in GAUGE_CHANNELS:
             result = [model.output(name, known, tuple(state), tuple(control)) for name in rates]
         else:
             change = model.derivative(known, tuple(state), tuple(control))

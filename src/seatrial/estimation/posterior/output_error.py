@@ -179,7 +179,7 @@ class OutputError:
     def _trial(self, values: dict[str, Any], trial: TrialData, start: Array) -> Any:
         """Return one time loop that simulates and sums what is new in each residual, and keeps nothing else."""
         absorb, begin, end = self._sums(values, trial)
-        followed = self.simulator.follow(values, start, trial.control, trial.step, absorb, begin, _measured(trial))
+        followed = self.simulator.simulate(values, start, trial.control, trial.step, absorb, begin, _measured(trial))
         return end(followed.memory)
 
     def _sums(self, values: Mapping[str, Any], trial: TrialData) -> tuple[Watch, tuple, Callable[[tuple], Any]]:

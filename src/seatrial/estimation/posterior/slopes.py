@@ -84,7 +84,7 @@ def _along_simulation(likelihood: OutputError, names: tuple[str, ...], point: Ar
 
     def shown_at(theta: Array) -> tuple[Array, ...]:
         start = likelihood.starts(dict(zip(names, theta, strict=True)), data)[index]
-        return likelihood.simulator.follow(values_at(theta), start, trial.control, trial.step).kept
+        return likelihood.simulator.simulate(values_at(theta), start, trial.control, trial.step).kept
 
     shown, by_theta = jax.vmap(lambda way: jax.jvp(shown_at, (point,), (way,)), out_axes=(None, -1))(along[moving])
 

@@ -23,7 +23,7 @@ from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.record import Record
 from seatrial.core.signals import ACTUAL, ANGLES, QUATERNION, RATES
 from seatrial.estimation.prediction.baselines import ROWS_EACH, Baseline, FittedBaseline, noise_of
-from seatrial.estimation.regression.accelerations import FEWEST, smooth
+from seatrial.estimation.regression.accelerations import MIN_SAMPLES, smooth
 from seatrial.estimation.simulation.starts import start_of
 from seatrial.numerics.rotations import quaternion_of_angles
 from seatrial.vehicles.model import VehicleModel
@@ -56,7 +56,7 @@ def _why_not(model: VehicleModel, records: Sequence[Record], channels: Sequence[
     for state in (one for one in model.states if one in RATES):
         for record in records:
             count = int(np.isfinite(record.channel(state)).sum()) if state in record.measured else 0
-            if count < FEWEST or np.nanstd(record.channel(state)) == 0:
+            if count < MIN_SAMPLES or np.nanstd(record.channel(state)) == 0:
                 return f'{state}, which the equations need, has {count} measured samples in run "{record.label}"'
     if sum(record.time.size for record in records) < ROWS_EACH * len(model.coefficients):
         return f"fewer than {ROWS_EACH} samples for each of {len(model.coefficients)} coefficients"

@@ -12,7 +12,7 @@ from seatrial.core.argument_checks import check_number, check_order, is_traced
 
 CORNER = 200.0
 """Sharpness of the bend where the box map leaves the line: within 1/200 of the width of a bound."""
-_BELIEVED = "give the smallest and the largest value you would believe"
+_GIVE_BOUNDS = "give the smallest and the largest value you would believe"
 
 
 @compiled_tree()
@@ -38,7 +38,7 @@ class Uniform:
     def __post_init__(self) -> None:
         """Refuse bounds with nothing between them."""
         if not is_traced(self.lower, self.upper):
-            check_order(self.lower, self.upper, "Uniform prior", remedy=_BELIEVED)
+            check_order(self.lower, self.upper, "Uniform prior", remedy=_GIVE_BOUNDS)
 
     @property
     def bounds(self) -> tuple[float, float]:
@@ -109,7 +109,7 @@ class LogUniform:
             check_number(
                 self.lower, "LogUniform prior, lower", above=0.0, remedy="give the smallest size that can matter"
             )
-            check_order(self.lower, self.upper, "LogUniform prior", remedy=_BELIEVED)
+            check_order(self.lower, self.upper, "LogUniform prior", remedy=_GIVE_BOUNDS)
 
     @property
     def bounds(self) -> tuple[float, float]:

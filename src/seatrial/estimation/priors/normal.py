@@ -11,8 +11,8 @@ from seatrial.compiled.pytrees import compiled_tree
 from seatrial.core.argument_checks import check_number, is_traced
 from seatrial.core.errors import InputError
 
-FIXED = "give what you would believe; a coefficient that is known is fixed in the vehicle instead"
-LARGEST = 600.0
+GIVE_BELIEF = "give what you would believe; a coefficient that is known is fixed in the vehicle instead"
+MAX_LOG_RATIO = 600.0
 """Logarithm of the largest multiple of its median that a log-normal gives: e^600 is near the end of double precision."""
 
 
@@ -36,7 +36,7 @@ class Normal:
         """Refuse what has no spread."""
         if not is_traced(self.mean, self.sd):
             check_number(self.mean, "Normal prior, mean")
-            check_number(self.sd, "Normal prior, sd", above=0.0, remedy=FIXED)
+            check_number(self.sd, "Normal prior, sd", above=0.0, remedy=GIVE_BELIEF)
 
     @property
     def bounds(self) -> tuple[float, float]:
@@ -125,7 +125,7 @@ class LogNormal:
 
     def constrain(self, z: Any) -> Any:
         """See `Prior.constrain`."""
-        return self.median * jnp.exp(jnp.clip(self._slope * z, -LARGEST, LARGEST))
+        return self.median * jnp.exp(jnp.clip(self._slope * z, -MAX_LOG_RATIO, MAX_LOG_RATIO))
 
     def unconstrain(self, value: Any) -> Any:
         """See `Prior.unconstrain`."""

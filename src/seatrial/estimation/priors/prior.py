@@ -22,7 +22,7 @@ from seatrial.estimation.priors.truncated import TruncatedNormal, truncated_norm
 
 CURVE = 241
 """Points of a prior's curve."""
-ROUNDED = 1e-9
+MIN_SLOPE = 1e-9
 """Slope of the map to values, over its largest, below which their last digits are lost."""
 _VELOCITY = dict(zip(AXES, RATES, strict=False))
 """Axis of a force or moment to the velocity along it: X to u, …, N to r; both lists are in that order."""
@@ -80,7 +80,7 @@ def prior_curve(prior: Prior) -> tuple[jax.Array, jax.Array]:
     z = jnp.linspace(-4.0, 4.0, CURVE)
     ones = jnp.ones_like(z)
     _, slope = jax.jvp(prior.constrain, (z,), (ones,))
-    told = jnp.abs(slope) > ROUNDED * jnp.abs(slope).max()  # beyond, a value is rounded to the bound
+    told = jnp.abs(slope) > MIN_SLOPE * jnp.abs(slope).max()  # beyond, a value is rounded to the bound
     z = jnp.clip(z, z[jnp.argmax(told)], z[-1 - jnp.argmax(told[::-1])])
     value, slope = jax.jvp(prior.constrain, (z,), (ones,))
     return value, prior.log_density(z) - jnp.log(jnp.abs(slope))

@@ -18,7 +18,7 @@ from seatrial.compiled.pytrees import compiled_tree
 from seatrial.core.argument_checks import check_number, check_order
 from seatrial.core.errors import InputError
 from seatrial.estimation.priors.box import CORNER
-from seatrial.estimation.priors.normal import FIXED
+from seatrial.estimation.priors.normal import GIVE_BELIEF
 
 MIN_SHARE = 1e-9
 """Share of a normal that an interval must hold: below, stating it as this normal cut is surely a mistake."""
@@ -125,7 +125,7 @@ def truncated_normal(location: float, scale: float, lower: float = -inf, upper: 
         InputError: a number that is none, no bound at all, or an interval that holds next to nothing of the normal.
     """
     check_number(location, "truncated normal prior, location")
-    check_number(scale, "truncated normal prior, scale", above=0.0, remedy=FIXED)
+    check_number(scale, "truncated normal prior, scale", above=0.0, remedy=GIVE_BELIEF)
     check_order(lower, upper, "truncated normal prior", is_finite=False)
     where = f"normal {location:g} ± {scale:g} between {lower:g} and {upper:g}"
     if not (isfinite(lower) or isfinite(upper)):
@@ -167,7 +167,7 @@ def half_normal(scale: float, *, lower: float | None = None, upper: float | None
     Raises:
         InputError: a number that is none, no bound, or two.
     """
-    check_number(scale, "half-normal prior, scale", above=0.0, remedy=FIXED)
+    check_number(scale, "half-normal prior, scale", above=0.0, remedy=GIVE_BELIEF)
     if (lower is None) == (upper is None):
         raise InputError(
             "half-normal prior",

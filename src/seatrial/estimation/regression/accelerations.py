@@ -29,11 +29,11 @@ from seatrial.compiled.programs import program
 from seatrial.core.display_units import plain
 from seatrial.core.errors import InputError
 
-FEWEST = 12
+MIN_SAMPLES = 12
 """Measured samples from which noise and smoothness can be told apart at all."""
-SHORTEST = 0.2
+MIN_TAU_STEPS = 0.2
 """Least tau, in usual steps, at which the smoother leaves every sample as it is."""
-TRIED = 24
+TRIED_TAUS = 24
 """Values of tau tried before the best is refined."""
 LAGS = 20
 """Lags of the innovations that are looked at, at most."""
@@ -43,7 +43,7 @@ RELEVANT = 0.1
 """A correlation of innovations below this does no harm, however significant."""
 HEAVY = 6.0
 """Kurtosis of the innovations, 3 for normal ones, from which outliers are told."""
-HIDDEN = (
+NOISE_HIDDEN = (
     "noise and motion cannot be separated, because the motion changes from sample to sample: give the sensor's noise"
 )
 STILL = "nothing moves but along a straight line, as far as the noise shows"
@@ -103,11 +103,11 @@ def smooth(
         InputError: too few measured samples, or noise or a time scale that is not positive.
     """
     there = np.isfinite(values)
-    if there.sum() < FEWEST or np.ptp(values[there]) == 0:
+    if there.sum() < MIN_SAMPLES or np.ptp(values[there]) == 0:
         raise InputError(
             where,
-            found=f"{there.sum()} measured samples" if there.sum() < FEWEST else "the same value in every sample",
-            expected=f"at least {FEWEST}, not all the same",
+            found=f"{there.sum()} measured samples" if there.sum() < MIN_SAMPLES else "the same value in every sample",
+            expected=f"at least {MIN_SAMPLES}, not all the same",
             remedy="choose a longer record, or another channel",
         )
     for name, given in (("noise", noise), ("time scale", time_scale)):
@@ -119,7 +119,7 @@ def smooth(
     unit = float(np.std(values[there] - line[there])) or float(np.ptp(values[there]))
     data = _filled(time, np.where(there, values - line, 0.0) / unit, there)
     sigma = None if noise is None else noise / unit
-    ends = (SHORTEST * usual, 0.5 * float(np.ptp(time[there])))
+    ends = (MIN_TAU_STEPS * usual, 0.5 * float(np.ptp(time[there])))
     tau = _most_likely(data, usual, sigma, *ends) if time_scale is None else time_scale
     mean, var, z, told = (np.asarray(part)[..., : time.size] for part in _smoothed(data, usual, tau))
     scale = float(np.sqrt(np.mean(z[told] ** 2))) if sigma is None else sigma
@@ -136,7 +136,7 @@ def smooth(
         tau,
         hidden,
         innovations,
-        (*[HIDDEN] * hidden, *[STILL] * still, *_innovation_complaints(innovations)),
+        (*[NOISE_HIDDEN] * hidden, *[STILL] * still, *_innovation_complaints(innovations)),
     )
 
 
@@ -153,10 +153,10 @@ def _most_likely(
 ) -> float:
     """Return tau of the greatest likelihood, s: the best of a grid, then between its neighbours."""
     given = 0.0 if sigma is None else sigma
-    tried = np.linspace(np.log(shortest), np.log(longest), TRIED)
+    tried = np.linspace(np.log(shortest), np.log(longest), TRIED_TAUS)
     losses = np.asarray(_losses(data, usual, np.exp(tried), given))
     best = int(np.argmin(losses))
-    around = tried[[max(best - 1, 0), min(best + 1, TRIED - 1)]]
+    around = tried[[max(best - 1, 0), min(best + 1, TRIED_TAUS - 1)]]
     result = scipy.optimize.minimize_scalar(
         lambda tau: float(_losses(data, usual, np.exp([tau]), given)[0]),
         bounds=tuple(around),

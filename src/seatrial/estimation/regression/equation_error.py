@@ -26,10 +26,10 @@ from seatrial.core.record import Record
 from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.simulate import simulate
 
-MOST_ROUNDS = 50
-MOVED = 2.0
+MAX_ROUNDS = 50
+MAX_SHIFT_ERRORS = 2.0
 """Standard errors of the plain fit by which the refined one may differ before the plain one is called biased."""
-SETTLED = 1e-6
+ROUND_TOLERANCE = 1e-6
 DEGREE = 3
 
 
@@ -155,13 +155,13 @@ def fit_equation_error(model: VehicleModel, trials: Sequence[Accelerations], ref
     plain_sd = np.sqrt(np.diag(cov))
     if refine:
         scale = np.maximum(np.abs(plain), plain_sd)
-        while rounds < MOST_ROUNDS:
+        while rounds < MAX_ROUNDS:
             before, rounds = values, rounds + 1
             values, cov, sd = _regress(model, trials, [_motion(model, names, before, trial) for trial in trials])
-            if (np.abs(values - before) <= SETTLED * scale).all():
+            if (np.abs(values - before) <= ROUND_TOLERANCE * scale).all():
                 break
         else:
-            status = f"the refinement still moves after {MOST_ROUNDS} rounds; "
+            status = f"the refinement still moves after {MAX_ROUNDS} rounds; "
         status += _complaint(names, plain, plain_sd, values)
     return Regression(names, values, cov, plain, plain_sd, sd, rounds, status)
 
@@ -244,7 +244,7 @@ def _complaint(names: tuple[str, ...], plain: np.ndarray, plain_sd: np.ndarray, 
     """Return what noise in the regressors did to the plain fit."""
     moved = np.abs(plain - refined) / plain_sd
     worst = int(np.argmax(moved))
-    if not moved[worst] > MOVED:
+    if not moved[worst] > MAX_SHIFT_ERRORS:
         return ""
     return (
         f"noise in the speed biases the plain regression: {names[worst]} comes out as {plain[worst]:.4g} ± {plain_sd[worst]:.2g}, "

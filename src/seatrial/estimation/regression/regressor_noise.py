@@ -27,7 +27,7 @@ from seatrial.estimation.regression.weak_form import TrialRows
 
 LEVELS = (0.5, 1.0, 1.5, 2.0)
 NO_RESPONSE = np.zeros((1, 1))
-LARGE = 1.0
+LARGE_BIAS = 1.0
 """Bias in standard errors above which it is named."""
 
 
@@ -183,9 +183,9 @@ def _words(names: tuple[str, ...], values: np.ndarray, sd: np.ndarray, bias: np.
             "drop terms, or run a trial with larger controls"
         )
     worst = int(np.argmax(np.abs(bias) / sd))
-    if not abs(bias[worst]) > LARGE * sd[worst]:
+    if not abs(bias[worst]) > LARGE_BIAS * sd[worst]:
         return ""
-    count = int((np.abs(bias) > LARGE * sd).sum())
+    count = int((np.abs(bias) > LARGE_BIAS * sd).sum())
     others = f", and {count - 1} more by over one" if count > 1 else ""
     return (
         f"noise or unexplained motion in the regressors biases {names[worst]} = {values[worst]:.3g} ± {sd[worst]:.2g} by about "

@@ -16,7 +16,7 @@ SCREENING = (
     "matters with the output-error or filter-error likelihood"
 )
 """What every result from regression rows has to say."""
-FARTHEST = 10
+MAX_LAGS = 10
 """Lags at most that are looked at."""
 RELEVANT = 0.1
 """A correlation below this does no harm, however significant."""
@@ -66,7 +66,7 @@ def fit_rows(rows: WhitenedRows) -> RowFit:
         correlations = _correlations(residual[own], rows.trial[own], rows.index[own])
         chance = 3.0 / np.sqrt(own.sum())
         follow = np.abs(correlations) > chance
-        memory = correlations[: int(np.argmin(follow)) if not follow.all() else FARTHEST].sum()
+        memory = correlations[: int(np.argmin(follow)) if not follow.all() else MAX_LAGS].sum()
         first.append(correlations[0])
         worth.append(own.sum() / max(1.0 + 2.0 * memory, 1.0))
         if correlations[0] > max(chance, RELEVANT):
@@ -104,9 +104,9 @@ def independent_rows(
 def _correlations(residual: np.ndarray, trial: np.ndarray, index: np.ndarray) -> Float[np.ndarray, " lags"]:
     """Return the correlation over 1, 2, … windows of one trial; 0 where no two rows are that far apart."""
     power = np.mean(residual**2)
-    place = trial * (index.max() + FARTHEST + 1) + index
+    place = trial * (index.max() + MAX_LAGS + 1) + index
     results = []
-    for lag in range(1, FARTHEST + 1):
+    for lag in range(1, MAX_LAGS + 1):
         earlier = np.isin(place, place - lag)
         later = np.isin(place, place + lag)
         results.append(float(np.sum(residual[earlier] * residual[later]) / power / place.size))

@@ -33,7 +33,7 @@ from seatrial.vehicles.axis_equation import AxisEquation
 
 ROUNDS = 10
 """Most rounds of weighting; the third changes estimates by little."""
-SETTLED = 1e-3
+ROUND_TOLERANCE = 1e-3
 """Standard deviations by which the last round may move a coefficient."""
 LOG_SHARES = (-9.0, 9.0)
 """Range of the logarithm of the force's share in the variance of a row over the sensors'."""
@@ -205,7 +205,7 @@ def whitened_rows(
         rows = _joined([whiten(one, factor) for one, factor in zip(raw, factors, strict=True)])
         mixed = mix(rows, np.linalg.cholesky(sigma))
         fitted, cov = solve(*flat(mixed))
-        moved = np.abs(fitted - values) > SETTLED * np.sqrt(np.diag(cov))
+        moved = np.abs(fitted - values) > ROUND_TOLERANCE * np.sqrt(np.diag(cov))
         values, left = fitted, rows.target - rows.design @ fitted
         sigma = left @ left.T / np.sqrt(np.outer(freedom, freedom))
         if not moved.any():

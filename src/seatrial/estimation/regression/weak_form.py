@@ -23,9 +23,9 @@ from seatrial.core.record import Record
 from seatrial.numerics.integrate import held_mean
 from seatrial.vehicles.axis_equation import AxisEquation
 
-FEWEST = 10
+MIN_WINDOW_STEPS = 10
 """Steps a window must have."""
-LONGEST = 1.5
+GAP_STEPS = 1.5
 """A step this many times as long as a window of the fewest steps can have is a gap."""
 
 
@@ -104,12 +104,12 @@ def bump_windows(
     place = f'record "{label}", windows of {width:g} s'
     length, step = float(time[-1] - time[0]), np.diff(time)
     usual = float(np.median(step))
-    if not usual * FEWEST * (1 - 1e-9) <= width <= length:
+    if not usual * MIN_WINDOW_STEPS * (1 - 1e-9) <= width <= length:
         raise InputError(
             place,
             found=f"a record of {length:g} s in steps of {usual:g} s",
-            expected=f"at least {FEWEST} steps in a window, and a window in the record",
-            remedy=f"choose a width from {usual * FEWEST:g} to about {length / 10:g} s",
+            expected=f"at least {MIN_WINDOW_STEPS} steps in a window, and a window in the record",
+            remedy=f"choose a width from {usual * MIN_WINDOW_STEPS:g} to about {length / 10:g} s",
         )
     spacing = width / 2 if overlap else width
     centres = time[0] + width / 2 + spacing * np.arange(int((length - width) / spacing + 1e-9) + 1)
@@ -118,7 +118,7 @@ def bump_windows(
     for index, centre in enumerate(centres):
         edges = [centre - width / 2 * (1 - 1e-9), centre + width / 2 * (1 - 1e-9)]
         inside = np.arange(np.searchsorted(time, edges[0], "right") - 1, np.searchsorted(time, edges[1]) + 1)
-        if not present[inside].all() or step[inside[:-1]].max() > LONGEST * width / FEWEST:
+        if not present[inside].all() or step[inside[:-1]].max() > GAP_STEPS * width / MIN_WINDOW_STEPS:
             continue
         rows.append(np.full(inside.size, len(kept)))
         columns.append(inside)

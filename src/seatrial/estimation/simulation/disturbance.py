@@ -16,7 +16,7 @@ import jax.numpy as jnp
 from seatrial.vehicles.model import VehicleModel
 
 AXES = "XYZKMN"
-_SHORT = 0.1
+_SHORT_STEP = 0.1
 """Steps over correlation times below which differences of near equal numbers are replaced by their series, to ten digits or more."""
 
 
@@ -49,7 +49,7 @@ def over_step(sd: Any, time: Any, step: Any) -> OverStep:
     moves = step > 0
     r = jnp.where(moves, step, 1.0) / time
     left, half = jnp.exp(-r), jnp.tanh(0.5 * r)
-    is_short = r < _SHORT
+    is_short = r < _SHORT_STEP
     long = jnp.where(is_short, 1.0, r)
     bridge = jnp.where(
         is_short,
@@ -74,4 +74,6 @@ def disturbance_time_name(axis: str) -> str:
 def disturbed_axes(names: Iterable[str], model: VehicleModel) -> tuple[str, ...]:
     """Return the axes of a vehicle on which there is a disturbance, of which any parameter is among some names."""
     known = set(names)
-    return tuple(axis for axis in model.pushed if {disturbance_name(axis), disturbance_time_name(axis)} & known)
+    return tuple(
+        axis for axis in model.disturbance_axes if {disturbance_name(axis), disturbance_time_name(axis)} & known
+    )

@@ -17,9 +17,9 @@ from seatrial.numerics.rotations import cross, dot, matrix_of_angles, times, tot
 
 PLACE, TURN, SCALE, LATE = ("x", "y", "z"), ("roll", "pitch", "yaw"), "scale", "delay"
 """Parts of a mount, of which each may be an unknown: `x_dvl`, m, `yaw_dvl`, rad, `scale_dvl`, `delay_dvl`, s."""
-MOST_LATE = 1.0
+MAX_LATENESS = 1.0
 """Seconds by which a sensor may show the past, at most."""
-MOUNTED = (*RATES, *OVER_GROUND, *POSITIONS, *SPECIFIC_FORCE)
+MOUNTED_CHANNELS = (*RATES, *OVER_GROUND, *POSITIONS, *SPECIFIC_FORCE)
 """Channels that a mount knows."""
 
 

@@ -78,15 +78,15 @@ class Sensor:
         assert self.mount is not None
         return values.get(f"{LATE}_{self.mount.name}", self.mount.late) / step
 
-    def show(self, values: Mapping[str, Any], x: Any, memory: "Memory | None", lag: "Lag | None") -> tuple:
+    def show(self, values: Mapping[str, Any], x: Any, memory: "LagMemory | None", lag: "Lag | None") -> tuple:
         """Return what it shows without noise where the channel is `x`, and what it remembers."""
         if memory is not None and lag is not None:
             y = lag.a * memory.shown + lag.b * memory.true + lag.c * x
-            memory, x = Memory(y, x), y
+            memory, x = LagMemory(y, x), y
         return (x + values[bias_name(self.channel)] if self.bias else x), memory
 
 
-class Memory(NamedTuple):
+class LagMemory(NamedTuple):
     """What a sensor with a lag showed at the last sample, and what was true."""
 
     shown: Any

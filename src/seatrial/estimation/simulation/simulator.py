@@ -17,8 +17,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from seatrial.estimation.simulation.delayed_control import DELAY, delay_control
-from seatrial.estimation.simulation.mounts import MOST_LATE
-from seatrial.estimation.simulation.sensor_errors import Memory, Sensor, lag_name, lags_before
+from seatrial.estimation.simulation.mounts import MAX_LATENESS
+from seatrial.estimation.simulation.sensor_errors import LagMemory, Sensor, lag_name, lags_before
 from seatrial.manoeuvres.pilot import Moment, Pilot
 from seatrial.numerics.integrate import Law, time_loop
 from seatrial.vehicles.model import VehicleModel
@@ -86,10 +86,10 @@ class Simulator:
         control: tuple[Float[Array, " n"], ...],
         step: Float[Array, " n"],
     ) -> Float[Array, "n m"]:
-        """Outputs at every sample, SI; arguments as `follow`."""
-        return jnp.stack(self.follow(values, start, control, step).kept, -1)
+        """Outputs at every sample, SI; arguments as `simulate`."""
+        return jnp.stack(self.simulate(values, start, control, step).kept, -1)
 
-    def follow(
+    def simulate(
         self,
         values: Mapping[str, Any],
         start: Float[Array, " n_states"],
@@ -130,7 +130,7 @@ class Simulator:
         )
         zero, clock, past = jnp.zeros(()), None, ()
         memories = tuple(
-            (Memory(zero, zero) if sensor.lag else None, jnp.zeros(self.late) if sensor.is_late else None)
+            (LagMemory(zero, zero) if sensor.lag else None, jnp.zeros(self.late) if sensor.is_late else None)
             for sensor in self.sensors
         )
         if isinstance(control, Feedback):
@@ -161,7 +161,7 @@ class Simulator:
 
     def _true(self, sensor: Sensor, values: Mapping[str, Any], state: tuple, held: tuple) -> Any:
         def known(name: str) -> Any:
-            has = name.removesuffix("dot") in self.model.states or name in self.model.views
+            has = name.removesuffix("dot") in self.model.states or name in self.model.outputs
             given = dict(zip(self.model.controls, held, strict=True))
             return self.model.output(name, values, state, held) if has else given.get(name, 0.0)
 
@@ -199,7 +199,7 @@ class Simulator:
 
 def samples_remembered(sensors: Sequence[Sensor], step: float) -> int:
     """Return how many samples of even steps sensors remember, whose clock is late by `MOST_LATE` at most; 0 where none is."""
-    return ceil(MOST_LATE / step) + 2 if any(sensor.is_late for sensor in sensors) else 0
+    return ceil(MAX_LATENESS / step) + 2 if any(sensor.is_late for sensor in sensors) else 0
 
 
 def _before(x: Any, past: Array, is_first: Any, samples: Any) -> tuple[Any, Array]:

@@ -13,7 +13,7 @@ from seatrial.export.target import Carried, Statement
 from seatrial.export.vehicle import UNCERTAINTY, AveragedCoefficient, ExportedVehicle
 from seatrial.vehicles.hull import Hull
 
-_AVERAGED = ("averaged_mean", "averaged_sd", "averaged_model_error_sd")
+_AVERAGED_COLUMNS = ("averaged_mean", "averaged_sd", "averaged_model_error_sd")
 """Columns of the average over all models."""
 
 
@@ -49,7 +49,7 @@ class CsvTable:
         for name, one in averages.items():
             rows.append([name, "", "", vehicle.unit(name), "in other models", "", *map(_number, _of_average(one))])
         body = [[name, repr(value), "", unit, "body"] for name, value, unit in body_rows(vehicle)]
-        head = ["name", "value", "sd", "unit", "source", "model_error_sd", *_AVERAGED]
+        head = ["name", "value", "sd", "unit", "source", "model_error_sd", *_AVERAGED_COLUMNS]
         head += [f"covariance with {name}" for name in known]
         full = [row + [""] * (len(head) - len(row)) for row in (*rows, *body)]
         stream = io.StringIO()
@@ -59,7 +59,7 @@ class CsvTable:
 
 
 def _of_average(one: AveragedCoefficient | None) -> tuple[float | None, ...]:
-    return (None,) * len(_AVERAGED) if one is None else (one.mean, one.sd, one.model_error_sd)
+    return (None,) * len(_AVERAGED_COLUMNS) if one is None else (one.mean, one.sd, one.model_error_sd)
 
 
 def _number(value: float | None) -> str:

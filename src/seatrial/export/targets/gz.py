@@ -45,7 +45,7 @@ from seatrial.export.terms import (
     without,
 )
 from seatrial.export.vehicle import ExportedVehicle, require_whole
-from seatrial.export.xml_text import HEAD, comment, identifier, inertia_elements, number, numbers, pose, text
+from seatrial.export.xml_text import XML_HEAD, comment, identifier, inertia_elements, number, numbers, pose, text
 from seatrial.vehicles.actuators import Actuator
 from seatrial.vehicles.hull import AXES
 
@@ -152,10 +152,10 @@ class Gz:
         name = identifier(vehicle.name)
         notes = _notes(self, vehicle, name)
         model = _model(self, vehicle, name)
-        head = HEAD + comment([*statement.lines, *notes])
+        head = XML_HEAD + comment([*statement.lines, *notes])
         return {
             "model.sdf": f'{head}<sdf version="1.11">\n{model}</sdf>\n',
-            "model.config": f"{HEAD}{comment(statement.lines)}<model>\n  <name>{name}</name>\n  <version>1.0</version>\n"
+            "model.config": f"{XML_HEAD}{comment(statement.lines)}<model>\n  <name>{name}</name>\n  <version>1.0</version>\n"
             f'  <sdf version="1.11">model.sdf</sdf>\n  <description>{text(vehicle.name)}</description>\n</model>\n',
             "world.sdf": f'{head}<sdf version="1.11">\n{_world(self, vehicle, model)}</sdf>\n',
         }

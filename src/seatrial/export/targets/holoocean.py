@@ -17,7 +17,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from seatrial.core.errors import InputError
-from seatrial.export.manoeuvre import SPEED, contrary_to
+from seatrial.export.manoeuvre import DEFAULT_SPEED, contrary_to
 from seatrial.export.motion import Motion, coriolis_force, restoring_force
 from seatrial.export.rigid_body import DENSITY, drives_of
 from seatrial.export.stability import check_stable
@@ -230,7 +230,7 @@ class HoloOcean:
             f"damping of roll, pitch and yaw linear, of equal power at {_RATE:g} rad/s; sway and heave by the spheroid's shape",
         ]
         if "X_u" in vehicle.forces:
-            speed = vehicle.hull.trim.get("u", SPEED)
+            speed = vehicle.hull.trim.get("u", DEFAULT_SPEED)
             changed.append(
                 f"linear drag ahead fades with speed; the drag coefficient makes drag equal at {speed:.3g} m/s"
             )
@@ -298,7 +298,7 @@ def torpedo_of(vehicle: ExportedVehicle, density: float) -> Torpedo:
         linear = terms.linear.get((axis, axis), 0.0)
         return -(linear + _EQUAL_POWER * _RATE * terms.modulus.get((axis, axis, axis), 0.0))
 
-    surge, speed = -terms.linear.get((0, 0), 0.0), vehicle.hull.trim.get("u", SPEED)
+    surge, speed = -terms.linear.get((0, 0), 0.0), vehicle.hull.trim.get("u", DEFAULT_SPEED)
     ahead = -terms.modulus.get((0, 0, 0), 0.0) + surge * (1.0 - exp(-3.0 * speed)) / speed
     sway = -terms.linear.get((1, 1), 0.0)
     drives, _ = drives_of(vehicle)

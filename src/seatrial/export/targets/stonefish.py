@@ -22,14 +22,14 @@ from jaxtyping import Float, Int
 from scipy.optimize import brentq
 
 from seatrial.core.signals import RATES
-from seatrial.export.manoeuvre import SPEED, plan_for
+from seatrial.export.manoeuvre import DEFAULT_SPEED, plan_for
 from seatrial.export.motion import Motion, force_of, motion_of, motion_with
 from seatrial.export.rigid_body import DENSITY, Drive, Fin, body_of, drive_name, drives_of, fins_of
 from seatrial.export.stability import check_stable
 from seatrial.export.target import Carried, Statement
 from seatrial.export.terms import actuator_losses, added_mass_losses, sorted_terms, term_losses
 from seatrial.export.vehicle import ExportedVehicle, require_whole
-from seatrial.export.xml_text import HEAD, comment, identifier, number, numbers, text
+from seatrial.export.xml_text import XML_HEAD, comment, identifier, number, numbers, text
 from seatrial.vehicles.actuators import Actuator
 from seatrial.vehicles.hull import AXES, GRAVITY
 
@@ -41,7 +41,7 @@ _TOLERANCE, _ITERATIONS = 1.2 ** (2 / 3) - 1, 10
 """Where Stonefish ends its search for an ellipsoid about the box."""
 _LINEAR = 1 / 3
 """Share of quadratic drag that becomes a straight line; the rest becomes a cubic, and both agree with it at half the matched speed."""
-_LEAST_INERTIA = 0.1
+_MIN_INERTIA_SHARE = 0.1
 """Share of the vehicle's own inertia that is written at least, where Stonefish adds more than the vehicle has."""
 _HULL = "hull_"
 """Before the name of a fixed fin that stands for lift of the hull."""
@@ -97,7 +97,7 @@ class Stonefish:
         ]
         head = [*statement.lines, *notes]
         return {
-            "vehicle.scn": HEAD + comment(head) + _scenario(self, vehicle),
+            "vehicle.scn": XML_HEAD + comment(head) + _scenario(self, vehicle),
             "part.obj": "".join(f"# {line}\n" for line in head) + _PART,
         }
 
@@ -149,7 +149,7 @@ def solid_of(vehicle: ExportedVehicle, density: float) -> Solid:
     buoyancy = weight - (vehicle.hull.weight - vehicle.hull.buoyancy)
     half = box(vehicle, buoyancy / (density * GRAVITY))
     added, turned = geometry_added_mass(enclosing_ellipsoid(box_mesh(half).vertices), density)
-    inertia = np.maximum(_turning_inertia(vehicle) - turned, _LEAST_INERTIA * np.diag(body.inertia))
+    inertia = np.maximum(_turning_inertia(vehicle) - turned, _MIN_INERTIA_SHARE * np.diag(body.inertia))
     floats = (body.centre * weight - np.array(vehicle.hull.righting)) / buoyancy
     speed, cruises = matched_speed(vehicle)
     quadratic, viscous = drag_multipliers(vehicle, half, density, speed, cruises)
@@ -223,7 +223,7 @@ def matched_speed(vehicle: ExportedVehicle) -> tuple[float, bool]:
         return float(motion(np.array([u, 0.0, 0.0, 0.0, 0.0, 0.0]), 0.0, 0.0, pushed)[0])
 
     held = surge(0.0) > 0 > surge(10.0)
-    return (float(brentq(surge, 0.0, 10.0)) if held else SPEED), False
+    return (float(brentq(surge, 0.0, 10.0)) if held else DEFAULT_SPEED), False
 
 
 def drag_multipliers(

@@ -31,7 +31,7 @@ from seatrial.vehicles.model import VehicleModel
 # A positive rudder turns one vehicle to port and another to starboard, so the sign is that of a difference of
 # accelerations: between the largest and the smallest value of the trial, neutral included, at trim.
 
-SPEED = 1.5
+DEFAULT_SPEED = 1.5
 """Speed ahead, m/s, at which fins are judged where the vehicle has no trim speed."""
 _DRAWS = 400
 _STICKS = {
@@ -69,7 +69,7 @@ def campaign_stick(campaign: Campaign, control: str, value: Float[np.ndarray, " 
     drawn = {
         term.text: np.asarray(campaign.prior(term.text).draw(key, (_DRAWS,)), float) for term in model.coefficients
     }
-    known = {"u": SPEED, **campaign.hull.trim}
+    known = {"u": DEFAULT_SPEED, **campaign.hull.trim}
     try:
         return stick_of(model, drawn, control, value, known)
     except EitherWayError:

@@ -25,12 +25,12 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-MOST_LAGS = 60
-FEWEST = 6
+MAX_LAGS = 60
+MIN_PAIRS = 6
 """Pairs of samples below which a correlation is not worth drawing."""
 
 
-class Predicted(NamedTuple):
+class PredictedChannel(NamedTuple):
     """One channel of one record, in the unit of its label: measured (NaN where not), predicted mean and standard deviation."""
 
     label: str
@@ -62,7 +62,7 @@ class SmoothedSignal(NamedTuple):
 
 def record_fit(
     time: np.ndarray,
-    channels: Sequence[Predicted],
+    channels: Sequence[PredictedChannel],
     controls: Sequence[Driven] = (),
     held_back: bool = False,
     most: int = 1500,
@@ -76,7 +76,7 @@ def record_fit(
 def draw_fit(
     axes: "Sequence[Axes]",
     time: np.ndarray,
-    channels: Sequence[Predicted],
+    channels: Sequence[PredictedChannel],
     controls: Sequence[Driven] = (),
     held_back: bool = False,
     most: int = 1500,
@@ -114,7 +114,11 @@ def draw_fit(
 
 
 def record_residuals(
-    time: np.ndarray, channels: Sequence[Predicted], held_back: bool = False, most: int = 1500, slow: bool = False
+    time: np.ndarray,
+    channels: Sequence[PredictedChannel],
+    held_back: bool = False,
+    most: int = 1500,
+    slow: bool = False,
 ) -> "Figure":
     """Draw two panels for each channel, its residuals over their autocorrelation; see `draw_residuals`."""
     figure, axes = new_figure(WIDE, [120.0, 58.0] * len(channels), gap=38, share_x=False)
@@ -125,7 +129,7 @@ def record_residuals(
 def draw_residuals(
     axes: "Sequence[Axes]",
     time: np.ndarray,
-    channels: Sequence[Predicted],
+    channels: Sequence[PredictedChannel],
     held_back: bool = False,
     most: int = 1500,
     slow: bool = False,
@@ -172,14 +176,14 @@ def autocorrelation(time: np.ndarray, residual: np.ndarray) -> tuple[np.ndarray,
         return np.empty(0), np.empty(0), int(values.size)
     spacing = float(np.median(np.diff(at)))
     place = np.round((at - at[0]) / spacing).astype(int)
-    lags, results = np.arange(1, min(MOST_LAGS, values.size // 3) + 1), []
+    lags, results = np.arange(1, min(MAX_LAGS, values.size // 3) + 1), []
     for lag in lags:
         later = np.minimum(np.searchsorted(place, place + lag), place.size - 1)
         pair = place[later] == place + lag
         count = int(pair.sum())
         # As many pairs as without gaps weigh as they do there, so that long lags shrink towards zero alike.
         weight = values.size * (1 - lag / (place[-1] + 1)) / max(count, 1)
-        results.append(weight * float(values[pair] @ values[later[pair]]) / total if count >= FEWEST else np.nan)
+        results.append(weight * float(values[pair] @ values[later[pair]]) / total if count >= MIN_PAIRS else np.nan)
     correlation = np.array(results)
     there = np.isfinite(correlation)
     return lags[there] * spacing, correlation[there], int(values.size)

@@ -38,7 +38,7 @@ PAGE, PANEL, MARGIN, ROW = 640.0, 118.0, 64.0, 46.0
 """Width of the picture of pairs at most, of one of its panels at most, of its margins, and height of a row of traces, points."""
 GAP, FRAME, BINS, GRID = 0.07, 4.2, 30, 40
 """Between panels, in panels; half width of a panel, standard deviations; bins of a histogram and of each side of a joint one."""
-NUMBERED = 80.0
+MIN_NUMBERED_WIDTH = 80.0
 """Width of a panel below which it has no numbers, points."""
 SHARES = (0.95, 0.5)
 COLOURS = (BLUE, ORANGE, PURPLE, DOTS)
@@ -106,7 +106,7 @@ def corner(
     axes.add_collection(LineCollection(inner, colors=BLUE, linewidths=1.7, zorder=3, label="50 % of the draws"))
     panel = side / (place[-1] + 1)
     for at, (symbol, one) in enumerate(zip(symbols, units, strict=True)):
-        label = unit_label(symbol, one, digits[at].exponent) if panel > NUMBERED else symbol
+        label = unit_label(symbol, one, digits[at].exponent) if panel > MIN_NUMBERED_WIDTH else symbol
         _edges(axes, place, at, panel, frames[at], label, digits[at])
     axes.set(xlim=(0, place[-1] + 1), ylim=(-place[-1], 1))
     return figure
@@ -281,15 +281,15 @@ def _edges(
     middle, step = sum(frame) / 2, (frame[1] - frame[0]) / (2 * FRAME)
     small = {"fontsize": SMALL - 1.5, "color": MUTED, "va": "center", "ha": "center"}
     large = {"fontsize": FONT, "color": INK, "va": "center", "ha": "center"}
-    for shift in (-2, 2) if panel > NUMBERED else ():
+    for shift in (-2, 2) if panel > MIN_NUMBERED_WIDTH else ():
         share, text = 0.5 + shift / (2 * FRAME), digits.bare(middle + shift * step)
         axes.text(place[at] + share, -place[-1] - 9 / panel, text, **small)
         if at:
             axes.text(-8 / panel, share - place[at], text, rotation=90, **small)
-    away = (26 if panel > NUMBERED else 12) / panel
+    away = (26 if panel > MIN_NUMBERED_WIDTH else 12) / panel
     axes.text(place[at] + 0.5, -place[-1] - away, label, **large)
     if at:
-        axes.text(-away, 0.5 - place[at], label, rotation=90 * (panel > NUMBERED), **large)
+        axes.text(-away, 0.5 - place[at], label, rotation=90 * (panel > MIN_NUMBERED_WIDTH), **large)
 
 
 def _settled(one: Traced) -> tuple[float, float]:

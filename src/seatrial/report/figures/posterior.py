@@ -37,7 +37,7 @@ WIDTH = 4.5
 SHARES = (0.95, 0.5)
 PROFILE_WIDTH, ROW, HEAD, BELOW = 640.0, 104.0, 22.0, 40.0
 COLUMNS = 3
-DEEPEST = 2.4
+MAX_DEPTH = 2.4
 """How far below the maximum the curves are shown."""
 
 
@@ -63,7 +63,7 @@ class PriorShape(NamedTuple):
         return np.where(inside, np.interp(x, self.value, self.height), 0.0)
 
 
-class Panel(NamedTuple):
+class ProfilePanel(NamedTuple):
     """One profile with its symbol for the figure, within dollars, and its true value where there is one."""
 
     profile: Profile
@@ -185,7 +185,7 @@ def draw_pair(
     label_axes(axes, unit_label(symbols[0], units[0], exponents[0]), unit_label(symbols[1], units[1], exponents[1]))
 
 
-def profile_figure(panels: Sequence[Panel], words: Sequence[str] = ()) -> "Figure":
+def profile_figure(panels: Sequence[ProfilePanel], words: Sequence[str] = ()) -> "Figure":
     """Draw a panel for each parameter: curve, threshold, 95 % interval, and the ends of the prior where it is met.
 
     Args:
@@ -237,7 +237,7 @@ def _frame(
     return low - 0.04 * width, high + 0.04 * width
 
 
-def _draw(axes: "Axes", panel: Panel) -> None:
+def _draw(axes: "Axes", panel: ProfilePanel) -> None:
     profile = panel.profile
     exponent = power_of_ten(*profile.values)
     scale = 10.0**-exponent
@@ -257,7 +257,7 @@ def _draw(axes: "Axes", panel: Panel) -> None:
             axes.axvline(bound * scale, color=INK, linewidth=1.4, label="end of the prior")
     if panel.truth is not None:
         axes.axvline(panel.truth * scale, color=PURPLE, linewidth=1.2, linestyle=":", label="true value")
-    axes.set(xlim=(low, high), ylim=(-DEEPEST, 0.25))
+    axes.set(xlim=(low, high), ylim=(-MAX_DEPTH, 0.25))
     axes.set_title(_title(profile, scale), fontsize=SMALL, color=INK, loc="left", pad=4)
     label_axes(axes, unit_label(panel.symbol, profile.unit, exponent))
     axes.xaxis.label.set_fontsize(FONT)
@@ -276,7 +276,7 @@ def _smooth(values: np.ndarray, drop: np.ndarray, best: float) -> tuple[np.ndarr
 
 def _profile_frame(grid: np.ndarray, curve: np.ndarray) -> tuple[float, float]:
     """Return where the curve is not too deep, with some room."""
-    near = grid[curve <= DEEPEST]
+    near = grid[curve <= MAX_DEPTH]
     low, high = float(near.min()), float(near.max())
     room = 0.06 * ((high - low) or max(abs(high), 1e-12))
     return low - room, high + room

@@ -47,7 +47,7 @@ NEAR = 11.0
 """Least distance of two names at the right edge, points."""
 
 
-class Gap(NamedTuple):
+class MotionGap(NamedTuple):
     """Speed, or force, of the best minus the runner-up's in one manoeuvre, as shown, with its 90 % band; `where` is plain text.
 
     `best` is that of the best; `measured` are times and values of the record, none of a trial that was not run.
@@ -111,7 +111,7 @@ def model_space(
     return figure
 
 
-def structure_gaps(gaps: Sequence[Gap], noise: float, axis: str) -> "Figure":
+def structure_gaps(gaps: Sequence[MotionGap], noise: float, axis: str) -> "Figure":
     """Draw two panels for each manoeuvre: both structures over what was measured, and their difference, on one scale.
 
     Args:

@@ -28,7 +28,7 @@ from seatrial.report.figures.fit import record_fit, record_residuals
 from seatrial.report.labels import sentence_html
 from seatrial.report.numbers import DASH, percent, short, typeset, unit_text
 
-POINTS, PANELS, MOST = 5000, 24, 6
+POINTS, PANELS, MAX_ROWS = 5000, 24, 6
 """Dots and panels worth their bytes and their time on the whole page, and rows of a table before the others fold."""
 LOOKS = {"pass": "finding", "unjudged": "caution", "caution": "caution", "fail": "alarm"}
 """How each verdict looks among the findings of the page."""
@@ -58,8 +58,8 @@ def fits_section(outcome: Outcome) -> dict[str, Any]:
         "shown": cards[:1],
         "cards": cards[1:],
         "undrawn": [records[at].label for at in order[len(drawn) :]],
-        "rows": rows[:MOST],
-        "more": rows[MOST:],
+        "rows": rows[:MAX_ROWS],
+        "more": rows[MAX_ROWS:],
         "every": rows,
         "counts": [
             f"{count} {NOUNS[level][count != 1]}"

@@ -24,7 +24,7 @@ from seatrial.report.labels import label_html, name_html
 from seatrial.report.numbers import decimals
 from seatrial.report.term_figures import contenders_figure, screening_figures
 
-MOST, BESIDE = 8, 4
+MAX_MODELS, BESIDE = 8, 4
 """Models that are listed before the others fold, and models whose coefficients stand beside each other."""
 
 
@@ -40,8 +40,8 @@ def models_section(outcome: Outcome) -> dict[str, Any]:
     return {
         "sound": not any(row["status"] for row in rows),
         "agreement": agreement_counts([one.label for one in selection.structures], selection.evidences),
-        "rows": rows[:MOST],
-        "more": rows[MOST:],
+        "rows": rows[:MAX_MODELS],
+        "more": rows[MAX_MODELS:],
         "always": [label_html(labels_of(outcome).get(term, term)) for term in outcome.campaign.structure.always],
         "beside": _beside(outcome, order[:BESIDE]),
         "contenders": _contenders(outcome),

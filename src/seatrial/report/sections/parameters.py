@@ -28,10 +28,10 @@ from seatrial.report.numbers import DASH, decimals, plain, short, typeset, with_
 from seatrial.report.sections.summary import other_kinds
 from seatrial.sampling.diagnostics import MAX_R_HAT, MIN_ESS
 
-LITTLE, STRONG = 0.9, 0.9
+LITTLE_REDUCTION, STRONG_CORRELATION = 0.9, 0.9
 """Share of the prior's standard deviation left, and correlation, beyond which a number is flagged."""
 UNKNOWN = KnownParameter("", "", np.nan, np.nan, np.nan, np.nan, "", np.nan)
-MOST_PAIRS, MOST_ROWS = 10, 24
+MAX_PAIRS, MAX_ROWS = 10, 24
 """Parameters in the plot of all pairs, and rows of traces."""
 
 
@@ -42,7 +42,7 @@ def parameters_section(outcome: Outcome) -> dict[str, Any]:
     rows = [_row(outcome, row, items.get(row.name, UNKNOWN)) for row in outcome.summary.coefficients]
     matrix = correlation(chosen.draws())
     strength = np.nan_to_num(np.abs(matrix - np.diag(np.diag(matrix)))).max(axis=0)
-    paired = sorted(np.argsort(-strength, kind="stable")[:MOST_PAIRS].tolist())
+    paired = sorted(np.argsort(-strength, kind="stable")[:MAX_PAIRS].tolist())
     several = len(known.parameters) > 1
     terms = chosen.structure.terms
     shown = [row for row in rows if row["name"] in terms or row["flagged"]]
@@ -50,7 +50,7 @@ def parameters_section(outcome: Outcome) -> dict[str, Any]:
     effects = outcome.chosen.tried_effects
     forces = {word for effect in effects for word in effect.split() if is_coefficient(word)}
     labels = labels_of(outcome) | {force: CoefficientName.parse(force).label for force in forces}
-    names = outcome.chosen.names[:MOST_ROWS]
+    names = outcome.chosen.names[:MAX_ROWS]
     draws = outcome.chosen.data["draws"].sel(parameter=list(names)).values
     symbols = [label_mathtext(labels_of(outcome)[name]) for name in names]
     return {
@@ -122,8 +122,8 @@ def _row(outcome: Outcome, item: StoredCoefficient, known: KnownParameter) -> di
     flags = {
         "r_hat_bad": not item.r_hat <= MAX_R_HAT,
         "ess_bad": not ess >= MIN_ESS,
-        "little": known.left > LITTLE,
-        "strong": abs(known.correlation) > STRONG,
+        "little": known.left > LITTLE_REDUCTION,
+        "strong": abs(known.correlation) > STRONG_CORRELATION,
     }
     return {
         "name": name,
@@ -167,7 +167,7 @@ def _corner(outcome: Outcome, paired: list[int]) -> Drawing:
 
 def _filter(outcome: Outcome) -> dict[str, Any]:
     data, full, truth = outcome.filter, outcome.estimates[0], truth_of(outcome)
-    names = [str(name) for name in data["coefficient"].values][:MOST_ROWS]
+    names = [str(name) for name in data["coefficient"].values][:MAX_ROWS]
     time, starts = joined_time(data["time"].values, data["record"].values)
     rows = []
     for index, name in enumerate(names):

@@ -30,7 +30,7 @@ from seatrial.report.drawing import (
 from seatrial.report.labels import label_html, name_html
 from seatrial.report.numbers import DASH, percent, probability, typeset
 
-MOST_MODELS = 5
+MAX_MODELS = 5
 """Models that the first screen names."""
 KINDS = {
     "sigma": "noise",
@@ -202,10 +202,10 @@ def _models(outcome: Outcome) -> list[dict[str, Any]]:
     """Return the most probable models with their probabilities."""
     selection = outcome.selection
     order = np.argsort(-selection.probability, kind="stable")
-    first = [(selection.structures[index].label, float(selection.probability[index])) for index in order[:MOST_MODELS]]
+    first = [(selection.structures[index].label, float(selection.probability[index])) for index in order[:MAX_MODELS]]
     named = [(model_html(outcome, label), label, p) for label, p in first]
-    if count := max(0, len(order) - MOST_MODELS):
-        rest = float(selection.probability[order[MOST_MODELS:]].sum())
+    if count := max(0, len(order) - MAX_MODELS):
+        rest = float(selection.probability[order[MAX_MODELS:]].sum())
         named.append((Markup(f"{count} other model{'s' * (count > 1)}"), "", rest))
     rows = [{"name": name, "label": label, "share": p, "probability": probability(p)} for name, label, p in named]
     return rows if len(order) > 1 else []
