@@ -455,11 +455,11 @@ def _keys(axes: "Axes") -> "tuple[list[Artist], list[str]]":
     from matplotlib.lines import Line2D
     from matplotlib.patches import PathPatch
 
-    found = dict(zip(*reversed(axes.get_legend_handles_labels()), strict=True))
-    for label, artist in found.items():
+    handles = dict(zip(*reversed(axes.get_legend_handles_labels()), strict=True))
+    for label, artist in handles.items():
         if isinstance(artist, PathPatch) and not artist.get_fill():
-            found[label] = Line2D([], [], marker="o", markersize=3, color=artist.get_edgecolor(), linestyle="none")
-    return list(found.values()), list(found)
+            handles[label] = Line2D([], [], marker="o", markersize=3, color=artist.get_edgecolor(), linestyle="none")
+    return list(handles.values()), list(handles)
 
 
 def _given(ax: "Place", count: int) -> "list[Axes]":

@@ -144,11 +144,11 @@ def _log_expit(x: np.ndarray) -> np.ndarray:
 
 def _complaints(error: float, ess: float, iterations: int) -> list[str]:
     """Return what is wrong, in words."""
-    said = []
+    messages = []
     if iterations == MAX_ITERATIONS:
-        said.append("the bridge did not settle: proposal and posterior hardly overlap, use tempered SMC")
+        messages.append("the bridge did not settle: proposal and posterior hardly overlap, use tempered SMC")
     if error > MAX_ERROR:
-        said.append(f"the error of {error:.2f} nats is too large for its own formula: use more draws")
+        messages.append(f"the error of {error:.2f} nats is too large for its own formula: use more draws")
     if ess < MIN_ESS:
-        said.append(f"the chains are worth only {ess:.0f} independent draws, at least {MIN_ESS:.0f}: sample longer")
-    return said
+        messages.append(f"the chains are worth only {ess:.0f} independent draws, at least {MIN_ESS:.0f}: sample longer")
+    return messages

@@ -366,8 +366,8 @@ def _delta(study: Study, name: str) -> tuple[float, float]:
 def _leaning(deltas: dict[str, tuple[float, float]]) -> str:
     """Return which model DIC and BPIC favour beyond twice their errors, in words."""
     toward = {name: "M-1" if value < 0 else "M-0" for name, (value, error) in deltas.items() if abs(value) > 2 * error}
-    said = [f"{name} favours {toward[name]}" for name in ("DIC", "BPIC") if name in toward]
-    return " and ".join(said) or "a tie within Monte Carlo error"
+    favours = [f"{name} favours {toward[name]}" for name in ("DIC", "BPIC") if name in toward]
+    return " and ".join(favours) or "a tie within Monte Carlo error"
 
 
 def _tighter(study: Study) -> bool:

@@ -238,7 +238,7 @@ def odds(study: Study) -> Item:
         )
         for value, row in zip(values, p, strict=True)
     )
-    told = [f"{value:g}" for value, row in zip(values, p, strict=True) if row.mean() > 0.95]
+    decided = [f"{value:g}" for value, row in zip(values, p, strict=True) if row.mean() > 0.95]
     undecided = all(abs(row.mean() - 0.5) < UNDECIDED_MARGIN for row in p[:2])
     printed = study.reading.is_paper and all(
         abs(row.mean() - value) < 3 * _spread(row) for row, value in zip(p[:2], PRINTED_M0.values(), strict=True)
@@ -251,7 +251,7 @@ def odds(study: Study) -> Item:
         if printed
         else f"at the first two values the mean probability of M-0 is {p[0].mean():.3f} and {p[1].mean():.3f}"
         + (": the data prefer neither model" if undecided else "")
-        + (f"; they decide from {told[0]} on" if told else ""),
+        + (f"; they decide from {decided[0]} on" if decided else ""),
         numbers,
         trial_settings(study) | {"data_seeds": int(p.shape[1]), "method": REFERENCE},
     )

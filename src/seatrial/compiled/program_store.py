@@ -156,10 +156,10 @@ class _Digest:
             home, name = home or "builtins", value.__name__
         if not (isinstance(home, str) and isinstance(name, str)):
             return ()
-        found = sys.modules.get(home)
+        result = sys.modules.get(home)
         for part in name.split("."):
-            found = getattr(found, part, None)
-        return (self._trusted(home), name.encode()) if found is value else ()
+            result = getattr(result, part, None)
+        return (self._trusted(home), name.encode()) if result is value else ()
 
     def _function(self, function: FunctionType) -> Iterable[bytes]:
         """Digest a function inside a function, with what it holds of that one's variables."""
@@ -312,14 +312,14 @@ def _machine() -> tuple[Any, ...]:
 
 def _installed() -> list[str]:
     """Return names and versions of the libraries that enter programs, as their installer wrote them down."""
-    found = set()
+    installed = set()
     for place in filter(os.path.isdir, sys.path):
-        found |= {
+        installed |= {
             name
             for name in os.listdir(place)
             if name.endswith(".dist-info") and name.split("-")[0] in _VERSIONED_LIBRARIES
         }
-    return sorted(found)
+    return sorted(installed)
 
 
 def _processor() -> tuple[str, ...]:

@@ -177,9 +177,9 @@ class Program:
             _note("%s is not kept: it depends on %s", self.__qualname__, cause)
             return None
         folder = engine.program_directory()
-        found = _found(folder, key)
-        if found is not None or not _is_writable:
-            return found
+        stored = _found(folder, key)
+        if stored is not None or not _is_writable:
+            return stored
         return self._compiled(folder, key, signature)
 
     def _compiled(self, folder: Path, key: str, signature: "_Signature") -> "_Ready":
@@ -383,8 +383,8 @@ def _tell(why: str) -> None:
     """Say, once in a process, why programs are compiled that should have been ready."""
     global _is_told
     with _lock:
-        told, _is_told = _is_told, True
-    if not told:
+        was_reported, _is_told = _is_told, True
+    if not was_reported:
         _log.warning("caution: %s: results are the same, and take longer", why)
 
 

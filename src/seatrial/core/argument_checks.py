@@ -28,10 +28,10 @@ def check_kind(value: Any, kind: type[Thing] | tuple[type[Thing], ...], place: s
         InputError: a value of another kind.
     """
     if not isinstance(value, kind):
-        found = "None" if value is None else f"{_named(type(value))}: {shown(value)}"
-        found = f"the {value.__name__} itself" if isinstance(value, type) else found
+        description = "None" if value is None else f"{_named(type(value))}: {shown(value)}"
+        description = f"the {value.__name__} itself" if isinstance(value, type) else description
         expected = " or ".join(map(_named, kind if isinstance(kind, tuple) else (kind,)))
-        raise InputError(place, found=found, expected=expected, remedy=remedy)
+        raise InputError(place, found=description, expected=expected, remedy=remedy)
     return value
 
 
@@ -256,9 +256,9 @@ def check_array(
     except (TypeError, ValueError):
         array = np.empty(())
     if array.ndim != 1 or array.size < least or (size is not None and array.size != size):
-        found = f"shape {array.shape}" if array.ndim else shown(values)
+        description = f"shape {array.shape}" if array.ndim else shown(values)
         wanted = f"numbers, shape ({'n' if size is None else size},)" + ", one at least" * (array.shape == (0,))
-        raise InputError(place, found=found, expected=wanted, remedy="give a list or an array of one dimension")
+        raise InputError(place, found=description, expected=wanted, remedy="give a list or an array of one dimension")
     if is_finite and not np.isfinite(array).all():
         at = int(np.argmin(np.isfinite(array)))
         raise InputError(

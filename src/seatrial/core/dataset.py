@@ -198,13 +198,13 @@ class DataColumn(NDArrayOperatorsMixin):
 
 def _asked(of: Any, name: str) -> Any:
     """Return what an object of xarray has by a name; its methods take our datasets and columns where they take xarray's."""
-    found = getattr(of, name)
-    if not ismethod(found):
-        return found
+    attribute = getattr(of, name)
+    if not ismethod(attribute):
+        return attribute
 
-    @wraps(found)
+    @wraps(attribute)
     def method(*arguments: Any, **options: Any) -> Any:
-        return found(*map(_as_xarray, arguments), **{key: _as_xarray(one) for key, one in options.items()})
+        return attribute(*map(_as_xarray, arguments), **{key: _as_xarray(one) for key, one in options.items()})
 
     return method
 

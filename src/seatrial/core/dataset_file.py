@@ -227,8 +227,8 @@ def _decoded(file: h5py.File) -> dict[str, Any]:
 
 def _attributes(item: Any) -> dict[str, Any]:
     """Attributes that users see, single values as such."""
-    found = {name: value for name, value in item.attrs.items() if name not in _OF_NETCDF}
-    return {name: _plain(value) for name, value in found.items()}
+    attributes = {name: value for name, value in item.attrs.items() if name not in _OF_NETCDF}
+    return {name: _plain(value) for name, value in attributes.items()}
 
 
 def _plain(value: Any) -> Any:

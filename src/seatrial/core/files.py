@@ -62,10 +62,10 @@ def is_there(path: Path) -> bool:
 def look_of(path: Path) -> Look:
     """Return by what a change of a file is noticed without reading it."""
     try:
-        found = path.stat()
+        status = path.stat()
     except (OSError, ValueError):
         return None
-    return found.st_ino, found.st_size, found.st_mtime_ns
+    return status.st_ino, status.st_size, status.st_mtime_ns
 
 
 @contextmanager
@@ -166,12 +166,12 @@ def write_json(path: Path, content: Any) -> None:
         write_text(path, text)
 
 
-def set_aside(path: Path, found: str) -> None:
+def set_aside(path: Path, damage: str) -> None:
     """Move a damaged file, or a folder in its place, out of the way under a name of its own, and say so on the log of the package.
 
     Args:
         path: of what can be made again.
-        found: what is wrong with it.
+        damage: what is wrong with it.
     """
     names = (f"{path.name}.damaged{number or ''}" for number in range(1000))
     kept = next(place for name in names if not os.path.lexists(place := path.with_name(name)))
@@ -180,7 +180,7 @@ def set_aside(path: Path, found: str) -> None:
     except FileNotFoundError:  # another process was faster
         return
     logging.getLogger("seatrial").warning(
-        "caution: %s is damaged (%s): kept as %s, and made again where it is needed", path, found, kept.name
+        "caution: %s is damaged (%s): kept as %s, and made again where it is needed", path, damage, kept.name
     )
 
 
@@ -197,8 +197,10 @@ def sha256_of_json(content: Any) -> str:
 
 
 def _irregular(path: Path) -> InputError:
-    found = "a link" if path.is_symlink() else "a pipe, a socket or a device"
-    return InputError(str(path), found=found, expected="a file", remedy="remove it, then run the same command again")
+    description = "a link" if path.is_symlink() else "a pipe, a socket or a device"
+    return InputError(
+        str(path), found=description, expected="a file", remedy="remove it, then run the same command again"
+    )
 
 
 @contextmanager

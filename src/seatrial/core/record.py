@@ -74,13 +74,13 @@ class Record:
     label: str = "trial"
 
     def __repr__(self):
-        said = [f'Record "{self.label}": {self.time.size} samples over {self.time[-1] - self.time[0]:.6g} s']
+        lines = [f'Record "{self.label}": {self.time.size} samples over {self.time[-1] - self.time[0]:.6g} s']
         for word, role in (("controls", "control"), ("measured", "measurement")):
             named = [f"{one.name} [{_SI.get(one.unit, one.unit)}]" for one in self.channels if one.role == role]
-            said += [f"{word} {', '.join(named)}"] if named else []
+            lines += [f"{word} {', '.join(named)}"] if named else []
         if count := len(self.cautions):
-            said.append(f"{count} caution{'s' if count > 1 else ''}: read record.cautions")
-        return "; ".join(said)
+            lines.append(f"{count} caution{'s' if count > 1 else ''}: read record.cautions")
+        return "; ".join(lines)
 
     _repr_html_ = text_html
 
@@ -237,8 +237,8 @@ def _check_signal(channel: Channel, where: str) -> None:
     """Refuse a name that is no signal, and a unit in which its numbers would not be those of SI."""
     name, known = channel.name, (*SIGNALS, *POSITIONS, *TRACKS)
     if not isinstance(name, str) or not is_signal(name):
-        found = f"the name {shown(name)}"
-        raise InputError(where, found=found, expected="the name of a signal", remedy=nearest(name, known))
+        description = f"the name {shown(name)}"
+        raise InputError(where, found=description, expected="the name of a signal", remedy=nearest(name, known))
     unit = _SI.get(signal_unit(name), signal_unit(name))
     place = f"{where}, unit"
     factor = to_si(1.0, check_text(channel.unit, place, f'write "{unit}"'), unit, place)

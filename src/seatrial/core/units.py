@@ -159,8 +159,8 @@ def _without_unit(number: str, expected_unit: str, where: str) -> InputError:
 def _like(expected_unit: str) -> tuple[str, ...]:
     """Usual units of a dimension, the expected one among them."""
     wanted = _unit(expected_unit).powers
-    found = tuple(unit for unit in _USUAL_UNITS if _unit(unit).powers == wanted)
-    return found if expected_unit in found else (*found, expected_unit)
+    alike = tuple(unit for unit in _USUAL_UNITS if _unit(unit).powers == wanted)
+    return alike if expected_unit in alike else (*alike, expected_unit)
 
 
 def _parse(unit: str, expected_unit: str, where: str) -> Unit:
@@ -214,11 +214,11 @@ def _unit(text: str) -> Unit:
 
 def _dimensions(powers: Mapping[str, int]) -> tuple[tuple[str, int], ...]:
     """Powers of dimensions from those of units, by name; those that cancel are left out."""
-    found: dict[str, int] = {}
+    dimensions: dict[str, int] = {}
     for name, power in powers.items():
         for dimension, each in _POWERS[name].items():
-            found[dimension] = found.get(dimension, 0) + power * each
-    return tuple(sorted((dimension, power) for dimension, power in found.items() if power))
+            dimensions[dimension] = dimensions.get(dimension, 0) + power * each
+    return tuple(sorted((dimension, power) for dimension, power in dimensions.items() if power))
 
 
 def _tokens(text: str) -> deque[str]:

@@ -252,8 +252,12 @@ def _actuators(limited: Mapping[str, Limits], model: VehicleModel) -> dict[str, 
 
 
 def _limit_words(limited: Mapping[str, Limits], vehicle: ExportedVehicle) -> list[str]:
-    told = [name for name, limits in limited.items() if name in vehicle.actuators and limits != Limits()]
-    return [f"limits of {', '.join(told)}: those of its trials, [limits] of campaign.toml"] if told else []
+    trial_limited = [name for name, limits in limited.items() if name in vehicle.actuators and limits != Limits()]
+    return (
+        [f"limits of {', '.join(trial_limited)}: those of its trials, [limits] of campaign.toml"]
+        if trial_limited
+        else []
+    )
 
 
 def _estimated(estimate: Estimate, structure: Structure, summary: Summary) -> CoefficientEstimates:

@@ -112,9 +112,9 @@ def product_losses(own: Mapping[Pair, float], products: Mapping[Pair, float], wh
     """
     results = []
     for key in sorted({*own, *products}):
-        here, there = own.get(key, 0.0), products.get(key, 0.0)
-        if abs(here - there) > _ROUNDING * max(abs(here), abs(there)):
-            results.append(f"{product_name(key)} = {here:.4g} as {there:.4g}")
+        wanted, carried = own.get(key, 0.0), products.get(key, 0.0)
+        if abs(wanted - carried) > _ROUNDING * max(abs(wanted), abs(carried)):
+            results.append(f"{product_name(key)} = {wanted:.4g} as {carried:.4g}")
     return (f"products of velocities {where} that the target sets itself: " + ", ".join(results),) if results else ()
 
 
@@ -140,11 +140,11 @@ def actuator_losses(vehicle: ExportedVehicle, kept: Mapping[str, Actuator]) -> t
     """Return the lags, rates and limits that the target's actuators do not have, in words."""
     results = []
     for name, own in vehicle.actuators.items():
-        there = kept.get(name, Actuator(0.0))
-        parts = [f"lag {own.time_constant:g} s"] if there.time_constant != own.time_constant else []
+        target = kept.get(name, Actuator(0.0))
+        parts = [f"lag {own.time_constant:g} s"] if target.time_constant != own.time_constant else []
         factor, unit = shown_unit(name)
-        parts += [f"greatest rate {own.rate * factor:.4g} {unit}/s"] if there.rate != own.rate else []
-        if (there.lower, there.upper) != (own.lower, own.upper):
+        parts += [f"greatest rate {own.rate * factor:.4g} {unit}/s"] if target.rate != own.rate else []
+        if (target.lower, target.upper) != (own.lower, own.upper):
             parts.append(f"limits {own.lower * factor:.4g} to {own.upper * factor:.4g} {unit}")
         if parts:
             results.append(f"{' and '.join(parts)} of {name}")

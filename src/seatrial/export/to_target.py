@@ -70,19 +70,19 @@ def of_estimates(vehicle: PublishedVehicle, draws: Draws | None = None) -> tuple
     Raises:
         InputError: draws of none of its coefficients, or forces that are no sum of named terms.
     """
-    found = of_published(vehicle.hull.name, vehicle)
-    absent = [f"everything about {rate}" for rate in RATES if rate not in found.moves] + found.unknown_drives
+    exported = of_published(vehicle.hull.name, vehicle)
+    absent = [f"everything about {rate}" for rate in RATES if rate not in exported.moves] + exported.unknown_drives
     provenance = ExportProvenance(
-        "own numbers", found.name, version=__version__, absent=(", ".join(absent),) if absent else ()
+        "own numbers", exported.name, version=__version__, absent=(", ".join(absent),) if absent else ()
     )
     if draws is None:
-        return found, provenance
-    names = tuple(name for name in draws.names if name in found.coefficients)
+        return exported, provenance
+    names = tuple(name for name in draws.names if name in exported.coefficients)
     if not names:
         raise InputError(
             "draws",
             found=", ".join(draws.names),
-            expected="coefficients of the vehicle: " + ", ".join(found.coefficients),
+            expected="coefficients of the vehicle: " + ", ".join(exported.coefficients),
             remedy="give the vehicle a value of each term that was estimated",
         )
     table = draws.array(names)
@@ -90,13 +90,13 @@ def of_estimates(vehicle: PublishedVehicle, draws: Draws | None = None) -> tuple
     estimated = CoefficientEstimates(names, table.mean(0), np.sqrt(np.diag(covariance)), covariance)
     means = dict(zip(names, map(float, estimated.mean), strict=True))
     cautions = tuple(draws.complaints())
-    tether = found.hull.tether
+    tether = exported.hull.tether
     if tether is not None:
         pulled = tuple(one.name for one in tether.unknowns if one.name in draws.names)
         tether = tether.at({name: float(draws.array((name,)).mean()) for name in pulled})
-    hull, every = replace(found.hull, tether=tether), {**found.coefficients, **means}
+    hull, every = replace(exported.hull, tether=tether), {**exported.coefficients, **means}
     return (
-        replace(found, hull=hull, coefficients=every, estimated=estimated),
+        replace(exported, hull=hull, coefficients=every, estimated=estimated),
         replace(provenance, run="own records", cautions=cautions),
     )
 

@@ -97,12 +97,12 @@ def check_limits(manoeuvre: Manoeuvre, limits: Limits, sample_time: float) -> No
     _, control = manoeuvre.sample(sample_time)
     broken = limits.excess(control, sample_time)
     if broken:
-        found = "; ".join(
+        excess = "; ".join(
             f"{name} limit: reaches {value:.6g}, limit {bound:.6g}" for name, (value, bound) in broken.items()
         )
         raise InputError(
             f"manoeuvre {manoeuvre.name}, control {manoeuvre.control}",
-            found=found + " (SI)",
+            found=excess + " (SI)",
             expected="a control inside its limits at every sample",
             remedy="lower the amplitude, lengthen the ramp of the edges, or widen the limits if the vehicle allows it",
         )

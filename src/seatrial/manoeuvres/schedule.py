@@ -62,17 +62,17 @@ class Schedule:
                 remedy="count the time from the beginning of the trial, and sort the samples",
             )
         given = check_mapping(self.controls, "schedule, controls", 'write for example {"n": speeds}')
-        found = {name: check_array(x, f"schedule, control {name}", size=time.size) for name, x in given.items()}
+        checked = {name: check_array(x, f"schedule, control {name}", size=time.size) for name, x in given.items()}
         object.__setattr__(self, "time", time)
-        object.__setattr__(self, "controls", found)
+        object.__setattr__(self, "controls", checked)
 
     def __repr__(self) -> str:
         """Print its length, and between which values each control lies."""
-        said = [f"Schedule: {self.time.size} samples over {self.time[-1]:.6g} s"]
+        lines = [f"Schedule: {self.time.size} samples over {self.time[-1]:.6g} s"]
         for name, values in self.controls.items():
             factor, unit = shown_unit(name)
-            said.append(f"{name} from {values.min() * factor:.4g} to {values.max() * factor:.4g} {unit}")
-        return "; ".join(said)
+            lines.append(f"{name} from {values.min() * factor:.4g} to {values.max() * factor:.4g} {unit}")
+        return "; ".join(lines)
 
     _repr_html_ = text_html
 
@@ -161,7 +161,7 @@ class ScheduleRows(NamedTuple):
             None if upper is None else upper + _ROUNDING_SHARE * max(1.0, abs(upper)),
             None if rate is None else rate * (1.0 + _ROUNDING_SHARE),
         ).excess(values, step)
-        for name, found, ends in (
+        for name, course, ends in (
             ("lower", values, unit),
             ("upper", values, unit),
             ("rate", np.abs(np.diff(values)) / step, f"{unit}/s"),
@@ -169,7 +169,7 @@ class ScheduleRows(NamedTuple):
             if name not in broken:
                 continue
             reached, bound = broken[name][0], getattr(limits, name)
-            at = int(np.argmax(np.isclose(found, reached, rtol=1e-9, atol=0.0)))
+            at = int(np.argmax(np.isclose(course, reached, rtol=1e-9, atol=0.0)))
             time = float(schedule.time[at])
             if name == "rate" and (jumps := self._jumps(time, time + step)).size:
                 time = float(jumps[0])
@@ -292,12 +292,12 @@ def _header(where: str, cells: Sequence[str], controls: Sequence[str]) -> dict[s
             expected=_example(controls),
             remedy="part the columns by commas, and give decimals a point",
         )
-    found: dict[str, float] = {}
+    factors: dict[str, float] = {}
     known = {"time": "s"} | {name: signal_unit(name) for name in controls}
     for cell in cells:
         # Of tau_X_N and n_1_rpm the longest name that is known is meant.
         name = max((one for one in known if cell == one or cell.startswith(f"{one}_")), key=len, default="")
-        if not name or (name if cell != f"{name}_{COMMAND}" else cell) in found:
+        if not name or (name if cell != f"{name}_{COMMAND}" else cell) in factors:
             meant = nearest(cell.rpartition("_")[0] or cell, known)
             raise InputError(
                 where,
@@ -306,7 +306,7 @@ def _header(where: str, cells: Sequence[str], controls: Sequence[str]) -> dict[s
                 remedy="leave the second one out" if name else f"rename it, or leave it out: {meant}",
             )
         if cell == f"{name}_{COMMAND}":
-            found[cell] = 1.0
+            factors[cell] = 1.0
             continue
         if not (unit := cell[len(name) + 1 :]):
             raise InputError(
@@ -315,15 +315,15 @@ def _header(where: str, cells: Sequence[str], controls: Sequence[str]) -> dict[s
                 expected=f"for example {name}_{'s' if name == 'time' else shown_unit(name)[1]}",
                 remedy="write the unit behind the name",
             )
-        found[name] = to_si(1.0, unit, known[name], f'{where}, column "{cell}"')
-    if "time" not in found or not set(found) & set(controls):
+        factors[name] = to_si(1.0, unit, known[name], f'{where}, column "{cell}"')
+    if "time" not in factors or not set(factors) & set(controls):
         raise InputError(
             where,
-            found="no time" if "time" not in found else "no control",
+            found="no time" if "time" not in factors else "no control",
             expected=_example(controls),
-            remedy="name the columns in the first line" if "time" not in found else "add a control of the vehicle",
+            remedy="name the columns in the first line" if "time" not in factors else "add a control of the vehicle",
         )
-    return found
+    return factors
 
 
 def _row(where: str, cells: Sequence[str], columns: int) -> list[float]:

@@ -159,10 +159,10 @@ def factors_of(outcome: "Outcome") -> dict[str, float]:
 @lru_cache(maxsize=1)
 def digits_of(outcome: "Outcome") -> dict[str, Digits]:
     """Return how every parameter is written, wherever it stands: by the chosen structure, or else the first that has it."""
-    found = {}
+    digits = {}
     for estimate in (outcome.chosen, *outcome.estimates):
-        found = {name: Digits.of(*moments) for name, moments in moments_of(outcome, estimate).items()} | found
-    return found
+        digits = {name: Digits.of(*moments) for name, moments in moments_of(outcome, estimate).items()} | digits
+    return digits
 
 
 def unit_row(outcome: "Outcome", name: str) -> dict[str, Markup]:
@@ -271,8 +271,8 @@ def _short(path: re.Match) -> str:
     return f' d="{_LEVEL.sub(_level, _SPACE.sub(_letter, text.strip()))}"'
 
 
-def _letter(found: re.Match) -> str:
-    return found[1]
+def _letter(match: re.Match) -> str:
+    return match[1]
 
 
 def _level(stroke: re.Match) -> str:

@@ -164,6 +164,6 @@ def _bars(terms: Sequence[str], value: Mapping[str, float], error: Mapping[str, 
 def _measured(record: Record, channel: str, factor: float) -> tuple[np.ndarray, np.ndarray] | None:
     if channel not in record.measured:
         return None
-    there = np.flatnonzero(np.isfinite(record.channel(channel)))
-    there = there[thin(there.size, DOTS)]
-    return record.time[there], factor * record.channel(channel)[there]
+    places = np.flatnonzero(np.isfinite(record.channel(channel)))
+    places = places[thin(places.size, DOTS)]
+    return record.time[places], factor * record.channel(channel)[places]

@@ -98,24 +98,24 @@ def complaints(names: tuple[str, ...], health: ChainHealth) -> list[str]:
     still = ~np.isfinite(health.r_hat)
     apart = ~still & (health.r_hat > MAX_R_HAT)
     few = ~still & ~apart & (effective < MIN_ESS)
-    said = []
+    messages = []
     if still.any():
-        said.append(
+        messages.append(
             f"the chains of {_listed(names, still)} never moved: the proposal is far too wide or the density is flat or broken; "
             "check the prior and the data"
         )
     if apart.any():
-        said.append(
+        messages.append(
             f"the chains disagree about {_listed(names, apart)} (R-hat {health.r_hat[apart].max():.3f}, at most {MAX_R_HAT}): run "
             "longer, warm-up and draws twice as many; if they still disagree, look for two separate explanations of the data"
         )
     if few.any():
         least = float(effective[few].min())
-        said.append(
+        messages.append(
             f"too few independent draws of {_listed(names, few)} ({least:.0f} effective, at least {MIN_ESS:.0f}): ask for more "
             f"draws, {_times(MIN_ESS / max(least, 1.0))} as many"
         )
-    return said
+    return messages
 
 
 def variance_of_mean(x: np.ndarray) -> float:

@@ -287,20 +287,20 @@ def finish(run: ChainRun) -> Draws:
 def complaints_of_draws(draws: Draws) -> list[str]:
     """Return what is wrong with the chains as such, in words; empty where all moved and none diverged."""
     chains, kept, _ = draws.z.shape
-    said = []
+    messages = []
     still = np.flatnonzero((draws.z == draws.z[:, :1]).all((1, 2)))
     if kept > 1 and still.size:
         which = ", ".join(str(i + 1) for i in still[:5]) + (", ..." if still.size > 5 else "")
-        said.append(
+        messages.append(
             f"{still.size} of {chains} chains never moved in {kept} draws (chain {which}): they started where the density "
             "is broken or the proposal is far too wide; warm up longer, or use another sampler"
         )
     if draws.divergences:
-        said.append(
+        messages.append(
             f"{draws.divergences} of {chains * kept} transitions diverged: the density has an edge or a narrow neck that "
             "the sampler may not have entered; use adaptive Metropolis, or a prior that keeps clear of it"
         )
-    return said
+    return messages
 
 
 def arrays_of_run(run: ChainRun) -> dict[str, np.ndarray]:

@@ -66,8 +66,8 @@ def move_by(
 
         def rate(x: tuple) -> tuple:
             *own, time = x
-            found = rates((*own[:body], *actual(time), *own[body:]), held)
-            return (*found[:body], *found[n:], 1.0)
+            slopes = rates((*own[:body], *actual(time), *own[body:]), held)
+            return (*slopes[:body], *slopes[n:], 1.0)
 
         moved = integrator(rate, (*joint[:body], *joint[n:], 0.0 * h), h)
         return (*moved[:body], *actual(h), *moved[body:-1])

@@ -76,18 +76,18 @@ class ThrustLaw:
         ahead = thrust / self.reverse if thrust < 0 else thrust
         if points is None:
             roots = (np.polynomial.Polynomial(self.polynomial) - ahead).roots()
-            found = self.neutral + roots[np.isclose(roots.imag, 0.0, atol=1e-9)].real
+            commands = self.neutral + roots[np.isclose(roots.imag, 0.0, atol=1e-9)].real
             tabled = None
         else:
-            found = _crossings(np.asarray(points[0]), np.asarray(points[1]), ahead)
-            tabled = np.interp(found, *points)
-        found = found[np.isclose(self.thrust(found, tabled), thrust, rtol=1e-6, atol=1e-9)]
-        if not found.size:
+            commands = _crossings(np.asarray(points[0]), np.asarray(points[1]), ahead)
+            tabled = np.interp(commands, *points)
+        commands = commands[np.isclose(self.thrust(commands, tabled), thrust, rtol=1e-6, atol=1e-9)]
+        if not commands.size:
             return np.nan
         return float(
-            (found.min() + found.max()) / 2
+            (commands.min() + commands.max()) / 2
             if thrust == 0 and points
-            else found[np.argmin(np.abs(found - self.neutral))]
+            else commands[np.argmin(np.abs(commands - self.neutral))]
         )
 
     @property
@@ -134,8 +134,8 @@ def _crossings(
     rise, short = np.diff(thrust), wanted - thrust[:-1]
     share = np.divide(short, rise, out=np.where(short == 0, 0.0, np.nan), where=rise != 0)
     inside = (share >= 0) & (share <= 1)
-    found = (command[:-1] + share * np.diff(command))[inside]
-    return np.append(found, command[1:][thrust[1:] == wanted])
+    inner = (command[:-1] + share * np.diff(command))[inside]
+    return np.append(inner, command[1:][thrust[1:] == wanted])
 
 
 def allocation(thrusters: Sequence[Thruster]) -> Float[np.ndarray, "6 n"]:

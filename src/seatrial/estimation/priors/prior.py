@@ -80,8 +80,8 @@ def prior_curve(prior: Prior) -> tuple[jax.Array, jax.Array]:
     z = jnp.linspace(-4.0, 4.0, CURVE)
     ones = jnp.ones_like(z)
     _, slope = jax.jvp(prior.constrain, (z,), (ones,))
-    told = jnp.abs(slope) > MIN_SLOPE * jnp.abs(slope).max()  # beyond, a value is rounded to the bound
-    z = jnp.clip(z, z[jnp.argmax(told)], z[-1 - jnp.argmax(told[::-1])])
+    is_resolved = jnp.abs(slope) > MIN_SLOPE * jnp.abs(slope).max()  # beyond, a value is rounded to the bound
+    z = jnp.clip(z, z[jnp.argmax(is_resolved)], z[-1 - jnp.argmax(is_resolved[::-1])])
     value, slope = jax.jvp(prior.constrain, (z,), (ones,))
     return value, prior.log_density(z) - jnp.log(jnp.abs(slope))
 

@@ -102,28 +102,30 @@ def smooth(
     Raises:
         InputError: too few measured samples, or noise or a time scale that is not positive.
     """
-    there = np.isfinite(values)
-    if there.sum() < MIN_SAMPLES or np.ptp(values[there]) == 0:
+    is_measured = np.isfinite(values)
+    if is_measured.sum() < MIN_SAMPLES or np.ptp(values[is_measured]) == 0:
         raise InputError(
             where,
-            found=f"{there.sum()} measured samples" if there.sum() < MIN_SAMPLES else "the same value in every sample",
+            found=f"{is_measured.sum()} measured samples"
+            if is_measured.sum() < MIN_SAMPLES
+            else "the same value in every sample",
             expected=f"at least {MIN_SAMPLES}, not all the same",
             remedy="choose a longer record, or another channel",
         )
     for name, given in (("noise", noise), ("time scale", time_scale)):
         if given is not None and not 0 < given < inf:
             raise InputError(where, found=f"a {name} of {given}", expected="more than 0", remedy="leave it to be found")
-    usual = float(np.median(np.diff(time[there])))
-    straight = np.polynomial.Polynomial.fit(time[there], values[there], 1)
+    usual = float(np.median(np.diff(time[is_measured])))
+    straight = np.polynomial.Polynomial.fit(time[is_measured], values[is_measured], 1)
     line = straight(time)
-    unit = float(np.std(values[there] - line[there])) or float(np.ptp(values[there]))
-    data = _filled(time, np.where(there, values - line, 0.0) / unit, there)
+    unit = float(np.std(values[is_measured] - line[is_measured])) or float(np.ptp(values[is_measured]))
+    data = _filled(time, np.where(is_measured, values - line, 0.0) / unit, is_measured)
     sigma = None if noise is None else noise / unit
-    ends = (MIN_TAU_STEPS * usual, 0.5 * float(np.ptp(time[there])))
+    ends = (MIN_TAU_STEPS * usual, 0.5 * float(np.ptp(time[is_measured])))
     tau = _most_likely(data, usual, sigma, *ends) if time_scale is None else time_scale
-    mean, var, z, told = (np.asarray(part)[..., : time.size] for part in _smoothed(data, usual, tau))
-    scale = float(np.sqrt(np.mean(z[told] ** 2))) if sigma is None else sigma
-    innovations = z[told] / scale
+    mean, var, z, is_predicted = (np.asarray(part)[..., : time.size] for part in _smoothed(data, usual, tau))
+    scale = float(np.sqrt(np.mean(z[is_predicted] ** 2))) if sigma is None else sigma
+    innovations = z[is_predicted] / scale
     sd = unit * scale * np.sqrt(var)
     result = time_scale is None
     hidden, still = result and noise is None and tau < 1.1 * ends[0], result and tau > 0.9 * ends[1]
@@ -140,12 +142,12 @@ def smooth(
     )
 
 
-def _filled(time: np.ndarray, values: np.ndarray, there: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _filled(time: np.ndarray, values: np.ndarray, is_measured: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Time since the sample before, value and whether it was measured, up to a whole block; what is added takes no time."""
     missing = -time.size % BLOCK
-    columns = (np.diff(time, prepend=time[0]), values, there.astype(float))
-    step, values, there = (np.pad(column, (0, missing)) for column in columns)
-    return step, values, there
+    columns = (np.diff(time, prepend=time[0]), values, is_measured.astype(float))
+    step, values, is_measured = (np.pad(column, (0, missing)) for column in columns)
+    return step, values, is_measured
 
 
 def _most_likely(
@@ -171,9 +173,9 @@ def _losses(data: tuple, usual: float, taus: Float[Array, " k"], sigma: float) -
     """Return minus twice the log-likelihood of each tau; that of the best noise where sigma is 0."""
 
     def loss(tau: Array) -> Array:
-        _, _, mean, var, told = _pass(data, usual, tau)
-        squares = jnp.where(told, (data[1] - mean) ** 2 / var, 0.0)
-        count, logs = told.sum(), jnp.where(told, jnp.log(var), 0.0).sum()
+        _, _, mean, var, is_predicted = _pass(data, usual, tau)
+        squares = jnp.where(is_predicted, (data[1] - mean) ** 2 / var, 0.0)
+        count, logs = is_predicted.sum(), jnp.where(is_predicted, jnp.log(var), 0.0).sum()
         profiled = count * jnp.log(jnp.maximum(squares.sum() / count, 1e-30))
         known = squares.sum() / jnp.where(sigma > 0, sigma**2, 1.0)
         return logs + jnp.where(sigma > 0, known, profiled)
@@ -188,16 +190,16 @@ def _smoothed(data: tuple, usual: float, tau: float) -> tuple[Array, Array, Arra
     What came before an instant, with its sample, and what comes after it without: their inverse covariances add up. The later part is
     the same filter with time turned round, which turns the rate round too.
     """
-    step, y, there = data
-    turned = (jnp.append(jnp.zeros(1), step[:0:-1]), y[::-1], there[::-1])
-    _, earlier, mean, var, told = _pass(data, usual, tau)
+    step, y, is_measured = data
+    turned = (jnp.append(jnp.zeros(1), step[:0:-1]), y[::-1], is_measured[::-1])
+    _, earlier, mean, var, is_predicted = _pass(data, usual, tau)
     later, *_ = _pass(turned, usual, tau)
     a, b, c, e, f = (
         one + sign * other[::-1] for one, other, sign in zip(earlier, later, (1, -1, 1, 1, -1), strict=True)
     )
     det = a * c - b * b
     means = jnp.stack([(c * e - b * f) / det, (a * f - b * e) / det / tau])
-    return means, jnp.stack([c / det, a / det / tau**2]), (y - mean) / jnp.sqrt(var), told
+    return means, jnp.stack([c / det, a / det / tau**2]), (y - mean) / jnp.sqrt(var), is_predicted
 
 
 def _pass(data: tuple, usual: float, tau: Array | float) -> tuple[tuple, tuple, Array, Array, Array]:
@@ -217,7 +219,7 @@ def _pass(data: tuple, usual: float, tau: Array | float) -> tuple[tuple, tuple, 
     q = usual / tau
 
     def advance(known: tuple, sample: tuple) -> tuple[tuple, tuple]:
-        (a, b, c, d, e, f), (s, y, there) = known, sample
+        (a, b, c, d, e, f), (s, y, is_measured) = known, sample
         c = c - s * (2 * b - a * s)
         b, f = b - a * s, f - e * s
         xx, xv, vv = q * s**3 / 3, q * s**2 / 2, q * s
@@ -225,34 +227,34 @@ def _pass(data: tuple, usual: float, tau: Array | float) -> tuple[tuple, tuple, 
         g, h = c * e - b * f, a * f - b * e
         e, f = (e + vv * g - xv * h) * over, (f - xv * g + xx * h) * over
         a, b, c, d = (a + d * vv) * over, (b - d * xv) * over, (c + d * xx) * over, d * over
-        told = (d > 0) & (there > 0)
+        is_predicted = (d > 0) & (is_measured > 0)
         safe = jnp.where(d > 0, d, 1.0)
-        shown = ((c * e - b * f) / safe, 1.0 + c / safe, told)
-        with_it = (a + there, b, c, d + there * c, e + there * y, f)
+        shown = ((c * e - b * f) / safe, 1.0 + c / safe, is_predicted)
+        with_it = (a + is_measured, b, c, d + is_measured * c, e + is_measured * y, f)
         return with_it, ((a, b, c, e, f), (*with_it[:3], *with_it[4:]), *shown)
 
-    step, y, there = data
+    step, y, is_measured = data
     zero = jnp.zeros(())
-    return jax.lax.scan(advance, (zero,) * 6, (jnp.asarray(step) / tau, jnp.asarray(y), jnp.asarray(there)))[1]
+    return jax.lax.scan(advance, (zero,) * 6, (jnp.asarray(step) / tau, jnp.asarray(y), jnp.asarray(is_measured)))[1]
 
 
 def _innovation_complaints(z: np.ndarray) -> list[str]:
     """Return whether what each sample adds is independent of what was known, of the size stated, and free of outliers."""
-    said, centred = [], z - z.mean()
+    messages, centred = [], z - z.mean()
     lags = np.arange(1, min(LAGS, z.size // 4) + 1)
     result = np.array([centred[lag:] @ centred[:-lag] for lag in lags]) / (centred @ centred)
     worst = int(np.argmax(np.abs(result)))
     if abs(result[worst]) > max(RELEVANT, CHANCE / np.sqrt(z.size)):
-        said.append(
+        messages.append(
             f"the innovations are not white (correlation {result[worst]:+.2f} at lag {lags[worst]}): noise or motion is correlated "
             "in time more than the model says, so the standard deviations are not reliable"
         )
     kurtosis = float(np.mean(centred**4) / np.mean(centred**2) ** 2)
     if kurtosis > HEAVY:
-        said.append(
+        messages.append(
             f"the innovations have outliers (kurtosis {kurtosis:.0f}): look at the picture before the standard deviations"
         )
     size = float(np.sqrt(np.mean(z**2)))
     if abs(np.log(size)) > max(np.log(1.2), CHANCE / np.sqrt(2 * z.size)):
-        said.append(f"the innovations are {plain(size)} times as large as expected from the given noise")
-    return said
+        messages.append(f"the innovations are {plain(size)} times as large as expected from the given noise")
+    return messages

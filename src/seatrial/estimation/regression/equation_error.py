@@ -175,8 +175,8 @@ def _regress(
         control = np.asarray(trial.control)
         constant, phi = (np.asarray(x) for x in _regressors(model, np.asarray(trial.speed), control))
         z = phi if speed is trial.speed else np.asarray(_regressors(model, np.asarray(speed), control)[1])
-        there = np.isfinite(trial.acceleration) & np.isfinite(phi).all(1)
-        kept.append((phi[there], z[there], (trial.acceleration - constant)[there]))
+        is_complete = np.isfinite(trial.acceleration) & np.isfinite(phi).all(1)
+        kept.append((phi[is_complete], z[is_complete], (trial.acceleration - constant)[is_complete]))
     phi, z, y = (np.concatenate(parts) for parts in zip(*kept, strict=True))
     n, k = phi.shape
     if n < 2 * k:

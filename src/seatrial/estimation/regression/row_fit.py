@@ -60,7 +60,7 @@ def fit_rows(rows: WhitenedRows) -> RowFit:
     """
     values, cov = solve(rows.design, rows.target)
     residual = rows.target - rows.design @ values
-    first, worth, said = [], [], []
+    first, worth, messages = [], [], []
     for number, equation in enumerate(rows.equations):
         own = rows.equation == number
         correlations = _correlations(residual[own], rows.trial[own], rows.index[own])
@@ -70,12 +70,12 @@ def fit_rows(rows: WhitenedRows) -> RowFit:
         first.append(correlations[0])
         worth.append(own.sum() / max(1.0 + 2.0 * memory, 1.0))
         if correlations[0] > max(chance, RELEVANT):
-            said.append(
+            messages.append(
                 f"residuals of axis {equation.axis} are correlated ({correlations[0]:+.2f}): the {own.sum()} rows are worth "
                 f"{worth[-1]:.0f} independent ones, and errors are up to {np.sqrt(own.sum() / worth[-1]):.1f} times the stated ones; "
                 "a term is missing, or the noise is coloured: choose wider windows"
             )
-    return RowFit(rows.names, values, cov, residual, np.array(first), np.array(worth), "; ".join(said))
+    return RowFit(rows.names, values, cov, residual, np.array(first), np.array(worth), "; ".join(messages))
 
 
 def independent_rows(

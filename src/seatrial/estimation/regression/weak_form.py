@@ -189,19 +189,19 @@ def where_measured(record: Record, channels: Sequence[str]) -> Record:
     Raises:
         InputError: fewer than two such samples, or a channel that the record lacks.
     """
-    there = np.flatnonzero(np.isfinite(np.column_stack([record.channel(name) for name in channels])).all(1))
-    if there.size < 2:
+    complete = np.flatnonzero(np.isfinite(np.column_stack([record.channel(name) for name in channels])).all(1))
+    if complete.size < 2:
         raise InputError(
             f'record "{record.label}"',
-            found=f"{there.size} samples at which {', '.join(channels)} were all measured",
+            found=f"{complete.size} samples at which {', '.join(channels)} were all measured",
             expected="two at least",
             remedy="import the record at the step of its slowest sensor, or leave a channel out",
         )
-    edges = np.append(record.time[there], record.time[-1] + record.step[-1])
+    edges = np.append(record.time[complete], record.time[-1] + record.step[-1])
     control = np.column_stack(
-        [np.empty((there.size, 0)), *(held_mean(record.time, one, edges) for one in record.control.T)]
+        [np.empty((complete.size, 0)), *(held_mean(record.time, one, edges) for one in record.control.T)]
     )
-    return replace(record, time=record.time[there], control=control, measurement=record.measurement[there])
+    return replace(record, time=record.time[complete], control=control, measurement=record.measurement[complete])
 
 
 def pointwise_trials(records: Sequence[Record], equations: Sequence[AxisEquation]) -> tuple[TrialRows, ...]:

@@ -56,9 +56,9 @@ def over_step(sd: Any, time: Any, step: Any) -> OverStep:
         r / 6 * (1 - r**2 / 10 * (1 - 17 * r**2 / 168 * (1 - 31 * r**2 / 306))),
         (2 * long - 4 * jnp.tanh(0.5 * long)) / long**2,
     )
-    found = OverStep(left, -jnp.expm1(-r) / r, sd * jnp.sqrt(-jnp.expm1(-2 * r)), half / r, sd * jnp.sqrt(bridge))
+    over_step = OverStep(left, -jnp.expm1(-r) / r, sd * jnp.sqrt(-jnp.expm1(-2 * r)), half / r, sd * jnp.sqrt(bridge))
     still = OverStep(1.0, 0.0, 0.0, 0.0, 0.0)
-    return OverStep(*(jnp.where(moves, there, none) for there, none in zip(found, still, strict=True)))
+    return OverStep(*(jnp.where(moves, moving, resting) for moving, resting in zip(over_step, still, strict=True)))
 
 
 def disturbance_name(axis: str) -> str:

@@ -199,9 +199,9 @@ def plugin_terms(vehicle: ExportedVehicle, engine: str) -> dict[str, float]:
     own, made = all_products(vehicle), automatic_products(vehicle) if engine == "dart" else {}
     for key in sorted({*own, *made}):
         i, j, k = key
-        here, there = own.get(key, 0.0), made.get(key, 0.0)
-        if abs(here - there) > 1e-12 * max(abs(here), abs(there)):
-            results[f"{_axis(i)}{_rate(j)}{_rate(k)}"] = (here - there) * SIGN[i] * SIGN[j] * SIGN[k]
+        wanted, automatic = own.get(key, 0.0), made.get(key, 0.0)
+        if abs(wanted - automatic) > 1e-12 * max(abs(wanted), abs(automatic)):
+            results[f"{_axis(i)}{_rate(j)}{_rate(k)}"] = (wanted - automatic) * SIGN[i] * SIGN[j] * SIGN[k]
     return results
 
 

@@ -210,8 +210,8 @@ class Vehicle:
                 if result == ACCEPTED:
                     return
                 if result != IN_PROGRESS:
-                    said = f'; the vehicle said "{self.said}"' if self.said else ""
-                    stopped(f"{COMMANDS[number]} was answered with {_result(result)}{said}")
+                    quoted = f'; the vehicle said "{self.said}"' if self.said else ""
+                    stopped(f"{COMMANDS[number]} was answered with {_result(result)}{quoted}")
         stopped(f"{COMMANDS[number]} was not answered in {TRIES} tries of {ANSWER:g} s")
 
 
@@ -426,8 +426,8 @@ def _await(vehicle: Vehicle, happened: Any, seconds: float, otherwise: str) -> N
     end = time.monotonic() + seconds
     while not happened():
         if time.monotonic() > end:
-            said = f'; the vehicle said "{vehicle.said}"' if vehicle.said else ""
-            stopped(f"{otherwise} in {seconds:g} s{said}")
+            quoted = f'; the vehicle said "{vehicle.said}"' if vehicle.said else ""
+            stopped(f"{otherwise} in {seconds:g} s{quoted}")
         vehicle.step()
 
 

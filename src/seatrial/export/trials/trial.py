@@ -261,16 +261,18 @@ def read_trial(folder: Path | str, schedule: str | None = None) -> Trial:
         InputError: no schedule, none of that name, a damaged one, one that was changed, or one that breaks today's limits.
     """
     campaign = load_campaign(folder)
-    found = find_schedules(campaign.folder)
-    if not found or (schedule is not None and schedule not in found):
+    schedules = find_schedules(campaign.folder)
+    if not schedules or (schedule is not None and schedule not in schedules):
         raise InputError(
             f"{campaign.folder}, schedule {schedule or ''}".rstrip(),
-            found="no schedule" if not found else f'"{schedule}"',
-            expected="one of " + ", ".join(found) if found else "a designed trial under results/",
-            remedy=nearest(schedule, found) if found and schedule else f"run `seatrial design {campaign.folder}` first",
+            found="no schedule" if not schedules else f'"{schedule}"',
+            expected="one of " + ", ".join(schedules) if schedules else "a designed trial under results/",
+            remedy=nearest(schedule, schedules)
+            if schedules and schedule
+            else f"run `seatrial design {campaign.folder}` first",
         )
-    name = schedule or next(iter(found))
-    path = found[name]
+    name = schedule or next(iter(schedules))
+    path = schedules[name]
     content = read_about(path, _again(campaign.folder))
     try:
         trial = _trial(campaign, path, content)

@@ -266,9 +266,9 @@ def _draw_motion(axes: "Axes", time: np.ndarray, motion: Moved, legend: bool) ->
     for i, one in enumerate(single):
         axes.plot(time, one, color=ORANGE, linewidth=0.9, alpha=0.9, label="" if i else "single draws", zorder=2.5)
     if measured is not None:
-        there = np.flatnonzero(np.isfinite(measured))
-        there = there[thin(there.size)]
-        draw_dots(axes, time[there], measured[there], color=INK, size=2.0).set_zorder(4)
+        places = np.flatnonzero(np.isfinite(measured))
+        places = places[thin(places.size)]
+        draw_dots(axes, time[places], measured[places], color=INK, size=2.0).set_zorder(4)
         axes.plot([], [], marker="o", markersize=2.5, color=INK, linestyle="none", label="measured")
     axes.set(xlim=(float(time[0]), float(time[-1])), ylim=_frame(bands, single, measured))
     label_axes(axes, y=label)
@@ -303,19 +303,19 @@ def _frame(bands: np.ndarray, single: np.ndarray, measured: np.ndarray | None) -
 
 def _draw_spread(axes: "Axes", values: np.ndarray, label: str) -> None:
     """Histogram of the draws between their 1 and 99 % quantiles, median and 90 % range marked; plain words if there are none."""
-    there = values[np.isfinite(values)]
+    places = values[np.isfinite(values)]
     label_axes(axes, label)
     axes.set_yticks([])
     axes.spines["left"].set_visible(False)
     axes.grid(False)
-    if there.size < 0.5 * values.size:
+    if places.size < 0.5 * values.size:
         axes.text(0.5, 0.5, "most draws have none", transform=axes.transAxes, ha="center", fontsize=FONT, color=MUTED)
         axes.set_xticks([])
         return
-    first, low, middle, high, last = (float(value) for value in np.quantile(there, (0.01, 0.05, 0.5, 0.95, 0.99)))
+    first, low, middle, high, last = (float(value) for value in np.quantile(places, (0.01, 0.05, 0.5, 0.95, 0.99)))
     if not last > first:
         first, last = first - 0.5, last + 0.5
-    counts, edges = np.histogram(there, bins=40, range=(first, last))
+    counts, edges = np.histogram(places, bins=40, range=(first, last))
     axes.stairs(counts / counts.max(), edges, fill=True, color=DOTS, alpha=0.6, linewidth=0, label="draws")
     axes.plot([low, high], [-0.08, -0.08], color=BLUE, linewidth=4, solid_capstyle="butt", label="90 %", clip_on=False)
     axes.plot(middle, -0.08, marker="o", markersize=5, color=INK, linestyle="none", label="median", zorder=5)

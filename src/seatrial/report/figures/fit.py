@@ -185,8 +185,8 @@ def autocorrelation(time: np.ndarray, residual: np.ndarray) -> tuple[np.ndarray,
         weight = values.size * (1 - lag / (place[-1] + 1)) / max(count, 1)
         results.append(weight * float(values[pair] @ values[later[pair]]) / total if count >= MIN_PAIRS else np.nan)
     correlation = np.array(results)
-    there = np.isfinite(correlation)
-    return lags[there] * spacing, correlation[there], int(values.size)
+    places = np.isfinite(correlation)
+    return lags[places] * spacing, correlation[places], int(values.size)
 
 
 def smoothed_record(time: np.ndarray, curves: Sequence[SmoothedSignal], most: int = 1500) -> "Figure":
@@ -202,9 +202,9 @@ def smoothed_record(time: np.ndarray, curves: Sequence[SmoothedSignal], most: in
     for panel, curve in zip(axes, curves, strict=True):
         at, mean, half = time[keep], curve.mean[keep], Z90 * curve.sd[keep]
         if curve.measured is not None:
-            there = np.flatnonzero(np.isfinite(curve.measured))
-            there = there[thin(there.size, most)]
-            draw_dots(panel, time[there], curve.measured[there], color=DOTS, label="measured")
+            places = np.flatnonzero(np.isfinite(curve.measured))
+            places = places[thin(places.size, most)]
+            draw_dots(panel, time[places], curve.measured[places], color=DOTS, label="measured")
         panel.fill_between(at, mean - half, mean + half, color=BLUE, alpha=BAND, linewidth=0, label="90 % band")
         panel.plot(at, mean, color=BLUE, linewidth=0.8, label="smoothed")
         panel.margins(y=0.1)

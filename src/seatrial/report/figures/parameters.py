@@ -240,15 +240,15 @@ def _regions(x: np.ndarray, y: np.ndarray, kinds: tuple[list, list]) -> list[tup
     held = np.cumsum(ordered) / ordered.sum()
     centre = (edges[1:] + edges[:-1]) / 2
     generator = contour_generator(centre, centre, smooth.T)
-    found = []
+    contours = []
     for kind, share in zip(kinds, SHARES, strict=True):
         level = float(ordered[min(int(np.searchsorted(held, share)), ordered.size - 1)])
-        found += (
+        contours += (
             [(kind, np.clip(np.asarray(line), 0, 1)) for line in generator.lines(level)]
             if 0 < level < ordered[0]
             else []
         )
-    return found
+    return contours
 
 
 def _mark(axes: "Axes", place: np.ndarray, row: int, truth: Sequence[float | None]) -> None:

@@ -40,9 +40,9 @@ def raw_record(
     figure, axes = new_figure(WIDE, [110.0] * measured + [70.0] * (len(columns) - measured))
     for index, (panel, (label, values)) in enumerate(zip(axes, columns, strict=True)):
         if index < measured:
-            there = np.flatnonzero(np.isfinite(values))
-            there = there[thin(there.size, most)]
-            draw_dots(panel, time[there], values[there], color=DOTS, label="measured")
+            places = np.flatnonzero(np.isfinite(values))
+            places = places[thin(places.size, most)]
+            draw_dots(panel, time[places], values[places], color=DOTS, label="measured")
         else:
             keep = thin_steps(values, most)
             panel.plot(time[keep], values[keep], color=MUTED, linewidth=1.0, label="control")

@@ -79,19 +79,19 @@ def _value(outcome: Outcome, estimate: Estimate, name: str) -> tuple[str, str]:
     if name not in estimate.names:
         return "", ""
     digits, wider = digits_of(outcome)[name], estimate.wider(name)
-    told = "" if wider is None else f"± {digits.bare(factors_of(outcome)[name] * wider)} with model error"
-    return digits.pair(*moments_of(outcome, estimate)[name]), told
+    with_model_error = "" if wider is None else f"± {digits.bare(factors_of(outcome)[name] * wider)} with model error"
+    return digits.pair(*moments_of(outcome, estimate)[name]), with_model_error
 
 
 def _contenders(outcome: Outcome) -> dict[str, Any]:
-    found = outcome.contenders
-    if found is None:
+    result = outcome.contenders
+    if result is None:
         return {}
-    item = contenders_figure(found, names_of(outcome), outcome.trials.fit)
-    said = found.difference_words(), found.trial_words(outcome.selection)
+    item = contenders_figure(result, names_of(outcome), outcome.trials.fit)
+    texts = result.difference_words(), result.trial_words(outcome.selection)
     return {
         "decided": outcome.selection.is_settled,
-        "findings": [finding_of(outcome, text) for text in said],
+        "findings": [finding_of(outcome, text) for text in texts],
         "figure": draw(
             item.figure, f"terms-{item.name}", item.heading, name_html(item.caption, labels_of(outcome)), item.heading
         ),
@@ -115,14 +115,14 @@ def _screening(outcome: Outcome) -> dict[str, Any]:
 
 def _left_out(outcome: Outcome) -> dict[str, Any]:
     """Return how well each model predicts runs that were left out; nothing where no current result is there."""
-    found = outcome.cross_validation
-    if found is None:
+    result = outcome.cross_validation
+    if result is None:
         return {}
-    said, alarms = (*found.headline(), *found.complaints()), found.alarms
+    texts, alarms = (*result.headline(), *result.complaints()), result.alarms
     return {
-        "findings": [finding_of(outcome, text) | ({"kind": "alarm"} if text in alarms else {}) for text in said],
-        "lines": [] if found.recommended is None else list(found.recommended.lines),
-        "heads": found.heads(),
-        "rows": [[sentence_of(outcome, row[0]).rstrip("."), *row[1:]] for row in found.rows()],
-        "runs": len(found.runs),
+        "findings": [finding_of(outcome, text) | ({"kind": "alarm"} if text in alarms else {}) for text in texts],
+        "lines": [] if result.recommended is None else list(result.recommended.lines),
+        "heads": result.heads(),
+        "rows": [[sentence_of(outcome, row[0]).rstrip("."), *row[1:]] for row in result.rows()],
+        "runs": len(result.runs),
     }

@@ -103,14 +103,14 @@ def answer(outcome: Outcome) -> Markup:
         return Markup("{} {}{}").format(what, sentence_of(outcome, (unseen or failed)[0]), more)
     if own:
         return Markup("Do not use these numbers yet: {} failed.").format(_checks(len(own) + len(elsewhere)))
-    said = [_unbeaten(outcome) + _basis(outcome), _found(outcome), _predicts(outcome)]
+    parts = [_unbeaten(outcome) + _basis(outcome), _found(outcome), _predicts(outcome)]
     if outcome.disowned:
         and_terms = ", and which terms are needed may change" if outcome.selection.inclusion else ""
-        said.append(f"Its stated ± do not hold{and_terms}: the residuals are correlated.")
+        parts.append(f"Its stated ± do not hold{and_terms}: the residuals are correlated.")
     if elsewhere:
         what = "The choice of the model is not reliable" if outcome.choice_alarms else "Another model is not reliable"
-        said.append(Markup("{}: {} failed.").format(what, _checks(len(elsewhere))))
-    return Markup(" ").join(said)
+        parts.append(Markup("{}: {} failed.").format(what, _checks(len(elsewhere))))
+    return Markup(" ").join(parts)
 
 
 def find(outcome: Outcome, kind: str) -> list[dict[str, Any]]:
@@ -119,10 +119,10 @@ def find(outcome: Outcome, kind: str) -> list[dict[str, Any]]:
     texts = list({"alarm": summary.alarms, "finding": summary.verdicts, "caution": summary.cautions}[kind])
     if kind == "alarm":
         texts.sort(key=lambda text: (text not in outcome.held_back_alarms, text not in outcome.own_alarms))
-    found = [{"kind": kind, "text": text} for text in _sentences(outcome, texts)]
+    texts_of_kind = [{"kind": kind, "text": text} for text in _sentences(outcome, texts)]
     findings = outcome.summary.findings
     accepted = sentences(one for one in findings if isinstance(one, Finding) and one.is_accepted)
-    return found + [
+    return texts_of_kind + [
         {"kind": "finding", "text": text} for text in _sentences(outcome, accepted if kind == "caution" else [])
     ]
 
@@ -149,11 +149,11 @@ def _unbeaten(outcome: Outcome) -> str:
             much = one.ours.crps > CLEAR * best.crps
             how = "better than this model, though that may be chance" if much else "as well as this model"
             channels.setdefault((best.words, how), []).append(one.channel)
-    said = (
+    parts = (
         f"{words[0].upper()}{words[1:]} predicts {listed(names)} of the held-back runs {how}. "
         for (words, how), names in channels.items()
     )
-    return "".join(said)
+    return "".join(parts)
 
 
 def _found(outcome: Outcome) -> Markup:
@@ -183,13 +183,13 @@ def _predicts(outcome: Outcome) -> str:
     good = [fit.explained for fit in shown if fit.explained >= 0]
     worst = min(fit.explained for fit in shown)
     some = f" where it is not {WORSE_THAN_MEAN} ({worst:.0%} at worst)" if good and worst < 0 else ""
-    said = (
+    parts = (
         f"It explains {_span(good, explained_share)} of the variance of {what}{some}"
         if good
         else f"It predicts {what} {explained_share(worst, runs)}"
     )
     end = "" if held_back else "; no run was held back to test it"
-    return f"{said}, and {_span([fit.coverage for fit in shown])} of the samples lie inside its 90 % band{end}."
+    return f"{parts}, and {_span([fit.coverage for fit in shown])} of the samples lie inside its 90 % band{end}."
 
 
 def _span(shares: list[float], write: Callable[[float], str] = percent) -> str:
@@ -270,14 +270,14 @@ def _sentences(outcome: Outcome, texts: list[str]) -> list[Markup]:
     groups: dict[str, list[str]] = {}
     for text in texts:
         groups.setdefault(_NUMBER.sub("#", name.sub("§", text)), []).append(text)
-    said = []
+    parts = []
     for first, *others in groups.values():
         names = [result for other in others if (result := tuple(dict.fromkeys(name.findall(other))))]
         listed = [Markup(" with ").join(label_html(labels[n]) for n in group) for group in dict.fromkeys(names)]
         likewise = Markup(" Likewise {}.").format(Markup(", ").join(listed)) if names else ""
-        said += (
+        parts += (
             [sentence_of(outcome, first) + likewise]
             if len(names) == len(others)
             else [sentence_of(outcome, text) for text in (first, *others)]
         )
-    return said
+    return parts
