@@ -75,7 +75,7 @@ _HOME = {
 """Module of every public name, and its name there where that is another."""
 _MODULES = {"plot": "seatrial.plot"}
 """Modules that are names themselves."""
-_LIGHT = ("seatrial.core.", "seatrial.logs.")
+_LIGHT = ("seatrial.core.", "seatrial.logs.", "seatrial.compiled.engine")
 """Where nothing computes with JAX."""
 __all__ = [
     "Actuator",
