@@ -87,15 +87,7 @@ def _block(target: Target, state: ArchiveState, key: jax.Array, start: int, warm
         kind, size = jax.random.uniform(kind_key, (2, chains))
         scale = jnp.where(size < FULL_STEP, 1.0, 2.38 / jnp.sqrt(2 * d))
         along = scale[:, None] * (a - b) + state.jitter * jax.random.normal(step_key, (chains, d))
-        # From c itself the volume is NaN, and the step is refused.
-        away = state.z - c
-        distance = jnp.linalg.norm(away, axis=1)
-        unit = away / distance[:, None]
-        step = (1.2 + size) * jnp.sum(unit * (a - b), axis=1)
-        snooker, log_volume = (
-            step[:, None] * unit,
-            (state.z.shape[1] - 1) * jnp.log(jnp.abs(distance + step) / distance),
-        )
+        snooker, log_volume = _snooker(state.z, a - b, c, 1.2 + size)
         is_snooker = kind < SNOOKER
         proposal = state.z + jnp.where(is_snooker[:, None], snooker, along)
         log_density = log_densities(target, proposal)
@@ -120,3 +112,12 @@ def _three_rows(key: Array, chains: int, rows: int) -> Array:
     low, high = jnp.minimum(a, b), jnp.maximum(a, b)
     c = c + (c >= low)
     return jnp.stack([a, b, c + (c >= high)])
+
+
+def _snooker(z: Array, difference: Array, c: Array, scale: Array) -> tuple[Array, Array]:
+    """Step along the line through c, and the log of the change of volume; NaN, which is refused, from c itself."""
+    away = z - c
+    distance = jnp.linalg.norm(away, axis=1)
+    unit = away / distance[:, None]
+    step = scale * jnp.sum(unit * difference, axis=1)
+    return step[:, None] * unit, (z.shape[1] - 1) * jnp.log(jnp.abs(distance + step) / distance)
