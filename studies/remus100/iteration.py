@@ -12,7 +12,6 @@ import jax
 import numpy as np
 import xarray as xr
 
-from seatrial.design.fisher import fisher_information
 from seatrial.design.sweep import sweep_family
 from seatrial.estimation.posterior.mode import find_mode
 from seatrial.filters.square_root import SquareRootUnscentedKalmanFilter
@@ -28,6 +27,7 @@ from seatrial.selection.importance import (
 )
 from studies.remus100.designs import ACTIVE, PERIODS, POINTS, design_space, true_state
 from studies.remus100.filters import FIRST_SEED, filter_space, in_printed_units, make_trials, run_over_seeds
+from studies.remus100.fisher import fisher_information
 from studies.remus100.panels import PAGE, TEXT, key, name_axes, panels, symbol, with_unit
 from studies.remus100.study import Item, Number, Study
 from studies.remus100.trial import (

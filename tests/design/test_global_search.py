@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from seatrial.core.errors import InputError
-from seatrial.design.fisher import fisher_information
 from seatrial.design.global_search import GlobalOptimum, search_globally
+from studies.remus100.fisher import fisher_information
 from tests.cases import N0, RPM, TRUTH, U0, paper_model
 from tests.estimation_cases import SIGMA, naive_doublets
 

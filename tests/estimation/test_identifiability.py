@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from seatrial.core.coefficients import CoefficientName
-from seatrial.design.fisher import fisher_information
 from seatrial.estimation.diagnostics.combinations import Combination, Unknown, known_combinations, null_combinations
 from seatrial.estimation.diagnostics.identifiability import (
     Group,
@@ -26,6 +25,7 @@ from seatrial.estimation.simulation.sensor_errors import Sensor
 from seatrial.numerics.integrate import rk4_step
 from seatrial.vehicles.hull import Hull
 from seatrial.vehicles.whole import whole_vehicle
+from studies.remus100.fisher import fisher_information
 from tests.cases import DEDUCTION, MASS, TRUTH, U0, paper_model
 from tests.estimation_cases import SIGMA, golden_posterior, make_trial, naive_doublets, posterior
 

@@ -4,8 +4,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from seatrial.design.fisher import fisher_information
 from seatrial.manoeuvres.relay import RelayFamily, run_relay
+from studies.remus100.fisher import fisher_information
 from tests.cases import N0, RPM, THRUST, TRUTH, U0, X_U, X_UU, paper_model, surge_rate
 from tests.design.test_sweep import paper_space
 from tests.estimation_cases import SIGMA, THRUST_UNIT, naive_doublets, naive_speed
