@@ -50,8 +50,8 @@ def __dir__() -> list[str]:
     return __all__
 
 
-DOTS_PER_INCH = 100
-"""Of pictures on a screen; a figure is as many points wide as in the report."""
+DOTS_PER_INCH = 100  # Of pictures on a screen; a figure is as many points wide as in the report
+# How the drawn things are explained.
 LEGEND: dict[str, Any] = {
     "frameon": False,
     "fontsize": SMALL,
@@ -59,9 +59,7 @@ LEGEND: dict[str, Any] = {
     "handlelength": 1.4,
     "columnspacing": 1.2,
 }
-"""How the drawn things are explained."""
-MAX_PAIRS = 8
-"""Parameters beyond which a grid of pairs cannot be read."""
+MAX_PAIRS = 8  # Parameters beyond which a grid of pairs cannot be read
 
 
 def fit(

@@ -22,8 +22,7 @@ from seatrial.selection.verdict import Evidence
 
 ProposalShape = Literal["normal", "t"]
 FREEDOM = 5.0
-MAX_ERROR = 0.2
-"""Standard error, nats, above which the error formula itself, an expansion, is not believed."""
+MAX_ERROR = 0.2  # Standard error, nats, above which the error formula itself, an expansion, is not believed
 TOLERANCE, MAX_ITERATIONS = 1e-10, 1000
 
 

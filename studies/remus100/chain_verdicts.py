@@ -20,8 +20,7 @@ CRITERIA = {
     "chain-6-reduced": {"DIC": -13940.6, "BPIC": -13935.9, "p_D": 4.8},
 }
 MODEL = {"chain-6-full": "M-0", "chain-6-reduced": "M-1"}
-TIE = 0.3
-"""A difference of two criteria below this decides nothing, whatever its error."""
+TIE = 0.3  # A difference of two criteria below this decides nothing, whatever its error
 
 
 def table_3(study: Study) -> Item:

@@ -29,10 +29,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 LAGS = 200
-KEPT_DRAWS = 5000
-"""Draws of each chain that are kept for figures; every number comes from all of them."""
-AFAR = 10.0
-"""Nats below the mode at which a start counts as arrived."""
+KEPT_DRAWS = 5000  # Draws of each chain that are kept for figures; every number comes from all of them
+AFAR = 10.0  # Nats below the mode at which a start counts as arrived
 BINS, LIMIT = 50, 2.0
 GEWEKE = {"color": ORANGE, "marker": "o", "markersize": 3, "linestyle": "none"}
 NORMAL = {"color": INK, "linewidth": 1.0, "linestyle": (0, (4, 2))}

@@ -54,14 +54,12 @@ if TYPE_CHECKING:
 
 POINTS = 20
 PERIODS = np.linspace(1.0, 20.0, POINTS)
+# Manoeuvre windows, s: the paper does not print its own; 20 s gives its ridge at 10 s.
 ACTIVE = {"short": 20.0, "medium": 40.0, "long": 58.0}
-"""Manoeuvre windows, s: the paper does not print its own; 20 s gives its ridge at 10 s."""
-INITIAL_VARIANCE = (1.0, 1e5, 1e5, 1e5)
-"""P of the text, T in printed units."""
-NOISE_SEED = 4
-"""Of the noise in the chosen doublet's trial."""
+INITIAL_VARIANCE = (1.0, 1e5, 1e5, 1e5)  # P of the text, T in printed units
+NOISE_SEED = 4  # Of the noise in the chosen doublet's trial
+# Of the self-oscillating test, over trim speed; the largest are out of reach, and said to be.
 THRESHOLDS = np.linspace(0.03, 0.36, 12)
-"""Of the self-oscillating test, over trim speed; the largest are out of reach, and said to be."""
 COLOURS, LEVELS = "viridis", 12
 GAIN, AMPLITUDE, PERIOD = "entropy reduction [nat]", "amplitude [rpm]", "period [s]"
 WINDOWS = {

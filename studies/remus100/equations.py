@@ -15,10 +15,9 @@ from studies.remus100.trial import STEP, doublets, paper_posterior, paper_trial
 from studies.remus100.vehicle_file import NAMES
 
 DRAWS_SEED = 6
-POINT = (1.2, 1.1)
-"""Surge speed and propeller speed, over trim, at which the vehicle's equations are compared."""
+POINT = (1.2, 1.1)  # Surge speed and propeller speed, over trim, at which the vehicle's equations are compared
+# Relative differences allowed: to rounding, and where the independent number is itself a sample of 200 000.
 ROUNDING_TOLERANCE, SAMPLING_TOLERANCE = 1e-9, 0.02
-"""Relative differences allowed: to rounding, and where the independent number is itself a sample of 200 000."""
 REASONS = {
     "equations-2": "(3) lacks a bracket, and (4) and (5) lack the division by m - X_udot: our sums of forces are as printed, "
     "and our filters have the Jacobians of du/dt",

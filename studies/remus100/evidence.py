@@ -34,21 +34,16 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MODELS = ("M-0", "M-1")
-LARGER = (-20.0, -60.0)
-"""True coefficients, in multiples of the larger printed one, at which the data begin to tell."""
-WEIGHING = ImportanceSettings(draws=4096, pilot=2048)
-"""For each of many trials."""
+LARGER = (-20.0, -60.0)  # True coefficients, in multiples of the larger printed one, at which the data begin to tell
+WEIGHING = ImportanceSettings(draws=4096, pilot=2048)  # For each of many trials
 Estimator = Callable[[Posterior, jax.Array], Evidence]
-PRINTED_M0 = {4: 0.4642, 5: 0.5501}
-"""Printed probability of M-0."""
+PRINTED_M0 = {4: 0.4642, 5: 0.5501}  # Printed probability of M-0
 REFERENCE = "importance sampling"
-UNDECIDED_MARGIN = 0.1
-"""A probability this near to a half prefers neither model."""
-PRINTED_PROBABILITIES = {4: 0.4642, 5: 0.5501}
-"""Probability of M-0 that the paper prints in Tables IV and V."""
+UNDECIDED_MARGIN = 0.1  # A probability this near to a half prefers neither model
+PRINTED_PROBABILITIES = {4: 0.4642, 5: 0.5501}  # Probability of M-0 that the paper prints in Tables IV and V
 BINS = np.linspace(0, 1, 21)
+# Height of a row that holds a histogram, and of a bar in it that holds every seed, in rows that hold one value.
 TALL, TALLEST = 1.7, 1.2
-"""Height of a row that holds a histogram, and of a bar in it that holds every seed, in rows that hold one value."""
 
 
 def listing_part(study: Study, table: int) -> xr.Dataset:

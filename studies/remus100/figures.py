@@ -163,6 +163,7 @@ def _iteration(study: Study) -> str:
     )
 
 
+# In the order of the paper.
 FIGURES: dict[str, PaperFigure] = {
     "vehicle": PaperFigure(draw_vehicle, ("vehicle",), "The longitudinal vehicle after a step of n", _vehicle),
     "figure-1": PaperFigure(draw_figure_1, ("figure-1",), "Responses and estimates of EKF, UKF and SRUKF", _figure_1),
@@ -183,4 +184,3 @@ FIGURES: dict[str, PaperFigure] = {
     "figure-8": PaperFigure(chain_figure("chain-6-reduced"), ("figure-8",), "The chain of M-1", _chain),
     "iteration": PaperFigure(draw_iteration, ("iteration",), "Second trials, predicted and run", _iteration),
 }
-"""In the order of the paper."""

@@ -13,8 +13,7 @@ TABLE_1 = {"EKF": (-1.21, -2.93, 6.28), "UKF": (-1.27, -2.91, 6.28), "SRUKF": (-
 TABLE_1_SD = {"EKF": (0.37, 0.18, 0.10), "UKF": (0.38, 0.18, 0.10), "SRUKF": (0.38, 0.18, 0.01)}
 TABLE_2 = {"SRUKF": (-1.27, -2.91, 6.28), "SRUKF-C": (-1.24, -2.93, 6.28)}
 TABLE_2_SD = {"SRUKF": (0.38, 0.18, 0.10), "SRUKF-C": (0.37, 0.18, 0.10)}
-NEAR = 0.25
-"""Difference of two filters' estimates, in their standard deviations, that is very small."""
+NEAR = 0.25  # Difference of two filters' estimates, in their standard deviations, that is very small
 
 
 def table_1(study: Study) -> Item:

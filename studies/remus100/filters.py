@@ -49,13 +49,12 @@ if TYPE_CHECKING:
 
 STEP, N_STEPS, HOLD = 0.01, 1500, 2.0
 FIRST_SEED = 1000
-PROCESS_VARIANCE = (1e-6, 1e-7, 1e-7, 1e-10)
-"""Q."""
+PROCESS_VARIANCE = (1e-6, 1e-7, 1e-7, 1e-10)  # Q
+# P of the tables, T in printed units (316 squared); the text has 1e5 for the drag coefficients, which hardly changes
+# the estimates.
 INITIAL_VARIANCE = (1.0, 1e4, 1e4, 1e5)
-"""P of the tables, T in printed units (316 squared); the text has 1e5 for the drag coefficients, which hardly changes the estimates."""
 INITIAL_SHARE, BOUND_SHARE = 0.75, 0.5
-MARKS = np.arange(1, 16) * 100
-"""Samples, each second, at which the filters' errors are kept."""
+MARKS = np.arange(1, 16) * 100  # Samples, each second, at which the filters' errors are kept
 LOOKS = {
     "EKF": {"color": BLUE, "linewidth": 1.6},
     "UKF": {"color": ORANGE, "linewidth": 1.3, "linestyle": (0, (5, 2))},
@@ -66,12 +65,9 @@ ALONE = {"SRUKF": {"color": BLUE, "linewidth": 1.3}}
 TRUE = {"color": INK, "linewidth": 0.9, "linestyle": (0, (6, 2))}
 BOUND = {"color": MUTED, "linewidth": 1.0, "linestyle": (0, (1, 2))}
 MEASURED = {"color": DOTS, "marker": "o", "markersize": 2, "linestyle": "none"}
-SETTLING_TIME = 3.0
-"""Seconds after which the estimates have left the first guess and decide the frame."""
-BINS = 10
-"""Samples over which clipping is averaged."""
-BELOW, HIGH = 92, 56
-"""Room for the lowest row of Figure 2, and the height of its panels, in points."""
+SETTLING_TIME = 3.0  # Seconds after which the estimates have left the first guess and decide the frame
+BINS = 10  # Samples over which clipping is averaged
+BELOW, HIGH = 92, 56  # Room for the lowest row of Figure 2, and the height of its panels, in points
 
 
 @dataclass(frozen=True)

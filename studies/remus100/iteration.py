@@ -46,8 +46,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-LONGER = 58.0
-"""Window of the redesigned doublets, s."""
+LONGER = 58.0  # Window of the redesigned doublets, s
 SECOND_PERIODS = (5.0, 8.0, 10.0, 14.0, 19.0, 29.0, 58.0)
 WEIGHING = ImportanceSettings(draws=8192, pilot=2048)
 FITS = ("one trial", "the same trial twice", "redesigned second trial")

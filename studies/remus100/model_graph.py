@@ -23,8 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.patches import Patch
 
 HEIGHT, RADIUS = 262, 21
-PARAMETERS, FUNCTIONS, OBSERVED = 200, 112, 30
-"""Heights of the three rows of nodes, in points."""
+PARAMETERS, FUNCTIONS, OBSERVED = 200, 112, 30  # Heights of the three rows of nodes, in points
 BOX = 32
 BOLD = 10
 

@@ -27,27 +27,26 @@ from studies.remus100.study import FULL, Item, Number, Study, Verdict
 from studies.remus100.trial import ACTIVE, DURATION, PERIOD, N
 from studies.remus100.vehicle_file import NAMES, RPM, Reading
 
+# Class of the badge of each verdict.
 LOOKS: dict[Verdict, str] = {
     "reproduced": "reproduced",
     "reproduced in shape": "shape",
     "differs": "differs",
     "cannot hold": "cannot",
 }
-"""Class of the badge of each verdict."""
+# Verdicts in the words for a vehicle that is not the paper's: nothing of it is printed to be reproduced.
 ELSEWHERE: dict[Verdict, str] = {
     "reproduced": "holds",
     "reproduced in shape": "holds in shape",
     "differs": "does not hold",
     "cannot hold": "cannot hold",
 }
-"""Verdicts in the words for a vehicle that is not the paper's: nothing of it is printed to be reproduced."""
-UNITS = {"s": "s", "rpm": "rpm"}
-"""Units at the end of a setting's name."""
+UNITS = {"s": "s", "rpm": "rpm"}  # Units at the end of a setting's name
 DIGITS, PRINTED_DIGITS = 4, 6
-MAX_TABLE_ROWS = 12
-"""Rows from which a table of numbers is set in two."""
+MAX_TABLE_ROWS = 12  # Rows from which a table of numbers is set in two
+# Figures by the item they stand under, each with its width: `wide` or `column`.
 Drawn: TypeAlias = dict[str, list[tuple[Drawing, str]]]
-"""Figures by the item they stand under, each with its width: `wide` or `column`."""
+# Anchor and title of each section, by the first item that can stand in it.
 SECTIONS = {
     "equations-2": ("ii", "II. Vehicle model"),
     "table-1": ("iii-filters", "III. Filters"),
@@ -57,7 +56,7 @@ SECTIONS = {
     "iteration": ("v", "V. The two stages repeated"),
     "readings": ("units", "Readings of the units"),
 }
-"""Anchor and title of each section, by the first item that can stand in it."""
+# What each sample size counts.
 SIZES = {
     "filter_seeds": "trials of Tables I and II",
     "tuning_seeds": "trials behind the remarks on P, Q and R",
@@ -74,7 +73,6 @@ SIZES = {
     "nested_live": "live points of nested sampling; none leaves it out",
     "criteria_draws": "draws behind WAIC and PSIS-LOO",
 }
-"""What each sample size counts."""
 
 
 def card(item: Item, reading: Reading) -> dict[str, Any]:

@@ -16,11 +16,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-COLUMN, PAGE = 252, 516
-"""Widths of one column and of two, in points."""
+COLUMN, PAGE = 252, 516  # Widths of one column and of two, in points
 TEXT = 8
-NOISE_PREFIX = "sigma_"
-"""Parameters of this name are the standard deviation of the channel that follows."""
+NOISE_PREFIX = "sigma_"  # Parameters of this name are the standard deviation of the channel that follows
 
 
 def panels(

@@ -40,14 +40,10 @@ from seatrial.vehicles.simulate import move_by
 # -N log(s sqrt(2 pi)) - SSE / (2 s^2) bounds the log-likelihood from above. Draws whose bound lies 60 nats below the best
 # likelihood found are left there; n of them together change the average by less than n e^-60 of it.
 
-MARGIN = 60.0
-"""Nats below the best likelihood at which a draw cannot change a printed digit."""
-PIECE = 100
-"""Samples simulated between the first looks at the bounds; later, an eighth of what is done."""
-PROMISING_DRAWS = 64
-"""Draws simulated to the end at each look, for the best likelihood."""
-_NEVER = -1e100
-"""Stands for log 0 in arithmetic."""
+MARGIN = 60.0  # Nats below the best likelihood at which a draw cannot change a printed digit
+PIECE = 100  # Samples simulated between the first looks at the bounds; later, an eighth of what is done
+PROMISING_DRAWS = 64  # Draws simulated to the end at each look, for the best likelihood
+_NEVER = -1e100  # Stands for log 0 in arithmetic
 
 
 def log_likelihoods(

@@ -115,8 +115,8 @@ ENTRIES: dict[str, Entry] = {
     "iteration": Entry(iteration.iteration, ("iteration", "relay")),
     "readings": Entry(iteration.readings, ("readings",)),
 }
+# Items about the published vehicle and the paper's units, which have no meaning for another vehicle.
 PAPER_ONLY = ("vehicle", "readings")
-"""Items about the published vehicle and the paper's units, which have no meaning for another vehicle."""
 
 
 def chosen_items(only: Sequence[str], is_paper: bool) -> tuple[str, ...]:

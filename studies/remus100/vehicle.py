@@ -21,15 +21,13 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-STEP, N, CHANGE = 0.01, 1000, 50 * RPM
-"""10 s after the propeller speed rose by 50 rpm."""
+STEP, N, CHANGE = 0.01, 1000, 50 * RPM  # 10 s after the propeller speed rose by 50 rpm
 LOOKS = {
     "longitudinal, non-linear": {"color": BLUE, "linewidth": 1.6},
     "longitudinal, linearised": {"color": ORANGE, "linewidth": 1.3, "linestyle": (0, (5, 2))},
     "surge alone": {"color": PURPLE, "linewidth": 1.4, "linestyle": (0, (1.5, 1.5))},
 }
-PARTS = ("full", "linear")
-"""Names in the results of the first two."""
+PARTS = ("full", "linear")  # Names in the results of the first two
 POLES = {"color": BLUE, "marker": "x", "markersize": 5, "markeredgewidth": 1.4, "linestyle": "none"}
 
 

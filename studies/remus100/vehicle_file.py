@@ -26,14 +26,12 @@ from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.whole import whole_vehicle
 
 RPM = 2 * pi / 60
-NAMES = ("X_u", "X_uabsu", "T_nabsn")
-"""Coefficients of eq. (3)."""
+NAMES = ("X_u", "X_uabsu", "T_nabsn")  # Coefficients of eq. (3).
 PRINTED_THRUST = 6.28
+# Where a file does not say otherwise: noise over trim speed, and amplitudes over trim propeller speed, as in reading A.
 NOISE_SHARE, STEPS_SHARE, HIGHEST_SHARE = 0.05, 8 / 15, 4 / 15
-"""Where a file does not say otherwise: noise over trim speed, and amplitudes over trim propeller speed, as in reading A."""
 
-ANSWERS = (0.1, 600.0)
-"""Shortest and longest time constant of the surge speed, s."""
+ANSWERS = (0.1, 600.0)  # Shortest and longest time constant of the surge speed, s
 EXAMPLE = "examples/vehicle.toml of seatrial's repository"
 
 

@@ -12,11 +12,11 @@ from typing import Any
 import jax
 import numpy as np
 
+# Bytes on an accelerator that one call may take: two thirds of what JAX reserves on a card of 16 GB, one of the
+# smallest that are made for double precision. The same on every card, so that equal cards of unequal memory give equal
+# bits.
 MEMORY = 8 << 30
-"""Bytes on an accelerator that one call may take: two thirds of what JAX reserves on a card of 16 GB, one of the smallest that are
-made for double precision. The same on every card, so that equal cards of unequal memory give equal bits."""
-_FEW_LANES = 8
-"""Lanes of the smaller of two calls from which is told what a lane takes."""
+_FEW_LANES = 8  # Lanes of the smaller of two calls from which is told what a lane takes
 
 
 def bucket_length(samples: int) -> int:

@@ -18,18 +18,16 @@ from seatrial.core.errors import InputError
 _LOOP_OPTION = "xla_cpu_small_while_loop_byte_threshold"
 _BACKEND_OPTIONS = "--xla_backend_extra_options"
 _VECTOR_WIDTH = "--xla_cpu_prefer_vector_width"
+# Which compiled code is kept: key of `jax_persistent_cache_…`, and its value as text and type.
 _CACHE_LIMITS = {"min_compile_time_secs": ("0.2", float), "min_entry_size_bytes": ("-1", int)}
-"""Which compiled code is kept: key of `jax_persistent_cache_…`, and its value as text and type."""
 _REMEDY = "call seatrial.configure() where the program begins"
 _NO = ("0", "false", "f", "no", "n", "off")
 _is_prepared = False
 _keeps_programs = False
 _say: Callable[[str], None] | None = None
 _compiling = 0.0
-_SLOW_SECONDS = 2.0
-"""Seconds of compiling after which it is told."""
-BEGAN = time.time()
-"""When this process began to load the package."""
+_SLOW_SECONDS = 2.0  # Seconds of compiling after which it is told
+BEGAN = time.time()  # When this process began to load the package
 
 
 class EngineWarning(UserWarning):

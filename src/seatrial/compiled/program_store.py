@@ -29,15 +29,12 @@ from seatrial.compiled import engine
 from seatrial.core.files import atomic_path, remove_orphans
 from seatrial.core.processes import cores
 
-MAX_STORE_BYTES = 500 << 20
-"""Bytes of all files; beyond them those go whose last use is longest ago."""
-OWN_PACKAGES = ("seatrial", "studies")
-"""Whose files enter the key."""
-_VERSIONED_LIBRARIES = ("jax", "jaxlib", "numpy", "ml_dtypes", "blackjax", "optax")
-"""Whose versions do."""
+MAX_STORE_BYTES = 500 << 20  # Bytes of all files; beyond them those go whose last use is longest ago
+OWN_PACKAGES = ("seatrial", "studies")  # Whose files enter the key
+_VERSIONED_LIBRARIES = ("jax", "jaxlib", "numpy", "ml_dtypes", "blackjax", "optax")  # Whose versions do
 _MAGIC = b"seatrial program 1\n"
+# Parts of the names of JAX's settings that do not change what is compiled.
 _OF_NO_WEIGHT = ("cache", "log", "dump", "traceback", "axis_env_state")
-"""Parts of the names of JAX's settings that do not change what is compiled."""
 _PLAIN = (NoneType, bool, int, str, bytes, complex, range, type(Ellipsis))
 
 
@@ -269,8 +266,7 @@ def _refuse_shared(about: os.stat_result, place: Any) -> None:
         raise Unusable(f"{place} belongs to another user, or may be written by others")
 
 
-_since_look = -1
-"""Bytes written since the folder was last looked through, below 0 where it was not yet."""
+_since_look = -1  # Bytes written since the folder was last looked through, below 0 where it was not yet
 
 
 def _make_room(folder: Path, written: int) -> None:
@@ -332,12 +328,12 @@ def _processor() -> tuple[str, ...]:
     return platform.machine(), *(line for line in first.splitlines() if line.split(":")[0].strip() in _OF_PROCESSOR)
 
 
+# Rows of /proc/cpuinfo that hold for the processor and not for the moment, on x86, Arm, POWER and RISC-V.
 _OF_PROCESSOR = {
     *("vendor_id", "cpu family", "model", "model name", "stepping", "flags"),
     *("CPU implementer", "CPU architecture", "CPU variant", "CPU part", "CPU revision", "Features"),
     *("cpu", "revision", "isa", "uarch"),
 }
-"""Rows of /proc/cpuinfo that hold for the processor and not for the moment, on x86, Arm, POWER and RISC-V."""
 
 
 @lru_cache(maxsize=len(OWN_PACKAGES))

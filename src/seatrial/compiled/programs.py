@@ -289,8 +289,8 @@ class _Entry:
 _log = logging.getLogger("seatrial")
 _lock = threading.RLock()
 _done = {"loaded": 0, "compiled": 0, "all": 0}
+# Settings of JAX under which nothing is kept.
 _WITHOUT = ("jax_disable_jit", "jax_debug_nans", "jax_debug_infs", "jax_default_device")
-"""Settings of JAX under which nothing is kept."""
 _is_writable = True
 _is_tried = False
 _is_told = False

@@ -12,8 +12,7 @@ import numpy as np
 from seatrial.core.errors import InputError, nearest
 
 Thing = TypeVar("Thing")
-_MAX_SHOWN_CHARACTERS = 80
-"""Characters of what was found that an error shows."""
+_MAX_SHOWN_CHARACTERS = 80  # Characters of what was found that an error shows
 
 
 def shown(value: Any) -> str:

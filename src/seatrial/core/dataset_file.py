@@ -30,10 +30,10 @@ _MARK = b"\nsha256 of all above: "
 _TAIL = len(_MARK) + 65
 _HEAP = b"GCOL\x01\0\0\0"
 _PIECE = 1 << 24
+# Attributes by which NetCDF-4 keeps dimensions in an HDF5 file.
 _OF_NETCDF = frozenset(
     ("CLASS", "NAME", "DIMENSION_LIST", "REFERENCE_LIST", "_Netcdf4Dimid", "_Netcdf4Coordinates", "_NCProperties")
 )
-"""Attributes by which NetCDF-4 keeps dimensions in an HDF5 file."""
 _NO_VARIABLE = "This is a netCDF dimension but not a netCDF variable"
 
 

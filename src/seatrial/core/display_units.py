@@ -16,8 +16,8 @@ _SHOWN_UNITS = {
     str(FORCE): (1.0, "N"),
     str(MOMENT): (1.0, "N m"),
 }
+# Gives of a parameter's name and SI unit the factor from SI to the unit in which it is shown, and that unit.
 Shown = Callable[[str, str], tuple[float, str]]
-"""Gives of a parameter's name and SI unit the factor from SI to the unit in which it is shown, and that unit."""
 
 
 def plain(value: float) -> str:

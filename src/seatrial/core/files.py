@@ -29,10 +29,8 @@ except ImportError:
     fcntl = None
 
 _TEMPORARY = re.compile(r"\..+\.[a-z0-9_]{8}\.part")
-_UNFINISHED: set[Path] = set()
-"""Temporary files being written in this process."""
-Look = tuple[int, int, int] | None
-"""A file at first sight, by inode, size and time of change; None where there is none."""
+_UNFINISHED: set[Path] = set()  # Temporary files being written in this process
+Look = tuple[int, int, int] | None  # A file at first sight, by inode, size and time of change; None where there is none
 _WATCHERS: list[dict[Path, Look]] = []
 
 

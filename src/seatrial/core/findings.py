@@ -4,10 +4,9 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
+# A pass found nothing wrong; a note casts no doubt on a result; an alarm forbids using it.
 Level = Literal["pass", "note", "caution", "alarm"]
-"""A pass found nothing wrong; a note casts no doubt on a result; an alarm forbids using it."""
-LEVELS: tuple[Level, ...] = ("alarm", "caution", "note", "pass")
-"""In order of gravity."""
+LEVELS: tuple[Level, ...] = ("alarm", "caution", "note", "pass")  # In order of gravity
 Scalar = bool | int | float | str
 Row = Scalar | tuple[Scalar, ...]
 Value = Scalar | tuple[Row | tuple[Row, ...], ...]
@@ -41,8 +40,7 @@ class Finding:
         return bool(self.values.get("accepted"))
 
 
-Message = Finding | str
-"""A finding, or a sentence of a check that has no code yet."""
+Message = Finding | str  # A finding, or a sentence of a check that has no code yet
 
 
 def accept(findings: Iterable[Finding], codes: Collection[str]) -> list[Finding]:

@@ -5,8 +5,7 @@ from math import pi, sqrt
 import numpy as np
 from jaxtyping import Float
 
-Z90 = 1.6448536269514722
-"""Standard deviations from the mean of a normal distribution to the ends of its 90 % interval."""
+Z90 = 1.6448536269514722  # Standard deviations from the mean of a normal distribution to the ends of its 90 % interval
 
 
 def normal_density(x: Float[np.ndarray, " n"], mean: float, sd: float) -> Float[np.ndarray, " n"]:

@@ -21,16 +21,13 @@ from seatrial.core.errors import InputError, SeatrialError
 
 Answer = TypeVar("Answer")
 
-MEMORY = 8 << 30
-"""Bytes of address space."""
-SECONDS = 300.0
-"""Of waiting for the next answer."""
+MEMORY = 8 << 30  # Bytes of address space
+SECONDS = 300.0  # Of waiting for the next answer
 _BEGIN = "import sys; from seatrial.core.processes import _answer; _answer(*map(int, sys.argv[1:]))"
 _MORE, _FAILED, _END = range(3)
+# Each thread would take address space, whether it works or not.
 _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-"""Each thread would take address space, whether it works or not."""
-_is_apart = False
-"""Whether this process answers for another one."""
+_is_apart = False  # Whether this process answers for another one
 
 
 class Elsewhere(Exception):
@@ -174,8 +171,7 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-SECONDS_BETWEEN_LOOKS = 1.0
-"""Seconds between two looks at whether the parent is there, where nothing tells."""
+SECONDS_BETWEEN_LOOKS = 1.0  # Seconds between two looks at whether the parent is there, where nothing tells
 _PR_SET_PDEATHSIG = 1
 
 

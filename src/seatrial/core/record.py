@@ -15,8 +15,7 @@ from seatrial.core.units import to_si
 
 Role = Literal["control", "measurement"]
 _SI = {str(FORCE): "N", str(MOMENT): "N m"}
-MAX_MAGNITUDE = 1e9
-"""SI, from which a number is no measurement of a vehicle."""
+MAX_MAGNITUDE = 1e9  # SI, from which a number is no measurement of a vehicle
 
 
 @dataclass(frozen=True)
@@ -34,8 +33,7 @@ class Channel:
     role: Role
 
 
-SIMULATED = "simulated"
-"""Source of a record that no log holds."""
+SIMULATED = "simulated"  # Source of a record that no log holds
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,7 @@ from seatrial.core.errors import InputError
 from seatrial.core.processes import cores
 
 Result = TypeVar("Result")
-Progress = Callable[[int, int], None]
-"""Called with the work done and the work in all."""
+Progress = Callable[[int, int], None]  # Called with the work done and the work in all
 
 
 class Bar(Protocol):
@@ -44,12 +43,12 @@ class SilentReporter:
         return lambda done, total, seconds=None, /: None
 
 
-MIN_PACE_SHARE = 0.02
-"""Share of a piece of work from which its pace is believed: before, what was compiled weighs more."""
+MIN_PACE_SHARE = 0.02  # Share of a piece of work from which its pace is believed: before, what was compiled weighs more
 
 
+# Share of the time since the last report that is still expected at least: what took so long without a word is not over
+# at once.
 SILENT_SHARE = 0.25
-"""Share of the time since the last report that is still expected at least: what took so long without a word is not over at once."""
 
 
 def remaining(seconds: float, begun_at: int, done: int, total: int, silent: float = 0.0) -> float | None:

@@ -19,8 +19,8 @@ from pydantic.json_schema import GenerateJsonSchema
 from seatrial.core.dataset import Dataset
 
 Result = TypeVar("Result")
+# Annotates an array of a result that is kept as JSON.
 AS_LIST = BeforeValidator(lambda values: np.asarray(values, float))
-"""Annotates an array of a result that is kept as JSON."""
 
 
 @lru_cache(maxsize=256)

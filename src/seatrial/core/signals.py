@@ -68,34 +68,29 @@ SIGNALS: dict[str, Signal] = {
     "tau_M": Signal(MOMENT, r"\tau_M", "commanded pitch moment"),
     "tau_N": Signal(MOMENT, r"\tau_N", "commanded yaw moment"),
 }
-POSITIONS = ("x", "y", "z")
-"""States no hydrodynamic force depends on; in m."""
-TRACKS = ("distance", "advance")
-"""Way from the start of a trial: the integral of |u|, and of u; in m."""
+POSITIONS = ("x", "y", "z")  # States no hydrodynamic force depends on; in m
+TRACKS = ("distance", "advance")  # Way from the start of a trial: the integral of |u|, and of u; in m
 ANGLES = ("phi", "theta", "psi")
+# Attitude as a unit quaternion from body to north-east-down axes, scalar part first; q alone is the pitch rate.
 QUATERNION = ("q_w", "q_x", "q_y", "q_z")
-"""Attitude as a unit quaternion from body to north-east-down axes, scalar part first; q alone is the pitch rate."""
+# Velocity of the water over ground, north, east and down; in m/s.
 CURRENT_COMPONENTS = ("current_x", "current_y", "current_z")
-"""Velocity of the water over ground, north, east and down; in m/s."""
+# Velocity over ground along the body axes, where u, v and w are through the water; in m/s.
 OVER_GROUND = ("u_g", "v_g", "w_g")
-"""Velocity over ground along the body axes, where u, v and w are through the water; in m/s."""
+# What an accelerometer shows: acceleration less gravity along the body axes, (0, 0, -9.81) at rest and level; in m/s^2.
 SPECIFIC_FORCE = ("a_x", "a_y", "a_z")
-"""What an accelerometer shows: acceleration less gravity along the body axes, (0, 0, -9.81) at rest and level; in m/s^2."""
+# What a gauge that holds the vehicle shows: force and moment that thrust and water exert on it along the body axes; in
+# N and N m.
 GAUGE_CHANNELS = ("force_X", "force_Y", "force_Z", "moment_K", "moment_M", "moment_N")
-"""What a gauge that holds the vehicle shows: force and moment that thrust and water exert on it along the body axes; in N and N m."""
-PROPULSION = ("n", "tau_X")
-"""Controls that drive a vehicle ahead, and hold its speed."""
+PROPULSION = ("n", "tau_X")  # Controls that drive a vehicle ahead, and hold its speed
+# Velocity over ground along north, east and down, as some logs hold it; in m/s.
 OVER_EARTH = ("v_north", "v_east", "v_down")
-"""Velocity over ground along north, east and down, as some logs hold it; in m/s."""
-ACTUAL = "_act"
-"""Ending of an actuator's state, where the bare name is the command: `n_act` follows `n`."""
-SET = "_set"
-"""Ending of a set-point of an autopilot: `psi_set` is the heading that it is told to hold."""
+ACTUAL = "_act"  # Ending of an actuator's state, where the bare name is the command: `n_act` follows `n`
+SET = "_set"  # Ending of a set-point of an autopilot: `psi_set` is the heading that it is told to hold
 RATES = ("u", "v", "w", "p", "q", "r")
-SPEEDS = dict(zip("XYZKMN", RATES, strict=True))
-"""Velocity along or about each axis, by its force or moment."""
+SPEEDS = dict(zip("XYZKMN", RATES, strict=True))  # Velocity along or about each axis, by its force or moment
+# Signals whose time derivative may be written, as in `X_udot`.
 CONTROLS = ("n", "delta_r", "delta_s", "tau_X", "tau_Y", "tau_Z", "tau_K", "tau_M", "tau_N")
-"""Signals whose time derivative may be written, as in `X_udot`."""
 
 
 def motion_name(rate: str) -> str:

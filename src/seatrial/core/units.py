@@ -31,8 +31,9 @@ class Unit:
     powers: tuple[tuple[str, int], ...]
 
 
+# Units in which all others are defined, and what they measure.
 _DIMENSIONS = {"meter": "[length]", "second": "[time]", "kilogram": "[mass]", "radian": "[angle]", "volt": "[voltage]"}
-"""Units in which all others are defined, and what they measure."""
+# Name, symbol, worth in SI, and powers of the units of SI.
 _DEFINITIONS = (
     ("meter", "m", 1.0, {"meter": 1}),
     ("second", "s", 1.0, {"second": 1}),
@@ -67,24 +68,22 @@ _DEFINITIONS = (
     ("watt", "W", 1.0, {"kilogram": 1, "meter": 2, "second": -3}),
     ("percent", "%", 0.01, {}),
 )
-"""Name, symbol, worth in SI, and powers of the units of SI."""
 _NAMES = {written: name for name, symbol, *_ in _DEFINITIONS for written in (name, symbol)}
 _FACTORS = {name: factor for name, _, factor, _ in _DEFINITIONS}
 _POWERS = {name: {_DIMENSIONS[one]: power for one, power in powers.items()} for name, _, _, powers in _DEFINITIONS}
 UNITS = tuple(sorted(_NAMES))
+# Units that errors suggest, those of one dimension in this order.
 _USUAL_UNITS = (
     *("m/s", "kn", "rpm", "deg/s", "rad/s", "deg", "rad", "m", "km", "s", "ms", "min", "kg", "t", "N", "kN", "kgf"),
     *("N m", "V", "W", "Hz", "1/s", "kg/s", "m/s^2", "%"),
 )
-"""Units that errors suggest, those of one dimension in this order."""
+# What logs call some units.
 _SPELLED_UNITS = {"kt": "kn", "kts": "kn", "knots": "kn", "feet": "ft", "lbs": "lb", "secs": "s"}
-"""What logs call some units."""
+# Remedy for a unit that is written in words.
 _IN_SYMBOLS = 'write symbols, with / for per and ^ for powers, as in "m/s" or "kg m^2"'
-"""Remedy for a unit that is written in words."""
-_MAX_CHARACTERS = 120
-"""Characters of a quantity or of a unit."""
+_MAX_CHARACTERS = 120  # Characters of a quantity or of a unit
+# Of one unit in an expression, all factors together; every conversion between such units is a finite number.
 _MAX_POWER = 27
-"""Of one unit in an expression, all factors together; every conversion between such units is a finite number."""
 _TOKEN = re.compile(r"\s*([A-Za-z_]+|%|(?:\^|\*\*)\s*-?[1-9][0-9]?(?![0-9])|[*·/()]|1(?![0-9]))\s*")
 _RAISED_DIGITS = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 _DECIMAL_COMMA = re.compile(r",\d")

@@ -2,8 +2,8 @@
 
 import re
 
+# Controls of a terminal, marks that turn the direction of the text around them, and bytes of a path that are no UTF-8.
 _HIDDEN_CHARACTERS = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
-"""Controls of a terminal, marks that turn the direction of the text around them, and bytes of a path that are no UTF-8."""
 
 
 def visible(text: str) -> str:

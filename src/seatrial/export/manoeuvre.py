@@ -25,19 +25,15 @@ from seatrial.vehicles.control_signs import STEP as PUSH_STEP
 from seatrial.vehicles.control_signs import Sense, push_of, sense_of, sense_words
 from seatrial.vehicles.thrusters import allocation
 
-Controls = Callable[[float], Mapping[str, float]]
-"""Commands by time, SI."""
+Controls = Callable[[float], Mapping[str, float]]  # Commands by time, SI
 Current = tuple[float, float, float]
 STILL: Current = (0.0, 0.0, 0.0)
 DURATION, STEP = 40.0, 0.05
-DEFAULT_SPEED = 1.5
-"""Speed ahead, m/s, where the vehicle has no trim speed of its own."""
+DEFAULT_SPEED = 1.5  # Speed ahead, m/s, where the vehicle has no trim speed of its own
 _DOUBLET, _RUDDER, _PLANE = 0.2, np.radians(4.0), np.radians(2.0)
-_PUSH, _TURN, _DIVE = 10.0, 2.0, 5.0
-"""Forces of an open frame, N and N m."""
+_PUSH, _TURN, _DIVE = 10.0, 2.0, 5.0  # Forces of an open frame, N and N m
 _ABSURD = 1e3
-_DIFFERENCE_STEP = 1e-5
-"""Step of a difference quotient, SI."""
+_DIFFERENCE_STEP = 1e-5  # Step of a difference quotient, SI
 
 
 class ManoeuvrePlan(NamedTuple):

@@ -19,10 +19,12 @@ from seatrial.vehicles.hull import AXES
 from seatrial.vehicles.thrusters import controls_of
 
 Velocity = Float[np.ndarray, "6 *n"]
+# (velocities through the water, roll, pitch, controls) to accelerations through it, SI; a current may be among the
+# controls.
 Motion = Callable[[Velocity, Any, Any, Mapping[str, Any]], Velocity]
-"""(velocities through the water, roll, pitch, controls) to accelerations through it, SI; a current may be among the controls."""
+# Names under which a motion finds the water's velocity in body axes, m/s; ours needs none, since all its forces are
+# through the water.
 CURRENT_IN_BODY = ("current_u", "current_v", "current_w")
-"""Names under which a motion finds the water's velocity in body axes, m/s; ours needs none, since all its forces are through the water."""
 
 
 def motion_of(vehicle: ExportedVehicle) -> Motion:

@@ -16,10 +16,9 @@ from seatrial.vehicles.actuators import Actuator
 from seatrial.vehicles.hull import Hull
 from seatrial.vehicles.thrusters import Thruster
 
+# Keys that files of earlier versions of the same format lack.
 LATER_KEYS = ("model_error_sd", "uncertainty", "quoted", "averaged")
-"""Keys that files of earlier versions of the same format lack."""
-_ROUNDING = 1e-9
-"""Relative difference that is rounding."""
+_ROUNDING = 1e-9  # Relative difference that is rounding
 
 
 def read_exported(path: Path | str) -> tuple[ExportedVehicle, ExportProvenance]:

@@ -24,12 +24,13 @@ from seatrial.vehicles.hull import AXES, GRAVITY, Hull, rigid_mass_matrix
 from seatrial.vehicles.thrusters import PROPELLER
 
 SIGN = np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0])
+# Of the water, kg/m^3, where the user says nothing: the catalogue does not know it, and only its product with the
+# volume counts.
 DENSITY = 1025.0
-"""Of the water, kg/m^3, where the user says nothing: the catalogue does not know it, and only its product with the volume counts."""
 _SQUARE = CoefficientName.parse("T_nabsn")
 _GAIN = CoefficientName.parse("T_f")
+# Axis of the force, of the moment, and the sign by which moment = sign x place x force.
 _PAIRS = {"delta_r": (1, 5, 1.0), "delta_s": (2, 4, -1.0)}
-"""Axis of the force, of the moment, and the sign by which moment = sign x place x force."""
 
 
 class Body(NamedTuple):

@@ -18,8 +18,8 @@ _AGAIN = (
     "estimate it again with a prior that ends at 0 (`dissipative = true`), export a structure without it by `--structure`, "
     "or correct the value"
 )
+# Range of each velocity in which damping is tried, m/s and rad/s.
 _RANGE = dict(zip(RATES, (2.0, 0.5, 0.5, 1.0, 0.5, 0.5), strict=True))
-"""Range of each velocity in which damping is tried, m/s and rad/s."""
 _COUPLED_VELOCITIES = (("v", "p"), ("v", "r"), ("w", "q"), ("p", "r"))
 _SAMPLES = 500
 

@@ -21,8 +21,8 @@ from seatrial.vehicles.actuators import Actuator
 from seatrial.vehicles.coriolis import matrix_products
 from seatrial.vehicles.hull import AXES
 
+# Axis and the two velocities of a term, 0 to 5; of a modulus the second is the one with bars, of a product they ascend.
 Pair = tuple[int, int, int]
-"""Axis and the two velocities of a term, 0 to 5; of a modulus the second is the one with bars, of a product they ascend."""
 FINS = ("delta_r", "delta_s")
 _ROUNDING = 1e-12
 

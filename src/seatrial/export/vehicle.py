@@ -23,16 +23,14 @@ from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.thrusters import Thruster
 from seatrial.vehicles.whole import whole_vehicle
 
-FILL_FROM = "--fill-from"
-"""The option that names a published vehicle for what a campaign does not know."""
+FILL_FROM = "--fill-from"  # The option that names a published vehicle for what a campaign does not know
+# What the numbers of `CoefficientEstimates` mean, as the files say it.
 UNCERTAINTY = (
     "sd and covariance hold within the exported model, as if its terms and noise were right; model_error_sd holds if they are not, and is "
     "absent where it is not larger by more than a half; averaged values are over all models by their probabilities, where a model without "
     "the coefficient counts as zero"
 )
-"""What the numbers of `CoefficientEstimates` mean, as the files say it."""
-SAME_MASS = 1e-3
-"""Difference of two masses, as a share, up to which they are the same vehicle's."""
+SAME_MASS = 1e-3  # Difference of two masses, as a share, up to which they are the same vehicle's
 
 
 class AveragedCoefficient(NamedTuple):

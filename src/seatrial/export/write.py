@@ -29,10 +29,9 @@ from seatrial.vehicles.catalogue import load_vehicle, vehicle_names
 # What an export says of itself, in its header and on the terminal: where it comes from, how well it is known, what is
 # lost.
 
-_SLOW_GROWTH = 0.05
-"""Growth, 1/s, below which nothing grows much in the manoeuvre."""
-_ROUNDING_SHARE = 1e-9
-"""Share of a velocity's range, or m/s and rad/s, below which a difference is rounding."""
+_SLOW_GROWTH = 0.05  # Growth, 1/s, below which nothing grows much in the manoeuvre
+_ROUNDING_SHARE = 1e-9  # Share of a velocity's range, or m/s and rad/s, below which a difference is rounding
+# In the order in which they are listed.
 EXPORTERS: dict[str, Callable[..., Exporter]] = {
     "gz": Gz,
     "stonefish": Stonefish,
@@ -41,7 +40,6 @@ EXPORTERS: dict[str, Callable[..., Exporter]] = {
     "json": OwnJson,
     "csv": CsvTable,
 }
-"""In the order in which they are listed."""
 
 
 def state(exporter: Exporter, vehicle: ExportedVehicle, provenance: ExportProvenance) -> Statement:

@@ -30,8 +30,7 @@ from seatrial.filters.forms import CovarianceArray, CovarianceTriangle, StateFor
 from seatrial.numerics.state_space import StateSpace
 from seatrial.numerics.triangular import Scalar, Triangle, Vector, cholesky, dot, plus
 
-MAX_UNROLLED_STATES = 4
-"""States up to which scalars are faster to run and not slow to compile."""
+MAX_UNROLLED_STATES = 4  # States up to which scalars are faster to run and not slow to compile
 
 
 @dataclass(frozen=True)

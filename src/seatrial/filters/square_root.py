@@ -50,8 +50,7 @@ from seatrial.numerics.triangular import (
 )
 
 Bounds = tuple[tuple[float, float], ...]
-MAX_UNROLLED_STATES = 6
-"""States up to which scalars are faster to run and not slow to compile."""
+MAX_UNROLLED_STATES = 6  # States up to which scalars are faster to run and not slow to compile
 
 
 @dataclass(frozen=True)

@@ -16,14 +16,12 @@ from seatrial.core.findings import Finding, Value
 from seatrial.filters.run import FilterTrace
 from seatrial.numerics.state_space import StateSpace
 
-LEVEL = 0.001
-"""Probability of each false alarm."""
+LEVEL = 0.001  # Probability of each false alarm
 LAGS = 10
-RELEVANT = 0.1
-"""A correlation, or a departure of the mean NIS from 1, below this does no harm, however significant."""
+RELEVANT = 0.1  # A correlation, or a departure of the mean NIS from 1, below this does no harm, however significant
 ERRATIC = 2.0
+# A standard deviation that falls as one over the square root of time keeps 0.87 of its value over the last quarter.
 SHRINKING_RATIO, GROWING_RATIO = 0.75, 1.1
-"""A standard deviation that falls as one over the square root of time keeps 0.87 of its value over the last quarter."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,8 +17,8 @@ import jax.numpy as jnp
 from seatrial.compiled.pytrees import compiled_tree
 from seatrial.core.signals import ANGLES, set_point
 
+# Gains of a loop by the name of their key, in words.
 GAINS = {"kp": "proportional", "ki": "integral", "kd": "derivative"}
-"""Gains of a loop by the name of their key, in words."""
 
 
 class LoopMemory(NamedTuple):

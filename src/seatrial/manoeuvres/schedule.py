@@ -22,17 +22,14 @@ from seatrial.core.signals import signal_unit
 from seatrial.core.units import to_si
 from seatrial.manoeuvres.manoeuvre import Limits, Manoeuvre
 
-MAX_SAMPLES = 200_000
-"""Samples of one trial."""
+MAX_SAMPLES = 200_000  # Samples of one trial
 MAX_BYTES = 1 << 26
+# In place of a unit: the command of a thruster by its law of thrust, which is written for the operator and not read
+# back.
 COMMAND = "command"
-"""In place of a unit: the command of a thruster by its law of thrust, which is written for the operator and not read back."""
-_BEND = 1e-9
-"""Change of slope, as a share of the largest value, below which a line is straight."""
-_JUMP = 1e-9
-"""Time that a jump takes, s."""
-_ROUNDING_SHARE = 1e-6
-"""Share of a limit by which the digits of a table may lie beyond it."""
+_BEND = 1e-9  # Change of slope, as a share of the largest value, below which a line is straight
+_JUMP = 1e-9  # Time that a jump takes, s
+_ROUNDING_SHARE = 1e-6  # Share of a limit by which the digits of a table may lie beyond it
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,8 +17,8 @@ from seatrial.numerics.array_module import array_module
 # Every shape has one time of its own, its period: of a doublet, of one level, of the longest wave. Amplitude and
 # period are what a design chooses. Functions take NumPy or JAX arrays, and may be batched over settings.
 
+# Times that should be equal differ by rounding (k * 0.01 s against 1 + j * period); a nanosecond decides.
 NANOSECOND = 1e-9
-"""Times that should be equal differ by rounding (k * 0.01 s against 1 + j * period); a nanosecond decides."""
 
 
 @dataclass(frozen=True)
@@ -87,8 +87,7 @@ class Shape(Protocol):
 
 # Levels one after another: steps, doublets, 3-2-1-1, spirals, random and pseudo-random steps.
 
-LEVELS = 4096
-"""Random levels that are drawn; a trial that needs more begins them anew."""
+LEVELS = 4096  # Random levels that are drawn; a trial that needs more begins them anew
 
 
 @dataclass(frozen=True)
@@ -326,6 +325,7 @@ def _phases(harmonics: tuple[int, ...], lowest: bool) -> tuple[tuple[float, ...]
 
 
 DOWN = (1.0, 0.6, 0.3, 0.1, 0.0, -0.1, -0.3, -0.6, -1.0)
+# Every shape by its name in a campaign file.
 SHAPES: dict[str, Shape] = {
     "step": Steps("time away from trim", (1.0,), 1, "once"),
     "free-decay": Steps("time away from trim", (-1.0,), 1, "once"),
@@ -340,4 +340,3 @@ SHAPES: dict[str, Shape] = {
     "multisine": Multisine("longest wave", tuple(range(1, 11))),
     "chirp": Chirp("first wave", 8.0),
 }
-"""Every shape by its name in a campaign file."""

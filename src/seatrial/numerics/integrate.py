@@ -13,16 +13,15 @@ from seatrial.compiled.batching import on_accelerator
 State = tuple[Any, ...]
 Rate = Callable[[State], State]
 Integrator = Callable[[Rate, State, Any], State]
-Move = Callable[[State, tuple, Any], State]
-"""`(state, held, step) ->` the state one step later, the control being held."""
+Move = Callable[[State, tuple, Any], State]  # `(state, held, step) ->` the state one step later, the control being held
+# `(state, memory, held, extra) ->` what is remembered at the next sample, and what is kept of this one.
 Look = Callable[[State, Any, tuple, Any], tuple[Any, Any]]
-"""`(state, memory, held, extra) ->` what is remembered at the next sample, and what is kept of this one."""
+# `(state, memory, extra) ->` the control until the next sample, and the memory: what closes a loop.
 Law = Callable[[State, Any, Any], tuple[tuple, Any]]
-"""`(state, memory, extra) ->` the control until the next sample, and the memory: what closes a loop."""
 
+# Number of states from which the four stages are a loop over one copy of the model, on a processor: faster, and
+# compiled in a third of the time. On an accelerator each turn would be launched anew.
 MIN_LOOPED_STATES = 10
-"""Number of states from which the four stages are a loop over one copy of the model, on a processor: faster, and compiled in a third
-of the time. On an accelerator each turn would be launched anew."""
 
 
 def rk4_step(rate: Rate, state: State, step: Any, large: int = MIN_LOOPED_STATES) -> State:

@@ -10,8 +10,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+# pi/2 in parts, the first two of 33 bits, so that their products with a number of quarter turns up to 2^20 are exact.
 QUARTER = 1.5707963267341256, 6.0771005063039660e-11, 2.0222662487959506e-21
-"""pi/2 in parts, the first two of 33 bits, so that their products with a number of quarter turns up to 2^20 are exact."""
 _SINE = [(-1) ** n / factorial(2 * n + 1) for n in range(8, 0, -1)]
 _COSINE = [(-1) ** n / factorial(2 * n) for n in range(9, 1, -1)]
 

@@ -15,8 +15,7 @@ from seatrial.compiled.batching import on_accelerator
 
 Scalar = Any
 Vector = tuple[Scalar, ...]
-Triangle = tuple[Vector, ...]
-"""Rows of a lower triangle: row i holds entries 0..i."""
+Triangle = tuple[Vector, ...]  # Rows of a lower triangle: row i holds entries 0..i
 
 
 def is_zero(value: Scalar) -> bool:

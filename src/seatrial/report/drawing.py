@@ -43,13 +43,13 @@ _PATH = re.compile(r'\sd="([^"]*)"')
 _LONG_NUMBER = re.compile(r"-?\d+\.\d{2,}")
 _SPACE = re.compile(r"\s*([MLCQz])\s*")
 _LEVEL = re.compile(r"M([\d.-]+) ([\d.-]+)L([\d.-]+) \2(?=M|$)")
+# Points beyond which a path is written more coarsely, and length below which a stroke is a dot, points.
 COARSE_POINTS, DOT = 20, 0.2
-"""Points beyond which a path is written more coarsely, and length below which a stroke is a dot, points."""
 _FONT = re.compile(r"'DejaVu Sans'[^;\"]*")
 _VARIABLE = {light: f"var(--{name})" for name, (light, _) in PALETTE.items()}
 _COLOUR = re.compile("|".join(_VARIABLE))
+# Matplotlib's style sheet would apply to the whole page; the page has its own.
 _STYLE = re.compile(r"<defs>\s*<style[^>]*>.*?</style>\s*</defs>", re.DOTALL)
-"""Matplotlib's style sheet would apply to the whole page; the page has its own."""
 
 
 class Drawing(NamedTuple):

@@ -161,10 +161,9 @@ def write_relay_picture(campaign: Campaign, result: RelayTrial) -> Path:
 # The picture of a selection: all its figures in one stand-alone SVG in the campaign's folder.
 
 COLUMNS, MARGIN, HEAD, LINE = 2, 20.0, 26.0, 13.0
-CHARACTERS = 68
-"""Of a caption's line."""
+CHARACTERS = 68  # Of a caption's line
+# Names that Matplotlib gives to parts and nothing refers to; they would repeat.
 _FIGURE_NAME = re.compile(r' id="[A-Za-z0-9.]+_\d+"')
-"""Names that Matplotlib gives to parts and nothing refers to; they would repeat."""
 
 
 def write_select_picture(

@@ -31,6 +31,7 @@ GREEK = {
     "tau": "τ",
     "theta": "θ",
 }
+# What stands for the first word of a parameter's name; `?` is the label of the rest.
 LETTERS = {
     "sigma": r"\sigma_{?}",
     "tau": r"\tau_{?}",
@@ -41,7 +42,6 @@ LETTERS = {
     "spread": "s_{?}",
     "dev": r"\delta_{?}",
 }
-"""What stands for the first word of a parameter's name; `?` is the label of the rest."""
 DOT_ABOVE = "\u0307"
 _STRUCTURE = re.compile(r"\bM-\d+\b")
 _TOKEN = re.compile(r"\\[A-Za-z]+|.", re.DOTALL)

@@ -15,6 +15,7 @@ from seatrial.report.sections.models import models_section
 from seatrial.report.sections.parameters import parameters_section
 from seatrial.report.sections.summary import summary_section
 
+# What the templates print, by name.
 SECTIONS = {
     "summary": summary_section,
     "models": models_section,
@@ -24,7 +25,7 @@ SECTIONS = {
     "parameters": parameters_section,
     "method": method_section,
 }
-"""What the templates print, by name."""
+# Headings by the name of their template, in reading order.
 CONTENTS = {
     "summary": "The answer",
     "models": "Models compared",
@@ -33,7 +34,6 @@ CONTENTS = {
     "parameters": "Parameters in detail",
     "method": "Data and method",
 }
-"""Headings by the name of their template, in reading order."""
 
 
 def write_report(outcome: Outcome) -> Path:

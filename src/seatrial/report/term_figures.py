@@ -30,10 +30,8 @@ if TYPE_CHECKING:
 
     from seatrial.campaign.config.campaign import Campaign
 
-PATHS = 4
-"""Coefficients whose paths are drawn at most: of the optional terms, the most doubtful first."""
-DOTS = 400
-"""Samples of a record that are drawn."""
+PATHS = 4  # Coefficients whose paths are drawn at most: of the optional terms, the most doubtful first
+DOTS = 400  # Samples of a record that are drawn
 
 
 class TermFigure(NamedTuple):

@@ -32,8 +32,7 @@ from seatrial.sampling.walk import (
     step_factor,
 )
 
-PRIOR_WEIGHT = 100
-"""Iterations' worth of trust in the first covariance."""
+PRIOR_WEIGHT = 100  # Iterations' worth of trust in the first covariance
 
 
 class ChainState(NamedTuple):

@@ -22,14 +22,11 @@ from seatrial.sampling.run import finish as finish
 from seatrial.sampling.target import Target, log_densities
 from seatrial.sampling.walk import live_densities, mean_acceptance
 
-ROWS = 1024
-"""Rows of the archive, at least; and at least 32 for each chain."""
-ARCHIVE_INTERVAL = 10
-"""Iterations between two entries in the archive."""
+ROWS = 1024  # Rows of the archive, at least; and at least 32 for each chain
+ARCHIVE_INTERVAL = 10  # Iterations between two entries in the archive
 SNOOKER = 0.1
 FULL_STEP = 0.1
-JITTER = 1e-4
-"""Standard deviation of e, in those of the covariance given at the start: no state is out of reach."""
+JITTER = 1e-4  # Standard deviation of e, in those of the covariance given at the start: no state is out of reach
 
 
 class ArchiveState(NamedTuple):

@@ -14,10 +14,8 @@ from jaxtyping import Bool, Float, Int
 
 from seatrial.core.errors import InputError
 
-MAX_R_HAT = 1.01
-"""Rank R-hat above which chains disagree (Vehtari et al., Bayesian Analysis 16, 2021)."""
-MIN_ESS = 400.0
-"""Fewest effective draws, of chains or of weights, on which an answer may rest (the same)."""
+MAX_R_HAT = 1.01  # Rank R-hat above which chains disagree (Vehtari et al., Bayesian Analysis 16, 2021)
+MIN_ESS = 400.0  # Fewest effective draws, of chains or of weights, on which an answer may rest (the same)
 
 
 class ChainHealth(NamedTuple):

@@ -38,12 +38,13 @@ from seatrial.sampling.walk import (
     step_factor,
 )
 
+# Iterations' worth of trust in what was given, and the pace at which it is forgotten: after t of them, (100 / (t +
+# 100))^6.
 PRIOR_WEIGHT, PACE = 100, 6.0
-"""Iterations' worth of trust in what was given, and the pace at which it is forgotten: after t of them, (100 / (t + 100))^6."""
+# Degrees of freedom of the fresh draws of few parameters: tails that the posterior's cannot exceed for long.
 MIN_FREEDOM = 5
-"""Degrees of freedom of the fresh draws of few parameters: tails that the posterior's cannot exceed for long."""
+# Share of fresh draws at the start, and its bounds: both moves are always made.
 FIRST_SHARE, MIN_SHARE, MAX_SHARE = 0.5, 0.1, 0.9
-"""Share of fresh draws at the start, and its bounds: both moves are always made."""
 
 
 class IndependenceState(NamedTuple):

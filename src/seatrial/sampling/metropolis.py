@@ -27,8 +27,7 @@ from seatrial.sampling.run import finish as finish
 from seatrial.sampling.target import Target, log_densities
 from seatrial.sampling.walk import gain_at, log_ratio_of, mean_acceptance
 
-TARGET_ACCEPTANCE = 0.44
-"""Of a proposal in one dimension (Gelman, Roberts and Gilks, Bayesian Statistics 5, 1996)."""
+TARGET_ACCEPTANCE = 0.44  # Of a proposal in one dimension (Gelman, Roberts and Gilks, Bayesian Statistics 5, 1996)
 State = ChainState
 
 

@@ -22,11 +22,11 @@ from seatrial.core.errors import NumericalError
 from seatrial.core.reporter import Progress, no_progress
 from seatrial.sampling.target import Target
 
-ALIVE_DRAWS = 64
-"""Prior draws for each live point after which a prior that hardly ever simulates is given up."""
+ALIVE_DRAWS = 64  # Prior draws for each live point after which a prior that hardly ever simulates is given up
 
+# Information that a parameter gains, nats, for the remaining time: a standard deviation of a six hundredth of the
+# prior's.
 GUESSED_INFORMATION = 6.0
-"""Information that a parameter gains, nats, for the remaining time: a standard deviation of a six hundredth of the prior's."""
 
 
 class NestedRun(NamedTuple):

@@ -35,8 +35,7 @@ from seatrial.sampling.target import Target
 # forward: d tangents ride along in one pass; memory does not grow with the steps backward: one pass there and one back
 # over every stored step; memory grows with steps x chains
 
-FORWARD_UP_TO = 20
-"""Parameters up to which forward is no dearer, whatever the rule of integration."""
+FORWARD_UP_TO = 20  # Parameters up to which forward is no dearer, whatever the rule of integration
 
 
 def forward_is_cheaper(dim: int) -> bool:
@@ -77,12 +76,9 @@ def _or_zero_density(value: Array) -> Array:
 
 
 TARGET_ACCEPTANCE = 0.8
-MIN_ACCEPTANCE = 0.05
-"""Acceptance below which a chain counts as one of this, so that it does not outweigh all others."""
-MAX_DOUBLINGS = 8
-"""A path has at most 2^8 - 1 steps."""
-PRIOR_WEIGHT = 20
-"""Draws' worth of trust in the last covariance at the end of a window."""
+MIN_ACCEPTANCE = 0.05  # Acceptance below which a chain counts as one of this, so that it does not outweigh all others
+MAX_DOUBLINGS = 8  # A path has at most 2^8 - 1 steps
+PRIOR_WEIGHT = 20  # Draws' worth of trust in the last covariance at the end of a window
 _begin_step, _learn_step, _learnt_step = dual_averaging_adaptation(TARGET_ACCEPTANCE)
 _begin_window, _see, _window_covariance = welford_algorithm(False)
 

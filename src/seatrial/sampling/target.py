@@ -36,8 +36,7 @@ class Target(Protocol):
         ...
 
 
-VECTOR = 8
-"""Lanes of few: as many doubles as the widest vector registers hold."""
+VECTOR = 8  # Lanes of few: as many doubles as the widest vector registers hold
 
 
 @program
@@ -52,10 +51,11 @@ def log_densities(target: Target, z: Float[Array, "n d"]) -> Float[Array, " n"]:
     return jax.vmap(partial(_log_density, target))(filled)[:n]
 
 
+# Positions in one call of `evaluate`, at least: the same for every caller, so that each target is compiled once.
 AT_ONCE = 512
-"""Positions in one call of `evaluate`, at least: the same for every caller, so that each target is compiled once."""
+# Densities computed at once on a processor: enough to fill its vector units, few enough for their data to stay in its
+# cache.
 LANES = 64
-"""Densities computed at once on a processor: enough to fill its vector units, few enough for their data to stay in its cache."""
 
 
 def evaluate(target: Target, z: Float[np.ndarray, "n d"], at_once: int = AT_ONCE) -> Float[np.ndarray, " n"]:

@@ -32,12 +32,9 @@ from seatrial.sampling.adaptive_metropolis import TARGET_ACCEPTANCE
 from seatrial.sampling.target import AT_ONCE, LANES, Target, evaluate
 from seatrial.sampling.walk import log_ratio_of, mean_acceptance
 
-_GAIN = 2.0
-"""How fast the scale of the moves follows their acceptance."""
-_START = 1e-30
-"""First temperature: no finite likelihood is felt there, and one of 0 still is."""
-_HALVINGS = 80
-"""Of the interval in which the next temperature lies, on a scale of logarithms: to the last bit."""
+_GAIN = 2.0  # How fast the scale of the moves follows their acceptance
+_START = 1e-30  # First temperature: no finite likelihood is felt there, and one of 0 still is
+_HALVINGS = 80  # Of the interval in which the next temperature lies, on a scale of logarithms: to the last bit
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,7 @@ from jaxtyping import Array, Float
 from seatrial.sampling.run import refuse_dead_starts
 from seatrial.sampling.target import Target, evaluate
 
-TARGET_ACCEPTANCE = 0.234
-"""Of a step in many dimensions (Roberts, Gelman and Gilks, Ann. Appl. Probab. 7, 1997)."""
+TARGET_ACCEPTANCE = 0.234  # Of a step in many dimensions (Roberts, Gelman and Gilks, Ann. Appl. Probab. 7, 1997).
 
 
 def live_densities(target: Target, starts: Float[Array, "chains d"]) -> Float[np.ndarray, " chains"]:

@@ -22,8 +22,9 @@ from seatrial.numerics.rotations import (
 )
 
 Kind = Literal["quaternion", "euler"]
+# Rate, 1/s, at which a quaternion's length returns to 1: slow against any time step, fast against an integrator's
+# error.
 PULL = 1.0
-"""Rate, 1/s, at which a quaternion's length returns to 1: slow against any time step, fast against an integrator's error."""
 _TURNS = ("p", "q", "r")
 
 

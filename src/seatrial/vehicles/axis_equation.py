@@ -16,8 +16,7 @@ from seatrial.core.errors import InputError, too_few
 from seatrial.core.term_checks import check_each_once, check_trim
 from seatrial.vehicles.model import Params, VehicleModel, cached_model, outside_force
 
-RATE_OF = {"X": "u", "Y": "v", "Z": "w", "K": "p", "M": "q", "N": "r"}
-"""The velocity whose rate each axis governs."""
+RATE_OF = {"X": "u", "Y": "v", "Z": "w", "K": "p", "M": "q", "N": "r"}  # The velocity whose rate each axis governs
 
 
 @dataclass(frozen=True, eq=False)

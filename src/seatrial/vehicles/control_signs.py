@@ -13,23 +13,18 @@ from seatrial.core.signals import RATES
 from seatrial.numerics.integrate import rk4_unrolled
 from seatrial.vehicles.model import Params, VehicleModel
 
-Sense = Mapping[str, int]
-"""Sign of each velocity that answers to a positive push of a control."""
-DEFAULT_SPEED = 1.5
-"""Speed ahead, m/s, at which controls are pushed where a vehicle has no trim speed."""
-DURATION, STEP = 0.5, 0.05
-"""Of a push, s."""
-_ANGLE, _TURNS, _FORCE = 0.02, 10.0, 1.0
-"""Size of a push, rad, rad/s, and N or N m."""
-_PROPELLER = np.linspace(0.0, 400.0, 401)
-"""Speeds, rad/s, among which the one is sought that holds the vehicle's."""
+Sense = Mapping[str, int]  # Sign of each velocity that answers to a positive push of a control
+DEFAULT_SPEED = 1.5  # Speed ahead, m/s, at which controls are pushed where a vehicle has no trim speed
+DURATION, STEP = 0.5, 0.05  # Of a push, s
+_ANGLE, _TURNS, _FORCE = 0.02, 10.0, 1.0  # Size of a push, rad, rad/s, and N or N m
+_PROPELLER = np.linspace(0.0, 400.0, 401)  # Speeds, rad/s, among which the one is sought that holds the vehicle's
+# The velocity that a control is for; a thruster of an open frame is for all that it moves.
 _OWN = {
     "n": "u", "delta_r": "r", "delta_s": "q",
     "tau_X": "u", "tau_Y": "v", "tau_Z": "w", "tau_K": "p", "tau_M": "q", "tau_N": "r",
 }  # fmt: skip
-"""The velocity that a control is for; a thruster of an open frame is for all that it moves."""
+# Share of the largest answer, of the translations or of the rotations, below which a thruster's is not told.
 _SHARE = 0.2
-"""Share of the largest answer, of the translations or of the rotations, below which a thruster's is not told."""
 _WORDS = {
     "u": ("pushes ahead", "pushes astern"),
     "v": ("pushes to starboard", "pushes to port"),

@@ -21,10 +21,8 @@ from seatrial.core.signals import RATES
 from seatrial.vehicles.model import Params, VehicleUnknown
 from seatrial.vehicles.tether import Tether
 
-GRAVITY = 9.81
-"""m/s^2, as most sources round it."""
-AXES = ("X", "Y", "Z", "K", "M", "N")
-"""Axes of force and moment, in the order of the velocities u, v, w, p, q, r."""
+GRAVITY = 9.81  # m/s^2, as most sources round it
+AXES = ("X", "Y", "Z", "K", "M", "N")  # Axes of force and moment, in the order of the velocities u, v, w, p, q, r
 _XYZ = ("x", "y", "z")
 _SHARE = "give a share, such as 0.1"
 

@@ -10,14 +10,13 @@ from seatrial.core.coefficients import CoefficientName
 from seatrial.core.result_table import text_html
 from seatrial.core.signals import signal_unit
 
-Params = Mapping[str, Any]
-"""Value of every free coefficient by name, SI; scalars, or arrays under vmap."""
-ROTATIONS = ("K", "M", "N")
-"""Axes about which a vehicle turns."""
+Params = Mapping[str, Any]  # Value of every free coefficient by name, SI; scalars, or arrays under vmap
+ROTATIONS = ("K", "M", "N")  # Axes about which a vehicle turns
 Derivative = Callable[[Params, tuple[Any, ...], tuple[Any, ...]], tuple[Any, ...]]
 View = Callable[[Params, tuple[Any, ...], tuple[Any, ...]], Any]
+# `(params, before, control, time) ->` a state that follows a control, known in closed form, some time after it was
+# `before`; s.
 Follow = Callable[[Params, Any, tuple[Any, ...], Any], Any]
-"""`(params, before, control, time) ->` a state that follows a control, known in closed form, some time after it was `before`; s."""
 
 
 @dataclass(frozen=True)
@@ -117,8 +116,7 @@ class VehicleModel:
 
 
 Parts = ParamSpec("Parts")
-MAX_MODELS = 1024
-"""Models that a builder remembers: more structures than a selection compiles, some 30 kB each."""
+MAX_MODELS = 1024  # Models that a builder remembers: more structures than a selection compiles, some 30 kB each
 
 
 def cached_model(build: Callable[Parts, VehicleModel]) -> Callable[Parts, VehicleModel]:

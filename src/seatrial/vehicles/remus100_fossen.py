@@ -30,21 +30,21 @@ here that through the water. The Munk moments are left out there and here. Cross
 of 0.3 in place of 0.7, drag of a cylinder in place of Hoerner's, cross-flow in heave and pitch too, with a sign of pitch at odds with
 the rigid body, linear damping in sway that does not fade, gravity of Trondheim, and fins to 20 degrees."""
 DENSITY, LENGTH, DIAMETER = 1026.0, 1.6, 0.19
+# The simulator's lags and limits: 1525 rpm and 15 degrees.
 ACTUATORS = {
     "n": Actuator(1.0, -1525 * pi / 30, 1525 * pi / 30),
     "delta_r": Actuator(0.1, -pi / 12, pi / 12),
     "delta_s": Actuator(0.1, -pi / 12, pi / 12),
 }
-"""The simulator's lags and limits: 1525 rpm and 15 degrees."""
-_CENTRE_BELOW = 0.02
-"""Centre of gravity below the origin, m."""
+_CENTRE_BELOW = 0.02  # Centre of gravity below the origin, m
+# Lengths into which the hull is divided; the simulator sums over the 21 ends of these, each by a whole length: 5 % more
+# than the hull.
 STRIPS = 20
-"""Lengths into which the hull is divided; the simulator sums over the 21 ends of these, each by a whole length: 5 % more than the hull."""
+# Two-dimensional drag coefficient of a section as broad as deep: Hoerner's curve at B / 2T = 0.5, between its points as
+# the simulator interpolates it, 1.19773.
 CROSS_FLOW = 1.2108 - 0.1272 * 0.0067 / 0.0652
-"""Two-dimensional drag coefficient of a section as broad as deep: Hoerner's curve at B / 2T = 0.5, between its points as the simulator
-interpolates it, 1.19773."""
+# Entries of C_A, by axis and column, that the simulator sets to zero.
 _MUNK = {("M", 0), ("X", 4), ("M", 2), ("Z", 4), ("N", 0), ("X", 5), ("N", 1), ("Y", 5)}
-"""Entries of C_A, by axis and column, that the simulator sets to zero."""
 
 
 @dataclass(frozen=True)

@@ -17,8 +17,7 @@ from seatrial.numerics.array_module import array_module
 from seatrial.numerics.rotations import cross, dot, times, total
 from seatrial.vehicles.model import VehicleUnknown
 
-TETHER = LINEAR, QUADRATIC = "tether_linear", "tether_quadratic"
-"""Names of what may be sought of one."""
+TETHER = LINEAR, QUADRATIC = "tether_linear", "tether_quadratic"  # Names of what may be sought of one
 
 
 @dataclass(frozen=True)

@@ -21,12 +21,11 @@ from seatrial.numerics.array_module import array_module
 from seatrial.numerics.rotations import cross, dot, total
 from seatrial.vehicles.model import VehicleUnknown
 
+# Pulse widths that a speed controller may be sent, us: 800 to 2200 at most by ArduPilot, a margin on either side.
 PULSE_WIDTHS = (500.0, 2500.0)
-"""Pulse widths that a speed controller may be sent, us: 800 to 2200 at most by ArduPilot, a margin on either side."""
-NEUTRAL_PULSE_WIDTHS = (1000.0, 2000.0)
-"""Neutral commands of a polynomial that is one of pulse widths, us."""
+NEUTRAL_PULSE_WIDTHS = (1000.0, 2000.0)  # Neutral commands of a polynomial that is one of pulse widths, us
+# Share of the largest force or moment of a thruster, per m, up to which it has none along or about an axis.
 NO_PUSH = 1e-9
-"""Share of the largest force or moment of a thruster, per m, up to which it has none along or about an axis."""
 
 
 @dataclass(frozen=True)
@@ -123,8 +122,7 @@ class Thruster:
         return dot(self.column[:3], local)
 
 
-PROPELLER = Thruster((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
-"""One propeller on the axis of the hull, whose control is `n`."""
+PROPELLER = Thruster((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))  # One propeller on the axis of the hull, whose control is `n`
 
 
 def _crossings(

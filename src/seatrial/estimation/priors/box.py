@@ -10,8 +10,7 @@ import jax.numpy as jnp
 from seatrial.compiled.pytrees import compiled_tree
 from seatrial.core.argument_checks import check_number, check_order, is_traced
 
-CORNER = 200.0
-"""Sharpness of the bend where the box map leaves the line: within 1/200 of the width of a bound."""
+CORNER = 200.0  # Sharpness of the bend where the box map leaves the line: within 1/200 of the width of a bound
 _GIVE_BOUNDS = "give the smallest and the largest value you would believe"
 
 

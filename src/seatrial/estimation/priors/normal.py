@@ -12,8 +12,8 @@ from seatrial.core.argument_checks import check_number, is_traced
 from seatrial.core.errors import InputError
 
 GIVE_BELIEF = "give what you would believe; a coefficient that is known is fixed in the vehicle instead"
+# Logarithm of the largest multiple of its median that a log-normal gives: e^600 is near the end of double precision.
 MAX_LOG_RATIO = 600.0
-"""Logarithm of the largest multiple of its median that a log-normal gives: e^600 is near the end of double precision."""
 
 
 @compiled_tree()

@@ -20,12 +20,10 @@ from seatrial.estimation.priors.density import prior_of_density
 from seatrial.estimation.priors.normal import Normal
 from seatrial.estimation.priors.truncated import TruncatedNormal, truncated_normal
 
-CURVE = 241
-"""Points of a prior's curve."""
-MIN_SLOPE = 1e-9
-"""Slope of the map to values, over its largest, below which their last digits are lost."""
+CURVE = 241  # Points of a prior's curve
+MIN_SLOPE = 1e-9  # Slope of the map to values, over its largest, below which their last digits are lost
+# Axis of a force or moment to the velocity along it: X to u, …, N to r; both lists are in that order.
 _VELOCITY = dict(zip(AXES, RATES, strict=False))
-"""Axis of a force or moment to the velocity along it: X to u, …, N to r; both lists are in that order."""
 
 
 class Prior(Protocol):

@@ -20,10 +20,9 @@ from seatrial.core.errors import InputError
 from seatrial.estimation.priors.box import CORNER
 from seatrial.estimation.priors.normal import GIVE_BELIEF
 
+# Share of a normal that an interval must hold: below, stating it as this normal cut is surely a mistake.
 MIN_SHARE = 1e-9
-"""Share of a normal that an interval must hold: below, stating it as this normal cut is surely a mistake."""
-MAX_DEVIATIONS = 10.0
-"""Beyond so many standard deviations a normal has less than 1e-21 of its mass."""
+MAX_DEVIATIONS = 10.0  # Beyond so many standard deviations a normal has less than 1e-21 of its mass
 
 
 @compiled_tree()

@@ -29,26 +29,18 @@ from seatrial.compiled.programs import program
 from seatrial.core.display_units import plain
 from seatrial.core.errors import InputError
 
-MIN_SAMPLES = 12
-"""Measured samples from which noise and smoothness can be told apart at all."""
-MIN_TAU_STEPS = 0.2
-"""Least tau, in usual steps, at which the smoother leaves every sample as it is."""
-TRIED_TAUS = 24
-"""Values of tau tried before the best is refined."""
-LAGS = 20
-"""Lags of the innovations that are looked at, at most."""
-CHANCE = 4.0
-"""Standard deviations of an estimate by chance that are let pass."""
-RELEVANT = 0.1
-"""A correlation of innovations below this does no harm, however significant."""
-HEAVY = 6.0
-"""Kurtosis of the innovations, 3 for normal ones, from which outliers are told."""
+MIN_SAMPLES = 12  # Measured samples from which noise and smoothness can be told apart at all
+MIN_TAU_STEPS = 0.2  # Least tau, in usual steps, at which the smoother leaves every sample as it is
+TRIED_TAUS = 24  # Values of tau tried before the best is refined
+LAGS = 20  # Lags of the innovations that are looked at, at most
+CHANCE = 4.0  # Standard deviations of an estimate by chance that are let pass
+RELEVANT = 0.1  # A correlation of innovations below this does no harm, however significant
+HEAVY = 6.0  # Kurtosis of the innovations, 3 for normal ones, from which outliers are told
 NOISE_HIDDEN = (
     "noise and motion cannot be separated, because the motion changes from sample to sample: give the sensor's noise"
 )
 STILL = "nothing moves but along a straight line, as far as the noise shows"
-BLOCK = 512
-"""Samples are filled up to a multiple of this, so that records of like length share compiled code."""
+BLOCK = 512  # Samples are filled up to a multiple of this, so that records of like length share compiled code
 
 
 @dataclass(frozen=True, eq=False)

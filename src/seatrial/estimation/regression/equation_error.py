@@ -27,8 +27,8 @@ from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.simulate import simulate
 
 MAX_ROUNDS = 50
+# Standard errors of the plain fit by which the refined one may differ before the plain one is called biased.
 MAX_SHIFT_ERRORS = 2.0
-"""Standard errors of the plain fit by which the refined one may differ before the plain one is called biased."""
 ROUND_TOLERANCE = 1e-6
 DEGREE = 3
 

@@ -27,8 +27,7 @@ from seatrial.estimation.regression.weak_form import TrialRows
 
 LEVELS = (0.5, 1.0, 1.5, 2.0)
 NO_RESPONSE = np.zeros((1, 1))
-LARGE_BIAS = 1.0
-"""Bias in standard errors above which it is named."""
+LARGE_BIAS = 1.0  # Bias in standard errors above which it is named
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,15 +11,13 @@ from seatrial.estimation.regression.rows import WhitenedRows, solve, whitened_ro
 from seatrial.estimation.regression.weak_form import weak_trials
 from seatrial.vehicles.axis_equation import AxisEquation
 
+# What every result from regression rows has to say.
 SCREENING = (
     "a screening in closed form: noise in the regressors and the weighting of the rows are treated approximately, so confirm what "
     "matters with the output-error or filter-error likelihood"
 )
-"""What every result from regression rows has to say."""
-MAX_LAGS = 10
-"""Lags at most that are looked at."""
-RELEVANT = 0.1
-"""A correlation below this does no harm, however significant."""
+MAX_LAGS = 10  # Lags at most that are looked at
+RELEVANT = 0.1  # A correlation below this does no harm, however significant
 
 
 @dataclass(frozen=True, eq=False)

@@ -31,14 +31,10 @@ from seatrial.estimation.regression.weak_form import RawRows, TrialRows, coeffic
 from seatrial.filters.noise_from_differences import noise_from_high_pass
 from seatrial.vehicles.axis_equation import AxisEquation
 
-ROUNDS = 10
-"""Most rounds of weighting; the third changes estimates by little."""
-ROUND_TOLERANCE = 1e-3
-"""Standard deviations by which the last round may move a coefficient."""
-LOG_SHARES = (-9.0, 9.0)
-"""Range of the logarithm of the force's share in the variance of a row over the sensors'."""
-COLLINEAR = 1e-10
-"""Part of a regressor's sum of squares that others must not explain."""
+ROUNDS = 10  # Most rounds of weighting; the third changes estimates by little
+ROUND_TOLERANCE = 1e-3  # Standard deviations by which the last round may move a coefficient
+LOG_SHARES = (-9.0, 9.0)  # Range of the logarithm of the force's share in the variance of a row over the sensors'
+COLLINEAR = 1e-10  # Part of a regressor's sum of squares that others must not explain
 
 
 class RowCovariance(NamedTuple):

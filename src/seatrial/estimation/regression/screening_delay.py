@@ -12,8 +12,7 @@ from seatrial.estimation.regression.weak_form import raw_rows, weak_trials
 from seatrial.numerics.integrate import held_mean
 from seatrial.vehicles.axis_equation import AxisEquation
 
-POINTS = 17
-"""Delays tried, evenly, before the best is refined."""
+POINTS = 17  # Delays tried, evenly, before the best is refined
 
 
 def likely_delay(

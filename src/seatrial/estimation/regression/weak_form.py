@@ -23,10 +23,8 @@ from seatrial.core.record import Record
 from seatrial.numerics.integrate import held_mean
 from seatrial.vehicles.axis_equation import AxisEquation
 
-MIN_WINDOW_STEPS = 10
-"""Steps a window must have."""
-GAP_STEPS = 1.5
-"""A step this many times as long as a window of the fewest steps can have is a gap."""
+MIN_WINDOW_STEPS = 10  # Steps a window must have
+GAP_STEPS = 1.5  # A step this many times as long as a window of the fewest steps can have is a gap
 
 
 class Windows(NamedTuple):

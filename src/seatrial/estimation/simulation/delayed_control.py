@@ -8,8 +8,7 @@ from jaxtyping import Array, Float
 
 from seatrial.numerics.array_module import array_module
 
-DELAY = "delay"
-"""Parameter name of the time between a command and its action, s."""
+DELAY = "delay"  # Parameter name of the time between a command and its action, s
 
 
 def delay_control(control: Float[Array, " n"], samples: Float[Array, ""]) -> Float[Array, " n"]:

@@ -16,8 +16,9 @@ import jax.numpy as jnp
 from seatrial.vehicles.model import VehicleModel
 
 AXES = "XYZKMN"
+# Steps over correlation times below which differences of near equal numbers are replaced by their series, to ten digits
+# or more.
 _SHORT_STEP = 0.1
-"""Steps over correlation times below which differences of near equal numbers are replaced by their series, to ten digits or more."""
 
 
 class OverStep(NamedTuple):

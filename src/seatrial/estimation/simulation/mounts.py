@@ -15,12 +15,10 @@ from typing import Any
 from seatrial.core.signals import ANGLES, OVER_GROUND, POSITIONS, RATES, SPECIFIC_FORCE
 from seatrial.numerics.rotations import cross, dot, matrix_of_angles, times, total
 
+# Parts of a mount, of which each may be an unknown: `x_dvl`, m, `yaw_dvl`, rad, `scale_dvl`, `delay_dvl`, s.
 PLACE, TURN, SCALE, LATE = ("x", "y", "z"), ("roll", "pitch", "yaw"), "scale", "delay"
-"""Parts of a mount, of which each may be an unknown: `x_dvl`, m, `yaw_dvl`, rad, `scale_dvl`, `delay_dvl`, s."""
-MAX_LATENESS = 1.0
-"""Seconds by which a sensor may show the past, at most."""
-MOUNTED_CHANNELS = (*RATES, *OVER_GROUND, *POSITIONS, *SPECIFIC_FORCE)
-"""Channels that a mount knows."""
+MAX_LATENESS = 1.0  # Seconds by which a sensor may show the past, at most
+MOUNTED_CHANNELS = (*RATES, *OVER_GROUND, *POSITIONS, *SPECIFIC_FORCE)  # Channels that a mount knows
 
 
 @dataclass(frozen=True)

@@ -15,8 +15,8 @@ from jaxtyping import Array, Float
 from seatrial.core.argument_checks import check_choice, check_kind, check_text
 from seatrial.estimation.simulation.mounts import LATE, Mount
 
+# Independent and normal; an Ornstein-Uhlenbeck process; independent with the tails of Student's t; the first two added.
 Noise = Literal["white", "coloured", "heavy", "drifting"]
-"""Independent and normal; an Ornstein-Uhlenbeck process; independent with the tails of Student's t; the first two added."""
 
 
 @dataclass(frozen=True)

@@ -24,12 +24,11 @@ from seatrial.numerics.integrate import Law, time_loop
 from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.simulate import move_by
 
-CURRENT = "current"
-"""Parameter name of a constant current along the vehicle's course, m/s, positive from astern."""
+CURRENT = "current"  # Parameter name of a constant current along the vehicle's course, m/s, positive from astern
 
 
+# `(memory, shown, datum) ->` what is remembered at the next sample, and what is kept of this one.
 Watch = Callable[[Any, tuple, Any], tuple[Any, Any]]
-"""`(memory, shown, datum) ->` what is remembered at the next sample, and what is kept of this one."""
 
 
 @dataclass(frozen=True, eq=False)

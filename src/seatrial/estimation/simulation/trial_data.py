@@ -14,8 +14,7 @@ from seatrial.compiled.batching import bucket_length, filled
 from seatrial.core.record import Record
 from seatrial.vehicles.model import VehicleModel
 
-FOREVER = 1e12
-"""Time since a measurement that was never made, s: its memory is zero, and so are its derivatives."""
+FOREVER = 1e12  # Time since a measurement that was never made, s: its memory is zero, and so are its derivatives
 
 
 class ChannelData(NamedTuple):

@@ -13,8 +13,8 @@ from seatrial.export.target import Carried, Statement
 from seatrial.export.vehicle import UNCERTAINTY, AveragedCoefficient, ExportedVehicle
 from seatrial.vehicles.hull import Hull
 
+# Columns of the average over all models.
 _AVERAGED_COLUMNS = ("averaged_mean", "averaged_sd", "averaged_model_error_sd")
-"""Columns of the average over all models."""
 
 
 @dataclass(frozen=True)

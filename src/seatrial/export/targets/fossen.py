@@ -21,10 +21,9 @@ from seatrial.export.vehicle import ExportedVehicle, require_whole
 from seatrial.export.xml_text import identifier, number
 from seatrial.vehicles.hull import AXES
 
-_TORPEDO = ("delta_r", "delta_s", "n")
-"""The simulator's own controls, in its order."""
+_TORPEDO = ("delta_r", "delta_s", "n")  # The simulator's own controls, in its order
+# Its autopilots take a positive rudder to turn to starboard, and a positive stern plane to put the nose down.
 _CONVENTION = {"delta_r": {"r": 1}, "delta_s": {"q": -1}}
-"""Its autopilots take a positive rudder to turn to starboard, and a positive stern plane to put the nose down."""
 
 
 @dataclass(frozen=True)

@@ -50,12 +50,10 @@ from seatrial.vehicles.actuators import Actuator
 from seatrial.vehicles.hull import AXES
 
 ENGINES = ("dart", "other")
-DIAMETER = 0.1
-"""Of every propeller, m: only its product with the thrust coefficient counts."""
+DIAMETER = 0.1  # Of every propeller, m: only its product with the thrust coefficient counts
+# Mass, kg, and moments of inertia, kg m^2, of a propeller or fin; they are taken out of the hull's.
 PART, PART_INERTIA = 1e-3, 1e-6
-"""Mass, kg, and moments of inertia, kg m^2, of a propeller or fin; they are taken out of the hull's."""
-_NO_LIMIT = 1e9
-"""Limit of a command where none is known; without one Gazebo takes 1000."""
+_NO_LIMIT = 1e9  # Limit of a command where none is known; without one Gazebo takes 1000
 _UPPER = [
     "xx",
     "xy",

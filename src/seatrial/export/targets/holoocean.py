@@ -35,8 +35,8 @@ from seatrial.vehicles.remus100_fossen import CROSS_FLOW, STRIPS
 # (8.65) to (8.70), as HoloOcean 2 has it in `fossen_dynamics/{torpedo,actuator,helper_functions}.py`.
 
 _AREA = 0.7
+# Density by which lift, drag and cross-flow go, whatever the agent's `rho` is, kg/m^3: it stands in the formulas.
 WATER = 1026.0
-"""Density by which lift, drag and cross-flow go, whatever the agent's `rho` is, kg/m^3: it stands in the formulas."""
 
 
 class Torpedo(NamedTuple):
@@ -160,17 +160,15 @@ def _driven(t: Torpedo, nu: np.ndarray, controls: Mapping[str, Any]) -> np.ndarr
     return np.array([push, side, heave, twist, t.half_length * heave, -t.half_length * side])
 
 
-_NEVER = 1e6
-"""Time constant, s, of damping that the vehicle does not have."""
+_NEVER = 1e6  # Time constant, s, of damping that the vehicle does not have
+# Rate, m/s and rad/s, at which quadratic damping of pitch, roll and yaw is taken for linear damping of the same power.
 _RATE = 0.2
-"""Rate, m/s and rad/s, at which quadratic damping of pitch, roll and yaw is taken for linear damping of the same power."""
 _EQUAL_POWER = 8 / (3 * pi)
-_DEFAULTS = {"T_n": 1.0, "nMax": 1525.0, "T_delta": 0.1, "deltaMax_fin_deg": 15.0}
-"""HoloOcean's own actuators."""
+_DEFAULTS = {"T_n": 1.0, "nMax": 1525.0, "T_delta": 0.1, "deltaMax_fin_deg": 15.0}  # HoloOcean's own actuators
 _UNITS = {"T_n": "s", "nMax": "rpm", "T_delta": "s", "deltaMax_fin_deg": "deg"}
 _FINS = ("delta_r", "delta_s")
+# Its autopilot has a positive rudder turn to starboard and a positive stern plane put the nose down.
 _CONVENTION = {"delta_r": {"r": 1}, "delta_s": {"q": -1}}
-"""Its autopilot has a positive rudder turn to starboard and a positive stern plane put the nose down."""
 
 
 @dataclass(frozen=True)

@@ -33,20 +33,16 @@ from seatrial.export.xml_text import XML_HEAD, comment, identifier, number, numb
 from seatrial.vehicles.actuators import Actuator
 from seatrial.vehicles.hull import AXES, GRAVITY
 
-_SPAN = 2.0
-"""Length of the box over the distance of a fin or thruster from the origin."""
-_SUBDIVISIONS = 3
-"""How often Stonefish cuts each triangle of a box into four."""
-_TOLERANCE, _ITERATIONS = 1.2 ** (2 / 3) - 1, 10
-"""Where Stonefish ends its search for an ellipsoid about the box."""
+_SPAN = 2.0  # Length of the box over the distance of a fin or thruster from the origin
+_SUBDIVISIONS = 3  # How often Stonefish cuts each triangle of a box into four
+_TOLERANCE, _ITERATIONS = 1.2 ** (2 / 3) - 1, 10  # Where Stonefish ends its search for an ellipsoid about the box
+# Share of quadratic drag that becomes a straight line; the rest becomes a cubic, and both agree with it at half the
+# matched speed.
 _LINEAR = 1 / 3
-"""Share of quadratic drag that becomes a straight line; the rest becomes a cubic, and both agree with it at half the matched speed."""
+# Share of the vehicle's own inertia that is written at least, where Stonefish adds more than the vehicle has.
 _MIN_INERTIA_SHARE = 0.1
-"""Share of the vehicle's own inertia that is written at least, where Stonefish adds more than the vehicle has."""
-_HULL = "hull_"
-"""Before the name of a fixed fin that stands for lift of the hull."""
-_FIN_LIMIT = pi / 2
-"""Greatest angle of a fin whose limit is not known."""
+_HULL = "hull_"  # Before the name of a fixed fin that stands for lift of the hull
+_FIN_LIMIT = pi / 2  # Greatest angle of a fin whose limit is not known
 
 
 @dataclass(frozen=True)
@@ -420,6 +416,7 @@ def _cut(vertices: list[Float[np.ndarray, " 3"]], faces: list[tuple[int, int, in
     return results
 
 
+# A plate of 2 x 10 x 10 cm.
 _PART = "".join(f"v {x} {y} {z}\n" for x in (-0.01, 0.01) for y in (-0.05, 0.05) for z in (-0.05, 0.05)) + "".join(
     f"f {face}\n"
     for face in (
@@ -437,7 +434,6 @@ _PART = "".join(f"v {x} {y} {z}\n" for x in (-0.01, 0.01) for y in (-0.05, 0.05)
         "2 8 4",
     )
 )
-"""A plate of 2 x 10 x 10 cm."""
 
 
 def _scenario(options: Stonefish, vehicle: ExportedVehicle) -> str:

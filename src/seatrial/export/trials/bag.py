@@ -16,12 +16,9 @@ from seatrial.core.errors import InputError, install_extra
 from seatrial.export.trials.plain import trial_json
 from seatrial.export.trials.trial import NEUTRAL, Trial, value_at
 
-STEP = 0.05
-"""Time between messages, s."""
-REST = 20
-"""Messages of neutral at the end."""
-STORAGES = {"mcap": "MCAP", "ros2": "SQLITE3"}
-"""The library's name of each storage."""
+STEP = 0.05  # Time between messages, s
+REST = 20  # Messages of neutral at the end
+STORAGES = {"mcap": "MCAP", "ros2": "SQLITE3"}  # The library's name of each storage
 
 
 def write_bag(trial: Trial, folder: Path, storage: str) -> Path:

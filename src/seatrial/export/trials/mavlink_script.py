@@ -13,59 +13,53 @@ from typing import Any, NoReturn
 
 # The trial
 CONTROL, UNIT = "n", "rpm"
+# Stick that stands for CONTROL, and the way in which it is moved for a positive one: x ahead, y to starboard, z up, r
+# to starboard.
 AXIS, SIGN = "x", 1
-"""Stick that stands for CONTROL, and the way in which it is moved for a positive one: x ahead, y to starboard, z up, r to starboard."""
-LOWER, UPPER, RATE = None, None, None
-"""Limits in UNIT, and UNIT a second; None for none."""
+LOWER, UPPER, RATE = None, None, None  # Limits in UNIT, and UNIT a second; None for none
 FULL = 1.0
+# Time, s, and control, in UNIT; straight lines between.
 ROWS = [
     (0.0, 0.0),
     (1.0, 0.0),
 ]
-"""Time, s, and control, in UNIT; straight lines between."""
 # Every trial
 
+# Seconds between sticks: ArduSub takes its pilot for lost after FS_PILOT_TIMEOUT, 3 s, and overrides after
+# RC_OVERRIDE_TIME, 3 s.
 PERIOD = 0.05
-"""Seconds between sticks: ArduSub takes its pilot for lost after FS_PILOT_TIMEOUT, 3 s, and overrides after RC_OVERRIDE_TIME, 3 s."""
-BEAT = 1.0
-"""Seconds between our heartbeats: ArduSub takes its ground station for lost after FS_GCS_TIMEOUT, 5 s."""
-SILENCE = 3.0
-"""Seconds without a heartbeat of the autopilot after which the trial is given up."""
-ANSWER, TRIES = 1.0, 3
-"""Seconds in which a command is answered, and how often it is sent."""
-PATIENCE = 30.0
-"""Seconds in which the vehicle appears, and is armed by its operator."""
+BEAT = 1.0  # Seconds between our heartbeats: ArduSub takes its ground station for lost after FS_GCS_TIMEOUT, 5 s
+SILENCE = 3.0  # Seconds without a heartbeat of the autopilot after which the trial is given up
+ANSWER, TRIES = 1.0, 3  # Seconds in which a command is answered, and how often it is sent
+PATIENCE = 30.0  # Seconds in which the vehicle appears, and is armed by its operator
+# Seconds of neutral before arming, in which other vehicles show themselves, and after it, in which motors spool up.
 SETTLE = 2.0
-"""Seconds of neutral before arming, in which other vehicles show themselves, and after it, in which motors spool up."""
-REST = 1.0
-"""Seconds of neutral at the end."""
-STALL = 0.5
-"""Seconds that this computer may lose between two sticks; the trial would no longer be the designed one."""
+REST = 1.0  # Seconds of neutral at the end
+STALL = 0.5  # Seconds that this computer may lose between two sticks; the trial would no longer be the designed one
 
 ARDUPILOT, SUBMARINE, NO_AUTOPILOT, GROUND_STATION = 3, 12, 8, 6
+# MAV_COMP_ID_AUTOPILOT1: cameras and companion computers have heartbeats of their own, in the same system.
 COMPONENT = 1
-"""MAV_COMP_ID_AUTOPILOT1: cameras and companion computers have heartbeats of their own, in the same system."""
-ARMED, FAILSAFE = 128, (5, 6)
-"""MAV_MODE_FLAG_SAFETY_ARMED; MAV_STATE_CRITICAL and MAV_STATE_EMERGENCY."""
+ARMED, FAILSAFE = 128, (5, 6)  # MAV_MODE_FLAG_SAFETY_ARMED; MAV_STATE_CRITICAL and MAV_STATE_EMERGENCY
 SET_MODE, SET_ACTUATOR, ARM = 176, 187, 400
 COMMANDS = {SET_MODE: "DO_SET_MODE", SET_ACTUATOR: "DO_SET_ACTUATOR", ARM: "COMPONENT_ARM_DISARM"}
 ACCEPTED, IN_PROGRESS = 0, 5
 RESULTS = ("ACCEPTED", "TEMPORARILY_REJECTED", "DENIED", "UNSUPPORTED", "FAILED", "IN_PROGRESS", "CANCELLED")
 FLIGHT_MODES = {"MANUAL": 19, "STABILIZE": 0, "ALT_HOLD": 2}
+# Modes of ArduSub in which the stick goes straight to the motors; in the others it asks for a rate or a depth.
 STRAIGHT_THROUGH = {
     "x": ("MANUAL", "STABILIZE", "ALT_HOLD"),
     "y": ("MANUAL", "STABILIZE", "ALT_HOLD"),
     "z": ("MANUAL", "STABILIZE"),
     "r": ("MANUAL",),
 }
-"""Modes of ArduSub in which the stick goes straight to the motors; in the others it asks for a rate or a depth."""
+# Parameters by which ArduSub says whose sticks it takes, old and new; those of others it drops without a word.
 STICK_OWNERS = ("SYSID_MYGCS", "MAV_GCS_SYSID", "MAV_GCS_SYSID_HI")
-"""Parameters by which ArduSub says whose sticks it takes, old and new; those of others it drops without a word."""
 SWITCHES = {"RollPitch": "roll and pitch instead of surge and sway", "InputHold": "a held input on top of what is sent"}
 
 
+# What ends the trial from outside: Ctrl-C, a kill, a terminal that closes.
 INTERRUPTS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
-"""What ends the trial from outside: Ctrl-C, a kill, a terminal that closes."""
 
 
 class StoppedError(Exception):

@@ -31,9 +31,9 @@ from seatrial.vehicles.model import VehicleModel
 # A positive rudder turns one vehicle to port and another to starboard, so the sign is that of a difference of
 # accelerations: between the largest and the smallest value of the trial, neutral included, at trim.
 
-DEFAULT_SPEED = 1.5
-"""Speed ahead, m/s, at which fins are judged where the vehicle has no trim speed."""
+DEFAULT_SPEED = 1.5  # Speed ahead, m/s, at which fins are judged where the vehicle has no trim speed
 _DRAWS = 400
+# Stick of a control, the velocity that it stands for, and the sign of that velocity on a positive stick.
 _STICKS = {
     "n": ("x", "u", 1),
     "tau_X": ("x", "u", 1),
@@ -43,7 +43,6 @@ _STICKS = {
     "delta_r": ("r", "r", 1),
     "delta_s": ("z", "q", 1),
 }
-"""Stick of a control, the velocity that it stands for, and the sign of that velocity on a positive stick."""
 
 
 class Stick(NamedTuple):
@@ -174,8 +173,7 @@ def _unfit(control: str, found: str, expected: str) -> InputError:
     )
 
 
-NEUTRAL = 0.0
-"""Control with which every export ends, whatever the trim and the lower limit of the trial are."""
+NEUTRAL = 0.0  # Control with which every export ends, whatever the trim and the lower limit of the trial are
 _ROUNDING = 1e-6
 
 

@@ -15,10 +15,8 @@ _TEXTS: dict[str, tuple[str, Callable[[Trial], str]]] = {
     "json": ("trial.json", trial_json),
     "mavlink": ("trial.py", trial_script),
 }
-FORMATS = (*_TEXTS, *STORAGES)
-"""Formats of a trial; the last two need the extra `ros`."""
-PLAIN = tuple(_TEXTS)
-"""Those that need nothing."""
+FORMATS = (*_TEXTS, *STORAGES)  # Formats of a trial; the last two need the extra `ros`
+PLAIN = tuple(_TEXTS)  # Those that need nothing
 
 
 def write_plain(trial: Trial, folder: Path) -> tuple[list[Path], str]:

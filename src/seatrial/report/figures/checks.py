@@ -37,24 +37,21 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-WIDTH, HEIGHT = 560.0, 420.0
-"""Of the picture, points: it stands alone."""
-LEFT = 60.0
-"""Left of the panels, points: an axis of seven characters and its name."""
-MOTION, ALONE = 66.0, 120.0
-"""Height of the panel of one channel among several, and of one alone at least, points."""
-REACH = 1.25
-"""How far above the bands single motions are followed, in widths of the frame of the bands and the record."""
+WIDTH, HEIGHT = 560.0, 420.0  # Of the picture, points: it stands alone
+LEFT = 60.0  # Left of the panels, points: an axis of seven characters and its name
+MOTION, ALONE = 66.0, 120.0  # Height of the panel of one channel among several, and of one alone at least, points
+REACH = 1.25  # How far above the bands single motions are followed, in widths of the frame of the bands and the record
 RANK_WIDTH, ROW, TOP, BOTTOM, LEFT, RANK_GAP = 640.0, 84.0, 26.0, 40.0, 110.0, 20.0
+# Height of the panel of shares, of a panel of standard deviations, between panels, and of a line of text, points.
 SHARE, SD, GAP, LINE = 130.0, 84.0, 30.0, 13.0
-"""Height of the panel of shares, of a panel of standard deviations, between panels, and of a line of text, points."""
+# Colour, line and marker of each strategy.
 STYLES = {
     "adaptive": (BLUE, "-", "o"),
     "fixed": (ORANGE, "-", "s"),
     "doublet": (PURPLE, (0, (4, 2)), "D"),
     "random": (MUTED, (0, (1.5, 1.5)), "^"),
 }
-"""Colour, line and marker of each strategy."""
+# First digits of ticks on a logarithmic axis, the fewest first.
 ROUND = (
     (1.0,),
     (1.0, 3.0),
@@ -62,9 +59,7 @@ ROUND = (
     (1.0, 1.5, 2.0, 3.0, 5.0, 7.0),
     (1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0),
 )
-"""First digits of ticks on a logarithmic axis, the fewest first."""
-APART = 0.07
-"""Distance between the bands of two strategies, trials."""
+APART = 0.07  # Distance between the bands of two strategies, trials
 
 
 class Progressed(NamedTuple):

@@ -26,8 +26,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MAX_LAGS = 60
-MIN_PAIRS = 6
-"""Pairs of samples below which a correlation is not worth drawing."""
+MIN_PAIRS = 6  # Pairs of samples below which a correlation is not worth drawing
 
 
 class PredictedChannel(NamedTuple):

@@ -34,12 +34,13 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+# Width of the picture of pairs at most, of one of its panels at most, of its margins, and height of a row of traces,
+# points.
 PAGE, PANEL, MARGIN, ROW = 640.0, 118.0, 64.0, 46.0
-"""Width of the picture of pairs at most, of one of its panels at most, of its margins, and height of a row of traces, points."""
+# Between panels, in panels; half width of a panel, standard deviations; bins of a histogram and of each side of a joint
+# one.
 GAP, FRAME, BINS, GRID = 0.07, 4.2, 30, 40
-"""Between panels, in panels; half width of a panel, standard deviations; bins of a histogram and of each side of a joint one."""
-MIN_NUMBERED_WIDTH = 80.0
-"""Width of a panel below which it has no numbers, points."""
+MIN_NUMBERED_WIDTH = 80.0  # Width of a panel below which it has no numbers, points
 SHARES = (0.95, 0.5)
 COLOURS = (BLUE, ORANGE, PURPLE, DOTS)
 SHORTEST, SETTLED, REACH = 5, 0.06, 16.0

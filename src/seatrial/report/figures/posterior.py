@@ -32,13 +32,11 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-WIDTH = 4.5
-"""Half width of the frame, posterior standard deviations."""
+WIDTH = 4.5  # Half width of the frame, posterior standard deviations
 SHARES = (0.95, 0.5)
 PROFILE_WIDTH, ROW, HEAD, BELOW = 640.0, 104.0, 22.0, 40.0
 COLUMNS = 3
-MAX_DEPTH = 2.4
-"""How far below the maximum the curves are shown."""
+MAX_DEPTH = 2.4  # How far below the maximum the curves are shown
 
 
 class PriorShape(NamedTuple):

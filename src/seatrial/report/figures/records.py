@@ -86,8 +86,7 @@ def covered(
 # The control of a designed trial over time, with the limits it keeps.
 
 
-Ends = tuple[float | None, float | None]
-"""Lowest and highest value allowed, where there are any."""
+Ends = tuple[float | None, float | None]  # Lowest and highest value allowed, where there are any
 
 
 def control_over_time(time: np.ndarray, control: np.ndarray, label: str, limits: Ends = (None, None)) -> "Figure":

@@ -35,16 +35,14 @@ if TYPE_CHECKING:
 # The space of structures: one column for each of the most probable ones, as wide as it is probable; one row for each
 # term.
 
-STRUCTURE_ROW = 18.0
-"""Height of a term, points."""
+STRUCTURE_ROW = 18.0  # Height of a term, points
 # What the choice between two structures changes: by how much the speed of the best exceeds the runner-up's in a
 # manoeuvre.
 
+# Heights of the panels of motion and of difference, and of the line above them, points.
 MOTION_ROW, GAP_ROW, HEAD = 110.0, 60.0, 22.0
-"""Heights of the panels of motion and of difference, and of the line above them, points."""
 AXIS = "factor on the priors’ standard deviations"
-NEAR = 11.0
-"""Least distance of two names at the right edge, points."""
+NEAR = 11.0  # Least distance of two names at the right edge, points
 
 
 class MotionGap(NamedTuple):

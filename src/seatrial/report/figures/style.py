@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.patches import PathPatch
 
+# Name to (light, dark).
 PALETTE: dict[str, tuple[str, str]] = {
     "ink": ("#1d2733", "#e4e9ef"),
     "muted": ("#5a6674", "#9fabb8"),
@@ -27,14 +28,11 @@ PALETTE: dict[str, tuple[str, str]] = {
     "purple": ("#9b2f86", "#e08bd0"),
     "hatch": ("#c3ccd6", "#3c4855"),
 }
-"""Name to (light, dark)."""
 INK, MUTED, RULE, PAPER, DOTS, BLUE, ORANGE, PURPLE, HATCH = (light for light, _ in PALETTE.values())
 POINT = 1 / 72
-WIDE, NARROW = 360, 270
-"""Widths of a figure, in points."""
+WIDE, NARROW = 360, 270  # Widths of a figure, in points
 FONT, SMALL = 10, 9
-BAND = 0.22
-"""Opacity of bands."""
+BAND = 0.22  # Opacity of bands
 
 
 @contextmanager

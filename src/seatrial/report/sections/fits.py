@@ -28,10 +28,10 @@ from seatrial.report.figures.fit import record_fit, record_residuals
 from seatrial.report.labels import sentence_html
 from seatrial.report.numbers import DASH, percent, short, typeset, unit_text
 
+# Dots and panels worth their bytes and their time on the whole page, and rows of a table before the others fold.
 POINTS, PANELS, MAX_ROWS = 5000, 24, 6
-"""Dots and panels worth their bytes and their time on the whole page, and rows of a table before the others fold."""
+# How each verdict looks among the findings of the page.
 LOOKS = {"pass": "finding", "unjudged": "caution", "caution": "caution", "fail": "alarm"}
-"""How each verdict looks among the findings of the page."""
 NOUNS = {
     "pass": ("run passes", "runs pass"),
     "unjudged": ("run cannot be judged alone", "runs cannot be judged alone"),

@@ -24,8 +24,8 @@ from seatrial.report.labels import label_html, name_html
 from seatrial.report.numbers import decimals
 from seatrial.report.term_figures import contenders_figure, screening_figures
 
+# Models that are listed before the others fold, and models whose coefficients stand beside each other.
 MAX_MODELS, BESIDE = 8, 4
-"""Models that are listed before the others fold, and models whose coefficients stand beside each other."""
 
 
 def models_section(outcome: Outcome) -> dict[str, Any]:

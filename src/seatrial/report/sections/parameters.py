@@ -28,11 +28,10 @@ from seatrial.report.numbers import DASH, decimals, plain, short, typeset, with_
 from seatrial.report.sections.summary import other_kinds
 from seatrial.sampling.diagnostics import MAX_R_HAT, MIN_ESS
 
+# Share of the prior's standard deviation left, and correlation, beyond which a number is flagged.
 LITTLE_REDUCTION, STRONG_CORRELATION = 0.9, 0.9
-"""Share of the prior's standard deviation left, and correlation, beyond which a number is flagged."""
 UNKNOWN = KnownParameter("", "", np.nan, np.nan, np.nan, np.nan, "", np.nan)
-MAX_PAIRS, MAX_ROWS = 10, 24
-"""Parameters in the plot of all pairs, and rows of traces."""
+MAX_PAIRS, MAX_ROWS = 10, 24  # Parameters in the plot of all pairs, and rows of traces
 
 
 def parameters_section(outcome: Outcome) -> dict[str, Any]:

@@ -30,8 +30,8 @@ from seatrial.report.drawing import (
 from seatrial.report.labels import label_html, name_html
 from seatrial.report.numbers import DASH, percent, probability, typeset
 
-MAX_MODELS = 5
-"""Models that the first screen names."""
+MAX_MODELS = 5  # Models that the first screen names
+# What a parameter that is no coefficient is, by the first word of its name.
 KINDS = {
     "sigma": "noise",
     "tau": "noise",
@@ -50,7 +50,6 @@ KINDS = {
     "spread": "differences between trials",
     "dev": "differences between trials",
 }
-"""What a parameter that is no coefficient is, by the first word of its name."""
 _NUMBER = re.compile(r"(?<![-\w])\d+(\.\d+)?")
 
 

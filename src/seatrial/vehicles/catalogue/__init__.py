@@ -37,8 +37,7 @@ from seatrial.vehicles.whole import whole_vehicle
 
 _FOSSEN, _SURGE = "remus100_fossen", "_surge"
 _OPTIONS = ("attitude", "positions", "angles", "current", "unknowns")
-_OF_UNKNOWN = ("thrust_deduction", "wake", "trim")
-"""What may be said of a body whose mass is unknown."""
+_OF_UNKNOWN = ("thrust_deduction", "wake", "trim")  # What may be said of a body whose mass is unknown
 _BODY = (*_OF_UNKNOWN, "centre_of_gravity", "centre_of_buoyancy", "products", "weight", "buoyancy", "symmetric")
 
 
