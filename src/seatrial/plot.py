@@ -26,7 +26,7 @@ from seatrial.estimation.prediction.prediction import Prediction
 from seatrial.estimation.priors import Prior, prior_curve
 from seatrial.report.drawing import prior_panels, prior_spreads, record_curves, signal_axis
 from seatrial.report.figures.checks import draw_motions, prior_motions
-from seatrial.report.figures.fit import Driven, PredictedChannel, draw_fit, draw_residuals
+from seatrial.report.figures.fit import DrawnChannel, Driven, draw_fit, draw_residuals
 from seatrial.report.figures.parameters import draw_chains
 from seatrial.report.figures.posterior import PriorShape, draw_marginal, draw_pair
 from seatrial.report.figures.structures import draw_probabilities
@@ -406,7 +406,7 @@ def _interval(draws: np.ndarray) -> tuple[float, float]:
 
 def _curves(
     result: Prediction | Outcome, record: str | None
-) -> tuple[np.ndarray, list[PredictedChannel], dict[str, Driven], bool]:
+) -> tuple[np.ndarray, list[DrawnChannel], dict[str, Driven], bool]:
     """Return time, channels and controls in the units in which they are shown, and whether the record was held back."""
     if isinstance(result, Outcome):
         records = {one.label: one for one in (*result.trials.fit, *result.trials.predict)}
@@ -423,7 +423,7 @@ def _curves(
     for column, name in enumerate(result.channels):
         factor = shown_unit(name)[0]
         parts = of.channel(name), result.mean[:, column], result.sd[:, column]
-        channels.append(PredictedChannel(signal_axis(name), *(part * factor for part in parts)))
+        channels.append(DrawnChannel(signal_axis(name), *(part * factor for part in parts)))
     controls = {name: Driven(signal_axis(name), of.channel(name) * shown_unit(name)[0]) for name in of.controls}
     return of.time, channels, controls, False
 

@@ -22,6 +22,7 @@ from scipy.special import logsumexp, softmax
 
 from seatrial.compiled.batching import lanes_at_once, map_lanes
 from seatrial.compiled.programs import program
+from seatrial.core.argument_checks import check_count
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.reporter import Progress, no_progress
 from seatrial.estimation.posterior.output_error import OutputError
@@ -250,13 +251,8 @@ def listing_one(
             expected=f"{len(posteriors)} positive numbers, one for each model",
             remedy="leave it out for equal probabilities",
         )
-    if draws < 1 or repeats < 1:
-        raise InputError(
-            "Listing 1",
-            found=f"{draws} draws, {repeats} repeats",
-            expected="at least 1 of each",
-            remedy="the paper has 100 000 draws and one repeat",
-        )
+    check_count(draws, "Listing 1, draws")
+    check_count(repeats, "Listing 1, repeats")
     log_mean, ess = np.empty((repeats, len(posteriors))), np.empty((repeats, len(posteriors)))
     for repeat in range(repeats):
         for j, posterior in enumerate(posteriors):

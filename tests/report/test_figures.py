@@ -6,7 +6,7 @@ import pytest
 from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.manoeuvres.schedule import Schedule
 from seatrial.report.drawing import draw_svg, schedule_figure
-from seatrial.report.figures.fit import Driven, PredictedChannel, autocorrelation, record_fit, record_residuals
+from seatrial.report.figures.fit import DrawnChannel, Driven, autocorrelation, record_fit, record_residuals
 from seatrial.report.figures.parameters import Traced, belief_rows, chain_rows, corner
 from seatrial.report.figures.posterior import PriorShape, draw_marginal, draw_pair
 from seatrial.report.figures.records import control_over_time, covered
@@ -33,10 +33,10 @@ def labels_of(axes) -> list[str]:
     return [str(artist.get_label()) for artist in (*axes.patches, *axes.lines, *axes.collections)]
 
 
-def channel(label="$u$ [m/s]") -> PredictedChannel:
+def channel(label="$u$ [m/s]") -> DrawnChannel:
     measured = np.sin(TIME) + 0.1 * np.random.default_rng(0).normal(size=TIME.size)
     measured[::4] = np.nan
-    return PredictedChannel(label, measured, np.sin(TIME), np.full(TIME.size, 0.1))
+    return DrawnChannel(label, measured, np.sin(TIME), np.full(TIME.size, 0.1))
 
 
 def test_the_surface_marks_the_best_design_and_hatches_what_is_forbidden():

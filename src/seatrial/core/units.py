@@ -19,7 +19,7 @@ from seatrial.core.errors import InputError
 
 
 @dataclass(frozen=True)
-class Unit:
+class ParsedUnit:
     """A unit.
 
     Attributes:
@@ -162,7 +162,7 @@ def _like(expected_unit: str) -> tuple[str, ...]:
     return alike if expected_unit in alike else (*alike, expected_unit)
 
 
-def _parse(unit: str, expected_unit: str, where: str) -> Unit:
+def _parse(unit: str, expected_unit: str, where: str) -> ParsedUnit:
     """Unit of an expression; `expected_unit` is what is suggested in its place."""
     text = unit[: _MAX_CHARACTERS + 1]
     unknown = [word for word in re.findall(r"[A-Za-z_%]+", text) if word not in UNITS]
@@ -197,10 +197,10 @@ def _meant(word: str) -> str:
 
 
 @lru_cache(maxsize=1024)
-def _unit(text: str) -> Unit:
+def _unit(text: str) -> ParsedUnit:
     """Unit of an expression; ValueError where the grammar has none."""
     if text.strip() in ("", "1", "-"):
-        return Unit(1.0, ())
+        return ParsedUnit(1.0, ())
     tokens = _tokens(text)
     powers = _product(tokens)
     if tokens or max(map(abs, powers.values()), default=0) > _MAX_POWER:
@@ -208,7 +208,7 @@ def _unit(text: str) -> Unit:
     factor = prod(_FACTORS[name] ** power for name, power in powers.items())
     if not 0 < factor < inf:
         raise ValueError(text)
-    return Unit(factor, _dimensions(powers))
+    return ParsedUnit(factor, _dimensions(powers))
 
 
 def _dimensions(powers: Mapping[str, int]) -> tuple[tuple[str, int], ...]:
@@ -264,7 +264,7 @@ def _factor(tokens: deque[str]) -> dict[str, int]:
     return {name: each * power for name, each in powers.items()}
 
 
-def _dimension(unit: Unit) -> str:
+def _dimension(unit: ParsedUnit) -> str:
     """Dimension of a unit in an error, such as `[length] / [time] ** 2`."""
     above, below = (
         [name if size == 1 else f"{name} ** {size}" for name, power in unit.powers if (size := sign * power) > 0]

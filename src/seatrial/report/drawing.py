@@ -21,7 +21,7 @@ from seatrial.core.signals import GAUGE_CHANNELS, SIGNALS, is_thruster, signal_l
 from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.manoeuvres.schedule import Schedule
 from seatrial.report.figures.checks import Moved
-from seatrial.report.figures.fit import Driven, PredictedChannel
+from seatrial.report.figures.fit import DrawnChannel, Driven
 from seatrial.report.figures.records import controls_over_time
 from seatrial.report.figures.style import PALETTE, unit_label
 from seatrial.report.labels import label_html, label_mathtext, name_html, sentence_about
@@ -226,7 +226,7 @@ def signal_axis(name: str) -> str:
 
 def record_curves(
     outcome: "Outcome", index: int, record: Record
-) -> tuple[np.ndarray, list[PredictedChannel], list[Driven]]:
+) -> tuple[np.ndarray, list[DrawnChannel], list[Driven]]:
     """Time, channels and controls of one record, in the units in which they are shown."""
     data = outcome.predictions
     rows = data["record"].values == index
@@ -234,7 +234,7 @@ def record_curves(
     for column, name in enumerate(map(str, data["channel"].values)):
         factor = shown_unit(name)[0]
         columns = (data[part].values[rows, column] * factor for part in ("measured", "mean", "sd"))
-        channels.append(PredictedChannel(signal_axis(name), *columns))
+        channels.append(DrawnChannel(signal_axis(name), *columns))
     controls = [Driven(signal_axis(name), record.channel(name) * shown_unit(name)[0]) for name in record.controls]
     return data["time"].values[rows], channels, controls
 

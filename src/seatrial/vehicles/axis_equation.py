@@ -6,11 +6,11 @@ forces enter as known terms: m (du/dt - v r) = X is the axis X with inertia m an
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from math import isfinite
 
 import numpy as np
 from jaxtyping import Float
 
+from seatrial.core.argument_checks import check_choice, check_number
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError, too_few
 from seatrial.core.term_checks import check_each_once, check_trim
@@ -85,24 +85,13 @@ def axis_equation(
     """
     known, trim = known or {}, trim or {}
     place = f"equation of axis {axis}"
-    if axis not in RATE_OF:
-        raise InputError(
-            place, found=f'"{axis}"', expected="one of " + " ".join(RATE_OF), remedy="name an axis of motion"
-        )
-    if inertia is not None and not (isfinite(inertia) and inertia > 0):
-        raise InputError(
-            place,
-            found=f"an inertia of {inertia}",
-            expected="a positive number, or none",
-            remedy="leave it out for coefficients per unit of inertia",
-        )
-    if not 0 <= thrust_deduction < 1:
-        raise InputError(
-            place,
-            found=f"a thrust deduction of {thrust_deduction}",
-            expected="from 0 to below 1",
-            remedy="give t_d as a fraction of the thrust",
-        )
+    check_choice(axis, RATE_OF, place)
+    if inertia is not None:
+        per_inertia = "leave it out for coefficients per unit of inertia"
+        check_number(inertia, f"{place}, inertia", above=0.0, remedy=per_inertia)
+    check_number(
+        thrust_deduction, f"{place}, thrust_deduction", least=0.0, below=1.0, remedy="give t_d as a share of the thrust"
+    )
     free = tuple(CoefficientName.parse(term) for term in terms if term not in known)
     fixed = tuple((CoefficientName.parse(term), float(value)) for term, value in known.items())
     if not free:

@@ -29,7 +29,7 @@ MAX_LAGS = 60
 MIN_PAIRS = 6  # Pairs of samples below which a correlation is not worth drawing
 
 
-class PredictedChannel(NamedTuple):
+class DrawnChannel(NamedTuple):
     """One channel of one record, in the unit of its label: measured (NaN where not), predicted mean and standard deviation."""
 
     label: str
@@ -61,7 +61,7 @@ class SmoothedSignal(NamedTuple):
 
 def record_fit(
     time: np.ndarray,
-    channels: Sequence[PredictedChannel],
+    channels: Sequence[DrawnChannel],
     controls: Sequence[Driven] = (),
     held_back: bool = False,
     most: int = 1500,
@@ -75,7 +75,7 @@ def record_fit(
 def draw_fit(
     axes: "Sequence[Axes]",
     time: np.ndarray,
-    channels: Sequence[PredictedChannel],
+    channels: Sequence[DrawnChannel],
     controls: Sequence[Driven] = (),
     held_back: bool = False,
     most: int = 1500,
@@ -114,7 +114,7 @@ def draw_fit(
 
 def record_residuals(
     time: np.ndarray,
-    channels: Sequence[PredictedChannel],
+    channels: Sequence[DrawnChannel],
     held_back: bool = False,
     most: int = 1500,
     slow: bool = False,
@@ -128,7 +128,7 @@ def record_residuals(
 def draw_residuals(
     axes: "Sequence[Axes]",
     time: np.ndarray,
-    channels: Sequence[PredictedChannel],
+    channels: Sequence[DrawnChannel],
     held_back: bool = False,
     most: int = 1500,
     slow: bool = False,
