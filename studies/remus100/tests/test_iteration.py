@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from studies.remus100.tests.studies import study
-from tests.design.test_fisher import information, sds
+from studies.remus100.tests.test_fisher import information, sds
 from tests.estimation_cases import naive_doublets
 
 TIME = np.arange(6000) * 0.01
