@@ -100,7 +100,7 @@ def sticks(share: float) -> tuple[int, int, int, int]:
     return axes["x"], axes["y"], axes["z"], axes["r"]
 
 
-class MavlinkVehicle:
+class Vehicle:
     """One autopilot at the other end of a link: what it says of itself, and what it is told."""
 
     def __init__(self, link: Any, system: int | None, manual: bool) -> None:
@@ -209,7 +209,7 @@ class MavlinkVehicle:
         stopped(f"{COMMANDS[number]} was not answered in {TRIES} tries of {ANSWER:g} s")
 
 
-def find(vehicle: MavlinkVehicle) -> None:
+def find(vehicle: Vehicle) -> None:
     """Wait for the autopilot, and make sure that it is the only one or the named one."""
     print("waiting for a heartbeat of the autopilot")
     end = time.monotonic() + PATIENCE
@@ -227,13 +227,13 @@ def find(vehicle: MavlinkVehicle) -> None:
         )
 
 
-def check_alone(vehicle: MavlinkVehicle, named: bool) -> None:
+def check_alone(vehicle: Vehicle, named: bool) -> None:
     """Stop where another autopilot is on the link, and none was named."""
     if len(vehicle.others) > 1 and not named:
         stopped(f"several autopilots are heard, systems {sorted(vehicle.others)}: name yours by --vehicle")
 
 
-def check_ownership(vehicle: MavlinkVehicle, own: int) -> None:
+def check_ownership(vehicle: Vehicle, own: int) -> None:
     """Stop where ArduSub would drop our sticks."""
     for _ in range(TRIES):
         for name in STICK_OWNERS:
@@ -252,7 +252,7 @@ def check_ownership(vehicle: MavlinkVehicle, own: int) -> None:
         )
 
 
-def check_switches(vehicle: MavlinkVehicle, gain: float | None) -> None:
+def check_switches(vehicle: Vehicle, gain: float | None) -> None:
     """Stop where sticks mean something else than they should, or than they did at the start."""
     for name, what in SWITCHES.items():
         if vehicle.switches.get(name):
@@ -262,7 +262,7 @@ def check_switches(vehicle: MavlinkVehicle, gain: float | None) -> None:
         stopped(f"the pilot's gain was changed from {gain:g} to {now:g}: full stick is no longer what it was")
 
 
-def prepare(vehicle: MavlinkVehicle, flight_mode: str, arm: bool) -> None:
+def prepare(vehicle: Vehicle, flight_mode: str, arm: bool) -> None:
     """Bring the vehicle to neutral, its mode and armed; or wait until its operator has."""
     number = FLIGHT_MODES[flight_mode]
     if vehicle.manual and vehicle.flight_mode != number:
@@ -280,7 +280,7 @@ def prepare(vehicle: MavlinkVehicle, flight_mode: str, arm: bool) -> None:
     vehicle.rest(SETTLE)
 
 
-def perform(vehicle: MavlinkVehicle, flight_mode: str, full: float) -> None:
+def perform(vehicle: Vehicle, flight_mode: str, full: float) -> None:
     """Send the trial, watching the vehicle's state."""
     start, last = time.monotonic(), None
     gain = vehicle.switches.get("PilotGain")
@@ -297,7 +297,7 @@ def perform(vehicle: MavlinkVehicle, flight_mode: str, full: float) -> None:
         vehicle.step(last / full)
 
 
-def finish(vehicle: MavlinkVehicle) -> str:
+def finish(vehicle: Vehicle) -> str:
     """Send neutral for a while whatever the vehicle says, and disarm what we armed; returns what went wrong, empty for nothing."""
     try:
         for _ in range(round(REST / PERIOD)):
@@ -311,7 +311,7 @@ def finish(vehicle: MavlinkVehicle) -> str:
 
 def run(link: Any, options: argparse.Namespace) -> int:
     """Send the trial; returns the exit status."""
-    vehicle = MavlinkVehicle(link, options.vehicle, options.mode == "manual")
+    vehicle = Vehicle(link, options.vehicle, options.mode == "manual")
     reason = "finished"
     try:
         find(vehicle)
@@ -398,13 +398,13 @@ def interrupt(*_: object) -> None:
     raise KeyboardInterrupt
 
 
-def _neutral(vehicle: MavlinkVehicle) -> None:
+def _neutral(vehicle: Vehicle) -> None:
     vehicle.send(0.0)
     time.sleep(PERIOD)
     vehicle.listen()
 
 
-def _disarmed(vehicle: MavlinkVehicle) -> bool:
+def _disarmed(vehicle: Vehicle) -> bool:
     """Disarm, whatever else the vehicle refuses; whether a heartbeat confirms it."""
     for attempt in range(TRIES):
         sent = time.monotonic()
@@ -416,7 +416,7 @@ def _disarmed(vehicle: MavlinkVehicle) -> bool:
     return False
 
 
-def _await(vehicle: MavlinkVehicle, happened: Any, seconds: float, otherwise: str) -> None:
+def _await(vehicle: Vehicle, happened: Any, seconds: float, otherwise: str) -> None:
     end = time.monotonic() + seconds
     while not happened():
         if time.monotonic() > end:
