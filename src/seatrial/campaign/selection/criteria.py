@@ -272,15 +272,15 @@ def differences(found: Sequence[Criteria]) -> dict[str, list[Difference]]:
                 for one in values
             ]
             continue
-        there = [one.predictive.get(name) for one in found]
-        best = min((one for one in there if one is not None), key=lambda one: one.value.value, default=None)
+        terms = [one.predictive.get(name) for one in found]
+        best = min((one for one in terms if one is not None), key=lambda one: one.value.value, default=None)
         table[name] = [
             Difference(np.nan, np.nan)
             if one is None or best is None
             else Difference(0.0, 0.0)
             if one is best
             else Difference(*compare(one, best)[:2])
-            for one in there
+            for one in terms
         ]
     return table
 

@@ -117,8 +117,8 @@ def expected_nats(
     a, b = set(best.structure.terms), set(runner.structure.terms)
     pairs = [(runner, best)] if a < b else [(best, runner)] if b < a else [(best, runner), (runner, best)]
     every = campaign.control_trim(campaign.model(campaign.full))
-    (rows, columns, told), time = sweep.inside(every), sweep.family.time()
-    controls = _applied(campaign, best, told, campaign.full)
+    (rows, columns, commands), time = sweep.inside(every), sweep.family.time()
+    controls = _applied(campaign, best, commands, campaign.full)
     nats = np.full(sweep.gain.shape, np.nan)
     nats[rows, columns] = np.min(
         [_nats(campaign, best, truth, other, trials, time, controls) for truth, other in pairs], axis=0
@@ -165,7 +165,7 @@ def _speeds(
         (one, np.asarray(starts)[:, i], record.time, np.column_stack([record.channel(name) for name in model.controls]))
         for i, (one, record) in enumerate(zip(here, trials.fit, strict=True))
     ]
-    found = []
+    all_speeds = []
     controls = sweep.best_controls(campaign.control_trim(model))[None]
     designed = sweep.family.time(), _applied(campaign, estimate, controls, estimate.structure)[0]
     absent = np.zeros(len(trim))
@@ -180,8 +180,8 @@ def _speeds(
                 f"{estimate.structure.label} runs away at its posterior mean, so that its motion cannot be compared: "
                 "look at its posterior in the report"
             )
-        found.append((time, np.where(lost[:, None, None], np.nan, speed)))
-    return found
+        all_speeds.append((time, np.where(lost[:, None, None], np.nan, speed)))
+    return all_speeds
 
 
 def _applied(campaign: Campaign, estimate: Estimate, commands: np.ndarray, structure: Structure) -> np.ndarray:
@@ -374,8 +374,10 @@ def compare_contenders(
 
 
 def _dataset(campaign: Campaign, best: Estimate, runner: Estimate, trials: Trials, sweep: Sweep) -> Dataset:
-    channel, found = compare_speeds(campaign, best, runner, trials, sweep)
-    join = {name: np.concatenate([getattr(one, name) for one in found]) for name in found[0].CURVES}
+    channel, speed_differences = compare_speeds(campaign, best, runner, trials, sweep)
+    join = {
+        name: np.concatenate([getattr(one, name) for one in speed_differences]) for name in speed_differences[0].CURVES
+    }
     control = sweep.family.control
     commands, nats = (
         [record.channel(control) for record in trials.fit],
@@ -386,9 +388,12 @@ def _dataset(campaign: Campaign, best: Estimate, runner: Estimate, trials: Trial
     return Dataset(
         {
             **{name: ("sample", column) for name, column in join.items()},
-            "which": ("sample", np.repeat(np.arange(len(found)), [one.time.size for one in found])),
-            "largest": ("manoeuvre", [one.largest for one in found]),
-            "rms": ("manoeuvre", [one.rms for one in found]),
+            "which": (
+                "sample",
+                np.repeat(np.arange(len(speed_differences)), [one.time.size for one in speed_differences]),
+            ),
+            "largest": ("manoeuvre", [one.largest for one in speed_differences]),
+            "rms": ("manoeuvre", [one.rms for one in speed_differences]),
             "excitation": ("manoeuvre", [float(np.nanstd(command)) for command in commands]),
             "nats": (("amplitude", "period"), nats),
         },

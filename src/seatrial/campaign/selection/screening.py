@@ -175,7 +175,10 @@ def _screen_about_mode(campaign: Campaign, trials: Trials) -> Dataset:
 
 
 def _dataset(
-    campaign: Campaign, found: Screening | ModeScreening, by_term: dict[str, np.ndarray], said: dict[str, str | float]
+    campaign: Campaign,
+    found: Screening | ModeScreening,
+    by_term: dict[str, np.ndarray],
+    attributes: dict[str, str | float],
 ) -> Dataset:
     posterior, best = found.posterior, min(KEPT, found.posterior.structures.size)
     names = list(posterior.names)
@@ -204,6 +207,6 @@ def _dataset(
             "count": posterior.count,
             "prior": "" if campaign.structure.g is None else f"under a g-prior, g = {campaign.structure.g}",
             "sampling": "" if posterior.monte_carlo is None else posterior.monte_carlo.status,
-            **said,
+            **attributes,
         },
     )
