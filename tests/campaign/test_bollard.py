@@ -14,7 +14,7 @@ from seatrial.campaign.data.thruster_check import thruster_lines
 from seatrial.campaign.design.sweep import design_first
 from seatrial.campaign.inference.posterior import build_posterior, initial_state, random_key
 from seatrial.campaign.prior.predictive import speeds
-from seatrial.campaign.selection.runner_up import noise_of
+from seatrial.campaign.selection.runner_up import leading_channel, noise_of
 from seatrial.cli.main import app
 from seatrial.core.errors import InputError
 from seatrial.estimation.diagnostics.identifiability import identifiability_of_fit
@@ -269,7 +269,7 @@ def test_structures_are_compared_by_the_force_on_the_gauge(tmp_path, pull):
     """However large it is: forces do not run away; a dead zone counts."""
     command, *_ = pull
     found = campaign(tmp_path, np.column_stack(pull), ("[sensors", SOUGHT + "[sensors"))
-    assert found.leading == "force_X"
+    assert leading_channel(found.model(found.full), found.channels) == "force_X"
     model, (record,) = found.model(found.full), get_trials(found).fit
     control = np.column_stack([record.channel(name) for name in model.controls])
     gain, width = np.array([GAIN, 40.0]), np.array([0.0, DEAD])

@@ -29,7 +29,7 @@ from seatrial.campaign.config.vehicle import CampaignVehicle
 from seatrial.campaign.store.stored_result import FILE_NAME
 from seatrial.core.display_units import Shown, shown_as_written, shown_unit
 from seatrial.core.errors import InputError, located
-from seatrial.core.signals import ACTUAL, GAUGE_CHANNELS, PROPULSION, QUATERNION
+from seatrial.core.signals import ACTUAL, PROPULSION, QUATERNION
 from seatrial.design.motion_limits import MotionLimit
 from seatrial.design.prior_belief import ACTUATOR_SD
 from seatrial.design.stated_prediction import Prediction, prediction
@@ -176,14 +176,6 @@ class Campaign:
         """Units in which parameters are shown: those in which their priors are written."""
         return shown_as_written(self.prior_units)
 
-    @property
-    def leading(self) -> str:
-        """The channel that is shown where one alone is: the surge speed, or the first state; of a held vehicle the first sensor's."""
-        model = self.model(self.full)
-        return (
-            "u" if "u" in model.states else self.channels[0] if GAUGE_CHANNELS[0] in model.outputs else model.states[0]
-        )
-
     def check_no_autopilot(self, what: str, because: str = "") -> None:
         """Check that trials act on the controls themselves, for what cannot follow an autopilot, in words, with its reason.
 
@@ -316,11 +308,6 @@ class Campaign:
     def limits(self) -> Limits:
         """Limits of the designed control, SI."""
         return self.control_limits.get(self.family.control, Limits())
-
-    @property
-    def other_limits(self) -> Mapping[str, Limits]:
-        """Limits of other controls, which schedules may move, SI."""
-        return {name: limits for name, limits in self.control_limits.items() if name != self.family.control}
 
     @property
     def trim(self) -> Mapping[str, float]:

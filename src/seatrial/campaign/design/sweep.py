@@ -1,6 +1,6 @@
 """Design of the first trial from the priors, and of the next one from the posterior."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -30,7 +30,7 @@ from seatrial.design.limit_conflicts import remedy_of_any
 from seatrial.design.sweep import LANES, Sweep, sweep_family
 from seatrial.design.trial_plan import TrialPlan
 from seatrial.manoeuvres.family import Family, design_words
-from seatrial.manoeuvres.manoeuvre import Manoeuvre
+from seatrial.manoeuvres.manoeuvre import Limits, Manoeuvre
 from seatrial.numerics.gaussian import Gaussian
 from seatrial.selection.structures import Structure
 
@@ -142,7 +142,11 @@ def _prepare(campaign: Campaign, believed: Believed) -> _Prepared:
     mask, limits = campaign.measured_mask(campaign.family.time()), campaign.limits
 
     def predict(family: Family, amplitude: np.ndarray, period: np.ndarray) -> Sweep:
-        more = {"trim": trim, "others": campaign.other_limits, "autopilot": campaign.pilot(model.controls)}
+        more = {
+            "trim": trim,
+            "others": _other_limits(campaign.control_limits, family.control),
+            "autopilot": campaign.pilot(model.controls),
+        }
         return sweep_family(space, family, amplitude, period, limits, method, mask, **more)
 
     return _Prepared(plan_of(campaign, model), scales, predict)
@@ -164,13 +168,22 @@ def _joined(parts: Sequence[_Rows], sweeps: Sequence[Sweep | None], amplitude: n
     return replace(known, amplitude=np.asarray(amplitude, float), **{name: column(name) for name in ARRAYS})
 
 
+def _other_limits(limits: Mapping[str, Limits], control: str) -> dict[str, Limits]:
+    """Return the limits of other controls than the designed one, which schedules may move, SI."""
+    return {name: bounds for name, bounds in limits.items() if name != control}
+
+
 def design_key(campaign: Campaign) -> str:
     """Key of the first design."""
     return key_of(
         "design",
         *(campaign.vehicle, campaign.structure, campaign.design, campaign.power),
         *(campaign.priors, campaign.sensors, campaign.mounts, campaign.limits, campaign.motion_limits, campaign.seed),
-        *([campaign.other_limits] if campaign.family.beside or campaign.autopilot.loops else []),
+        *(
+            [_other_limits(campaign.control_limits, campaign.family.control)]
+            if campaign.family.beside or campaign.autopilot.loops
+            else []
+        ),
         *([campaign.autopilot] if campaign.autopilot.loops else []),
         *([process] if (process := campaign.expected_process(campaign.model(campaign.full))) else []),
     )

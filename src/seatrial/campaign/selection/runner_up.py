@@ -24,7 +24,7 @@ from seatrial.compiled.programs import program
 from seatrial.core.dataset import Dataset
 from seatrial.core.errors import NumericalError
 from seatrial.core.reporter import SILENT, Reporter
-from seatrial.core.signals import RATES
+from seatrial.core.signals import GAUGE_CHANNELS, RATES
 from seatrial.design.sweep import Sweep, in_blocks
 from seatrial.estimation.posterior.filter_error import FilterError
 from seatrial.estimation.posterior.output_error import OutputError
@@ -35,6 +35,7 @@ from seatrial.estimation.simulation.trial_data import TrialData
 from seatrial.manoeuvres.family import design_words
 from seatrial.selection.structures import Structure
 from seatrial.selection.verdict import Selection
+from seatrial.vehicles.model import VehicleModel
 
 # Motions of two contending structures: by how much their speeds differ, and what evidence a trial is expected to
 # bring.
@@ -97,7 +98,9 @@ def compare_speeds(
     Raises:
         NumericalError: a structure runs away at its posterior mean.
     """
-    channels = [name for name in campaign.channels if name in RATES] or [campaign.leading]
+    channels = [name for name in campaign.channels if name in RATES] or [
+        leading_channel(campaign.model(campaign.full), campaign.channels)
+    ]
     pairs = zip(
         _speeds(campaign, best, trials, sweep, channels),
         _speeds(campaign, runner, trials, sweep, channels),
@@ -148,6 +151,13 @@ def absorbed(difference: Float[Array, " n"], sensitivities: Float[Array, "n k"])
 def noise_of(campaign: Campaign, estimate: Estimate, channel: str) -> float:
     """Return the standard deviation of a channel's residuals, sensor noise included, SI: its posterior mean."""
     return float(noise_sd(*_noise_draws(campaign, estimate, channel)).mean())
+
+
+def leading_channel(model: VehicleModel, channels: Sequence[str]) -> str:
+    """Return the channel to show if it is the only one: surge speed, or the first state; of a held vehicle, that of the first sensor."""
+    if GAUGE_CHANNELS[0] in model.views:
+        return channels[0]
+    return "u" if "u" in model.states else model.states[0]
 
 
 def _speeds(
