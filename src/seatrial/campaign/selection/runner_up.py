@@ -155,7 +155,7 @@ def noise_of(campaign: Campaign, estimate: Estimate, channel: str) -> float:
 
 def leading_channel(model: VehicleModel, channels: Sequence[str]) -> str:
     """Return the channel to show if it is the only one: surge speed, or the first state; of a held vehicle, that of the first sensor."""
-    if GAUGE_CHANNELS[0] in model.views:
+    if GAUGE_CHANNELS[0] in model.outputs:
         return channels[0]
     return "u" if "u" in model.states else model.states[0]
 
