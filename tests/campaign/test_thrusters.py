@@ -1,5 +1,6 @@
 """A vehicle with three thrusters in the plane, whose log is made by plain Newtonian mechanics: what is imported, checked and refused."""
 
+import jax
 import numpy as np
 import pytest
 
@@ -15,6 +16,8 @@ from seatrial.core.errors import InputError
 from seatrial.estimation.diagnostics.identifiability import identifiability_of_fit
 from seatrial.estimation.posterior.first_guess import first_guess
 from seatrial.estimation.posterior.mode import find_mode
+from seatrial.estimation.posterior.record_posterior import make_posterior
+from seatrial.estimation.simulation.sensor_errors import Sensor
 from seatrial.manoeuvres.family import Family
 from seatrial.manoeuvres.schedule import read_rows
 from seatrial.vehicles.thrusters import ThrustLaw
@@ -346,6 +349,26 @@ def faulty(folder, log, faults, *changes):
     shown = np.column_stack([shown, r]) + 0.005 * np.random.default_rng(3).normal(size=(len(r), 3))
     priors = "\n".join(f"[prior.{name}]\n{SOUGHT[name]}\n" for name in faults)
     return campaign(folder, (command, shown), ("[sensors.u]", f"{MOUNTED}\n{priors}\n[sensors.u]"), *changes)
+
+
+def test_library_has_the_same_posterior_of_gain_mount_and_start(tmp_path, log):
+    """All three without a campaign: the same parameters, priors and first guess, and the same density bit for bit."""
+    estimated = ('initial = "measured"', 'initial = "estimated"')
+    found = faulty(tmp_path, log, ["x_dvl", "yaw_dvl", "scale_dvl"], estimated)
+    records = get_trials(found).fit
+    theirs = build_posterior(found, found.full, records)
+    assert {"gain_f_2", "x_dvl", "yaw_dvl", "scale_dvl", "u_0[log]"} <= set(theirs.names)
+    channels, dvl = ("u", "v", "r"), found.mounts["u"]
+    ours = make_posterior(
+        found.model(found.full),
+        records,
+        {parameter.name: parameter.prior for parameter in theirs.parameters},
+        [Sensor(name, mount=dvl if name != "r" else None) for name in channels],
+    )
+    assert ours.parameters == theirs.parameters
+    np.testing.assert_array_equal(ours.guess, theirs.guess)
+    z = ours.sample_prior(jax.random.key(0), 3)
+    np.testing.assert_array_equal(jax.vmap(ours.log_density)(z), jax.vmap(theirs.log_density)(z))
 
 
 def mode_of(found):

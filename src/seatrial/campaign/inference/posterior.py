@@ -7,19 +7,18 @@ from dataclasses import replace
 import jax
 import numpy as np
 
-from seatrial.campaign.config.assumed_unknowns import varying
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.compiled.random_keys import seeded_key
 from seatrial.core.errors import InputError, located
 from seatrial.core.record import Record
-from seatrial.core.signals import ACTUAL, ANGLES, QUATERNION, signal_unit
-from seatrial.estimation.posterior.filter_error import FilterError, filter_error
+from seatrial.core.signals import ACTUAL, ANGLES, QUATERNION
+from seatrial.estimation.posterior.filter_error import FilterError
 from seatrial.estimation.posterior.first_guess import first_guess
-from seatrial.estimation.posterior.output_error import OutputError, initial_name, output_error
+from seatrial.estimation.posterior.output_error import OutputError, initial_name
 from seatrial.estimation.posterior.posterior import Parameter, Posterior
-from seatrial.estimation.posterior.unknowns import deviations
-from seatrial.estimation.priors import Normal
-from seatrial.estimation.simulation.disturbance import disturbed_axes
+from seatrial.estimation.posterior.record_posterior import likelihood_of, make_posterior, parameters_of
+from seatrial.estimation.priors import Normal, Prior
+from seatrial.estimation.simulation.sensor_errors import noise_name
 from seatrial.estimation.simulation.starts import first_measured, level_start
 from seatrial.estimation.simulation.trial_data import TrialData
 from seatrial.selection.structures import Structure
@@ -48,8 +47,20 @@ def build_posterior(campaign: Campaign, structure: Structure, records: Sequence[
     model = campaign.model(structure)
     parameters = build_parameters(campaign, model, records)
     _check_parameters(campaign, parameters, records)
-    guess = _guess(campaign, model, records, parameters)
-    return Posterior(parameters, *build_likelihood(campaign, model, records), guess)
+    starts = [initial_state(campaign, model, record) for record in records]
+    _check_turns(model, records, campaign.channels)
+    with located(str(campaign.path)):
+        posterior = make_posterior(
+            model,
+            records,
+            _priors(campaign, model, records),
+            campaign.sensor_models,
+            start=starts,
+            start_sd={state: first_sd(campaign.noise, state) for state in model.states},
+            starts_over_ground=campaign.estimation.initial != "trim",
+            own=campaign.own,
+        )
+    return replace(posterior, parameters=parameters)
 
 
 def widest(structures: Sequence[Structure]) -> Structure:
@@ -82,8 +93,11 @@ def narrow_posterior(campaign: Campaign, wide: Posterior, structure: Structure, 
         return build_posterior(campaign, structure, records)
     guess = wide.guess
     if guess is not None:
-        terms = tuple(term.text for term in model.coefficients)
-        guess = _guess(campaign, wide.likelihood.model, records, wide.parameters, terms)
+        priors = {parameter.name: parameter.prior for parameter in wide.parameters}
+        terms, common = tuple(term.text for term in model.coefficients), wide.likelihood.model
+        starts = [initial_state(campaign, common, record) for record in records]
+        coefficients = first_guess(common, records, starts, priors, terms)
+        guess = np.array([coefficients.get(name, np.nan) for name in wide.names])
     return replace(wide, present=np.array([float(name in names) for name in wide.names]), guess=guess)
 
 
@@ -93,22 +107,6 @@ def _check_parameters(campaign: Campaign, parameters: Sequence[Parameter], recor
     _check_enough(campaign.channels, records, len(parameters))
 
 
-def _guess(
-    campaign: Campaign,
-    model: VehicleModel,
-    records: Sequence[Record],
-    parameters: Sequence[Parameter],
-    terms: Sequence[str] | None = None,
-) -> np.ndarray | None:
-    """Coefficients from the measured motion, of some terms only where these are given; in surge alone draws from the prior do as well."""
-    if campaign.vehicle.is_surge:
-        return None
-    priors = {parameter.name: parameter.prior for parameter in parameters}
-    starts = [initial_state(campaign, model, record) for record in records]
-    found = first_guess(model, records, starts, priors, terms)
-    return np.array([found.get(parameter.name, np.nan) for parameter in parameters])
-
-
 def is_whole(campaign: Campaign, structure: Structure) -> bool:
     """Whether no candidate has all terms of a structure and more."""
     return not any(set(structure.terms) < set(other.terms) for other in campaign.structures)
@@ -116,19 +114,10 @@ def is_whole(campaign: Campaign, structure: Structure) -> bool:
 
 def build_parameters(campaign: Campaign, model: VehicleModel, records: Sequence[Record]) -> tuple[Parameter, ...]:
     """Coefficients and nuisances with their priors, those of each trial under its label."""
-    labels, own = tuple(record.label for record in records), campaign.own
-    parameters = [
-        Parameter(term.text, model.unit_of(term), term.label, campaign.prior(term.text)) for term in model.coefficients
-    ]
-    for unknown, prior in campaign.other_unknowns(model):
-        each = unknown.name in own
-        parameters += [unknown.of_trial(label, prior) for label in labels] if each else [unknown.parameter(prior)]
-    parameters += deviations(varying(campaign.estimation, model), labels)
-    if campaign.estimation.free_initial:
-        starts = [initial_state(campaign, model, record) for record in records]
-        parameters += _initial_states(campaign.noise, model, labels, starts)
-    parameters = [replace(one, shown=campaign.shown(one.name, one.unit)) for one in parameters]
-    return tuple(parameters)
+    labels = [record.label for record in records]
+    priors = _priors(campaign, model, records)
+    parameters = parameters_of(model, campaign.sensor_models, priors, labels, campaign.own)
+    return tuple(replace(one, shown=campaign.shown(one.name, one.unit)) for one in parameters)
 
 
 def build_likelihood(
@@ -139,23 +128,20 @@ def build_likelihood(
     Raises:
         InputError: records or sensors that this likelihood cannot use, with the campaign's file.
     """
-    table = campaign.estimation
     starts = [initial_state(campaign, model, record) for record in records]
-    options = {
-        "delay": campaign.has_delay,
-        "current": table.current != "none",
-        "own": campaign.own,
-        "varying": tuple(one.name for one in varying(campaign.estimation, model)),
-        "starts_over_ground": table.initial != "trim",
-    }
+    values = {one.name: np.nan for one, _ in campaign.other_unknowns(model)}
+    values |= {noise_name(state): first_sd(campaign.noise, state) for state in model.states}
     _check_turns(model, records, campaign.channels)
     with located(str(campaign.path)):
-        if table.likelihood == "filter-error":
-            spread = [first_sd(campaign.noise, state) for state in model.states]
-            options["disturbed"] = disturbed_axes(campaign.priors, model)
-            return filter_error(model, records, campaign.sensor_models, starts, spread, **options)
-        return output_error(
-            model, records, campaign.sensor_models, starts, free_initial=campaign.estimation.free_initial, **options
+        return likelihood_of(
+            model,
+            records,
+            campaign.sensor_models,
+            values,
+            starts,
+            own=campaign.own,
+            free_initial=campaign.estimation.free_initial,
+            starts_over_ground=campaign.estimation.initial != "trim",
         )
 
 
@@ -181,20 +167,16 @@ def first_sd(noise: Mapping[str, float], state: str) -> float:
     return noise.get(state, 1.0)
 
 
-def _initial_states(
-    noise: Mapping[str, float], model: VehicleModel, labels: Sequence[str], starts: Sequence[Sequence[float]]
-) -> list[Parameter]:
-    return [
-        Parameter(
-            initial_name(state, label),
-            signal_unit(state),
-            rf"{state}_0[{label}]",
-            Normal(value, 5.0 * noise[state] if state in noise else 1.0),
-        )
-        for label, start in zip(labels, starts, strict=True)
-        for state, value in zip(model.states, start, strict=True)
-        if not state.endswith(ACTUAL)  # it stands where it is commanded to be
-    ]
+def _priors(campaign: Campaign, model: VehicleModel, records: Sequence[Record]) -> dict[str, Prior]:
+    """Return the prior of every unknown by name, SI; that of an initial state lies about the start of its own trial."""
+    priors = {term.text: campaign.prior(term.text) for term in model.coefficients}
+    priors |= {unknown.name: prior for unknown, prior in campaign.other_unknowns(model)}
+    for record in records if campaign.estimation.free_initial else ():
+        for state, value in zip(model.states, initial_state(campaign, model, record), strict=True):
+            if not state.endswith(ACTUAL):
+                sd = 5.0 * campaign.noise[state] if state in campaign.noise else 1.0
+                priors[initial_name(state, record.label)] = Normal(value, sd)
+    return priors
 
 
 def _check_widths(parameters: Sequence[Parameter], name_key: Callable[[str], str]) -> None:

@@ -9,6 +9,7 @@ from seatrial.compiled.engine import check_precision
 from seatrial.core.argument_checks import check_each_of, check_kind, check_names, check_numbers, check_sequence, shown
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.record import Record
+from seatrial.core.signals import RATES
 from seatrial.estimation.posterior.filter_error import FilterError, filter_error, process_name
 from seatrial.estimation.posterior.first_guess import first_guess
 from seatrial.estimation.posterior.output_error import (
@@ -44,8 +45,9 @@ def make_posterior(
     priors: Mapping[str, Prior],
     sensors: Sequence[Sensor | str] | None = None,
     *,
-    start: Mapping[str, float] | None = None,
+    start: Mapping[str, float] | Sequence[Sequence[float]] | None = None,
     start_sd: Mapping[str, float] | None = None,
+    starts_over_ground: bool | None = None,
     own: Sequence[str] = (),
 ) -> Posterior:
     """Build the posterior of everything that has a prior, given one record or several that are fitted jointly.
@@ -57,9 +59,12 @@ def make_posterior(
             sensor; `delay`, `current`, `process_u`, `disturbance_X` with `disturbance_time_X`, `spread_X_u` and `u_0`. What each
             trial has of its own may have a prior of its own, as `u_0[trial]`.
         sensors: measured channels; a name alone is a sensor of white noise. All channels of the first record where not given.
-        start: state at the first sample, as far as it is known better than by its first measurement; signal name to SI value.
+        start: state at the first sample, as far as it is known better than by its first measurement; signal name to SI value. Or the
+            whole state of each record, SI, in the order of the states of the vehicle, shape (records, n_states).
         start_sd: where a filter is used, how well each state is known at the start, SI; where not given, as well as its sensor's noise is
             large by the mean of its prior, and 1 for a state that nothing measures.
+        starts_over_ground: whether the surge velocity at the start is over ground; through the water where `start` states it, and over
+            ground where it is measured, if nothing is given.
         own: unknowns of which each trial has its own, such as `bias_u` or `current`.
 
     Returns:
@@ -78,15 +83,14 @@ def make_posterior(
     check_priors(priors)
     own = check_names(own, "own", "bias_u")
     check_numbers(start_sd, "start_sd", known=model.states, above=0.0)
-    labels, stated = [record.label for record in records], {name.partition("[")[0] for name in priors}
-    unknown = unknowns_of(model, chosen, stated)
-    each = (*own, *(one.name for one in unknown if one.is_initial))
-    _check_signs(priors, unknown)
-    _check_priors(priors, unknown, own, [own_name(name, label) for label in labels for name in each])
+    parameters = parameters_of(model, chosen, priors, [record.label for record in records], own)
+    stated = {name.partition("[")[0] for name in priors}
     sizes = {name: priors[name].mean if name in priors else np.nan for name in stated}
     sizes |= {noise_name(state): sd for state, sd in (start_sd or {}).items()}
     free = f"{model.states[0]}_0" in stated
-    starts = [start_of(model, record, start, free) for record in records]
+    starts = _starts(model, records, start, free)
+    if starts_over_ground is None:
+        starts_over_ground = start is None or (isinstance(start, Mapping) and "u" not in start)
     likelihood, data = likelihood_of(
         model,
         records,
@@ -94,16 +98,61 @@ def make_posterior(
         sizes,
         starts,
         own=own,
-        varying=[one.name for one in may_vary(model) if spread_name(one.name) in priors],
         free_initial=free,
-        starts_over_ground=start is None or "u" not in start,
+        starts_over_ground=starts_over_ground,
     )
-    parameters = tuple(_parameters(unknown, priors, labels, own))
     guess = None
-    if model.states != ("u",):
-        found = first_guess(model, records, starts, priors)
-        guess = np.array([found.get(parameter.name, np.nan) for parameter in parameters])
+    # In surge alone draws from the prior do as well.
+    if [state for state in model.states if state in RATES] != ["u"]:
+        shared = {parameter.name: parameter.prior for parameter in parameters}
+        coefficients = first_guess(model, records, starts, shared)
+        guess = np.array([coefficients.get(parameter.name, np.nan) for parameter in parameters])
     return Posterior(parameters, likelihood, data, guess)
+
+
+def parameters_of(
+    model: VehicleModel,
+    sensors: Sequence[Sensor],
+    priors: Mapping[str, Prior],
+    labels: Sequence[str],
+    own: Sequence[str] = (),
+) -> tuple[Parameter, ...]:
+    """Return the parameters of a posterior: those of all trials, then deviations, then initial states.
+
+    Args:
+        model: vehicle.
+        sensors: of the measured channels.
+        priors: see `make_posterior`.
+        labels: of the trials.
+        own: see `make_posterior`.
+
+    Raises:
+        InputError: an unknown without a prior, a prior that nothing uses or one that allows values below 0 of what has no sign.
+    """
+    unknown = unknowns_of(model, sensors, {name.partition("[")[0] for name in priors})
+    each = (*own, *(one.name for one in unknown if one.is_initial))
+    _check_signs(priors, unknown)
+    _check_priors(priors, unknown, own, [own_name(name, label) for label in labels for name in each])
+    return tuple(_parameters(unknown, priors, labels, own))
+
+
+def _starts(
+    model: VehicleModel,
+    records: Sequence[Record],
+    start: Mapping[str, float] | Sequence[Sequence[float]] | None,
+    free: bool,
+) -> list[tuple[float, ...]]:
+    if start is None or isinstance(start, Mapping):
+        return [start_of(model, record, start, free) for record in records]
+    starts = [tuple(map(float, state)) for state in check_sequence(start, "start", 'write for example {"u": 1.5}')]
+    if [len(state) for state in starts] != [len(model.states)] * len(records) or not np.isfinite(starts).all():
+        raise InputError(
+            "start",
+            found=f"{len(starts)} states of {', '.join(str(len(state)) for state in starts)} numbers",
+            expected=f"one state for each of {len(records)} records: {', '.join(model.states)}, all finite",
+            remedy='give them all, or a mapping such as {"u": 1.5}',
+        )
+    return starts
 
 
 def check_model(model: VehicleModel) -> None:
@@ -180,12 +229,13 @@ def likelihood_of(
         values: of the parameters, SI, of which the size of a sensor's noise says how well a start is known.
         starts: state at the first sample of each trial.
         free_initial: whether the starts are parameters; a filter takes them as uncertain anyway.
-        options: `own`, `varying` and `starts_over_ground` of `output_error`.
+        options: `own` and `starts_over_ground` of `output_error`.
 
     Raises:
         InputError: as `output_error` and `filter_error`.
     """
     options |= {"delay": DELAY in values, "current": CURRENT in values}
+    options["varying"] = tuple(one.name for one in may_vary(model) if spread_name(one.name) in values)
     disturbed = disturbed_axes(values, model)
     if disturbed or any(process_name(state) in values for state in model.states):
         spread = [float(values.get(noise_name(state), UNSEEN_SD)) for state in model.states]

@@ -7,14 +7,15 @@ delay                    between command and action, s           current        
 process_u                process noise of a state, of all or of none: a filter then integrates it out
 disturbance_X            a force that no term makes, its standard deviation, and disturbance_time_X, its correlation time, s: a filter
                          integrates it out too, and process noise is then of any states or none
-spread_X_u               X_u differs between trials, by so much  u_0              the initial state of each trial, all states or none
+spread_X_u               X_u differs between trials, by so much  u_0              the initial state of each trial, all states or none;
+                         of an actuator's state only where it is named
 """
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 from seatrial.core.coefficients import CoefficientName
-from seatrial.core.signals import signal_label, signal_unit
+from seatrial.core.signals import ACTUAL, signal_label, signal_unit
 from seatrial.estimation.posterior.filter_error import process_name
 from seatrial.estimation.posterior.output_error import deviation_name, own_name, spread_name
 from seatrial.estimation.posterior.posterior import Parameter
@@ -97,6 +98,8 @@ def unknowns_of(
         found += [
             Unknown(f"{state}_0", signal_unit(state), f"{signal_label(state)}_0", True, is_initial=True)
             for state in model.states
+            # An actuator stands where it is commanded to be.
+            if not state.endswith(ACTUAL) or f"{state}_0" in stated
         ]
     return found
 
