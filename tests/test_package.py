@@ -24,7 +24,7 @@ def test_public_names_resolve(name):
 
 def test_unknown_attribute():
     with pytest.raises(AttributeError, match="no attribute 'CoefficientNam'"):
-        _ = seatrial.CoefficientNam
+        _ = seatrial.CoefficientNam  # pyright: ignore[reportAttributeAccessIssue]
 
 
 def test_every_locked_dependency_has_hashes_and_no_address():
