@@ -39,7 +39,7 @@ from seatrial.estimation.posterior.filter_error import FilterError
 from seatrial.estimation.posterior.mode import find_mode
 from seatrial.estimation.posterior.output_error import OutputError, initial_name
 from seatrial.estimation.posterior.replicate import motions
-from seatrial.estimation.prediction.prediction import ANY, noise_sd, slow_noise
+from seatrial.estimation.prediction.prediction import ANY, noise_sd, slow_noise, spread_rows
 from seatrial.estimation.priors import Normal
 from seatrial.estimation.simulation.delayed_control import delay_control
 from seatrial.estimation.simulation.starts import first_measured, level_start
@@ -120,9 +120,8 @@ class Ours:
         """See `Fitted`."""
         remembers = any(sensor.noise in ("coloured", "drifting") for sensor in self.campaign.sensor_models)
         simulated = [(stretches[0][0], record.time.size - 1)] if remembers else stretches
-        draws = self.drawn.draws()
         count = RUN_DRAWS if len(simulated) == 1 else STRETCH_DRAWS
-        known = dict(zip(self.drawn.names, draws[:: max(1, len(draws) // count)][:count].T, strict=True))
+        known = dict(zip(self.drawn.names, spread_rows(self.drawn.draws(), count).T, strict=True))
         campaign, model = self.campaign, self.campaign.model(self.drawn.structure)
         likelihood, _ = build_likelihood(campaign, model, [replace(_piece(record, simulated[0]), label=ANY)])
         values, starts = self._values(record, simulated, known)

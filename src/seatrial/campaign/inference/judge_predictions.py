@@ -44,6 +44,7 @@ from seatrial.estimation.prediction.prediction import (
     noise_sd,
     outputs_of_draws,
     slow_noise,
+    spread_rows,
     within_bounds,
 )
 from seatrial.estimation.prediction.prediction_scores import (
@@ -270,8 +271,7 @@ def _finding(group: Sequence[Fit]) -> Finding:
 def _predict(campaign: Campaign, drawn: Drawn, record: Record) -> dict[str, Any]:
     """Motion under many draws; what only other trials know, such as this one's own bias, is drawn from its prior."""
     model = shared_model(campaign, drawn.structure)
-    table = drawn.draws()
-    table = table[:: max(1, table.shape[0] // N_DRAWS)][:N_DRAWS]
+    table = spread_rows(drawn.draws(), N_DRAWS)
     known = dict(zip(drawn.names, table.T, strict=True))
     # Under one label for all records, so that records of one length share compiled code.
     anonymous = replace(record, label=ANY)

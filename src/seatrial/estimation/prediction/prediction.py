@@ -174,6 +174,11 @@ def replicate_record(
     return np.asarray(replicates_of_draws(alone)(values, data, as_key(key)))[:, : record.time.size]
 
 
+def spread_rows(draws: Float[np.ndarray, "draws d"], most: int) -> Float[np.ndarray, "kept d"]:
+    """Return rows that are spread evenly over all, as many as `most` at most."""
+    return draws[:: max(1, len(draws) // most)][:most]
+
+
 def noise_sd(sensor: Sensor, values: Mapping[str, Any]) -> np.ndarray:
     """Return the standard deviation of a sensor's noise under each draw; Student's t of few degrees of freedom counts as of three."""
     sd = np.asarray(values[noise_name(sensor.channel)])
@@ -264,8 +269,7 @@ def _ready(
     output = likelihood if isinstance(likelihood, OutputError) else likelihood.output
     first = start_of(likelihood.model, record, start, output.free_initial)
     data = stack_trials([record], likelihood.model, likelihood.channels, [first])
-    table = draws.array()
-    table = table[:: max(1, table.shape[0] // n)][:n]
+    table = spread_rows(draws.array(), n)
     known = dict(zip(draws.names, table.T, strict=True))
     starts = dict(zip(likelihood.model.states, first, strict=True))
     values = _values_of(posterior, record.label, starts, known, key)
