@@ -144,11 +144,15 @@ def _starts(
 ) -> list[tuple[float, ...]]:
     if start is None or isinstance(start, Mapping):
         return [start_of(model, record, start, free) for record in records]
-    starts = [tuple(map(float, state)) for state in check_sequence(start, "start", 'write for example {"u": 1.5}')]
+    given = check_sequence(start, "start", 'write for example {"u": 1.5}')
+    try:
+        starts = [tuple(map(float, state)) for state in given]
+    except (TypeError, ValueError):
+        starts = []
     if [len(state) for state in starts] != [len(model.states)] * len(records) or not np.isfinite(starts).all():
         raise InputError(
             "start",
-            found=f"{len(starts)} states of {', '.join(str(len(state)) for state in starts)} numbers",
+            found=shown(start),
             expected=f"one state for each of {len(records)} records: {', '.join(model.states)}, all finite",
             remedy='give them all, or a mapping such as {"u": 1.5}',
         )
