@@ -116,8 +116,8 @@ def _problem(case: Case) -> Problem:
 def _in_c(case: Case, cores: int):
     """Problem, log total, inclusion, mean, within, and the best scores, by the C reference."""
     problem, k = _problem(case), len(case.names)
-    library, fixed = load("reference_subsets.c"), max(k - engine.LEVELS, 0)
-    levels, lanes, width = k - fixed, 2**fixed, min(engine.LANES, 2**fixed)
+    library, fixed = load("reference_subsets.c"), max(k - engine.BLOCK_LEVELS, 0)
+    levels, lanes, width = k - fixed, 2**fixed, min(engine.BLOCK_LANES, 2**fixed)
     for function in (library.new_tree, library.new_best):
         function.restype = ctypes.c_void_p
     outer = ctypes.c_void_p(library.new_tree(*map(as_c, (k + 1, fixed, 1))))
@@ -142,7 +142,7 @@ def _in_c(case: Case, cores: int):
         library.add_blocks(outer, *before, best, *map(as_c, sums))
 
     some(blocks - 1, blocks, 1, -1e300, lists[0])
-    floor = float(sums[0][-1]) - engine.NEGLIGIBLE - k * np.log(2)
+    floor = float(sums[0][-1]) - engine.NEGLIGIBLE_DEFICIT - k * np.log(2)
     on_cores(cores, lambda i: some(i, blocks - 1, cores, floor, lists[i]), list(range(cores)))
     peak, weight, corner, present, _, moment, spread = sums
     factor = np.exp(peak - peak.max())
