@@ -168,13 +168,13 @@ def test_a_model_that_has_become_wrong_is_an_alarm_with_the_factor_that_would_me
 def test_what_the_campaign_has_is_not_said_to_be_missing(known):
     """With a delay and slow residuals there are left a term and a force disturbance."""
     campaign, _, _ = known
-    assert _lacks(campaign, "u")[1] == "a delay"
+    assert _lacks(campaign, "u")[1] == "add-delay"
     has = replace(
         campaign,
         priors={**campaign.priors, "delay": campaign.priors["T_nabsn"]},
-        estimation=replace(campaign.estimation, residuals="coloured"),
+        estimation=campaign.estimation.model_copy(update={"residuals": "coloured"}),
     )
-    assert _lacks(has, "u") == ("a term", 'a model of the error (likelihood = "filter-error")')
+    assert _lacks(has, "u") == ("add-term", "filter-error")
 
 
 def test_states_that_no_sensor_shows_are_named_where_a_run_is_lost(known):

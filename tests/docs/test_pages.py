@@ -59,7 +59,7 @@ def test_modules_that_pages_name_exist(path):
             continue
         parent = whole.rpartition(".")[0] + "."
         file = ROOT / "src" / whole.replace(".", "/")
-        homes = (file.parent.with_suffix(".py"), file.parent / "__init__.py")
+        homes = (file.parent.with_suffix(".py"), file.parent / "__init__.py", file.parent / "__init__.pyi")
         named = any(home.is_file() and re.search(rf"\b{file.name}\b", home.read_text()) for home in homes)
         if not (file.is_dir() or file.with_suffix(".py").is_file() or named):
             missing.append(whole)

@@ -8,7 +8,7 @@ Each step imports its work when it is first asked for, since most bring librarie
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -82,7 +82,7 @@ class Step:
     listed: str = ""
     command: str = ""
 
-    @cached_property
+    @property
     def work(self) -> Work:
         """Its functions."""
         return self.load()
