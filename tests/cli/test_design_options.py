@@ -54,4 +54,4 @@ def test_the_self_oscillation_that_is_proposed_is_accepted_as_it_stands(monkeypa
     path.write_text(path.read_text() + f"\n[design.relay]\n{keys}\n")
     relay = load_campaign(tmp_path).design.relay
     assert relay.output == "u"
-    assert len(relay.thresholds) == 8
+    assert len(relay.threshold.values()) == 8

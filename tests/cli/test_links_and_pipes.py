@@ -73,7 +73,7 @@ def hold(folder):
 
 def start(word):
     def work(folder):
-        jobs = Jobs(prepares=False)
+        jobs = Jobs()
         jobs.sessions[folder] = Silent()
         jobs.start(folder, word)
         assert log_of(folder, word).read_text().endswith("printed\n")
@@ -114,8 +114,8 @@ def test_what_is_written_takes_the_place_of_a_link_or_a_pipe(tmp_path, name, put
 
 READS = {
     FILE_NAME: lambda folder: occupant_of(folder),
-    "results/last_command.txt": lambda folder: Jobs(prepares=False).look(folder).command or None,
-    "results/last_check.txt": lambda folder: Jobs(prepares=False).last_check(folder).output or None,
+    "results/last_command.txt": lambda folder: Jobs().look(folder).command or None,
+    "results/last_check.txt": lambda folder: Jobs().last_check(folder).output or None,
     str(LAST_LOOK): last_look,
     "results/summary.json": lambda folder: None if Store(folder).summary.is_file() else refused(folder),
     "results/checkpoints/a.npz": lambda folder: load_checkpoint(Store(folder).checkpoint("a"), "k"),
