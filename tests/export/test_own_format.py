@@ -80,7 +80,7 @@ def _edit(content, *keys, value):
     ("keys", "value", "words"),
     [
         (("body", "mass", "unit"), "lb", "key body.mass.unit"),
-        (("body", "mass", "value"), 0.0, "more than 0 kg"),
+        (("body", "mass", "value"), 0.0, "above 0"),
         (("body", "thrust_deduction", "value"), 5.0, "a share"),
         (("frame",), "north, east, up", "key frame"),
         (("matrices", "added_mass", 0, 0), 0.0, "key matrices.added_mass.0.0"),

@@ -153,7 +153,8 @@ def _check_part(
         f"{place}, term {name}",
         found=f"{name}, which has no part in the motion: {why}",
         expected=f"terms of {', '.join(present)}" if present else "terms of thrust: the vehicle is held",
-        remedy="leave it out, or let the vehicle move there, by `moves` or with an unknown mass",
+        remedy="leave it out, or let the vehicle move there, by `moves` or with an unknown mass; "
+        "vehicle.terms(moves) gives the terms that act",
     )
 
 
