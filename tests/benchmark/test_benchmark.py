@@ -4,6 +4,7 @@ import csv
 import gzip
 import hashlib
 import json
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -215,9 +216,8 @@ def test_an_unknown_set_or_method_is_told_its_neighbour(tmp_path):
 
 
 def test_a_method_of_a_library_that_is_not_there_says_so(tmp_path, monkeypatch):
-    monkeypatch.setattr(
-        "seatrial.benchmark.peers.importlib.import_module", lambda name: (_ for _ in ()).throw(ImportError)
-    )
+    for library in ("pysindy", "nfoursid"):
+        monkeypatch.setitem(sys.modules, library, None)  # so that its import fails
     result = run_set(read_set(str(write_set(tmp_path))), choose(["sindy", "n4sid"]), None, tmp_path / "out")
     assert [entry.method for entry in result.entries] == ["sindy", "n4sid"]
     assert all("is not installed" in entry.failed and "pip install" in entry.failed for entry in result.entries)

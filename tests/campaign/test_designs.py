@@ -148,7 +148,7 @@ def test_energy_needs_a_propeller_and_its_power(tmp_path):
     ("more", "message"),
     [
         ("[limits.v]\nupper = '1 m/s'", "a control, a state or a track: n, u, distance, advance"),
-        ("[limits.u]\nrate = '1 m/s'", "rates are limited of controls only"),
+        ("[limits.u]\nrate = '1 m/s^2'", "rates are limited of controls only"),
         ("[limits.u]", "no bound"),
         ("[limits.u]\nlower = '2 m/s'\nupper = '1 m/s'", "lower below upper"),
         ("[limits.distance]\nlower = '2 m'", "expected: upper"),

@@ -416,7 +416,9 @@ def test_a_control_measured_while_it_changed_follows_a_straight_line_where_the_m
     for between in ("held", "line"):
         more = IMPORT.replace('unit = "rpm" }', f'unit = "rpm", between = "{between}" }}')
         campaign = write_campaign(tmp_path / between, more=more)
-        session = Session(replace(campaign, sensors={"u": replace(campaign.sensors["u"], noise=0.002)}), "simulated")
+        session = Session(
+            replace(campaign, sensors={"u": campaign.sensors["u"].model_copy(update={"noise": 0.002})}), "simulated"
+        )
         found = feed(session, n[every], motion[every] + noise)[-1].coefficients
         assert all(abs(one.mean - TRUTH[one.name]) < 3 * one.sd for one in found)
         sd[between] = np.array([one.sd for one in found])

@@ -132,7 +132,10 @@ def test_the_loop_against_plain_steps_of_the_exact_solution(tmp_path):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ([('output = "r"', 'output = "psi"')], "a measured channel: r"),
+        (
+            [('output = "r"', 'output = "psi"'), ('from = "2 deg/s", to = "6 deg/s"', 'from = "2 deg", to = "6 deg"')],
+            "a measured channel: r",
+        ),
         ([('from = "2 deg/s", to = "6 deg/s"', 'from = "90 deg/s", to = "95 deg/s"')], "and never on both sides"),
         ([('upper = "10 deg/s"', 'upper = "1 deg/s"')], r"r at most 1 deg/s: holds in \d+ of 400 draws"),
         (

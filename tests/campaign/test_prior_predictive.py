@@ -117,7 +117,7 @@ def test_without_a_record_the_largest_doublet_is_simulated(tmp_path):
     assert np.ptp(found.control["n"]) == pytest.approx(400 * 2 * np.pi / 60, rel=1e-9)
     assert found.channels[0].measured is None
     assert found.lost.mean() < 0.01
-    assert found.undissipative == ()
+    assert found.unphysical == ()
     assert "draws over" in repr(found)
     assert "steady speed at n = 1194 rpm: " in found._repr_html_()
     assert (np.diff(found.channels[0].bands, axis=0) >= 0).all()

@@ -172,7 +172,9 @@ def test_the_page_says_where_a_predicted_run_starts(outcome, html):
     )
     estimation = outcome.campaign.estimation
     for initial, said in (("trim", "beginning at the trim"), ("measured", "its first sample only")):
-        changed = replace(outcome, campaign=replace(outcome.campaign, estimation=replace(estimation, initial=initial)))
+        changed = replace(
+            outcome, campaign=replace(outcome.campaign, estimation=estimation.model_copy(update={"initial": initial}))
+        )
         assert fits_section(changed)["basis"].endswith(said)
 
 
@@ -426,7 +428,9 @@ def test_the_headline_tells_a_model_that_is_beaten_from_one_that_fails(tmp_path)
     even = answer(replace(make_outcome(tmp_path), compared=make_compared(0.051)))
     assert even.startswith("A first-order lag of the controls predicts u of the held-back runs as well as this model. ")
     failing = replace(make_outcome(tmp_path), pooled=make_pooled(0.2))
-    assert answer(failing).startswith("The model fails on runs that it was not fitted to. Held-back runs: ")
+    assert answer(failing).startswith(
+        "The model fails on runs that it was not fitted to. 14 % of u in 3 held-back runs lies "
+    )
 
 
 def test_a_name_that_turns_the_text_around_is_shown_as_it_is_written(outcome):

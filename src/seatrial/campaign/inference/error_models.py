@@ -119,7 +119,7 @@ def with_error_model(campaign: Campaign, structure: Structure, error: ErrorModel
     }
     kept = dict(campaign.priors)
     if "residuals" in error.estimation:
-        sensors = {channel: replace(one, residuals=None) for channel, one in sensors.items()}
+        sensors = {channel: one.model_copy(update={"residuals": None}) for channel, one in sensors.items()}
     if "likelihood" in error.estimation:
         gone = (disturbance_name(""), disturbance_time_name(""), process_name(""))
         kept = {name: prior for name, prior in kept.items() if not name.startswith(gone)}
