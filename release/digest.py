@@ -10,7 +10,7 @@ Numbers are those of the `--json` documents, by the names that stand there, and 
 - Numbers from draws agree within their joint Monte Carlo errors. The errors are those of several seeds on the same records; where the
   records depend on the seed, a number must be equal, or it counts as not judged.
 
-Words are compared apart from numbers: they are listed, and decide nothing.
+Words, and numbers that only the later version has, are listed and decide nothing; a number that only the earlier one has differs.
 """
 
 import argparse
@@ -221,7 +221,8 @@ def numbers_of_text(place: str, text: str) -> Iterator[tuple[str, float | str]]:
 def compare(before: dict[str, dict[str, list]], after: dict[str, dict[str, list]]) -> int:
     """Print the differences and the verdict; return 1 if a number differs that should not."""
     old, new = before["numbers"], after["numbers"]
-    wrong = [f"{key}: only {'before' if key in old else 'after'}" for key in sorted(old.keys() ^ new.keys())]
+    wrong = [f"{key}: only before" for key in sorted(old.keys() - new.keys())]
+    added = sorted(new.keys() - old.keys())  # a version may report more; what it no longer reports is lost
     equal, chances, unjudged = 0, {}, []
     for key in sorted(old.keys() & new.keys()):
         one, other = np.array(old[key]), np.array(new[key])
@@ -246,11 +247,13 @@ def compare(before: dict[str, dict[str, list]], after: dict[str, dict[str, list]
         for key in before["words"].keys() | after["words"].keys()
         if before["words"].get(key) != after["words"].get(key)
     ]
-    for title, lines in (("words that changed", sorted(changed)), ("not judged", unjudged), ("differ", wrong)):
+    listed = {"words that changed": sorted(changed), "new": added, "not judged": unjudged, "differ": wrong}
+    for title, lines in listed.items():
         print(f"{title}: {len(lines)}", *(f"  {line}" for line in lines[:SHOWN]), sep="\n")
     print(
         f"{equal} numbers are equal, {len(chances)} from draws moved ({len(few)} beyond 1 in 1 000, {allowed} allowed), "
-        f"{len(unjudged)} are not judged, {len(wrong)} differ: {'the versions disagree' if wrong else 'the versions agree'}"
+        f"{len(unjudged)} are not judged, {len(added)} are new, {len(wrong)} differ: "
+        f"{'the versions disagree' if wrong else 'the versions agree'}"
     )
     return int(bool(wrong))
 

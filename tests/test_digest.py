@@ -46,6 +46,7 @@ def test_draws_are_judged_together_by_the_spread_of_their_seeds(shift, differs):
 
 def test_numbers_that_vanish_differ_and_words_decide_nothing(capsys):
     assert compare(digest({"case/check/a": [1.0]}), digest({})) == 1
+    assert compare(digest({}), digest({"case/check/a": [1.0]})) == 0
     assert compare(digest({}, a=["one"]), digest({}, a=["another"])) == 0
     assert "words that changed: 1" in capsys.readouterr().out
 

@@ -24,7 +24,6 @@ from seatrial.vehicles.hull import AXES
 # Axis and the two velocities of a term, 0 to 5; of a modulus the second is the one with bars, of a product they ascend.
 Pair = tuple[int, int, int]
 FINS = ("delta_r", "delta_s")
-_ROUNDING = 1e-12
 
 
 @dataclass(frozen=True)
@@ -90,32 +89,10 @@ def all_products(vehicle: ExportedVehicle) -> dict[Pair, float]:
     return results
 
 
-def product_name(key: Pair) -> str:
-    """Return the name of a product, for example `X_wq` or `X_q2`."""
-    axis, first, second = key
-    return f"{AXES[axis]}_{RATES[first]}{'2' if first == second else RATES[second]}"
-
-
 def without(vehicle: ExportedVehicle, names: Iterable[str]) -> ExportedVehicle:
     """Return the vehicle without some terms."""
     gone = set(names)
     return replace(vehicle, coefficients={name: x for name, x in vehicle.coefficients.items() if name not in gone})
-
-
-def product_losses(own: Mapping[Pair, float], products: Mapping[Pair, float], where: str) -> tuple[str, ...]:
-    """Return one sentence about the products, taken about a place, whose value differs from the vehicle's own; none where all agree.
-
-    Args:
-        own: Coriolis forces of the vehicle, by pair of velocities, SI.
-        products: those of the target.
-        where: the place they are about, in words.
-    """
-    results = []
-    for key in sorted({*own, *products}):
-        wanted, carried = own.get(key, 0.0), products.get(key, 0.0)
-        if abs(wanted - carried) > _ROUNDING * max(abs(wanted), abs(carried)):
-            results.append(f"{product_name(key)} = {wanted:.4g} as {carried:.4g}")
-    return (f"products of velocities {where} that the target sets itself: " + ", ".join(results),) if results else ()
 
 
 def term_losses(vehicle: ExportedVehicle, names: Iterable[str], why: str = "") -> tuple[str, ...]:

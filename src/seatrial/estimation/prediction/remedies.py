@@ -7,11 +7,6 @@ from seatrial.core.coefficients import CoefficientName, is_coefficient
 from seatrial.core.signals import RATES, SIGNALS, motion_name
 
 
-def delay_prior(late: float = 0.0) -> str:
-    """Return an example of a prior of a delay that includes one of `late`, s."""
-    return f'distribution = "uniform", lower = 0.0 and upper = {max(0.5, 2 * late):.2g}'
-
-
 def what_separates(names: Sequence[str]) -> str:
     """Say what to do so that these parameters are known each."""
     axes = {name.split("_")[0] for name in names if is_coefficient(name)}
