@@ -1,19 +1,20 @@
-"""The same work on a GPU and on this machine's processor, which must find the same: densities, design sweep, chains, evidence, calibration.
+"""The same work on a GPU and on all cores of this machine's processor: densities, design sweep, chains, evidence, calibration.
 
-`python benchmarks/run.py gpu`, or alone `python benchmarks/gpu.py`. Where JAX sees no GPU it says so, and measures nothing;
-`JAX_NUM_CPU_DEVICES=2 python benchmarks/gpu.py --rehearse` then runs the smallest sizes with a second device of the processor in its
-place, computing in the accelerator's form: its numbers are checked, its times mean nothing.
+`python benchmarks/gpu.py`, or with the other measurements `python benchmarks/run.py gpu`. Where JAX sees no GPU, the script reports that
+and measures nothing; `JAX_NUM_CPU_DEVICES=2 python benchmarks/gpu.py --rehearse` then runs the smallest sizes with a second device of the
+processor in its place, in the form that an accelerator computes: its numbers are checked, its times mean nothing.
 
-Each size runs on both in turn after one call that compiles. What is computed without a choice must agree within rounding: orders of
-summation, and another exp and log, over thousands of steps. A chain decides at random: where rounding turns one decision in a million, it
-goes another way, no worse. So chains, evidence and ranks must agree within their Monte Carlo errors, and mostly agree much better.
+Each size runs on both in turn after one call that compiles. Densities, the sweep and the replicates of a calibration use all cores of the
+processor; chains and evidence are one program, which one core runs. Results without random numbers must agree within rounding: orders of
+summation, and another exp and log, over thousands of steps. A chain decides at random: where rounding changes one decision in a million,
+it takes another path that is as good. So chains, evidence and ranks must agree within their Monte Carlo errors.
 """
 
 import atexit
 import shutil
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import cache, partial
 from math import isqrt
 from typing import Any, NamedTuple
@@ -32,15 +33,18 @@ from seatrial.campaign.inference.calibration import calibrate
 from seatrial.campaign.store.stored_result import Store
 from seatrial.compiled import batching as lanes
 from seatrial.core.processes import cores as usable_cores
-from seatrial.design.sweep import sweep_family
+from seatrial.design.sweep import in_blocks, sweep_family
 from seatrial.estimation.diagnostics.calibration import DRAWS
 from seatrial.estimation.posterior.mode import find_mode
 from seatrial.sampling.diagnostics import diagnose
 from seatrial.sampling.run import ChainSettings
 from seatrial.sampling.sampler import SAMPLERS, sample
+from seatrial.sampling.target import log_densities
 from seatrial.sampling.tempered_smc import SMCSettings, sample_tempered_smc
 
-REPEATS, STEPS = 3, 6_000
+STEPS = 6_000
+REPEATS, PATIENCE = 3, 5.0
+"""Runs of each size that are timed; one alone where the first on both takes more seconds than `PATIENCE`."""
 ROUNDING = 1e-9
 """Relative, of what is computed without a choice."""
 ERRORS = 5.0
@@ -49,18 +53,17 @@ METHOD = "independence-metropolis"
 
 
 class Numbers(NamedTuple):
-    """What a run found, shape (n,), and the Monte Carlo standard errors; None of what is computed without a choice."""
+    """Results of a run, shape (n,), and their Monte Carlo standard errors; None for results without random numbers."""
 
-    found: np.ndarray
+    values: np.ndarray
     error: np.ndarray | None = None
 
 
 def densities(count: int) -> Callable[[], Numbers]:
     """Log densities of many parameter vectors of the paper's posterior."""
     posterior = paper_problem().posterior
-    drawn = posterior.sample_prior(jax.random.key(0), count)
-    run = jax.jit(lambda target, z: lanes.map_lanes(target.log_density, z, cpu=64))
-    return lambda: Numbers(np.asarray(run(posterior, drawn)))
+    drawn = np.asarray(posterior.sample_prior(jax.random.key(0), count))
+    return lambda: Numbers(in_blocks(lambda z: (log_densities(posterior, z),), drawn)[0])
 
 
 def sweep(count: int) -> Callable[[], Numbers]:
@@ -69,8 +72,8 @@ def sweep(count: int) -> Callable[[], Numbers]:
     space, doublets, designs = state_space(), family(STEPS), grid(side, side, 20.0)
 
     def run() -> Numbers:
-        found = sweep_family(space, doublets, *designs)
-        return Numbers(np.concatenate([found.gain.ravel(), found.final_sd.ravel()]))
+        swept = sweep_family(space, doublets, *designs)
+        return Numbers(np.concatenate([swept.gain.ravel(), swept.final_sd.ravel()]))
 
     return run
 
@@ -95,8 +98,8 @@ def evidence(particles: int) -> Callable[[], Numbers]:
     posterior, key, settings = paper_problem().posterior, jax.random.key(2), SMCSettings(particles)
 
     def run() -> Numbers:
-        found = sample_tempered_smc(posterior, key, settings)
-        return Numbers(np.array([found.log_evidence]), np.array([2.0 * np.sqrt(found.expected_variance)]))
+        result = sample_tempered_smc(posterior, key, settings)
+        return Numbers(np.array([result.log_evidence]), np.array([2.0 * np.sqrt(result.expected_variance)]))
 
     return run
 
@@ -118,28 +121,28 @@ def calibration(replicates: int) -> Callable[[], Numbers]:
 
 
 WORK = {
-    f"log densities, {STEPS} steps": (densities, (64, 1024, 16384, 65536), "lanes"),
-    f"square-root UKF sweep, {STEPS} steps": (sweep, (100, 400, 3600), "designs"),
-    f"adaptive Metropolis, 200 iterations, {STEPS} steps": (chains, (32, 512, 4096), "chains"),
+    f"log densities, {STEPS} steps": (densities, (100, 1_000, 10_000, 100_000, 1_000_000), "lanes"),
+    f"square-root UKF sweep, {STEPS} steps": (sweep, (100, 900, 10_000), "designs"),
+    f"adaptive Metropolis, 200 iterations, {STEPS} steps": (chains, (32, 1024), "chains"),
     f"evidence by tempered SMC, {STEPS} steps": (evidence, (1024, 8192), "particles"),
     f"calibration by {METHOD}": (calibration, (8, 32), "replicates"),
 }
 """Titles, what prepares a run of one size on the device in use, sizes, and what they count."""
 
 
-def speed(cores: int) -> list[Row | Ratio]:
-    """Seconds of every size on both, and how far their numbers are apart; nothing where there is no GPU."""
+def speed(cores: int) -> Iterator[Row | Ratio]:
+    """Yield seconds of every size on both, and how far their numbers are apart; nothing where there is no GPU."""
     try:
         accelerator = jax.devices("gpu")[0]
     except RuntimeError as error:
-        said = 'gpu: skipped, for JAX sees no GPU here; pip install -e ".[cuda]" where there is one'
-        print(f"{said} ({str(error).splitlines()[0]})", file=sys.stderr)
-        return []
-    return between(jax.devices("cpu")[0], accelerator, cores)
+        skipped = 'gpu: skipped, because JAX sees no GPU here; pip install -e ".[cuda]" where there is one'
+        print(f"{skipped} ({str(error).splitlines()[0]})", file=sys.stderr)
+        return
+    yield from between(jax.devices("cpu")[0], accelerator, cores)
 
 
-def rehearse(cores: int) -> list[Row | Ratio]:
-    """The smallest sizes, a second device of the processor in the place of a GPU, computing as one would.
+def rehearse(cores: int) -> Iterator[Row | Ratio]:
+    """Yield those of the smallest sizes, a second device of the processor in the place of a GPU, computing as one would.
 
     Raises:
         SystemExit: the processor is not two devices.
@@ -151,55 +154,39 @@ def rehearse(cores: int) -> list[Row | Ratio]:
     return between(processor, other, cores, rehearsal=True)
 
 
-def between(processor: Any, accelerator: Any, cores: int, rehearsal: bool = False) -> list[Row | Ratio]:
-    """All work on both devices; of a rehearsal the smallest sizes."""
-    return [
-        line
-        for group, (prepare, sizes, things) in WORK.items()
-        for size in (sizes[:1] if rehearsal else sizes)
-        for line in _both(
-            group,
-            prepare,
-            size,
-            things,
-            {"processor": processor, "second device" if rehearsal else "GPU": accelerator},
-            cores,
-        )
-    ]
+def between(processor: Any, accelerator: Any, cores: int, rehearsal: bool = False) -> Iterator[Row | Ratio]:
+    """Yield the measurements of all work on both devices; in a rehearsal of the smallest sizes."""
+    devices = {"processor": processor, "second device" if rehearsal else "GPU": accelerator}
+    for group, (prepare, sizes, things) in WORK.items():
+        for size in sizes[:1] if rehearsal else sizes:
+            yield from _both(group, partial(prepare, size), f"{size} {things}", devices, cores)
 
 
 def _both(
-    group: str,
-    prepare: Callable[[int], Callable[[], Numbers]],
-    size: int,
-    things: str,
-    devices: dict[str, Any],
-    cores: int,
-) -> list[Row | Ratio]:
-    found: dict[str, Numbers] = {}
-    runs = {
-        name: partial(_keep, found, name, device, _on(device, partial(prepare, size)))
-        for name, device in devices.items()
-    }
-    seconds = alternate(runs, REPEATS)
-    here, there = found.values()
-    apart = _apart(here.found, there.found)
-    relative = float(np.max(apart / np.where(apart > 0, np.abs(here.found), 1.0)))
-    lines: list[Row | Ratio] = [
-        row(group, f"{size} {things}, {name}", cores, "ms", seconds[name], 1e-3) for name in devices
-    ]
-    one, other = (taken.min() for taken in seconds.values())
-    lines.append(Ratio(group, f"{' / '.join(devices)}, {size} {things}", cores, one / other))
-    said = f"largest relative difference, {size} {things}"
-    lines.append(Ratio(group, said, cores, relative, at_most=ROUNDING if here.error is None else None))
-    if here.error is not None:
-        worst = float(np.max(apart / (np.sqrt(2) * here.error)))
-        lines.append(Ratio(group, f"the same in Monte Carlo errors, {size} {things}", cores, worst, at_most=ERRORS))
-    return lines
+    group: str, prepare: Callable[[], Callable[[], Numbers]], size: str, devices: dict[str, Any], cores: int
+) -> Iterator[Row | Ratio]:
+    results: dict[str, Numbers] = {}
+    runs = {name: partial(_keep, results, name, device, _on(device, prepare)) for name, device in devices.items()}
+    seconds = alternate(runs, 1)
+    if sum(times.sum() for times in seconds.values()) < PATIENCE:
+        more = alternate(runs, REPEATS - 1, warm_up=False)
+        seconds = {name: np.concatenate([times, more[name]]) for name, times in seconds.items()}
+    for name, times in seconds.items():
+        yield row(group, f"{size}, {name}", cores, "ms", times, 1e-3)
+    first, second = (times.min() for times in seconds.values())
+    yield Ratio(group, f"{' / '.join(devices)}, {size}", cores, first / second)
+    reference, other = results.values()
+    apart = _apart(reference.values, other.values)
+    relative = float(np.max(apart / np.where(apart > 0, np.abs(reference.values), 1.0)))
+    exact = reference.error is None
+    yield Ratio(group, f"largest relative difference, {size}", cores, relative, at_most=ROUNDING if exact else None)
+    if reference.error is not None:
+        worst = float(np.max(apart / (np.sqrt(2) * reference.error)))
+        yield Ratio(group, f"the same in Monte Carlo errors, {size}", cores, worst, at_most=ERRORS)
 
 
-def _keep(found: dict[str, Numbers], name: str, device: Any, run: Callable[[], Numbers]) -> None:
-    found[name] = _on(device, run)
+def _keep(results: dict[str, Numbers], name: str, device: Any, run: Callable[[], Numbers]) -> None:
+    results[name] = _on(device, run)
 
 
 def _on(device: Any, function: Callable[[], Any]) -> Any:
@@ -232,4 +219,4 @@ def _mode() -> tuple[np.ndarray, np.ndarray]:
 if __name__ == "__main__":
     measured = rehearse if sys.argv[1:] == ["--rehearse"] else speed
     for line in measured(usable_cores()):
-        print(*line[:-2], line.verdict) if isinstance(line, Ratio) else print(*line)
+        print(*((*line[:-2], line.verdict) if isinstance(line, Ratio) else line), sep=" | ", flush=True)
