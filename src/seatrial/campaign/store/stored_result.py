@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
-from typing import Any, Generic, Literal, TypeVar, cast
+from typing import Any, Generic, Literal, NamedTuple, TypeVar, cast
 from zipfile import ZIP_STORED
 
 import numpy as np
@@ -39,11 +39,66 @@ def campaign_folder(path: Path) -> Path:
     return path.parent if path.name == FILE_NAME and path.is_file() else path
 
 
+class ResultFile(NamedTuple):
+    """A file below the folder of results."""
+
+    name: str
+
+    def __get__(self, store: "Store", owner: type) -> Path:
+        return store.results / self.name
+
+
+class LabelledFile(NamedTuple):
+    """One file for each label, such as that of a structure, a run or a method, which stands for the braces in the name."""
+
+    name: str
+
+    def __get__(self, store: "Store", owner: type) -> Callable[[object], Path]:
+        return lambda label: store.results / self.name.format(label)
+
+
 @dataclass(frozen=True)
 class Store:
     """Places of results under a campaign's folder."""
 
     folder: Path
+    design = ResultFile("design.nc")  # swept designs
+    next_design = ResultFile("next.nc")  # designs swept for the next trial
+    mode_design = ResultFile("next_by_mode.nc")  # designs swept for the next trial from what the posterior mode says
+    free_design = ResultFile("free_form.json")  # the free-form trial
+    own_design = ResultFile("own.json")  # what a schedule of one's own is worth beside the families
+    relay_design = ResultFile("self_oscillation.json")  # the self-oscillating test
+    batch_schedule = LabelledFile("batch_{}_schedule.csv")  # schedule of one of the trials that are planned together
+    plan_schedule = LabelledFile("plan_{}_schedule.csv")  # schedule of one trial of the plan of the campaign
+    searched = ResultFile("searched.json")  # the design found by a global search
+    measures = ResultFile("measures.nc")  # every measure of some designs side by side
+    coefficients = ResultFile("coefficients.csv")  # table of the parameters of every structure, as CSV
+    mode = ResultFile("mode.json")  # posterior mode of the most probable structure, a first answer
+    averaged = ResultFile("averaged.csv")  # table of the parameters averaged over all structures, as CSV
+    sequence = ResultFile("sequence.json")  # trials decided after the first, of a simulated vehicle
+    proposed = ResultFile("proposed_schedule.csv")  # schedule of the trial that is proposed
+    known_design = ResultFile("known/design.json")  # what the best design would tell
+    known = LabelledFile("known/{}.json")  # what the data tell about each parameter of one structure
+    profiles = LabelledFile("profiles/{}.json")  # profile likelihoods of one structure's parameters
+    criteria = LabelledFile("criteria/{}.nc")  # information criteria of one structure
+    future = LabelledFile("criteria/{}-future.nc")  # leave-future-out of one structure
+    cross_validation = ResultFile(
+        "cross_validation.json"
+    )  # how well each structure and model of the error predicts runs left out
+    filter = ResultFile("filter.nc")  # filter traces
+    calibration = LabelledFile("calibration-{}.nc")  # ranks of a calibration by one method
+    rehearsal = ResultFile("rehearsal.nc")  # trials that each strategy needed, on vehicles drawn from the priors
+    predictions = ResultFile("predictions.nc")  # fitted and predicted records
+    mode_predictions = ResultFile("mode_predictions.nc")  # held-back records, as the posterior mode predicts them
+    baselines = ResultFile("baselines.nc")  # held-back records as baselines predict them
+    screening = ResultFile("screening.nc")  # all structures in closed form
+    contenders = ResultFile("contenders.nc")  # the best structure beside the runner-up
+    selection = ResultFile("selection.json")  # evidences, probabilities and verdicts
+    summary = ResultFile("summary.json")  # everything an engineer copies out
+    answer = LabelledFile("answers/{}.json")  # what a command said last
+    record = LabelledFile("records/{}.nc")  # one trial
+    posterior = LabelledFile("posterior/{}.nc")  # draws of one structure's parameters
+    checkpoint = LabelledFile("checkpoints/{}.npz")  # unfinished work
 
     @property
     def results(self) -> Path:
@@ -51,177 +106,13 @@ class Store:
         return self.folder / "results"
 
     @property
-    def design(self) -> Path:
-        """Swept designs."""
-        return self.results / "design.nc"
-
-    @property
-    def next_design(self) -> Path:
-        """Designs swept for the next trial."""
-        return self.results / "next.nc"
-
-    @property
-    def mode_design(self) -> Path:
-        """Designs swept for the next trial from what the posterior mode says."""
-        return self.results / "next_by_mode.nc"
-
-    @property
-    def free_design(self) -> Path:
-        """The free-form trial."""
-        return self.results / "free_form.json"
-
-    @property
-    def own_design(self) -> Path:
-        """What a schedule of one's own is worth beside the families."""
-        return self.results / "own.json"
-
-    @property
-    def relay_design(self) -> Path:
-        """The self-oscillating test."""
-        return self.results / "self_oscillation.json"
-
-    def batch_schedule(self, number: int) -> Path:
-        """Schedule of one of the trials that are planned together."""
-        return self.results / f"batch_{number}_schedule.csv"
-
-    def plan_schedule(self, number: int) -> Path:
-        """Schedule of one trial of the plan of the campaign."""
-        return self.results / f"plan_{number}_schedule.csv"
-
-    @property
-    def searched(self) -> Path:
-        """The design found by a global search."""
-        return self.results / "searched.json"
-
-    @property
-    def measures(self) -> Path:
-        """Every measure of some designs side by side."""
-        return self.results / "measures.nc"
-
-    @property
-    def coefficients(self) -> Path:
-        """Table of the parameters of every structure, as CSV."""
-        return self.results / "coefficients.csv"
-
-    @property
-    def mode(self) -> Path:
-        """Posterior mode of the most probable structure, a first answer."""
-        return self.results / "mode.json"
-
-    @property
-    def averaged(self) -> Path:
-        """Table of the parameters averaged over all structures, as CSV."""
-        return self.results / "averaged.csv"
-
-    @property
-    def sequence(self) -> Path:
-        """Trials decided after the first, of a simulated vehicle."""
-        return self.results / "sequence.json"
-
-    @property
-    def proposed(self) -> Path:
-        """Schedule of the trial that is proposed."""
-        return self.results / "proposed_schedule.csv"
-
-    @property
-    def known_design(self) -> Path:
-        """What the best design would tell."""
-        return self.results / "known" / "design.json"
-
-    def known(self, label: str) -> Path:
-        """What the data tell about each parameter of one structure."""
-        return self.results / "known" / f"{label}.json"
-
-    def profiles(self, label: str) -> Path:
-        """Profile likelihoods of one structure's parameters."""
-        return self.results / "profiles" / f"{label}.json"
-
-    def criteria(self, label: str) -> Path:
-        """Information criteria of one structure."""
-        return self.results / "criteria" / f"{label}.nc"
-
-    def future(self, label: str) -> Path:
-        """Leave-future-out of one structure."""
-        return self.results / "criteria" / f"{label}-future.nc"
-
-    @property
-    def cross_validation(self) -> Path:
-        """How well each structure and model of the error predicts runs left out."""
-        return self.results / "cross_validation.json"
-
-    @property
-    def filter(self) -> Path:
-        """Filter traces."""
-        return self.results / "filter.nc"
-
-    def calibration(self, method: str) -> Path:
-        """Ranks of a calibration by one method."""
-        return self.results / f"calibration-{method}.nc"
-
-    @property
-    def rehearsal(self) -> Path:
-        """Trials that each strategy needed, on vehicles drawn from the priors."""
-        return self.results / "rehearsal.nc"
-
-    @property
-    def predictions(self) -> Path:
-        """Fitted and predicted records."""
-        return self.results / "predictions.nc"
-
-    @property
-    def mode_predictions(self) -> Path:
-        """Held-back records, as the posterior mode predicts them."""
-        return self.results / "mode_predictions.nc"
-
-    @property
-    def baselines(self) -> Path:
-        """Held-back records as baselines predict them."""
-        return self.results / "baselines.nc"
-
-    @property
-    def screening(self) -> Path:
-        """All structures in closed form."""
-        return self.results / "screening.nc"
-
-    @property
-    def contenders(self) -> Path:
-        """The best structure beside the runner-up."""
-        return self.results / "contenders.nc"
-
-    @property
-    def selection(self) -> Path:
-        """Evidences, probabilities and verdicts."""
-        return self.results / "selection.json"
-
-    @property
-    def summary(self) -> Path:
-        """Everything an engineer copies out."""
-        return self.results / "summary.json"
-
-    @property
     def report(self) -> Path:
         """The page."""
         return self.folder / "report.html"
 
-    def answer(self, name: str) -> Path:
-        """What a command said last."""
-        return self.results / "answers" / f"{name}.json"
-
     def schedule(self, design: Path) -> Path:
         """Table of time and control of a design's best trial, for the operator."""
         return design.with_name(f"{design.stem}_schedule.csv")
-
-    def record(self, label: str) -> Path:
-        """One trial."""
-        return self.results / "records" / f"{label}.nc"
-
-    def posterior(self, label: str) -> Path:
-        """Draws of one structure's parameters."""
-        return self.results / "posterior" / f"{label}.nc"
-
-    def checkpoint(self, name: str) -> Path:
-        """Unfinished work."""
-        return self.results / "checkpoints" / f"{name}.npz"
 
 
 def key_of(*parts: Any) -> str:
