@@ -1,5 +1,6 @@
 """Inference that cannot be trusted or made: what is said names the place, what was found and what to do."""
 
+import re
 import sys
 
 import jax
@@ -12,10 +13,11 @@ from seatrial.campaign.inference.posterior import build_posterior
 from seatrial.cli.main import main
 from seatrial.cli.running import Exit
 from seatrial.core.errors import InputError, NumericalError
-from seatrial.estimation.diagnostics.prior_checks import check_prior_contains_data, information_complaints
+from seatrial.estimation.diagnostics.prior_checks import prior_excluding_data, prior_findings
 from seatrial.estimation.posterior import mode as mode_module
 from seatrial.estimation.posterior.mode import find_mode
 from seatrial.estimation.priors import LogNormal, Normal, Uniform, half_normal
+from seatrial.messages.render import remedy
 from seatrial.sampling.diagnostics import ChainHealth, complaints
 from tests.campaign.small import write_small
 from tests.campaign.test_nuisances import ESTIMATION, SENSOR, campaign, records
@@ -113,7 +115,7 @@ def fitted(prior, centre, sd=0.1, edge=1e9, name="X_u"):
 
 def cautions(target, mode):
     draws = mode.values + mode.sd * np.random.default_rng(0).normal(size=(4000, 2))
-    return information_complaints(target, mode, draws)
+    return prior_findings(target, mode, draws)
 
 
 @pytest.mark.parametrize(
@@ -123,22 +125,22 @@ def cautions(target, mode):
 )
 def test_data_on_the_other_side_of_a_bound(prior):
     """A coefficient may be negative, whatever its prior says."""
-    with pytest.raises(InputError, match="the data push X_u against its bound 0"):
-        check_prior_contains_data(*fitted(prior, -1.0), "trial.toml, key {}".format)
+    finding = prior_excluding_data(*fitted(prior, -1.0))
+    assert (finding.code, finding.subject, finding.values["value"]) == ("prior-excludes-data", ("X_u",), 0.0)
 
 
 def test_a_size_may_be_next_to_nothing_but_not_negative():
-    check_prior_contains_data(*fitted(Uniform(0.0, 1.0), -1.0, name="sigma_u"), "trial.toml, key {}".format)
+    assert prior_excluding_data(*fitted(Uniform(0.0, 1.0), -1.0, name="sigma_u")) is None
 
 
 def test_noise_against_its_upper_bound_points_to_the_channel():
-    with pytest.raises(InputError, match=r'the model misses u by more.*residuals = "heavy"'):
-        check_prior_contains_data(*fitted(Uniform(0.0, 1.0), 2.0, name="sigma_u"), "trial.toml, key {}".format)
+    finding = prior_excluding_data(*fitted(Uniform(0.0, 1.0), 2.0, name="sigma_u"))
+    assert re.match(r'the model misses u by more.*residuals = "heavy"', remedy(finding))
 
 
 def test_a_lag_against_its_lower_bound_is_none():
-    with pytest.raises(InputError, match=r"set sensors\.u\.lag = false and remove this prior"):
-        check_prior_contains_data(*fitted(Uniform(1.0, 2.0), 0.2, sd=0.05, name="lag_u"), "trial.toml, key {}".format)
+    finding = prior_excluding_data(*fitted(Uniform(1.0, 2.0), 0.2, sd=0.05, name="lag_u"))
+    assert remedy(finding).startswith("set sensors.u.lag = false and remove this prior")
 
 
 def test_prior_and_data_that_contradict_each_other():

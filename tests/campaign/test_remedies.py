@@ -136,19 +136,17 @@ def test_the_remedy_of_correlated_residuals(tmp_path, kind):
 def test_no_fault_of_a_record_is_blamed_for_a_noise_that_is_small(tmp_path, monkeypatch, at, is_fault):
     """Followed, the remedy leaves room below the value that the data ask for."""
     prior = LogUniform(1e-5, 0.2)
-    remedy = _remedy(Parameter("sigma_r", "rad/s", "s", prior), prior.bounds[at], 29.0)
-
-    def refuse(posterior, mode, where):
-        raise InputError("prior.sigma_r", found="a bound", expected="none", remedy=remedy)
-
-    monkeypatch.setattr(prior_and_record, "check_prior_contains_data", refuse)
+    code = _remedy(Parameter("sigma_r", "rad/s", "s", prior), prior.bounds[at], 29.0)
+    values = {"value": prior.bounds[at], "unit": "rad/s", "beyond": 0.3, "gain": 29.0, "channel": "r"}
+    finding = Finding("prior-excludes-data", "alarm", ("sigma_r",), values, (code,))
+    monkeypatch.setattr(prior_and_record, "prior_excluding_data", lambda posterior, mode: finding)
     monkeypatch.setattr(prior_and_record, "likely_causes", lambda campaign, records: ["a step that blurs"])
     with pytest.raises(InputError) as caught:
         prior_and_record.check_prior_of(
             SimpleNamespace(campaign=SimpleNamespace(where_of_prior=str), records=()), None, None
         )
     assert ("a step that blurs" in caught.value.remedy) == is_fault
-    assert is_fault or remedy.startswith("widen [prior.sigma_r]: its lower bound to 1e-06 rad/s")
+    assert is_fault or remedy(finding).startswith("widen [prior.sigma_r]: its lower bound to 1e-06 rad/s")
 
 
 def test_axes_of_an_unknown_mass_are_those_that_move(tmp_path):

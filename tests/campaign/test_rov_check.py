@@ -13,6 +13,7 @@ from seatrial.campaign.data.check import check_records
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.inference import prior_and_record
 from seatrial.core.errors import InputError
+from seatrial.core.findings import Finding
 from seatrial.messages.render import remedy
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "thruster_rov"
@@ -98,10 +99,9 @@ def test_a_prior_that_excludes_the_data_is_refused_with_what_the_check_finds(
     campaign = rov(tmp_path, motion, **changes)
     study = Study(campaign, get_trials(campaign).fit)
 
-    def refuse(posterior, mode, where):
-        raise InputError(where("prior.sigma_u"), found="a bound", expected="none", remedy="check units")
-
-    monkeypatch.setattr(prior_and_record, "check_prior_contains_data", refuse)
+    values = {"value": 0.2, "unit": "m/s", "beyond": 0.3, "gain": 50.0, "channel": "u"}
+    finding = Finding("prior-excludes-data", "alarm", ("sigma_u",), values, ("explain-channel",))
+    monkeypatch.setattr(prior_and_record, "prior_excluding_data", lambda posterior, mode: finding)
     with pytest.raises(InputError, match="check units") as caught:
         prior_and_record.check_prior_of(study, None, None)
     assert told in caught.value.remedy

@@ -5,10 +5,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from seatrial.core.errors import InputError
-from seatrial.estimation.diagnostics.prior_checks import _gain_beyond, check_prior_contains_data, information_complaints
+from seatrial.estimation.diagnostics.identifiability import identifiability_of_fit
+from seatrial.estimation.diagnostics.prior_checks import _gain_beyond, prior_excluding_data, prior_findings
 from seatrial.estimation.posterior.mode import find_mode
 from seatrial.estimation.priors import LogUniform, Normal, Uniform
+from seatrial.messages.identifiability import identifiability_cautions
 from tests.estimation_cases import posterior
 
 KEY = jax.random.key(0)
@@ -27,7 +28,7 @@ def problem(priors, centre, precision):
 
 
 def checked(prior, centre, sd):
-    check_prior_contains_data(*problem({"a": prior}, [centre], [[sd**-2]]), "trial.toml, key {}".format)
+    return prior_excluding_data(*problem({"a": prior}, [centre], [[sd**-2]]))
 
 
 @pytest.mark.parametrize(
@@ -42,40 +43,37 @@ def checked(prior, centre, sd):
     ids=["inside", "inside by little", "outside but vague", "near zero from above", "unbounded"],
 )
 def test_priors_that_hold_the_data(prior, centre, sd):
-    checked(prior, centre, sd)
+    assert checked(prior, centre, sd) is None
 
 
 @pytest.mark.parametrize(
     ("prior", "centre", "bound"),
-    [(Uniform(-1.0, 1.0), 3.0, "1"), (Uniform(-1.0, 1.0), -4.0, "-1"), (Uniform(-4.0, 0.0), 2.0, "0")],
+    [(Uniform(-1.0, 1.0), 3.0, 1.0), (Uniform(-1.0, 1.0), -4.0, -1.0), (Uniform(-4.0, 0.0), 2.0, 0.0)],
 )
 def test_data_beyond_a_bound(prior, centre, bound):
     """The gain is that of a step from the bound to a tenth of the width beyond it."""
-    with pytest.raises(InputError, match="nats more likely") as caught:
-        checked(prior, centre, 0.1)
+    finding = checked(prior, centre, 0.1)
     lower, upper = prior.bounds
     beyond = upper + 0.1 * (upper - lower) if centre > upper else lower - 0.1 * (upper - lower)
     edge = min(max(centre, lower), upper)
     gain = ((edge - centre) ** 2 - (beyond - centre) ** 2) / 0.02
-    assert caught.value.where == "trial.toml, key prior.a"
-    assert f"against its bound {bound} 1" in caught.value.found
-    assert float(caught.value.found.split("they are ")[1].split()[0]) == pytest.approx(gain, rel=0.05)
-    assert caught.value.remedy.startswith("widen the prior")
-    with pytest.raises(InputError) as caught:
-        checked(prior, centre, 0.01)  # a hundred times the nats
-    assert caught.value.remedy.startswith("check units, signs, clocks")
+    assert (finding.subject, finding.values["value"]) == (("a",), bound)
+    assert finding.values["gain"] == pytest.approx(gain, rel=0.05)
+    assert finding.remedies == ("widen-or-check-record",)
+    assert checked(prior, centre, 0.01).remedies == ("check-record-first",)  # a hundred times the nats
 
 
 def test_scale_against_its_bound_is_judged_by_its_logarithm():
     """0.011 is near 0.01 on the scale of decades though 0.1 % of the range away; 0.03 is not."""
     prior = LogUniform(0.01, 1.0)
-    checked(prior, 0.03, 0.001)
-    with pytest.raises(InputError, match="nats more likely"):
-        checked(prior, 0.007, 0.0005)
+    assert checked(prior, 0.03, 0.001) is None
+    assert checked(prior, 0.007, 0.0005).code == "prior-excludes-data"
 
 
 def complaints(centre, precision, draws, priors=None):
-    return information_complaints(*problem(priors or WIDE, centre, precision), np.asarray(draws))
+    target, mode = problem(priors or WIDE, centre, precision)
+    known = identifiability_of_fit(target, mode, np.asarray(draws))
+    return [*identifiability_cautions(known), *prior_findings(target, mode, np.asarray(draws))]
 
 
 WIDE = {"a": Uniform(-5.0, 5.0), "b": Uniform(-5.0, 5.0)}

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from seatrial.core.coefficients import CoefficientName
+from seatrial.core.display_units import listed, measured, percent
 from seatrial.estimation.diagnostics.combinations import Combination, Unknown, known_combinations, null_combinations
 from seatrial.estimation.diagnostics.identifiability import (
     Group,
     Identifiability,
-    _expected_cov,
     identifiability_of_design,
     identifiability_of_fit,
     identify,
@@ -19,9 +19,9 @@ from seatrial.estimation.posterior.information import expand_likelihood, is_nois
 from seatrial.estimation.posterior.mode import find_mode
 from seatrial.estimation.posterior.output_error import output_error
 from seatrial.estimation.posterior.posterior import Parameter
-from seatrial.estimation.prediction.remedies import listed, measured, percent, what_separates
 from seatrial.estimation.priors import Normal, Uniform
 from seatrial.estimation.simulation.sensor_errors import Sensor
+from seatrial.messages.identifiability import identifiability_cautions, identifiability_lines, precision, what_separates
 from seatrial.numerics.integrate import rk4_step
 from seatrial.vehicles.hull import Hull
 from seatrial.vehicles.whole import whole_vehicle
@@ -54,7 +54,7 @@ def test_golden_design():
     drag = sums["X_u + u0 X_uabsu"]
     assert drag.value == pytest.approx(TRUTH["X_u"] + U0 * TRUTH["X_uabsu"])
     assert drag.relative_sd < slope.relative_sd
-    text = "\n".join(found.lines())
+    text = "\n".join(identifiability_lines(found))
     assert "X_u would be known to 8.4 %: -1.21 +- 0.10 kg/s" in text
     assert "X_u + 2 u0 X_uabsu (the slope of the drag at u0 = 1.542 m/s) to 1.1 % (-10.25 +- 0.12 kg/s)" in text
     assert "separately X_u to 8.4 % and X_uabsu to 2.3 %, correlation -0.925" in text
@@ -81,7 +81,7 @@ def test_trim_only():
     for item in found.invisible:
         changes = np.array([dict(zip(item.names, item.steps, strict=True)).get(name, 0.0) for name in TRUTH])
         assert abs(changes @ drag) < 1e-5 * np.abs(changes * drag).max()
-    assert sum("structural" in line for line in found.cautions()) == 2
+    assert sum("structural" in line for line in identifiability_cautions(found)) == 2
 
 
 @pytest.mark.proof
@@ -92,7 +92,7 @@ def test_golden_fit():
     assert found.sd == pytest.approx(mode.sd, rel=1e-9)
     assert found.contraction == pytest.approx(mode.sd / [p.prior.sd for p in target.parameters], rel=1e-9)
     assert (found.untouched, found.invisible) == ((), ())
-    (caution,) = found.cautions()
+    (caution,) = identifiability_cautions(found)
     assert "X_u + 2 u0 X_uabsu" in caution
     assert found.groups[0].known[1].relative_sd == pytest.approx(0.012, abs=6e-4)
     control = 2 * np.pi * naive_doublets(np.arange(6000) * 0.01, 200, 10)
@@ -174,7 +174,7 @@ def test_free_mass_is_a_scale():
     assert null.steps == pytest.approx((1, 1, 1, 1), abs=1e-5)
     assert found.eigenvalues[0] == pytest.approx(0, abs=1e-10 * found.eigenvalues[-1])
     assert found.eigenvalues[1] > 1e-6 * found.eigenvalues[-1]
-    said = found.cautions()[0]
+    said = identifiability_cautions(found)[0]
     assert "X_u, X_uabsu, T_nabsn and m scale together: only their ratios are known" in said
     assert "fix the mass" in said
 
@@ -187,7 +187,7 @@ def test_only_the_product_of_thrust_and_deduction():
     assert null.steps == pytest.approx((1, 9), rel=1e-5)
     assert (
         "only the product (1 - t_d) T"
-        in identify(target.parameters, truth, likelihood_information(target, truth)).cautions()[0]
+        in identifiability_cautions(identify(target.parameters, truth, likelihood_information(target, truth)))[0]
     )
 
 
@@ -199,7 +199,7 @@ def test_free_added_mass():
     found = identifiability_of_design(parameters, model, control, 0.1, [U0], {"u": SIGMA, "udot": 0.1})
     (null,) = found.invisible
     assert null.steps == pytest.approx((1, 1, 1, 31.4 / 0.93), rel=1e-4)
-    assert "X_udot by +33.8 %" in found.cautions()[0]
+    assert "X_udot by +33.8 %" in identifiability_cautions(found)[0]
 
 
 def test_unknown_bias_and_start_destroy_the_drag():
@@ -216,7 +216,7 @@ def test_unknown_bias_and_start_destroy_the_drag():
     assert found.names == (*TRUTH, "bias_u", "u_0[trial]")
     assert found.sd[0] == pytest.approx(11.1, abs=0.05)
     assert found.sd[3] == pytest.approx(1.5, abs=0.05)
-    said = "\n".join(found.cautions())
+    said = "\n".join(identifiability_cautions(found))
     assert "X_u would be" in said
     assert "not even its sign" in said
     assert "measure the current by itself" in said
@@ -243,22 +243,22 @@ def test_one_channel_all_missing():
     target = unseen_case("udot")
     found = identifiability_of_fit(target, find_mode(target, KEY), at=AT)
     assert found.untouched == ("sigma_udot",)
-    assert any(text.startswith("no measurement of udot is left") for text in found.cautions())
+    assert any(text.startswith("no measurement of udot is left") for text in identifiability_cautions(found))
 
 
 def test_every_channel_missing():
     target = unseen_case("u", "udot")
     found = identifiability_of_fit(target, find_mode(target, KEY), at=AT)
     assert found.untouched == target.names
-    assert found.cautions()[0].startswith("the data say nothing about any parameter")
+    assert identifiability_cautions(found)[0].startswith("the data say nothing about any parameter")
     assert found.condition == np.inf
 
 
 def test_model_that_diverges():
     """Nothing is invented where the likelihood has no derivatives."""
     found = identify(WIDE, np.ones(3), np.full((3, 3), np.nan))
-    assert found.cautions()[0].startswith("not judged")
-    assert len(found.lines()) == 5
+    assert identifiability_cautions(found)[0].startswith("not judged")
+    assert len(identifiability_lines(found)) == 5
 
 
 def unknown(values):
@@ -285,7 +285,7 @@ def test_difference_that_is_known_and_small():
     (best,) = known_combinations(unknown([0.2, 0.2]), cov, {})
     assert best.text == "a - b"
     assert best.sd == pytest.approx(np.sqrt(0.0002))
-    assert best.known == "as 0.000 +- 0.014 m/s"
+    assert precision(best) == "as 0.000 +- 0.014 m/s"
 
 
 def test_cubic_term_of_a_change_has_no_slope_at_trim():
@@ -319,7 +319,9 @@ def test_expected_covariance_is_that_of_both_informations():
     """What a normal prior and the data know together: the inverse of the sum of both."""
     information, prior_sd = np.array([[40.0, -6.0], [-6.0, 2.0]]), np.array([0.5, 3.0])
     expected = np.linalg.inv(information + np.diag(prior_sd**-2.0))
-    assert _expected_cov(information, prior_sd) == pytest.approx(expected, rel=1e-12)
+    parameters = [Parameter(name, "1", name, Normal(0.0, sd)) for name, sd in zip("ab", prior_sd, strict=True)]
+    found = identify(parameters, np.ones(2), information)
+    assert found.correlation * np.outer(found.sd, found.sd) == pytest.approx(expected, rel=1e-12)
 
 
 def test_thrust_and_drag_are_separated_without_the_propeller():
@@ -396,32 +398,34 @@ def judged(**numbers):
 )
 def test_parameters_that_are_hardly_known_are_named_from_both_sides(sd, said):
     """Nine tenths of the prior's deviation say nothing; of a coefficient half of its value is vague, and 1 / 1.96 leaves its sign open."""
-    found = judged(sd=np.array(sd)).cautions()
+    found = identifiability_cautions(judged(sd=np.array(sd)))
     assert len(found) == len(said)
     assert all(words in line for words, line in zip(said, found, strict=True))
 
 
 def test_lines_of_a_report():
-    first, *each, condition = judged().lines()
+    first, *each, condition = identifiability_lines(judged())
     assert first == "identifiability after the data"
     assert each[0] == "X_u is known to 10 %: -2.00 +- 0.20 kg/s, 10 % of the prior's standard deviation"
     assert each[1] == "X_uabsu is known to 2 %: -5.00 +- 0.10 kg/m, 2 % of the prior's standard deviation"
     assert condition == "condition number of the scaled information: 25"
     assert judged().contraction == pytest.approx([0.1, 0.02, 0.1])
     assert judged().relative_sd == pytest.approx([0.1, 0.02, 0.1])
-    before = judged(stage="before", sd=np.array([3.0, 0.1, 0.01]), prior_sd=np.array([9.0, 5.0, 0.1])).lines()
+    before = identifiability_lines(
+        judged(stage="before", sd=np.array([3.0, 0.1, 0.01]), prior_sd=np.array([9.0, 5.0, 0.1]))
+    )
     assert before[1].startswith("X_u would be known: -2.0 +- 3.0 kg/s, 33 %")
     untouched = judged(untouched=("sigma_u",))
     assert untouched.condition == np.inf
-    assert "sigma_u is what the prior says: 0.100 +- 0.010 m/s" in untouched.lines()
-    assert untouched.cautions()[0].startswith("no measurement of u is left")
-    said = judged(untouched=("X_u",)).cautions()[0]
+    assert "sigma_u is what the prior says: 0.100 +- 0.010 m/s" in identifiability_lines(untouched)
+    assert identifiability_cautions(untouched)[0].startswith("no measurement of u is left")
+    said = identifiability_cautions(judged(untouched=("X_u",)))[0]
     assert said.startswith("the trial says nothing about X_u: no measurement changes with it; move u, fix it")
-    (nothing,) = judged(untouched=judged().names).cautions()
+    (nothing,) = identifiability_cautions(judged(untouched=judged().names))
     assert nothing.startswith("the data say nothing about any parameter")
     blind = judged(eigenvalues=np.full(3, np.nan))
     assert blind.condition == np.inf
-    assert blind.cautions()[0].startswith("not judged which parameters the data can determine")
+    assert identifiability_cautions(blind)[0].startswith("not judged which parameters the data can determine")
     assert judged(eigenvalues=np.array([0.0, 1.0, 2.0])).condition == np.inf
 
 
@@ -433,20 +437,25 @@ def test_the_best_sum_heads_a_group_only_where_it_is_twice_as_good():
     """Of sums with a meaning all are told, unless the best of all is known more than twice as well."""
     meant, other = known("slope", 0.019, "the slope"), known("drag", 0.03, "the drag")
     close, far = known("best", 0.01), known("best", 0.009)
-    assert [item.text for item in Group(("a", "b"), 0.99, (meant, other, close), "").headline] == ["slope", "drag"]
-    assert [item.text for item in Group(("a", "b"), 0.99, (meant, other, far), "").headline] == ["best"]
-    assert [item.text for item in Group(("a", "b"), 0.99, (far,), "").headline] == ["best"]
+    assert [item.text for item in Group(("a", "b"), 0.99, (meant, other, close)).headline] == ["slope", "drag"]
+    assert [item.text for item in Group(("a", "b"), 0.99, (meant, other, far)).headline] == ["best"]
+    assert [item.text for item in Group(("a", "b"), 0.99, (far,)).headline] == ["best"]
 
 
 def test_words_of_a_group():
-    group = Group(("X_u", "X_uabsu"), -0.987, (known("X_u + X_uabsu", 0.01, "the drag"),), "cover more speeds")
-    (well,) = judged(sd=np.array([0.06, 0.2, 0.01]), prior_sd=np.full(3, 99.0), groups=(group,)).cautions()[-1:]
+    group = Group(("X_u", "X_uabsu"), -0.987, (known("X_u + X_uabsu", 0.01, "the drag"),))
+    (well,) = identifiability_cautions(
+        judged(sd=np.array([0.06, 0.2, 0.01]), prior_sd=np.full(3, 99.0), groups=(group,))
+    )[-1:]
     assert well.startswith("known much better in combination: X_u + X_uabsu (the drag) to 1 %")
     assert "separately X_u to 3 % and X_uabsu to 4 %" in well
-    (line,) = judged(sd=np.array([0.2, 5.5, 0.01]), prior_sd=np.full(3, 99.0), groups=(group,)).cautions()[-1:]
+    (line,) = identifiability_cautions(
+        judged(sd=np.array([0.2, 5.5, 0.01]), prior_sd=np.full(3, 99.0), groups=(group,))
+    )[-1:]
     assert line == (
         "known only in combination: X_u + X_uabsu (the drag) to 1 % (1.000 +- 0.010 kg/s); separately X_u to 10 % and X_uabsu as "
-        "-5.0 +- 5.5 kg/m, correlation -0.987; to separate them, cover more speeds"
+        "-5.0 +- 5.5 kg/m, correlation -0.987; to separate them, cover a wider range of speeds, by larger "
+        "steps, longer periods, a reverse or a coast-down"
     )
 
 

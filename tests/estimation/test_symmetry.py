@@ -6,6 +6,7 @@ from scipy.stats import multivariate_normal, norm
 
 from seatrial.core.coefficients import CoefficientName
 from seatrial.estimation.diagnostics.symmetry import MIRRORS, TURNED, PriorCurve, Symmetry, restrictions_of, symmetries
+from seatrial.messages.identifiability import restriction_text, symmetry_sentence
 from seatrial.vehicles.catalogue import load_vehicle
 from seatrial.vehicles.thrusters import Thruster
 
@@ -44,7 +45,7 @@ def test_the_published_remus_is_alike_sideways_and_up_and_down():
     }
     for one in told:
         adjusted = 0.5 if one.first == "N_rabsr" else 1.0
-        assert published[one.first] == pytest.approx(adjusted * one.sign * published[one.second]), one.words
+        assert published[one.first] == pytest.approx(adjusted * one.sign * published[one.second]), restriction_text(one)
 
 
 def test_thrusters_that_are_mirror_images_have_one_gain():
@@ -52,7 +53,7 @@ def test_thrusters_that_are_mirror_images_have_one_gain():
     frame += [Thruster((-0.2, y, 0.0), (0.0, 0.0, 1.0)) for y in (0.3, -0.3)] + [Thruster((0.0, 0.0, 0.2), (0, 1, 0))]
     names = [f"gain_f_{number}" for number in (1, 2, 3, 4, 5)]
     found = restrictions_of(names, frame)
-    assert {sides: [one.words for one in told] for sides, told in found.items()} == {
+    assert {sides: [restriction_text(one) for one in told] for sides, told in found.items()} == {
         "port and starboard": ["gain_f_1 = gain_f_2", "gain_f_3 = gain_f_4"]
     }
 
@@ -84,7 +85,7 @@ def test_the_evidence_of_a_linear_model_is_that_of_its_closed_form(truth, suppor
     away = centre[0] ** 2 / cov[0, 0] + (centre[1] - centre[2]) ** 2 / (cov[1, 1] + cov[2, 2] - 2 * cov[1, 2])
     assert found.log_evidence == pytest.approx(expected, abs=0.01 + 5 * np.sqrt((2 + away) * away / 40_000))
     assert (found.log_evidence > 0) is support
-    assert [one.words for one in found.restrictions] == ["Y_0 = 0", "gain_f_1 = gain_f_2"]
+    assert [restriction_text(one) for one in found.restrictions] == ["Y_0 = 0", "gain_f_1 = gain_f_2"]
 
 
 def test_what_a_prior_forbids_is_not_asked():
@@ -95,9 +96,9 @@ def test_what_a_prior_forbids_is_not_asked():
 
 def test_sentences():
     one = restrictions_of(["Y_0", "M_w", "N_v"])["port and starboard"]
-    assert Symmetry("port and starboard", one, 4.21).sentence == (
+    assert symmetry_sentence(Symmetry("port and starboard", one, 4.21)) == (
         "port and starboard alike (Y_0 = 0): log evidence +4.2, the data support it"
     )
-    assert Symmetry(TURNED, restrictions_of(["M_w", "N_v"])[TURNED], -999.0).sentence == (
+    assert symmetry_sentence(Symmetry(TURNED, restrictions_of(["M_w", "N_v"])[TURNED], -999.0)) == (
         "sideways and up and down alike (N_v = -M_w): log evidence below -20, the data refuse it"
     )

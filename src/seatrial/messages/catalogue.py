@@ -4,13 +4,14 @@ from collections.abc import Mapping
 from types import MappingProxyType, ModuleType
 
 from seatrial.core.errors import InputError, nearest
-from seatrial.messages import effects, filters, fits, posterior, records
+from seatrial.messages import effects, filters, fits, posterior, records, selection
 from seatrial.messages.entry import Entry, Remedy
 
 SUBJECTS: Mapping[str, ModuleType] = {
     "Records": records,
     "Fits": fits,
     "Posterior": posterior,
+    "Selection": selection,
     "Effects": effects,
     "Filters": filters,
 }

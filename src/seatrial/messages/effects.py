@@ -3,8 +3,9 @@
 from collections.abc import Mapping
 from typing import Any
 
+from seatrial.core.display_units import listed
 from seatrial.core.findings import Finding
-from seatrial.messages.entry import Entry, Remedy, listed
+from seatrial.messages.entry import Entry, Remedy
 
 
 def thresholds() -> dict[str, float]:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from string import Formatter
 from typing import Any, Literal
 
-from seatrial.core.display_units import plain, shown_unit
+from seatrial.core.display_units import listed, plain, shown_unit
 from seatrial.core.findings import Finding, Value
 
 Form = Literal["command", "python", "page"]
@@ -68,12 +68,6 @@ class Entry:
         if isinstance(self.sentence, Mapping):
             return self.sentence.get(level) or next(iter(self.sentence.values()))
         return self.sentence
-
-
-def listed(names: Any, last: str = "and") -> str:
-    """Return names as a sentence has them: `a`, `a and b`, `a, b and c`."""
-    words = list(map(str, names))
-    return f" {last} ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
 
 
 class _ValueFormatter(Formatter):

@@ -45,8 +45,8 @@ def _poor(values: Mapping[str, Any]) -> str:
 
 
 def _few(values: Mapping[str, Any]) -> str:
+    from seatrial.core.display_units import count_below
     from seatrial.estimation.prediction.fit_verdict import MIN_EFFECTIVE_SAMPLES
-    from seatrial.estimation.prediction.remedies import count_below
 
     count = values["effective"]
     worth = (
@@ -84,8 +84,8 @@ def _not_normal(values: Mapping[str, Any]) -> str:
 
 
 def _inside(values: Mapping[str, Any]) -> str:
+    from seatrial.core.display_units import count_below
     from seatrial.estimation.prediction.pooled_coverage import ENOUGH
-    from seatrial.estimation.prediction.remedies import count_below
 
     runs = f"{values['runs']} held-back run{'s' * (values['runs'] != 1)}"
     by_run = f"; {values['least']:.0%} to {values['most']:.0%} by run" if values["runs"] > 1 else ""

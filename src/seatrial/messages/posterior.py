@@ -3,8 +3,9 @@
 from collections.abc import Mapping
 from typing import Any
 
+from seatrial.core.display_units import listed
 from seatrial.core.findings import Finding
-from seatrial.messages.entry import Entry, Remedy, listed
+from seatrial.messages.entry import Entry, Remedy
 
 
 def thresholds() -> dict[str, float]:
@@ -30,7 +31,47 @@ def _lost(values: Mapping[str, Any]) -> str:
     return f"the model cannot be simulated in {{share:.0%}} of the prior, for example at {example}{where}; such values count as impossible"
 
 
+def _excluding(values: Mapping[str, Any]) -> str:
+    gain = "over 10 000" if values["gain"] > 1e4 else "{gain:.0f}"
+    return (
+        "the data push {subject[0]} against its bound {value:.4g} {unit}; beyond it, at {beyond:.4g} {unit}, they are "
+        f"{gain} nats more likely"
+    )
+
+
+_WHAT_TO_CHECK = 'units, signs, clocks (a control that was measured: between = "line"), the channel map, and the masses under [vehicle]'
+_WHAT_TO_CHECK_PYTHON = "units, signs, clocks, the channels that were read, and the masses of the vehicle"
 ENTRIES = {
+    "prior-excludes-data": Entry(
+        title="Data outside a prior",
+        sentence=_excluding,
+        meaning="The prior excludes what the data say, so that nothing is computed: all other values would bend to its bound.",
+        decided="The mode lies within {EDGE:.0%} of the width from a bound, and a tenth of the width beyond it, the others following, "
+        "the data are over {GAIN:.0f} nats more likely.",
+        example=Finding(
+            "prior-excludes-data",
+            "alarm",
+            ("X_u",),
+            {"value": 0.0, "unit": "kg/s", "beyond": 2.0, "gain": 60.0, "channel": "u"},
+            ("widen-or-check-record",),
+        ),
+        remedies=(
+            "widen-or-check-record",
+            "check-record-first",
+            "explain-channel",
+            "smaller-noise",
+            "no-lag",
+            "no-memory",
+        ),
+    ),
+    "at-prior-bound": Entry(
+        title="Mode at a bound of its prior",
+        sentence="{subject[0]} lies at the bound {value:.4g} {unit} of its prior: the prior decides as much as the data",
+        meaning="The bound, and not the data, sets the value.",
+        decided="The mode lies within {BESIDE:.1%} of the width of the prior from a bound, or within {EDGE:.0%} of it and within "
+        "{REACHES:g} standard deviations.",
+        example=Finding("at-prior-bound", "caution", ("X_u",), {"value": 0.0, "unit": "kg/s"}, ("widen-prior",)),
+    ),
     "prior-contradicted": Entry(
         title="Prior and data contradict each other",
         sentence="prior and data contradict each other about {subject[0]}: the data pull it to {value:.4g} {unit}, where its prior has "
@@ -86,6 +127,33 @@ ENTRIES = {
     ),
 }
 REMEDIES = {
+    "no-memory": Remedy(
+        command='set estimation.residuals = "white" and remove this prior: the residuals have no memory',
+        python='give the sensor noise="white", and no prior of {subject[0]}: the residuals have no memory',
+    ),
+    "no-lag": Remedy(
+        command="set sensors.{channel}.lag = false and remove this prior: {channel} is shown without delay",
+        python="give the sensor no lag, and no prior of {subject[0]}: {channel} is shown without delay",
+    ),
+    "smaller-noise": Remedy(
+        command=lambda values: (
+            f"widen [prior.{{subject[0]}}]: its lower bound to {values['value'] / 10:.4g} {{unit}}, as the noise of "
+            "{channel} is smaller"
+        )
+    ),
+    "explain-channel": Remedy(
+        command="the model misses {channel} by more than the sensor's noise can explain: check units, signs, the channel map, how the "
+        'sensor is mounted, and {channel} for outliers (residuals = "heavy" tolerates them), then the other priors; widen this one, '
+        "[prior.{subject[0]}], only if {channel} is that noisy"
+    ),
+    "check-record-first": Remedy(
+        command=f"check {_WHAT_TO_CHECK} first: `seatrial check` compares the log with the model; widen the prior only if they are right",
+        python=f"check {_WHAT_TO_CHECK_PYTHON} first; widen the prior only if they are right",
+    ),
+    "widen-or-check-record": Remedy(
+        command=f"widen the prior, or check {_WHAT_TO_CHECK}",
+        python=f"widen the prior, or check {_WHAT_TO_CHECK_PYTHON}",
+    ),
     "widen-or-check": Remedy(command="widen the prior, or check units and signs"),
     "widen-prior": Remedy(command="widen the prior, or give a reason for the bound"),
     "narrow-prior": Remedy(command="narrow the prior if that is not meant"),

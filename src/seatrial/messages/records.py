@@ -3,9 +3,9 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from seatrial.core.display_units import shown_unit
+from seatrial.core.display_units import listed, shown_unit
 from seatrial.core.findings import Finding
-from seatrial.messages.entry import Entry, Remedy, listed
+from seatrial.messages.entry import Entry, Remedy
 
 UNIT_ERRORS = {
     "knots": "knots taken for m/s",

@@ -3,9 +3,10 @@
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from seatrial.core.display_units import listed
 from seatrial.core.findings import Finding, Message
 from seatrial.messages.catalogue import ENTRIES, REMEDIES
-from seatrial.messages.entry import Form, filled_in, listed
+from seatrial.messages.entry import Form, filled_in
 
 MAX_RUNS_NAMED = 6
 """Runs that one sentence names."""

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from markupsafe import Markup, escape
 
-from seatrial.estimation.prediction import remedies
+from seatrial.core import display_units
 
 MINUS = "\u2212"
 DASH = "\u2013"
@@ -114,7 +114,7 @@ def decimals(value: float, count: int) -> str:
 
 def percent(value: float) -> str:
     """Write a share as a percentage as the terminal does, with a proper minus: `63 %`, `0.31 %`."""
-    return _minus(remedies.percent(value)) if isfinite(value) else DASH
+    return _minus(display_units.percent(value)) if isfinite(value) else DASH
 
 
 def with_percent_signs_kept(html: str) -> str:

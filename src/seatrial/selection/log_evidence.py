@@ -278,7 +278,7 @@ class EvidenceSchedule:
         if "importance" not in self.results:
             raise RuntimeError("importance sampling has not been done yet")
         importance = self.results["importance"]
-        at_bounds = [] if importance.mode is None else [sentence for _, sentence in importance.mode.at_bounds]
+        at_bounds = () if importance.mode is None else importance.mode.at_bounds
         if self.behind and importance.evidence is not None:
             alone = judge({"importance": importance.evidence}, {}, alone=True, at_bounds=at_bounds)
             note = f"tempered SMC, run once, finds it {self.behind:.0f} nats behind the best or more, too"

@@ -9,7 +9,9 @@ from typing import Any, Literal
 
 import numpy as np
 
-from seatrial.estimation.prediction.remedies import listed
+from seatrial.core.display_units import listed
+from seatrial.core.findings import Finding
+from seatrial.core.serialise import to_plain
 from seatrial.selection.verdict import Evidence
 
 Method = Literal["smc", "importance", "nested"]
@@ -31,7 +33,7 @@ def judge(
     failed: Mapping[Method, str],
     alarms: Sequence[str] = (),
     alone: bool = False,
-    at_bounds: Sequence[str] = (),
+    at_bounds: Sequence[Finding] = (),
 ) -> Evidence:
     """Choose the first healthy evidence, or the first if none is, with the reasons against it.
 
@@ -43,7 +45,7 @@ def judge(
         failed: why other methods gave none.
         alarms: what else is known against the result.
         alone: whether no other method was asked.
-        at_bounds: which parameters have their mode at a bound of their prior.
+        at_bounds: findings about parameters whose mode lies at a bound of their prior.
     """
     value = value_of({name: {"status": evidence.status} for name, evidence in evidences.items()})
     chosen, table, checks, higher, against, resolved = evidences[value], {}, 0, [], [], []
@@ -79,7 +81,7 @@ def judge(
         messages.append("no healthy independent method confirms the value")
     notes = [_note(name, table[name]) for name in table if name != value] if checks else []
     diagnostics = chosen.diagnostics | {
-        "at_bounds": [*at_bounds],
+        "at_bounds": [to_plain(one) for one in at_bounds],
         "methods": table,
         "checks": checks,
         "resolution": min(resolved, default=None),

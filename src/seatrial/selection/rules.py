@@ -16,8 +16,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from seatrial.core.coefficients import CoefficientName
+from seatrial.core.display_units import listed
 from seatrial.core.errors import InputError, located
-from seatrial.estimation.prediction.remedies import listed
 from seatrial.selection.library import TermLibrary
 from seatrial.selection.rule_masks import RuleMasks
 

@@ -7,8 +7,8 @@ from itertools import combinations
 import numpy as np
 
 from seatrial.core.coefficients import CoefficientName
+from seatrial.core.display_units import listed
 from seatrial.core.errors import InputError
-from seatrial.estimation.prediction.remedies import listed
 from seatrial.selection.library import TermLibrary
 from seatrial.selection.rule_masks import allowed_mass
 from seatrial.selection.rules import Always, CompiledRules, compile_rules, parse_rules

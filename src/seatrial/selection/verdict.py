@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import numpy as np
 from jaxtyping import Float
 
+from seatrial.core.display_units import listed
+from seatrial.core.findings import Finding
 from seatrial.core.result_table import table_html, table_text
-from seatrial.core.serialise import AS_LIST
-from seatrial.estimation.prediction.remedies import listed
+from seatrial.core.serialise import AS_LIST, from_plain
 from seatrial.selection.structures import Structure
 
 if TYPE_CHECKING:
@@ -152,19 +153,25 @@ class Selection:
         }
 
     @property
-    def cautions(self) -> list[str]:
+    def cautions(self) -> list[Finding]:
         """Which verdicts change within what a check does not resolve, and which parameters lie at a bound of their prior."""
-        blunt = blunt_deciders(self.structures, self.evidences, [*self.inclusion])
-        messages = [
-            f"the verdict on {listed(terms)} would change if the evidence of {self.structures[index].label} were wrong by less than its "
-            f"check resolves, {self.evidences[index].resolution:.2g} nat: raise `particles` or `repeats`"
-            for index, terms in blunt.items()
+        findings = [
+            Finding(
+                "evidence-check-blunt",
+                "caution",
+                tuple(terms),
+                {"label": self.structures[index].label, "resolution": self.evidences[index].resolution or 0.0},
+                ("sharpen-evidence",),
+            )
+            for index, terms in blunt_deciders(self.structures, self.evidences, [*self.inclusion]).items()
         ]
-        labels: dict[str, list[str]] = {}
-        for structure, evidence in zip(self.structures, self.evidences, strict=True):
-            for sentence in evidence.diagnostics.get("at_bounds", ()):
-                labels.setdefault(sentence, []).append(structure.label)
-        return messages + [f"{', '.join(of)}: {sentence}" for sentence, of in labels.items()]
+        at_bounds = [
+            (from_plain(Finding, one), structure.label)
+            for structure, evidence in zip(self.structures, self.evidences, strict=True)
+            for one in evidence.diagnostics.get("at_bounds", ())
+        ]
+        labels = {one: ", ".join(label for other, label in at_bounds if other == one) for one, _ in at_bounds}
+        return findings + [one.among(structure=of) for one, of in labels.items()]
 
     @property
     def is_reliable(self) -> bool:
@@ -230,7 +237,7 @@ class Selection:
 
     @property
     def _remarks(self) -> list[str]:
-        return [*self.verdicts, *self.alarms, *self.cautions]
+        return [*self.verdicts, *self.alarms, *(f"{one.code}: {listed(one.subject)}" for one in self.cautions)]
 
     __repr__ = table_text
     _repr_html_ = table_html

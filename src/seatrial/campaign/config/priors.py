@@ -11,10 +11,10 @@ from seatrial.campaign.config.file_keys import FileKeys
 from seatrial.campaign.config.quantities import Residuals
 from seatrial.campaign.config.schema import PriorTable
 from seatrial.core.coefficients import AXES, CoefficientName
+from seatrial.core.display_units import listed
 from seatrial.core.errors import InputError, located, nearest
 from seatrial.core.units import to_si
 from seatrial.estimation.posterior.unknowns import Unknown
-from seatrial.estimation.prediction.remedies import listed
 from seatrial.estimation.priors import (
     LogNormal,
     LogUniform,

@@ -7,7 +7,7 @@ tell no coefficient better than the inertia and the forces that are stated, and 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.vehicle import WholeVehicle
 from seatrial.core.coefficients import CoefficientName
-from seatrial.estimation.prediction.remedies import listed
+from seatrial.core.display_units import listed
 from seatrial.vehicles.axis_equation import RATE_OF
 from seatrial.vehicles.hull import AXES, Hull
 from seatrial.vehicles.model import VehicleModel

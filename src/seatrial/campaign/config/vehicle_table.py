@@ -30,9 +30,9 @@ from seatrial.campaign.config.thruster_table import (
 )
 from seatrial.campaign.config.vehicle import AxesVehicle, CampaignVehicle, WholeVehicle, axes_of
 from seatrial.core.coefficients import CoefficientName
+from seatrial.core.display_units import listed
 from seatrial.core.errors import InputError, located, nearest
 from seatrial.core.signals import SIGNALS, SPEEDS, is_signal
-from seatrial.estimation.prediction.remedies import listed
 from seatrial.vehicles.actuators import Actuator
 from seatrial.vehicles.axis_equation import RATE_OF
 from seatrial.vehicles.catalogue import PublishedVehicle, load_surge, load_vehicle, surge_names

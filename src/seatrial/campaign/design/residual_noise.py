@@ -13,9 +13,8 @@ import numpy as np
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.store.estimates import Drawn
-from seatrial.core.display_units import shown_unit
+from seatrial.core.display_units import listed, shown_unit
 from seatrial.estimation.prediction.prediction import noise_sd, slow_noise
-from seatrial.estimation.prediction.remedies import listed
 from seatrial.estimation.simulation.sensor_errors import noise_name
 
 TOLD = 1.3

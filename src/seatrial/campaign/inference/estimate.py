@@ -28,13 +28,16 @@ from seatrial.core.errors import NumericalError
 from seatrial.core.findings import Finding, Message
 from seatrial.core.reporter import SILENT, Progress, Reporter
 from seatrial.core.serialise import to_plain
-from seatrial.estimation.diagnostics.prior_checks import information_complaints
+from seatrial.estimation.diagnostics.identifiability import identifiability_of_fit
+from seatrial.estimation.diagnostics.prior_checks import prior_findings
 from seatrial.estimation.diagnostics.robust_errors import RobustErrors, robust_errors
 from seatrial.estimation.posterior.mode import Mode
 from seatrial.estimation.posterior.noncentred import in_posterior, uncouple
 from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.estimation.posterior.sample_posterior import spread_starts
 from seatrial.estimation.priors import prior_curve
+from seatrial.messages.identifiability import identifiability_cautions
+from seatrial.messages.render import sentences
 from seatrial.sampling.diagnostics import asks_for_more, complaints, diagnose
 from seatrial.sampling.run import (
     BLOCK,
@@ -210,7 +213,9 @@ def _dataset(
     parameters, names = posterior.present_parameters, posterior.present_names
     prior_sd = np.array([parameter.prior.sd for parameter in parameters])
     sd = values.std(axis=(0, 1))
-    cautions = [*doubts, *information_complaints(posterior, mode, values.reshape(-1, len(names)), at)]
+    flat = values.reshape(-1, len(names))
+    known = identifiability_of_fit(posterior, mode, flat, at)
+    cautions = [*doubts, *identifiability_cautions(known), *prior_findings(posterior, mode, flat)]
     prior_value, prior_density = zip(*prior_curves(posterior).values(), strict=True)
     wider = {name: robust.wider(name, float(one)) for name, one in zip(names, sd, strict=True)}
     wide = {name: one for name, one in wider.items() if one is not None}
@@ -256,7 +261,7 @@ def _dataset(
             "laplace_log_evidence": mode.log_evidence,
             "alarms": json.dumps(complaints(names, health) + complaints_of_draws(draws)),
             "cautions": json.dumps(to_plain(tuple(cautions), tuple[Message, ...])),
-            "at_bounds": json.dumps([sentence for _, sentence in mode.at_bounds]),
+            "at_bounds": json.dumps(sentences(mode.at_bounds)),
         },
     )
 

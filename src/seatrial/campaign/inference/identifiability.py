@@ -23,6 +23,7 @@ from seatrial.estimation.diagnostics.symmetry import PriorCurve, symmetries
 from seatrial.estimation.posterior.information import likelihood_information
 from seatrial.estimation.posterior.output_error import is_deviation
 from seatrial.estimation.posterior.posterior import Parameter
+from seatrial.messages.identifiability import identifiability_cautions, symmetry_sentence
 
 NAMED = 0.1
 """Share of the largest move from which a parameter is named in a direction."""
@@ -72,7 +73,7 @@ def symmetry_of(
     if not isinstance(vehicle, WholeVehicle):
         return ()
     curves = {name: PriorCurve(*curve) for name, curve in priors().items()}
-    return tuple(one.sentence for one in symmetries(curves, drawn.draws(), vehicle.body.thrusters))
+    return tuple(symmetry_sentence(one) for one in symmetries(curves, drawn.draws(), vehicle.body.thrusters))
 
 
 def known_before(campaign: Campaign, sweep: Sweep) -> Known:
@@ -120,7 +121,7 @@ def _known(found: Identifiability, information: np.ndarray | None, label: str) -
             )
         )
     directions = () if information is None else _directions(found, information)
-    return Known(found.stage, label, tuple(parameters), directions, tuple(found.cautions()))
+    return Known(found.stage, label, tuple(parameters), directions, tuple(identifiability_cautions(found)))
 
 
 def _directions(found: Identifiability, information: np.ndarray) -> tuple[Direction, ...]:

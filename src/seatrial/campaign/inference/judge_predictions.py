@@ -15,6 +15,7 @@ from seatrial.campaign.store.estimates import Drawn, Estimate, HasKey, OfStructu
 from seatrial.campaign.store.predictions import Fit, Predictions
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.dataset import Dataset
+from seatrial.core.display_units import listed
 from seatrial.core.findings import Finding, Message
 from seatrial.core.record import Record
 from seatrial.core.signals import ACTUAL
@@ -54,7 +55,6 @@ from seatrial.estimation.prediction.prediction_scores import (
     new_residuals,
     score_channel,
 )
-from seatrial.estimation.prediction.remedies import listed
 from seatrial.estimation.prediction.short_horizon import ShortHorizon, short_horizons
 from seatrial.estimation.priors import Normal
 from seatrial.estimation.simulation.sensor_errors import Noise

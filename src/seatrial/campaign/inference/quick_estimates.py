@@ -241,7 +241,7 @@ def _answer(study: Study, structure: Structure, trials: Trials, whole: Mode | Nu
     missing = left_out(posterior, structure, robust.omitted) if robust else ()
     cautions = (
         [flat] * mode.flat
-        + [sentence for _, sentence in mode.at_bounds]
+        + [*mode.at_bounds]
         + prior_contradictions(posterior, mode)
         + (long_steps(posterior, whole, study.records) if robust else [])
         + [*missing]

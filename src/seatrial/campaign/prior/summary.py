@@ -3,9 +3,8 @@
 import numpy as np
 
 from seatrial.campaign.prior.predictive import LEVELS, MOST, Believed, PriorPredictive, most_have
-from seatrial.core.display_units import Shown, shown_unit
+from seatrial.core.display_units import Shown, listed, shown_unit
 from seatrial.core.normal import Z90
-from seatrial.estimation.prediction.remedies import listed
 
 SOME = 0.01
 """Share of draws without a motion above which a prior is to be mended."""

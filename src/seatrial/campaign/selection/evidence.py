@@ -21,10 +21,10 @@ from seatrial.campaign.selection.screening import shortlist_of
 from seatrial.campaign.store.estimates import HasKey
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of, load_checkpoint, save_checkpoint
 from seatrial.core.argument_checks import check_kind
+from seatrial.core.display_units import listed
 from seatrial.core.errors import NumericalError
 from seatrial.core.reporter import SILENT, Progress, Reporter
 from seatrial.estimation.posterior.mode import find_mode
-from seatrial.estimation.prediction.remedies import listed
 from seatrial.sampling.nested import NestedRun
 from seatrial.sampling.tempered_smc import SMCResult, SMCSettings
 from seatrial.selection.evidence import EvidenceSettings

@@ -9,11 +9,10 @@ import numpy as np
 
 from seatrial.core.coefficients import is_coefficient
 from seatrial.core.dataset import Dataset
-from seatrial.core.display_units import Shown
+from seatrial.core.display_units import Shown, listed, measured, percent
 from seatrial.core.findings import Finding, Message
 from seatrial.core.result_table import table_html, table_text
 from seatrial.core.serialise import from_plain
-from seatrial.estimation.prediction.remedies import listed, measured, percent
 from seatrial.messages.render import sentences
 from seatrial.selection.structures import Structure
 

@@ -8,7 +8,6 @@ from seatrial.core.findings import Finding
 from seatrial.estimation.prediction.fit_verdict import FIT_LEVELS, FitLevel
 from seatrial.estimation.prediction.pooled_coverage import Pooled
 from seatrial.estimation.prediction.prediction_scores import Score
-from seatrial.estimation.prediction.remedies import with_advice
 from seatrial.messages.render import remedy, statement
 
 
@@ -50,18 +49,18 @@ class Fit(Score):
     @property
     def found(self) -> str:
         """Reason, and where the record leaves the fitted range."""
-        beyond = f"it goes beyond what was fitted: {', '.join(self.outside)}"
-        return with_advice(self.reason, beyond * bool(self.outside))
+        beyond = f"; it goes beyond what was fitted: {', '.join(self.outside)}"
+        return self.reason + beyond * bool(self.outside)
 
     @property
     def finding(self) -> str:
         """The same, and how far ahead it is predicted; the cautions say what to do, once for all."""
-        return with_advice(self.found, self.ahead)
+        return "; ".join(filter(None, (self.found, self.ahead)))
 
     @property
     def words(self) -> str:
         """The same, and what to do."""
-        return with_advice(self.finding, self.advice)
+        return "; ".join(filter(None, (self.finding, self.advice)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,7 +19,7 @@ from seatrial.campaign.inference.judge_predictions import fitted_failures, held_
 from seatrial.campaign.inference.quick_estimates import FirstAnswer
 from seatrial.campaign.store.structures import BETTER_EVIDENCE, Contenders, condition_of
 from seatrial.campaign.workflow.outcome import Outcome
-from seatrial.estimation.prediction.remedies import listed, percent
+from seatrial.core.display_units import listed, percent
 from seatrial.manoeuvres.family import design_words
 from seatrial.messages.render import sentences
 from seatrial.selection.verdict import DECIDED

@@ -14,7 +14,7 @@ from seatrial.campaign.store.designs import edge_words
 from seatrial.campaign.store.stored_result import Store
 from seatrial.cli.campaign_text import CAMPAIGN, read_file, write_file, written_units
 from seatrial.core.coefficients import CoefficientName
-from seatrial.core.display_units import Shown, shown_as_written
+from seatrial.core.display_units import Shown, listed, shown_as_written
 from seatrial.core.errors import SeatrialError
 from seatrial.dashboard.app_context import AppContext, cautions_html, fill, keep_current, keep_form, markup, say
 from seatrial.dashboard.edits import BOUNDS, with_limit
@@ -23,7 +23,6 @@ from seatrial.dashboard.pages.work import Live, begin, made_part
 from seatrial.dashboard.result_charts import mark_chosen, schedule_chart, surface_chart
 from seatrial.dashboard.view_models import Clicked, FormData, Limit, Swept
 from seatrial.dashboard.worker_pool import stamp
-from seatrial.estimation.prediction.remedies import listed
 from seatrial.report.numbers import percent, short, unit_html
 
 UNTAUGHT = 0.999

@@ -24,7 +24,7 @@ from seatrial.campaign.store.structures import (
 )
 from seatrial.cli.campaign_text import written_units
 from seatrial.core.coefficients import CoefficientName
-from seatrial.core.display_units import Shown, shown_as_written
+from seatrial.core.display_units import Shown, listed, shown_as_written
 from seatrial.core.errors import InputError, SeatrialError
 from seatrial.core.findings import Finding
 from seatrial.dashboard.app_context import AppContext, change_of, fill, keep_current, markup, say
@@ -33,7 +33,6 @@ from seatrial.dashboard.result_charts import Probability, fit_charts, marginal_c
 from seatrial.dashboard.view_models import EstimatedStructure, EstimatedValue, Marginal
 from seatrial.dashboard.worker_pool import stamp
 from seatrial.estimation.prediction.fit_verdict import explained_share
-from seatrial.estimation.prediction.remedies import listed
 from seatrial.messages.render import sentence, statement
 from seatrial.report.labels import label_html, name_html, sentence_about
 from seatrial.report.numbers import Digits, percent, probability, short, times_ten, typeset, unit_html, with_sd

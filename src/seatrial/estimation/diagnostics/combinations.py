@@ -15,7 +15,6 @@ from jaxtyping import Float
 
 from seatrial.core.coefficients import AXES, CoefficientName, is_coefficient
 from seatrial.core.signals import SIGNALS, signal_unit
-from seatrial.estimation.prediction.remedies import listed, measured, percent
 
 INVISIBLE = 1e-10
 """Eigenvalue of the information, its diagonal scaled to one, over the largest, below which a combination is invisible."""
@@ -68,17 +67,6 @@ class Invisible(NamedTuple):
         """Whether all of them grow alike, so that their ratios are known."""
         return all(self.relative) and np.ptp(self.steps) < 1e-3 * abs(self.steps[0])
 
-    @property
-    def text(self) -> str:
-        """The change in words."""
-        if self.is_scale and len(self.names) > 1:
-            return f"{listed(self.names)} scale together: only their ratios are known"
-        parts = [
-            f"{name} by {step:+.3g} %" if share else f"{name} by {0.01 * step:+.3g} prior standard deviations"
-            for name, step, share in zip(self.names, self.steps, self.relative, strict=True)
-        ]
-        return f"changing {listed(parts)} leaves every measurement as it is"
-
 
 class Combination(NamedTuple):
     """A sum of parameters, or a ratio, with its value and standard deviation.
@@ -103,12 +91,6 @@ class Combination(NamedTuple):
     def relative_sd(self) -> float:
         """Standard deviation over the size of the value."""
         return self.sd / max(abs(self.value), 1e-300)
-
-    @property
-    def known(self) -> str:
-        """How well it is known: in percent where that says more than the number itself."""
-        size = measured(self.value, self.sd, self.unit)
-        return f"to {percent(self.relative_sd)} ({size})" if self.relative_sd < 0.3 else f"as {size}"
 
 
 def null_combinations(information: Float[np.ndarray, "d d"], unknown: Unknown) -> tuple[Invisible, ...]:
@@ -202,7 +184,10 @@ def _meant(unknown: Unknown, at: Mapping[str, float]) -> list[Combination]:
         for term, power, share in zip(terms, powers, over, strict=True)
     ]
     size = f"{signal}0" if here > 0 else f"|{signal}0|"
-    unit = _unit_at(terms[0], signal, powers[0], unknown.units[0])
+    # The unit of a force over the signal; as the coefficient's unit, it may be per unit of mass.
+    dimensions = (terms[0].dimension, terms[0].dimension._replace(kg=terms[0].dimension.kg - 1))
+    own = [dimension for dimension in dimensions if unknown.units[0] == str(dimension)]
+    unit = str(own[0].times(SIGNALS[signal].dimension, powers[0] - 1)) if own else "1"
     sums = (
         (f"the slope of the {force} at {point}", slopes, [_factor(power, power - 1, size) for power in powers]),
         (f"the {force} over {signal} at {point}", over, [_factor(1, power - 1, size) for power in powers]),
@@ -226,15 +211,6 @@ def _ratio_of_two(unknown: Unknown, cov: Float[np.ndarray, "d d"]) -> list[Combi
     meaning = "which sets the steady speed" if axes == {"X", "T"} else ""
     text = f"the ratio {unknown.names[0]} / {unknown.names[1]}"
     return [Combination(text, meaning, _unit_ratio(unknown, 1), (), value, sd)]
-
-
-def _unit_at(term: CoefficientName, signal: str, power: int, unit: str) -> str:
-    """Return the unit of a force over the signal; as the coefficient's unit, it may be per unit of mass."""
-    base = SIGNALS[signal].dimension
-    for dimension in (term.dimension, term.dimension._replace(kg=term.dimension.kg - 1)):
-        if unit == str(dimension):
-            return str(dimension.times(base, power - 1))
-    return "1"
 
 
 def _factor(multiple: int, power: int, size: str) -> str:

@@ -1,4 +1,4 @@
-"""What data can tell about each parameter and what only about several together, before a trial and after it, in words.
+"""What data can tell about each parameter and what only about several together, before a trial and after it.
 
 A combination of parameters about which the Fisher information I is zero to 1e-10 is one that no length of such data shows
 (structural); eigenvalues are those of I in relative changes of the parameters. Standard deviations are those of the posterior,
@@ -14,7 +14,6 @@ import numpy as np
 from jaxtyping import Float
 
 from seatrial.compiled.batching import bucket_length, filled
-from seatrial.core.coefficients import CoefficientName, is_coefficient
 from seatrial.estimation.diagnostics.combinations import (
     Combination,
     Invisible,
@@ -26,24 +25,13 @@ from seatrial.estimation.diagnostics.combinations import (
 from seatrial.estimation.posterior.information import coefficient_information, likelihood_information
 from seatrial.estimation.posterior.mode import Mode
 from seatrial.estimation.posterior.posterior import Parameter, Posterior
-from seatrial.estimation.prediction.remedies import listed, measured, percent, what_separates
 from seatrial.manoeuvres.autopilot import Autopilot
 from seatrial.vehicles.model import VehicleModel
 
-CONTRACTION = 0.9
-"""Posterior over prior standard deviation beyond which the data said nothing."""
-VAGUE = 0.5
-"""Relative standard deviation beyond which a coefficient is not known."""
-NOISE = ("sigma_", "tau_", "dof_", "drift_", "process_")
-"""How parameters begin that are of noise alone: that these are known together matters to nobody."""
 TOGETHER = 0.9
 """Correlation beyond which the split between two parameters is over twice as uncertain as either given the other."""
 UNTOUCHED = 1e-10
 """Information of the data about a parameter, over that of its prior, below which no measurement depends on it."""
-SHARP = 0.01
-"""Relative standard deviation below which a parameter is known by itself, however strongly it is correlated."""
-WELL = 0.05
-"""Relative standard deviation below which a parameter is of use by itself, although a combination is known much better."""
 NEAR_ZERO = 1e-6
 """Value, in prior standard deviations, below which a parameter is scaled by its prior and not by its value."""
 
@@ -56,13 +44,11 @@ class Group:
         names: the parameters.
         correlation: the correlation of two of them that is farthest from zero.
         known: sums that are known better, those with a meaning first, the best of all last.
-        remedy: what would tell the parameters apart.
     """
 
     names: tuple[str, ...]
     correlation: float
     known: tuple[Combination, ...]
-    remedy: str
 
     @property
     def headline(self) -> tuple[Combination, ...]:
@@ -88,7 +74,7 @@ class Identifiability:
         untouched: parameters on which no measurement depends.
         invisible: combinations of the others on which no measurement depends.
         groups: parameters that are known together rather than each.
-        shown: factor from SI to the unit in which sentences say each parameter, and that unit; empty for SI.
+        shown: factor from SI to the unit in which each parameter is shown, and that unit; empty for SI.
     """
 
     stage: str
@@ -120,88 +106,6 @@ class Identifiability:
         if self.untouched or self.invisible or not self.eigenvalues[0] > 0:
             return float("inf")
         return float(self.eigenvalues[-1] / self.eigenvalues[0])
-
-    def lines(self) -> list[str]:
-        """Everything in plain words: each parameter, what is known together, and what to do."""
-        verb = {"before": "would be", "after": "is"}[self.stage]
-        said = [f"identifiability {self.stage} the data"]
-        for i, (name, value, sd, prior_sd) in enumerate(
-            zip(self.names, self.values, self.sd, self.prior_sd, strict=True)
-        ):
-            if name in self.untouched:
-                said.append(f"{name} {verb} what the prior says: {self._measured(i)}")
-                continue
-            size = f" to {percent(sd / abs(value))}" if sd < abs(value) else ""
-            said.append(
-                f"{name} {verb} known{size}: {self._measured(i)}, {percent(sd / prior_sd)} of the prior's standard deviation"
-            )
-        if np.isfinite(self.condition):
-            said.append(f"condition number of the scaled information: {self.condition:.2g}")
-        return said + self.cautions()
-
-    def cautions(self) -> list[str]:
-        """Return what a reader must know or do; empty where each parameter is known by itself."""
-        together = [
-            self._together(group)
-            for group in self.groups
-            if not all(one.startswith(NOISE) for one in group.names) and not self._are_within(group, SHARP)
-        ]
-        if np.isfinite(self.eigenvalues).all():
-            return [*self._structural(), *self._practical(), *together]
-        blind = "not judged which parameters the data can determine: the log-likelihood has no derivatives at the values used"
-        return [blind] if self.stage == "before" else [blind, *self._practical(), *together]
-
-    def _structural(self) -> list[str]:
-        if len(self.untouched) == len(self.names):
-            return ["the data say nothing about any parameter: no channel was measured, or none depends on them"]
-        said = [f"{_untouched(name)} (structural); the stated value is the prior's" for name in self.untouched]
-        return said + [
-            f"one combination is invisible in these data whatever their length (structural): {item.text}; "
-            f"{what_separates(item.names)}"
-            for item in self.invisible
-        ]
-
-    def _practical(self) -> list[str]:
-        said, verb = [], {"before": "would be", "after": "is"}[self.stage]
-        for i, (name, value, sd, share) in enumerate(
-            zip(self.names, self.values, self.sd, self.contraction, strict=True)
-        ):
-            if name in self.untouched:
-                continue
-            if share > CONTRACTION:
-                said.append(
-                    f"the data cannot inform {name}: its standard deviation {verb} {share:.0%} of the prior's, "
-                    "so the stated value is the prior's; run a trial that excites it, or fix it"
-                )
-            elif is_coefficient(name) and sd > VAGUE * abs(value):
-                said.append(
-                    f"{name} {verb} {self._measured(i)} (practical): the data narrow the prior but determine "
-                    f"{'not even its sign' if 1.96 * sd > abs(value) else 'little more than its sign'}; "
-                    "run a trial that excites it more, or leave it out"
-                )
-        return said
-
-    def _measured(self, i: int) -> str:
-        factor, unit = self.shown[i] if self.shown else (1.0, self.units[i])
-        return measured(factor * self.values[i], factor * self.sd[i], unit)
-
-    def _are_within(self, group: Group, share: float) -> bool:
-        return all(self.relative_sd[self.names.index(name)] < share for name in group.names)
-
-    def _together(self, group: Group) -> str:
-        at = [self.names.index(name) for name in group.names]
-        each = [
-            f"{name} to {percent(self.relative_sd[i])}" if self.relative_sd[i] < 1 else f"{name} as {self._measured(i)}"
-            for i, name in zip(at, group.names, strict=True)
-        ]
-        sums = [f"{item.text}{f' ({item.meaning})' if item.meaning else ''} {item.known}" for item in group.headline]
-        would_be = {"before": "would be ", "after": ""}[self.stage]
-        only = "known only in combination:"
-        how = "known much better in combination:" if self._are_within(group, WELL) else only
-        return (
-            f"{would_be}{how} {listed(sums)}; separately {listed(each)}, correlation "
-            f"{group.correlation:+.3f}; to separate them, {group.remedy}"
-        )
 
 
 def identify(
@@ -237,7 +141,10 @@ def identify(
         untouched = [name for name, yes in zip(names, touched, strict=True) if not yes]
         seen = np.flatnonzero(touched)
         invisible = null_combinations(information[np.ix_(seen, seen)], unknown.pick(seen)) if seen.size else ()
-    cov = _expected_cov(information, prior_sd) if cov is None else np.asarray(cov, float)
+    if cov is None:  # before the data: the inverse of their information and the prior's together
+        gains, vectors = np.linalg.eigh(information * np.outer(prior_sd, prior_sd))
+        cov = (vectors / (1.0 + np.maximum(gains, 0.0))) @ vectors.T * np.outer(prior_sd, prior_sd)
+    cov = np.asarray(cov, float)
     sd = np.sqrt(np.diag(cov))
     correlation = cov / np.maximum(np.outer(sd, sd), 1e-300)
     results = []
@@ -247,7 +154,7 @@ def identify(
             continue
         pairs = [correlation[i, j] for i, j in combinations(members, 2)]
         known = known_combinations(part, cov[np.ix_(members, members)], at or {})
-        results.append(Group(part.names, float(max(pairs, key=abs)), known, what_separates(part.names)))
+        results.append(Group(part.names, float(max(pairs, key=abs)), known))
     return Identifiability(
         stage,
         names,
@@ -318,7 +225,7 @@ def identifiability_of_design(
         autopilot: through which the trial runs.
         process: standard deviation that each state gains in one second, SI; None for none.
     """
-    values = _prior_means(parameters)
+    values = np.array([float(parameter.prior.mean) for parameter in parameters])
     params = {parameter.name: value for parameter, value in zip(parameters, values, strict=True)}
     n, size = len(control), bucket_length(len(control))
     control, step = filled(np.asarray(control, float), size), filled(np.full(n, float(sample_time)), size, 0.0)
@@ -328,22 +235,3 @@ def identifiability_of_design(
     gained = None if process is None else np.asarray(process, float)
     information = np.asarray(coefficient_information(*parts, autopilot, gained))
     return identify(parameters, values, information, at=at)
-
-
-def _untouched(name: str) -> str:
-    if name.startswith("sigma_"):
-        return f"no measurement of {name.removeprefix('sigma_')} is left, so the data say nothing about {name}"
-    moved = f"move {listed(sorted({*CoefficientName.parse(name).signals}))}, " if is_coefficient(name) else ""
-    return (
-        f"the trial says nothing about {name}: no measurement changes with it; {moved}fix it, or measure what it moves"
-    )
-
-
-def _prior_means(parameters: Sequence[Parameter]) -> Float[np.ndarray, " d"]:
-    return np.array([float(parameter.prior.mean) for parameter in parameters])
-
-
-def _expected_cov(information: np.ndarray, prior_sd: np.ndarray) -> np.ndarray:
-    """Return the inverse of the data's information and the prior's together."""
-    eigenvalues, vectors = np.linalg.eigh(information * np.outer(prior_sd, prior_sd))
-    return (vectors / (1.0 + np.maximum(eigenvalues, 0.0))) @ vectors.T * np.outer(prior_sd, prior_sd)

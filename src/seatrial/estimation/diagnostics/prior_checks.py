@@ -1,6 +1,5 @@
 """What every estimate must answer: does the prior hold the data's answer, do the data say more, and where can nothing be said?"""
 
-from collections.abc import Callable, Mapping
 from math import isfinite
 
 import numpy as np
@@ -9,9 +8,7 @@ from jaxtyping import Bool, Float
 
 from seatrial.compiled.random_keys import seeded_key
 from seatrial.core.coefficients import is_coefficient
-from seatrial.core.errors import InputError
-from seatrial.core.findings import Finding, Message, Value
-from seatrial.estimation.diagnostics.identifiability import identifiability_of_fit
+from seatrial.core.findings import Finding, Value
 from seatrial.estimation.posterior.information import slopes_of_present
 from seatrial.estimation.posterior.mode import Mode
 from seatrial.estimation.posterior.posterior import Parameter, Posterior, values_of
@@ -27,12 +24,14 @@ FLAT = 1e-9
 """Least curvature of the likelihood, over that of each parameter alone, along which other parameters are followed."""
 SOME = 0.01
 """Share of the prior without a finite likelihood of which a reader is told."""
+NOT_NEEDED = {"tau": "no-memory", "lag": "no-lag", "sigma": "smaller-noise"}
+"""Remedies for a time or a size that the data find smaller than its prior allows, by the beginning of its name."""
 APART = 0.25
 """Difference of mean ranks, 0.5 at most, from which a parameter is said to set what is lost apart."""
 
 
-def check_prior_contains_data(posterior: Posterior, mode: Mode, where: Callable[[str], str]) -> None:
-    """Refuse a prior against whose bound the data push.
+def prior_excluding_data(posterior: Posterior, mode: Mode) -> Finding | None:
+    """Report a prior against whose bound the data push; None where each contains what they say.
 
     A mode within 2 % of a bound is suspect, in shares of the width, or where one side is open of that of a uniform of the same
     standard deviation; if a step of a tenth of the width beyond the bound, the other parameters following
@@ -42,82 +41,57 @@ def check_prior_contains_data(posterior: Posterior, mode: Mode, where: Callable[
         posterior: of a model with every term in question. One that lacks a real term calls it noise or lets others stand for it, which may
             push these against a bound; its evidence judges it.
         mode: its mode, of the parameters that are present.
-        where: names what states a prior, by its key, for the error.
-
-    Raises:
-        InputError: naming the parameter, its bound and the gain beyond it.
     """
     for index, parameter in enumerate(posterior.present_parameters):
         for bound, beyond in _suspect_bounds(parameter, float(mode.values[index])):
             gain = _gain_beyond(posterior, mode.values, index, beyond)
             if gain > GAIN:
-                raise InputError(
-                    where(f"prior.{parameter.name}"),
-                    found=f"the data push {parameter.name} against its bound {parameter.said(bound)}; beyond it, "
-                    f"at {parameter.said(beyond)}, they are {'over 10 000' if gain > 1e4 else f'{gain:.0f}'} nats more likely",
-                    expected="a prior that contains what the data say",
-                    remedy=_remedy(parameter, bound, gain),
+                further = {"beyond": parameter.shown_value(beyond)["value"], "gain": gain}
+                values = {**parameter.shown_value(bound), **further, "channel": parameter.name.partition("_")[2]}
+                return Finding(
+                    "prior-excludes-data", "alarm", (parameter.name,), values, (_remedy(parameter, bound, gain),)
                 )
+    return None
 
 
-def information_complaints(
-    posterior: Posterior, mode: Mode, draws: Float[np.ndarray, "n d"], at: Mapping[str, float] | None = None
-) -> list[Message]:
-    """Report which parameters the data cannot inform or inform only together, where prior and data disagree, and where there is no model.
+def _remedy(parameter: Parameter, bound: float, gain: float) -> str:
+    kind = parameter.name.partition("_")[0]
+    if bound == parameter.prior.bounds[0] and kind in NOT_NEEDED:
+        return NOT_NEEDED[kind]
+    if kind == "sigma" and bound == parameter.prior.bounds[1]:
+        return "explain-channel"
+    return "check-record-first" if gain > HUGE else "widen-or-check-record"
+
+
+def prior_findings(posterior: Posterior, mode: Mode, draws: Float[np.ndarray, "n d"]) -> list[Finding]:
+    """Report where a prior and the data disagree, where a bound cuts the posterior off, and where the prior has no model.
 
     Args:
         posterior: posterior.
         mode: its mode, of the parameters that are present.
         draws: posterior draws in the parameters' own units.
-        at: operating point, signal name to SI value, at which sums of force coefficients have a meaning.
     """
-    cautions: list[Message] = [*identifiability_of_fit(posterior, mode, draws, at).cautions()]
-    at_bounds = dict(mode.at_bounds)
+    findings = []
+    at_bounds = {one.subject[0]: one for one in mode.at_bounds}
     for parameter, column in zip(posterior.present_parameters, draws.T, strict=True):
         leaning = [
             Finding(
                 "posterior-cut-off",
                 "caution",
                 (parameter.name,),
-                {"share": share, **_shown(parameter, bound)},
+                {"share": share, **parameter.shown_value(bound)},
                 ("widen-prior",),
             )
             for bound, share in leaning_bounds(parameter, column)
         ]
-        cautions += leaning or filter(None, [at_bounds.get(parameter.name)])
-    return [*cautions, *prior_contradictions(posterior, mode), *_lost_region(posterior)]
-
-
-def _shown(parameter: Parameter, value: float) -> dict[str, Value]:
-    """Return a value of a parameter in the unit in which it is shown, and that unit, as values of a finding."""
-    factor, unit = parameter.shown or (1.0, parameter.unit)
-    return {"value": float(value) * factor, "unit": unit}
-
-
-def _remedy(parameter: Parameter, bound: float, gain: float) -> str:
-    kind, _, channel = parameter.name.partition("_")
-    if kind == "tau" and bound == parameter.prior.bounds[0]:
-        return 'set estimation.residuals = "white" and remove this prior: the residuals have no memory'
-    if kind == "lag" and bound == parameter.prior.bounds[0]:
-        return f"set sensors.{channel}.lag = false and remove this prior: {channel} is shown without delay"
-    if kind == "sigma" and bound == parameter.prior.bounds[0]:
-        return f"widen [prior.{parameter.name}]: its lower bound to {parameter.said(bound / 10)}, as the noise of {channel} is smaller"
-    if kind == "sigma" and bound == parameter.prior.bounds[1]:
-        return (
-            f"the model misses {channel} by more than the sensor's noise can explain: check units, signs, the channel map, how the sensor "
-            f'is mounted, and {channel} for outliers (residuals = "heavy" tolerates them), then the other priors; widen this one, '
-            f"[prior.{parameter.name}], only if {channel} is that noisy"
-        )
-    checks = 'units, signs, clocks (a control that was measured: between = "line"), the channel map, and the masses under [vehicle]'
-    if gain > HUGE:
-        return f"check {checks} first: `seatrial check` compares the log with the model; widen the prior only if they are right"
-    return f"widen the prior, or check {checks}"
+        findings += leaning or filter(None, [at_bounds.get(parameter.name)])
+    return [*findings, *prior_contradictions(posterior, mode), *_lost_region(posterior)]
 
 
 def prior_contradictions(posterior: Posterior, mode: Mode) -> list[Finding]:
     """Return the priors without bounds that the data pull far from their middle; z is standard normal under them."""
     return [
-        Finding("prior-contradicted", "caution", (parameter.name,), _shown(parameter, value), ("widen-or-check",))
+        Finding("prior-contradicted", "caution", (parameter.name,), parameter.shown_value(value), ("widen-or-check",))
         for parameter, value, z in zip(posterior.present_parameters, mode.values, mode.z, strict=True)
         if not all(map(isfinite, parameter.prior.bounds)) and abs(z) > FAR
     ]
@@ -144,7 +118,7 @@ def _where(posterior: Posterior, values: Float[np.ndarray, "n d"], lost: Bool[np
         return {}
     parameter, column, above = posterior.present_parameters[worst], values[lost, worst], apart[worst] > 0
     edge = np.quantile(column, 0.05 if above else 0.95)
-    return {"parameter": parameter.name, "is_above": bool(above), **_shown(parameter, float(edge))}
+    return {"parameter": parameter.name, "is_above": bool(above), **parameter.shown_value(float(edge))}
 
 
 def _suspect_bounds(parameter: Parameter, value: float) -> list[tuple[float, float]]:

@@ -40,10 +40,6 @@ QUARTER = {"Y": ("Z", 1), "Z": ("Y", -1), "M": ("N", 1), "N": ("M", -1), "X": ("
 """What each axis and velocity becomes when the vehicle is turned by a right angle from starboard to down, and its sign."""
 CLOSE = 1e-3
 """Distance, m, and difference of a direction within which a thruster is the mirror image of another."""
-LISTED = 8
-"""Restrictions that a sentence names."""
-STRONG, LEAST = 3.0, -20.0
-"""Nats, some 20 to 1, from which the data are said to decide; and below which a normal density says no more than that."""
 
 
 class Restriction(NamedTuple):
@@ -59,11 +55,6 @@ class Restriction(NamedTuple):
     second: str = ""
     sign: int = 1
 
-    @property
-    def words(self) -> str:
-        """`Y_0 = 0`, `M_w = -N_v`."""
-        return f"{self.first} = {'-' if self.sign < 0 else ''}{self.second or 0}"
-
 
 @dataclass(frozen=True)
 class Symmetry:
@@ -78,18 +69,6 @@ class Symmetry:
     sides: str
     restrictions: tuple[Restriction, ...]
     log_evidence: float
-
-    @property
-    def sentence(self) -> str:
-        """`port and starboard alike (Y_0 = 0): log evidence +4.2, the data support it`."""
-        value, count = self.log_evidence, len(self.restrictions)
-        what = ", ".join(one.words for one in self.restrictions[:LISTED])
-        what += f" and {count - LISTED} more" if count > LISTED else ""
-        number = f"{value:+.1f}" if value > LEAST else f"below {LEAST:.0f}"
-        verdict = (
-            "the data support it" if value > STRONG else "the data refuse it" if value < -STRONG else "not decided"
-        )
-        return f"{self.sides} alike ({what}): log evidence {number}, {verdict}"
 
 
 class PriorCurve(NamedTuple):
@@ -120,7 +99,8 @@ def symmetries(
         kept = tuple(one for one, value in zip(restrictions, log_prior, strict=True) if np.isfinite(value))
         if not kept:
             continue
-        differences = np.stack([_difference(one, names, draws) for one in kept], axis=1)
+        column = dict(zip(names, draws.T, strict=True))
+        differences = np.stack([column[one.first] - one.sign * column.get(one.second, 0.0) for one in kept], axis=1)
         centre, spread = differences.mean(0), np.atleast_2d(np.cov(differences.T))
         if np.linalg.matrix_rank(spread) < len(kept):  # draws that do not move along one of them say nothing of it
             continue
@@ -211,11 +191,6 @@ def _turned(terms: Sequence[CoefficientName]) -> tuple[Restriction, ...]:
         if other is not None and other != term.text and not {other, term.text} & used:
             found.append(Restriction(other, term.text, sign))
     return tuple(found)
-
-
-def _difference(one: Restriction, names: Sequence[str], draws: np.ndarray) -> np.ndarray:
-    first = draws[:, names.index(one.first)]
-    return first - one.sign * draws[:, names.index(one.second)] if one.second else first
 
 
 def _log_prior(one: Restriction, priors: Mapping[str, PriorCurve]) -> float:

@@ -21,12 +21,13 @@ from seatrial.compiled.programs import program
 from seatrial.core.argument_checks import check_count, check_numbers
 from seatrial.core.coefficients import is_coefficient
 from seatrial.core.errors import NumericalError
+from seatrial.core.findings import Finding
 from seatrial.core.result_table import table_html, table_text
 from seatrial.estimation.posterior.filter_error import FilterError
 from seatrial.estimation.posterior.information import expand_likelihood
 from seatrial.estimation.posterior.output_error import OutputError
 from seatrial.estimation.posterior.posterior import Posterior, as_key, check_posterior, values_of
-from seatrial.estimation.posterior.prior_bounds import bound_complaint
+from seatrial.estimation.posterior.prior_bounds import bound_finding
 from seatrial.estimation.posterior.slopes import likelihood_slopes
 from seatrial.estimation.simulation.delayed_control import DELAY
 from seatrial.estimation.simulation.sensor_errors import noise_name
@@ -78,7 +79,7 @@ class Mode(NamedTuple):
         flat: whether a direction had no curvature, so that its variance was set to the prior's.
         names: of the parameters.
         units: theirs, SI.
-        at_bounds: those that lie at a bound of their prior, each by name with the sentence that says so.
+        at_bounds: findings about those that lie at a bound of their prior.
     """
 
     z: Float[np.ndarray, " d"]
@@ -91,7 +92,7 @@ class Mode(NamedTuple):
     flat: bool
     names: tuple[str, ...] = ()
     units: tuple[str, ...] = ()
-    at_bounds: tuple[tuple[str, str], ...] = ()
+    at_bounds: tuple[Finding, ...] = ()
 
     @property
     def by_name(self) -> dict[str, float]:
@@ -148,7 +149,7 @@ class Mode(NamedTuple):
     @property
     def _remarks(self) -> list[str]:
         flat = ["a direction has no curvature: its variance is the prior's"] if self.flat else []
-        return [*flat, *(sentence for _, sentence in self.at_bounds)]
+        return [*flat, *(f"{one.code}: {one.subject[0]}" for one in self.at_bounds)]
 
     __repr__ = table_text
     _repr_html_ = table_html
@@ -337,12 +338,7 @@ def _about(posterior: Posterior, z: np.ndarray, log_density: float) -> Mode:
     precision = -0.5 * (there.hessian + there.hessian.T)
     cov, log_volume, flat = _invert(precision)
     sd = np.abs(there.slope) * np.sqrt(np.diag(cov))
-    complaints = [
-        (one.name, bound_complaint(one, value, spread))
-        for one, value, spread in zip(
-            posterior.present_parameters, there.values[posterior.places], sd[posterior.places], strict=True
-        )
-    ]
+    present = zip(posterior.present_parameters, there.values[posterior.places], sd[posterior.places], strict=True)
     return Mode(
         z,
         precision,
@@ -354,7 +350,7 @@ def _about(posterior: Posterior, z: np.ndarray, log_density: float) -> Mode:
         flat,
         posterior.names,
         tuple(parameter.unit for parameter in posterior.parameters),
-        tuple((name, sentence) for name, sentence in complaints if sentence),
+        tuple(finding for one in present if (finding := bound_finding(*one))),
     )
 
 

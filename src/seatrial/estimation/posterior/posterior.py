@@ -20,6 +20,7 @@ from seatrial.compiled.programs import program
 from seatrial.compiled.pytrees import compiled_tree
 from seatrial.core.argument_checks import check_kind, check_known, check_mapping, check_text, shown
 from seatrial.core.errors import InputError
+from seatrial.core.findings import Value
 from seatrial.core.result_table import text_html
 from seatrial.estimation.priors import Prior
 from seatrial.sampling.run import Draws
@@ -48,10 +49,10 @@ class Parameter:
     prior: Prior
     shown: tuple[float, str] | None = field(default=None, compare=False)
 
-    def said(self, value: float) -> str:
-        """Write a value, SI, with four digits and the unit in which sentences say it."""
+    def shown_value(self, value: float) -> dict[str, Value]:
+        """Return an SI value in the unit in which it is shown, and that unit, as values of a finding."""
         factor, unit = self.shown or (1.0, self.unit)
-        return f"{value * factor:.4g} {unit}"
+        return {"value": float(value) * factor, "unit": unit}
 
 
 @compiled_tree("likelihood")

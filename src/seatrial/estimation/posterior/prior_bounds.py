@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from seatrial.core.coefficients import is_coefficient
+from seatrial.core.findings import Finding
 from seatrial.estimation.posterior.posterior import Parameter
 from seatrial.estimation.priors import LogUniform
 
@@ -17,7 +18,6 @@ REACHES = 3.0
 """Standard deviations within which a posterior reaches a bound."""
 LEANING = 0.1
 """Share of the posterior that may lie within `EDGE` of a bound."""
-DECIDES = "the prior decides as much as the data; widen it, or give a reason for the bound"
 
 
 def scaled_bounds(parameter: Parameter) -> tuple[Callable, Callable, Float[np.ndarray, "2"], float]:
@@ -31,8 +31,8 @@ def scaled_bounds(parameter: Parameter) -> tuple[Callable, Callable, Float[np.nd
     return there, back, bounds, float(width if np.isfinite(width) else np.sqrt(12.0) * parameter.prior.sd)
 
 
-def bound_complaint(parameter: Parameter, value: float, sd: float) -> str:
-    """Say at which bound of its prior a parameter lies; empty if it lies at none.
+def bound_finding(parameter: Parameter, value: float, sd: float) -> Finding | None:
+    """Report the bound of its prior at which a parameter lies; None if it lies at none.
 
     A size has no values beyond 0, so that it cannot be cut off there, and a log-normal has no density at its bound.
 
@@ -48,8 +48,10 @@ def bound_complaint(parameter: Parameter, value: float, sd: float) -> str:
         if not np.isfinite(edge) or (bound == 0.0 and not is_coefficient(parameter.name)):
             continue
         if off <= (BESIDE if bound else 0.0) * width or off <= min(EDGE * width, REACHES * sd / scale):
-            return f"{parameter.name} lies at the bound {parameter.said(bound)} of its prior: {DECIDES}"
-    return ""
+            return Finding(
+                "at-prior-bound", "caution", (parameter.name,), parameter.shown_value(bound), ("widen-prior",)
+            )
+    return None
 
 
 def leaning_bounds(parameter: Parameter, draws: Float[np.ndarray, " n"]) -> list[tuple[float, float]]:

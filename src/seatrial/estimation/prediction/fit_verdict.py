@@ -132,11 +132,6 @@ def _scores(score: Score) -> dict[str, Value]:
     return {name: float(getattr(score, name)) for name in names}
 
 
-def either(words: Sequence[str]) -> str:
-    """Return alternatives as a sentence has them: `a`, `a or b`, `a, b or c`."""
-    return " or ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
-
-
 def explained_words(share: float, channel: str) -> str:
     """Say what share of a channel's variance is explained, below nothing in words and as a number."""
     if share < 0:

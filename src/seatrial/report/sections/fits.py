@@ -8,7 +8,7 @@ from seatrial.campaign.inference.baselines import NOTHING_HELD_BACK, refused_wor
 from seatrial.campaign.inference.judge_predictions import trial_verdicts
 from seatrial.campaign.store.predictions import Fit
 from seatrial.campaign.workflow.outcome import Outcome
-from seatrial.core.display_units import shown_unit
+from seatrial.core.display_units import count_below, shown_unit
 from seatrial.core.findings import Finding
 from seatrial.core.record import Record
 from seatrial.estimation.prediction.baseline_comparison import Comparison, PooledScore
@@ -21,7 +21,6 @@ from seatrial.estimation.prediction.fit_verdict import (
     explained_share,
 )
 from seatrial.estimation.prediction.pooled_coverage import Pooled
-from seatrial.estimation.prediction.remedies import count_below
 from seatrial.messages.render import statement
 from seatrial.report.drawing import draw, model_said, record_curves
 from seatrial.report.figures.fit import record_fit, record_residuals

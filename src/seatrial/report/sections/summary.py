@@ -13,10 +13,10 @@ from seatrial.campaign.inference.judge_predictions import held_back_alarms
 from seatrial.campaign.store.structures import QUOTED, RARE, StoredAverage, condition_of
 from seatrial.campaign.workflow.next_trial import propose
 from seatrial.campaign.workflow.outcome import Outcome
+from seatrial.core.display_units import listed
 from seatrial.core.findings import Finding
 from seatrial.estimation.prediction.baseline_comparison import CLEAR
 from seatrial.estimation.prediction.fit_verdict import WORSE_THAN_MEAN, explained_share
-from seatrial.estimation.prediction.remedies import listed
 from seatrial.messages.render import sentence, sentences
 from seatrial.report.drawing import (
     digits_of,

@@ -1,0 +1,31 @@
+"""Messages about evidences and the choice between structures."""
+
+from seatrial.core.findings import Finding
+from seatrial.messages.entry import Entry, Remedy
+
+
+def thresholds() -> dict[str, float]:
+    """Return the limits that the entries name."""
+    from seatrial.selection.method_agreement import MAX_JOINT_ERRORS
+
+    return {"MAX_JOINT_ERRORS": MAX_JOINT_ERRORS}
+
+
+ENTRIES = {
+    "evidence-check-blunt": Entry(
+        title="Check of an evidence too blunt",
+        sentence="the verdict on {subject:and} would change if the evidence of {label} were wrong by less than its check resolves, "
+        "{resolution:.2g} nat",
+        meaning="A second method confirms the evidence, but not as precisely as the verdict needs.",
+        decided="The probability of a term passes from one verdict to another within {MAX_JOINT_ERRORS:g} joint errors of the two methods.",
+        example=Finding(
+            "evidence-check-blunt", "caution", ("X_u",), {"label": "M-1", "resolution": 0.8}, ("sharpen-evidence",)
+        ),
+    ),
+}
+REMEDIES = {
+    "sharpen-evidence": Remedy(
+        command="raise `particles` or `repeats` of [selection]",
+        python="raise `repeats`, or the particles of `smc`, of EvidenceSettings",
+    ),
+}
