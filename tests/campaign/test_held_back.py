@@ -11,9 +11,9 @@ from seatrial.campaign.config.import_table import Imports
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.inference.judge_predictions import (
-    _lacks,
     _predict,
     _score,
+    _setting,
     _unseen,
     fit_complaints,
     held_back_alarms,
@@ -65,7 +65,7 @@ WAVE = 104 + 15 * np.sign(np.sin(0.5 * np.arange(300) * 0.1))
 def predicted(known, *records):
     campaign, trials, drawn = known
     held = replace(trials, predict=records)
-    return predict_held_back(campaign, drawn, held), held_back_cautions(campaign, held)
+    return predict_held_back(campaign, drawn, held), held_back_cautions(campaign.imports, held)
 
 
 def test_a_right_model_passes_and_is_no_alarm(known):
@@ -144,10 +144,10 @@ def test_one_run_that_is_fitted_leaves_the_bands_unjudged(known):
     campaign, trials, _ = known
     for fit, remedy in ((("1",), "record another run, and name it in `predict`"), (("1", "2"), "move a run from fit")):
         imported = replace(campaign, imports=Imports(fit, (), ()))
-        (said,) = held_back_cautions(imported, replace(trials, predict=()))
+        (said,) = held_back_cautions(imported.imports, replace(trials, predict=()))
         assert "it is not known whether the stated bands hold" in said
         assert remedy in said
-    assert held_back_cautions(campaign, replace(trials, predict=())) == []
+    assert held_back_cautions(campaign.imports, replace(trials, predict=())) == []
 
 
 def test_a_run_beyond_the_fitted_range_is_named(known):
@@ -168,13 +168,13 @@ def test_a_model_that_has_become_wrong_is_an_alarm_with_the_factor_that_would_me
 def test_what_the_campaign_has_is_not_said_to_be_missing(known):
     """With a delay and slow residuals there are left a term and a force disturbance."""
     campaign, _, _ = known
-    assert _lacks(campaign, "u")[1] == "add-delay"
+    assert _setting(campaign).lacks["u"][1] == "add-delay"
     has = replace(
         campaign,
         priors={**campaign.priors, "delay": campaign.priors["T_nabsn"]},
         estimation=campaign.estimation.model_copy(update={"residuals": "coloured"}),
     )
-    assert _lacks(has, "u") == ("add-term", "filter-error")
+    assert _setting(has).lacks["u"] == ("add-term", "filter-error")
 
 
 def test_states_that_no_sensor_shows_are_named_where_a_run_is_lost(known):

@@ -5,7 +5,7 @@ import pytest
 
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import get_trials
-from seatrial.campaign.inference.long_steps import long_steps
+from seatrial.campaign.inference.modes import long_steps
 from seatrial.campaign.inference.posterior import build_posterior
 from seatrial.estimation.posterior.mode import find_mode
 from seatrial.estimation.posterior.step_shift import step_shift

@@ -11,7 +11,7 @@ import pytest
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.check import check_records
 from seatrial.campaign.data.import_logs import get_trials
-from seatrial.campaign.inference import prior_and_record
+from seatrial.campaign.inference import modes
 from seatrial.campaign.inference.omitted_effects import remedies_of
 from seatrial.campaign.inference.posterior import build_posterior
 from seatrial.core.errors import InputError
@@ -139,12 +139,10 @@ def test_no_fault_of_a_record_is_blamed_for_a_noise_that_is_small(tmp_path, monk
     code = _remedy(Parameter("sigma_r", "rad/s", "s", prior), prior.bounds[at], 29.0)
     values = {"value": prior.bounds[at], "unit": "rad/s", "beyond": 0.3, "gain": 29.0, "channel": "r"}
     finding = Finding("prior-excludes-data", "alarm", ("sigma_r",), values, (code,))
-    monkeypatch.setattr(prior_and_record, "prior_excluding_data", lambda posterior, mode: finding)
-    monkeypatch.setattr(prior_and_record, "likely_causes", lambda campaign, records: ["a step that blurs"])
+    monkeypatch.setattr(modes, "prior_excluding_data", lambda posterior, mode: finding)
+    monkeypatch.setattr(modes, "likely_causes", lambda campaign, records: ["a step that blurs"])
     with pytest.raises(InputError) as caught:
-        prior_and_record.check_prior_of(
-            SimpleNamespace(campaign=SimpleNamespace(where_of_prior=str), records=()), None, None
-        )
+        modes.check_prior_of(SimpleNamespace(campaign=SimpleNamespace(where_of_prior=str), records=()), None, None)
     assert ("a step that blurs" in caught.value.remedy) == is_fault
     assert is_fault or remedy(finding).startswith("widen [prior.sigma_r]: its lower bound to 1e-06 rad/s")
 

@@ -11,7 +11,7 @@ from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.config.vehicle_campaign import vehicle_campaign_text
 from seatrial.campaign.data.check import check_records
 from seatrial.campaign.data.import_logs import get_trials
-from seatrial.campaign.inference import prior_and_record
+from seatrial.campaign.inference import modes
 from seatrial.core.errors import InputError
 from seatrial.core.findings import Finding
 from seatrial.messages.render import remedy
@@ -101,9 +101,9 @@ def test_a_prior_that_excludes_the_data_is_refused_with_what_the_check_finds(
 
     values = {"value": 0.2, "unit": "m/s", "beyond": 0.3, "gain": 50.0, "channel": "u"}
     finding = Finding("prior-excludes-data", "alarm", ("sigma_u",), values, ("explain-channel",))
-    monkeypatch.setattr(prior_and_record, "prior_excluding_data", lambda posterior, mode: finding)
+    monkeypatch.setattr(modes, "prior_excluding_data", lambda posterior, mode: finding)
     with pytest.raises(InputError, match="check units") as caught:
-        prior_and_record.check_prior_of(study, None, None)
+        modes.check_prior_of(study, None, None)
     assert told in caught.value.remedy
     assert caught.value.remedy.startswith("`seatrial check` finds a likely cause: run 1: ")
     line = int(caught.value.where.split("campaign.toml:")[1].split(",")[0])

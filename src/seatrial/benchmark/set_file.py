@@ -17,12 +17,11 @@ import tomlkit
 from pydantic import Field
 
 from seatrial.campaign.config.campaign import Campaign
-from seatrial.campaign.config.file_keys import FileKeys
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.config.quantities import Name, Quantity, Table
 from seatrial.campaign.config.schema import CampaignFile
 from seatrial.campaign.config.templates import example_of
-from seatrial.campaign.config.toml import parse_toml, read_text
+from seatrial.campaign.config.toml import FileKeys, parse_toml, read_text
 from seatrial.campaign.store.stored_result import FILE_NAME
 from seatrial.core.errors import InputError, located, nearest
 from seatrial.core.files import depend_on, write_text

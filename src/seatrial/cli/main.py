@@ -114,14 +114,14 @@ def app_of(commands: Mapping[str, Command]) -> typer.Typer:
         epilog="Exit codes: 0 done; 2 the input cannot be used (the message says what is wrong and what to do); 3 done, but a health "
         "check failed (see the report); 4 the computation failed; 130 interrupted (run again to resume).",
     )
-    app.callback(invoke_without_command=True)(_root)
+
+    @app.callback(invoke_without_command=True)
+    def _root(version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False) -> None:
+        if version:
+            typer.echo(f"seatrial {__version__}")
+            raise typer.Exit
+
     return app
-
-
-def _root(version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False) -> None:
-    if version:
-        typer.echo(f"seatrial {__version__}")
-        raise typer.Exit
 
 
 app = app_of(COMMANDS)

@@ -142,21 +142,17 @@ def watched(quiet: bool, work: Callable[[Any], Exit]) -> None:
         raise typer.Exit(int(code))
 
 
-def _hush_libraries(ours: type[Warning]) -> None:
-    """Keep the warnings of libraries from the terminal, as those of overflows under a draw that diverges; `python -W` shows them."""
-    if not sys.warnoptions:
-        warnings.simplefilter("ignore")
-        warnings.simplefilter("default", ours)
-        os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
-
-
 def run_app(app: typer.Typer) -> None:
     """Run a command line; errors meant for the user are printed without a traceback, each kind with its exit code."""
     from seatrial.cli.console import fail
     from seatrial.compiled import engine
     from seatrial.core.errors import SeatrialError, file_error
 
-    _hush_libraries(engine.EngineWarning)
+    # Warnings of libraries stay from the terminal, as those of overflows under a draw that diverges; `python -W` shows them.
+    if not sys.warnoptions:
+        warnings.simplefilter("ignore")
+        warnings.simplefilter("default", engine.EngineWarning)
+        os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
     engine.configure()
     gc.set_threshold(*COLLECTED)
     try:

@@ -7,8 +7,8 @@ from typing import Annotated
 
 from pydantic import Field
 
-from seatrial.campaign.config.file_keys import FileKeys
 from seatrial.campaign.config.quantities import OfChannel, Seconds, Table, Unit, first_noted
+from seatrial.campaign.config.toml import FileKeys
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.signals import ANGLES, RATES, set_point
 from seatrial.manoeuvres.autopilot import Loop

@@ -344,8 +344,10 @@ class Campaign:
             InputError: a propeller, a force ahead or a given velocity without a trim value.
         """
         known = {**self.autopilot.moved, **self.trim, **self.autopilot.trim}
-        commands = (*model.controls, *self.autopilot.trim)
-        if missing := [name for name in commands if name not in known and not _rests_at_zero(name)]:
+        commands, resting = (*model.controls, *self.autopilot.trim), ("f_", "delta_", "tau_")
+        if missing := [
+            name for name in commands if name not in known and not (name.startswith(resting) and name not in PROPULSION)
+        ]:
             example = ", ".join(f'{name} = "0 {shown_unit(name)[1]}"' for name in missing)
             raise InputError(
                 self.where(f"vehicle.trim.{missing[0]}"),
@@ -407,8 +409,3 @@ def no_prior(where: Callable[[str], str], missing: Mapping[str, str], unused: Se
         expected="a prior of " + ", and of ".join(f"{name}, SI unit {unit}" for name, unit in missing.items()),
         remedy=f'add {" and ".join(tables)}{", each" if len(tables) > 1 else ""} with distribution = "uniform", lower and upper',
     )
-
-
-def _rests_at_zero(control: str) -> bool:
-    """Whether a control does nothing at 0: thrusters, fins, and forces and moments but that ahead."""
-    return control.startswith(("f_", "delta_", "tau_")) and control not in PROPULSION

@@ -9,7 +9,6 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 from pydantic import BeforeValidator, Field, ModelWrapValidatorHandler, model_validator
 
-from seatrial.campaign.config.file_keys import FileKeys
 from seatrial.campaign.config.quantities import (
     OfControl,
     RangeOf,
@@ -22,7 +21,8 @@ from seatrial.campaign.config.quantities import (
     refused,
     without_effect,
 )
-from seatrial.core.errors import InputError, located, nearest
+from seatrial.campaign.config.toml import FileKeys
+from seatrial.core.errors import InputError, located, nearest, not_among
 from seatrial.core.signals import CONTROLS, is_thruster, signal_unit
 from seatrial.design.integrals import motion_signals
 from seatrial.design.motion_limits import MotionLimit
@@ -291,12 +291,8 @@ def read_design(
             remedy="remove the repetition",
         )
     if table.relay is not None and table.relay.output not in channels:
-        raise InputError(
-            keys.where("design.relay.output"),
-            found=f'"{table.relay.output}"',
-            expected="a measured channel: " + ", ".join(channels),
-            remedy=nearest(table.relay.output, channels),
-        )
+        output = table.relay.output
+        raise not_among(keys.where("design.relay.output"), output, channels, found=f'"{output}", which is not measured')
     family = _family(table, keys, commands, trim)
     return DesignSettings(
         family,
@@ -403,7 +399,12 @@ def read_limits(
                 if name in CONTROLS or is_thruster(name)
                 else nearest(name, known),
             )
-    of_controls = {name: _control_limits(one, keys, name) for name, one in tables.items() if name in commands}
+    of_controls: dict[str, Limits] = {}
+    for name, table in tables.items():
+        if name in commands:
+            _check_bounds(table, keys, name)
+            with located(keys.where(f"limits.{name}.rate")):
+                of_controls[name] = Limits(table.lower, table.upper, table.rate)
     return of_controls, tuple(_motion_limit(name, one, keys) for name, one in tables.items() if name not in commands)
 
 
@@ -475,12 +476,6 @@ def _family(table: DesignTable, keys: FileKeys, controls: Sequence[str], trims: 
     except InputError as error:
         key = keys.where(f"design.{error.where.rpartition(' ')[2]}")
         raise InputError(key, found=error.found, expected=error.expected, remedy=error.remedy) from None
-
-
-def _control_limits(table: LimitsTable, keys: FileKeys, control: str) -> Limits:
-    _check_bounds(table, keys, control)
-    with located(keys.where(f"limits.{control}.rate")):
-        return Limits(table.lower, table.upper, table.rate)
 
 
 def _motion_limit(name: str, table: LimitsTable, keys: FileKeys) -> MotionLimit:

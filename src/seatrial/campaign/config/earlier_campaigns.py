@@ -11,11 +11,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 from seatrial.campaign.config.campaign import Campaign
-from seatrial.campaign.config.file_keys import FileKeys
 from seatrial.campaign.config.named_files import find
 from seatrial.campaign.config.schema import CampaignFile, PriorTable
 from seatrial.campaign.config.templates import example_of
-from seatrial.campaign.config.toml import parse_toml, read_text
+from seatrial.campaign.config.toml import FileKeys, parse_toml, read_text
 from seatrial.campaign.config.vehicle_table import UNKNOWN, VehicleTable
 from seatrial.campaign.store.stored_result import FILE_NAME, Store, read_result
 from seatrial.campaign.store.structures import StoredMode, Summary

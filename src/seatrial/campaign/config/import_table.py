@@ -9,9 +9,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from seatrial.campaign.config.file_keys import FileKeys
 from seatrial.campaign.config.quantities import Seconds, Several, Table, Unit
-from seatrial.core.errors import InputError, nearest
+from seatrial.campaign.config.toml import FileKeys
+from seatrial.core.errors import InputError, nearest, not_among
 from seatrial.core.signals import is_thruster, signal_unit
 from seatrial.core.units import to_si
 from seatrial.logs.body_frame import SOURCES
@@ -337,12 +337,7 @@ def read_imports(table: ImportTable, keys: FileKeys, known: Sequence[str], laws:
     named += [(run, f"import.files[{index}].runs") for index, file in enumerate(files) for run in file.runs]
     for run, key in named:
         if run not in runs:
-            raise InputError(
-                keys.where(key),
-                found=f'run "{run}"',
-                expected="one of " + ", ".join(runs),
-                remedy=nearest(run, runs),
-            )
+            raise not_among(keys.where(key), run, runs, found=f'run "{run}"')
     keep = tuple(_keep(one, keys, f"import.keep[{index}]") for index, one in enumerate(table.keep))
     found = Imports(
         tuple(table.fit),

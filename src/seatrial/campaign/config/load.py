@@ -11,22 +11,21 @@ from seatrial.campaign.config.autopilot_table import AutopilotSettings, read_aut
 from seatrial.campaign.config.campaign import Campaign, sensor_models
 from seatrial.campaign.config.design_table import check_utility, read_design, read_limits, read_own, read_power
 from seatrial.campaign.config.earlier_campaigns import found_before, unknowns_before, with_fixed, with_known
-from seatrial.campaign.config.file_keys import FileKeys
 from seatrial.campaign.config.import_table import read_imports
 from seatrial.campaign.config.named_files import find
 from seatrial.campaign.config.priors import read_priors
 from seatrial.campaign.config.schema import CampaignFile, EstimationTable, FilterTable, Goal, GoalTable, PlanTable
 from seatrial.campaign.config.sensor_table import measured_angles, read_mounts, read_sensors, with_attitude
 from seatrial.campaign.config.templates import example_of
-from seatrial.campaign.config.toml import parse_toml, read_text
+from seatrial.campaign.config.toml import FileKeys, parse_toml, read_text
 from seatrial.campaign.config.truth import check_truth
-from seatrial.campaign.config.vehicle import CampaignVehicle, WholeVehicle
+from seatrial.campaign.config.vehicle import WholeVehicle
 from seatrial.campaign.config.vehicle_table import read_vehicle
 from seatrial.campaign.store.stored_result import FILE_NAME, campaign_folder
 from seatrial.core.argument_checks import check_path
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import shown_unit
-from seatrial.core.errors import InputError, located, nearest
+from seatrial.core.errors import InputError, located, not_among
 from seatrial.core.signals import ANGLES, PROPULSION, QUATERNION, signal_unit, thruster_controls
 from seatrial.estimation.posterior.unknowns import may_vary, unknowns_of
 from seatrial.estimation.simulation.simulator import CURRENT
@@ -35,7 +34,7 @@ from seatrial.selection.structures import Structure
 from seatrial.vehicles.hull import Hull
 from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.tether import LINEAR, TETHER
-from seatrial.vehicles.thrusters import ThrustLaw, controls_of
+from seatrial.vehicles.thrusters import controls_of
 
 _AHEAD = {"n": "1200 rpm", "tau_X": "20 N"}
 """An example of a value of each control that holds a speed."""
@@ -126,6 +125,10 @@ def _campaign(file: CampaignFile, keys: FileKeys) -> Campaign:
             design = replace(design, own=own)
         if file.power is not None or design.per == "joule":
             power = read_power(file.power, keys, file.design.control)
+    for code in file.checks.accept:
+        entry_of(code, keys.where("checks.accept"))  # refuses what the catalogue does not have
+    laws = vehicle.laws if isinstance(vehicle, WholeVehicle) else ()
+    laws = dict(zip(thruster_controls(len(laws), commanded_force=True), laws, strict=True))
     # A log may have columns of thrusters that push along no axis of the model.
     named = map(CoefficientName.parse, (*terms, *vehicle.hull.fixed))
     thrusters = controls_of(vehicle.body.thrusters, named) if isinstance(vehicle, WholeVehicle) else ()
@@ -147,12 +150,12 @@ def _campaign(file: CampaignFile, keys: FileKeys) -> Campaign:
         goal=None if file.goal is None else _goal(file.goal, keys, units),
         plan=file.plan or PlanTable(),
         truth=file.truth,
-        imports=None if file.imported is None else read_imports(file.imported, keys, tuple(recorded), _laws(vehicle)),
+        imports=None if file.imported is None else read_imports(file.imported, keys, tuple(recorded), laws),
         process_noise=process_noise,
         estimation=estimation,
         selection=file.selection,
         compute=file.compute,
-        accepted=_accepted(file, keys),
+        accepted=frozenset(file.checks.accept),
         priors_from=priors_from,
         folder=folder,
         text=keys.text,
@@ -168,13 +171,6 @@ def _campaign(file: CampaignFile, keys: FileKeys) -> Campaign:
     check_truth(campaign)
     _check_start(campaign, is_trim_stated=file.design is not None and file.design.trim is not None)
     return campaign
-
-
-def _accepted(file: CampaignFile, keys: FileKeys) -> frozenset[str]:
-    """Return the codes of accepted findings, each of which the catalogue has."""
-    for code in file.checks.accept:
-        entry_of(code, keys.where("checks.accept"))
-    return frozenset(file.checks.accept)
 
 
 def _check_effects(file: CampaignFile, campaign: Campaign, keys: FileKeys) -> None:
@@ -220,12 +216,6 @@ def _check_effects(file: CampaignFile, campaign: Campaign, keys: FileKeys) -> No
         )
 
 
-def _laws(vehicle: CampaignVehicle) -> dict[str, ThrustLaw]:
-    """Return the law of thrust of every control that has one."""
-    laws = vehicle.laws if isinstance(vehicle, WholeVehicle) else ()
-    return dict(zip(thruster_controls(len(laws), commanded_force=True), laws, strict=True))
-
-
 def _process_noise(
     table: FilterTable, keys: FileKeys, coefficients: Mapping[str, str], model: VehicleModel
 ) -> dict[str, float]:
@@ -234,12 +224,7 @@ def _process_noise(
     for name, written in table.process_noise.items():
         key = f"filter.process_noise.{name}"
         if name not in units:
-            raise InputError(
-                keys.where(key),
-                found=f'"{name}"',
-                expected="a state or a coefficient: " + ", ".join(units),
-                remedy=nearest(name, units),
-            )
+            raise not_among(keys.where(key), name, units, found=f'"{name}", which is no state and no coefficient')
         found[name] = written if isinstance(written, float) else keys.si(written, units[name], key)
         if not 0 <= found[name] < inf:
             raise InputError(
@@ -255,13 +240,8 @@ def _check_estimation(
     allowed = tuple(dict.fromkeys([*known, *(one.name for one in may_vary(model))]))
     for name in table.varying:
         if name not in allowed:
-            raise InputError(
-                keys.where("estimation.varying"),
-                found=f'"{name}"',
-                expected="a coefficient, or an unknown of the vehicle that has a prior and either sign: "
-                + ", ".join(allowed),
-                remedy=nearest(name, allowed),
-            )
+            reason = "no coefficient, and no unknown of the vehicle that has a prior and either sign"
+            raise not_among(keys.where("estimation.varying"), name, allowed, found=f'"{name}", which is {reason}')
     if table.initial == "estimated" and set(QUATERNION) <= set(model.states) and QUATERNION[0] not in measured:
         raise InputError(
             keys.where("estimation.initial"),
@@ -277,12 +257,7 @@ def _goal(table: GoalTable, keys: FileKeys, units: Mapping[str, str]) -> Goal:
     for name, written in table.sd.items():
         key = f"goal.sd.{name}"
         if name not in units:
-            raise InputError(
-                keys.where(key),
-                found=f'"{name}"',
-                expected="one of " + ", ".join(units),
-                remedy=nearest(name, units),
-            )
+            raise not_among(keys.where(key), name, units)
         relative = isinstance(written, str) and written.rstrip().endswith("%")
         value = _percentage(written) if relative else written
         if isinstance(value, str):

@@ -42,7 +42,7 @@ def find(folder: Path, written: str, where: str, run: str = "") -> Path:
         InputError: a variable that is not set, nothing there, a device or a pipe, or, where files are kept within folders, one
             outside, links followed.
     """
-    limits = _limits()
+    limits = tuple(Path(line).resolve() for line in os.environ.get(VARIABLE, "").splitlines() if line)
     path = place_of(folder, written, where, run, limits)
     if os.path.isfile(path) or os.path.isdir(path):  # those of Path raise where a name is too long
         return path
@@ -116,10 +116,6 @@ def folders_outside(
         if not _is_below(path, [folder.resolve()]):
             found[str(path.resolve() if path.is_dir() else path.resolve().parent)] = None
     return list(found)
-
-
-def _limits() -> tuple[Path, ...]:
-    return tuple(Path(line).resolve() for line in os.environ.get(VARIABLE, "").splitlines() if line)
 
 
 def _is_below(path: Path, folders: Sequence[Path]) -> bool:

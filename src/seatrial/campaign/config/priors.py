@@ -7,9 +7,9 @@ from typing import Any
 
 from seatrial.campaign.config.assumed_unknowns import no_unknown_prior
 from seatrial.campaign.config.campaign import no_prior
-from seatrial.campaign.config.file_keys import FileKeys
 from seatrial.campaign.config.quantities import Residuals
 from seatrial.campaign.config.schema import PriorTable
+from seatrial.campaign.config.toml import FileKeys
 from seatrial.core.coefficients import AXES, CoefficientName
 from seatrial.core.display_units import listed
 from seatrial.core.errors import InputError, located, nearest

@@ -6,10 +6,10 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from seatrial.campaign.config.file_keys import FileKeys
 from seatrial.campaign.config.quantities import Metres, Residuals, Scope, Several, Table, Unit
+from seatrial.campaign.config.toml import FileKeys
 from seatrial.campaign.config.vehicle_table import VehicleTable
-from seatrial.core.errors import InputError, nearest
+from seatrial.core.errors import InputError, not_among
 from seatrial.core.signals import ANGLES, POSITIONS, QUATERNION, SPECIFIC_FORCE
 from seatrial.estimation.simulation.mounts import MAX_LATENESS, MOUNTED_CHANNELS, Mount, mount_names
 from seatrial.vehicles.model import VehicleModel
@@ -138,12 +138,7 @@ def read_sensors(tables: Mapping[str, SensorTable], keys: FileKeys, model: Vehic
                 )
             found[channel] = table
         else:
-            raise InputError(
-                keys.where(f"sensors.{channel}"),
-                found=f'channel "{channel}"',
-                expected="one of " + ", ".join(known),
-                remedy=nearest(channel, known),
-            )
+            raise not_among(keys.where(f"sensors.{channel}"), channel, known, found=f'channel "{channel}"')
     return found
 
 

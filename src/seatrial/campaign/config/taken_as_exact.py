@@ -37,7 +37,7 @@ def taken_as_exact(campaign: Campaign) -> str:
         is_sought = any(one.text == added.text for one in own)
         if RATE_OF[axis] not in model.states or len(own) == is_sought or {*_COUPLED.get(axis, ())} & {*model.states}:
             continue
-        body, forces = _body(campaign, axis), _forces(campaign, model, axis)
+        body, forces = _body(campaign.hull, axis), _forces(campaign, model, axis)
         inertia = [body] if body else []
         if added.text in campaign.hull.fixed:
             inertia.append(f"{added} = {campaign.hull.fixed[added.text]:.4g} {_UNIT[axis]}")
@@ -65,12 +65,11 @@ def _axes(axis: str) -> tuple[str, ...]:
     return ("X", "T") if axis == "X" else (axis,)
 
 
-def _body(campaign: Campaign, axis: str) -> str:
+def _body(hull: Hull, axis: str) -> str:
     """Name the mass or moment of inertia of an axis; empty where it is unknown."""
-    hull = campaign.hull
     if axis != "N":
         return f"a mass of {hull.mass:.4g} kg"
-    turning = hull.inertia[2] if isinstance(hull, Hull) else None
+    turning = hull.inertia[2]
     return "" if turning is None else f"a moment of inertia of {turning:.4g} kg m^2"
 
 

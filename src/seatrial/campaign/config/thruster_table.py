@@ -6,8 +6,8 @@ from itertools import combinations
 import numpy as np
 from pydantic import Field
 
-from seatrial.campaign.config.file_keys import FileKeys
 from seatrial.campaign.config.quantities import Metres, Seconds, Several, Table
+from seatrial.campaign.config.toml import FileKeys
 from seatrial.core.errors import InputError, nearest
 from seatrial.vehicles.thrusters import Thruster, ThrustLaw
 

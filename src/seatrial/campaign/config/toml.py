@@ -3,6 +3,7 @@
 import re
 import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, get_args, get_origin
@@ -10,9 +11,10 @@ from typing import Annotated, Any, TypeVar, get_args, get_origin
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
-from seatrial.campaign.config.quantities import REFUSED, RENAMED
+from seatrial.campaign.config.quantities import LARGEST, REFUSED, RENAMED, SMALLEST, Quantity
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.files import depend_on
+from seatrial.core.units import quantity
 
 # On which line of a TOML file each key stands, which `tomllib` does not say; for errors about what it has read.
 
@@ -114,6 +116,48 @@ def _parts(written: str) -> list[str]:
 
 def _joined(*parts: str) -> str:
     return ".".join(part for part in parts if part)
+
+
+@dataclass(frozen=True)
+class FileKeys:
+    """The keys of one file.
+
+    Attributes:
+        path: of the file.
+        text: its content.
+    """
+
+    path: Path
+    text: str
+
+    def where(self, key: str) -> str:
+        """Name a key and its line, for errors."""
+        return key_place(self.path, self.text, key)
+
+    def without_effect(self, key: str, because: str, remedy: str = "remove it") -> InputError:
+        """Return the error of a key that nothing reads beside the others: its author expects something of it."""
+        return InputError(
+            self.where(key),
+            found=f"a key without effect: {because}",
+            expected="keys that have an effect",
+            remedy=remedy,
+        )
+
+    def si(self, written: Quantity, unit: str, key: str) -> float:
+        """Read a quantity.
+
+        Raises:
+            InputError: no quantity of this dimension, or one of a size that nothing has.
+        """
+        value = quantity(written, unit, self.where(key))
+        if value == 0 or SMALLEST <= abs(value) <= LARGEST:
+            return value
+        raise InputError(
+            self.where(key),
+            found=f'"{written}", which is {value:.3g} {unit}',
+            expected=f"0, or a size from {SMALLEST:g} to {LARGEST:g} in SI",
+            remedy="correct the number or its unit",
+        )
 
 
 Schema = TypeVar("Schema", bound=BaseModel)

@@ -8,9 +8,9 @@ of an actuator, in place of what `[vehicle.actuators]` states.
 from collections.abc import Mapping
 
 from seatrial.campaign.config.campaign import Campaign
-from seatrial.campaign.config.vehicle import WholeVehicle
+from seatrial.campaign.config.vehicle import CampaignVehicle, WholeVehicle
 from seatrial.core.coefficients import is_coefficient
-from seatrial.core.errors import InputError, nearest
+from seatrial.core.errors import InputError, nearest, not_among
 from seatrial.core.signals import ACTUAL
 from seatrial.estimation.posterior.filter_error import process_name
 from seatrial.estimation.simulation.delayed_control import DELAY
@@ -31,28 +31,9 @@ KINDS = (correlation_name, dof_name, drift_name)
 """What tells the kind of a sensor's noise by its name; without any it is white."""
 
 
-def actuator_lag(control: str) -> str:
-    """Name of the lag of a control's actuator in `[truth]`, s."""
-    return lag_name(control)
-
-
-def beyond_structures(campaign: Campaign) -> set[str]:
-    """Names that `[truth]` may hold beside coefficients."""
-    of_channel = (noise_name, *KINDS, drift_time_name, bias_name, lag_name)
-    return (
-        {actuator_lag(control) for control in campaign.model(campaign.full).controls}
-        | {one.name for one in campaign.model(campaign.full).unknowns if not one.name.startswith(lag_name(""))}
-        | {CURRENT, DELAY}
-        | {process_name(state) for state in campaign.model(campaign.full).states if not state.endswith(ACTUAL)}
-        | {name(channel) for channel in campaign.channels for name in of_channel}
-        | {name for mount in campaign.mounts.values() for name in mount_names(mount.name)}
-    )
-
-
 def true_coefficients(campaign: Campaign, model: VehicleModel) -> dict[str, float]:
     """Return the true coefficients of a simulated campaign, SI: as named, else as published of a whole vehicle, else 0."""
-    published = _published(campaign)
-    truth = campaign.truth
+    published, truth = _published(campaign.vehicle), campaign.truth
     return {term.text: truth.get(term.text, published.get(term.text, 0.0)) for term in model.coefficients}
 
 
@@ -62,8 +43,15 @@ def check_truth(campaign: Campaign) -> None:
     Raises:
         InputError: the first name that is none, or value that is missing or cannot be.
     """
-    truth = campaign.truth
-    names = {*campaign.units, *beyond_structures(campaign)}
+    truth, model = campaign.truth, campaign.model(campaign.full)
+    of_channel = (noise_name, *KINDS, drift_time_name, bias_name, lag_name)
+    names = (
+        {*campaign.units, CURRENT, DELAY, *map(lag_name, model.controls)}
+        | {one.name for one in model.unknowns if not one.name.startswith(lag_name(""))}
+        | {process_name(state) for state in model.states if not state.endswith(ACTUAL)}
+        | {name(channel) for channel in campaign.channels for name in of_channel}
+        | {name for mount in campaign.mounts.values() for name in mount_names(mount.name)}
+    )
     for name in campaign.truth:
         if name not in names and is_coefficient(name):
             raise InputError(
@@ -75,15 +63,10 @@ def check_truth(campaign: Campaign) -> None:
                 else f"remove {name} from [truth], or list it in [structure]; if it is misspelt, {nearest(name, names)}",
             )
         if name not in names:
-            raise InputError(
-                campaign.where(f"truth.{name}"),
-                found=f'"{name}"',
-                expected="one of " + ", ".join(sorted(names)),
-                remedy=nearest(name, names),
-            )
+            raise not_among(campaign.where(f"truth.{name}"), name, sorted(names))
     if not truth:
         return
-    published = _published(campaign)
+    published = _published(campaign.vehicle)
     for term in campaign.rules.always:
         if term not in truth and term not in published:
             raise InputError(
@@ -111,7 +94,6 @@ def check_truth(campaign: Campaign) -> None:
                 remedy="add the other, or leave out both",
             )
     spreads = {name(channel) for channel in campaign.channels for name in (noise_name, *KINDS, drift_time_name)}
-    model = campaign.model(campaign.full)
     spreads |= {process_name(state) for state in model.states}
     lags = {lag_name(name) for name in (*model.controls, *campaign.channels)}
     unsigned = {one.name for one in model.unknowns if not one.signed}
@@ -138,6 +120,6 @@ def check_truth(campaign: Campaign) -> None:
             )
 
 
-def _published(campaign: Campaign) -> Mapping[str, float]:
+def _published(vehicle: CampaignVehicle) -> Mapping[str, float]:
     """Published coefficients that are true where nothing else is said: those of a whole vehicle."""
-    return campaign.vehicle.published if isinstance(campaign.vehicle, WholeVehicle) else {}
+    return vehicle.published if isinstance(vehicle, WholeVehicle) else {}

@@ -95,6 +95,8 @@ def vehicle_campaign_text(folder: Path, vehicle: str, log: Path | None = None, n
             remedy="`seatrial inspect` lists what the log holds; map its columns in a campaign file by hand",
         )
     positions = [axis for axis in POSITIONS if axis in sensors]
+    commanded = any(guess.unit == COMMAND for guess in best(summary.guesses, controls))
+    mapped = [*controls, *(name for name in sensors if name != "attitude"), *(ANGLES if "attitude" in sensors else ())]
     parts = [
         _head(
             name or f"{vehicle}, {log.stem}",
@@ -102,15 +104,15 @@ def vehicle_campaign_text(folder: Path, vehicle: str, log: Path | None = None, n
             "seatrial import DIR; seatrial check DIR; seatrial estimate DIR --by mode. `seatrial inspect LOG` lists its columns",
         ),
         _vehicle(vehicle, positions),
-        *([_LAW] if any(guess.unit == COMMAND for guess in best(summary.guesses, controls)) else []),
+        *([_LAW] if commanded else []),
         "[structure]\nalways = " + json.dumps(list(body.terms(body.moves))),
-        *([_BELIEVED] if _is_commanded(summary, controls) else []),
+        *([_BELIEVED] if commanded else []),
         *(text for axis, text in _TRIM.items() if body.thrusters and set(axis) & {*body.moves}),
         _measured(sensors),
         '# The log determines the initial state.\n[estimation]\ninitial = "estimated"',
         _next_trial(controls[0]),
         f'[import]\nfit = ["1"]\nstep = "{_step(summary, controls)} s"',
-        summary.as_toml([*controls, *_mapped(sensors, summary)], _named(folder, log)).rstrip("\n"),
+        summary.as_toml(mapped, _named(folder, log)).rstrip("\n"),
     ]
     return "\n\n".join(parts) + "\n"
 
@@ -210,10 +212,6 @@ def _say_too_few(vehicle: str, body: PublishedVehicle, summary: LogSummary, log:
     )
 
 
-def _is_commanded(summary: LogSummary, controls: list[str]) -> bool:
-    return any(guess.unit == COMMAND for guess in best(summary.guesses, controls))
-
-
 def _sensors(summary: LogSummary, axes: tuple[str, ...]) -> list[str]:
     """Return what is measured of what moves: speeds, rates, the attitude, depth, and the place where there is no speed."""
     guessed = {guess.channel for guess in summary.guesses}
@@ -225,12 +223,6 @@ def _sensors(summary: LogSummary, axes: tuple[str, ...]) -> list[str]:
         angles = ["attitude"]
     places = [axis for axis in "xy" if axis in guessed and not set("uv") & {*speeds}]
     return [*speeds, *(["z"] if "z" in guessed and "w" in axes else []), *places, *angles]
-
-
-def _mapped(sensors: list[str], summary: LogSummary) -> list[str]:
-    """Return the channels of the log of which the sensors are made."""
-    channels = [name for name in sensors if name != "attitude"]
-    return channels + (list(ANGLES) if "attitude" in sensors else [])
 
 
 def _measured(sensors: list[str]) -> str:

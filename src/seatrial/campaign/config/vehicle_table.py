@@ -8,7 +8,6 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from seatrial.campaign.config.file_keys import FileKeys
 from seatrial.campaign.config.quantities import (
     Metres,
     Name,
@@ -28,6 +27,7 @@ from seatrial.campaign.config.thruster_table import (
     read_thrusters,
     thruster_lags,
 )
+from seatrial.campaign.config.toml import FileKeys
 from seatrial.campaign.config.vehicle import AxesVehicle, CampaignVehicle, WholeVehicle, axes_of
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import listed

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from seatrial.campaign.config.campaign import Campaign
-from seatrial.campaign.config.truth import actuator_lag, true_coefficients
+from seatrial.campaign.config.truth import true_coefficients
 from seatrial.compiled.programs import program
 from seatrial.core.errors import InputError
 from seatrial.core.signals import ACTUAL
@@ -131,7 +131,7 @@ def true_vehicle(campaign: Campaign) -> TrueVehicle:
     """Return the vehicle of `[truth]`."""
     truth, model = campaign.truth, campaign.model(campaign.full)
     noise = {noise_name(channel): sd for channel, sd in campaign.noise.items()}
-    times = {name: truth.get(actuator_lag(name), 0.0) for name in model.controls if name + ACTUAL not in model.states}
+    times = {name: truth.get(lag_name(name), 0.0) for name in model.controls if name + ACTUAL not in model.states}
     model = with_actuators(model, {name: Actuator(time) for name, time in times.items() if time > 0})
     sensors = tuple(_true_sensor(sensor, truth) for sensor in campaign.sensor_models)
     values = {**noise, **truth, **true_coefficients(campaign, model)}

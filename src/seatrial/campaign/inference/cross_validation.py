@@ -6,7 +6,6 @@ campaign can have (`error_models`).
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 from seatrial.campaign.compute.shared_work import Study
@@ -55,24 +54,39 @@ def cross_validate(campaign: Campaign, trials: Trials, reporter: Reporter = SILE
     Raises:
         InputError: fewer than three fitted runs.
     """
-    _check_runs(campaign, trials)
+    if (count := len(trials.fit)) < MIN_RUNS:
+        more = "run more trials and import their logs"
+        more = more if campaign.imports is None else "list more of them under import.fit"
+        raise InputError(
+            campaign.where("import.fit"),
+            found=f"{count} fitted run{'s' * (count > 1)}: {', '.join(record.label for record in trials.fit)}",
+            expected=f"at least {MIN_RUNS} fitted runs, each of which can be predicted from the others",
+            remedy=f"{more}; with fewer, `seatrial run` scores the runs under import.predict, which were not fitted",
+        )
     kept = stored_cross_validation(campaign, trials)
     found = list(kept.read().candidates) if kept.is_current() else []
     work = [(structure, STATED) for structure in campaign.structures]
     study = Study(campaign, trials.fit)
     labels = tuple(record.label for record in trials.fit)
-    keep = partial(_keep, kept, labels, _cautions(trials))
+    cautions = tuple(_cautions(trials))
+
+    def keep(candidates: Sequence[Candidate]) -> None:
+        kept.write(CrossValidation(labels, tuple(candidates), cautions))
+
     _compute(study, work, found, keep, reporter)
-    contending = _contending(campaign, found)
+    contending = _contending(campaign.structures, found)
     if contending:
         others = error_models(campaign, widest(contending), _scale(study, contending, found))
         for error in others:
             changed = Study(_changed(campaign, contending, error), trials.fit)
             first, *rest = [(structure, error) for structure in contending]
             _compute(changed, [first], found, keep, reporter)
-            if not _is_worse(found, error):
+            one = next(one for one in reversed(found) if one.error_model == error.name)
+            stated = next(other for other in found if (other.structure, other.error_model) == (one.structure, OWN))
+            # One that is clearly worse where it is tried first, or cannot be had there, is not tried for the others.
+            if not (one.refused or gap(stated, one).is_clear(SMALL)):
                 _compute(changed, rest, found, keep, reporter)
-    return CrossValidation(labels, tuple(found), tuple(_cautions(trials)))
+    return CrossValidation(labels, tuple(found), cautions)
 
 
 def best_campaign(campaign: Campaign, trials: Trials, found: CrossValidation) -> Campaign:
@@ -91,7 +105,7 @@ def best_campaign(campaign: Campaign, trials: Trials, found: CrossValidation) ->
     if not found.own:
         raise NumericalError("; ".join(one.refused for one in found.candidates))
     best = found.recommended or max(found.own, key=lambda one: one.total)
-    study, contending = Study(campaign, trials.fit), _contending(campaign, found.candidates)
+    study, contending = Study(campaign, trials.fit), _contending(campaign.structures, found.candidates)
     others = error_models(campaign, widest(contending), _scale(study, contending, found.candidates))
     error = next(one for one in (STATED, *others) if one.name == best.error_model)
     return _changed(campaign, [one for one in contending if one.label == best.structure], error)
@@ -103,23 +117,6 @@ def current_cross_validation(campaign: Campaign, trials: HasKey) -> CrossValidat
     return kept.read() if kept.is_current() else None
 
 
-def _check_runs(campaign: Campaign, trials: Trials) -> None:
-    if len(trials.fit) >= MIN_RUNS:
-        return
-    count = len(trials.fit)
-    more = (
-        "list more of them under import.fit"
-        if campaign.imports is not None
-        else "run more trials and import their logs"
-    )
-    raise InputError(
-        campaign.where("import.fit"),
-        found=f"{count} fitted run{'s' * (count > 1)}: {', '.join(record.label for record in trials.fit)}",
-        expected=f"at least {MIN_RUNS} fitted runs, each of which can be predicted from the others",
-        remedy=f"{more}; with fewer, `seatrial run` scores the runs under import.predict, which were not fitted",
-    )
-
-
 def _cautions(trials: Trials) -> list[str]:
     pieces = [record.label for record in trials.fit if "piece" in record.provenance.options]
     return (
@@ -127,12 +124,6 @@ def _cautions(trials: Trials) -> list[str]:
         if pieces
         else []
     )
-
-
-def _keep(
-    kept: StoredResult[CrossValidation], labels: Sequence[str], cautions: Sequence[str], found: Sequence[Candidate]
-) -> None:
-    kept.write(CrossValidation(tuple(labels), tuple(found), tuple(cautions)))
 
 
 def _compute(
@@ -185,13 +176,6 @@ def _changed(campaign: Campaign, structures: Sequence[Structure], error: ErrorMo
     return replace(with_error_model(campaign, widest(structures), error), shortlist=tuple(structures))
 
 
-def _is_worse(found: Sequence[Candidate], error: ErrorModel) -> bool:
-    """Whether a model of the error is clearly worse for the structure that it was tried for, or cannot be had."""
-    one = next(one for one in reversed(found) if one.error_model == error.name)
-    stated = next(other for other in found if (other.structure, other.error_model) == (one.structure, OWN))
-    return bool(one.refused) or gap(stated, one).is_clear(SMALL)
-
-
 def _channels(left: LeaveOneRunOut) -> tuple[ChannelScores, ...]:
     return tuple(
         ChannelScores(
@@ -207,7 +191,7 @@ def _channels(left: LeaveOneRunOut) -> tuple[ChannelScores, ...]:
     )
 
 
-def _contending(campaign: Campaign, found: Sequence[Candidate]) -> list[Structure]:
+def _contending(structures: Sequence[Structure], found: Sequence[Candidate]) -> list[Structure]:
     """Return the structures for which other models of the error are tried: the best by score and by evidence, and what is not apart."""
     own = [one for one in found if one.error_model == OWN and not one.refused]
     if not own:
@@ -216,7 +200,7 @@ def _contending(campaign: Campaign, found: Sequence[Candidate]) -> list[Structur
     likely = max(own, key=lambda one: one.log_evidence)
     close = [one for one in own if not gap(best, one).is_clear(SMALL)]
     labels = list(dict.fromkeys(one.structure for one in (best, likely, *sorted(close, key=lambda one: -one.total))))
-    by_label = {one.label: one for one in campaign.structures}
+    by_label = {one.label: one for one in structures}
     return [by_label[label] for label in labels[:MOST]]
 
 

@@ -4,7 +4,7 @@ What a change needs and the campaign does not say, a prior, is derived from the 
 is told with the result. To add a model of the error, write the function that changes a campaign and add it to `ERROR_MODELS`.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -30,6 +30,9 @@ LONGEST = 3.0
 """Longest memory of an error that drifts, over the length of a run: of a longer one a run sees an offset."""
 MOST_VARYING = 3
 """Coefficients that all vary: each run's own are integrated out for every draw, which for four takes a quarter of an hour."""
+
+FILTERED = {"likelihood": "filter-error", "residuals": "white"}
+"""Keys of `[estimation]` for random forces, which a filter integrates out; it knows no sensor that answers late."""
 
 
 @dataclass(frozen=True)
@@ -163,10 +166,10 @@ def _heavy(campaign: Campaign, model: VehicleModel, scale: Scale) -> ErrorModel 
 
 def _process(campaign: Campaign, model: VehicleModel, scale: Scale) -> ErrorModel | None:
     """Pushes that the motion remembers, on every state."""
-    if campaign.estimation.likelihood == "filter-error" or _is_late(campaign):
+    if campaign.estimation.likelihood == "filter-error" or any(sensor.lag for sensor in campaign.sensor_models):
         return None
     tables = {process_name(state): _log_uniform(scale.sizes.get(state, 1.0)) for state in model.states}
-    return ErrorModel("process noise", "random forces on every state", _filtered(), _missing(campaign, tables))
+    return ErrorModel("process noise", "random forces on every state", FILTERED, _missing(campaign.priors, tables))
 
 
 def _disturbed(campaign: Campaign, model: VehicleModel, scale: Scale) -> ErrorModel | None:
@@ -174,7 +177,7 @@ def _disturbed(campaign: Campaign, model: VehicleModel, scale: Scale) -> ErrorMo
     if (
         any(disturbance_name(axis) in campaign.priors for axis in model.disturbance_axes)
         or not model.disturbance_axes
-        or _is_late(campaign)
+        or any(sensor.lag for sensor in campaign.sensor_models)
     ):
         return None
     tables = {}
@@ -185,7 +188,7 @@ def _disturbed(campaign: Campaign, model: VehicleModel, scale: Scale) -> ErrorMo
             "lower": _round(scale.interval),
             "upper": _round(0.5 * scale.duration),
         }
-    return ErrorModel("disturbance", "a force correlated in time", _filtered(), _missing(campaign, tables))
+    return ErrorModel("disturbance", "a force correlated in time", FILTERED, _missing(campaign.priors, tables))
 
 
 def _offset(campaign: Campaign, model: VehicleModel, scale: Scale) -> ErrorModel | None:
@@ -220,7 +223,7 @@ def _residuals(campaign: Campaign, kind: str, words: str, tables: Mapping[str, M
     if campaign.estimation.likelihood == "output-error" and kinds == {kind}:
         return None
     changed = {"likelihood": "output-error"} if campaign.estimation.likelihood != "output-error" else {}
-    return ErrorModel(kind, words, {**changed, "residuals": kind}, _missing(campaign, tables))
+    return ErrorModel(kind, words, {**changed, "residuals": kind}, _missing(campaign.priors, tables))
 
 
 def _varying(campaign: Campaign, scale: Scale, name: str, words: str, names: Sequence[str]) -> ErrorModel | None:
@@ -234,21 +237,12 @@ def _varying(campaign: Campaign, scale: Scale, name: str, words: str, names: Seq
         size = float(campaign.prior(one).sd) if one.endswith("_0") else max(SHARE * abs(value), sd)
         tables[spread_name(one)] = {"distribution": "half-normal", "scale": _round(size), "lower": 0.0}
     together = tuple(dict.fromkeys([*campaign.estimation.varying, *added]))
-    return ErrorModel(name, words, {"varying": together}, _missing(campaign, tables))
+    return ErrorModel(name, words, {"varying": together}, _missing(campaign.priors, tables))
 
 
-def _filtered() -> dict[str, Any]:
-    return {"likelihood": "filter-error", "residuals": "white"}
-
-
-def _is_late(campaign: Campaign) -> bool:
-    """Whether a sensor answers late, which a filter does not know."""
-    return any(sensor.lag for sensor in campaign.sensor_models)
-
-
-def _missing(campaign: Campaign, tables: Mapping[str, Mapping[str, Any]]) -> dict[str, Mapping[str, Any]]:
+def _missing(priors: Collection[str], tables: Mapping[str, Mapping[str, Any]]) -> dict[str, Mapping[str, Any]]:
     """Return the tables of what has no prior yet."""
-    return {name: table for name, table in tables.items() if name not in campaign.priors}
+    return {name: table for name, table in tables.items() if name not in priors}
 
 
 def _log_uniform(size: float) -> dict[str, Any]:

@@ -13,11 +13,9 @@ from seatrial.campaign.compute.shared_work import Study
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.schema import EstimationTable
 from seatrial.campaign.data.import_logs import Trials
-from seatrial.campaign.inference.long_steps import long_steps
-from seatrial.campaign.inference.modes import structure_modes
+from seatrial.campaign.inference.modes import check_prior_of, long_steps, structure_modes
 from seatrial.campaign.inference.omitted_effects import causes_of, findings_of, left_out, tried_effects
 from seatrial.campaign.inference.posterior import is_whole, random_key, widest
-from seatrial.campaign.inference.prior_and_record import check_prior_of
 from seatrial.campaign.store.estimates import Estimate, HasKey
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of, load_checkpoint, save_checkpoint
 from seatrial.compiled.programs import program
@@ -194,7 +192,7 @@ def _prepare(
     if isinstance(mode, NumericalError):
         raise mode
     own = mode.only(posterior.places)
-    if is_whole(campaign, structure):
+    if is_whole(structure, campaign.structures):
         check_prior_of(study, posterior, own)
     return posterior, mode, robust_errors(posterior, mode), *uncouple(posterior, mode)
 

@@ -64,9 +64,13 @@ class RecordTuning:
                 f"estimates travel {report.erratic[i]:.2f} times as far as a tuned filter's"
             )
         for name, found in self.noise.items():
-            said.append(
-                f"  noise of {name} from the record: {found if isinstance(found, str) else _noise(name, found)}"
+            unit = signal_unit(name)
+            words = (
+                found
+                if isinstance(found, str)
+                else f"{found.sd:.3g} ± {found.std_error:.1g} {unit}, by differences of order {found.order}"
             )
+            said.append(f"  noise of {name} from the record: {words}")
         findings = [f"  -> {sentence(finding)}" for finding in report.findings]
         return [*said, *(findings or ["  -> nothing to change"])]
 
@@ -110,10 +114,6 @@ def _noise_of(record: Record, channel: str) -> NoiseEstimate | str:
         return noise_from_high_pass(record.time, record.channel(channel))
     except InputError as error:
         return f"cannot be found: {error.sentence()}"
-
-
-def _noise(channel: str, found: NoiseEstimate) -> str:
-    return f"{found.sd:.3g} ± {found.std_error:.1g} {signal_unit(channel)}, by differences of order {found.order}"
 
 
 def _band(band: tuple[float, float]) -> str:

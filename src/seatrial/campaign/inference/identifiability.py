@@ -11,7 +11,7 @@ import numpy as np
 
 from seatrial.campaign.compute.shared_work import Study
 from seatrial.campaign.config.campaign import Campaign
-from seatrial.campaign.config.vehicle import WholeVehicle
+from seatrial.campaign.config.vehicle import CampaignVehicle, WholeVehicle
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.design.sweep import design_key
 from seatrial.campaign.store.estimates import Direction, Drawn, Estimate, Known, KnownParameter, OfStructure
@@ -53,23 +53,22 @@ def known_after(campaign: Campaign, estimate: Estimate, trials: Trials) -> Known
         found = identify(posterior.present_parameters, values, information, cov=cov, at=campaign.hull.trim)
         known = _known(found, information, estimate.structure.label)
         parameters = tuple(replace(one, model_error_sd=estimate.wider(one.name)) for one in known.parameters)
-        symmetry = symmetry_of(campaign, estimate, estimate.prior_curves)
+        symmetry = symmetry_of(campaign.vehicle, estimate, estimate.prior_curves)
         return replace(known, parameters=parameters, symmetry=symmetry)
 
     return stored_known_after(campaign, estimate).read_or_make(judge)
 
 
 def symmetry_of(
-    campaign: Campaign, drawn: Drawn, priors: Callable[[], Mapping[str, tuple[np.ndarray, np.ndarray]]]
+    vehicle: CampaignVehicle, drawn: Drawn, priors: Callable[[], Mapping[str, tuple[np.ndarray, np.ndarray]]]
 ) -> tuple[str, ...]:
     """Say of a whole vehicle which sides the data find alike; the others have too few terms for that to be a question of its own.
 
     Args:
-        campaign: configuration.
+        vehicle: of the campaign.
         drawn: draws of the posterior.
         priors: gives values that increase and the density there, of each of its parameters.
     """
-    vehicle = campaign.vehicle
     if not isinstance(vehicle, WholeVehicle):
         return ()
     curves = {name: PriorCurve(*curve) for name, curve in priors().items()}

@@ -77,13 +77,13 @@ class HeldBack(NamedTuple):
 
 def predict_held_back(campaign: Campaign, drawn: Drawn, trials: Trials) -> HeldBack:
     """Predict the records that were not fitted; nothing is stored."""
-    pieces = [_predict(campaign, drawn, record) for record in trials.predict]
+    pieces, setting = [_predict(campaign, drawn, record) for record in trials.predict], _setting(campaign)
     fits = [
         fit
         for record, piece in zip(trials.predict, pieces, strict=True)
-        for fit in _fits(campaign, drawn, record, piece, trials.fit)
+        for fit in _fits(setting, record, piece, trials.fit)
     ]
-    return HeldBack(tuple(fits), _pooled(campaign, pieces, fits), tuple(pieces))
+    return HeldBack(tuple(fits), _pooled(setting, pieces, fits), tuple(pieces))
 
 
 def held_back_curves(predictions: Predictions) -> tuple[dict[str, np.ndarray], ...]:
@@ -107,46 +107,38 @@ def predict_all(campaign: Campaign, estimate: Estimate, trials: Trials) -> Predi
     """Predict every record with draws from the posterior."""
 
     def predict() -> Predictions:
-        records, count = [*trials.fit, *trials.predict], len(trials.fit)
+        records, count, setting = [*trials.fit, *trials.predict], len(trials.fit), _setting(campaign)
         pieces = [_predict(campaign, estimate, record) for record in records]
-        fits = _fitted(campaign, estimate, trials, pieces[:count])
+        fits = _fitted(setting, trials, pieces[:count])
         for record, piece in zip(trials.predict, pieces[count:], strict=True):
-            fits += _fits(campaign, estimate, record, piece, trials.fit)
-        predicted = HeldBack(tuple(fits), _pooled(campaign, pieces[count:], fits), tuple(pieces))
-        return _predictions(campaign.channels, estimate.structure, records, trials.predict, predicted)
+            fits += _fits(setting, record, piece, trials.fit)
+        predicted = HeldBack(tuple(fits), _pooled(setting, pieces[count:], fits), tuple(pieces))
+        return predictions_of(campaign.channels, estimate.structure, records, trials.predict, predicted)
 
     return stored_predictions(campaign, estimate, trials).read_or_make(predict)
 
 
 def residual_doubt(campaign: Campaign, drawn: Drawn, trials: Trials) -> str:
     """Say why the residuals of the fitted records are not the noise that is modelled; empty where they may be. Nothing is stored."""
-    return disowned(_fitted(campaign, drawn, trials, [_predict(campaign, drawn, record) for record in trials.fit]))
+    return disowned(_fitted(_setting(campaign), trials, [_predict(campaign, drawn, record) for record in trials.fit]))
 
 
-def keep_held_back(
-    campaign: Campaign, structure: Structure, records: Sequence[Record], key: str, predicted: HeldBack
-) -> None:
-    """Keep how a mode predicts the records that were not fitted, as `predict_all` keeps the predictions of chains.
-
-    Args:
-        campaign: the campaign.
-        structure: of the mode.
-        records: that were not fitted, one at least.
-        key: what the mode depends on.
-        predicted: of `predict_held_back`.
-    """
-    kept = StoredResult(Store(campaign.folder).mode_predictions, key_of("held back", key), Predictions)
-    kept.read_or_make(lambda: _predictions(campaign.channels, structure, records, records, predicted))
-
-
-def _predictions(
+def predictions_of(
     channels: Sequence[str],
     structure: Structure,
     records: Sequence[Record],
     held_back: Sequence[Record],
     predicted: HeldBack,
 ) -> Predictions:
-    """Return predictions, the `CURVES` of all records one after another."""
+    """Return predictions as they are stored, the `CURVES` of all records one after another.
+
+    Args:
+        channels: that are measured.
+        structure: that predicts.
+        records: one at least.
+        held_back: those that were not fitted.
+        predicted: of `predict_held_back`.
+    """
     pieces = predicted.curves
     columns = {name: np.concatenate([piece[name] for piece in pieces]) for name in CURVES}
     data = Dataset(
@@ -187,7 +179,7 @@ def held_back_lines(held_back: HeldBack) -> list[str]:
 def held_back_alarms(fits: Sequence[Fit], pooled: Sequence[Pooled]) -> list[Finding]:
     """Return what forbids to rely on the model, for runs that were not fitted: all of them together first, then each that fails alone."""
     together = [one.verdict for one in pooled if one.level == "fail"]
-    return together + [_finding(group) for group in _alike(fits) if _is_alarm(group[0])]
+    return together + [_finding(group) for group in _alike(fits) if group[0].is_alarm]
 
 
 def fit_complaints(fits: Sequence[Fit], pooled: Sequence[Pooled] = ()) -> list[Message]:
@@ -199,7 +191,7 @@ def fit_complaints(fits: Sequence[Fit], pooled: Sequence[Pooled] = ()) -> list[M
     left = [
         f"held-back run {record} goes beyond what was fitted: {', '.join(words)}" for record, words in beyond.items()
     ]
-    return [*together, *(_finding(group) for group in groups if not _is_alarm(group[0])), *left]
+    return [*together, *(_finding(group) for group in groups if not group[0].is_alarm), *left]
 
 
 def fitted_failures(fits: Sequence[Fit]) -> list[Finding]:
@@ -219,11 +211,11 @@ def disowned(fits: Sequence[Fit]) -> str:
     )
 
 
-def held_back_cautions(campaign: Campaign, trials: Trials) -> list[str]:
+def held_back_cautions(imports: Imports | None, trials: Trials) -> list[str]:
     """What held-back records cannot show: nothing where all imported ones were fitted, little where they repeat an input."""
-    if campaign.imports is not None and not trials.predict:
+    if imports is not None and not trials.predict:
         return [
-            f"no run was held back, so it is not known whether the stated bands hold on new runs; {hold_back_words(campaign.imports)}"
+            f"no run was held back, so it is not known whether the stated bands hold on new runs; {hold_back_words(imports)}"
         ]
     return [
         f"held-back run {record.label} has the input of run {other.label}: a good prediction shows only that the vehicle repeats "
@@ -239,10 +231,6 @@ def hold_back_words(imports: Imports) -> str:
     if len(imports.fit) > 1:
         return "move a run from fit to predict in [import]"
     return "record another run, and name it in `predict` of [import]"
-
-
-def _is_alarm(fit: Fit) -> bool:
-    return fit.held_back and fit.level == "fail"
 
 
 def _alike(fits: Sequence[Fit]) -> list[list[Fit]]:
@@ -326,49 +314,84 @@ def _outputs(
     return np.asarray(outputs_of_draws(likelihood)(values, data, key))[:, : record.time.size]
 
 
+class _Setting(NamedTuple):
+    """What a campaign has, by which predictions are judged.
+
+    Attributes:
+        noise: kind of each measured channel.
+        has_feedback: whether an autopilot closes the loop.
+        lacks: remedies for what the model may lack, but for what the campaign has already, by channel.
+        for_short: what helps a vehicle that cannot be simulated for long, and the campaign does not have yet.
+    """
+
+    noise: Mapping[str, Noise]
+    has_feedback: bool
+    lacks: Mapping[str, tuple[str, ...]]
+    for_short: tuple[str, ...]
+
+
+def _setting(campaign: Campaign) -> _Setting:
+    noise = {sensor.channel: sensor.noise for sensor in campaign.sensor_models}
+    filtered = campaign.estimation.likelihood == "filter-error"
+    delay = () if campaign.has_delay else ("add-delay",)
+    lacks = {}
+    for channel, kind in noise.items():
+        slow = kind in ("coloured", "drifting")
+        lacks[channel] = (
+            "add-term",
+            *delay,
+            *(() if filtered else ("filter-error",) if slow else ("add-error-model",)),
+        )
+    cut = campaign.imports is None or campaign.imports.split is not None
+    for_short = () if filtered else ("filter-error",) if cut else ("filter-error", "split-runs")
+    return _Setting(noise, bool(campaign.autopilot.loops), lacks, for_short)
+
+
 def _fits(
-    campaign: Campaign,
-    drawn: Drawn,
-    record: Record,
-    piece: Mapping[str, Any],
-    fitted: Sequence[Record] | None,
+    setting: _Setting, record: Record, piece: Mapping[str, Any], fitted: Sequence[Record] | None = None
 ) -> list[Fit]:
     """Every channel of one record, scored and judged; `fitted` are those that were, if the record was not."""
     held_back = fitted is not None
     outside = () if fitted is None else outside_fitted(fitted, record)
-    scores = {channel: _score(piece, column) for column, channel in enumerate(campaign.channels)}
-    lost = [channel for channel, score in scores.items() if _is_lost(score)] if held_back else []
-    ahead = _ahead(piece, record) if lost else {}
-    found = []
+    scores = {channel: _score(piece, column) for column, channel in enumerate(setting.noise)}
+    # A whole record is lost where it is not predicted, though there is motion to predict.
+    lost = [
+        channel
+        for channel, one in scores.items()
+        if held_back
+        and (one.missing == DIVERGES or (not one.missing and one.explained < POOR and one.noise_share < POOR))
+    ]
+    ahead: dict[str, ShortHorizon] = {}
+    if lost:  # from states measured along the way; nothing where they are not measured
+        output: OutputError = piece["output"]
+        own = {name: float(column[0]) for name, column in output.apart(piece["values"]).items()}
+        ahead = short_horizons(output.simulator, {**piece["values"], **own}, record, output.starts_over_ground) or {}
+    fits = []
     for channel, score in scores.items():
         near = ahead.get(channel) if channel in lost else None
         words = near.words(channel) if near is not None else _unseen(piece, record) if channel in lost else ""
-        remedies = _remedies(campaign) if near is not None and near.is_good else ()
+        remedies = setting.for_short if near is not None and near.is_good else ()
         if near is not None and near.leaves:
             values = {"words": words, "horizon": near.horizon}
             verdict, words = Finding("course-left", "caution", (channel,), values, remedies), ""
         else:
-            lacks, feedback = _lacks(campaign, channel), bool(campaign.autopilot.loops)
-            verdict = judge_fit(score, channel, held_back, _noise(campaign, channel), bool(outside), lacks, feedback)
+            noise, lacks = setting.noise[channel], setting.lacks[channel]
+            verdict = judge_fit(score, channel, held_back, noise, bool(outside), lacks, setting.has_feedback)
             if remedies and near is not None:
                 verdict = replace(verdict, remedies=(*verdict.remedies, *remedies)).among(horizon=near.horizon)
         of = {"record": record.label, "held_back": held_back, "channel": channel, "outside": outside, "ahead": words}
-        found.append(Fit(**vars(score), **of, verdict=verdict))
-    return found
+        fits.append(Fit(**vars(score), **of, verdict=verdict))
+    return fits
 
 
-def _fitted(campaign: Campaign, drawn: Drawn, trials: Trials, pieces: Sequence[Mapping[str, Any]]) -> list[Fit]:
+def _fitted(setting: _Setting, trials: Trials, pieces: Sequence[Mapping[str, Any]]) -> list[Fit]:
     """Every channel of the fitted records, scored and judged.
 
     A correlation that each record alone is too short to show, and all together show, is a finding about each.
     """
-    fits = [
-        fit
-        for record, piece in zip(trials.fit, pieces, strict=True)
-        for fit in _fits(campaign, drawn, record, piece, None)
-    ]
-    for column, channel in enumerate(campaign.channels):
-        of = channel, False, _noise(campaign, channel), bool(campaign.autopilot.loops)
+    fits = [fit for record, piece in zip(trials.fit, pieces, strict=True) for fit in _fits(setting, record, piece)]
+    for column, (channel, noise) in enumerate(setting.noise.items()):
+        of = channel, False, noise, setting.has_feedback
         own = [at for at, fit in enumerate(fits) if fit.channel == channel]
         if len(own) < 2 or pieces[0]["filtered"] or any(check_residuals(fits[at], *of) for at in own):
             continue
@@ -401,19 +424,6 @@ def _score(piece: Mapping[str, Any], column: int) -> Score:
     return replace(score, white=1.0, sd_factor=1.0) if piece["filtered"] else score
 
 
-def _is_lost(score: Score) -> bool:
-    """Whether a whole record is not predicted, though there is motion to predict."""
-    return score.missing == DIVERGES or (not score.missing and score.explained < POOR and score.noise_share < POOR)
-
-
-def _ahead(piece: Mapping[str, Any], record: Record) -> dict[str, ShortHorizon]:
-    """How each channel of a record is predicted from states measured along the way; empty where they are not measured."""
-    output: OutputError = piece["output"]
-    own = {name: float(column[0]) for name, column in output.apart(piece["values"]).items()}
-    values = {**piece["values"], **own}
-    return short_horizons(output.simulator, values, record, output.starts_over_ground) or {}
-
-
 def _unseen(piece: Mapping[str, Any], record: Record) -> str:
     """Say which states would have to be measured for scores over short horizons; empty where all are."""
     unseen = [name for name in piece["output"].simulator.model.states if name not in record.measured]
@@ -423,34 +433,14 @@ def _unseen(piece: Mapping[str, Any], record: Record) -> str:
     return f"{words} {listed(unseen)}" if unseen else ""
 
 
-def _lacks(campaign: Campaign, channel: str) -> tuple[str, ...]:
-    """Return remedies for what the model may lack, but for what the campaign has already."""
-    filtered = campaign.estimation.likelihood == "filter-error"
-    slow = _noise(campaign, channel) in ("coloured", "drifting")
-    error = () if filtered else ("filter-error",) if slow else ("add-error-model",)
-    return ("add-term", *(() if campaign.has_delay else ("add-delay",)), *error)
-
-
-def _noise(campaign: Campaign, channel: str) -> Noise:
-    return next(sensor.noise for sensor in campaign.sensor_models if sensor.channel == channel)
-
-
-def _remedies(campaign: Campaign) -> tuple[str, ...]:
-    """Return what helps a vehicle that cannot be simulated for long, and the campaign does not have yet."""
-    if campaign.estimation.likelihood == "filter-error":
-        return ()
-    cut = campaign.imports is None or campaign.imports.split is not None
-    return ("filter-error",) if cut else ("filter-error", "split-runs")
-
-
-def _pooled(campaign: Campaign, pieces: Sequence[Mapping[str, Any]], fits: Sequence[Fit]) -> tuple[Pooled, ...]:
+def _pooled(setting: _Setting, pieces: Sequence[Mapping[str, Any]], fits: Sequence[Fit]) -> tuple[Pooled, ...]:
     """Every channel of all held-back records together, but for those in which the vehicle leaves its course by itself."""
-    found = []
-    for column, channel in enumerate(campaign.channels if pieces else ()):
+    pooled = []
+    for column, channel in enumerate(setting.noise if pieces else ()):
         own = [fit for fit in fits if fit.held_back and fit.channel == channel]
         kept = [piece for piece, fit in zip(pieces, own, strict=True) if fit.verdict.code != "course-left"]
         if not kept:
-            found.append(without_numbers(Finding("runs-leave-course", "note", (channel,)), len(pieces)))
+            pooled.append(without_numbers(Finding("runs-leave-course", "note", (channel,)), len(pieces)))
             continue
         runs = [
             run_residuals(
@@ -461,5 +451,5 @@ def _pooled(campaign: Campaign, pieces: Sequence[Mapping[str, Any]], fits: Seque
             for piece in kept
         ]
         shared = shared_motion([piece["products"][column] for piece in kept])
-        found.append(pooled_verdict(runs, channel, shared, _lacks(campaign, channel)))
-    return tuple(found)
+        pooled.append(pooled_verdict(runs, channel, shared, setting.lacks[channel]))
+    return tuple(pooled)

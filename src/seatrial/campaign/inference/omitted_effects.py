@@ -72,7 +72,11 @@ def findings_of(posterior: Posterior, robust: RobustErrors, names: Iterable[str]
     noise, groups = _better_noise(posterior, robust), {}
     for name in names:
         effects = robust.cause(name)
-        remedies = remedies_of(posterior, effects) or noise or (_of_pieces(robust),)
+        remedies = (
+            remedies_of(posterior, effects)
+            or noise
+            or ("compare-runs" if robust.pieces.are_runs else "compare-blocks",)
+        )
         is_first = bool(effects and noise) and not any(_is_elsewhere(posterior, one) for one in effects)
         key = (_plain(effects), (*noise, *remedies) if is_first else remedies, is_first)
         groups.setdefault(key, []).append(name)
@@ -111,11 +115,6 @@ def _better_noise(posterior: Posterior, robust: RobustErrors) -> tuple[str, ...]
     if robust.omitted.worth > WHITE_ENOUGH:
         return ()
     return ("better-noise",) if kinds & {"white", "heavy"} else ("drifting-too",) if "coloured" in kinds else ()
-
-
-def _of_pieces(robust: RobustErrors) -> str:
-    """Return what helps where runs, or blocks of time, differ by more than the noise says."""
-    return "compare-runs" if robust.pieces.are_runs else "compare-blocks"
 
 
 def _is_elsewhere(posterior: Posterior, effect: Effect) -> bool:

@@ -103,13 +103,19 @@ def narrow_posterior(campaign: Campaign, wide: Posterior, structure: Structure, 
 
 def _check_parameters(campaign: Campaign, parameters: Sequence[Parameter], records: Sequence[Record]) -> None:
     _check_widths(parameters, campaign.where)
-    _check_trials(campaign, records)
+    if campaign.estimation.varying and len(records) < 2:
+        raise InputError(
+            campaign.where("estimation.varying"),
+            found=f'one trial, "{records[0].label}"',
+            expected="two trials at least: how much a coefficient varies between them is what its spread says",
+            remedy="fit more runs jointly, or remove `varying` and its priors of spread",
+        )
     _check_enough(campaign.channels, records, len(parameters))
 
 
-def is_whole(campaign: Campaign, structure: Structure) -> bool:
+def is_whole(structure: Structure, candidates: Sequence[Structure]) -> bool:
     """Whether no candidate has all terms of a structure and more."""
-    return not any(set(structure.terms) < set(other.terms) for other in campaign.structures)
+    return not any(set(structure.terms) < set(other.terms) for other in candidates)
 
 
 def build_parameters(campaign: Campaign, model: VehicleModel, records: Sequence[Record]) -> tuple[Parameter, ...]:
@@ -197,16 +203,6 @@ def _check_widths(parameters: Sequence[Parameter], name_key: Callable[[str], str
                 expected=f"a standard deviation of at least {NARROWEST:g} of the value",
                 remedy="widen it, or fix the coefficient under [vehicle] if it is known",
             )
-
-
-def _check_trials(campaign: Campaign, records: Sequence[Record]) -> None:
-    if campaign.estimation.varying and len(records) < 2:
-        raise InputError(
-            campaign.where("estimation.varying"),
-            found=f'one trial, "{records[0].label}"',
-            expected="two trials at least: how much a coefficient varies between them is what its spread says",
-            remedy="fit more runs jointly, or remove `varying` and its priors of spread",
-        )
 
 
 def _check_enough(channels: Sequence[str], records: Sequence[Record], unknowns: int) -> None:

@@ -1,8 +1,6 @@
 """Profile likelihoods of the full structure, kept on disk one by one: the range of each parameter that the data alone allow."""
 
-from collections.abc import Iterator, Sequence
-
-from jaxtyping import Array
+from collections.abc import Sequence
 
 from seatrial.campaign.compute.shared_work import Study
 from seatrial.campaign.config.campaign import Campaign
@@ -11,12 +9,11 @@ from seatrial.campaign.inference.estimate import estimate_key
 from seatrial.campaign.inference.posterior import random_key
 from seatrial.campaign.store.estimates import HasKey
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
-from seatrial.core.errors import InputError, nearest
+from seatrial.core.errors import not_among
 from seatrial.core.reporter import SILENT, Reporter
 from seatrial.estimation.posterior.mode import find_mode
-from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.estimation.posterior.profile import profile_likelihood
-from seatrial.estimation.posterior.profile_result import Profile, Profiles
+from seatrial.estimation.posterior.profile_result import Profiles
 from seatrial.sampling.target import VECTOR
 
 TOGETHER = VECTOR // 2
@@ -49,12 +46,7 @@ def profile_all(campaign: Campaign, trials: Trials, names: Sequence[str] = (), r
     chosen = list(dict.fromkeys(names)) or list(known)
     for name in chosen:
         if name not in known:
-            raise InputError(
-                "--parameter",
-                found=f'"{name}"',
-                expected=f"a parameter of {structure.label}: " + ", ".join(known),
-                remedy=nearest(name, known),
-            )
+            raise not_among("--parameter", name, known)
     kept = stored_profiles(campaign, trials)
     current = kept.read().profiles if kept.is_current() else ()
     found = {profile.name: profile for profile in current}
@@ -62,17 +54,12 @@ def profile_all(campaign: Campaign, trials: Trials, names: Sequence[str] = (), r
     if missing:
         progress = reporter.progress(f"profile {structure.label}: {' '.join(missing)}")
         progress(0, len(missing))
-        for done, profile in enumerate(
-            _each(posterior, random_key(campaign.seed, f"mode {structure.terms}"), missing), 1
-        ):
-            found[profile.name] = profile
-            kept.write(Profiles(structure.label, structure.terms, tuple(found.values())))
-            progress(done, len(missing))
+        mode = find_mode(posterior, random_key(campaign.seed, f"mode {structure.terms}")).only(posterior.places)
+        for start in range(0, len(missing), TOGETHER):
+            for done, profile in enumerate(
+                profile_likelihood(posterior, mode, missing[start : start + TOGETHER]), start + 1
+            ):
+                found[profile.name] = profile
+                kept.write(Profiles(structure.label, structure.terms, tuple(found.values())))
+                progress(done, len(missing))
     return Profiles(structure.label, structure.terms, tuple(found[name] for name in chosen))
-
-
-def _each(posterior: Posterior, key: Array, names: Sequence[str]) -> Iterator[Profile]:
-    """Profiles, a few at a time; `key` is that of the mode."""
-    mode = find_mode(posterior, key).only(posterior.places)
-    for start in range(0, len(names), TOGETHER):
-        yield from profile_likelihood(posterior, mode, names[start : start + TOGETHER])

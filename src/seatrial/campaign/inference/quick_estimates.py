@@ -22,15 +22,14 @@ from seatrial.campaign.inference.judge_predictions import (
     N_DRAWS,
     HeldBack,
     held_back_lines,
-    keep_held_back,
     predict_held_back,
+    predictions_of,
 )
-from seatrial.campaign.inference.long_steps import long_steps
-from seatrial.campaign.inference.modes import exchange_modes
+from seatrial.campaign.inference.modes import check_prior_of, exchange_modes, long_steps
 from seatrial.campaign.inference.omitted_effects import causes_of, findings_of, left_out
 from seatrial.campaign.inference.posterior import is_whole, random_key
-from seatrial.campaign.inference.prior_and_record import check_prior_of
 from seatrial.campaign.store.estimates import with_model_error
+from seatrial.campaign.store.predictions import Predictions
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.campaign.store.structures import StoredMode
 from seatrial.core.errors import NumericalError
@@ -43,7 +42,6 @@ from seatrial.estimation.posterior.mode import Mode, draw_about, find_mode
 from seatrial.estimation.posterior.posterior import Posterior, values_of
 from seatrial.estimation.regression.equation_error import (
     Accelerations,
-    Regression,
     fit_equation_error,
     measured_accelerations,
     smoothed_accelerations,
@@ -187,7 +185,9 @@ def keep_mode(campaign: Campaign, trials: Trials, best: FirstAnswer) -> None:
     kept = StoredResult(Store(campaign.folder).mode, key, StoredMode)
     kept.write(StoredMode(best.structure.terms, found, tuple(pairs), units, wider))
     if best.held_back is not None and trials.predict:
-        keep_held_back(campaign, best.structure, trials.predict, key, best.held_back)
+        held_back, channels, records = best.held_back, campaign.channels, trials.predict
+        predictions = StoredResult(Store(campaign.folder).mode_predictions, key_of("held back", key), Predictions)
+        predictions.read_or_make(lambda: predictions_of(channels, best.structure, records, records, held_back))
 
 
 def regressions(campaign: Campaign, trials: Trials, window: float | None = None) -> list[FirstAnswer]:
@@ -231,7 +231,7 @@ def _answer(study: Study, structure: Structure, trials: Trials, whole: Mode | Nu
     robust = robust_errors(posterior, whole) if len(campaign.structures) <= MOST_ROBUST else None
     drawn, more = (draw_about_mode(campaign.seed, structure, posterior, whole, n) for n in (N_DRAWS, DESIGNED_FROM))
     mode = whole.only(posterior.places)
-    if is_whole(campaign, structure):
+    if is_whole(structure, campaign.structures):
         check_prior_of(study, posterior, mode)
     rows = tuple(
         (parameter.name, parameter.unit, ((float(value), float(sd)),))
@@ -262,7 +262,7 @@ def _answer(study: Study, structure: Structure, trials: Trials, whole: Mode | Nu
         wider_causes=causes_of(robust, wider) if robust else {},
         wider_words=(robust.words, *map(sentence, findings_of(posterior, robust, wider))) if robust else (),
         drawn=more,
-        symmetry=symmetry_of(campaign, more, lambda: prior_curves(posterior)),
+        symmetry=symmetry_of(campaign.vehicle, more, lambda: prior_curves(posterior)),
         shown={name: campaign.shown(name, unit) for name, unit, _ in rows},
     )
 
@@ -289,6 +289,7 @@ def _regression(campaign: Campaign, structure: Structure, trials: Trials, window
         return FirstAnswer(structure, alarm=f"{structure.label}: {error}")
     units = [model.unit_of(term) for term in model.coefficients]
     columns = (found.plain, found.plain_sd, found.values, found.sd)
+    source = "measured accelerations" if window is None else f"speeds smoothed by cubics over {window:g} s"
     rows = tuple(
         (name, unit, ((float(a), float(b)), (float(c), float(d))))
         for name, unit, a, b, c, d in zip(found.names, units, *columns, strict=True)
@@ -297,7 +298,7 @@ def _regression(campaign: Campaign, structure: Structure, trials: Trials, window
         structure,
         rows,
         ("plain", "refined"),
-        _how(found, window),
+        f"{source}, residual {found.acceleration_sd:.3g} m/s^2  {' '.join(found.names)}",
         cautions=_of_structure(structure, filter(None, (found.status, ignored(campaign, structure)))),
         shown={name: campaign.shown(name, unit) for name, unit, _ in rows},
     )
@@ -326,11 +327,6 @@ def _smoothed(model: VehicleModel, record: Record, window: float) -> Acceleratio
     half = found.memory // 2
     kept = (away <= BRIDGED * window)[half : record.time.size - half]
     return replace(found, acceleration=np.where(kept, found.acceleration, np.nan))
-
-
-def _how(found: Regression, window: float | None) -> str:
-    source = "measured accelerations" if window is None else f"speeds smoothed by cubics over {window:g} s"
-    return f"{source}, residual {found.acceleration_sd:.3g} m/s^2  {' '.join(found.names)}"
 
 
 def ignored(campaign: Campaign, structure: Structure) -> str:

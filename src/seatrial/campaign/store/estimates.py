@@ -262,10 +262,6 @@ def with_model_error(wider: float | None, cause: str, factor: float) -> str:
     return "" if wider is None else f", ± {factor * wider:.3g} with model error (mostly {cause})"
 
 
-def _measured(item: "KnownParameter", factor: float, unit: str) -> str:
-    return measured(factor * item.value, factor * item.sd, unit)
-
-
 @dataclass(frozen=True)
 class KnownParameter:
     """One parameter: its value, what is known of it, and what it is confused with.
@@ -378,12 +374,13 @@ class Known:
         rows = [
             (
                 item.name,
-                *([_measured(item, *shown(item.name, item.unit))] if before else []),
+                *([measured(factor * item.value, factor * item.sd, unit)] if before else []),
                 item.known_to,
                 percent(item.left),
                 f"{item.correlation:+.3f} with {item.partner}" if item.partner else "-",
             )
             for item in self.parameters
+            for factor, unit in [shown(item.name, item.unit)]
         ]
         heads = ("", *(["expected"] if before else []), "known to", "prior sd left", "strongest correlation")
         widths = [max(map(len, column)) for column in zip(heads, *rows, strict=True)]

@@ -37,6 +37,11 @@ class Fit(Score):
         return FIT_LEVELS[self.verdict.level]
 
     @property
+    def is_alarm(self) -> bool:
+        """Whether it forbids to rely on the model: a run that was not fitted, and is not predicted."""
+        return self.held_back and self.level == "fail"
+
+    @property
     def reason(self) -> str:
         """What was found and what it means."""
         return statement(self.verdict)

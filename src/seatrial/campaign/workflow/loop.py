@@ -128,7 +128,7 @@ def summarise(outcome: Outcome) -> Summary:
     cautions += [] if outcome.contenders is None else outcome.contenders.cautions(selection)
     cautions += [] if outcome.cross_validation is None else outcome.cross_validation.complaints()
     cautions += [text for record in records for text in record_doubts(campaign, record)]
-    cautions += held_back_cautions(campaign, outcome.trials)
+    cautions += held_back_cautions(campaign.imports, outcome.trials)
     cautions += filter_complaints(outcome.filter, _fitted_noise(outcome))
     cautions += [*outcome.screening_cautions, *outcome.idle_complaints]
     failed = held_back_alarms(outcome.fits, outcome.pooled)

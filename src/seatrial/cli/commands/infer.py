@@ -197,7 +197,7 @@ def _by_chains(campaign: Any, reporter: Any, answer: Answer) -> Exit:
     evidences = [float(item.data.attrs["laplace_log_evidence"]) for item in estimates]
     labels = [item.structure.label for item in estimates]
     unseen, doubts = _judge_unseen(answer, flow.get("baselines"), labels, evidences, held_back)
-    doubts += held_back_cautions(campaign, trials)
+    doubts += held_back_cautions(campaign.imports, trials)
     doubts += [f"{item.structure.label}: {text}" for item in estimates[1:] for text in item.at_bounds]
     return answer.finish(alarms + unseen, [*doubts, *(text for text in estimates[0].cautions if text not in said)])
 
@@ -249,7 +249,7 @@ def _first_answers(campaign: Any, reporter: Any, answer: Answer, by: By, window:
         [one.log_evidence for one in tested],
         [one.held_back for one in tested],
     )
-    doubts += held_back_cautions(campaign, trials) if by is By.MODE else []
+    doubts += held_back_cautions(campaign.imports, trials) if by is By.MODE else []
     return answer.finish(alarms + unseen, [*doubts, *(text for one in found for text in one.cautions)])
 
 

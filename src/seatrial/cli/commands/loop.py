@@ -189,7 +189,8 @@ def _tell_and_report(answer: Answer, outcome: Any, proposal: Any) -> Exit:
     for finding in outcome.wider_findings:
         answer.say(f"  {sentence(finding)}")
     for fit in outcome.fits:
-        answer.say(f"  {_said_of(fit)}")
+        use = "held-back run" if fit.held_back else "run"
+        answer.say(f"  {use} {fit.record}: {fit.level}, {fit.finding}")
     for one in outcome.pooled:
         answer.say(f"  held-back runs together: {one.level}; {sentence(one.verdict)}")
     for line in comparison_lines(outcome.baselines, outcome.compared):
@@ -207,9 +208,3 @@ def _tell_and_report(answer: Answer, outcome: Any, proposal: Any) -> Exit:
     told += [one.sentence for one in outcome.compared]
     answer.give_findings(summary.findings)
     return answer.finish(summary.alarms, [text for text in summary.cautions if text not in told])
-
-
-def _said_of(fit: Any) -> str:
-    """One channel of one trial: how it was predicted, the verdict, and what keeps it from passing."""
-    use = "held-back run" if fit.held_back else "run"
-    return f"{use} {fit.record}: {fit.level}, {fit.finding}"
