@@ -46,17 +46,7 @@ OF_STRUCTURES = (
     "ess_bulk",
     "ess_tail",
 )
-AVERAGED = (
-    "name",
-    "unit",
-    "mean",
-    "sd",
-    "lower_95",
-    "upper_95",
-    "model_error_sd",
-    "model_error_cause",
-    "inclusion",
-)
+AVERAGED = ("name", "unit", "mean", "sd", "lower_95", "upper_95", "model_error_sd", "model_error_cause", "inclusion")
 """Columns of the two tables."""
 COVERED, ROUNDING = 0.95, 1e-12
 """Share of the draws that an interval holds, and by how much sums of weights may be off."""

@@ -15,14 +15,7 @@ from seatrial.campaign.inference.error_models import ErrorModel, Scale, error_mo
 from seatrial.campaign.inference.estimate import estimate_key
 from seatrial.campaign.inference.modes import structure_modes
 from seatrial.campaign.inference.posterior import random_key, widest
-from seatrial.campaign.store.cross_validation import (
-    OWN,
-    SMALL,
-    Candidate,
-    ChannelScores,
-    CrossValidation,
-    gap,
-)
+from seatrial.campaign.store.cross_validation import OWN, SMALL, Candidate, ChannelScores, CrossValidation, gap
 from seatrial.campaign.store.estimates import HasKey
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.errors import InputError, NumericalError

@@ -78,11 +78,7 @@ class SpeedDifference:
 
 
 def compare_speeds(
-    campaign: Campaign,
-    best: Estimate,
-    runner: Estimate,
-    trials: Trials,
-    sweep: Sweep,
+    campaign: Campaign, best: Estimate, runner: Estimate, trials: Trials, sweep: Sweep
 ) -> tuple[str, list[SpeedDifference]]:
     """Compare a velocity over the inputs of each fitted record, and then over the best design from trim.
 
@@ -213,13 +209,7 @@ def _difference(time: np.ndarray, best: np.ndarray, runner: np.ndarray) -> Speed
     lower, upper = np.nanquantile(excess[1:, keep], BAND, axis=0)
     mean = excess[0]
     return SpeedDifference(
-        time[keep],
-        best[0, keep],
-        mean[keep],
-        lower,
-        upper,
-        float(np.abs(mean).max()),
-        float(np.sqrt((mean**2).mean())),
+        time[keep], best[0, keep], mean[keep], lower, upper, float(np.abs(mean).max()), float(np.sqrt((mean**2).mean()))
     )
 
 

@@ -196,8 +196,7 @@ def _screening() -> Work:
     from seatrial.campaign.selection.screening import can_be_screened, screening_of, stored_screening
 
     return Work(
-        screening_of,
-        lambda campaign, trials: [stored_screening(campaign, trials)] if can_be_screened(campaign) else [],
+        screening_of, lambda campaign, trials: [stored_screening(campaign, trials)] if can_be_screened(campaign) else []
     )
 
 
@@ -210,9 +209,7 @@ def _candidates() -> Work:
         return with_shortlist(campaign, trials)
 
     return Work(
-        with_shortlist,
-        lambda campaign, trials: [stored_screening(campaign, trials)] if campaign.is_large else [],
-        seen,
+        with_shortlist, lambda campaign, trials: [stored_screening(campaign, trials)] if campaign.is_large else [], seen
     )
 
 

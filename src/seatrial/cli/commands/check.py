@@ -82,10 +82,7 @@ def calibrate(
     context: typer.Context,
     folder: Folder,
     replicates: Annotated[int, typer.Option(min=20, max=100_000, help="Number of simulated records.")] = 400,
-    method: Annotated[
-        str,
-        typer.Option(help=f"{', '.join(METHODS[:-1])} or {METHODS[-1]}."),
-    ] = DEFAULT,
+    method: Annotated[str, typer.Option(help=f"{', '.join(METHODS[:-1])} or {METHODS[-1]}.")] = DEFAULT,
     quiet: Quiet = False,
 ) -> None:
     """Test the stated uncertainty on simulated records.

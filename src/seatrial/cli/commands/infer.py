@@ -128,12 +128,7 @@ def criteria(
     """Compare structures by AIC, BIC, WAIC and others."""
 
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
-        from seatrial.campaign.selection.criteria import (
-            criteria_cautions,
-            criteria_lines,
-            future_edges,
-            nested_pairs,
-        )
+        from seatrial.campaign.selection.criteria import criteria_cautions, criteria_lines, future_edges, nested_pairs
         from seatrial.campaign.selection.evidence import current_selection
         from seatrial.campaign.workflow.steps import Workflow
 

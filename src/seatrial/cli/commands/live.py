@@ -38,8 +38,7 @@ def live(
         float, typer.Option(min=0.0, help="End when nothing has come for so many seconds; 0 to wait for ever.")
     ] = 0.0,
     no_library: Annotated[
-        bool,
-        typer.Option("--no-library", help="Compute no designs; then no other input is proposed."),
+        bool, typer.Option("--no-library", help="Compute no designs; then no other input is proposed.")
     ] = False,
     with_import: Annotated[
         bool, typer.Option("--import", help="At the end add the session to the runs of the campaign file.")

@@ -48,9 +48,7 @@ def design(
     trials: Annotated[
         int,
         typer.Option(
-            min=0,
-            max=20,
-            help="Also choose this many different trials that are worth most together, for example 3.",
+            min=0, max=20, help="Also choose this many different trials that are worth most together, for example 3."
         ),
     ] = 0,
     sensors: Annotated[
