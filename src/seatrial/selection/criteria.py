@@ -27,13 +27,12 @@ from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.sampling.target import LANES
 from seatrial.selection.importance import MAX_K_HAT
 
+# Variance of a point's log density above which its WAIC term is not to be trusted (Vehtari, Gelman and Gabry 2017).
 MAX_POINT_VARIANCE = 0.4
-"""Variance of a point's log density above which its WAIC term is not to be trusted (Vehtari, Gelman and Gabry 2017)."""
+# Difference below which its error is itself unreliable: 4 nats (Sivula, Magnusson and Vehtari 2020).
 SMALL_DIFFERENCE = 8.0
-"""Difference below which its error is itself unreliable: 4 nats (Sivula, Magnusson and Vehtari 2020)."""
 _BATCHES = 20
-_CHUNK_SIZE = 500
-"""Measurements handled at once: their temporary copies stay small."""
+_CHUNK_SIZE = 500  # Measurements handled at once: their temporary copies stay small
 
 
 class MonteCarloValue(NamedTuple):
@@ -232,8 +231,7 @@ def _deviance_and_slope(posterior: Posterior, values: Array) -> tuple[Array, Arr
 # each parameter. At the posterior mode instead of the maximum they are too large by twice what the priors cost the
 # likelihood.
 
-_REFUSED_HEIGHT = 1e100
-"""Height of points where the likelihood is zero, which the line search then leaves."""
+_REFUSED_HEIGHT = 1e100  # Height of points where the likelihood is zero, which the line search then leaves
 
 
 class Maximum(NamedTuple):

@@ -15,12 +15,9 @@ from seatrial.sampling.target import Target
 from seatrial.sampling.tempered_smc import SMCResult, SMCSettings, sample_tempered_smc
 from seatrial.selection.verdict import Evidence
 
-PRIOR_REPEATS = 4
-"""Repeats' worth of trust in the expected variance of one run."""
-MIN_ALIVE_SHARE = 0.05
-"""Share of the prior that must be simulable for its particles to be trusted."""
-MAX_NESTED_SPREAD = 4.0
-"""Spread of runs of nested sampling, in their stated errors, that chance does not explain."""
+PRIOR_REPEATS = 4  # Repeats' worth of trust in the expected variance of one run
+MIN_ALIVE_SHARE = 0.05  # Share of the prior that must be simulable for its particles to be trusted
+MAX_NESTED_SPREAD = 4.0  # Spread of runs of nested sampling, in their stated errors, that chance does not explain
 
 
 @dataclass(frozen=True)

@@ -25,16 +25,11 @@ from seatrial.sampling.target import Target, evaluate
 from seatrial.sampling.tempered_smc import SMCResult, SMCSettings, TemperedStart, prior_particles, sample_tempered_smc
 from seatrial.selection.importance import distance, edges_of, laplace_proposal
 
-LIKELIHOOD_POWER = 10.0
-"""To which particles are cooled."""
-MIN_FAR_SHARE = 0.01
-"""Share of the particles far from all known modes from which these are climbed from."""
-FAR_TAIL = 1e-3
-"""Share of a normal density that lies farther from its mode than a particle that is far."""
-MIN_MODE_RISE = 0.1
-"""Nats above the highest known mode that no rounding of its place explains."""
-MAX_CLIMBS = 3
-"""From each set of particles."""
+LIKELIHOOD_POWER = 10.0  # To which particles are cooled
+MIN_FAR_SHARE = 0.01  # Share of the particles far from all known modes from which these are climbed from
+FAR_TAIL = 1e-3  # Share of a normal density that lies farther from its mode than a particle that is far
+MIN_MODE_RISE = 0.1  # Nats above the highest known mode that no rounding of its place explains
+MAX_CLIMBS = 3  # From each set of particles
 
 
 @compiled_tree()

@@ -33,20 +33,17 @@ from seatrial.selection.evidence import EvidenceSettings
 from seatrial.selection.verdict import Evidence
 
 FREEDOM = 8.0
-WIDE_SHARE, WIDE_SCALE = 0.2, 2.0
-"""Share of the widened component, and its standard deviations over those of the other."""
-LEANING_DISTANCE = 4.0
-"""Standard deviations from a bound within which a posterior leans on it."""
-BEND_LENGTH = float(np.sqrt(12.0)) / CORNER
-"""Length of z over which the map of a prior bends into a bound."""
-NO_EDGES = np.array([[-np.inf, np.inf]])
-"""Edges of components of which none is cut."""
+WIDE_SHARE, WIDE_SCALE = 0.2, 2.0  # Share of the widened component, and its standard deviations over those of the other
+LEANING_DISTANCE = 4.0  # Standard deviations from a bound within which a posterior leans on it
+BEND_LENGTH = float(np.sqrt(12.0)) / CORNER  # Length of z over which the map of a prior bends into a bound
+NO_EDGES = np.array([[-np.inf, np.inf]])  # Edges of components of which none is cut
+# Efficiency at which the proposal is not refitted any more, unless the tail of the weights is too heavy.
 GOOD_EFFICIENCY = 0.5
-"""Efficiency at which the proposal is not refitted any more, unless the tail of the weights is too heavy."""
+# Where too few draws count: so many times what would just be enough, and times the draws asked for at most, are drawn
+# again.
 DRAW_MARGIN, MAX_DRAW_FACTOR = 1.5, 16.0
-"""Where too few draws count: so many times what would just be enough, and times the draws asked for at most, are drawn again."""
+# Pareto shape of the weights above which their mean is not to be trusted (Vehtari et al., JMLR 25, 2024).
 MAX_K_HAT = 0.7
-"""Pareto shape of the weights above which their mean is not to be trusted (Vehtari et al., JMLR 25, 2024)."""
 
 
 class ProposalComponent(NamedTuple):

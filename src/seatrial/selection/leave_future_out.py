@@ -35,11 +35,9 @@ from seatrial.selection.criteria import (
 )
 from seatrial.selection.importance import MAX_K_HAT, ImportanceSettings, importance_sample
 
-Past = Callable[[float], Posterior]
-"""Posterior given what was measured before a time, s; always of the same parameters."""
+Past = Callable[[float], Posterior]  # Posterior given what was measured before a time, s; always of the same parameters
 SETTINGS = ImportanceSettings(draws=4096, pilot=2048)
-MIN_BLOCKS = 10
-"""Number of blocks below which the spread between them says little about the error of their sum."""
+MIN_BLOCKS = 10  # Number of blocks below which the spread between them says little about the error of their sum
 
 
 @dataclass(frozen=True, eq=False)

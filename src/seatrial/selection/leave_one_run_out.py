@@ -39,18 +39,15 @@ from seatrial.estimation.prediction.posterior_by_run import (
 from seatrial.estimation.prediction.prediction_scores import Score
 from seatrial.selection.importance import MAX_K_HAT, ProposalComponent, Weights, draw_mixture, log_mixture, refit
 
-MIN_RUNS = 3
-"""Runs below which what is left after one is taken out says too little: of two, a single other run."""
+MIN_RUNS = 3  # Runs below which what is left after one is taken out says too little: of two, a single other run
+# Draws of the shared parameters in each round, and most rounds; all that were drawn serve all posteriors.
 ROUND_DRAWS, MAX_ROUNDS = 512, 5
-"""Draws of the shared parameters in each round, and most rounds; all that were drawn serve all posteriors."""
-PREDICTION_DRAWS = 200
-"""Draws by which a run that was left out is predicted."""
+PREDICTION_DRAWS = 200  # Draws by which a run that was left out is predicted
+# Newton steps from the mode of all runs to that of all but one: more are only taken about the kinks that a delay
+# makes.
 MAX_STEPS = 12
-"""Newton steps from the mode of all runs to that of all but one: more are only taken about the kinks that a delay makes."""
-MISSING_TAIL_INDEX = 10.0
-"""Tail index that is stated where so few draws carry all weight that none can be found."""
-MIN_PRECISION = 1.0
-"""Least precision of a proposal: that of the prior in the coordinates in which it is drawn."""
+MISSING_TAIL_INDEX = 10.0  # Tail index that is stated where so few draws carry all weight that none can be found
+MIN_PRECISION = 1.0  # Least precision of a proposal: that of the prior in the coordinates in which it is drawn
 
 
 @dataclass(frozen=True)

@@ -30,6 +30,7 @@ from seatrial.core.term_checks import check_trim
 
 LATERAL_AXES = ("Y", "K", "N")
 LATERAL_SIGNALS = frozenset(("v", "p", "r", "phi", "psi", "delta_r", "tau_Y", "tau_K", "tau_N"))
+# Velocities that make most of the force on each axis, the main one first.
 VELOCITIES = {
     "X": ("u",),
     "Y": ("v", "r", "p"),
@@ -38,7 +39,6 @@ VELOCITIES = {
     "M": ("q", "w"),
     "N": ("r", "v", "p"),
 }
-"""Velocities that make most of the force on each axis, the main one first."""
 SURFACES = {"Y": "delta_r", "K": "delta_r", "N": "delta_r", "Z": "delta_s", "M": "delta_s"}
 ATTITUDES = {"K": "phi", "M": "theta"}
 CROSS_PLANES = (("v", "r"), ("w", "q"))
@@ -209,6 +209,7 @@ def _propeller(axis: str) -> Iterator[str]:
     return iter(("T_nabsn", "T_absnu") if axis == "X" else (f"{axis}_nabsn", f"{axis}_absnu"))
 
 
+# Names that each family gives to an axis, before anything is left out.
 FAMILIES: dict[str, Callable[[str], Iterator[str]]] = {
     "constant": lambda axis: iter((f"{axis}_0",)),
     "linear": _linear,
@@ -224,7 +225,6 @@ FAMILIES: dict[str, Callable[[str], Iterator[str]]] = {
     "attitude": lambda axis: (f"{axis}_{ATTITUDES[axis]}" for _ in range(axis in ATTITUDES)),
     "change": lambda axis: iter((f"{axis}_du3",) if axis == "X" else ()),
 }
-"""Names that each family gives to an axis, before anything is left out."""
 
 
 def _explain_empty(

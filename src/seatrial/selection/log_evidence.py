@@ -38,25 +38,20 @@ from seatrial.selection.importance import ImportanceSettings, importance_evidenc
 from seatrial.selection.method_agreement import MAX_CHECK_ERROR, METHOD_ORDER, Method, judge
 from seatrial.selection.verdict import Evidence
 
-MAX_REPEATS = 4
-"""Repeats of tempered SMC, in multiples of those asked for."""
+MAX_REPEATS = 4  # Repeats of tempered SMC, in multiples of those asked for
+# Error of tempered SMC, nats, down to which repeats are added if a verdict depends on less than it resolves.
 SHARP_ERROR = 0.1
-"""Error of tempered SMC, nats, down to which repeats are added if a verdict depends on less than it resolves."""
+# Nats behind the best structure from which one is given up: it then has a probability below 1e-21.
 HOPELESS_DEFICIT = 50.0
-"""Nats behind the best structure from which one is given up: it then has a probability below 1e-21."""
+# Runs of nested sampling, live points of each, and slice moves for each parameter: an error of 0.2 nats if the data
+# tell 26. With 2 moves instead of 4, the usual size, it is 0.2 nats too low under wide priors (`wide regression` of
+# docs/evidence.py).
 NESTED_RUNS, NESTED_LIVE, NESTED_MOVES = 4, 200, 4
-"""Runs of nested sampling, live points of each, and slice moves for each parameter: an error of 0.2 nats if the data tell 26.
-
-With 2 moves instead of 4, the usual size, it is 0.2 nats too low under wide priors (`wide regression` of docs/evidence.py).
-"""
+# Parameters up to which nested sampling is asked: it takes 4 million evaluations in 10, 28 million in 20.
 MAX_NESTED_DIM = 10
-"""Parameters up to which nested sampling is asked: it takes 4 million evaluations in 10, 28 million in 20."""
-NESTED_KEY = 1 << 16
-"""Number of nested sampling's own key among those made of the key of importance sampling."""
-PROGRESS_STEPS = 1000
-"""Of one task."""
-MIN_PEAK_RISE = 3.0
-"""Nats above the highest known peak from which on a point belongs to another one."""
+NESTED_KEY = 1 << 16  # Number of nested sampling's own key among those made of the key of importance sampling
+PROGRESS_STEPS = 1000  # Of one task
+MIN_PEAK_RISE = 3.0  # Nats above the highest known peak from which on a point belongs to another one
 
 
 class EvidenceTask(NamedTuple):

@@ -15,17 +15,17 @@ from seatrial.core.serialise import to_plain
 from seatrial.selection.verdict import Evidence
 
 Method = Literal["smc", "importance", "nested"]
+# The value is that of the first of these that is healthy.
 METHOD_ORDER: tuple[Method, ...] = ("importance", "smc", "nested")
-"""The value is that of the first of these that is healthy."""
 METHOD_LABELS: Mapping[Method, str] = {
     "importance": "importance sampling",
     "smc": "tempered SMC",
     "nested": "nested sampling",
 }
+# Difference from which on there is an alarm: in joint errors, and in nats at least.
 MAX_JOINT_ERRORS, MIN_DIFFERENCE = 3.0, 0.1
-"""Difference from which on there is an alarm: in joint errors, and in nats at least."""
+# Joint error, nats, of a check: it then still finds 1.5 nats, which move odds between structures by a factor of four.
 MAX_CHECK_ERROR = 0.5
-"""Joint error, nats, of a check: it then still finds 1.5 nats, which move odds between structures by a factor of four."""
 
 
 def judge(

@@ -15,8 +15,8 @@ from jaxtyping import Bool, Float, UInt64
 
 from seatrial.core.errors import InputError
 
+# Terms at most: bit 63 of an unsigned integer of 64 bits stands for what no structure has, see `conditions`.
 MAX_TERMS = 63
-"""Terms at most: bit 63 of an unsigned integer of 64 bits stands for what no structure has, see `conditions`."""
 _ONE = np.uint64(1)
 
 

@@ -22,14 +22,10 @@ from seatrial.core.errors import InputError, NumericalError, nearest
 from seatrial.estimation.posterior.posterior import Posterior
 
 Shape = Literal["kernel", "normal", "t"]
-MIN_NEAR_DRAWS = 100.0
-"""Effective draws about the value below which its density is an extrapolation."""
-MIN_BLOCKS = 20
-"""Stretches of the chains, at least, whose scatter gives the error."""
-MAX_MISFIT = 3.0
-"""Difference of a fitted curve from the kernel estimate, in joint errors, that chance does not explain."""
-NEGLIGIBLE_DIFFERENCE = 0.1
-"""Difference, nats, that does not matter."""
+MIN_NEAR_DRAWS = 100.0  # Effective draws about the value below which its density is an extrapolation
+MIN_BLOCKS = 20  # Stretches of the chains, at least, whose scatter gives the error
+MAX_MISFIT = 3.0  # Difference of a fitted curve from the kernel estimate, in joint errors, that chance does not explain
+NEGLIGIBLE_DIFFERENCE = 0.1  # Difference, nats, that does not matter
 _LOG_FREEDOM = (float(np.log(2.0)), float(np.log(1000.0)))
 
 

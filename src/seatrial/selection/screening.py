@@ -25,12 +25,10 @@ from seatrial.selection.subsets.gram import Gram, gram
 from seatrial.selection.subsets.sampler import subset_posterior
 from seatrial.vehicles.axis_equation import AxisEquation
 
-PRIOR_SCALES = (0.1, 0.3, 1.0, 3.0, 10.0)
-"""Factors on the prior standard deviations along which the answer is repeated."""
+PRIOR_SCALES = (0.1, 0.3, 1.0, 3.0, 10.0)  # Factors on the prior standard deviations along which the answer is repeated
+# Structures on a shortlist at most, and the probability that is enough for it to be shorter.
 MAX_SHORTLIST, MIN_COVERED = 8, 0.95
-"""Structures on a shortlist at most, and the probability that is enough for it to be shorter."""
-BIAS_PAIRS = 8
-"""Pairs of simulated repetitions that estimate the bias."""
+BIAS_PAIRS = 8  # Pairs of simulated repetitions that estimate the bias
 
 
 class Sensitivity(NamedTuple):

@@ -26,8 +26,7 @@ from seatrial.selection.subsets.conjugate import physical_prior, unit_informatio
 from seatrial.selection.subsets.gram import LEAST_INDEPENDENT, Gram
 from seatrial.selection.subsets.sampler import subset_posterior
 
-KNOWN_NOISE = 1e9
-"""Shape of the noise's inverse gamma that makes it 1: the information has the sensors' noise in it."""
+KNOWN_NOISE = 1e9  # Shape of the noise's inverse gamma that makes it 1: the information has the sensors' noise in it
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,8 +13,8 @@ from seatrial.selection.library import TermLibrary
 from seatrial.selection.rule_masks import allowed_mass
 from seatrial.selection.rules import Always, CompiledRules, compile_rules, parse_rules
 
-MAX_STRUCTURES = 64
-"""Structures beyond which simulating each takes too long, and a screening has to choose a shortlist."""
+MAX_STRUCTURES = 64  # Structures beyond which simulating each takes too long, and a screening has to choose a shortlist
+# Speed along each axis, and what resists it.
 DAMPING = {
     "X": ("u", "drag"),
     "Y": ("v", "sway damping"),
@@ -23,7 +23,7 @@ DAMPING = {
     "M": ("q", "pitch damping"),
     "N": ("r", "yaw damping"),
 }
-"""Speed along each axis, and what resists it."""
+# Words of a resistance by its regressor, `?` the speed.
 ORDERS = {
     "?": "linear",
     "?abs?": "quadratic",
@@ -33,10 +33,8 @@ ORDERS = {
     "?4": "quartic",
     "?5": "quintic",
 }
-"""Words of a resistance by its regressor, `?` the speed."""
 TRIM_SUFFIX = " about trim"
-MAX_NAME_PARTS = 4
-"""Parts of a name beyond which it says what is left out instead."""
+MAX_NAME_PARTS = 4  # Parts of a name beyond which it says what is left out instead
 
 
 @dataclass(frozen=True)

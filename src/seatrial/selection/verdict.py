@@ -19,12 +19,11 @@ if TYPE_CHECKING:
 
 DECIDED, LIKELY = 0.95, 0.75
 EDGES = (1 - DECIDED, 1 - LIKELY, LIKELY, DECIDED)
-MAX_PROBABILITY_ERROR = 0.05
-"""Monte Carlo error of a probability above which a verdict near an edge is withheld."""
+MAX_PROBABILITY_ERROR = 0.05  # Monte Carlo error of a probability above which a verdict near an edge is withheld
+# What is said of probabilities where the residuals are correlated.
 OTHER_NOISE_VERDICT = (
     "these probabilities hold for the noise that is modelled, which the residuals contradict: correct the noise first"
 )
-"""What is said of probabilities where the residuals are correlated."""
 
 
 @dataclass(frozen=True)

@@ -15,13 +15,10 @@ import numpy as np
 import scipy
 from jaxtyping import Float, Int
 
-DRAWS = 99
-"""Posterior draws that a rank is taken among: ranks run from 0 to 99."""
+DRAWS = 99  # Posterior draws that a rank is taken among: ranks run from 0 to 99
 BINS = 20
-FALSE_ALARMS = 0.01
-"""Share of right posteriors of which any quantity is called uneven."""
-CLEAR = 2.6
-"""Standard errors from what uniform ranks have at which a shift or a spread of the ranks is spoken of."""
+FALSE_ALARMS = 0.01  # Share of right posteriors of which any quantity is called uneven
+CLEAR = 2.6  # Standard errors from what uniform ranks have at which a shift or a spread of the ranks is spoken of
 AT = np.arange(1, DRAWS + 1) / (DRAWS + 1)
 
 

@@ -15,12 +15,11 @@ from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.estimation.simulation.delayed_control import delay_control
 from seatrial.vehicles.model import VehicleModel, outside_force
 
-MOTIONS = {*RATES, *ANGLES}
-"""Controls that are motions given as measured, and no commands."""
+MOTIONS = {*RATES, *ANGLES}  # Controls that are motions given as measured, and no commands
+# How controls begin that may act on other axes than the model has them on: generalised forces, which may act off the
+# centre, and fins.
 COUPLED = ("tau_", "delta_")
-"""How controls begin that may act on other axes than the model has them on: generalised forces, which may act off the centre, and fins."""
-INSTANT = 1e-9
-"""Lag that is none, s."""
+INSTANT = 1e-9  # Lag that is none, s
 
 
 @dataclass(frozen=True)

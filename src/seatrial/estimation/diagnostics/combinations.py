@@ -16,12 +16,12 @@ from jaxtyping import Float
 from seatrial.core.coefficients import AXES, CoefficientName, is_coefficient
 from seatrial.core.signals import SIGNALS, signal_unit
 
+# Eigenvalue of the information, its diagonal scaled to one, over the largest, below which a combination is invisible.
 INVISIBLE = 1e-10
-"""Eigenvalue of the information, its diagonal scaled to one, over the largest, below which a combination is invisible."""
+# Share of the largest effect on the measurements, each parameter's taken alone, below which it is not named as part of
+# a change.
 SHOWN = 1e-3
-"""Share of the largest effect on the measurements, each parameter's taken alone, below which it is not named as part of a change."""
-WORTH = 0.7
-"""Relative standard deviation, over that of the best parameter alone, from which a sum is worth naming."""
+WORTH = 0.7  # Relative standard deviation, over that of the best parameter alone, from which a sum is worth naming
 
 
 class Unknown(NamedTuple):

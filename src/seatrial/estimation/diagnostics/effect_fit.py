@@ -26,19 +26,14 @@ from seatrial.estimation.simulation.sensor_errors import (
 )
 from seatrial.estimation.simulation.trial_data import ChannelData, TrialData
 
-LIKELY = 0.01
-"""P-value of a test of whiteness from which residuals are taken for white."""
-STEPS, HALVINGS = 8, 4
-"""Steps of a fit, and how often one that does not climb is halved."""
-SETTLED = 1e-2
-"""Gain of a step, nats, below which a fit has ended."""
+LIKELY = 0.01  # P-value of a test of whiteness from which residuals are taken for white
+STEPS, HALVINGS = 8, 4  # Steps of a fit, and how often one that does not climb is halved
+SETTLED = 1e-2  # Gain of a step, nats, below which a fit has ended
+# How often the shape of a noise with a memory is found again for a fit; half widths of the grids on which it is, in
+# units of z, and points along each side.
 ROUNDS, GRIDS, POINTS = 2, (3.0, 0.6), 11
-"""How often the shape of a noise with a memory is found again for a fit; half widths of the grids on which it is, in units of z, and points
-along each side."""
-SINGULAR = 1e-10
-"""Share of the largest eigenvalue of a scaled curvature below which a direction is not told."""
-SIDE_BY_SIDE = 8
-"""Slopes that are computed at once: each needs a control of its own over the whole record."""
+SINGULAR = 1e-10  # Share of the largest eigenvalue of a scaled curvature below which a direction is not told
+SIDE_BY_SIDE = 8  # Slopes that are computed at once: each needs a control of its own over the whole record
 
 
 @dataclass(frozen=True)

@@ -10,10 +10,8 @@ from seatrial.core.coefficients import CoefficientName
 from seatrial.core.findings import Finding
 from seatrial.core.signals import RATES, SPEEDS
 
-MAX_REMAINING = 0.7
-"""Share of the prior's standard deviation from which a coefficient is not excited."""
-SIGN = 4.0
-"""Standard deviations of one sample beyond zero from which a signal has changed its sign."""
+MAX_REMAINING = 0.7  # Share of the prior's standard deviation from which a coefficient is not excited
+SIGN = 4.0  # Standard deviations of one sample beyond zero from which a signal has changed its sign
 
 
 def check_excitation(

@@ -19,22 +19,18 @@ from seatrial.core.findings import Finding
 from seatrial.core.record import Record
 from seatrial.core.signals import ANGLES, POSITIONS, QUATERNION, RATES
 
+# Channels that no command changes at once, as it changes an acceleration or a force.
 STATES = (*RATES, *POSITIONS, *ANGLES, *QUATERNION)
-"""Channels that no command changes at once, as it changes an acceleration or a force."""
-LAGS = 3
-"""Changes of the command, this one included, whose measurements may be in it: the terms of a PID law."""
-DELAYS = range(6)
-"""Rows by which a command may follow the measurement that it is computed from."""
+LAGS = 3  # Changes of the command, this one included, whose measurements may be in it: the terms of a PID law
+DELAYS = range(6)  # Rows by which a command may follow the measurement that it is computed from
+# Share of the changes that the law has to explain: at others the reference changes, or the command leaves its limit.
 TYPICAL = 0.8
-"""Share of the changes that the law has to explain: at others the reference changes, or the command leaves its limit."""
-PASSED_ON = 0.3
-"""Residual over the noise that the law passes on, below which the noise is in the command."""
-EXPLAINED = 0.3
-"""Residual over that of a law without measurements, likewise."""
+PASSED_ON = 0.3  # Residual over the noise that the law passes on, below which the noise is in the command
+EXPLAINED = 0.3  # Residual over that of a law without measurements, likewise
+# Changes of the command for each number of the law, at least, and changes that are looked at, at most.
 MIN_CHANGES, MAX_CHANGES = 10, 2000
-"""Changes of the command for each number of the law, at least, and changes that are looked at, at most."""
-MIN_SHARE = 0.1
-"""Share of the noise in the command from which a channel is named."""
+MIN_SHARE = 0.1  # Share of the noise in the command from which a channel is named
+# Checks that compare the motion with the commands as if these had come first.
 BLINDED = (
     "direction-reversed",
     "motion-unrelated",
@@ -45,7 +41,6 @@ BLINDED = (
     "thruster-gain",
     "thruster-gain-unknown",
 )
-"""Checks that compare the motion with the commands as if these had come first."""
 _TRIMS = 4
 
 

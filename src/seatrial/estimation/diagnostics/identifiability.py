@@ -28,12 +28,12 @@ from seatrial.estimation.posterior.posterior import Parameter, Posterior
 from seatrial.manoeuvres.autopilot import Autopilot
 from seatrial.vehicles.model import VehicleModel
 
+# Correlation beyond which the split between two parameters is over twice as uncertain as either given the other.
 TOGETHER = 0.9
-"""Correlation beyond which the split between two parameters is over twice as uncertain as either given the other."""
+# Information of the data about a parameter, over that of its prior, below which no measurement depends on it.
 UNTOUCHED = 1e-10
-"""Information of the data about a parameter, over that of its prior, below which no measurement depends on it."""
+# Value, in prior standard deviations, below which a parameter is scaled by its prior and not by its value.
 NEAR_ZERO = 1e-6
-"""Value, in prior standard deviations, below which a parameter is scaled by its prior and not by its value."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,33 +15,28 @@ from seatrial.core.signals import ANGLES, POSITIONS
 from seatrial.estimation.diagnostics.record_checks import SPIKE, unit_errors
 from seatrial.estimation.diagnostics.timing_check import Timing, find_timing
 
+# Correlation with the expected motion below which a channel goes the other way, and from which size and delay can be
+# told.
 OPPOSED, RELATED = -0.4, 0.5
-"""Correlation with the expected motion below which a channel goes the other way, and from which size and delay can be told."""
+# Ratio to the expected motion, or its inverse, from which a unit is doubted, and from which it is wrong.
 SIZE, WRONG = 3.0, 30.0
-"""Ratio to the expected motion, or its inverse, from which a unit is doubted, and from which it is wrong."""
+# Share of the vehicles drawn from the priors that may move less, or further, than a record whose units are not
+# doubted.
 RARE = 0.1
-"""Share of the vehicles drawn from the priors that may move less, or further, than a record whose units are not doubted."""
-SUMMED = (*POSITIONS, *ANGLES)
-"""Channels in which the errors of velocities, and the net weight, add up over time."""
-ALIKE = 0.5
-"""Share of the measured motion by which vehicles of the priors may lie apart for them to say how it goes."""
-CUT = 0.02
-"""Share of the samples that may lie at the very end of a gauge's range while the expected force goes on."""
-OTHER = 2.0
-"""Times by which the motion of a vehicle may differ from that of the one at the prior means."""
+SUMMED = (*POSITIONS, *ANGLES)  # Channels in which the errors of velocities, and the net weight, add up over time
+ALIKE = 0.5  # Share of the measured motion by which vehicles of the priors may lie apart for them to say how it goes
+CUT = 0.02  # Share of the samples that may lie at the very end of a gauge's range while the expected force goes on
+OTHER = 2.0  # Times by which the motion of a vehicle may differ from that of the one at the prior means
+# Share of the motion by which a mirror has to explain more than a turn; either has to explain twice as much more than
+# neither.
 APART = 0.1
-"""Share of the motion by which a mirror has to explain more than a turn; either has to explain twice as much more than neither."""
+# Share of the vehicles drawn from the priors that must go one way for the priors to say which, of those that do not
+# run away, and share that must be left of them.
 AGREED, LEFT = 0.75, 0.25
-"""Share of the vehicles drawn from the priors that must go one way for the priors to say which, of those that do not run away, and
-share that must be left of them."""
-LATE, LONGEST = 0.1, 2.0
-"""Seconds from which a shift in time is told, and up to which one is sought within a file."""
-WIDE = 60.0
-"""Seconds up to which a shift is sought between files, whose clocks may differ."""
-VAGUE = 5.0
-"""Seconds by which the clocks may differ unseen for the timing to be judged."""
-WITHIN = (0.5, 1.0, 2.0, VAGUE)
-"""Seconds to which a timing that passes is told, so that channels share a line."""
+LATE, LONGEST = 0.1, 2.0  # Seconds from which a shift in time is told, and up to which one is sought within a file
+WIDE = 60.0  # Seconds up to which a shift is sought between files, whose clocks may differ
+VAGUE = 5.0  # Seconds by which the clocks may differ unseen for the timing to be judged
+WITHIN = (0.5, 1.0, 2.0, VAGUE)  # Seconds to which a timing that passes is told, so that channels share a line
 
 
 def check_motion(

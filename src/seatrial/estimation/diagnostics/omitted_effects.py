@@ -38,22 +38,20 @@ from seatrial.estimation.posterior.output_error import OutputError
 from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.estimation.priors import Prior
 
+# Shift of a coefficient, in standard deviations, and log odds from which a missing effect is reported: 20 to 1, strong
+# evidence (Kass and Raftery, Journal of the American Statistical Association 90, 1995).
 MIN_SHIFT, MIN_LOG_ODDS = 1.0, 3.0
-"""Shift of a coefficient, in standard deviations, and log odds from which a missing effect is reported: 20 to 1, strong evidence (Kass and
-Raftery, Journal of the American Statistical Association 90, 1995)."""
-HIDDEN = 1e-4
-"""Share of a signature that the parameters must leave for it to be told from them."""
-MOST = 3
-"""Effects that are taken in at most."""
+HIDDEN = 1e-4  # Share of a signature that the parameters must leave for it to be told from them
+MOST = 3  # Effects that are taken in at most
+# Effects that are fitted to see which is best, those with the highest odds to first order, and their share of the
+# highest log odds.
 CONTENDERS, ALIKE = 3, 0.5
-"""Effects that are fitted to see which is best, those with the highest odds to first order, and their share of the highest log odds."""
-CLOSE = 3.0
-"""Difference of log odds up to which two effects do equally well."""
+CLOSE = 3.0  # Difference of log odds up to which two effects do equally well
 TINY = float(np.finfo(float).tiny)
+# Probability below the upper end of a 90 % interval, and halvings by which that end is found.
 BAND, BISECTIONS = 0.95, 50
-"""Probability below the upper end of a 90 % interval, and halvings by which that end is found."""
+# Effects that are named as a cause, at most, and their share of the probability that the first of them puts outside.
 NAMED, BLAMED = 3, 0.5
-"""Effects that are named as a cause, at most, and their share of the probability that the first of them puts outside."""
 
 
 class Omitted(NamedTuple):

@@ -16,18 +16,15 @@ from seatrial.estimation.posterior.prior_bounds import EDGE, leaning_bounds, sca
 from seatrial.sampling.target import AT_ONCE, evaluate
 
 GAIN = 10.0
+# Gain beyond a bound, nats, from which a slip in the log or its map is likelier than a prior that is too narrow.
 HUGE = 1000.0
-"""Gain beyond a bound, nats, from which a slip in the log or its map is likelier than a prior that is too narrow."""
-FAR = 4.0
-"""Standard deviations from the middle of a prior without bounds beyond which it says the opposite of the data."""
+FAR = 4.0  # Standard deviations from the middle of a prior without bounds beyond which it says the opposite of the data
+# Least curvature of the likelihood, over that of each parameter alone, along which other parameters are followed.
 FLAT = 1e-9
-"""Least curvature of the likelihood, over that of each parameter alone, along which other parameters are followed."""
-SOME = 0.01
-"""Share of the prior without a finite likelihood of which a reader is told."""
+SOME = 0.01  # Share of the prior without a finite likelihood of which a reader is told
+# Remedies for a time or a size that the data find smaller than its prior allows, by the beginning of its name.
 NOT_NEEDED = {"tau": "no-memory", "lag": "no-lag", "sigma": "smaller-noise"}
-"""Remedies for a time or a size that the data find smaller than its prior allows, by the beginning of its name."""
-APART = 0.25
-"""Difference of mean ranks, 0.5 at most, from which a parameter is said to set what is lost apart."""
+APART = 0.25  # Difference of mean ranks, 0.5 at most, from which a parameter is said to set what is lost apart
 
 
 def prior_excluding_data(posterior: Posterior, mode: Mode) -> Finding | None:

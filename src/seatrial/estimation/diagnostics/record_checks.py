@@ -15,6 +15,7 @@ _ANGLES = {"degrees": 180 / pi, "revolutions": 2 * pi}
 _RPM = {"rpm": 30 / pi}
 _PROPELLER = {**_RPM, "revolutions": 2 * pi, "rpm for rev/s": 60.0}
 _FORCES = {"kgf": 9.80665, "lbf": 4.44822}
+# Factors of unit errors by name or SI unit of a signal; nobody counts a propeller in degrees.
 _CONFUSED = {
     str(SPEED): _LENGTHS,
     str(ANGULAR_RATE): _PROPELLER,
@@ -23,36 +24,29 @@ _CONFUSED = {
     str(MOMENT): _FORCES,
     **{rate: {**_ANGLES, **_RPM} for rate in RATES[3:]},
 }
-"""Factors of unit errors by name or SI unit of a signal; nobody counts a propeller in degrees."""
+# Times by which the factor of a unit error may be off a ratio for the error to be named; the second if none is so
+# close as the first.
 CLOSE, ABOUT = 1.6, 3.0
-"""Times by which the factor of a unit error may be off a ratio for the error to be named; the second if none is so close as the first."""
+# Ratio to the stated trim, or its inverse, from which a record contradicts it; share by which a control may be off its
+# trim there, and within which a straight line through samples on both sides of trim tells the speed at trim.
 UNLIKE, AT, NEAR = 1.5, 0.1, 0.5
-"""Ratio to the stated trim, or its inverse, from which a record contradicts it; share by which a control may be off its trim there, and
-within which a straight line through samples on both sides of trim tells the speed at trim."""
+# Share by which the distance from trim shrinks, from the first half of such samples to the second, while the vehicle
+# is on its way.
 SETTLED = 0.05
-"""Share by which the distance from trim shrinks, from the first half of such samples to the second, while the vehicle is on its way."""
-SELDOM = 0.01
-"""Share of the samples in which a control must come near its trim."""
-BEYOND = 0.01
-"""Share of how far a control moves by which it may lie beyond a limit without being told."""
-HARDLY = 1 / 30
-"""Share of its limits within which a control stays whose unit is doubted."""
-SPIKE = 8.0
-"""Robust standard deviations beyond its neighbours from which a sample stands out."""
-SPIKES = 0.002
-"""Share of samples that stand out from which it is told."""
-TOGETHER = 3
-"""Neighbouring samples that may be one spike."""
-AROUND = 25
-"""Samples on either side that tell how much a signal scatters where it is."""
-QUARTILE = 0.3186
-"""A quarter of a standard normal variable's sizes are below."""
+SELDOM = 0.01  # Share of the samples in which a control must come near its trim
+BEYOND = 0.01  # Share of how far a control moves by which it may lie beyond a limit without being told
+HARDLY = 1 / 30  # Share of its limits within which a control stays whose unit is doubted
+SPIKE = 8.0  # Robust standard deviations beyond its neighbours from which a sample stands out
+SPIKES = 0.002  # Share of samples that stand out from which it is told
+TOGETHER = 3  # Neighbouring samples that may be one spike
+AROUND = 25  # Samples on either side that tell how much a signal scatters where it is
+QUARTILE = 0.3186  # A quarter of a standard normal variable's sizes are below
+# Angle from which a turned sensor is reported, and standard deviations from which it is a caution and an alarm.
 MIN_TURN, MIN_TURN_SDS, ALARM_TURN_SDS = radians(5.0), 3.0, 5.0
-"""Angle from which a turned sensor is reported, and standard deviations from which it is a caution and an alarm."""
+# Standard deviation of a thruster's gain above which it is unknown, and how far from 1 it is doubted.
 MAX_GAIN_SD, MIN_GAIN_ERROR = 0.3, 0.5
-"""Standard deviation of a thruster's gain above which it is unknown, and how far from 1 it is doubted."""
+# Root mean square change of a rate in steps half as long, over its noise, from which steps are too long.
 MAX_STEP_CHANGE = 0.5
-"""Root mean square change of a rate in steps half as long, over its noise, from which steps are too long."""
 
 
 def not_judged_yet(subject: Sequence[str], check: str, wrong: Sequence[Finding]) -> Finding:

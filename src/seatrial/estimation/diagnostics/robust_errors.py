@@ -39,16 +39,13 @@ from seatrial.estimation.prediction.prediction import outputs_of_draws
 from seatrial.estimation.prediction.prediction_scores import effective_samples
 from seatrial.estimation.simulation.trial_data import TrialData
 
-LEAST_RUNS = 3
-"""Runs from which on the runs themselves are the pieces."""
-LEAST_BLOCKS, MOST_BLOCKS = 6, 24
-"""Fewest blocks of time that tell a spread, and most that are taken."""
+LEAST_RUNS = 3  # Runs from which on the runs themselves are the pieces
+LEAST_BLOCKS, MOST_BLOCKS = 6, 24  # Fewest blocks of time that tell a spread, and most that are taken
+# Length of a block over the time that one independent sample takes: blocks have to be nearly independent of each
+# other.
 LENGTHS = 3.0
-"""Length of a block over the time that one independent sample takes: blocks have to be nearly independent of each other."""
-TELLING = 1.5
-"""Ratio of the two standard deviations from which both are shown."""
-BEYOND = "Effects that are not tried can move values further."
-"""What no second standard deviation can show."""
+TELLING = 1.5  # Ratio of the two standard deviations from which both are shown
+BEYOND = "Effects that are not tried can move values further."  # What no second standard deviation can show
 
 
 @dataclass(frozen=True)

@@ -22,13 +22,12 @@ from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError
 from seatrial.vehicles.thrusters import Thruster
 
-MIRRORS = ("bow and stern", "port and starboard", "top and bottom")
-"""By the axis across the mirror: x, y, z."""
+MIRRORS = ("bow and stern", "port and starboard", "top and bottom")  # By the axis across the mirror: x, y, z
 TURNED = "sideways and up and down"
-ACROSS = ("u v w", "X Y Z", "tau_X tau_Y tau_Z")
-"""Polar vectors: they change sign along the axis across the mirror."""
+ACROSS = ("u v w", "X Y Z", "tau_X tau_Y tau_Z")  # Polar vectors: they change sign along the axis across the mirror
+# Axial vectors: they change sign about the other two axes.
 ABOUT = ("p q r", "K M N", "phi theta psi", "tau_K tau_M tau_N")
-"""Axial vectors: they change sign about the other two axes."""
+# What each axis and velocity becomes when the vehicle is turned by a right angle from starboard to down, and its sign.
 QUARTER = {"Y": ("Z", 1), "Z": ("Y", -1), "M": ("N", 1), "N": ("M", -1), "X": ("X", 1), "K": ("K", 1)} | {
     "u": ("u", 1),
     "v": ("w", 1),
@@ -37,9 +36,7 @@ QUARTER = {"Y": ("Z", 1), "Z": ("Y", -1), "M": ("N", 1), "N": ("M", -1), "X": ("
     "q": ("r", 1),
     "r": ("q", -1),
 }
-"""What each axis and velocity becomes when the vehicle is turned by a right angle from starboard to down, and its sign."""
-CLOSE = 1e-3
-"""Distance, m, and difference of a direction within which a thruster is the mirror image of another."""
+CLOSE = 1e-3  # Distance, m, and difference of a direction within which a thruster is the mirror image of another
 
 
 class Restriction(NamedTuple):

@@ -16,31 +16,24 @@ import numpy as np
 import scipy
 from jaxtyping import Float
 
-SHARE = 0.5
-"""Share of the record up to which it is shifted, at most."""
-CELLS = 4096
-"""Cells of the grid, at most."""
+SHARE = 0.5  # Share of the record up to which it is shifted, at most
+CELLS = 4096  # Cells of the grid, at most
+# Means are taken over so many seconds, or over one of so many pieces of a record where that is shorter: white noise
+# counts less then.
 MEAN, PIECES = 0.5, 200
-"""Means are taken over so many seconds, or over one of so many pieces of a record where that is shorter: white noise counts less then."""
-START = 4.0
-"""Seconds at the start that are left out, or a fortieth of the record where that is shorter."""
-LAGS = 6
-"""Time constants tau that are tried, from two cells to an eighth of the record."""
-NEAREST = 12
-"""Vehicles with which all of these are tried: those that come nearest with one of them."""
-EXPLAINED = 0.5
-"""Share of the motion that the best fit has to explain."""
+START = 4.0  # Seconds at the start that are left out, or a fortieth of the record where that is shorter
+LAGS = 6  # Time constants tau that are tried, from two cells to an eighth of the record
+NEAREST = 12  # Vehicles with which all of these are tried: those that come nearest with one of them
+EXPLAINED = 0.5  # Share of the motion that the best fit has to explain
+# Twice the log likelihood ratio, and logarithm of the ratio of squared residuals, from which one shift is better than
+# another: the first is far beyond chance among a hundred shifts, as few transients are no large sample; the second
+# allows for what the vehicles lack.
 SURE, BETTER = 40.0, 0.25
-"""Twice the log likelihood ratio, and logarithm of the ratio of squared residuals, from which one shift is better than another: the first
-is far beyond chance among a hundred shifts, as few transients are no large sample; the second allows for what the vehicles lack."""
-HALO = 0.5
-"""By how much that logarithm may be off where the samples of two shifts are not the same."""
-APART = 4.0
-"""Seconds between shifts from which they are alternatives."""
-FEWEST = 50
-"""Cells with a measurement, at least."""
+HALO = 0.5  # By how much that logarithm may be off where the samples of two shifts are not the same
+APART = 4.0  # Seconds between shifts from which they are alternatives
+FEWEST = 50  # Cells with a measurement, at least
+# Order of the autoregression that makes residuals white, and the share of white noise that is added to them for it.
 ORDER, NUGGET = 12, 1e-3
-"""Order of the autoregression that makes residuals white, and the share of white noise that is added to them for it."""
 _RIDGE = 1e-9
 
 

@@ -23,14 +23,12 @@ from seatrial.estimation.priors import Prior
 from seatrial.numerics.rotations import quaternion_of_angles
 from seatrial.vehicles.model import VehicleModel
 
-SAMPLES = 8
-"""Samples in a window."""
-STEPS = 4
-"""Gauss-Newton steps, each with every velocity weighed anew by what is left of it."""
+SAMPLES = 8  # Samples in a window
+STEPS = 4  # Gauss-Newton steps, each with every velocity weighed anew by what is left of it
+# Angles of a turn that are tried; half width of the parabola about the best, rad; least step of a motion in which it
+# is sought, s.
 GRID, _WIDE, STEP = 12, np.radians(15.0), 0.1
-"""Angles of a turn that are tried; half width of the parabola about the best, rad; least step of a motion in which it is sought, s."""
-_INDEPENDENT = 0.1
-"""Rows that are worth one, as neighbours share their noise."""
+_INDEPENDENT = 0.1  # Rows that are worth one, as neighbours share their noise
 
 
 def first_guess(

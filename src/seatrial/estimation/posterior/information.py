@@ -30,9 +30,10 @@ from seatrial.numerics.integrate import rk4_for_slopes
 from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.simulate import move_by
 
+# Distance of gradients whose difference is a Hessian, over the standard deviation that the data alone give the
+# parameter and the root of the number of measurements: what their sums lose by rounding grows with that number, and in
+# a standard deviation less bends.
 APART = 1e-7
-"""Distance of gradients whose difference is a Hessian, over the standard deviation that the data alone give the parameter and the root of
-the number of measurements: what their sums lose by rounding grows with that number, and in a standard deviation less bends."""
 
 
 class Expansion(NamedTuple):

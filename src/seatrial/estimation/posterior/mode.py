@@ -37,32 +37,33 @@ from seatrial.sampling.target import AT_ONCE, LANES, evaluate
 if TYPE_CHECKING:
     from pandas import DataFrame
 
+# Curvature in unconstrained space, where every prior has unit spread, that would make the posterior ten times wider
+# than its prior.
 FLAT = 1e-2
-"""Curvature in unconstrained space, where every prior has unit spread, that would make the posterior ten times wider than its prior."""
+# How far a delay is looked for: in standard deviations of its prior, and closer in those of the posterior about the
+# mode.
 FARTHEST, NEAR = 3.0, 12.0
-"""How far a delay is looked for: in standard deviations of its prior, and closer in those of the posterior about the mode."""
+# Times that the closer look is widened at most, until the density at its ends is such a share of that at the mode.
 DOUBLINGS, NOTHING = 3, 1e-4
-"""Times that the closer look is widened at most, until the density at its ends is such a share of that at the mode."""
+# Prior draws among which a search begins; fewer of a filter, each of which costs ten simulations.
 PRIOR_DRAWS, PRIOR_DRAWS_OF_FILTER = 512, 64
-"""Prior draws among which a search begins; fewer of a filter, each of which costs ten simulations."""
+# Samples of a trial from which the mode of its first such part is found first, as with wrong coefficients a long
+# simulation goes astray; and the share of their standard deviation over all trials that the controls must reach in it.
 LONG, PARTS, EXCITED = 8192, 8, 0.5
-"""Samples of a trial from which the mode of its first such part is found first, as with wrong coefficients a long simulation goes astray;
-and the share of their standard deviation over all trials that the controls must reach in it."""
+# Standard deviations of z within which a start keeps where a prior has bounds: at the bound itself z is infinite.
 INSIDE = 2.0
-"""Standard deviations of z within which a start keeps where a prior has bounds: at the bound itself z is infinite."""
+# A top is known where a Newton step that gains less than so many nats ends beside it, squared and in standard
+# deviations.
 SAME_TOP, NEAR_TOP = 0.01, 1.0
-"""A top is known where a Newton step that gains less than so many nats ends beside it, squared and in standard deviations."""
+# A climb is given up whose last steps closed less than such a share of what a known top is higher.
 PATIENCE, LEAST_GAIN = 5, 0.2
-"""A climb is given up whose last steps closed less than such a share of what a known top is higher."""
+# Looks at what a start leaves over, and the least share of the variance of the noise that one of them leaves.
 NOISE_ROUNDS, LEAST_SHARE = 4, 1e-3
-"""Looks at what a start leaves over, and the least share of the variance of the noise that one of them leaves."""
-FOLLOWED, ROUNDS = 3, 3
-"""Peaks along the delay, or modes of other structures, that are followed each time, and times."""
+FOLLOWED, ROUNDS = 3, 3  # Peaks along the delay, or modes of other structures, that are followed each time, and times
+# Standard deviations at which the normal approximation is compared with the density, the largest first; and the fall,
+# nats, up to which it holds there: at two it would be 2.
 REACH, FALL = 2.0 * 0.7 ** np.arange(16), 6.0
-"""Standard deviations at which the normal approximation is compared with the density, the largest first; and the fall, nats, up to which
-it holds there: at two it would be 2."""
-HIGHER_TOP = 0.1
-"""Nats above a mode that neither rounding nor the end of a climb explains."""
+HIGHER_TOP = 0.1  # Nats above a mode that neither rounding nor the end of a climb explains
 
 
 class Mode(NamedTuple):

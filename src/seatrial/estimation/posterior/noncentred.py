@@ -28,8 +28,7 @@ from seatrial.estimation.posterior.posterior import Posterior, named_draws
 from seatrial.sampling.run import Draws
 from seatrial.sampling.target import Target
 
-UNTOUCHED = 1e-6
-"""Information about d_i, over that of its prior, below which its trial says nothing of it."""
+UNTOUCHED = 1e-6  # Information about d_i, over that of its prior, below which its trial says nothing of it
 
 
 @compiled_tree("common", "spread", "deviation")

@@ -35,10 +35,9 @@ from seatrial.estimation.simulation.simulator import CURRENT, Simulator, Watch, 
 from seatrial.estimation.simulation.trial_data import ChannelData, TrialData, stack_trials
 from seatrial.vehicles.model import VehicleModel
 
+# What each of four parts of a unit quaternion counts: its error has three directions, those along the sphere.
 QUATERNION_SHARE = 0.75
-"""What each of four parts of a unit quaternion counts: its error has three directions, those along the sphere."""
-BLOCK = 256
-"""Samples of a block at most: few enough for the cache."""
+BLOCK = 256  # Samples of a block at most: few enough for the cache
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,7 @@ from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.estimation.simulation.trial_data import TrialData
 from seatrial.sampling.target import LANES
 
-MAX_ENTRIES = 60_000_000
-"""Largest table, 0.5 GB."""
+MAX_ENTRIES = 60_000_000  # Largest table, 0.5 GB
 
 
 def thin_draws(draws: Float[np.ndarray, "chains draws d"], most: int = 2000) -> Float[np.ndarray, "chains kept d"]:

@@ -10,14 +10,12 @@ from seatrial.core.findings import Finding
 from seatrial.estimation.posterior.posterior import Parameter
 from seatrial.estimation.priors import LogUniform
 
+# Distance from a bound, over the width of the prior, from which on a posterior that reaches the bound lies at it.
 EDGE = 0.02
-"""Distance from a bound, over the width of the prior, from which on a posterior that reaches the bound lies at it."""
+# Likewise of any posterior: of a uniform prior, one value in a hundred lies so near to one of its bounds.
 BESIDE = 0.005
-"""Likewise of any posterior: of a uniform prior, one value in a hundred lies so near to one of its bounds."""
-REACHES = 3.0
-"""Standard deviations within which a posterior reaches a bound."""
-LEANING = 0.1
-"""Share of the posterior that may lie within `EDGE` of a bound."""
+REACHES = 3.0  # Standard deviations within which a posterior reaches a bound
+LEANING = 0.1  # Share of the posterior that may lie within `EDGE` of a bound
 
 
 def scaled_bounds(parameter: Parameter) -> tuple[Callable, Callable, Float[np.ndarray, "2"], float]:

@@ -25,11 +25,9 @@ from seatrial.estimation.posterior.profile_result import DROP, Profile
 # Newton's method with exact derivatives in scaled parameters: (|H| + damping) step = gradient, the damping raised
 # where a step does not climb (Levenberg, 1944); parameters pushed against a bound stay there.
 
-FAR = 6.0
-"""Prior standard deviations taken for a bound where a prior has none."""
+FAR = 6.0  # Prior standard deviations taken for a bound where a prior has none
 ITERATIONS = 60
-GAIN = 1e-7
-"""Promised gain in log-likelihood below which a climb has arrived."""
+GAIN = 1e-7  # Promised gain in log-likelihood below which a climb has arrived
 
 
 class Slope(NamedTuple):
@@ -117,12 +115,9 @@ def _newton(
     return step * scale, float(0.5 * along @ (vectors.T @ slope[free]))
 
 
-CROSSING = float(np.sqrt(2 * DROP))
-"""Value of r at the ends of the interval."""
-STEP = 0.5
-"""Distance of neighbouring points in r."""
-CLOSE = 1e-3
-"""Accuracy of r at the ends of an interval."""
+CROSSING = float(np.sqrt(2 * DROP))  # Value of r at the ends of the interval
+STEP = 0.5  # Distance of neighbouring points in r
+CLOSE = 1e-3  # Accuracy of r at the ends of an interval
 MOST_POINTS = 40
 
 

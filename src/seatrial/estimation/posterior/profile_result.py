@@ -10,8 +10,9 @@ from pydantic import computed_field
 from seatrial.core.result_table import text_html
 from seatrial.core.serialise import AS_LIST
 
+# Fall of the log-likelihood at the ends of a 95 % interval: half the 95 % point of chi-square with one degree of
+# freedom.
 DROP = 1.92
-"""Fall of the log-likelihood at the ends of a 95 % interval: half the 95 % point of chi-square with one degree of freedom."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -33,10 +33,9 @@ from seatrial.estimation.simulation.trial_data import TrialData
 from seatrial.vehicles.model import VehicleModel
 
 _A_RECORD = "give one, or a list of them, of `read_log`, `make_record` or `simulate`"
+# Standard deviations of a prior above 0, from which its values below 0, one in thirty thousand, do not matter.
 SURE = 4.0
-"""Standard deviations of a prior above 0, from which its values below 0, one in thirty thousand, do not matter."""
-UNSEEN_SD = 1.0
-"""Standard deviation of a state at the start where no sensor shows it, in its own unit."""
+UNSEEN_SD = 1.0  # Standard deviation of a state at the start where no sensor shows it, in its own unit
 
 
 def make_posterior(
@@ -267,6 +266,7 @@ def _of_trial(one: Unknown, label: str, priors: Mapping[str, Prior]) -> Paramete
     return one.of_trial(label, priors.get(own_name(one.name, label)) or priors[one.name])
 
 
+# What gives a sensor a parameter of that kind.
 _OF_SENSORS = {
     "tau": 'noise="coloured"',
     "dof": 'noise="heavy"',
@@ -274,7 +274,6 @@ _OF_SENSORS = {
     "bias": "bias=True",
     "lag": "lag=True",
 }
-"""What gives a sensor a parameter of that kind."""
 
 
 def _check_priors(

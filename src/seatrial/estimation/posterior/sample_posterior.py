@@ -46,6 +46,8 @@ class NestedSettings:
 
 Settings = ChainSettings | SMCSettings | NestedSettings
 Draw = Callable[[Posterior, jax.Array], Draws]
+# Size of each method's run where many are made; enough for a hundred independent draws of a posterior not too far from
+# normal.
 SIZES: dict[str, Settings] = {
     "independence-metropolis": ChainSettings(32, 300, 200),
     "adaptive-metropolis": ChainSettings(32, 500, 500),
@@ -55,9 +57,7 @@ SIZES: dict[str, Settings] = {
     "tempered-smc": SMCSettings(512),
     "nested": NestedSettings(200, 512),
 }
-"""Size of each method's run where many are made; enough for a hundred independent draws of a posterior not too far from normal."""
-SPREAD = 1.5
-"""Standard deviations of the normal approximation from which chains start."""
+SPREAD = 1.5  # Standard deviations of the normal approximation from which chains start
 
 
 def sample(

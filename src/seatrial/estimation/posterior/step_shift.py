@@ -26,8 +26,7 @@ from seatrial.estimation.posterior.output_error import OutputError
 from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.estimation.posterior.slopes import likelihood_slopes
 
-MIN_SHIFT, MAX_NAMED = 1.0, 4
-"""Standard deviations from which a shift is reported, and parameters that are named."""
+MIN_SHIFT, MAX_NAMED = 1.0, 4  # Standard deviations from which a shift is reported, and parameters that are named
 
 
 def step_shift(

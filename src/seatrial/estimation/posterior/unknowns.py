@@ -36,10 +36,8 @@ from seatrial.estimation.simulation.sensor_errors import (
 from seatrial.estimation.simulation.simulator import CURRENT
 from seatrial.vehicles.model import VehicleModel
 
-DOF_PRIOR = LogUniform(1.5, 200.0)
-"""Usual prior of degrees of freedom: from tails without a variance to the normal."""
-MAX_NOISE_RATIO = 5.0
-"""Upper end of the usual prior of a sensor's noise, over its nominal noise."""
+DOF_PRIOR = LogUniform(1.5, 200.0)  # Usual prior of degrees of freedom: from tails without a variance to the normal
+MAX_NOISE_RATIO = 5.0  # Upper end of the usual prior of a sensor's noise, over its nominal noise
 
 
 class Unknown(NamedTuple):

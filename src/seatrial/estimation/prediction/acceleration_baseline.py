@@ -30,10 +30,8 @@ from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.simulate import simulate
 
 NAME, WORDS = "accelerations", "least squares of accelerations"
-STEPS = 5
-"""Steps of Gauss and Newton, each with every axis weighed anew."""
-POOR = 3.0
-"""Standard deviations of a rate, in median ones, beyond which it is not used: it lies in a gap, or at an end."""
+STEPS = 5  # Steps of Gauss and Newton, each with every axis weighed anew
+POOR = 3.0  # Standard deviations of a rate, in median ones, beyond which it is not used: it lies in a gap, or at an end
 
 
 def acceleration_baseline(model: VehicleModel) -> Baseline:

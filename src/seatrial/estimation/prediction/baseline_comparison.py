@@ -17,16 +17,11 @@ from seatrial.core.display_units import shown_unit
 from seatrial.estimation.prediction.fit_verdict import FitLevel, explained_short
 from seatrial.estimation.prediction.prediction_scores import LOG_2PI, crps_normal, diverges, effective_samples
 
-CLEAR = 1.1
-"""Ratio of the CRPS from which a baseline is clearly better."""
-CHANCE = 0.05
-"""Probability below which a difference is not put down to chance."""
-MUCH = 0.9
-"""Share explained from which on tenths of a per cent are said."""
-FAR = 2.0
-"""Ratio of the CRPS from which one prediction is better by far."""
-FEWEST_RUNS = 3
-"""Runs from which their own spread says what chance does."""
+CLEAR = 1.1  # Ratio of the CRPS from which a baseline is clearly better
+CHANCE = 0.05  # Probability below which a difference is not put down to chance
+MUCH = 0.9  # Share explained from which on tenths of a per cent are said
+FAR = 2.0  # Ratio of the CRPS from which one prediction is better by far
+FEWEST_RUNS = 3  # Runs from which their own spread says what chance does
 
 
 class Run(NamedTuple):

@@ -29,14 +29,12 @@ from seatrial.estimation.prediction.cubic_lag import fit_cubic
 from seatrial.estimation.prediction.lag_response import Lags, Run, fit_lags
 from seatrial.estimation.prediction.prediction_scores import Score, score_channel, unscored
 
-VELOCITIES = (*RATES, *OVER_GROUND)
-"""Channels that a lag predicts."""
+VELOCITIES = (*RATES, *OVER_GROUND)  # Channels that a lag predicts
+# Controls that are taken to steer where a vehicle has them; otherwise the one that explains the yaw rate best.
 RUDDERS = ("delta_r", "tau_N")
-"""Controls that are taken to steer where a vehicle has them; otherwise the one that explains the yaw rate best."""
-ROWS_EACH = 5
-"""Measured samples for each unknown, below which nothing is fitted."""
+ROWS_EACH = 5  # Measured samples for each unknown, below which nothing is fitted
+# Least standard deviation that is stated, in ranges of the channel: records without noise are fitted to rounding.
 SMALLEST = 1e-9
-"""Least standard deviation that is stated, in ranges of the channel: records without noise are fitted to rounding."""
 
 
 class Law(Protocol):
@@ -270,6 +268,7 @@ def _norrbin(records: Sequence[Record], channels: Sequence[str], controls: Seque
     return _of_laws("norrbin", {"r": law}, (rudder,), parameters, records)
 
 
+# Baselines that need no vehicle, by name.
 BASELINES = {
     one.name: one
     for one in (
@@ -281,7 +280,6 @@ BASELINES = {
         Baseline("norrbin", "a cubic Nomoto model", _yaw_refused(5), _norrbin),
     )
 }
-"""Baselines that need no vehicle, by name."""
 
 
 def _is_velocity(channel: str) -> bool:

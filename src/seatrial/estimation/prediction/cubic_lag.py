@@ -17,12 +17,10 @@ from jaxtyping import Float
 
 from seatrial.estimation.prediction.lag_response import Lags, Run, longest_delay
 
-EVALUATIONS = 40
-"""Steps of the search from each start."""
+EVALUATIONS = 40  # Steps of the search from each start
+# How much faster than the linear fit the motion may be, and how much faster it may run away by a twentieth of that.
 FASTER = 20.0
-"""How much faster than the linear fit the motion may be, and how much faster it may run away by a twentieth of that."""
-BEYOND = 100.0
-"""Ranges of the channel that a simulation may leave it by before it is cut, so that squares stay finite."""
+BEYOND = 100.0  # Ranges of the channel that a simulation may leave it by before it is cut, so that squares stay finite
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,47 +17,43 @@ if TYPE_CHECKING:
     from seatrial.estimation.simulation.sensor_errors import Noise
 
 FitLevel = Literal["pass", "unjudged", "caution", "fail"]
+# In order of gravity; unjudged is neither passed nor failed, for want of independent samples or of motion.
 LEVELS: tuple[FitLevel, ...] = ("pass", "unjudged", "caution", "fail")
-"""In order of gravity; unjudged is neither passed nor failed, for want of independent samples or of motion."""
+# Verdict on a run by the level of its finding.
 FIT_LEVELS: Mapping[Level, FitLevel] = {"pass": "pass", "note": "unjudged", "caution": "caution", "alarm": "fail"}
-"""Verdict on a run by the level of its finding."""
 
-POOR = 0.5
-"""Share of variance explained below which less is known of the motion than is not."""
+POOR = 0.5  # Share of variance explained below which less is known of the motion than is not
+# Share inside the 90 % band: errors 1.3 times those stated leave 0.8, errors twice as large 0.6.
 NARROW, BROKEN = 0.8, 0.6
-"""Share inside the 90 % band: errors 1.3 times those stated leave 0.8, errors twice as large 0.6."""
+# Share inside the 90 % band of all held-back runs together below which bands do not hold: errors 1.14 times those
+# stated.
 NARROWER = 0.85
-"""Share inside the 90 % band of all held-back runs together below which bands do not hold: errors 1.14 times those stated."""
-WIDE = 0.98
-"""Share inside the 90 % band when errors are 0.7 of those stated."""
+WIDE = 0.98  # Share inside the 90 % band when errors are 0.7 of those stated
+# Variance of normalised residuals: 2 is errors 1.4 times those stated, 4 twice, 0.5 is 0.7 of them.
 SPREAD, BURST, TAME = 2.0, 4.0, 0.5
-"""Variance of normalised residuals: 2 is errors 1.4 times those stated, 4 twice, 0.5 is 0.7 of them."""
-MISSHAPEN = 0.1
-"""Distance of the transform from uniform: no probability that is stated is wrong by more than this."""
+MISSHAPEN = 0.1  # Distance of the transform from uniform: no probability that is stated is wrong by more than this
+# Factor on standard deviations from which a correlation of residuals matters, and p-value below which it is no chance:
+# of white residuals 0.5 % at most are called correlated (tests/estimation/test_integrated_correlation.py).
 UNDERSTATED, LIKELY = 1.1, 0.01
-"""Factor on standard deviations from which a correlation of residuals matters, and p-value below which it is no chance: of white
-residuals 0.5 % at most are called correlated (tests/estimation/test_integrated_correlation.py)."""
-FAINT = 0.1
-"""Correlation of neighbours below which only a sum over many lags shows one."""
+FAINT = 0.1  # Correlation of neighbours below which only a sum over many lags shows one
+# Sum of correlations over that of an autoregression with the same correlation of neighbours from which noise is a
+# mixture.
 BEYOND_ONE_TIME = 2.0
-"""Sum of correlations over that of an autoregression with the same correlation of neighbours from which noise is a mixture."""
+# Partial autocorrelation of order two, in its standard error 1 / sqrt(n), from which noise is said to be a mixture.
 MIXED = 3.0
-"""Partial autocorrelation of order two, in its standard error 1 / sqrt(n), from which noise is said to be a mixture."""
-RARE = 0.00135
-"""Probability below which a departure is not put down to chance: three standard errors on one side."""
+RARE = 0.00135  # Probability below which a departure is not put down to chance: three standard errors on one side
+# Effective samples from which on bands are judged: of fewer, one outside more or less changes the verdict.
 MIN_EFFECTIVE_SAMPLES = 10.0
-"""Effective samples from which on bands are judged: of fewer, one outside more or less changes the verdict."""
+# Mean square of normalised residuals that is no chance even where all samples are worth one: chi-square of one, three
+# standard errors.
 ONE_SAMPLE = 10.3
-"""Mean square of normalised residuals that is no chance even where all samples are worth one: chi-square of one, three standard errors."""
-KS_CHANCE = 1.63
-"""1 % point of the Kolmogorov-Smirnov distance times the root of the number of samples."""
+KS_CHANCE = 1.63  # 1 % point of the Kolmogorov-Smirnov distance times the root of the number of samples
 
 
+# Codes of findings by which stated standard deviations are too small.
 UNRELIABLE_SD = ("residuals-correlated", "residuals-biased")
-"""Codes of findings by which stated standard deviations are too small."""
 WORSE_THAN_MEAN, WORSE_THAN_MEANS = "worse than the run's own mean", "worse than the runs' own means"
-LACKS = ("add-term", "add-delay", "add-error-model")
-"""Remedies for what a model may lack that misses motion."""
+LACKS = ("add-term", "add-delay", "add-error-model")  # Remedies for what a model may lack that misses motion
 
 
 def judge_fit(

@@ -9,16 +9,11 @@ from seatrial.core.display_units import shown_unit
 from seatrial.core.record import Record
 from seatrial.core.signals import POSITIONS
 
-MARGIN = 0.1
-"""Share of the fitted range by which a signal has to leave it; noise alone leaves it by less."""
-OFTEN = 0.01
-"""Share of a run's samples that have to lie outside; fewer may be outliers."""
-SMALLEST = 1e-9
-"""Width of the range of what never moved in the fit, SI."""
-ROUNDING = 1e-6
-"""Share of the furthest value below which the edge of the fitted range is zero but for rounding."""
-MATTERLESS = (*POSITIONS, "psi")
-"""Signals on which no force depends but through what else is measured."""
+MARGIN = 0.1  # Share of the fitted range by which a signal has to leave it; noise alone leaves it by less
+OFTEN = 0.01  # Share of a run's samples that have to lie outside; fewer may be outliers
+SMALLEST = 1e-9  # Width of the range of what never moved in the fit, SI
+ROUNDING = 1e-6  # Share of the furthest value below which the edge of the fitted range is zero but for rounding
+MATTERLESS = (*POSITIONS, "psi")  # Signals on which no force depends but through what else is measured
 
 
 def outside_fitted(fitted: Sequence[Record], record: Record) -> tuple[str, ...]:

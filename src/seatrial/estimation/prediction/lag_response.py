@@ -22,16 +22,11 @@ import scipy
 from jaxtyping import Float, Int
 from scipy.linalg import solve_banded
 
-ROWS = 2000
-"""Measured samples, evenly taken from all, on which the grid is judged."""
-CONSTANTS = {1: 24, 2: 12}
-"""Time constants in the grid, by order."""
-DELAYS = {1: 10, 2: 4}
-"""Delays in the grid, by order."""
-LATEST = 0.05
-"""Longest delay, in lengths of the median run; longer ones are not told from a slow lag."""
-LONGEST = 10.0
-"""Longest time constant, in lengths of the longest run: an integrator."""
+ROWS = 2000  # Measured samples, evenly taken from all, on which the grid is judged
+CONSTANTS = {1: 24, 2: 12}  # Time constants in the grid, by order
+DELAYS = {1: 10, 2: 4}  # Delays in the grid, by order
+LATEST = 0.05  # Longest delay, in lengths of the median run; longer ones are not told from a slow lag
+LONGEST = 10.0  # Longest time constant, in lengths of the longest run: an integrator
 
 
 class Run(NamedTuple):

@@ -38,13 +38,11 @@ from seatrial.estimation.prediction.fit_verdict import (
 )
 from seatrial.estimation.prediction.prediction_scores import LaggedProducts, coverage, lagged_products
 
+# Effective samples from which on all runs together may pass: of ten, slow errors twice those stated leave 85 % inside
+# by chance too often (docs/held_back.md). A failure needs no number, since the tests know how few they are.
 ENOUGH = 20.0
-"""Effective samples from which on all runs together may pass: of ten, slow errors twice those stated leave 85 % inside by chance too often
-(docs/held_back.md). A failure needs no number, since the tests know how few they are."""
-BAND = 0.9
-"""Probability of the band that is tested."""
-TAIL = 0.025
-"""Probability on either side of a range."""
+BAND = 0.9  # Probability of the band that is tested
+TAIL = 0.025  # Probability on either side of a range
 
 
 @dataclass(frozen=True, eq=False)

@@ -41,12 +41,12 @@ from seatrial.estimation.prediction.prediction import (
 from seatrial.estimation.prediction.prediction_scores import Score, score_channel
 from seatrial.sampling.target import AT_ONCE, LANES
 
-LEAST = 1e-2
-"""Least curvature of a run's own parameter that is believed; that of its prior is 1."""
+LEAST = 1e-2  # Least curvature of a run's own parameter that is believed; that of its prior is 1
+# Largest gain, nats, that is believed of an expansion away from the best: far from it curvature says nothing of the
+# height there.
 BELIEVED = 0.5
-"""Largest gain, nats, that is believed of an expansion away from the best: far from it curvature says nothing of the height there."""
+# Gain of a Newton step along a run's own parameters, nats, from which another is made, and how many at most.
 ENOUGH, MOST_STEPS = 1e-3, 12
-"""Gain of a Newton step along a run's own parameters, nats, from which another is made, and how many at most."""
 
 
 @dataclass(frozen=True, eq=False)

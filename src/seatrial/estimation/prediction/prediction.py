@@ -38,8 +38,7 @@ from seatrial.sampling.run import Draws
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-ANY = "any"
-"""Label that stands for every record's, so that records of one length share compiled code."""
+ANY = "any"  # Label that stands for every record's, so that records of one length share compiled code
 
 
 @dataclass(frozen=True, eq=False)

@@ -34,15 +34,11 @@ from scipy.special import chdtr, chdtrc, ndtr, ndtri
 
 from seatrial.core.result_table import text_html
 
-BINS = 10
-"""Bins of the histogram of the probability integral transform."""
-LONGEST_GAP = 1000
-"""Intervals that a gap in a run counts as at most: no correlation is looked for across a longer one."""
-MIN_FREEDOM = 6.0
-"""Degrees of freedom of a variance ratio below which its window is too long for the runs."""
+BINS = 10  # Bins of the histogram of the probability integral transform
+LONGEST_GAP = 1000  # Intervals that a gap in a run counts as at most: no correlation is looked for across a longer one
+MIN_FREEDOM = 6.0  # Degrees of freedom of a variance ratio below which its window is too long for the runs
 DIVERGES = "the prediction diverges"
-BEYOND = 1e6
-"""Largest prediction, over the largest measurement, that is no divergence."""
+BEYOND = 1e6  # Largest prediction, over the largest measurement, that is no divergence
 LOG_2PI = float(np.log(2 * np.pi))
 
 

@@ -20,14 +20,10 @@ from seatrial.core.signals import RATES
 from seatrial.estimation.simulation.delayed_control import delay_control
 from seatrial.estimation.simulation.simulator import CURRENT, Simulator
 
-HORIZON, PART = 10.0, 0.1
-"""Longest horizon, s, and the share of a record that it is at most."""
-FEWEST_STEPS = 3
-"""Samples of a horizon, at least."""
-GOOD = 0.8
-"""Share of variance explained over short horizons from which on the model is right for as long as these."""
-GROWS = 3.0
-"""Growth of a small error along a record from which on a vehicle leaves its course by itself."""
+HORIZON, PART = 10.0, 0.1  # Longest horizon, s, and the share of a record that it is at most
+FEWEST_STEPS = 3  # Samples of a horizon, at least
+GOOD = 0.8  # Share of variance explained over short horizons from which on the model is right for as long as these
+GROWS = 3.0  # Growth of a small error along a record from which on a vehicle leaves its course by itself
 
 
 @dataclass(frozen=True)

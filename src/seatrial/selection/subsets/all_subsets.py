@@ -33,10 +33,9 @@ from seatrial.selection.subsets.conjugate import Prior, evidence_of
 from seatrial.selection.subsets.gram import Gram
 from seatrial.selection.subsets.problem import Averages, Candidates, Problem, averages, check_candidates, make_problem
 
-BLOCK_LEVELS, BLOCK_LANES = 10, 64
-"""Doublings and lanes of a block: 65 536 structures, whose arrays fit the cache."""
+BLOCK_LEVELS, BLOCK_LANES = 10, 64  # Doublings and lanes of a block: 65 536 structures, whose arrays fit the cache
+# Nats: a block is left out if all structures at its best would weigh exp(-40) of the best one of the first block.
 NEGLIGIBLE_DEFICIT = 40.0
-"""Nats: a block is left out if all structures at its best would weigh exp(-40) of the best one of the first block."""
 
 
 class SubsetElimination:

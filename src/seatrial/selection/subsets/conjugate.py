@@ -21,10 +21,9 @@ from scipy.special import gammaln
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.selection.subsets.gram import Gram
 
-ROUNDING = 1e-12
-"""Share of y^T y below which what is left over is not known to half its digits."""
+ROUNDING = 1e-12  # Share of y^T y below which what is left over is not known to half its digits
+# Shape of the inverse gamma whose mean exists and whose variance does not: one guess of the noise, held loosely.
 NOISE_SHAPE = 2.0
-"""Shape of the inverse gamma whose mean exists and whose variance does not: one guess of the noise, held loosely."""
 
 
 class SubsetFit(NamedTuple):

@@ -11,12 +11,9 @@ from jaxtyping import Float
 
 from seatrial.core.errors import InputError
 
-MOST_ALIKE = 1 - 1e-8
-"""Cosine of the angle between two regressors above which they count as one."""
-LEAST_INDEPENDENT = 1e-10
-"""Smallest eigenvalue of G with unit diagonal at which no combination of regressors vanishes."""
-PART_OF = 0.1
-"""Weight in a vanishing combination from which a regressor is named."""
+MOST_ALIKE = 1 - 1e-8  # Cosine of the angle between two regressors above which they count as one
+LEAST_INDEPENDENT = 1e-10  # Smallest eigenvalue of G with unit diagonal at which no combination of regressors vanishes
+PART_OF = 0.1  # Weight in a vanishing combination from which a regressor is named
 
 
 class Gram(NamedTuple):

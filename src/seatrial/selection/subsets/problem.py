@@ -14,10 +14,9 @@ from seatrial.selection.rule_masks import MAX_TERMS, RuleMasks, check_rules
 from seatrial.selection.subsets.conjugate import Prior, evidence_constant
 from seatrial.selection.subsets.gram import Gram, check_gram
 
+# Optional terms up to which every structure is visited: 2^25 take about 3 s on one core (`benchmarks/run.py subsets`).
 MOST_OPTIONAL = 25
-"""Optional terms up to which every structure is visited: 2^25 take about 3 s on one core (`benchmarks/run.py subsets`)."""
-LARGEST_LOG = 600.0
-"""Natural logarithm of a determinant that a double holds with room to spare."""
+LARGEST_LOG = 600.0  # Natural logarithm of a determinant that a double holds with room to spare
 
 
 class Candidates(NamedTuple):

@@ -39,15 +39,13 @@ from seatrial.selection.subsets.structure_chains import (
     some_starts,
 )
 
+# Of the presence of a term, which is 0 or 1; chains that sit in different modes have 1.4 and more.
 MAX_PRESENCE_R_HAT = 1.05
-"""Of the presence of a term, which is 0 or 1; chains that sit in different modes have 1.4 and more."""
+# Probability that these best structures must hold together for averages over them to stand for all.
 MIN_HELD_PROBABILITY, BEST_COUNT = 0.99, 4096
-"""Probability that these best structures must hold together for averages over them to stand for all."""
 MIN_CHAINS, MIN_MOVES = 4, 400
-MIN_LADDERS = 8
-"""Chains at least where each has a ladder."""
-LOOK_INTERVAL = 5
-"""Moves between two looks at the coefficients."""
+MIN_LADDERS = 8  # Chains at least where each has a ladder
+LOOK_INTERVAL = 5  # Moves between two looks at the coefficients
 
 
 class StructureSums(NamedTuple):

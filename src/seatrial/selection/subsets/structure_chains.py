@@ -21,14 +21,10 @@ from jaxtyping import Bool, Float, Int, UInt64
 from seatrial.selection.rule_masks import RuleMasks
 from seatrial.selection.subsets.problem import Problem
 
-MOVE_UNITS = 3
-"""Units in a move."""
-REFRESH_MOVES = 200
-"""Moves after which the matrices are made anew, so that rounding does not add up."""
-RUNG_RATIO = 1.6
-"""Ratio of beta between neighbours."""
-HOTTEST_SPREAD = 10.0
-"""Nats between the worst structure and the best, on the hottest rung."""
+MOVE_UNITS = 3  # Units in a move
+REFRESH_MOVES = 200  # Moves after which the matrices are made anew, so that rounding does not add up
+RUNG_RATIO = 1.6  # Ratio of beta between neighbours
+HOTTEST_SPREAD = 10.0  # Nats between the worst structure and the best, on the hottest rung
 _ONE = np.uint64(1)
 
 
