@@ -5,6 +5,7 @@ import pytest
 import scipy
 
 from seatrial.estimation.prediction.baseline_comparison import Predicted, Run, compare
+from seatrial.messages.predictions import comparison_text, score_lines
 
 TIME = np.arange(400) * 0.1
 MOTION = np.sin(0.5 * TIME)
@@ -43,35 +44,35 @@ def test_a_model_that_is_best_passes():
     assert found.level == "pass"
     assert found.p_value < 1e-3
     assert [one.words for one in found.baselines] == ["a lag", "the mean"]
-    assert "better than every baseline; the best of them is a lag" in found.sentence
+    assert "better than every baseline; the best of them is a lag" in comparison_text(found)
     close = compare("u", runs_of(1), off(0.0, count=1), {"a lag": off(0.003, count=1)})
     assert (close.level, close.p_value > 0.05) == ("pass", True)
-    assert "better than every baseline, though chance may do as much (p = 0." in close.sentence
+    assert "better than every baseline, though chance may do as much (p = 0." in comparison_text(close)
 
 
 def test_a_model_that_is_clearly_worse_fails():
     found = compare("u", runs_of(), off(0.4), {"a lag": off(0.0), "the mean": off(1.0)})
     assert found.level == "fail"
     assert found.p_value < 1e-4
-    assert found.sentence.startswith(
+    assert comparison_text(found).startswith(
         "held-back runs: a lag predicts u better than the model in 4 of 4 runs, by far (98% against 6"
     )
-    assert found.sentence.endswith("prefer it, or correct the model")
+    assert comparison_text(found).endswith("prefer it, or correct the model")
 
 
 def test_bands_alone_may_be_why():
     found = compare("u", runs_of(), off(0.0, 1.0), {"a lag": off(0.05, 0.1)})
     assert found.level == "fail"
-    assert "bands are too narrow or too wide" in found.sentence
+    assert "bands are too narrow or too wide" in comparison_text(found)
 
 
 def test_a_little_worse_is_a_caution():
     found = compare("u", runs_of(), off(0.05), {"a lag": off(0.04)})
     assert found.level == "caution"
-    assert found.sentence.endswith("the model does not beat it; prefer the simpler model, or correct the model")
+    assert comparison_text(found).endswith("the model does not beat it; prefer the simpler model, or correct the model")
     same = compare("u", runs_of(), off(0.05), {"a lag": off(0.04)}, ["a lag"])
     assert same.level == "caution"
-    assert same.sentence.endswith("it predicts as well; it has the same equations, so it is no simpler model")
+    assert comparison_text(same).endswith("it predicts as well; it has the same equations, so it is no simpler model")
 
 
 def test_chance_alone_rarely_fails():
@@ -109,9 +110,9 @@ def test_few_effective_samples_are_no_proof_however_large_the_difference():
     )
     assert found.ours.crps > 4 * found.baselines[0].crps
     assert found.level == "caution"
-    assert "a lag predicts u better than the model in the only run, by far (" in found.sentence
-    assert "do not exclude chance (p = " in found.sentence
-    assert " for the best of 2 baselines): hold back more or longer runs" in found.sentence
+    assert "a lag predicts u better than the model in the only run, by far (" in comparison_text(found)
+    assert "do not exclude chance (p = " in comparison_text(found)
+    assert " for the best of 2 baselines): hold back more or longer runs" in comparison_text(found)
 
 
 def test_the_runs_in_which_a_baseline_is_better_are_counted():
@@ -120,21 +121,21 @@ def test_the_runs_in_which_a_baseline_is_better_are_counted():
     ours, theirs = [*bad * 2, *good * 7], off(0.03, count=9)
     found = compare("u", runs, ours, {"a lag": theirs, "the mean": off(1.5, count=9)})
     assert found.level == "caution"
-    said = found.sentence
+    said = comparison_text(found)
     assert "a lag predicts u better than the model in 2 of 9 runs, by far, and worse in 7 (" in said
     assert "no worse" not in said
     assert "against worse than the runs' own means (-" in said
     capped = compare("u", runs, ours, {"a lag": theirs} | {f"mean {k}": off(1.5, count=9) for k in range(20)})
     assert capped.p_value == 1.0
-    assert "(p = " not in capped.sentence
+    assert "(p = " not in comparison_text(capped)
 
 
 def test_what_diverges_loses():
     gone = [Predicted(np.where(TIME > 30, np.inf, MOTION), np.full(TIME.size, 0.1)) for _ in range(4)]
     found = compare("u", runs_of(), gone, {"a lag": off(0.0)})
     assert (found.level, found.p_value) == ("fail", 0.0)
-    assert "the model's u diverges, where a lag does not (9" in found.sentence
-    assert "diverges" in found.lines()[0]
+    assert "the model's u diverges, where a lag does not (9" in comparison_text(found)
+    assert "diverges" in score_lines(found)[0]
     assert compare("u", runs_of(), off(0.0), {"a lag": gone}).level == "pass"
     both = compare("u", runs_of(), gone, {"a lag": gone})
-    assert (both.level, both.sentence[-17:]) == ("fail", "correct the model")
+    assert (both.level, comparison_text(both)[-17:]) == ("fail", "correct the model")

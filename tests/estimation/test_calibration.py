@@ -7,11 +7,11 @@ from scipy import stats
 from seatrial.estimation.diagnostics.calibration import (
     DRAWS,
     Calibration,
-    _shape,
     ranks_of,
     spread_evenly,
     stays_within,
 )
+from seatrial.messages.predictions import calibration_lines, shape_of_ranks
 
 REPLICATES = 400
 
@@ -50,7 +50,7 @@ def test_ranks_of_a_right_posterior_are_uniform():
 def test_a_wrong_posterior_is_caught_and_named(spoil, said):
     found = calibrated(**spoil)
     assert found.outside() == ("a", "b")
-    assert said in found.lines()[-1]
+    assert said in calibration_lines(found)[-1]
 
 
 def uniform(random, k, correlation, replicates=REPLICATES):
@@ -136,9 +136,9 @@ def spread_out(width=1.0, shift=0.0, replicates=400):
 )
 def test_what_is_wrong_is_named_from_2_6_standard_errors_on(spoil, few, enough, said):
     """A mean of n has the error 1 / sqrt(n), a standard deviation 1 / sqrt(2 n): 0.1 is 2.6 of them for 676 and for 338."""
-    assert said in _shape(spread_out(**spoil, replicates=enough))
-    assert said not in _shape(spread_out(**spoil, replicates=few))
-    assert "neither its place nor its width" in _shape(spread_out(**spoil, replicates=few))
+    assert said in shape_of_ranks(spread_out(**spoil, replicates=enough))
+    assert said not in shape_of_ranks(spread_out(**spoil, replicates=few))
+    assert "neither its place nor its width" in shape_of_ranks(spread_out(**spoil, replicates=few))
 
 
 @pytest.mark.parametrize(("replicates", "k"), [(100, 1), (400, 3)])
@@ -176,12 +176,12 @@ def test_band_of_the_distances_is_left_with_its_probability():
 
 def test_words_hold_the_interval_s_share_and_what_chance_allows():
     ranks = np.tile(np.arange(100), 4)
-    first, second, both = Calibration(("a", "b"), np.column_stack([ranks, ranks])).lines()
+    first, second, both = calibration_lines(Calibration(("a", "b"), np.column_stack([ranks, ranks])))
     low, high = (stats.binom(400, 0.9).ppf(p) / 400 for p in (0.0025, 0.9975))
     assert first.startswith("a: the 90 % interval holds the truth in 90.0% of 400 replicates")
     assert f"(chance allows {low:.1%} to {high:.1%}), p = 1.000" in second
     assert "of 2 quantities" in both
-    assert len(Calibration(("a",), ranks[:, None]).lines()) == 1
+    assert len(calibration_lines(Calibration(("a",), ranks[:, None]))) == 1
 
 
 def test_draws_are_taken_evenly_from_the_first_to_the_last():

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from seatrial.core.record import Channel, Provenance, make_record
-from seatrial.estimation.prediction.fitted_range import outside_fitted
+from seatrial.estimation.prediction import fitted_range
+from seatrial.messages.predictions import outside_text
 
 TIME = np.arange(500) * 0.1
 CHANNELS = (
@@ -12,6 +13,10 @@ CHANNELS = (
     Channel("u", "m/s", "measurement"),
     Channel("psi", "rad", "measurement"),
 )
+
+
+def outside_fitted(fitted, record):
+    return tuple(map(outside_text, fitted_range.outside_fitted(fitted, record)))
 
 
 def record(rudder_deg, speed, label="1", heading=1.0):

@@ -11,6 +11,7 @@ from seatrial.estimation.posterior.mode import find_mode
 from seatrial.estimation.posterior.posterior import posterior_of_density
 from seatrial.estimation.posterior.record_posterior import make_posterior
 from seatrial.estimation.priors import Normal, Uniform, truncated_normal
+from seatrial.messages.predictions import model_error_text
 from seatrial.vehicles.whole import whole_vehicle
 from tests.estimation_cases import make_trial
 from tests.selection.run_cases import (
@@ -176,7 +177,7 @@ def test_widening_for_few_pieces(pieces, expected):
     assert found.wider("c", 0.2) == 0.5, "no more than the prior"
     assert (found.cause("a"), found.cause("c")) == ((), (lag,))
     assert found.wider("d", 0.1) is None
-    assert f"{pieces - 1} degrees of freedom" in found.words
+    assert f"{pieces - 1} degrees of freedom" in model_error_text(found)
 
 
 @pytest.mark.proof
@@ -186,7 +187,7 @@ def test_what_tells_nothing():
     assert found.pieces.count == 0
     assert found.wider("a", 1.0) is None
     assert "no runs" in found.pieces.basis
-    assert "not judged" in found.words
+    assert "not judged" in model_error_text(found)
     joint = posterior_of_runs(slow_runs(1, 0))
     short = robust_errors(joint, find_mode(joint, 0))
     assert short.pieces.count == 0

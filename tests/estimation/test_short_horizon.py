@@ -7,6 +7,7 @@ from seatrial.core.record import Channel, Provenance, make_record
 from seatrial.estimation.prediction.short_horizon import short_horizons
 from seatrial.estimation.simulation.sensor_errors import Sensor
 from seatrial.estimation.simulation.simulator import Simulator
+from seatrial.messages.predictions import horizon_text
 from seatrial.vehicles.hull import Hull
 from seatrial.vehicles.whole import whole_vehicle
 
@@ -67,7 +68,7 @@ def test_a_vehicle_that_runs_away_is_told_from_one_that_does_not():
     assert away["u"].growth == pytest.approx(np.exp(0.4 * (89.9 - 8.9)), rel=0.05)
     assert away["u"].leaves
     assert not steady["u"].leaves
-    said = away["u"].words("u")
+    said = horizon_text(away["u"], "u")
     assert said.startswith("the vehicle leaves its course by itself, a small error grows ")
     assert "over 9 s" in said
 
@@ -76,7 +77,7 @@ def test_a_wrong_model_is_no_better_over_short_horizons():
     found = short_horizons(SIMULATOR, {"X_u": -40.0}, driven(0.8, 4.0))
     assert found is not None
     assert not found["u"].is_good
-    assert "errors that add up do not explain it" in found["u"].words("u")
+    assert "errors that add up do not explain it" in horizon_text(found["u"], "u")
 
 
 def test_a_state_that_is_not_measured_leaves_nothing_to_restart_from():

@@ -22,9 +22,9 @@ def thresholds() -> dict[str, float]:
 
 
 def _explained(values: Mapping[str, Any]) -> str:
-    from seatrial.estimation.prediction.fit_verdict import explained_words
+    from seatrial.messages.predictions import explained_of
 
-    return explained_words(values["explained"], values["subject"][0])
+    return explained_of(values["explained"], values["subject"][0])
 
 
 def _noise(values: Mapping[str, Any]) -> str:

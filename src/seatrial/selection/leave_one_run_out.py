@@ -159,7 +159,11 @@ def leave_one_run_out(
         k_hat = max(k_hat, worst)
         error = float(np.linalg.norm(np.exp(joint - elpd) - np.exp(weights)))
         predict_key = jax.random.fold_in(key, 2 + r)
-        predicted.append(predict_run(runs, r, _resampled(known.z, weights, predict_key), predict_key))
+        # Draws as often as their weights say, by systematic resampling.
+        edges = np.cumsum(np.exp(weights))
+        first = float(jax.random.uniform(predict_key))
+        places = np.searchsorted(edges / edges[-1], (first + np.arange(PREDICTION_DRAWS)) / PREDICTION_DRAWS)
+        predicted.append(predict_run(runs, r, known.z[np.minimum(places, len(known.z) - 1)], predict_key))
         scores = {channel: one.score for channel, one in predicted[-1].items()}
         left_out.append(LeftOutRun(label, elpd, error, k_hat, r in refitted, scores))
         poor += [f"{label} (k-hat {k_hat:.2f})"] * (not k_hat <= MAX_K_HAT)
@@ -209,7 +213,8 @@ def _draw(
     expanded = expand_runs(runs, mode.z)
     targets = [*(_without(count, r) for r in range(count)), np.ones(count)]
     latest = [_approximation(runs, expanded, weight) for weight in targets]
-    known, weighed, components, refitted = _nothing(runs), [], latest, set[int]()
+    known = _Drawn(np.empty((0, runs.shared.size)), (), np.empty(0), np.empty((0, len(runs.runs))))
+    weighed, components, refitted = [], latest, set[int]()
     for again in range(MAX_ROUNDS):
         known = _more(known, runs, mode, expanded, components, jax.random.fold_in(key, again), n)
         weighed = [_weights(known, weight) for weight in targets]
@@ -222,10 +227,6 @@ def _draw(
         refitted.update(t for t in bad if t < count)
         components = [latest[t] for t in bad]
     return known, weighed, refitted
-
-
-def _nothing(runs: RunPosteriors) -> _Drawn:
-    return _Drawn(np.empty((0, runs.shared.size)), (), np.empty(0), np.empty((0, len(runs.runs))))
 
 
 def _more(
@@ -301,13 +302,3 @@ def _refitted(runs: RunPosteriors, expanded: RunExpansion, run: int) -> Proposal
         MAX_STEPS,
     )
     return _approximation(runs, expand_runs(runs, z, weight), weight)
-
-
-def _resampled(
-    z: Float[np.ndarray, "n k"], log_weight: Float[np.ndarray, " n"], key: jax.Array
-) -> Float[np.ndarray, "p k"]:
-    """Return draws as often as their weights say, by systematic resampling."""
-    edges = np.cumsum(np.exp(log_weight))
-    first = float(jax.random.uniform(key))
-    places = np.searchsorted(edges / edges[-1], (first + np.arange(PREDICTION_DRAWS)) / PREDICTION_DRAWS)
-    return z[np.minimum(places, len(z) - 1)]

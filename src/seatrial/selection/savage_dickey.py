@@ -69,6 +69,8 @@ def savage_dickey(
         InputError: no such parameter, a value not inside its prior, or fewer than 1000 draws.
         NumericalError: chains that never moved, or no draw near the value.
     """
+    from arviz_stats.base.array import array_stats
+
     if name not in posterior.names:
         raise InputError(
             "Savage-Dickey ratio, name",
@@ -94,7 +96,8 @@ def savage_dickey(
             remedy="ask the sampler for more draws",
         )
     z, z0 = draws[:, :, index], float(prior.unconstrain(at))
-    ess, sd = _ess(z), float(z.std())
+    sd = float(z.std())
+    ess = float(min(array_stats.ess(np.ascontiguousarray(z), method="mean"), z.size)) if np.ptp(z) > 0 else 1.0
     if not sd > 0:
         raise NumericalError(f"the draws of {name} do not vary; the chains never moved")
     away = (z0 - float(z.mean())) / sd
@@ -176,12 +179,6 @@ def _jackknife(estimate: Callable[[np.ndarray], float], z: np.ndarray) -> tuple[
     without = np.array([estimate(np.concatenate(stretches[:i] + stretches[i + 1 :])) for i in range(n)])
     error = np.sqrt((n - 1) * np.var(without)) if np.isfinite(without).all() else np.inf
     return estimate(z.ravel()), float(error)
-
-
-def _ess(z: np.ndarray) -> float:
-    from arviz_stats.base.array import array_stats
-
-    return float(min(array_stats.ess(np.ascontiguousarray(z), method="mean"), z.size)) if np.ptp(z) > 0 else 1.0
 
 
 def _tail(name: str, at: float, away: float, near: float) -> str:

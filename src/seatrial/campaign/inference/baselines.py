@@ -13,6 +13,7 @@ from seatrial.core.reporter import SILENT, Reporter
 from seatrial.estimation.prediction.acceleration_baseline import WORDS, acceleration_baseline
 from seatrial.estimation.prediction.baseline_comparison import Comparison, Predicted, Run, compare
 from seatrial.estimation.prediction.baselines import BASELINES, FittedBaseline, fit_baselines
+from seatrial.messages.predictions import comparison_text, score_lines
 
 NOTHING_HELD_BACK = "no run is held back, so no simpler model could be compared"
 
@@ -85,8 +86,8 @@ def comparison_lines(baselines: FittedBaselines | None, compared: Sequence[Compa
     """Say how the model stands beside the baselines: what it means first, then the scores of each channel, and what was not fitted."""
     if baselines is None:
         return [NOTHING_HELD_BACK]
-    said = [one.sentence for one in compared]
-    said += [f"  {line}" for one in compared for line in one.lines()]
+    said = [comparison_text(one) for one in compared]
+    said += [f"  {line}" for one in compared for line in score_lines(one)]
     return said + [f"  {text}" for text in refused_words(baselines)]
 
 
@@ -99,12 +100,12 @@ def refused_words(baselines: FittedBaselines) -> list[str]:
 
 def comparison_alarms(compared: Sequence[Comparison]) -> list[str]:
     """Return what forbids to prefer the model: baselines that are clearly better."""
-    return [one.sentence for one in compared if one.level == "fail"]
+    return [comparison_text(one) for one in compared if one.level == "fail"]
 
 
 def comparison_cautions(compared: Sequence[Comparison]) -> list[str]:
     """Return where the model does not beat a baseline, though not by much, or not by more than chance."""
-    return [one.sentence for one in compared if one.level == "caution"]
+    return [comparison_text(one) for one in compared if one.level == "caution"]
 
 
 def _predicted(

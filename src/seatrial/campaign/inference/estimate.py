@@ -35,6 +35,7 @@ from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.estimation.posterior.sample_posterior import spread_starts
 from seatrial.estimation.priors import prior_curve
 from seatrial.messages.identifiability import identifiability_cautions
+from seatrial.messages.predictions import model_error_text
 from seatrial.messages.render import sentences
 from seatrial.sampling.diagnostics import asks_for_more, complaints, diagnose
 from seatrial.sampling.run import (
@@ -248,7 +249,7 @@ def _dataset(
             "prior_kind": ("parameter", [type(p.prior).__name__ for p in parameters]),
         },
         attrs={
-            "model_error": robust.words,
+            "model_error": model_error_text(robust),
             "model_error_causes": json.dumps(causes_of(robust, wide)),
             "model_error_findings": json.dumps(
                 to_plain(tuple(findings_of(posterior, robust, wide)), tuple[Finding, ...])

@@ -26,7 +26,6 @@ from seatrial.estimation.prediction.fit_verdict import (
     POOR,
     UNRELIABLE_SD,
     check_residuals,
-    explained_short,
     judge_fit,
     worst,
 )
@@ -59,6 +58,7 @@ from seatrial.estimation.prediction.short_horizon import ShortHorizon, short_hor
 from seatrial.estimation.priors import Normal
 from seatrial.estimation.simulation.sensor_errors import Noise
 from seatrial.estimation.simulation.trial_data import TrialData
+from seatrial.messages.predictions import explained_short, horizon_text, outside_text
 from seatrial.messages.render import sentence
 from seatrial.selection.structures import Structure
 
@@ -352,7 +352,7 @@ def _fits(
 ) -> list[Fit]:
     """Every channel of one record, scored and judged; `fitted` are those that were, if the record was not."""
     held_back = fitted is not None
-    outside = () if fitted is None else outside_fitted(fitted, record)
+    outside = () if fitted is None else tuple(map(outside_text, outside_fitted(fitted, record)))
     scores = {channel: _score(piece, column) for column, channel in enumerate(setting.noise)}
     # A whole record is lost where it is not predicted, though there is motion to predict.
     lost = [
@@ -369,7 +369,7 @@ def _fits(
     fits = []
     for channel, score in scores.items():
         near = ahead.get(channel) if channel in lost else None
-        words = near.words(channel) if near is not None else _unseen(piece, record) if channel in lost else ""
+        words = horizon_text(near, channel) if near is not None else _unseen(piece, record) if channel in lost else ""
         remedies = setting.for_short if near is not None and near.is_good else ()
         if near is not None and near.leaves:
             values = {"words": words, "horizon": near.horizon}

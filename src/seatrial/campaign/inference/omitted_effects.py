@@ -9,6 +9,7 @@ from seatrial.estimation.diagnostics.robust_errors import RobustErrors
 from seatrial.estimation.posterior.output_error import OutputError
 from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.messages.effects import effect_name, effect_names
+from seatrial.messages.predictions import pieces_text
 from seatrial.selection.structures import Structure
 
 WHITE_ENOUGH = 0.5
@@ -60,7 +61,7 @@ def tried_effects(omitted: OmittedEffects) -> tuple[str, ...]:
 def causes_of(robust: RobustErrors, wider: Mapping[str, float]) -> dict[str, str]:
     """Return in words what makes most of the ± with model error of each of these parameters, and whether it is only that of the prior."""
     only = "; as far as its prior reaches: nothing narrows it"
-    causes = {name: effect_names(_plain(robust.cause(name))) or robust.pieces.differ for name in wider}
+    causes = {name: effect_names(_plain(robust.cause(name))) or pieces_text(robust.pieces) for name in wider}
     return {name: causes[name] + only * robust.is_prior(name, sd) for name, sd in wider.items()}
 
 
@@ -85,7 +86,7 @@ def findings_of(posterior: Posterior, robust: RobustErrors, names: Iterable[str]
             "model-error-wide",
             "note",
             tuple(names),
-            {"effects": effects, "differ": robust.pieces.differ, "first": is_first},
+            {"effects": effects, "differ": pieces_text(robust.pieces), "first": is_first},
             remedies,
         )
         for (effects, remedies, is_first), names in groups.items()

@@ -53,6 +53,7 @@ from seatrial.estimation.simulation.sensor_errors import (
     drift_time_name,
     noise_name,
 )
+from seatrial.messages.predictions import model_error_text
 from seatrial.messages.render import sentence
 from seatrial.selection.structures import Structure
 from seatrial.vehicles.model import VehicleModel
@@ -260,7 +261,7 @@ def _answer(study: Study, structure: Structure, trials: Trials, whole: Mode | Nu
         log_evidence=float(mode.log_evidence),
         wider=wider,
         wider_causes=causes_of(robust, wider) if robust else {},
-        wider_words=(robust.words, *map(sentence, findings_of(posterior, robust, wider))) if robust else (),
+        wider_words=(model_error_text(robust), *map(sentence, findings_of(posterior, robust, wider))) if robust else (),
         drawn=more,
         symmetry=symmetry_of(campaign.vehicle, more, lambda: prior_curves(posterior)),
         shown={name: campaign.shown(name, unit) for name, unit, _ in rows},

@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from seatrial.estimation.diagnostics.calibration import DRAWS, Calibration
+from seatrial.messages.predictions import calibration_lines
 
 MANY_REFUSED = 0.05
 """Share of the prior beyond which a reader is told."""
@@ -60,7 +61,7 @@ class Calibrated(Calibration):
             if not outside
             else f"not calibrated: the ranks of {', '.join(outside)} leave {band}"
         )
-        said = [*super().lines(), self.mixing_words()]
+        said = [*calibration_lines(self), self.mixing_words()]
         if self.refused > MANY_REFUSED:
             said.append(
                 f"{self.refused:.0%} of the prior could not be simulated and was drawn again; `seatrial prior` shows why"

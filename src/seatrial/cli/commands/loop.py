@@ -170,6 +170,7 @@ def _tell_and_report(answer: Answer, outcome: Any, proposal: Any) -> Exit:
     from seatrial.campaign.inference.judge_predictions import fit_complaints
     from seatrial.campaign.store.estimates import with_model_error
     from seatrial.campaign.store.structures import QUOTED
+    from seatrial.messages.predictions import comparison_text
     from seatrial.messages.render import sentence, sentences
     from seatrial.report.page import write_report
 
@@ -205,6 +206,6 @@ def _tell_and_report(answer: Answer, outcome: Any, proposal: Any) -> Exit:
     answer.wrote("coefficients", write_coefficients(folder, outcome.estimates, shown, outcome.selection))
     answer.wrote("averaged", write_averaged(folder, summary.averaged, shown))
     told = sentences(fit_complaints([fit for fit in outcome.fits if not fit.advice], outcome.pooled))
-    told += [one.sentence for one in outcome.compared]
+    told += [comparison_text(one) for one in outcome.compared]
     answer.give_findings(summary.findings)
     return answer.finish(summary.alarms, [text for text in summary.cautions if text not in told])

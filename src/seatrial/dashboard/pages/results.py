@@ -32,7 +32,7 @@ from seatrial.dashboard.page_layout import LOOK, link, links_html, section, tabl
 from seatrial.dashboard.result_charts import Probability, fit_charts, marginal_chart, probability_chart
 from seatrial.dashboard.view_models import EstimatedStructure, EstimatedValue, Marginal
 from seatrial.dashboard.worker_pool import stamp
-from seatrial.estimation.prediction.fit_verdict import explained_share
+from seatrial.messages.predictions import explained_text
 from seatrial.messages.render import sentence, statement
 from seatrial.report.labels import label_html, name_html, sentence_about
 from seatrial.report.numbers import Digits, percent, probability, short, times_ten, typeset, unit_html, with_sd
@@ -335,7 +335,7 @@ async def _fits(context: AppContext, store: Store) -> None:
                 fit.record + (" (held back)" if fit.held_back else ""),
                 fit.channel,
                 Markup('<span class="verdict {}">{}</span>').format(fit.level, fit.level),
-                typeset(explained_share(fit.explained)) if not fit.missing else "",
+                typeset(explained_text(fit.explained)) if not fit.missing else "",
                 percent(fit.coverage) if fit.samples else "",
                 fit.finding,
             ]
@@ -345,7 +345,7 @@ async def _fits(context: AppContext, store: Store) -> None:
                 "held-back runs together",
                 one.channel,
                 Markup('<span class="verdict {}">{}</span>').format(one.level, one.level),
-                typeset(explained_share(one.explained, one.runs)),
+                typeset(explained_text(one.explained, one.runs)),
                 percent(one.coverage) if one.effective else "",
                 statement(one.verdict),
             ]

@@ -18,7 +18,6 @@ from jaxtyping import Float, Int
 DRAWS = 99  # Posterior draws that a rank is taken among: ranks run from 0 to 99
 BINS = 20
 FALSE_ALARMS = 0.01  # Share of right posteriors of which any quantity is called uneven
-CLEAR = 2.6  # Standard errors from what uniform ranks have at which a shift or a spread of the ranks is spoken of
 AT = np.arange(1, DRAWS + 1) / (DRAWS + 1)
 
 
@@ -68,19 +67,6 @@ class Calibration:
         left = self._farthest() > _widest(len(self.ranks), FALSE_ALARMS / len(self.names))
         return tuple(name for name, bad in zip(self.names, left, strict=True) if bad)
 
-    def lines(self) -> list[str]:
-        """Return what the ranks say, in words."""
-        r, k, tail = len(self.ranks), len(self.names), 0.5 * FALSE_ALARMS / len(self.names)
-        low, high = scipy.stats.binom(r, 0.9).ppf([tail, 1 - tail]) / r
-        said = [
-            f"{name}: the 90 % interval holds the truth in {share:.1%} of {r} replicates (chance allows {low:.1%} to {high:.1%}), "
-            f"p = {value:.3f} for ranks so uneven"
-            for name, share, value in zip(self.names, self.coverage(0.9), self.p_values(), strict=True)
-        ]
-        if k > 1:
-            said.append(f"both are for the worst of {k} quantities, however they are correlated")
-        return said + [f"{name}: {_shape(self.ranks[:, self.names.index(name)])}" for name in self.outside()]
-
     def _farthest(self) -> Float[np.ndarray, " k"]:
         """Return the largest distance of each quantity in standard deviations."""
         return (np.abs(self.distance()) / _sd(len(self.ranks))).max(1)
@@ -126,23 +112,3 @@ def _widest(replicates: int, allowed: float) -> float:
 def _sd(replicates: int) -> Float[np.ndarray, " ranks"]:
     """Return the standard deviation of the distribution of uniform ranks."""
     return np.sqrt(AT * (1 - AT) / replicates)
-
-
-def _shape(ranks: Int[np.ndarray, " r"]) -> str:
-    """Return what a deviation means: truths as the posterior sees them, in its standard deviations, are standard normal if all is well."""
-    scores = scipy.stats.norm.ppf((ranks + 0.5) / (DRAWS + 1))
-    even = scipy.stats.norm.ppf((np.arange(DRAWS + 1) + 0.5) / (DRAWS + 1)).std()
-    shift, width = float(scores.mean()), float(scores.std() / even)
-    said = []
-    if abs(shift) * np.sqrt(ranks.size) > CLEAR:
-        side, where = ("downwards", "above") if shift > 0 else ("upwards", "below")
-        said.append(
-            f"the posterior is biased {side}: truths lie {abs(shift):.1f} of its standard deviations {where} it"
-        )
-    if (width - 1) * np.sqrt(2 * ranks.size) > CLEAR:
-        said.append(f"the posterior is overconfident: truths scatter {width:.1f} times as far as it states")
-    elif (1 - width) * np.sqrt(2 * ranks.size) > CLEAR:
-        said.append(f"the posterior is too wide: truths scatter {width:.1f} times as far as it states")
-    return (
-        "; ".join(said) or "the shape of the posterior is wrong, and neither its place nor its width: see the picture"
-    )

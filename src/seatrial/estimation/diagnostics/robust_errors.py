@@ -24,7 +24,7 @@ A run's own parameters (`u_0[run]`) are part of its piece: their priors say how 
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from scipy.special import ndtri, stdtrit
 
 from seatrial.compiled.random_keys import seeded_key
@@ -45,7 +45,6 @@ LEAST_BLOCKS, MOST_BLOCKS = 6, 24  # Fewest blocks of time that tell a spread, a
 # other.
 LENGTHS = 3.0
 TELLING = 1.5  # Ratio of the two standard deviations from which both are shown
-BEYOND = "Effects that are not tried can move values further."  # What no second standard deviation can show
 
 
 @dataclass(frozen=True)
@@ -63,11 +62,6 @@ class Pieces:
     count: int
     basis: str
     are_runs: bool = False
-
-    @property
-    def differ(self) -> str:
-        """What differs by more than the noise says where the ratio is large."""
-        return "runs that differ" if self.are_runs else "blocks of time that differ"
 
     @property
     def freedom(self) -> int:
@@ -105,23 +99,6 @@ class RobustErrors:
     def ratio(self) -> Float[np.ndarray, " k"]:
         """Standard deviation with the error of the model over that within it, not widened for few pieces."""
         return np.sqrt(np.maximum(self.pieces.ratio, 1.0) ** 2 + self.spread**2 - 1.0)
-
-    @property
-    def words(self) -> str:
-        """What the second standard deviation is made of, that no value needs one, or that there is none and why."""
-        pieces, tests, is_wider = self.pieces, [], bool((self.ratio > TELLING).any())
-        if pieces.count:
-            few = f" (widened for so few: Student's t, {pieces.freedom} degrees of freedom)"
-            tests.append(f"left out each of {pieces.basis}{few if is_wider else ''}")
-        if self.omitted.tried:
-            tests.append(f"tried {len(self.omitted.tried)} effects that the model may lack")
-        if not tests:
-            return f"± with model error: not judged; {pieces.basis}"
-        did = f"seatrial {' and '.join(tests)}"
-        why = "" if pieces.count else f" Nothing was left out: {pieces.basis}."
-        if not is_wider:
-            return f"± with model error: not needed. {did}; no value moved much beyond its ±.{why} {BEYOND}"
-        return f"± with model error: how far a value moved when {did}.{why} It is printed if it is more than half larger. {BEYOND}"
 
     def wider(self, name: str, sd: float) -> float | None:
         """Return the standard deviation of a parameter with the error of the model, widened for few pieces.
@@ -229,21 +206,15 @@ def _compared(
     precision = np.diag(prior) - there.along_values.sum(0)
     if own_is_drawn:
         prior = np.where(["[" in name for name in posterior.names], 0.0, prior)
-    noise = _of_noise(posterior)
+    # Which parameters are those of the sensors' noise. Their curvature in a piece grows with the squares of its
+    # residuals. One piece can have more of it than all together, and the step without that piece would be far too
+    # long: of these parameters, and across to the others, H_i is 0 in d_i.
+    output = posterior.likelihood.output if isinstance(posterior.likelihood, FilterError) else posterior.likelihood
+    noise = np.isin(posterior.names, list(output.noise_parameters))
     curvatures = np.where(noise[:, None] | noise, 0.0, -hessians)
     wide = np.diag(jackknife(precision, scores, curvatures, prior, -there.bend))[shared]
     narrow = np.diag(_solve(precision, np.eye(posterior.dim)))[shared]
     return Pieces(np.sqrt(wide / narrow), len(scores), basis, own_is_drawn)
-
-
-def _of_noise(posterior: Posterior) -> Bool[np.ndarray, " d"]:
-    """Return which parameters are those of the sensors' noise.
-
-    Their curvature in a piece grows with the squares of its residuals. One piece can have more of it than all together, and the step
-    without that piece would be far too long: of these parameters, and across to the others, H_i is 0 in d_i.
-    """
-    output = posterior.likelihood.output if isinstance(posterior.likelihood, FilterError) else posterior.likelihood
-    return np.isin(posterior.names, list(output.noise_parameters))
 
 
 def _by_blocks(posterior: Posterior, mode: Mode, shared: np.ndarray) -> Pieces:

@@ -108,7 +108,8 @@ def likelihood_information(posterior: Posterior, values: Float[np.ndarray, " d"]
         observed = expand_likelihood(posterior, _everywhere(posterior, point)).hessian
         return _of_hierarchy(posterior) - observed[np.ix_(at, at)]
     found = slopes_of_present(posterior, point).information
-    information = np.array(slopes_of_present(_of_its_own_data(posterior, point), point).information)
+    simulated = replace(posterior, data=_simulated_data(posterior, _everywhere(posterior, point)))
+    information = np.array(slopes_of_present(simulated, point).information)
     noise = np.flatnonzero(is_noise(posterior))
     information[np.ix_(noise, noise)] = found[np.ix_(noise, noise)]
     return information + _of_hierarchy(posterior)
@@ -119,10 +120,6 @@ def _everywhere(posterior: Posterior, values: Float[np.ndarray, " k"]) -> Float[
     point = np.zeros(posterior.dim)
     point[posterior.places] = values
     return point
-
-
-def _of_its_own_data(posterior: Posterior, values: Float[np.ndarray, " k"]) -> Posterior:
-    return replace(posterior, data=_simulated_data(posterior, _everywhere(posterior, values)))
 
 
 def _of_hierarchy(posterior: Posterior) -> Float[np.ndarray, "d d"]:

@@ -86,7 +86,11 @@ def unknowns_of(
         found += unknowns_of_sensor(sensor, (noise or {}).get(sensor.channel))
     disturbed, noisy = disturbed_axes(stated, model), noisy_states(stated, model)
     for axis in disturbed:
-        found += _of_disturbance(axis, model)
+        unit, why = model.unit_of(CoefficientName.parse(f"{axis}_0")), f"a force with a memory disturbs {axis}"
+        found += [
+            Unknown(disturbance_name(axis), unit, rf"s_{{d,{axis}}}", why=why),
+            Unknown(disturbance_time_name(axis), "s", rf"\tau_{{d,{axis}}}", why=why),
+        ]
     for state in noisy:
         # Its own unit: a standard deviation that the state gains in one second.
         label = rf"q_{{{signal_label(state)}}}"
@@ -167,11 +171,3 @@ def _of_vehicle(model: VehicleModel, sensors: Sequence[Sensor], stated: Collecti
     for name in dict.fromkeys(name for sensor in sensors if sensor.mount for name in sensor.mount.unknown):
         part, _, mount = name.partition("_")
         yield Unknown(name, mount_unit(name), rf"{part}_{{\mathrm{{{mount}}}}}", part not in (SCALE, LATE))
-
-
-def _of_disturbance(axis: str, model: VehicleModel) -> list[Unknown]:
-    unit, why = model.unit_of(CoefficientName.parse(f"{axis}_0")), f"a force with a memory disturbs {axis}"
-    return [
-        Unknown(disturbance_name(axis), unit, rf"s_{{d,{axis}}}", why=why),
-        Unknown(disturbance_time_name(axis), "s", rf"\tau_{{d,{axis}}}", why=why),
-    ]

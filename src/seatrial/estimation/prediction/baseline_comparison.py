@@ -13,14 +13,11 @@ import numpy as np
 from jaxtyping import Float
 from scipy.special import stdtr
 
-from seatrial.core.display_units import shown_unit
-from seatrial.estimation.prediction.fit_verdict import FitLevel, explained_short
+from seatrial.estimation.prediction.fit_verdict import FitLevel
 from seatrial.estimation.prediction.prediction_scores import LOG_2PI, crps_normal, diverges, effective_samples
 
 CLEAR = 1.1  # Ratio of the CRPS from which a baseline is clearly better
 CHANCE = 0.05  # Probability below which a difference is not put down to chance
-MUCH = 0.9  # Share explained from which on tenths of a per cent are said
-FAR = 2.0  # Ratio of the CRPS from which one prediction is better by far
 FEWEST_RUNS = 3  # Runs from which their own spread says what chance does
 
 
@@ -57,7 +54,7 @@ class PooledScore:
     diverges: bool = False
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Comparison:
     """A model beside the baselines, of one channel.
 
@@ -68,7 +65,8 @@ class Comparison:
         p_value: probability that chance alone makes the better of the model and the best baseline so much better; where that is the
             baseline, times the number of baselines, of which it is the best (Bonferroni).
         level: pass where the model is best, caution where it is not, fail where a baseline is clearly better, by more than chance.
-        sentence: what that means and what to do.
+        by_run: mean CRPS of the model and of the best baseline in each run that measures the channel, shape (runs, 2).
+        is_simpler: whether the best baseline has other equations than the model.
     """
 
     channel: str
@@ -76,20 +74,8 @@ class Comparison:
     baselines: tuple[PooledScore, ...]
     p_value: float
     level: FitLevel
-    sentence: str
-
-    def lines(self) -> list[str]:
-        """Return a line for the model and each baseline."""
-        factor, unit = shown_unit(self.channel)
-        said = []
-        for score in (self.ours, *self.baselines):
-            numbers = (
-                "diverges"
-                if score.diverges
-                else f"{explained_short(score.explained, 2)}, CRPS {score.crps * factor:.3g} {unit}, log score {score.log_score:.2f}"
-            )
-            said.append(f"{self.channel:<8} {score.words:<36} {numbers}")
-        return said
+    by_run: Float[np.ndarray, "runs 2"]
+    is_simpler: bool
 
 
 def compare(
@@ -118,10 +104,9 @@ def compare(
         p_value = min(1.0, len(scores) * _chance(runs, ours, theirs)) if worse else _chance(runs, theirs, ours)
     clear = own.diverges or own.crps > CLEAR * best.crps
     level: FitLevel = "pass" if not worse else "fail" if clear and p_value < CHANCE else "caution"
-    simpler = best.words not in same_equations
-    by_run = _by_run(runs, ours, baselines[best.words])
-    sentence = _said(channel, own, best, p_value, len(scores), by_run, level, simpler)
-    return Comparison(channel, own, (best, *others), p_value, level, sentence)
+    pairs = zip(_present(runs, ours), _present(runs, baselines[best.words]), strict=True)
+    by_run = np.array([[crps_normal(*own).mean(), crps_normal(*other).mean()] for own, other in pairs if own[0].size])
+    return Comparison(channel, own, (best, *others), p_value, level, by_run, best.words not in same_equations)
 
 
 def _pooled(words: str, runs: Sequence[Run], predicted: Sequence[Predicted]) -> PooledScore:
@@ -130,7 +115,8 @@ def _pooled(words: str, runs: Sequence[Run], predicted: Sequence[Predicted]) -> 
         return PooledScore(words, 0.0, 0.0, 0.0, diverges=True)
     total = sum(
         float(np.sum((one.measured - np.nanmean(one.measured)) ** 2, where=np.isfinite(one.measured)))
-        for one in _measured(runs)
+        for one in runs
+        if np.isfinite(one.measured).any()
     )
     z = (measured - mean) / sd
     return PooledScore(
@@ -139,11 +125,6 @@ def _pooled(words: str, runs: Sequence[Run], predicted: Sequence[Predicted]) -> 
         float(np.mean(crps_normal(measured, mean, sd))),
         float(np.mean(-0.5 * z**2 - np.log(sd)) - 0.5 * LOG_2PI),
     )
-
-
-def _measured(runs: Sequence[Run]) -> list[Run]:
-    """Return the runs that measure the channel."""
-    return [run for run in runs if np.isfinite(run.measured).any()]
 
 
 def _present(runs: Sequence[Run], predicted: Sequence[Predicted]) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
@@ -175,71 +156,3 @@ def _chance(runs: Sequence[Run], first: Sequence[Predicted], second: Sequence[Pr
         if between > variance:
             variance, freedom = between, count - 1.0
     return float(stdtr(freedom, -total / np.sqrt(variance))) if variance > 0 else 0.5
-
-
-def _by_run(runs: Sequence[Run], ours: Sequence[Predicted], theirs: Sequence[Predicted]) -> Float[np.ndarray, "runs 2"]:
-    """Return the mean CRPS of the model and of a baseline in each run that measures the channel."""
-    pairs = zip(_present(runs, ours), _present(runs, theirs), strict=True)
-    return np.array([[crps_normal(*own).mean(), crps_normal(*other).mean()] for own, other in pairs if own[0].size])
-
-
-def _in_runs(by_run: Float[np.ndarray, "runs 2"]) -> str:
-    """Say in how many runs the second of two predictions is better than the first, and whether by far."""
-    first, second = by_run[by_run[:, 1] < by_run[:, 0]].sum(axis=0)
-    better, count = int(np.sum(by_run[:, 1] < by_run[:, 0])), len(by_run)
-    far = ", by far" if first > FAR * second else ""
-    if count == 1:
-        return f" in the only run{far}"
-    worse = f"{',' if far else ''} and worse in {count - better}" if better < count else ""
-    return f" in {better} of {count} runs{far}{worse}"
-
-
-def _said(
-    channel: str,
-    own: PooledScore,
-    best: PooledScore,
-    p_value: float,
-    count: int,
-    by_run: Float[np.ndarray, "runs 2"],
-    level: FitLevel,
-    simpler: bool,
-) -> str:
-    """Return what the comparison with the best of so many baselines means; `by_run` has the CRPS of the model and of that one."""
-    if own.diverges:
-        other = (
-            "as every baseline does"
-            if best.diverges
-            else f"where {best.words} does not ({explained_short(best.explained, 2)})"
-        )
-        return f"held-back runs: the model's {channel} diverges, {other}: correct the model"
-    if best.diverges:
-        return f"held-back runs: every baseline diverges in {channel}, and the model does not"
-    factor, unit = shown_unit(channel)
-    digits = 1 if min(best.explained, own.explained) >= MUCH else 0
-    shares = f"{best.explained:.{digits}%} against {own.explained:.{digits}%} of the variance explained"
-    if f"{best.explained:.{digits}%}" == f"{own.explained:.{digits}%}":
-        shares = f"{own.explained:.{digits}%} of the variance explained by both"
-    if min(best.explained, own.explained) < 0:
-        shares = " against ".join(explained_short(one.explained, 2) for one in (best, own))
-    scores = f"CRPS {best.crps * factor:.3g} against {own.crps * factor:.3g} {unit}"
-    if level == "pass":
-        chance = f", though chance may do as much (p = {p_value:.2g})" if p_value >= CHANCE else ""
-        beaten = f"held-back runs: the model predicts {channel} better than every baseline"
-        return f"{beaten}{chance}; the best of them is {best.words} ({shares}, {scores})"
-    result = (
-        f"held-back runs: {best.words} predicts {channel} better than the model{_in_runs(by_run)} ({shares}, {scores})"
-    )
-    if level == "caution":
-        little = "though by little"
-        if p_value >= CHANCE:
-            of = f" for the best of {count} baselines" if count > 1 else ""
-            number = f" (p = {p_value:.2g}{of})" if p_value < 1 else ""
-            little = f"but so few independent samples do not exclude chance{number}"
-        if own.crps > CLEAR * best.crps:
-            return f"{result}, {little}: hold back more or longer runs, and look at the runs where the model is worse"
-        if not simpler:
-            return f"{result}, {little}: it predicts as well; it has the same equations, so it is no simpler model"
-        return f"{result}, {little}: the model does not beat it; prefer the simpler model, or correct the model"
-    if own.explained >= best.explained:
-        return f"{result}: the model's motion is no worse, but its bands are too narrow or too wide; change its model of the residuals"
-    return f"{result}: prefer it, or correct the model"

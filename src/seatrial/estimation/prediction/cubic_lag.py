@@ -47,7 +47,12 @@ class CubicLag:
         first = int(there[np.searchsorted(there, start)])
         value = float(run.measured[first])
         step = np.diff(run.time)[first:]
-        pushed = self.gain * _mean_control(run, self.delay)[first:] + self.offset
+        # The mean of the delayed control over each step; before the first sample it was as there.
+        held, time = run.control[:, 0], run.time
+        total = np.concatenate([[0.0], np.cumsum(held[:-1] * np.diff(time))])
+        seen = time - self.delay
+        until = np.where(seen < time[0], held[0] * (seen - time[0]), np.interp(seen, time, total))
+        pushed = self.gain * (np.diff(until) / np.diff(time))[first:] + self.offset
         half = -0.5 * self.linear * step
         keep = np.exp(half)
         near = np.abs(half) < 1e-8
@@ -94,12 +99,3 @@ def fit_cubic(runs: Sequence[Run], linear: Lags) -> CubicLag:
         for share, bend, pull in ((1.0, 1e-3, 1.0), (0.3, 5.0, 1.0), (2.0, 20.0, 2.0))
     ]
     return law_of(min(found, key=lambda one: one.cost).x)
-
-
-def _mean_control(run: Run, delay: float) -> np.ndarray:
-    """Return the mean of the delayed control over each step; before the first sample it was as there."""
-    held, time = run.control[:, 0], run.time
-    total = np.concatenate([[0.0], np.cumsum(held[:-1] * np.diff(time))])
-    seen = time - delay
-    until = np.where(seen < time[0], held[0] * (seen - time[0]), np.interp(seen, time, total))
-    return np.diff(until) / np.diff(time)

@@ -52,7 +52,6 @@ KS_CHANCE = 1.63  # 1 % point of the Kolmogorov-Smirnov distance times the root 
 
 # Codes of findings by which stated standard deviations are too small.
 UNRELIABLE_SD = ("residuals-correlated", "residuals-biased")
-WORSE_THAN_MEAN, WORSE_THAN_MEANS = "worse than the run's own mean", "worse than the runs' own means"
 LACKS = ("add-term", "add-delay", "add-error-model")  # Remedies for what a model may lack that misses motion
 
 
@@ -126,26 +125,6 @@ def _scores(score: Score) -> dict[str, Value]:
     """Return the scores that sentences name."""
     names = ("coverage", "variance", "explained", "effective", "noise_sd", "correlation_time")
     return {name: float(getattr(score, name)) for name in names}
-
-
-def explained_words(share: float, channel: str) -> str:
-    """Say what share of a channel's variance is explained, below nothing in words and as a number."""
-    if share < 0:
-        return f"{channel} is predicted {explained_share(share).replace('than', 'than by').replace('%)', '% of its variance explained)')}"
-    return f"{explained_share(share)} of the variance of {channel} is explained"
-
-
-def explained_short(share: float, runs: int = 1) -> str:
-    """Say the same in a line that names the channel."""
-    return explained_share(share, runs, 1) + " of the variance explained" * (share >= 0)
-
-
-def explained_share(share: float, runs: int = 1, digits: int = 0) -> str:
-    """Return the explained share of the variance of one run, or of several, for a table: of less than nothing, what that means, too."""
-    if share < 0:
-        number = f"{share:.0%}" if share > -100 else f"{100 * share:.0e}%"
-        return f"{WORSE_THAN_MEAN if runs == 1 else WORSE_THAN_MEANS} ({number})"
-    return f"{share:.{1 if share > 0.99 else digits}%}"
 
 
 def worst(findings: Sequence[Finding]) -> Finding:

@@ -187,7 +187,11 @@ def marginal_log_likelihoods(
         start = np.broadcast_to(mode.z[own], (len(shared), own.size))
         if own.size:
             curvature = np.diag(-there.prior_hessian[own]) - there.hessian[r][np.ix_(own, own)]
-            start = start + moved @ (there.hessian[r][np.ix_(runs.shared, own)] @ _inverse(curvature))
+            # Inverse of a curvature none of which is below what is believed.
+            values, vectors = np.linalg.eigh(curvature)
+            start = start + moved @ (
+                there.hessian[r][np.ix_(runs.shared, own)] @ ((vectors / np.maximum(values, LEAST)) @ vectors.T)
+            )
         columns.append(_marginals(one, own.size, np.concatenate([shared, start], 1)))
     table = np.stack(columns, 1)
     return np.where(np.isnan(table), -np.inf, table)
@@ -347,9 +351,3 @@ def _marginals(one: Posterior, m: int, z: Float[np.ndarray, "n d"]) -> Float[np.
         for kept, new in zip(best, there, strict=True):
             kept[at[better]] = new[better]
     return np.asarray(best.integral)
-
-
-def _inverse(curvature: np.ndarray) -> np.ndarray:
-    """Inverse of a curvature none of which is below what is believed."""
-    values, vectors = np.linalg.eigh(curvature)
-    return (vectors / np.maximum(values, LEAST)) @ vectors.T

@@ -14,7 +14,6 @@ from jaxtyping import Array, Float
 
 from seatrial.compiled.batching import bucket_length, filled
 from seatrial.compiled.programs import program
-from seatrial.core.display_units import plain
 from seatrial.core.record import Record
 from seatrial.core.signals import RATES
 from seatrial.estimation.simulation.delayed_control import delay_control
@@ -56,18 +55,6 @@ class ShortHorizon:
         """Whether nearly all of the motion is explained over the horizon, and more than by holding the measured value."""
         return self.explained >= GOOD and self.explained > self.held
 
-    def words(self, channel: str) -> str:
-        """Say how far ahead the channel is predicted, and why no further."""
-        ahead = (
-            f"over {self.horizon:.2g} s {_share(self.explained)} of the variance of {channel} is explained, one sample ahead "
-            f"{_share(self.one_step)} (by holding the measured value {_share(self.held)} and {_share(self.one_step_held)})"
-        )
-        if not self.is_good:
-            return f"short horizons are predicted little better, so errors that add up do not explain it: {ahead}"
-        grown = f", a small error grows {plain(self.growth)} times along it" if np.isfinite(self.growth) else ""
-        why = f"the vehicle leaves its course by itself{grown}" if self.leaves else "errors add up along the run"
-        return f"{why}: {ahead}"
-
 
 def short_horizons(
     simulator: Simulator, values: Mapping[str, float], record: Record, starts_over_ground: bool = False
@@ -100,7 +87,12 @@ def short_horizons(
     if steps < FEWEST_STEPS or not known.size:
         return None
     measured = np.column_stack([record.channel(sensor.channel) for sensor in simulator.sensors])
-    over, over_held = _errors(direct, values, start, control, record.step, measured, _apart(known, steps), steps)
+    # Restarts at least so many steps apart.
+    chosen = []
+    for index in known:
+        if not chosen or index - chosen[-1] >= steps:
+            chosen.append(int(index))
+    over, over_held = _errors(direct, values, start, control, record.step, measured, np.array(chosen), steps)
     next_, next_held = _errors(direct, values, start, control, record.step, measured, known, 1)
     growth = _growth(
         direct, values, start[known[0]], [column[known[0] :] for column in control], record.step[known[0] :]
@@ -117,21 +109,6 @@ def short_horizons(
         if shares and np.isfinite(shares).all():
             found[sensor.channel] = ShortHorizon(horizon, shares[0], shares[1], shares[2], shares[3], growth)
     return found or None
-
-
-def _share(share: float) -> str:
-    if share > 0.999:
-        return "over 99.9%"
-    return "nothing" if share < 0 else f"{share:.1%}" if share > 0.99 else f"{share:.0%}"
-
-
-def _apart(known: np.ndarray, steps: int) -> np.ndarray:
-    """Return restarts at least so many steps apart."""
-    chosen = []
-    for index in known:
-        if not chosen or index - chosen[-1] >= steps:
-            chosen.append(int(index))
-    return np.array(chosen)
 
 
 def _errors(

@@ -18,9 +18,9 @@ from seatrial.estimation.prediction.fit_verdict import (
     MIN_EFFECTIVE_SAMPLES,
     NARROW,
     POOR,
-    explained_share,
 )
 from seatrial.estimation.prediction.pooled_coverage import Pooled
+from seatrial.messages.predictions import comparison_text, explained_text
 from seatrial.messages.render import statement
 from seatrial.report.drawing import draw, model_said, record_curves
 from seatrial.report.figures.fit import record_fit, record_residuals
@@ -144,7 +144,7 @@ def _baselines(outcome: Outcome) -> dict[str, Any]:
     return {
         "nothing": "",
         "findings": [
-            {"kind": "finding", "text": sentence_html(one.sentence, {})}
+            {"kind": "finding", "text": sentence_html(comparison_text(one), {})}
             for one in outcome.compared
             if one.level == "pass"
         ],
@@ -160,7 +160,7 @@ def _score(one: Comparison, score: PooledScore) -> dict[str, Any]:
         "words": score.words,
         "ours": score is one.ours,
         "diverges": score.diverges,
-        "explained": typeset(explained_share(score.explained, 2, digits=1)),
+        "explained": typeset(explained_text(score.explained, 2, digits=1)),
         "crps": f"{short(score.crps * factor)} {unit_text(unit)}",
         "log_score": f"{score.log_score:.2f}",
     }
@@ -176,7 +176,7 @@ def _row(fit: Fit) -> dict[str, Any]:
         "held_back": fit.held_back,
         "channel": fit.channel,
         "level": fit.level,
-        "explained": typeset(explained_share(fit.explained)) if moves else DASH,
+        "explained": typeset(explained_text(fit.explained)) if moves else DASH,
         "share": float(np.clip(fit.explained, 0, 1)),
         "poor": moves and fit.explained < POOR,
         "rmse": f"{short(fit.rmse * factor)} {unit}" if number else DASH,

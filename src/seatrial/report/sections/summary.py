@@ -16,7 +16,7 @@ from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.core.display_units import listed
 from seatrial.core.findings import Finding
 from seatrial.estimation.prediction.baseline_comparison import CLEAR
-from seatrial.estimation.prediction.fit_verdict import WORSE_THAN_MEAN, explained_share
+from seatrial.messages.predictions import WORSE_THAN_MEAN, explained_text
 from seatrial.messages.render import sentence, sentences
 from seatrial.report.drawing import (
     digits_of,
@@ -183,9 +183,9 @@ def _predicts(outcome: Outcome) -> str:
     worst = min(fit.explained for fit in shown)
     some = f" where it is not {WORSE_THAN_MEAN} ({worst:.0%} at worst)" if good and worst < 0 else ""
     parts = (
-        f"It explains {_span(good, explained_share)} of the variance of {what}{some}"
+        f"It explains {_span(good, explained_text)} of the variance of {what}{some}"
         if good
-        else f"It predicts {what} {explained_share(worst, runs)}"
+        else f"It predicts {what} {explained_text(worst, runs)}"
     )
     end = "" if held_back else "; no run was held back to test it"
     return f"{parts}, and {_span([fit.coverage for fit in shown])} of the samples lie inside its 90 % band{end}."

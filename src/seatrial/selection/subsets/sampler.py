@@ -174,7 +174,11 @@ def sample_subsets(
     )
     ranked = np.lexsort((evaluated.codes, -evaluated.scores))
     best, most = ranked[:top], ranked[:BEST_COUNT]
-    log_evidence, log_chance = _exactly(stats, prior, candidates, chance, evaluated.codes[best])
+    # The log evidences of some structures by themselves, and logs of their prior probabilities.
+    is_present = bits(evaluated.codes[best], len(candidates.names)).T.astype(bool)
+    logs = np.array([evidence_of(stats, prior, np.flatnonzero(row).tolist()).log_evidence for row in is_present])
+    each = np.where(is_present, np.log(chance), np.log1p(-chance))
+    log_evidence, log_chance = logs, each[:, candidates.free].sum(1)
     renormalised = np.ones(len(candidates.names))
     weight = np.exp(evaluated.scores - np.logaddexp.reduce(evaluated.scores))
     for term in candidates.free:
@@ -244,7 +248,12 @@ def walk(walkers: Chains, n_units: int, moves: int) -> tuple[Visits, Evaluated, 
         fresh.append((move.codes, move.scores))
         if now == half - 1 or now == moves - 1 or (now + 1) % REFRESH_MOVES == 0:
             walkers.refresh()
-            result, fresh = _merge(result, fresh), []
+            # Add structures, each once and only if it is allowed.
+            codes = np.concatenate([result.codes, *(codes.ravel() for codes, _ in fresh)])
+            scores = np.concatenate([result.scores, *(scores.ravel() for _, scores in fresh)])
+            kept = scores > -np.inf
+            codes, first = np.unique(codes[kept], return_index=True)
+            result, fresh = Evaluated(codes, scores[kept][first]), []
         if now == half - 1:
             before = result
         if now < warmup:
@@ -338,16 +347,6 @@ def _check_candidates(
     return Candidates(whole.names, sure, free, np.uint64(sum(1 << i for i in sure)), chance[free]), chance
 
 
-def _exactly(
-    stats: Gram, prior: Prior, candidates: Candidates, chance: np.ndarray, codes: np.ndarray
-) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-    """Return the log evidences of some structures by themselves, and logs of their prior probabilities."""
-    is_present = bits(codes, len(candidates.names)).T.astype(bool)
-    logs = np.array([evidence_of(stats, prior, np.flatnonzero(row).tolist()).log_evidence for row in is_present])
-    each = np.where(is_present, np.log(chance), np.log1p(-chance))
-    return logs, each[:, candidates.free].sum(1)
-
-
 def _by_visits(candidates: Candidates, problem: Problem, seen: Visits, owner: np.ndarray, moves: int) -> dict[str, Any]:
     """Return the averages over the visits, in the order of the library, and their errors."""
     free, chains, d = candidates.free, seen.mean.shape[0], len(candidates.names)
@@ -425,12 +424,3 @@ def _look(walkers: Chains, is_present: np.ndarray, seen: Visits) -> None:
     seen.mean[:] += matrix[:, :-1, -1] * is_present
     for total, part in zip(seen.sums, sums_over(matrix, is_present, np.ones(len(is_present))), strict=True):
         total[:] += part
-
-
-def _merge(result: Evaluated, fresh: list[tuple[np.ndarray, np.ndarray]]) -> Evaluated:
-    """Add structures, each once and only if it is allowed."""
-    codes = np.concatenate([result.codes, *(codes.ravel() for codes, _ in fresh)])
-    scores = np.concatenate([result.scores, *(scores.ravel() for _, scores in fresh)])
-    kept = scores > -np.inf
-    codes, first = np.unique(codes[kept], return_index=True)
-    return Evaluated(codes, scores[kept][first])

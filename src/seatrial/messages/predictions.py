@@ -1,0 +1,202 @@
+"""How well a model predicts, and how far its uncertainty holds, in words: shares explained, baselines, short horizons, model error."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy
+
+from seatrial.core.display_units import plain, shown_unit
+from seatrial.estimation.prediction.baseline_comparison import CHANCE, CLEAR, Comparison, PooledScore
+from seatrial.estimation.prediction.fitted_range import Outside
+
+if TYPE_CHECKING:
+    from seatrial.estimation.diagnostics.calibration import Calibration
+    from seatrial.estimation.diagnostics.robust_errors import Pieces, RobustErrors
+    from seatrial.estimation.prediction.short_horizon import ShortHorizon
+
+WORSE_THAN_MEAN, WORSE_THAN_MEANS = "worse than the run's own mean", "worse than the runs' own means"
+CLEAR_ERRORS = (
+    2.6  # Standard errors from what uniform ranks have at which a shift or a spread of the ranks is spoken of
+)
+MUCH = 0.9  # Share explained from which on tenths of a per cent are said
+FAR = 2.0  # Ratio of the CRPS from which one prediction is better by far
+ROUNDING = 1e-6  # Share of the furthest value below which the edge of the fitted range is zero but for rounding
+
+
+def explained_of(share: float, channel: str) -> str:
+    """Return the share of a channel's variance that is explained, below nothing in words and as a number."""
+    if share < 0:
+        return f"{channel} is predicted {explained_text(share).replace('than', 'than by').replace('%)', '% of its variance explained)')}"
+    return f"{explained_text(share)} of the variance of {channel} is explained"
+
+
+def explained_short(share: float, runs: int = 1) -> str:
+    """Return the same for a line that names the channel."""
+    return explained_text(share, runs, 1) + " of the variance explained" * (share >= 0)
+
+
+def explained_text(share: float, runs: int = 1, digits: int = 0) -> str:
+    """Return the explained share of the variance of one run, or of several, for a table: of less than nothing, what that means, too."""
+    if share < 0:
+        number = f"{share:.0%}" if share > -100 else f"{100 * share:.0e}%"
+        return f"{WORSE_THAN_MEAN if runs == 1 else WORSE_THAN_MEANS} ({number})"
+    return f"{share:.{1 if share > 0.99 else digits}%}"
+
+
+def outside_text(one: Outside) -> str:
+    """Return how far a signal leaves the fitted range: `u up to 2.1 m/s where the fit saw 1.5`."""
+    factor, unit = shown_unit(one.name)
+    edge = 0.0 if abs(one.edge) < ROUNDING * abs(one.furthest) else one.edge
+    way = "up to" if one.is_above else "down to"
+    return f"{one.name} {way} {one.furthest * factor:.3g} {unit} where the fit saw {edge * factor:.3g}"
+
+
+def horizon_text(near: "ShortHorizon", channel: str) -> str:
+    """Return how far ahead a channel is predicted, and why no further."""
+
+    def share(value: float) -> str:
+        if value > 0.999:
+            return "over 99.9%"
+        return "nothing" if value < 0 else f"{value:.1%}" if value > 0.99 else f"{value:.0%}"
+
+    ahead = (
+        f"over {near.horizon:.2g} s {share(near.explained)} of the variance of {channel} is explained, one sample ahead "
+        f"{share(near.one_step)} (by holding the measured value {share(near.held)} and {share(near.one_step_held)})"
+    )
+    if not near.is_good:
+        return f"short horizons are predicted little better, so errors that add up do not explain it: {ahead}"
+    grown = f", a small error grows {plain(near.growth)} times along it" if np.isfinite(near.growth) else ""
+    why = f"the vehicle leaves its course by itself{grown}" if near.leaves else "errors add up along the run"
+    return f"{why}: {ahead}"
+
+
+def score_lines(one: Comparison) -> list[str]:
+    """Return a line for the model and each baseline."""
+    factor, unit = shown_unit(one.channel)
+    lines = []
+    for score in (one.ours, *one.baselines):
+        crps = f"CRPS {score.crps * factor:.3g} {unit}"
+        numbers = f"{explained_short(score.explained, 2)}, {crps}, log score {score.log_score:.2f}"
+        lines.append(f"{one.channel:<8} {score.words:<36} {'diverges' if score.diverges else numbers}")
+    return lines
+
+
+def comparison_text(one: Comparison) -> str:
+    """Return what the comparison with the best baseline means and what to do."""
+    channel, own, best, count = one.channel, one.ours, one.baselines[0], len(one.baselines)
+    if own.diverges:
+        other = (
+            "as every baseline does"
+            if best.diverges
+            else f"where {best.words} does not ({explained_short(best.explained, 2)})"
+        )
+        return f"held-back runs: the model's {channel} diverges, {other}: correct the model"
+    if best.diverges:
+        return f"held-back runs: every baseline diverges in {channel}, and the model does not"
+    factor, unit = shown_unit(channel)
+    scores = f"CRPS {best.crps * factor:.3g} against {own.crps * factor:.3g} {unit}"
+    numbers = f"({_shares(best, own)}, {scores})"
+    if one.level == "pass":
+        chance = f", though chance may do as much (p = {one.p_value:.2g})" if one.p_value >= CHANCE else ""
+        beaten = f"held-back runs: the model predicts {channel} better than every baseline"
+        return f"{beaten}{chance}; the best of them is {best.words} {numbers}"
+    result = f"held-back runs: {best.words} predicts {channel} better than the model{_in_runs(one)} {numbers}"
+    if one.level == "caution":
+        little = "though by little"
+        if one.p_value >= CHANCE:
+            of = f" for the best of {count} baselines" if count > 1 else ""
+            number = f" (p = {one.p_value:.2g}{of})" if one.p_value < 1 else ""
+            little = f"but so few independent samples do not exclude chance{number}"
+        if own.crps > CLEAR * best.crps:
+            return f"{result}, {little}: hold back more or longer runs, and look at the runs where the model is worse"
+        if not one.is_simpler:
+            return f"{result}, {little}: it predicts as well; it has the same equations, so it is no simpler model"
+        return f"{result}, {little}: the model does not beat it; prefer the simpler model, or correct the model"
+    if own.explained >= best.explained:
+        return f"{result}: the model's motion is no worse, but its bands are too narrow or too wide; change its model of the residuals"
+    return f"{result}: prefer it, or correct the model"
+
+
+def _shares(best: PooledScore, own: PooledScore) -> str:
+    if min(best.explained, own.explained) < 0:
+        return " against ".join(explained_short(one.explained, 2) for one in (best, own))
+    digits = 1 if min(best.explained, own.explained) >= MUCH else 0
+    of_best, of_model = (f"{one.explained:.{digits}%}" for one in (best, own))
+    if of_best == of_model:
+        return f"{of_model} of the variance explained by both"
+    return f"{of_best} against {of_model} of the variance explained"
+
+
+def _in_runs(one: Comparison) -> str:
+    """Return in how many runs the best baseline is better than the model, and whether by far."""
+    is_better = one.by_run[:, 1] < one.by_run[:, 0]
+    first, second = one.by_run[is_better].sum(axis=0)
+    better, count = int(np.sum(is_better)), len(one.by_run)
+    far = ", by far" if first > FAR * second else ""
+    if count == 1:
+        return f" in the only run{far}"
+    worse = f"{',' if far else ''} and worse in {count - better}" if better < count else ""
+    return f" in {better} of {count} runs{far}{worse}"
+
+
+def model_error_text(robust: "RobustErrors") -> str:
+    """Return the tests behind the ± with model error, that no value needs one, or that there is none and why."""
+    from seatrial.estimation.diagnostics.robust_errors import TELLING
+
+    pieces, tests, is_wider = robust.pieces, [], bool((robust.ratio > TELLING).any())
+    beyond = "Effects that are not tried can move values further."
+    if pieces.count:
+        few = f" (widened for so few: Student's t, {pieces.freedom} degrees of freedom)"
+        tests.append(f"left out each of {pieces.basis}{few if is_wider else ''}")
+    if robust.omitted.tried:
+        tests.append(f"tried {len(robust.omitted.tried)} effects that the model may lack")
+    if not tests:
+        return f"± with model error: not judged; {pieces.basis}"
+    did = f"seatrial {' and '.join(tests)}"
+    why = "" if pieces.count else f" Nothing was left out: {pieces.basis}."
+    if not is_wider:
+        return f"± with model error: not needed. {did}; no value moved much beyond its ±.{why} {beyond}"
+    return f"± with model error: how far a value moved when {did}.{why} It is printed if it is more than half larger. {beyond}"
+
+
+def pieces_text(pieces: "Pieces") -> str:
+    """Return the parts of the data that differ by more than the noise says."""
+    return "runs that differ" if pieces.are_runs else "blocks of time that differ"
+
+
+def calibration_lines(calibration: "Calibration") -> list[str]:
+    """Return what the ranks of a simulation-based calibration say: the coverage of each quantity, and the shape of what deviates."""
+    from seatrial.estimation.diagnostics.calibration import FALSE_ALARMS
+
+    r, k, tail = len(calibration.ranks), len(calibration.names), 0.5 * FALSE_ALARMS / len(calibration.names)
+    low, high = scipy.stats.binom(r, 0.9).ppf([tail, 1 - tail]) / r
+    lines = [
+        f"{name}: the 90 % interval holds the truth in {share:.1%} of {r} replicates (chance allows {low:.1%} to {high:.1%}), "
+        f"p = {value:.3f} for ranks so uneven"
+        for name, share, value in zip(calibration.names, calibration.coverage(0.9), calibration.p_values(), strict=True)
+    ]
+    if k > 1:
+        lines.append(f"both are for the worst of {k} quantities, however they are correlated")
+    columns = dict(zip(calibration.names, calibration.ranks.T, strict=True))
+    return lines + [f"{name}: {shape_of_ranks(columns[name])}" for name in calibration.outside()]
+
+
+def shape_of_ranks(ranks: np.ndarray) -> str:
+    """Return what a deviation means: truths as the posterior sees them, in its standard deviations, are standard normal if all is well."""
+    from seatrial.estimation.diagnostics.calibration import DRAWS
+
+    scores = scipy.stats.norm.ppf((ranks + 0.5) / (DRAWS + 1))
+    even = scipy.stats.norm.ppf((np.arange(DRAWS + 1) + 0.5) / (DRAWS + 1)).std()
+    shift, width = float(scores.mean()), float(scores.std() / even)
+    parts = []
+    if abs(shift) * np.sqrt(ranks.size) > CLEAR_ERRORS:
+        side, where = ("downwards", "above") if shift > 0 else ("upwards", "below")
+        parts.append(
+            f"the posterior is biased {side}: truths lie {abs(shift):.1f} of its standard deviations {where} it"
+        )
+    if abs(width - 1) * np.sqrt(2 * ranks.size) > CLEAR_ERRORS:
+        word = "overconfident" if width > 1 else "too wide"
+        parts.append(f"the posterior is {word}: truths scatter {width:.1f} times as far as it states")
+    return (
+        "; ".join(parts) or "the shape of the posterior is wrong, and neither its place nor its width: see the picture"
+    )
