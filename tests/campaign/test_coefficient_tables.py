@@ -25,8 +25,8 @@ def made(label: str, seed: int, **means: float) -> Estimate:
     blank = ("mode", "mcse", "r_hat", "ess_bulk", "ess_tail")
     told |= {name: ("parameter", np.full(len(names), np.nan)) for name in blank}
     told["model_error_sd"] = ("parameter", [6.0 if name == "X_u" else np.nan for name in names])
-    causes = {"model_error_causes": '{"X_u": "a force X_u3"}'}
-    return Estimate(Structure(label, tuple(names)), xr.Dataset(told, {"parameter": names}, causes))
+    data = xr.Dataset(told, {"parameter": names})
+    return Estimate(Structure(label, tuple(names)), data, model_error_causes={"X_u": "a force X_u3"})
 
 
 def shortest(drawn: np.ndarray) -> tuple[float, float]:

@@ -130,16 +130,15 @@ def test_proposals_weigh_goal_doubt_and_gain(tmp_path):
     assert propose(outcome).trial is not None
     met = with_goal(outcome, Goal(shares={"X_u": 9.0}))
     assert propose(met).lines[-1] == "stop: the goal is met: X_u to 900 %"
-    met.chosen.data.attrs["alarms"] = '["the chains disagree about X_u"]'
-    assert propose(met).lines[-2:] == (
+    failed = replace(outcome.chosen, alarms=("the chains disagree about X_u",))
+    assert propose(replace(met, chosen=failed)).lines[-2:] == (
         f"first correct what failed: {met.chosen.structure.label}: the chains disagree about X_u",
         "no trial yet: a health check failed; run again once it is corrected",
     )
-    hurried = propose(outcome)
+    hurried = propose(replace(outcome, chosen=failed))
     assert hurried.trial is not None
     assert hurried.first[0].startswith("first correct what failed: ")
     assert hurried.first[0].endswith("the chains disagree about X_u")
-    met.chosen.data.attrs["alarms"] = "[]"
     shaken = tuple(replace(one, status="in doubt") for one in outcome.selection.evidences)
     selection = replace(outcome.selection, evidences=shaken, alarms=("the evidence of M-0 is not reliable",))
     choice = propose(replace(outcome, selection=selection))

@@ -22,7 +22,6 @@ from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.findings import Finding
 from seatrial.core.record import Channel, Provenance, Record, make_record
-from seatrial.core.serialise import to_plain
 from seatrial.design.sweep import Sweep
 from seatrial.estimation.prediction.baseline_comparison import Comparison, Predicted, Run, compare
 from seatrial.estimation.prediction.fit_verdict import judge_fit
@@ -100,10 +99,11 @@ def make_outcome(folder: Path, alarms: tuple[str, ...] = (), gain: float = 1.0) 
     estimates = tuple(_estimate(structure, random) for structure in campaign.structures)
     evidences = [Evidence(-3.0 * index, 0.1, "made up", {"methods": METHODS}) for index in range(len(estimates))]
     selection = select(campaign.structures, evidences, campaign.structure.optional)
-    for one in estimates:
-        own = [text.removeprefix(f"{one.structure.label}: ") for text in alarms]
-        one.data.attrs["alarms"] = json.dumps([text for text, whole in zip(own, alarms, strict=True) if text != whole])
     labels = tuple(f"{one.structure.label}: " for one in estimates)
+    estimates = tuple(
+        replace(one, alarms=tuple(text.removeprefix(label) for text in alarms if text.startswith(label)))
+        for one, label in zip(estimates, labels, strict=True)
+    )
     selection = replace(selection, alarms=tuple(text for text in alarms if not text.startswith(labels)))
     chosen, next_design = estimates[selection.chosen], _designs(campaign, gain)
     fits = tuple(
@@ -341,33 +341,17 @@ def _estimate(structure: Structure, random: np.random.Generator) -> Estimate:
             "label": ("parameter", label),
             "prior_kind": ("parameter", ["Uniform"] * len(names)),
         },
-        attrs={
-            "model_error": "± with model error: made up",
-            "model_error_causes": json.dumps(dict.fromkeys(names[::3], "a force X_u3")),
-            "model_error_findings": json.dumps(
-                to_plain(
-                    (
-                        Finding(
-                            "model-error-wide",
-                            "note",
-                            tuple(names[:1]),
-                            {"effects": (("force", "X_u3"),)},
-                            ("add-force",),
-                        ),
-                    ),
-                    tuple[Finding, ...],
-                )
-            ),
-            "left_out": "[]",
-            "tried_effects": json.dumps(["a force X_u3", "a lag of the actuator of n"]),
-            "acceptance": 0.23,
-            "laplace_log_evidence": 1.0,
-            "alarms": "[]",
-            "cautions": "[]",
-            "key": structure.label,
-        },
+        attrs={"acceptance": 0.23, "laplace_log_evidence": 1.0, "key": structure.label},
     )
-    return Estimate(structure, data)
+    cause = Finding("model-error-wide", "note", tuple(names[:1]), {"effects": (("force", "X_u3"),)}, ("add-force",))
+    return Estimate(
+        structure,
+        data,
+        model_error="± with model error: made up",
+        model_error_causes=dict.fromkeys(names[::3], "a force X_u3"),
+        model_error_findings=(cause,),
+        tried_effects=("a force X_u3", "a lag of the actuator of n"),
+    )
 
 
 def _row(estimate: Estimate, name: str) -> StoredCoefficient:

@@ -1,6 +1,5 @@
 """The page: complete in itself, safe whatever names it prints, well formed, and the same bytes for the same results."""
 
-import json
 import re
 from base64 import b64encode
 from dataclasses import replace
@@ -18,7 +17,6 @@ from seatrial.campaign.workflow.next_trial import propose
 from seatrial.cli.answer import Answer
 from seatrial.cli.commands.loop import _tell_and_report
 from seatrial.core.findings import Finding
-from seatrial.core.serialise import to_plain
 from seatrial.messages.catalogue import ENTRIES
 from seatrial.messages.render import sentences
 from seatrial.report.drawing import digits_of, moments_of
@@ -323,7 +321,7 @@ def test_a_caution_about_the_noise_is_told_once(outcome):
     fits = tuple(replace(fit, verdict=verdict) for fit in outcome.fits if not fit.held_back)
     summary = replace(outcome.summary, cautions=tuple(sentences(fit_complaints(fits))))
     noise = Finding("model-error-wide", "note", ("X_u",), {"effects": (), "differ": "blocks"}, ("better-noise",))
-    outcome.chosen.data.attrs["model_error_findings"] = json.dumps(to_plain((noise,), tuple[Finding, ...]))
+    outcome = replace(outcome, chosen=replace(outcome.chosen, model_error_findings=(noise,)))
     html = render(replace(outcome, summary=summary, fits=fits))
     assert html.lower().count("set estimation.residuals") == 1
     assert "most of the ± with model error is from blocks. Set estimation.residuals" in render(outcome)

@@ -29,7 +29,7 @@ def estimated(estimate: Any, held_back: Any, known_after: Any) -> dict[str, Any]
         "label": estimate.structure.label,
         "terms": estimate.structure.terms,
         "parameters": estimate.parameters,
-        "model_error": [estimate.wider_words, *map(sentence, estimate.wider_findings)],
+        "model_error": [estimate.model_error, *map(sentence, estimate.model_error_findings)],
         "log_evidence_laplace": float(estimate.data.attrs["laplace_log_evidence"]),
         "known": known_after.parameters,
         "symmetry": known_after.symmetry,

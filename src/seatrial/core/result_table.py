@@ -4,7 +4,7 @@ A result takes both as its own methods: `__repr__ = table_text` and `_repr_html_
 and `_repr_html_ = text_html`.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from html import escape
 from typing import TYPE_CHECKING, Protocol
 
@@ -28,6 +28,20 @@ class Tabular(Protocol):
     def summary(self) -> "DataFrame":
         """Return its numbers."""
         ...
+
+
+def aligned(rows: Iterable[Sequence[str]], left: Sequence[int] = ()) -> list[str]:
+    """Return rows of cells as lines, each column as wide as its widest cell; those at the places `left` begin at its left side."""
+    rows = list(rows)
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    places = {place % len(widths) for place in left}
+    return [
+        "  ".join(
+            cell.ljust(width) if place in places else cell.rjust(width)
+            for place, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ).rstrip()
+        for row in rows
+    ]
 
 
 def table_text(self: Tabular) -> str:

@@ -90,7 +90,7 @@ def _estimated(estimate: Estimate, shown: Shown) -> EstimatedStructure:
         estimate.structure.label,
         estimate.structure.terms,
         tuple(values),
-        estimate.wider_findings,
+        estimate.model_error_findings,
         tuple(estimate.alarms),
     )
 

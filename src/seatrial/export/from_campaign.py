@@ -165,7 +165,7 @@ def _alone(campaign: Campaign, estimate: Estimate) -> tuple[ExportedVehicle, Exp
         (
             *estimate.alarms,
             *(
-                f"{name} has a standard deviation of {wider:.3g} with model error, mostly {estimate.wider_cause(name)}"
+                f"{name} has a standard deviation of {wider:.3g} with model error, mostly {estimate.model_error_causes.get(name, '')}"
                 for name in estimate.names
                 if name in coefficients and (wider := estimate.wider(name)) is not None
             ),

@@ -1,6 +1,5 @@
 """Estimation of every candidate structure: mode, chains with checkpoints, health in words."""
 
-import json
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
@@ -25,7 +24,6 @@ from seatrial.core.dataset import Dataset
 from seatrial.core.errors import NumericalError
 from seatrial.core.findings import Finding, Message
 from seatrial.core.reporter import SILENT, Progress, Reporter
-from seatrial.core.serialise import to_plain
 from seatrial.estimation.diagnostics.identifiability import identifiability_of_fit
 from seatrial.estimation.diagnostics.prior_checks import prior_findings
 from seatrial.estimation.diagnostics.robust_errors import RobustErrors, robust_errors
@@ -104,7 +102,7 @@ def estimate_all(campaign: Campaign, trials: Trials, reporter: Reporter = SILENT
                 save_checkpoint(checkpoint, checkpoint_keys[structure], result.run)
                 shown[index](result.done, result.total)
                 return result
-            kept[structure].write(Estimate(structure, result.data))
+            kept[structure].write(result.estimate)
             checkpoint.unlink(missing_ok=True)
             shown[index](1, 1)
             return None
@@ -142,9 +140,9 @@ class _Unended(NamedTuple):
 
 
 class _Ended(NamedTuple):
-    """The posterior of a structure, as it is stored."""
+    """The posterior of a structure."""
 
-    data: Dataset
+    estimate: Estimate
 
 
 def _advance(study: Study, item: _Begun | _Unended, report: Progress) -> _Ended | _Unended:
@@ -173,7 +171,7 @@ def _advance(study: Study, item: _Begun | _Unended, report: Progress) -> _Ended 
     doubts = long_steps(posterior, mode, study.records)
     mode = mode.only(posterior.places)
     missing = left_out(posterior, structure, robust.omitted)
-    return _Ended(_dataset(posterior, mode, robust, missing, draws, campaign.hull.trim, doubts))
+    return _Ended(_estimate(structure, posterior, mode, robust, missing, draws, campaign.hull.trim, doubts))
 
 
 def _enough(target: Target, sampler: Sampler, run: ChainRun, table: EstimationTable) -> Draws | None:
@@ -198,7 +196,8 @@ def _prepare(
     return posterior, mode, robust_errors(posterior, mode), *uncouple(posterior, mode)
 
 
-def _dataset(
+def _estimate(
+    structure: Structure,
     posterior: Posterior,
     mode: Mode,
     robust: RobustErrors,
@@ -206,7 +205,7 @@ def _dataset(
     draws: Draws,
     at: Mapping[str, float],
     doubts: Sequence[Message],
-) -> Dataset:
+) -> Estimate:
     values = draws.values
     health = diagnose(values)
     parameters, names = posterior.present_parameters, posterior.present_names
@@ -234,7 +233,7 @@ def _dataset(
         "geweke": health.geweke,
         "mcse": health.mcse,
     }
-    return Dataset(
+    data = Dataset(
         {
             "draws": (("chain", "draw", "parameter"), values),
             "log_density": (("chain", "draw"), draws.log_density),
@@ -248,20 +247,19 @@ def _dataset(
             "label": ("parameter", [p.label for p in parameters]),
             "prior_kind": ("parameter", [type(p.prior).__name__ for p in parameters]),
         },
-        attrs={
-            "model_error": model_error_text(robust),
-            "model_error_causes": json.dumps(causes_of(robust, wide)),
-            "model_error_findings": json.dumps(
-                to_plain(tuple(findings_of(posterior, robust, wide)), tuple[Finding, ...])
-            ),
-            "tried_effects": json.dumps(tried_effects(robust.omitted)),
-            "left_out": json.dumps(to_plain(missing, tuple[Finding, ...])),
-            "acceptance": draws.acceptance,
-            "laplace_log_evidence": mode.log_evidence,
-            "alarms": json.dumps(complaints(names, health) + complaints_of_draws(draws)),
-            "cautions": json.dumps(to_plain(tuple(cautions), tuple[Message, ...])),
-            "at_bounds": json.dumps(sentences(mode.at_bounds)),
-        },
+        attrs={"acceptance": draws.acceptance, "laplace_log_evidence": mode.log_evidence},
+    )
+    return Estimate(
+        structure,
+        data,
+        alarms=(*complaints(names, health), *complaints_of_draws(draws)),
+        cautions=tuple(cautions),
+        at_bounds=tuple(sentences(mode.at_bounds)),
+        left_out=missing,
+        model_error=model_error_text(robust),
+        model_error_causes=causes_of(robust, wide),
+        model_error_findings=tuple(findings_of(posterior, robust, wide)),
+        tried_effects=tried_effects(robust.omitted),
     )
 
 

@@ -5,6 +5,7 @@ import numpy as np
 from seatrial.campaign.prior.predictive import LEVELS, MOST, Believed, PriorPredictive, most_have
 from seatrial.core.display_units import Shown, listed, shown_unit
 from seatrial.core.normal import Z90
+from seatrial.core.result_table import aligned
 
 SOME = 0.01
 """Share of draws without a motion above which a prior is to be mended."""
@@ -21,19 +22,7 @@ def prior_lines(found: PriorPredictive, shown: Shown) -> list[str]:
     what, named = ("largest value in the trial", True) if found.settled is None else ("steady speed", False)
     rows = [_row(item, *shown(item.name, item.unit), named) for item in found.believed]
     heads = ("prior", "5 %", "50 %", "95 %", "unit", f"{what} if only this prior varies")
-    widths = [max(map(len, column)) for column in zip(heads, *rows, strict=True)]
-    table = [
-        "  ".join(
-            [
-                row[0].ljust(widths[0]),
-                *(text.rjust(width) for text, width in zip(row[1:4], widths[1:4], strict=True)),
-                row[4].ljust(widths[4]),
-                row[5],
-            ]
-        ).rstrip()
-        for row in (heads, *rows)
-    ]
-    return [*table, *prior_summary(found)]
+    return [*aligned((heads, *rows), left=(0, 4, 5)), *prior_summary(found)]
 
 
 def prior_summary(found: PriorPredictive) -> list[str]:

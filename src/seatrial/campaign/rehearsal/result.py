@@ -10,6 +10,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.special import betaincinv
 
 from seatrial.core.dataset import Dataset
+from seatrial.core.result_table import aligned
 
 ADAPTIVE = "adaptive"
 WITHIN = 1.64
@@ -135,13 +136,8 @@ class Rehearsal:
     def lines(self) -> list[str]:
         """A table of the strategies, and what was found in words."""
         heads = ("", "trials", "never met", "adaptive saves", "truth within 1.64 sd", *self.coefficients)
-        rows = [heads] + [self._row(name) for name in self.strategies]
-        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-        said = ["  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)) for row in rows]
-        said.append(
-            f"columns of coefficients: median sd at the end, SI; {self.vehicles} vehicles, {self._most} at most"
-        )
-        return [*said, *self.verdicts()]
+        note = f"columns of coefficients: median sd at the end, SI; {self.vehicles} vehicles, {self._most} at most"
+        return [*aligned([heads, *map(self._row, self.strategies)]), note, *self.verdicts()]
 
     def verdicts(self) -> list[str]:
         """One sentence for each strategy that the adaptive one is compared with, and one about those that never met the goal."""

@@ -21,6 +21,7 @@ from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.campaign.store.structures import NestedPair, StoredCriteria
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.reporter import SILENT, Progress, Reporter, no_progress, run_side_by_side
+from seatrial.core.result_table import aligned
 from seatrial.estimation.posterior.mode import find_mode
 from seatrial.estimation.posterior.pointwise import pointwise_log_likelihood, thin_draws
 from seatrial.estimation.posterior.posterior import Posterior
@@ -298,15 +299,7 @@ def criteria_lines(found: Sequence[Criteria]) -> list[str]:
                 k_hat = one.predictive[name].k_hat if name in one.predictive else np.empty(0)
                 row.append(f"{k_hat.max():.2f}" if k_hat.size else "-")
         rows.append([*row, " ".join(one.structure.terms)])
-    widths = [max(map(len, column)) for column in zip(heads, *rows, strict=True)]
-    last = len(heads) - 1
-    lines = [
-        "  ".join(
-            text.ljust(width) if i in (0, last) else text.rjust(width)
-            for i, (text, width) in enumerate(zip(row, widths, strict=True))
-        ).rstrip()
-        for row in (heads, *rows)
-    ]
+    lines = aligned((heads, *rows), left=(0, -1))
     return ["differences to the best, lower is better", *lines, *_apart(found, table), WHY]
 
 

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from pydantic import computed_field
 
+from seatrial.core.result_table import aligned
+
 CLEAR, SMALL = 2.0, 4.0
 """Standard errors, and nats, beyond which a difference is one: below four nats the standard error itself is unreliable (Sivula,
 Magnusson and Vehtari 2020)."""
@@ -192,7 +194,7 @@ class CrossValidation:
             "differences to the best: log predictive density of the runs left out, nats, ± the standard error over runs"
         )
         added = [] if self.recommended is None else [f"    {line}" for line in self.recommended.lines]
-        return [*self.headline(), *added, note, *self._table(), *self._added()]
+        return [*self.headline(), *added, note, *aligned([self.heads(), *self.rows()], left=(0, 1, -1)), *self._added()]
 
     @property
     def alarms(self) -> list[str]:
@@ -248,18 +250,6 @@ class CrossValidation:
         """Whether the bands of what the evidence prefers hold on runs left out."""
         chosen = max(self.own, key=lambda one: one.log_evidence)
         return [f"{chosen.name}, each run left out in turn: {one.level}; {one.reason}" for one in chosen.channels]
-
-    def _table(self) -> list[str]:
-        rows = [self.heads(), *self.rows()]
-        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-        last = len(widths) - 1
-        return [
-            "  ".join(
-                text.ljust(width) if i in (0, 1, last) else text.rjust(width)
-                for i, (text, width) in enumerate(zip(row, widths, strict=True))
-            ).rstrip()
-            for row in rows
-        ]
 
     def _added(self) -> list[str]:
         """Priors that were derived from the data, of each model of the error once."""

@@ -1,8 +1,7 @@
 """Stored results about parameters: posteriors, what is known of each parameter, what a model lacks, profiles."""
 
-import json
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -11,8 +10,7 @@ from seatrial.core.coefficients import is_coefficient
 from seatrial.core.dataset import Dataset
 from seatrial.core.display_units import Shown, listed, measured, percent
 from seatrial.core.findings import Finding, Message
-from seatrial.core.result_table import table_html, table_text
-from seatrial.core.serialise import from_plain
+from seatrial.core.result_table import aligned, table_html, table_text
 from seatrial.messages.render import sentences
 from seatrial.selection.structures import Structure
 
@@ -107,10 +105,26 @@ class Estimate:
     Attributes:
         structure: which terms.
         data: the stored dataset.
+        alarms: what makes the draws unfit for use.
+        cautions: what a reader must know.
+        at_bounds: which parameters have their mode at a bound of their prior.
+        left_out: effects that the structure lacks and its coefficients hide, the most harmful first.
+        model_error: what the standard deviations with model error are made of, or why there are none.
+        model_error_causes: what makes most of each of them, in words, by parameter.
+        model_error_findings: which of them have which cause, and how to get rid of it.
+        tried_effects: effects that the structure may lack and that were looked for, in words.
     """
 
     structure: Structure
     data: Dataset
+    alarms: tuple[str, ...] = ()
+    cautions: tuple[Message, ...] = ()
+    at_bounds: tuple[str, ...] = ()
+    left_out: tuple[Finding, ...] = ()
+    model_error: str = ""
+    model_error_causes: Mapping[str, str] = field(default_factory=dict)
+    model_error_findings: tuple[Finding, ...] = ()
+    tried_effects: tuple[str, ...] = ()
 
     @property
     def key(self) -> str:
@@ -121,26 +135,6 @@ class Estimate:
     def names(self) -> tuple[str, ...]:
         """Names of the parameters."""
         return tuple(str(name) for name in self.data["parameter"].values)
-
-    @property
-    def alarms(self) -> list[str]:
-        """What makes the draws unfit for use."""
-        return json.loads(self.data.attrs["alarms"])
-
-    @property
-    def cautions(self) -> tuple[Message, ...]:
-        """What a reader must know."""
-        return from_plain(tuple[Message, ...], json.loads(self.data.attrs["cautions"]))
-
-    @property
-    def at_bounds(self) -> list[str]:
-        """Which parameters have their mode at a bound of their prior."""
-        return json.loads(self.data.attrs["at_bounds"])
-
-    @property
-    def left_out(self) -> tuple[Finding, ...]:
-        """Effects that the structure lacks and its coefficients hide, the most harmful first."""
-        return from_plain(tuple[Finding, ...], json.loads(self.data.attrs["left_out"]))
 
     def draws(self, names: Sequence[str] | None = None) -> np.ndarray:
         """Draws of the named parameters, SI, all chains together, shape (n, k)."""
@@ -161,21 +155,8 @@ class Estimate:
 
     def _parameter(self, name: str) -> StoredCoefficient:
         row, (lower, upper) = self.data.sel(parameter=name), self.interval(name)
-        numbers = {
-            key: float(row[key])
-            for key in (
-                "mean",
-                "sd",
-                "mcse",
-                "mode",
-                "prior_mean",
-                "prior_sd",
-                "r_hat",
-                "ess_bulk",
-                "ess_tail",
-                "geweke",
-            )
-        }
+        stored = ("mean", "sd", "mcse", "mode", "prior_mean", "prior_sd", "r_hat", "ess_bulk", "ess_tail", "geweke")
+        numbers = {key: float(row[key]) for key in stored}
         return StoredCoefficient(
             name=name,
             unit=str(row["unit"].values),
@@ -222,22 +203,7 @@ class Estimate:
 
     def wider_cause(self, name: str) -> str:
         """What makes most of it, in words; empty where there is none."""
-        return json.loads(self.data.attrs["model_error_causes"]).get(name, "")
-
-    @property
-    def wider_words(self) -> str:
-        """What these standard deviations are made of, or why there are none."""
-        return self.data.attrs["model_error"]
-
-    @property
-    def tried_effects(self) -> tuple[str, ...]:
-        """Effects that the structure may lack and that were looked for, in words."""
-        return tuple(json.loads(self.data.attrs["tried_effects"]))
-
-    @property
-    def wider_findings(self) -> tuple[Finding, ...]:
-        """Which of them have which cause, and how to get rid of it."""
-        return from_plain(tuple[Finding, ...], json.loads(self.data.attrs["model_error_findings"]))
+        return self.model_error_causes.get(name, "")
 
     def own_values(self) -> list[tuple[str, str, float, float, str]]:
         """Of each value that varies between trials: its name, the trial, its mean, standard deviation and SI unit."""
@@ -383,14 +349,7 @@ class Known:
             for factor, unit in [shown(item.name, item.unit)]
         ]
         heads = ("", *(["expected"] if before else []), "known to", "prior sd left", "strongest correlation")
-        widths = [max(map(len, column)) for column in zip(heads, *rows, strict=True)]
-        said = [
-            "  ".join(
-                text.ljust(width) if i in (0, len(heads) - 1) else text.rjust(width)
-                for i, (text, width) in enumerate(zip(row, widths, strict=True))
-            ).rstrip()
-            for row in (heads, *rows)
-        ]
+        said = aligned((heads, *rows), left=(0, -1))
         if len(self.directions) > 1:
             said.append(f"the combination known best, one standard error of the data: {self.directions[0].words}")
             said.append(f"the combination known least: {self.directions[-1].words}")

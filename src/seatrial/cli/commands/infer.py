@@ -170,8 +170,10 @@ def _by_chains(campaign: Any, reporter: Any, answer: Answer) -> Exit:
             row = item.data.sel(parameter=name)
             factor, unit = campaign.shown(name, str(row["unit"].values))
             numbers = f"{factor * float(row['mean']):>12.5g} ± {factor * float(row['sd']):<10.3g} {unit}"
-            answer.say(f"  {name:<16} {numbers}{with_model_error(item.wider(name), item.wider_cause(name), factor)}")
-        for line in (item.wider_words, *map(sentence, item.wider_findings)):
+            answer.say(
+                f"  {name:<16} {numbers}{with_model_error(item.wider(name), item.model_error_causes.get(name, ''), factor)}"
+            )
+        for line in (item.model_error, *map(sentence, item.model_error_findings)):
             answer.say(f"  {line}")
         for name, label, mean, sd, si in item.own_values():
             factor, unit = campaign.shown(name, si)

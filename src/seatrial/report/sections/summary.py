@@ -76,7 +76,7 @@ def summary_section(outcome: Outcome) -> dict[str, Any]:
         "has_truth": bool(truth_of(outcome)),
         "taken_as_exact": sentence_of(outcome, text) if (text := taken_as_exact(outcome.campaign)) else "",
         "unit_mass": outcome.campaign.hull.mass is None,
-        "wider": sentence_of(outcome, outcome.chosen.wider_words),
+        "wider": sentence_of(outcome, outcome.chosen.model_error),
         "wider_findings": [sentence_of(outcome, sentence(one)) for one in outcome.wider_findings],
         "has_wider": any(row["wider"] for row in (*rows, *others)),
         "models": _models(outcome),
