@@ -1,10 +1,10 @@
 """Other models of what the vehicle's equations leave over, as small changes of a campaign, each with the lines that make it in its file.
 
 What a change needs and the campaign does not say, a prior, is derived from the size of what was measured and of what was estimated, and
-is told with the result. To add a model of the error, write the function that changes a campaign and add it to `ERROR_MODELS`.
+is told with the result. To add a model of the error, add it to `error_models`.
 """
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -17,6 +17,7 @@ from seatrial.core.record import Record
 from seatrial.core.signals import RATES, signal_unit
 from seatrial.estimation.posterior.filter_error import process_name
 from seatrial.estimation.posterior.output_error import spread_name
+from seatrial.estimation.priors import Prior
 from seatrial.estimation.simulation.disturbance import AXES, disturbance_name, disturbance_time_name
 from seatrial.estimation.simulation.sensor_errors import correlation_name, drift_name, drift_time_name
 from seatrial.selection.structures import Structure
@@ -30,9 +31,6 @@ LONGEST = 3.0
 """Longest memory of an error that drifts, over the length of a run: of a longer one a run sees an offset."""
 MOST_VARYING = 3
 """Coefficients that all vary: each run's own are integrated out for every draw, which for four takes a quarter of an hour."""
-
-FILTERED = {"likelihood": "filter-error", "residuals": "white"}
-"""Keys of `[estimation]` for random forces, which a filter integrates out; it knows no sensor that answers late."""
 
 
 @dataclass(frozen=True)
@@ -105,9 +103,54 @@ def scale_of(
 
 def error_models(campaign: Campaign, structure: Structure, scale: Scale) -> list[ErrorModel]:
     """Return the other models of the error that a campaign can have for one structure, without what it has already."""
-    model = campaign.model(structure)
-    found = [make(campaign, model, scale) for make in ERROR_MODELS]
-    return [one for one in found if one is not None]
+    model, estimation, channels = campaign.model(structure), campaign.estimation, campaign.channels
+    is_output_error, sensors = estimation.likelihood == "output-error", campaign.sensor_models
+    interval, duration = scale.interval, scale.duration
+    drifts = {}
+    for channel in channels:
+        drifts[drift_name(channel)] = _size(scale.sizes[channel])
+        drifts[drift_time_name(channel)] = _log_uniform(interval, LONGEST * duration)
+    times = {correlation_name(channel): _log_uniform(0.5 * interval, 0.5 * duration) for channel in channels}
+    residuals = {
+        "white": ("independent errors of each sample", {}),
+        "coloured": ("errors correlated in time", times),
+        "drifting": ("white noise over an error that drifts", drifts),
+        "heavy": ("independent errors with outliers", {}),
+    }
+    models = [
+        ErrorModel(
+            kind, words, ({} if is_output_error else {"likelihood": "output-error"}) | {"residuals": kind}, tables
+        )
+        for kind, (words, tables) in residuals.items()
+        if not is_output_error or {sensor.noise for sensor in sensors} != {kind}
+    ]
+    # Random forces are integrated out by a filter, which does not know sensors that answer late.
+    filtered, is_late = {"likelihood": "filter-error", "residuals": "white"}, any(sensor.lag for sensor in sensors)
+    if estimation.likelihood != "filter-error" and not is_late:
+        tables = {process_name(state): _size(scale.sizes.get(state, 1.0)) for state in model.states}
+        models.append(ErrorModel("process noise", "random forces on every state", filtered, tables))
+    axes = model.disturbance_axes
+    if axes and not is_late and not any(disturbance_name(axis) in campaign.priors for axis in axes):
+        tables = {}
+        for axis in axes:
+            tables[disturbance_name(axis)] = _size(scale.forces[axis])
+            tables[disturbance_time_name(axis)] = _log_uniform(interval, 0.5 * duration)
+        models.append(ErrorModel("disturbance", "a force correlated in time", filtered, tables))
+    names = [term.text for term in model.coefficients]
+    offsets = [name for name in names if name.endswith("_0")]
+    for name, words, chosen in (
+        ("offset of each run", "a constant force that differs from run to run", offsets),
+        ("all vary by run", "coefficients that differ from run to run", names if len(names) <= MOST_VARYING else []),
+    ):
+        added = [one for one in chosen if one in scale.coefficients]
+        if not set(added) <= set(estimation.varying):
+            tables = {spread_name(one): _spread(one, scale, campaign.prior) for one in added}
+            together = tuple(dict.fromkeys([*estimation.varying, *added]))
+            models.append(ErrorModel(name, words, {"varying": together}, tables))
+    return [
+        replace(one, priors={name: table for name, table in one.priors.items() if name not in campaign.priors})
+        for one in models
+    ]
 
 
 def with_error_model(campaign: Campaign, structure: Structure, error: ErrorModel) -> Campaign:
@@ -130,123 +173,20 @@ def with_error_model(campaign: Campaign, structure: Structure, error: ErrorModel
     return replace(campaign, estimation=settings, sensors=sensors, priors=kept | added)
 
 
-def _white(campaign: Campaign, model: VehicleModel, scale: Scale) -> ErrorModel | None:
-    """Independent errors of each sample."""
-    return _residuals(campaign, "white", "independent errors of each sample", {})
+def _spread(name: str, scale: Scale, prior: Callable[[str], Prior]) -> dict[str, Any]:
+    """Return the prior of how far runs differ in a coefficient."""
+    value, sd = scale.coefficients[name]
+    # A constant force is near zero, and its size says nothing of how far runs differ: what its prior allows does.
+    size = float(prior(name).sd) if name.endswith("_0") else max(SHARE * abs(value), sd)
+    return {"distribution": "half-normal", "scale": _round(size), "lower": 0.0}
 
 
-def _coloured(campaign: Campaign, model: VehicleModel, scale: Scale) -> ErrorModel | None:
-    """Errors that are slow in every channel."""
-    table = {
-        "distribution": "log-uniform",
-        "lower": _round(0.5 * scale.interval),
-        "upper": _round(0.5 * scale.duration),
-    }
-    names = [correlation_name(channel) for channel in campaign.channels]
-    return _residuals(campaign, "coloured", "errors correlated in time", dict.fromkeys(names, table))
+def _size(size: float) -> dict[str, Any]:
+    return _log_uniform(SMALLEST * size, size)
 
 
-def _drifting(campaign: Campaign, model: VehicleModel, scale: Scale) -> ErrorModel | None:
-    """White noise over an error that may be as slow as a run is long."""
-    tables = {}
-    for channel in campaign.channels:
-        tables[drift_name(channel)] = _log_uniform(scale.sizes[channel])
-        tables[drift_time_name(channel)] = {
-            "distribution": "log-uniform",
-            "lower": _round(scale.interval),
-            "upper": _round(LONGEST * scale.duration),
-        }
-    return _residuals(campaign, "drifting", "white noise over an error that drifts", tables)
-
-
-def _heavy(campaign: Campaign, model: VehicleModel, scale: Scale) -> ErrorModel | None:
-    """Errors of Student's t."""
-    return _residuals(campaign, "heavy", "independent errors with outliers", {})
-
-
-def _process(campaign: Campaign, model: VehicleModel, scale: Scale) -> ErrorModel | None:
-    """Pushes that the motion remembers, on every state."""
-    if campaign.estimation.likelihood == "filter-error" or any(sensor.lag for sensor in campaign.sensor_models):
-        return None
-    tables = {process_name(state): _log_uniform(scale.sizes.get(state, 1.0)) for state in model.states}
-    return ErrorModel("process noise", "random forces on every state", FILTERED, _missing(campaign.priors, tables))
-
-
-def _disturbed(campaign: Campaign, model: VehicleModel, scale: Scale) -> ErrorModel | None:
-    """A force with a memory on every axis."""
-    if (
-        any(disturbance_name(axis) in campaign.priors for axis in model.disturbance_axes)
-        or not model.disturbance_axes
-        or any(sensor.lag for sensor in campaign.sensor_models)
-    ):
-        return None
-    tables = {}
-    for axis in model.disturbance_axes:
-        tables[disturbance_name(axis)] = _log_uniform(scale.forces[axis])
-        tables[disturbance_time_name(axis)] = {
-            "distribution": "log-uniform",
-            "lower": _round(scale.interval),
-            "upper": _round(0.5 * scale.duration),
-        }
-    return ErrorModel("disturbance", "a force correlated in time", FILTERED, _missing(campaign.priors, tables))
-
-
-def _offset(campaign: Campaign, model: VehicleModel, scale: Scale) -> ErrorModel | None:
-    """A constant force that each run has of its own."""
-    names = [term.text for term in model.coefficients if term.text.endswith("_0")]
-    return _varying(campaign, scale, "offset of each run", "a constant force that differs from run to run", names)
-
-
-def _all_varying(campaign: Campaign, model: VehicleModel, scale: Scale) -> ErrorModel | None:
-    """Every coefficient with a spread between runs, where they are few."""
-    names = [term.text for term in model.coefficients]
-    if len(names) > MOST_VARYING:
-        return None
-    return _varying(campaign, scale, "all vary by run", "coefficients that differ from run to run", names)
-
-
-ERROR_MODELS: tuple[Callable[[Campaign, VehicleModel, Scale], ErrorModel | None], ...] = (
-    _white,
-    _coloured,
-    _drifting,
-    _heavy,
-    _process,
-    _disturbed,
-    _offset,
-    _all_varying,
-)
-"""Each returns its change of a campaign, None where the campaign has it already or cannot have it."""
-
-
-def _residuals(campaign: Campaign, kind: str, words: str, tables: Mapping[str, Mapping[str, Any]]) -> ErrorModel | None:
-    kinds = {sensor.noise for sensor in campaign.sensor_models}
-    if campaign.estimation.likelihood == "output-error" and kinds == {kind}:
-        return None
-    changed = {"likelihood": "output-error"} if campaign.estimation.likelihood != "output-error" else {}
-    return ErrorModel(kind, words, {**changed, "residuals": kind}, _missing(campaign.priors, tables))
-
-
-def _varying(campaign: Campaign, scale: Scale, name: str, words: str, names: Sequence[str]) -> ErrorModel | None:
-    added = [one for one in names if one in scale.coefficients]
-    if not added or set(added) <= set(campaign.estimation.varying):
-        return None
-    tables = {}
-    for one in added:
-        value, sd = scale.coefficients[one]
-        # A constant force is near zero, and its size says nothing of how far runs differ: what its prior allows does.
-        size = float(campaign.prior(one).sd) if one.endswith("_0") else max(SHARE * abs(value), sd)
-        tables[spread_name(one)] = {"distribution": "half-normal", "scale": _round(size), "lower": 0.0}
-    together = tuple(dict.fromkeys([*campaign.estimation.varying, *added]))
-    return ErrorModel(name, words, {"varying": together}, _missing(campaign.priors, tables))
-
-
-def _missing(priors: Collection[str], tables: Mapping[str, Mapping[str, Any]]) -> dict[str, Mapping[str, Any]]:
-    """Return the tables of what has no prior yet."""
-    return {name: table for name, table in tables.items() if name not in priors}
-
-
-def _log_uniform(size: float) -> dict[str, Any]:
-    return {"distribution": "log-uniform", "lower": _round(SMALLEST * size), "upper": _round(size)}
+def _log_uniform(lower: float, upper: float) -> dict[str, Any]:
+    return {"distribution": "log-uniform", "lower": _round(lower), "upper": _round(upper)}
 
 
 def _force(model: VehicleModel, axis: str, sizes: Mapping[str, float], values: Mapping[str, float]) -> float:
