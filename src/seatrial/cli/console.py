@@ -51,11 +51,11 @@ class ConsoleReporter:
         shown = self._shown(visible(title))
         if self.also is None:
             return shown
-        told = self.also(title)
+        words = self.also(title)
 
         def both(done: int, total: int, seconds: float | None = None, /) -> None:
             shown(done, total, seconds)
-            told(done, total, seconds)
+            words(done, total, seconds)
 
         return both
 

@@ -54,13 +54,13 @@ def first_answer(one: Any) -> dict[str, Any]:
         for way, (value, sd) in zip(by, pairs, strict=False)
     ]
     held_back = [] if one.held_back is None else fits(one.held_back.fits)
-    told = {
+    answer = {
         "values": values,
         "model_error": one.wider_words,
         "log_evidence_laplace": one.log_evidence,
         "held_back": held_back,
     }
-    return {"label": one.structure.label, "terms": one.structure.terms, "symmetry": one.symmetry, **told}
+    return {"label": one.structure.label, "terms": one.structure.terms, "symmetry": one.symmetry, **answer}
 
 
 def selected(selection: Any) -> dict[str, Any]:
@@ -277,18 +277,18 @@ def exported(statement: Any) -> dict[str, Any]:
     from seatrial.core.coefficients import CoefficientName
 
     loss = [{"velocity": one.rate, "unit": one.unit, "largest": one.largest} for one in statement.loss]
-    found = statement.estimated
+    result = statement.estimated
 
     def unit(name: str) -> str:
         return CoefficientName.parse(name).unit
 
     coefficients = [
-        {"name": name, "unit": unit(name), "mean": mean, "sd": sd, "model_error_sd": found.model_error_sd.get(name)}
-        for name, mean, sd in zip(found.names, found.mean, found.sd, strict=True)
+        {"name": name, "unit": unit(name), "mean": mean, "sd": sd, "model_error_sd": result.model_error_sd.get(name)}
+        for name, mean, sd in zip(result.names, result.mean, result.sd, strict=True)
     ]
-    averaged = [picked(one, shapes.ExportedAverage, unit=unit(one.name)) for one in found.averaged]
-    told = {"coefficients": coefficients, "averaged": averaged, "quoted": found.quoted}
-    return {"target": statement.target, **told, "loss": loss}
+    averaged = [picked(one, shapes.ExportedAverage, unit=unit(one.name)) for one in result.averaged]
+    values = {"coefficients": coefficients, "averaged": averaged, "quoted": result.quoted}
+    return {"target": statement.target, **values, "loss": loss}
 
 
 def scores(result: Any) -> dict[str, Any]:
@@ -303,8 +303,8 @@ def scores(result: Any) -> dict[str, Any]:
             diverging=score.failed,
         )
         for entry in result.entries
-        for task, found in entry.pooled.items()
-        for score in found
+        for task, channel_scores in entry.pooled.items()
+        for score in channel_scores
     ]
     return {"set": result.set.name, "scores": rows, "not_beaten": result.beaten()}
 

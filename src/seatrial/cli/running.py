@@ -108,8 +108,8 @@ def _answered(home: Path, reporter: Any, work: Work, asked: typer.Context, also:
         text = file.read_text(encoding="utf-8", errors="replace") if is_there(file) else ""
         keys = {name: key_of_answer(home, text, {"command": name, **options}) for name in (command, also)}
         for name, key in keys.items():
-            if (said := recall(Store(home).answer(name), key)) is not None:
-                return answer.repeat(said)
+            if (kept := recall(Store(home).answer(name), key)) is not None:
+                return answer.repeat(kept)
         code = _worked(home, reporter, work, answer)
     keep(Store(home).answer(command), keys[command], answer.kept(code), seen)
     return code

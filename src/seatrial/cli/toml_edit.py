@@ -29,16 +29,16 @@ class Section(NamedTuple):
 
 def sections_of(text: str) -> list[Section]:
     """Divide a TOML file into its tables; their texts joined are the file."""
-    found, name, lines = [], "", []
+    sections, name, lines = [], "", []
     for line in text.splitlines(keepends=True):
         if path := _path_of(line):
             above = len(lines)
             while above and lines[above - 1].lstrip().startswith("#"):
                 above -= 1
-            found.append(Section(name, "".join(lines[:above])))
+            sections.append(Section(name, "".join(lines[:above])))
             name, lines = dotted(*path), lines[above:]
         lines.append(line)
-    return [*found, Section(name, "".join(lines))]
+    return [*sections, Section(name, "".join(lines))]
 
 
 def dotted(*path: str) -> str:
@@ -48,15 +48,15 @@ def dotted(*path: str) -> str:
 
 def _path_of(header: str) -> list[str]:
     """Return the parts of the name of a table that a line begins; none where it begins none."""
-    found: Any = {}
+    content: Any = {}
     if header.lstrip().startswith("["):
         with suppress(tomllib.TOMLDecodeError):
-            found = tomllib.loads(header)
+            content = tomllib.loads(header)
     path = []
-    while found:
-        ((name, inside),) = found.items()
+    while content:
+        ((name, inside),) = content.items()
         path.append(name)
-        found = inside[0] if isinstance(inside, list) else inside
+        content = inside[0] if isinstance(inside, list) else inside
     return path
 
 

@@ -257,10 +257,10 @@ class Campaign:
         """
         assumed = assumed_unknowns(self.estimation, model, self.priors)
         every = unknowns_of(model, self.sensor_models, assumed, self.noise)[len(model.coefficients) :]
-        found = [(one, prior) for one in every if (prior := self.priors.get(one.name, one.default)) is not None]
+        unknowns = [(one, prior) for one in every if (prior := self.priors.get(one.name, one.default)) is not None]
         if missing := [one for one in every if one.name not in self.priors and one.default is None]:
             raise no_unknown_prior(self.where, missing)
-        return found
+        return unknowns
 
     @property
     def is_simulated(self) -> bool:

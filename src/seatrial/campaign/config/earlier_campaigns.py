@@ -43,31 +43,31 @@ def found_before(folder: Path, table: VehicleTable, keys: FileKeys) -> Found:
     Raises:
         InputError: an earlier campaign that is not there or has no results, or one of another trim.
     """
-    found: dict[str, tuple[float, float]] = {}
+    estimates: dict[str, tuple[float, float]] = {}
     where = keys.where("vehicle.priors_from")
     for item in table.priors_from:
         earlier = _earlier(folder, item, where)
         if any(CoefficientName.parse(name).trim_signals for name in earlier.terms):
             _check_trim(find(folder, str(Path(item) / FILE_NAME), where), earlier.terms, table, where)
-        found |= {n: pair for n, pair in earlier.found.items() if n in earlier.terms or UNKNOWN.fullmatch(n)}
-    return found
+        estimates |= {n: pair for n, pair in earlier.found.items() if n in earlier.terms or UNKNOWN.fullmatch(n)}
+    return estimates
 
 
 def lost_correlations(campaign: Campaign) -> list[str]:
     """Say which priors were taken from an earlier campaign that found them strongly correlated, and what that does."""
-    said = []
+    lines = []
     for item in campaign.priors_from:
         earlier = _earlier(campaign.folder, item, campaign.where("vehicle.priors_from"))
         taken = {
             n for n, (mean, _) in earlier.found.items() if n in campaign.priors and campaign.priors[n].mean == mean
         }
-        said += [
+        lines += [
             f"priors_from {item}: {first} and {second} were found with a correlation of {r:+.2f}, and their priors here have none: the "
             "combination that was known best is less certain here than it was; if that matters, fit both records in one campaign"
             for first, second, r in earlier.correlated
             if {first, second} <= taken
         ]
-    return said
+    return lines
 
 
 class _Earlier(NamedTuple):

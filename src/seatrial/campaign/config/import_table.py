@@ -339,7 +339,7 @@ def read_imports(table: ImportTable, keys: FileKeys, known: Sequence[str], laws:
         if run not in runs:
             raise not_among(keys.where(key), run, runs, found=f'run "{run}"')
     keep = tuple(_keep(one, keys, f"import.keep[{index}]") for index, one in enumerate(table.keep))
-    found = Imports(
+    imports = Imports(
         tuple(table.fit),
         tuple(table.predict),
         files,
@@ -351,7 +351,7 @@ def read_imports(table: ImportTable, keys: FileKeys, known: Sequence[str], laws:
         keep,
     )
     for run in runs if files else ():
-        if not found.of(run):
+        if not imports.of(run):
             raise InputError(
                 keys.where("import.files"),
                 found=f'no log of run "{run}": `runs` of each names others',
@@ -359,8 +359,8 @@ def read_imports(table: ImportTable, keys: FileKeys, known: Sequence[str], laws:
                 remedy=f'add "{run}" to `runs` of its logs, or leave `runs` out of logs that every run has',
             )
     if files:
-        _check_counted_once(found, keys)
-    return found
+        _check_counted_once(imports, keys)
+    return imports
 
 
 def _check_counted_once(imports: Imports, keys: FileKeys) -> None:
@@ -416,21 +416,21 @@ def _ends(table: ImportTable, keys: FileKeys, run: str) -> dict[str, float]:
     Raises:
         InputError: before the beginning of the record, or an end that is not after the start.
     """
-    found: dict[str, float] = {}
+    ends: dict[str, float] = {}
     for name in ("start", "end"):
         own = getattr(table.trim.get(run), name, None)
         value, key = (getattr(table, name), f"import.{name}") if own is None else (own, f"import.trim.{run}.{name}")
         if value is not None:
-            found[name] = value
-            if found[name] < 0 or (name == "end" and found[name] <= found.get("start", 0.0)):
+            ends[name] = value
+            if ends[name] < 0 or (name == "end" and ends[name] <= ends.get("start", 0.0)):
                 raise InputError(
                     keys.where(key),
                     found=f"{value:g} s"
-                    + (f", with a start at {found['start']:g} s" if name == "end" and "start" in found else ""),
+                    + (f", with a start at {ends['start']:g} s" if name == "end" and "start" in ends else ""),
                     expected="0 s or more, and an end after the start",
                     remedy="count from the beginning of the record",
                 )
-    return found
+    return ends
 
 
 def _file(file: FileTable, keys: FileKeys, key: str, known: Sequence[str], laws: Mapping[str, ThrustLaw]) -> LogFile:

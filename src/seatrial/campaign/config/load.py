@@ -80,19 +80,19 @@ def check_text(folder: Path, text: str) -> Campaign:
 def _campaign(file: CampaignFile, keys: FileKeys) -> Campaign:
     """Everything in SI, so that mistakes are found before any work is done."""
     folder, priors_from = keys.path.parent, tuple(file.vehicle.priors_from)
-    found = found_before(folder, file.vehicle, keys)
+    earlier = found_before(folder, file.vehicle, keys)
     with located(keys.where("structure")):
         rules = file.structure.compiled()
     terms = rules.always + rules.optional
     angles = tuple(angle for angle in ANGLES if angle in (*measured_angles(file.sensors, file.mounts), *file.limits))
-    table = with_attitude(with_fixed(file.vehicle, found, terms), file.sensors, keys)
-    before = unknowns_before(found)
+    table = with_attitude(with_fixed(file.vehicle, earlier, terms), file.sensors, keys)
+    before = unknowns_before(earlier)
     vehicle = read_vehicle(table, keys, terms, angles, tuple(dict.fromkeys((*file.prior, *before))))
     with located(keys.where("vehicle")):
         model = vehicle.model(Structure("full", terms))
     before = {one.name: before[one.name] for one in model.unknowns if one.name in before}
     tables = with_known(
-        {**before, **file.prior}, found, vehicle.published, file.vehicle.published_prior_sd, keys, terms
+        {**before, **file.prior}, earlier, vehicle.published, file.vehicle.published_prior_sd, keys, terms
     )
     units = {term.text: model.unit_of(term) for term in model.coefficients}
     sensors = read_sensors(file.sensors, keys, model)
@@ -220,17 +220,17 @@ def _process_noise(
     table: FilterTable, keys: FileKeys, coefficients: Mapping[str, str], model: VehicleModel
 ) -> dict[str, float]:
     """Standard deviation that states and coefficients, by their units, gain in one second, SI, of those that are named."""
-    units, found = {**{state: signal_unit(state) for state in model.states}, **coefficients}, {}
+    units, noise = {**{state: signal_unit(state) for state in model.states}, **coefficients}, {}
     for name, written in table.process_noise.items():
         key = f"filter.process_noise.{name}"
         if name not in units:
             raise not_among(keys.where(key), name, units, found=f'"{name}", which is no state and no coefficient')
-        found[name] = written if isinstance(written, float) else keys.si(written, units[name], key)
-        if not 0 <= found[name] < inf:
+        noise[name] = written if isinstance(written, float) else keys.si(written, units[name], key)
+        if not 0 <= noise[name] < inf:
             raise InputError(
                 keys.where(key), found=f"{written}", expected="0 or more", remedy="0 says that the model is perfect"
             )
-    return found
+    return noise
 
 
 def _check_estimation(

@@ -107,15 +107,15 @@ def folders_outside(
         imports: runs and their logs.
         others: files that were found.
     """
-    found = {str(path.resolve().parent): None for path in others if not _is_below(path, [folder.resolve()])}
+    folders = {str(path.resolve().parent): None for path in others if not _is_below(path, [folder.resolve()])}
     for key, written, run in named_in(priors_from, imports):
         try:
             path = find(folder, written, key, run)
         except InputError:  # is said when it is read
             continue
         if not _is_below(path, [folder.resolve()]):
-            found[str(path.resolve() if path.is_dir() else path.resolve().parent)] = None
-    return list(found)
+            folders[str(path.resolve() if path.is_dir() else path.resolve().parent)] = None
+    return list(folders)
 
 
 def _is_below(path: Path, folders: Sequence[Path]) -> bool:

@@ -88,21 +88,21 @@ def read_priors(
         raise no_prior(keys.where, missing, [other for other in tables if other not in units])
     if needed := [one for one in unknown if one.default is None and one.name not in tables]:
         raise no_unknown_prior(keys.where, needed)
-    found = {
+    priors = {
         name: read_prior(tables[name], unit, keys.where(f"prior.{name}"), name=name, inertia=inertia)
         for name, unit in (*units.items(), *((one.name, one.unit) for one in unknown))
         if name in tables
     }
     _check_used(tables, keys, (*units, *never), [one.name for one in unknown])
-    if "delay" in found and not isinstance(found["delay"], Uniform):
+    if "delay" in priors and not isinstance(priors["delay"], Uniform):
         raise InputError(
             keys.where("prior.delay"),
-            found=f"a {type(found['delay']).__name__} prior",
+            found=f"a {type(priors['delay']).__name__} prior",
             expected="a uniform prior from 0 s",
             remedy="give lower and upper",
         )
-    for name in found:
-        if name.startswith(f"{LATE}_") and found[name].bounds[1] > MAX_LATENESS:
+    for name in priors:
+        if name.startswith(f"{LATE}_") and priors[name].bounds[1] > MAX_LATENESS:
             raise InputError(
                 keys.where(f"prior.{name}"),
                 found="a support that reaches beyond 1 s",
@@ -110,14 +110,14 @@ def read_priors(
                 remedy='for example distribution = "uniform", lower = 0.0 and upper = 0.5',
             )
     for one in unknown:
-        if not one.signed and one.name in found and found[one.name].bounds[0] < 0:
+        if not one.signed and one.name in priors and priors[one.name].bounds[0] < 0:
             raise InputError(
                 keys.where(f"prior.{one.name}"),
                 found="a support that reaches below 0",
                 expected="a prior from 0 up",
                 remedy="give lower = 0 and upper, or a half-normal or log-uniform prior",
             )
-    return found
+    return priors
 
 
 def _check_used(tables: Mapping[str, PriorTable], keys: FileKeys, terms: Sequence[str], unknown: Sequence[str]) -> None:

@@ -127,19 +127,19 @@ def read_sensors(tables: Mapping[str, SensorTable], keys: FileKeys, model: Vehic
     Raises:
         InputError: a channel that the vehicle does not have, or errors of its own that an attitude does not have.
     """
-    found, known = {}, model.channel_units()
+    sensors, known = {}, model.channel_units()
     for channel, table in tables.items():
         if channel == ATTITUDE:
-            found |= _attitude(table, keys, model)
+            sensors |= _attitude(table, keys, model)
         elif channel in known:
             if "reference" in table.model_fields_set and channel != "u":
                 raise keys.without_effect(
                     f"sensors.{channel}.reference", "only the speed u is measured over ground or through the water"
                 )
-            found[channel] = table
+            sensors[channel] = table
         else:
             raise not_among(keys.where(f"sensors.{channel}"), channel, known, found=f'channel "{channel}"')
-    return found
+    return sensors
 
 
 def read_mounts(

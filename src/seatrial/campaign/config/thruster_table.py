@@ -73,7 +73,7 @@ def read_thrusters(
     Raises:
         InputError: a direction of no length, or two thrusters in one place that push along one line.
     """
-    found = []
+    placed = []
     for index, one in enumerate(tables):
         key = f"vehicle.thrusters[{index}]"
         x, y, z = one.place
@@ -85,8 +85,8 @@ def read_thrusters(
                 remedy="write for example [1, 0, 0] for a thruster that pushes ahead",
             )
         forward, right, down = map(float, one.direction)
-        found.append(Thruster((x, y, z), (forward, right, down)))
-    for (i, one), (j, other) in combinations(enumerate(found), 2):
+        placed.append(Thruster((x, y, z), (forward, right, down)))
+    for (i, one), (j, other) in combinations(enumerate(placed), 2):
         apart = np.linalg.norm(np.subtract(one.place, other.place))
         if apart < _CLOSE and np.linalg.norm(np.cross(one.column[:3], other.column[:3])) < _CLOSE:
             raise InputError(
@@ -95,7 +95,7 @@ def read_thrusters(
                 expected="thrusters in different places, or in different directions",
                 remedy="correct one of them; two propellers on one shaft are one thruster, whose command is their sum",
             )
-    return tuple(found) or tuple(published)
+    return tuple(placed) or tuple(published)
 
 
 def read_thrust_laws(

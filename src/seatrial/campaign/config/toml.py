@@ -47,7 +47,7 @@ def key_place(path: Path, text: str, key: str) -> str:
 @lru_cache(maxsize=16)
 def key_lines(text: str) -> Mapping[str, int]:
     """Return the line of every key and of every element of an array, by its path with dots; of a table, its first mention."""
-    found: dict[str, int] = {}
+    line_of: dict[str, int] = {}
     tables: dict[str, int] = {}
     brackets: list[tuple[str, int | None]] = [("", None)]
     """What is open: the path of a table, or that of an array with the number of its next element."""
@@ -57,7 +57,7 @@ def key_lines(text: str) -> Mapping[str, int]:
         header = _HEADER.match(text, at) if fresh else None
         if header:
             name = _header(header[2], tables, is_array=bool(header[1]))
-            _note(found, name, line)
+            _note(line_of, name, line)
             brackets[0], at = (name, None), header.end()
             continue
         token = _TOKEN.match(text, at)
@@ -70,12 +70,12 @@ def key_lines(text: str) -> Mapping[str, int]:
             if not is_value:
                 word += part
             elif count is not None:
-                _note(found, here, line)
+                _note(line_of, here, line)
         elif part == "=" and not is_value:
             key, word = _joined(path, *_parts(word)), ""
-            _note(found, key, line)
+            _note(line_of, key, line)
         elif part in ("[", "{") and is_value:
-            _note(found, here, line)
+            _note(line_of, here, line)
             brackets.append((here, 0 if part == "[" else None))
             key = ""
         elif part in ("]", "}") and len(brackets) > 1:
@@ -86,7 +86,7 @@ def key_lines(text: str) -> Mapping[str, int]:
         elif part == "," or (part == "\n" and count is None):
             key = word = ""
         line += part.count("\n")
-    return found
+    return line_of
 
 
 def _header(written: str, tables: dict[str, int], *, is_array: bool) -> str:
@@ -342,11 +342,11 @@ def _as_input_error(
         return InputError(where, found="nothing", expected=f'the key "{place[-1]}"', remedy=f"add it; {example(place)}")
     refusals = [error for other, error in errors if other == place and error["type"] == REFUSED]
     if refusals:
-        said = refusals[0].get("ctx", {})
-        parts = (*place, said["key"]) if said["key"] else place
+        refusal = refusals[0].get("ctx", {})
+        parts = (*place, refusal["key"]) if refusal["key"] else place
         key = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in parts).removeprefix(".")
         return InputError(
-            key_place(path, text, key), found=said["found"], expected=said["expected"], remedy=said["remedy"]
+            key_place(path, text, key), found=refusal["found"], expected=refusal["expected"], remedy=refusal["remedy"]
         )
     alike = [error for other, error in errors if other == place]
     return InputError(
@@ -375,14 +375,14 @@ def _value_remedy(error: Any) -> str:
 
 def _place(location: Place, content: Any, kind: str) -> Place:
     """Path of an error without the names that pydantic has for the alternatives of a type, which the file has not."""
-    found: list[str | int] = []
+    path: list[str | int] = []
     here = content
     for part in location:
         keys = dict(_items(here)) if isinstance(here, dict | list) else {}
         if part in keys:
-            found.append(part)
+            path.append(part)
             here = keys[part]
-    return (*found, location[-1]) if kind == "missing" else tuple(found)
+    return (*path, location[-1]) if kind == "missing" else tuple(path)
 
 
 def _expected(error: Any) -> str:
@@ -411,12 +411,12 @@ def _keys_at(schema: type[BaseModel], place: Sequence[str | int]) -> list[str]:
 def field_at(schema: type[BaseModel], place: Sequence[str | int]) -> FieldInfo | None:
     """Return the field that describes a key: its own, or that of the table of which the key is a free name; None if there is none."""
     kinds: list[Any] = [schema]
-    found = None
+    field = None
     for part in place:
         fields = [{f.alias or name: f for name, f in kind.model_fields.items()} for kind in kinds if _is_table(kind)]
-        found = next((one[str(part)] for one in fields if str(part) in one), found)
+        field = next((one[str(part)] for one in fields if str(part) in one), field)
         kinds = [inner for kind in kinds for inner in _inside(kind, part)]
-    return found if kinds else None
+    return field if kinds else None
 
 
 def _inside(kind: Any, part: str | int) -> list[Any]:

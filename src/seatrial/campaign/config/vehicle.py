@@ -81,7 +81,7 @@ class AxesVehicle:
 
     def equations(self, structure: Structure) -> tuple[AxisEquation, ...]:
         """See `CampaignVehicle`."""
-        hull, found = self.hull, []
+        hull, built = self.hull, []
         for axis in self.axes:
             own = ("X", "T") if axis == "X" else (axis,)
             terms = [term for term in structure.terms if CoefficientName.parse(term).axis in own]
@@ -91,14 +91,14 @@ class AxesVehicle:
                 if name != "X_udot" and CoefficientName.parse(name).axis in own
             }
             inertia = None if hull.mass is None else hull.mass - hull.fixed.get("X_udot", 0.0)
-            found.append(axis_equation(axis, terms, inertia, hull.thrust_deduction, known, hull.trim))
-        return tuple(found)
+            built.append(axis_equation(axis, terms, inertia, hull.thrust_deduction, known, hull.trim))
+        return tuple(built)
 
 
 def axes_of(terms: Sequence[str]) -> tuple[str, ...]:
     """Return the axes whose equations some terms stand in, thrust counted as X."""
-    found = {CoefficientName.parse(term).axis for term in terms}
-    return tuple(axis for axis in RATE_OF if axis in found or (axis == "X" and "T" in found))
+    axes = {CoefficientName.parse(term).axis for term in terms}
+    return tuple(axis for axis in RATE_OF if axis in axes or (axis == "X" and "T" in axes))
 
 
 @dataclass(frozen=True)

@@ -87,7 +87,7 @@ def vehicle_campaign_text(folder: Path, vehicle: str, log: Path | None = None, n
     sensors = _sensors(summary, body.moves)
     if body.thrusters and not controls:
         _say_too_few(vehicle, body, summary, log)
-    if missing := [what for what, found in (("control", controls), ("sensor", sensors)) if not found]:
+    if missing := [what for what, names in (("control", controls), ("sensor", sensors)) if not names]:
         raise InputError(
             str(log),
             found="no column that may be a " + " nor a ".join(missing),
@@ -199,12 +199,12 @@ def _say_too_few(vehicle: str, body: PublishedVehicle, summary: LogSummary, log:
     """Refuse a log with fewer outputs than the vehicle has thrusters."""
     count = len(body.thrusters)
     thrusters = thruster_controls(count, commanded_force=True)
-    found = best(summary.guesses, thrusters)
-    outputs = ", ".join(f"{guess.column} ({guess.channel})" for guess in found)
+    guesses = best(summary.guesses, thrusters)
+    outputs = ", ".join(f"{guess.column} ({guess.channel})" for guess in guesses)
     raise InputError(
         str(log),
-        found=f"{len(found)} outputs to thrusters: {outputs}"
-        if found
+        found=f"{len(guesses)} outputs to thrusters: {outputs}"
+        if guesses
         else "no column that may be an output to a thruster",
         expected=f"{count}, one for each thruster of {vehicle}: pulse widths about 1500 us, in columns such as out1 to out{count}",
         remedy="name the columns so, in the order of the thrusters. If the vehicle has others, take --template log, the map of "

@@ -271,7 +271,7 @@ def _axes_vehicle(table: VehicleTable, keys: FileKeys, terms: Sequence[str]) -> 
         _check_alone(table, keys, tuple(set(BY_AXES) - {"catalogue", "published_prior_sd", "priors_from"}))
         with located(keys.where("vehicle.catalogue")):
             entry = load_surge(table.catalogue)
-        found = AxesVehicle(entry.hull, axes, entry.coefficients, table.catalogue)
+        vehicle = AxesVehicle(entry.hull, axes, entry.coefficients, table.catalogue)
     elif table.mass is None:
         raise InputError(
             keys.where("vehicle.mass"),
@@ -296,11 +296,11 @@ def _axes_vehicle(table: VehicleTable, keys: FileKeys, terms: Sequence[str]) -> 
             fixed=table.fixed,
             trim=dict(table.trim),
         )
-        found = AxesVehicle(hull, axes)
-    if found.hull.mass is not None and not found.is_surge:
+        vehicle = AxesVehicle(hull, axes)
+    if vehicle.hull.mass is not None and not vehicle.is_surge:
         with located(keys.where("structure")):
-            whole_vehicle(found.hull, terms, moves=("u",))
-    return found
+            whole_vehicle(vehicle.hull, terms, moves=("u",))
+    return vehicle
 
 
 def _whole_vehicle(
@@ -382,9 +382,9 @@ def _actuators(
     table: VehicleTable, keys: FileKeys, body: PublishedVehicle, lags: Mapping[str, float]
 ) -> dict[str, Actuator]:
     """Lags and limits by hand; the published ones of a catalogue entry where `actuators = "published"`; lags of thrusters beside them."""
-    found = {control: Actuator(lag) for control, lag in lags.items()}
+    actuators = {control: Actuator(lag) for control, lag in lags.items()}
     if table.actuators == "published":
-        return {**body.actuators, **found}
+        return {**body.actuators, **actuators}
     for name, written in (table.actuators or {}).items():
         key = f"vehicle.actuators.{name}"
         if not is_signal(name) or not written.model_fields_set:
@@ -397,8 +397,8 @@ def _actuators(
                 else nearest(name, SIGNALS),
             )
         with located(keys.where(key)):
-            found[name] = Actuator(written.lag, **written.model_dump(exclude={"lag"}, exclude_none=True))
-    return found
+            actuators[name] = Actuator(written.lag, **written.model_dump(exclude={"lag"}, exclude_none=True))
+    return actuators
 
 
 def _check_alone(table: VehicleTable, keys: FileKeys, others: Sequence[str]) -> None:

@@ -50,8 +50,8 @@ def fit_all_baselines(campaign: Campaign, trials: Trials, reporter: Reporter = S
         fitted, refused = [], {}
         for done, one in enumerate(family):
             progress(done, len(family))
-            found, why = fit_baselines(trials.fit, campaign.channels, model.controls, [one])
-            fitted += found
+            members, why = fit_baselines(trials.fit, campaign.channels, model.controls, [one])
+            fitted += members
             refused |= why
         progress(len(family), len(family))
         return _predicted(campaign.channels, trials, fitted, {one.name: one.words for one in family}, refused)
@@ -86,9 +86,9 @@ def comparison_lines(baselines: FittedBaselines | None, compared: Sequence[Compa
     """Say how the model stands beside the baselines: what it means first, then the scores of each channel, and what was not fitted."""
     if baselines is None:
         return [NOTHING_HELD_BACK]
-    said = [comparison_text(one) for one in compared]
-    said += [f"  {line}" for one in compared for line in score_lines(one)]
-    return said + [f"  {text}" for text in refused_words(baselines)]
+    lines = [comparison_text(one) for one in compared]
+    lines += [f"  {line}" for one in compared for line in score_lines(one)]
+    return lines + [f"  {text}" for text in refused_words(baselines)]
 
 
 def refused_words(baselines: FittedBaselines) -> list[str]:

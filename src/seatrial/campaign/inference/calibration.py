@@ -74,9 +74,9 @@ def calibrate(
         workers, study = workers_of(campaign, reporter), Study(campaign, trials.fit, method)
         names = study.posterior(structure).names
         progress = reporter.progress(f"calibrate {structure.label} by {method}")
-        found = _Found(checkpoint, key_of(_key(campaign, trials, method), "by number"))
-        _replicate_all(study, found, replicates, progress, workers)
-        arrays = found.arrays(range(replicates))
+        replicated = _Found(checkpoint, key_of(_key(campaign, trials, method), "by number"))
+        _replicate_all(study, replicated, replicates, progress, workers)
+        arrays = replicated.arrays(range(replicates))
         refused = 1.0 - replicates / float(arrays["tries"].sum())
         quantities = (*names, LIKELIHOOD)
         return Calibrated(quantities, arrays["rank"], method, structure.label, refused, arrays["health"])

@@ -146,8 +146,8 @@ def _write(path: Path, columns: Sequence[str], rows: Iterable[Mapping[str, Any]]
     for row in rows:
         factor, unit = shown(row["name"], row["unit"])
         numbers = {key: factor * row[key] for key in QUANTITIES if row.get(key) is not None}
-        said = {key: value for key, value in {**row, "unit": unit, **numbers}.items() if value is not None}
-        cells = (said.get(key, "") for key in columns)
+        shown_row = {key: value for key, value in {**row, "unit": unit, **numbers}.items() if value is not None}
+        cells = (shown_row.get(key, "") for key in columns)
         writer.writerow(["" if isinstance(cell, float) and isnan(cell) else cell for cell in cells])
     write_text(path, stream.getvalue())
     return path

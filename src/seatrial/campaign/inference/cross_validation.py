@@ -57,7 +57,7 @@ def cross_validate(campaign: Campaign, trials: Trials, reporter: Reporter = SILE
             remedy=f"{more}; with fewer, `seatrial run` scores the runs under import.predict, which were not fitted",
         )
     kept = stored_cross_validation(campaign, trials)
-    found = list(kept.read().candidates) if kept.is_current() else []
+    result = list(kept.read().candidates) if kept.is_current() else []
     work = [(structure, STATED) for structure in campaign.structures]
     study = Study(campaign, trials.fit)
     labels = tuple(record.label for record in trials.fit)
@@ -66,20 +66,20 @@ def cross_validate(campaign: Campaign, trials: Trials, reporter: Reporter = SILE
     def keep(candidates: Sequence[Candidate]) -> None:
         kept.write(CrossValidation(labels, tuple(candidates), cautions))
 
-    _compute(study, work, found, keep, reporter)
-    contending = _contending(campaign.structures, found)
+    _compute(study, work, result, keep, reporter)
+    contending = _contending(campaign.structures, result)
     if contending:
-        others = error_models(campaign, widest(contending), _scale(study, contending, found))
+        others = error_models(campaign, widest(contending), _scale(study, contending, result))
         for error in others:
             changed = Study(_changed(campaign, contending, error), trials.fit)
             first, *rest = [(structure, error) for structure in contending]
-            _compute(changed, [first], found, keep, reporter)
-            one = next(one for one in reversed(found) if one.error_model == error.name)
-            stated = next(other for other in found if (other.structure, other.error_model) == (one.structure, OWN))
+            _compute(changed, [first], result, keep, reporter)
+            one = next(one for one in reversed(result) if one.error_model == error.name)
+            stated = next(other for other in result if (other.structure, other.error_model) == (one.structure, OWN))
             # One that is clearly worse where it is tried first, or cannot be had there, is not tried for the others.
             if not (one.refused or gap(stated, one).is_clear(SMALL)):
-                _compute(changed, rest, found, keep, reporter)
-    return CrossValidation(labels, tuple(found), cautions)
+                _compute(changed, rest, result, keep, reporter)
+    return CrossValidation(labels, tuple(result), cautions)
 
 
 def best_campaign(campaign: Campaign, trials: Trials, found: CrossValidation) -> Campaign:

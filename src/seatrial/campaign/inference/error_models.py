@@ -70,10 +70,10 @@ class ErrorModel:
 
     def lines(self) -> list[str]:
         """Return the lines that make it in a campaign file."""
-        said = ["[estimation]", *(f"{key} = {_toml(value)}" for key, value in self.estimation.items())]
+        messages = ["[estimation]", *(f"{key} = {_toml(value)}" for key, value in self.estimation.items())]
         for name, table in self.priors.items():
-            said += [f"[prior.{name}]", *(f"{key} = {_toml(value)}" for key, value in table.items())]
-        return said
+            messages += [f"[prior.{name}]", *(f"{key} = {_toml(value)}" for key, value in table.items())]
+        return messages
 
 
 def scale_of(

@@ -50,9 +50,9 @@ def filter_complaints(dataset: Dataset, fitted: Sequence[float] = ()) -> list[st
         dataset: its traces.
         fitted: noise of each sensor by the fit, over the nominal one; none where it was not fitted.
     """
-    said = []
+    lines = []
     if dataset.attrs["failures"] > 0:
-        said.append(
+        lines.append(
             f"the filter lost a positive covariance at {dataset.attrs['failures']} samples: its traces are not to be used; "
             "narrow the priors or raise the sensor noise"
         )
@@ -61,17 +61,17 @@ def filter_complaints(dataset: Dataset, fitted: Sequence[float] = ()) -> list[st
     error = np.sqrt(2.0 / max(count.sum(), 1))
     if abs(ratio - 1.0) > max(5.0 * error, 0.2):
         word = "smaller" if ratio < 1 else "larger"
-        found = f"innovations of the filter are {word} than its nominal sensor noise says (normalised square {ratio:.2f} instead of 1)"
+        finding = f"innovations of the filter are {word} than its nominal sensor noise says (normalised square {ratio:.2f} instead of 1)"
         beyond = np.sqrt(ratio) / np.exp(np.mean(np.log(fitted))) if fitted else 1.0
         if not 1 / EXPLAINED < beyond < EXPLAINED:
-            said.append(
-                f"{found}, and {plain(beyond)} times what the fit finds: the filter is linearised about wide priors, and knows no fitted "
+            lines.append(
+                f"{finding}, and {plain(beyond)} times what the fit finds: the filter is linearised about wide priors, and knows no fitted "
                 "lag or start; do not use its traces, and leave [sensors] as it is"
             )
         else:
             times = f"multiply the noise in [sensors] by about {np.sqrt(ratio):.2g}"
-            said.append(f"{found}: {times}, or expect model error; `seatrial tuning` says more")
-    return said
+            lines.append(f"{finding}: {times}, or expect model error; `seatrial tuning` says more")
+    return lines
 
 
 def prior_belief(priors: Sequence[Prior]) -> tuple[Gaussian, np.ndarray]:

@@ -47,32 +47,32 @@ class RecordTuning:
     def lines(self) -> list[str]:
         """The check in lines of text: numbers, what they may be by chance, and what to change."""
         report = self.report
-        said = [f"  NIS {report.nis:.3g} for each measurement, {_band(report.nis_band)} if tuned"]
+        messages = [f"  NIS {report.nis:.3g} for each measurement, {_band(report.nis_band)} if tuned"]
         for i, name in enumerate(self.record.measured):
-            said.append(
+            messages.append(
                 f"  innovations of {name}: correlation {report.correlation[i]:+.2f}, p-value of whiteness {report.whiteness[i]:.2g}"
             )
         if np.isfinite(report.nees):
-            said.append(f"  NEES {report.nees:.3g} for each state, {_band(report.nees_band)} if tuned")
+            messages.append(f"  NEES {report.nees:.3g} for each state, {_band(report.nees_band)} if tuned")
         if np.isfinite(report.moved):
-            said.append(
+            messages.append(
                 f"  coefficients moved {report.moved:.3g} times what P_0 allows, squared, {_band(report.moved_band)} if tuned"
             )
         for i, name in enumerate(self.constants):
-            said.append(
+            messages.append(
                 f"  {name}: sd at the end {report.settling[i]:.2f} of that at three quarters, "
                 f"estimates travel {report.erratic[i]:.2f} times as far as a tuned filter's"
             )
-        for name, found in self.noise.items():
+        for name, result in self.noise.items():
             unit = signal_unit(name)
             words = (
-                found
-                if isinstance(found, str)
-                else f"{found.sd:.3g} ± {found.std_error:.1g} {unit}, by differences of order {found.order}"
+                result
+                if isinstance(result, str)
+                else f"{result.sd:.3g} ± {result.std_error:.1g} {unit}, by differences of order {result.order}"
             )
-            said.append(f"  noise of {name} from the record: {words}")
+            messages.append(f"  noise of {name} from the record: {words}")
         findings = [f"  -> {sentence(finding)}" for finding in report.findings]
-        return [*said, *(findings or ["  -> nothing to change"])]
+        return [*messages, *(findings or ["  -> nothing to change"])]
 
 
 def check_filter(campaign: Campaign, estimate: Estimate, trials: Trials) -> list[RecordTuning]:

@@ -50,8 +50,8 @@ def known_after(campaign: Campaign, estimate: Estimate, trials: Trials) -> Known
         values = estimate.data["mode"].values
         information = likelihood_information(posterior, values)
         cov = np.atleast_2d(np.cov(estimate.draws().T))
-        found = identify(posterior.present_parameters, values, information, cov=cov, at=campaign.hull.trim)
-        known = _known(found, information, estimate.structure.label)
+        result = identify(posterior.present_parameters, values, information, cov=cov, at=campaign.hull.trim)
+        known = _known(result, information, estimate.structure.label)
         parameters = tuple(replace(one, model_error_sd=estimate.wider(one.name)) for one in known.parameters)
         symmetry = symmetry_of(campaign.vehicle, estimate, estimate.prior_curves)
         return replace(known, parameters=parameters, symmetry=symmetry)
@@ -94,8 +94,8 @@ def known_before(campaign: Campaign, sweep: Sweep) -> Known:
         start = campaign.state_trim(model)
         trial = sweep.best_controls(), family.sample_time, start, noise
         through = campaign.pilot(model.controls), campaign.expected_process(model)
-        found = identifiability_of_design(parameters, model, *trial, campaign.hull.trim, *through)
-        return _known(found, None, structure.label)
+        result = identifiability_of_design(parameters, model, *trial, campaign.hull.trim, *through)
+        return _known(result, None, structure.label)
 
     return stored_known_before(campaign).read_or_make(judge)
 
@@ -131,7 +131,7 @@ def _directions(found: Identifiability, information: np.ndarray) -> tuple[Direct
     if not np.isfinite(scaled).all():
         return ()
     eigenvalues, vectors = np.linalg.eigh(scaled)
-    said = []
+    directions = []
     for value, vector in zip(eigenvalues[::-1], vectors.T[::-1], strict=True):
         if not value > 0:
             continue
@@ -144,11 +144,11 @@ def _directions(found: Identifiability, information: np.ndarray) -> tuple[Direct
         ]
         if not order:
             continue
-        said.append(
+        directions.append(
             Direction(
                 float(1 / np.sqrt(value)),
                 tuple((found.names[i], float(move[i])) for i in order),
                 tuple(bool(relative[i]) for i in order),
             )
         )
-    return tuple(said)
+    return tuple(directions)

@@ -162,7 +162,7 @@ def trial_verdicts(fits: Sequence[Fit]) -> dict[str, Finding]:
 
 def held_back_lines(held_back: HeldBack) -> list[str]:
     """Say how what was not fitted is predicted, each channel of each record in one line, then each channel of all together."""
-    said = []
+    lines = []
     for fit in held_back.fits:
         share = "" if fit.missing else f"{explained_short(fit.explained)}, "
         scores = (
@@ -172,8 +172,8 @@ def held_back_lines(held_back: HeldBack) -> list[str]:
         )
         ahead = fit.reason if fit.verdict.code == "course-left" else fit.ahead
         head = f"held-back run {fit.record}: {fit.channel:<8} {fit.level}; {scores}"
-        said.append("; ".join(filter(None, (head, *fit.outside, ahead, fit.advice if ahead else ""))))
-    return said + [f"held-back runs together: {one.level}; {sentence(one.verdict)}" for one in held_back.pooled]
+        lines.append("; ".join(filter(None, (head, *fit.outside, ahead, fit.advice if ahead else ""))))
+    return lines + [f"held-back runs together: {one.level}; {sentence(one.verdict)}" for one in held_back.pooled]
 
 
 def held_back_alarms(fits: Sequence[Fit], pooled: Sequence[Pooled]) -> list[Finding]:

@@ -49,8 +49,8 @@ def profile_all(campaign: Campaign, trials: Trials, names: Sequence[str] = (), r
             raise not_among("--parameter", name, known)
     kept = stored_profiles(campaign, trials)
     current = kept.read().profiles if kept.is_current() else ()
-    found = {profile.name: profile for profile in current}
-    missing = [name for name in chosen if name not in found]
+    by_name = {profile.name: profile for profile in current}
+    missing = [name for name in chosen if name not in by_name]
     if missing:
         progress = reporter.progress(f"profile {structure.label}: {' '.join(missing)}")
         progress(0, len(missing))
@@ -59,7 +59,7 @@ def profile_all(campaign: Campaign, trials: Trials, names: Sequence[str] = (), r
             for done, profile in enumerate(
                 profile_likelihood(posterior, mode, missing[start : start + TOGETHER]), start + 1
             ):
-                found[profile.name] = profile
-                kept.write(Profiles(structure.label, structure.terms, tuple(found.values())))
+                by_name[profile.name] = profile
+                kept.write(Profiles(structure.label, structure.terms, tuple(by_name.values())))
                 progress(done, len(missing))
-    return Profiles(structure.label, structure.terms, tuple(found[name] for name in chosen))
+    return Profiles(structure.label, structure.terms, tuple(by_name[name] for name in chosen))

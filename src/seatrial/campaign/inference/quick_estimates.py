@@ -117,15 +117,15 @@ class FirstAnswer:
         if self.alarm:
             return [f"{self.structure.label}  no answer"]
         head = "".join(f"{text:>24}" for text in self.heads) if len(self.heads) > 1 else ""
-        said = [f"{self.structure.label}  {self.note}", *([f"  {'':<16}{head}"] if head else [])]
+        messages = [f"{self.structure.label}  {self.note}", *([f"  {'':<16}{head}"] if head else [])]
         for name, unit, pairs in self.rows:
             factor, shown = self.shown.get(name, (1.0, unit))
             numbers = " ".join(f"{factor * value:>12.5g} ± {factor * sd:<8.3g}" for value, sd in pairs)
             more = with_model_error(self.wider.get(name), self.wider_causes.get(name, ""), factor)
-            said.append(f"  {name:<16} {numbers} {shown}{more}".rstrip())
-        said += [f"  {text}" for text in self.wider_words]
+            messages.append(f"  {name:<16} {numbers} {shown}{more}".rstrip())
+        messages += [f"  {text}" for text in self.wider_words]
         lines = held_back_lines(self.held_back) if self.held_back else []
-        return [*said, *(f"  {line}" for line in (*lines, *self.symmetry))]
+        return [*messages, *(f"  {line}" for line in (*lines, *self.symmetry))]
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,8 +157,8 @@ def posterior_modes(campaign: Campaign, trials: Trials, reporter: Reporter = SIL
     begin = max(campaign.structures, key=lambda structure: len(structure.terms))
     others = [structure for structure in campaign.structures if structure is not begin]
     largest = search(begin)
-    found = run_side_by_side([partial(search, structure, largest) for structure in others])
-    modes = exchange_modes(study, {begin: largest, **dict(zip(others, found, strict=True))})
+    result = run_side_by_side([partial(search, structure, largest) for structure in others])
+    modes = exchange_modes(study, {begin: largest, **dict(zip(others, result, strict=True))})
     return run_side_by_side([partial(_answer, study, one, trials, modes[one]) for one in campaign.structures])
 
 
@@ -177,14 +177,14 @@ def best_mode(found: Sequence[FirstAnswer]) -> FirstAnswer:
 def keep_mode(campaign: Campaign, trials: Trials, best: FirstAnswer) -> None:
     """Keep the mode of the most probable structure for a later campaign (`priors_from`) or a page, and how it predicts held-back runs."""
     assert best.drawn is not None
-    found = {name: pair for name, _, (pair,) in best.rows}
-    matrix = np.corrcoef(best.drawn.draws(tuple(found)).T)
-    pairs = [(a, b, float(matrix[i, j])) for (i, a), (j, b) in combinations(enumerate(found), 2)]
+    by_name = {name: pair for name, _, (pair,) in best.rows}
+    matrix = np.corrcoef(best.drawn.draws(tuple(by_name)).T)
+    pairs = [(a, b, float(matrix[i, j])) for (i, a), (j, b) in combinations(enumerate(by_name), 2)]
     wider = {name: (sd, best.wider_causes.get(name, "")) for name, sd in best.wider.items()}
     units = {name: unit for name, unit, _ in best.rows}
     key = key_of("mode", estimate_key(campaign, best.structure, trials))
     kept = StoredResult(Store(campaign.folder).mode, key, StoredMode)
-    kept.write(StoredMode(best.structure.terms, found, tuple(pairs), units, wider))
+    kept.write(StoredMode(best.structure.terms, by_name, tuple(pairs), units, wider))
     if best.held_back is not None and trials.predict:
         held_back, channels, records = best.held_back, campaign.channels, trials.predict
         predictions = StoredResult(Store(campaign.folder).mode_predictions, key_of("held back", key), Predictions)
@@ -249,8 +249,8 @@ def _answer(study: Study, structure: Structure, trials: Trials, whole: Mode | Nu
     )
     note = f"log evidence by Laplace {mode.log_evidence:.2f}  {' '.join(structure.terms)}"
     held_back = predict_held_back(campaign, drawn, trials)
-    told = {name: robust.wider(name, sd) for name, _, ((_, sd),) in rows} if robust else {}
-    wider = {name: sd for name, sd in told.items() if sd is not None}
+    wider_sds = {name: robust.wider(name, sd) for name, _, ((_, sd),) in rows} if robust else {}
+    wider = {name: sd for name, sd in wider_sds.items() if sd is not None}
     return FirstAnswer(
         structure,
         rows,
@@ -285,22 +285,22 @@ def _regression(campaign: Campaign, structure: Structure, trials: Trials, window
         for record in trials.fit
     ]
     try:
-        found = fit_equation_error(model, pieces)
+        result = fit_equation_error(model, pieces)
     except NumericalError as error:
         return FirstAnswer(structure, alarm=f"{structure.label}: {error}")
     units = [model.unit_of(term) for term in model.coefficients]
-    columns = (found.plain, found.plain_sd, found.values, found.sd)
+    columns = (result.plain, result.plain_sd, result.values, result.sd)
     source = "measured accelerations" if window is None else f"speeds smoothed by cubics over {window:g} s"
     rows = tuple(
         (name, unit, ((float(a), float(b)), (float(c), float(d))))
-        for name, unit, a, b, c, d in zip(found.names, units, *columns, strict=True)
+        for name, unit, a, b, c, d in zip(result.names, units, *columns, strict=True)
     )
     return FirstAnswer(
         structure,
         rows,
         ("plain", "refined"),
-        f"{source}, residual {found.acceleration_sd:.3g} m/s^2  {' '.join(found.names)}",
-        cautions=_of_structure(structure, filter(None, (found.status, ignored(campaign, structure)))),
+        f"{source}, residual {result.acceleration_sd:.3g} m/s^2  {' '.join(result.names)}",
+        cautions=_of_structure(structure, filter(None, (result.status, ignored(campaign, structure)))),
         shown={name: campaign.shown(name, unit) for name, unit, _ in rows},
     )
 
@@ -322,12 +322,12 @@ def _smoothed(model: VehicleModel, record: Record, window: float) -> Acceleratio
     at = record.time[there]
     measurement = record.measurement.copy()
     measurement[:, record.measured.index("u")] = np.interp(record.time, at, speed[there])
-    found = smoothed_accelerations(model, replace(record, measurement=measurement), window)
+    result = smoothed_accelerations(model, replace(record, measurement=measurement), window)
     after = np.clip(np.searchsorted(at, record.time), 1, at.size - 1)
     away = np.minimum(np.abs(record.time - at[after - 1]), np.abs(record.time - at[after]))
-    half = found.memory // 2
+    half = result.memory // 2
     kept = (away <= BRIDGED * window)[half : record.time.size - half]
-    return replace(found, acceleration=np.where(kept, found.acceleration, np.nan))
+    return replace(result, acceleration=np.where(kept, result.acceleration, np.nan))
 
 
 def ignored(campaign: Campaign, structure: Structure) -> str:

@@ -37,9 +37,9 @@ class FittedBaselines:
 
     def of_channel(self, column: int) -> dict[str, list[Predicted]]:
         """Return the predictions of a channel in each record, by the words of the baselines that predict it."""
-        found = {}
+        predicted = {}
         for name, sd, mean in zip(self.names, self.noise_sd[:, column], self.mean[:, :, column], strict=True):
             if not np.isnan(sd):
                 pieces = [mean[self.record == index] for index in range(len(self.records))]
-                found[self.words[name]] = [Predicted(one, np.full(len(one), float(sd))) for one in pieces]
-        return found
+                predicted[self.words[name]] = [Predicted(one, np.full(len(one), float(sd))) for one in pieces]
+        return predicted

@@ -61,12 +61,12 @@ class Calibrated(Calibration):
             if not outside
             else f"not calibrated: the ranks of {', '.join(outside)} leave {band}"
         )
-        said = [*calibration_lines(self), self.mixing_words()]
+        messages = [*calibration_lines(self), self.mixing_words()]
         if self.refused > MANY_REFUSED:
-            said.append(
+            messages.append(
                 f"{self.refused:.0%} of the prior could not be simulated and was drawn again; `seatrial prior` shows why"
             )
-        return [*said, f"{verdict} (structure {self.structure}, {self.method})"]
+        return [*messages, f"{verdict} (structure {self.structure}, {self.method})"]
 
     def mixing_words(self) -> str:
         """Whether the draws themselves may be why ranks are uneven, by the method's own diagnostics."""
@@ -80,9 +80,7 @@ class Calibrated(Calibration):
         if not poor.any():
             end = ": so the sampling is not the cause of the uneven ranks" if self.outside() else ""
             return f"the draws mixed well in all {r} replicates ({numbers}){end}"
-        said = f"the draws mixed poorly in {poor.sum()} of {r} replicates ({numbers})"
+        sentence = f"the draws mixed poorly in {poor.sum()} of {r} replicates ({numbers})"
         if poor.mean() < MANY_POOR:
-            return f"{said}: too few to cause uneven ranks"
-        return (
-            f"{said}: this may be the cause of uneven ranks, not the posterior; try another method, or narrower priors"
-        )
+            return f"{sentence}: too few to cause uneven ranks"
+        return f"{sentence}: this may be the cause of uneven ranks, not the posterior; try another method, or narrower priors"

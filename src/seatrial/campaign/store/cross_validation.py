@@ -152,41 +152,41 @@ class CrossValidation:
             return ""
         chosen = max(self.own, key=lambda one: one.log_evidence)
         better = max(self.own, key=lambda one: one.total)
-        said = []
+        reasons = []
         apart = gap(better, chosen)
         if better is not chosen and apart.is_clear(SMALL):
-            said.append(
+            reasons.append(
                 f"{better.name} predicts runs left out better by {apart.delta:.1f} ± {apart.std_error:.1f} nats"
             )
         for i, channel in enumerate(chosen.channels):
             other = min(self.own, key=lambda one, i=i: one.channels[i].mean_crps)
             closer = crps_gap(other, chosen, i)
             if other is not chosen and closer.is_clear():
-                said.append(
+                reasons.append(
                     f"{other.name} simulates {channel.channel} of runs left out more closely: the mean CRPS of {chosen.name}, "
                     f"{channel.mean_crps:.3g}, is larger by {closer.delta:.2g} ± {closer.std_error:.2g}"
                 )
-        if not said:
+        if not reasons:
             return ""
         share = self.probability(chosen)
         return (
             f"evidence and held-back score disagree: {chosen.name} ({' '.join(chosen.terms)}) has probability "
-            f"{share:.3f} by its evidence, but {'; and '.join(said)}: do not rely on that probability"
+            f"{share:.3f} by its evidence, but {'; and '.join(reasons)}: do not rely on that probability"
         )
 
     def headline(self) -> list[str]:
         """What matters most, first."""
-        said = [self.disagreement() or self._agreement(), *self._bands()]
+        lines = [self.disagreement() or self._agreement(), *self._bands()]
         if self.recommended is not None:
             stated = max(self.own, key=lambda one: one.total)
             apart = gap(self.recommended, stated)
-            said.append(
+            lines.append(
                 f'error model "{self.recommended.error_model}" ({self.recommended.words}) predicts runs left out better than the '
                 f"campaign's own by {apart.delta:.1f} ± {apart.std_error:.1f} nats; put into campaign.toml:"
             )
         elif len(self.found) > len(self.own):
-            said.append("no other model of the error predicts runs left out clearly better than the campaign's own")
-        return said
+            lines.append("no other model of the error predicts runs left out clearly better than the campaign's own")
+        return lines
 
     def lines(self) -> list[str]:
         """The headline, then the table."""
@@ -199,13 +199,13 @@ class CrossValidation:
     @property
     def alarms(self) -> list[str]:
         """What forbids to rely on the campaign's choice."""
-        found = self.disagreement()
-        return [found] if found else []
+        disagreement = self.disagreement()
+        return [disagreement] if disagreement else []
 
     def complaints(self) -> list[str]:
         """What is not to be trusted."""
-        said = [f"{one.name}: {one.status}" for one in self.found if one.status]
-        return [*self.cautions, *said, *(f"{one.name}: {one.refused}" for one in self.candidates if one.refused)]
+        lines = [f"{one.name}: {one.status}" for one in self.found if one.status]
+        return [*self.cautions, *lines, *(f"{one.name}: {one.refused}" for one in self.candidates if one.refused)]
 
     def rows(self) -> list[tuple[str, ...]]:
         """The table: structure, error model, difference, CRPS, coverages and k-hat, best first, as text."""
@@ -253,12 +253,12 @@ class CrossValidation:
 
     def _added(self) -> list[str]:
         """Priors that were derived from the data, of each model of the error once."""
-        said = {}
+        by_name = {}
         for one in self.found:
             added = [line for line in one.lines[1:] if "= " in line or line.startswith("[prior")]
             if any(line.startswith("[prior") for line in added):
-                said.setdefault(one.error_model, f"priors of {one.structure}, {one.error_model}: {'; '.join(added)}")
-        return [f"not stated, so derived from the size of the data: {text}" for text in said.values()]
+                by_name.setdefault(one.error_model, f"priors of {one.structure}, {one.error_model}: {'; '.join(added)}")
+        return [f"not stated, so derived from the size of the data: {text}" for text in by_name.values()]
 
 
 def gap(one: Candidate, other: Candidate) -> Gap:

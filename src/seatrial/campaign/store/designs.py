@@ -89,7 +89,7 @@ class Measures:
         return [
             f"of {gain.size} designs the {self.data['design'].values[best]} has the largest {EXPECTED}: {gain[best]:.2f} ± {error:.2g} "
             f"nat; the least has {gain.min():.2f}",
-            *(found.words for found in self.agreements),
+            *(agreement.words for agreement in self.agreements),
             *json.loads(self.data.attrs["refused"]),
         ]
 
@@ -183,8 +183,8 @@ class OwnTrial:
     @property
     def alarms(self) -> list[str]:
         """That it may leave the limits of the motion."""
-        said = f"{self.source} may leave the limits of the motion, which {self.probability:g} of the vehicles are to keep: shorten it"
-        return [] if self.is_safe else [f"{said}, lower its amplitude, or widen [limits]"]
+        sentence = f"{self.source} may leave the limits of the motion, which {self.probability:g} of the vehicles are to keep: shorten it"
+        return [] if self.is_safe else [f"{sentence}, lower its amplitude, or widen [limits]"]
 
 
 def _both(shown: tuple[float, str], name: str, own: float, best: float) -> str:

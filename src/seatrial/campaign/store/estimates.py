@@ -207,14 +207,14 @@ class Estimate:
 
     def own_values(self) -> list[tuple[str, str, float, float, str]]:
         """Of each value that varies between trials: its name, the trial, its mean, standard deviation and SI unit."""
-        found = []
+        values = []
         from seatrial.estimation.posterior.output_error import deviation_name, is_deviation, of_deviation, spread_name
 
         for name, label in map(of_deviation, filter(is_deviation, self.names)):
             common, spread, deviation = self.draws([name, spread_name(name), deviation_name(name, label)]).T
             own, unit = common + spread * deviation, str(self.data.sel(parameter=name)["unit"].values)
-            found.append((name, label, float(own.mean()), float(own.std()), unit))
-        return found
+            values.append((name, label, float(own.mean()), float(own.std()), unit))
+        return values
 
 
 def with_model_error(wider: float | None, cause: str, factor: float) -> str:
@@ -349,11 +349,11 @@ class Known:
             for factor, unit in [shown(item.name, item.unit)]
         ]
         heads = ("", *(["expected"] if before else []), "known to", "prior sd left", "strongest correlation")
-        said = aligned((heads, *rows), left=(0, -1))
+        rows_shown = aligned((heads, *rows), left=(0, -1))
         if len(self.directions) > 1:
-            said.append(f"the combination known best, one standard error of the data: {self.directions[0].words}")
-            said.append(f"the combination known least: {self.directions[-1].words}")
-        return [f"  {line}" for line in (*said, *(self.verdict or (self.separately,)), *self.symmetry)]
+            rows_shown.append(f"the combination known best, one standard error of the data: {self.directions[0].words}")
+            rows_shown.append(f"the combination known least: {self.directions[-1].words}")
+        return [f"  {line}" for line in (*rows_shown, *(self.verdict or (self.separately,)), *self.symmetry)]
 
 
 def _share(move: float) -> str:

@@ -194,19 +194,19 @@ class Screened:
         data, optional = self.data, self.optional
         narrow, wide = (data["inclusion_at"].sel(scale=factor, term=optional).values for factor in (0.3, 3.0))
         settings = "".join(f", {data.attrs[key]}" for key in ("prior", "delay") if data.attrs[key])
-        said = [
+        messages = [
             f"screening of {data.attrs['count']} structures in closed form{settings} "
             "(in brackets: prior three times narrower, three times wider, worth one row):"
         ]
         here = data["inclusion"].sel(term=optional).values
         unit = data["inclusion_by_unit_information"].sel(term=optional).values
-        said += [
+        messages += [
             f"  {term:<16} {p:.2f}  ({low:.2f}, {high:.2f}, {other:.2f})"
             for term, p, low, high, other in zip(optional, here, narrow, wide, unit, strict=True)
         ]
         best = range(min(SHOWN, data.sizes["model"]))
-        said += [f"  {float(data['probability'][rank]):.3f}  {' '.join(self.terms(rank))}" for rank in best]
-        return [*said, *verdicts_by_axis(dict(zip(optional, here, strict=True))), SCREENING]
+        messages += [f"  {float(data['probability'][rank]):.3f}  {' '.join(self.terms(rank))}" for rank in best]
+        return [*messages, *verdicts_by_axis(dict(zip(optional, here, strict=True))), SCREENING]
 
 
 def verdicts_by_axis(inclusion: Mapping[str, float]) -> list[str]:
@@ -226,8 +226,8 @@ def verdicts_by_axis(inclusion: Mapping[str, float]) -> list[str]:
     order = ("needed", "not needed", "open")
     return [
         f"  axis {axis}: "
-        + "; ".join(f"{verdict}: {', '.join(found[verdict])}" for verdict in order if verdict in found)
-        for axis, found in axes.items()
+        + "; ".join(f"{verdict}: {', '.join(verdicts[verdict])}" for verdict in order if verdict in verdicts)
+        for axis, verdicts in axes.items()
     ]
 
 
@@ -313,11 +313,11 @@ class Contenders:
             what = f"whether these data decide between {best} and {runner}"
             return f"{what} cannot be said before the evidence is reliable: {BETTER_EVIDENCE}"
         trial = self.data.attrs["trial"]
-        told = f"{self.nats:.2g} nat of evidence expected, {ENOUGH:g} decide"
+        gain = f"{self.nats:.2g} nat of evidence expected, {ENOUGH:g} decide"
         if self.nats > ENOUGH:
-            return f"to decide between {best} and {runner}, run a {trial}: {told}"
+            return f"to decide between {best} and {runner}, run a {trial}: {gain}"
         return (
-            f"no design of this family would decide between {best} and {runner}; the best would be a {trial}: {told}. "
+            f"no design of this family would decide between {best} and {runner}; the best would be a {trial}: {gain}. "
             "Widen the limits, run for longer, or use a better sensor"
         )
 

@@ -74,10 +74,13 @@ def _run(name: str | None, data: Path | None, out: Path, methods: str | None, re
             expected="one of " + ", ".join(set_names()) + ", or a set file",
             remedy="`seatrial benchmark --list` describes each",
         )
-    found, chosen = read_set(name), choose(None if methods is None else [one.strip() for one in methods.split(",")])
+    record_set, chosen = (
+        read_set(name),
+        choose(None if methods is None else [one.strip() for one in methods.split(",")]),
+    )
     variable = os.environ.get("SEATRIAL_DATA")
-    result = run_set(found, chosen, data or (Path(variable) if variable else None), out, reporter)
-    paths = write_result(result, out / found.name)
+    result = run_set(record_set, chosen, data or (Path(variable) if variable else None), out, reporter)
+    paths = write_result(result, out / record_set.name)
     answer = current_answer()
     answer.say("\n".join(lines(result)))
     for text in result.beaten():

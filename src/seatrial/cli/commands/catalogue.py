@@ -26,9 +26,9 @@ def vehicle(
         answer.say("\n".join(one if names else f"{one:<24} {title}" for one, title in titles.items()))
         answer.give(vehicles=[{"name": one, "title": title} for one, title in titles.items()])
     else:
-        found = load_vehicle(name)
-        answer.say(vehicle_page(name, found).rstrip("\n"))
-        answer.give(vehicle=results.vehicle(name, found))
+        published = load_vehicle(name)
+        answer.say(vehicle_page(name, published).rstrip("\n"))
+        answer.give(vehicle=results.vehicle(name, published))
 
 
 def explain(
@@ -51,6 +51,6 @@ def schema() -> None:
     """
     from seatrial.campaign.config.schema import json_schema
 
-    answer, found = current_answer(), json_schema()
-    answer.say(json.dumps(found, indent=2, ensure_ascii=False))
-    answer.give(campaign_schema=found)
+    answer, document = current_answer(), json_schema()
+    answer.say(json.dumps(document, indent=2, ensure_ascii=False))
+    answer.give(campaign_schema=document)

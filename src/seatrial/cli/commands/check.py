@@ -94,10 +94,10 @@ def calibrate(
         from seatrial.campaign.workflow.steps import Workflow
         from seatrial.report.figure_files import write_calibration_picture
 
-        found = Workflow(campaign, reporter, replicates=replicates, method=method).get("calibration")
-        answer.say("\n".join(found.lines()))
-        answer.give(**results.calibration(found))
-        answer.wrote("picture", write_calibration_picture(campaign.folder, campaign.name, found))
-        return Exit.ALARMS if found.outside() else Exit.OK
+        result = Workflow(campaign, reporter, replicates=replicates, method=method).get("calibration")
+        answer.say("\n".join(result.lines()))
+        answer.give(**results.calibration(result))
+        answer.wrote("picture", write_calibration_picture(campaign.folder, campaign.name, result))
+        return Exit.ALARMS if result.outside() else Exit.OK
 
     with_campaign(folder, quiet, work, context)

@@ -14,9 +14,9 @@ def crossvalidate(context: typer.Context, folder: Folder, quiet: Quiet = False) 
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
         from seatrial.campaign.workflow.steps import Workflow
 
-        found = Workflow(campaign, reporter).get("cross_validation")
-        answer.say("\n".join(found.lines()))
-        answer.give(**results.cross_validated(found))
-        return answer.finish(found.alarms, found.complaints())
+        result = Workflow(campaign, reporter).get("cross_validation")
+        answer.say("\n".join(result.lines()))
+        answer.give(**results.cross_validated(result))
+        return answer.finish(result.alarms, result.complaints())
 
     with_campaign(folder, quiet, work, context)

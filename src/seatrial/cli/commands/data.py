@@ -128,17 +128,17 @@ def _trim(campaign: Any, run: str | None, start: str | None, end: str | None, re
     others = () if run is not None else campaign.imports.own_ends
     lengths = {one: length for one, length in available_of(trials).items() if run in (None, one) and one not in others}
     short = {one: length for one, length in lengths.items() if end is not None and is_beyond(seconds[-1], length)}
-    told = ", ".join(f"run {one} at {length:.6g} s" for one, length in short.items())
+    runs = ", ".join(f"run {one} at {length:.6g} s" for one, length in short.items())
     if short and len(short) == len(lengths):
         raise InputError(
             "--end",
-            found=f"{end}, and the files end before it: {told}",
+            found=f"{end}, and the files end before it: {runs}",
             expected="an end inside the run",
             remedy="give an earlier end, counted from where the files of the run overlap",
         )
     write_file(campaign.folder, text, seen)
     if short:
-        answer.caution(f"the files of some runs end before --end, and the runs with them: {told}")
+        answer.caution(f"the files of some runs end before --end, and the runs with them: {runs}")
     for own in others:
         answer.caution(f"run {own} keeps its own start and end; --run {own} changes them")
     return trials
@@ -170,9 +170,9 @@ def _smooth(answer: Answer, campaign: Any, trials: Any, channels: str) -> None:
     for record in records:
         check_names(record, names, "--accelerations")
     for record in records:
-        found = smooth_channels(campaign.noise, record, names)
-        for channel in found:
+        result = smooth_channels(campaign.noise, record, names)
+        for channel in result:
             answer.say(f"record {record.label}, {channel.line}")
         folder = campaign.folder
-        paths = (write_accelerations(folder, record, found), write_accelerations_picture(folder, record, found))
+        paths = (write_accelerations(folder, record, result), write_accelerations_picture(folder, record, result))
         answer.say(f"  written: {', '.join(map(str, paths))}")

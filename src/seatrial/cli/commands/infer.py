@@ -62,10 +62,10 @@ def profile(
         from seatrial.campaign.workflow.steps import Workflow
         from seatrial.report.figure_files import write_profile_picture
 
-        found = Workflow(campaign, reporter, parameters=parameter or []).get("profiles")
-        answer.say("\n".join(found.lines()))
-        answer.give_result(found)
-        answer.wrote("picture", write_profile_picture(campaign.folder, campaign.name, campaign.truth, found))
+        result = Workflow(campaign, reporter, parameters=parameter or []).get("profiles")
+        answer.say("\n".join(result.lines()))
+        answer.give_result(result)
+        answer.wrote("picture", write_profile_picture(campaign.folder, campaign.name, campaign.truth, result))
         return Exit.OK
 
     with_campaign(folder, quiet, work, context)
@@ -136,17 +136,17 @@ def criteria(
         flow = Workflow(campaign, reporter, **lengths)
         trials, campaign = flow.get("trials"), flow.get("candidates")
         future_edges(trials, *lengths.values())
-        estimates, found = flow.get("estimates"), flow.get("criteria")
-        answer.say("\n".join(criteria_lines(found)))
+        estimates, result = flow.get("estimates"), flow.get("criteria")
+        answer.say("\n".join(criteria_lines(result)))
         pairs = nested_pairs(campaign, estimates, trials, current_selection(campaign, trials))
         if pairs:
             answer.say("Savage-Dickey, nats in favour of the term:")
         for pair in pairs:
             answer.say(f"  {pair.line}")
-        answer.give(**results.criteria(found, pairs))
+        answer.give(**results.criteria(result, pairs))
         alarms = [text for item in estimates for text in item.alarms]
         alarms += [f"evidence and Savage-Dickey do not agree about {pair.line}" for pair in pairs if not pair.agrees]
-        return answer.finish(alarms, criteria_cautions(found))
+        return answer.finish(alarms, criteria_cautions(result))
 
     with_campaign(folder, quiet, work, context)
 
@@ -163,7 +163,7 @@ def _by_chains(campaign: Any, reporter: Any, answer: Answer) -> Exit:
     flow = Workflow(campaign, reporter)
     trials = _checked_trials(campaign, flow, answer)
     estimates = flow.get("estimates")
-    said, held_back, structures = [], [], []
+    verdicts, held_back, structures = [], [], []
     for item in estimates:
         answer.say(f"{item.structure.label}")
         for name in item.names:
@@ -183,7 +183,7 @@ def _by_chains(campaign: Any, reporter: Any, answer: Answer) -> Exit:
             answer.say(f"  {line}")
         known = known_after(flow.get("candidates"), item, trials)
         answer.say("\n".join(known.lines(campaign.shown)))
-        said += known.verdict
+        verdicts += known.verdict
         structures.append(results.estimated(item, held_back[-1], known))
     exact = taken_as_exact(campaign)
     if exact:
@@ -196,7 +196,7 @@ def _by_chains(campaign: Any, reporter: Any, answer: Answer) -> Exit:
     unseen, doubts = _judge_unseen(answer, flow.get("baselines"), labels, evidences, held_back)
     doubts += held_back_cautions(campaign.imports, trials)
     doubts += [f"{item.structure.label}: {text}" for item in estimates[1:] for text in item.at_bounds]
-    return answer.finish(alarms + unseen, [*doubts, *(text for text in estimates[0].cautions if text not in said)])
+    return answer.finish(alarms + unseen, [*doubts, *(text for text in estimates[0].cautions if text not in verdicts)])
 
 
 def _checked_trials(campaign: Any, flow: Any, answer: Answer) -> Any:
@@ -225,20 +225,20 @@ def _first_answers(campaign: Any, reporter: Any, answer: Answer, by: By, window:
 
     flow = Workflow(campaign, reporter)
     trials, campaign = _checked_trials(campaign, flow, answer), flow.get("candidates")
-    found = posterior_modes(campaign, trials, reporter) if by is By.MODE else regressions(campaign, trials, window)
-    for one in found:
+    answers = posterior_modes(campaign, trials, reporter) if by is By.MODE else regressions(campaign, trials, window)
+    for one in answers:
         answer.say("\n".join(one.lines()))
     exact = taken_as_exact(campaign)
     answer.give(
-        by=by, first_answers=[results.first_answer(one) for one in found if not one.alarm], taken_as_exact=exact
+        by=by, first_answers=[results.first_answer(one) for one in answers if not one.alarm], taken_as_exact=exact
     )
     if exact:
         answer.say(exact)
     answer.say(MODE if by is By.MODE else REGRESSION)
-    alarms = [one.alarm for one in found if one.alarm]
-    if by is By.MODE and len(alarms) < len(found):
-        keep_mode(campaign, trials, best_mode(found))
-    tested = [one for one in found if one.held_back is not None]
+    alarms = [one.alarm for one in answers if one.alarm]
+    if by is By.MODE and len(alarms) < len(answers):
+        keep_mode(campaign, trials, best_mode(answers))
+    tested = [one for one in answers if one.held_back is not None]
     unseen, doubts = _judge_unseen(
         answer,
         flow.get("baselines") if tested else None,
@@ -247,7 +247,7 @@ def _first_answers(campaign: Any, reporter: Any, answer: Answer, by: By, window:
         [one.held_back for one in tested],
     )
     doubts += held_back_cautions(campaign.imports, trials) if by is By.MODE else []
-    return answer.finish(alarms + unseen, [*doubts, *(text for one in found for text in one.cautions)])
+    return answer.finish(alarms + unseen, [*doubts, *(text for one in answers for text in one.cautions)])
 
 
 def _judge_unseen(

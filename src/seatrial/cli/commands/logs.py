@@ -52,13 +52,13 @@ def inspect(
 
         layout = TextLayout(delimiter, skip_rows, encoding=encoding)
         channels = [name for text in only or () for name in text.split(",")]
-        found = [inspect_log(log, table, layout, _late_progress(reporter, f"reading {log.name}")) for log in logs]
-        together, answer = LogsTogether(tuple(found), tuple(channels)), current_answer()
+        summaries = [inspect_log(log, table, layout, _late_progress(reporter, f"reading {log.name}")) for log in logs]
+        together, answer = LogsTogether(tuple(summaries), tuple(channels)), current_answer()
         maps = together.maps()
-        said = maps if map_ else ["\n".join(lines) for lines in together.lines()]
-        answer.say("\n\n".join(text.rstrip("\n") for text in said))
-        told = [results.log(one, guessed) for one, guessed in zip(found, maps, strict=True)]
-        answer.give(**(told[0] if len(told) == 1 else {"logs": told}))
+        printed = maps if map_ else ["\n".join(lines) for lines in together.lines()]
+        answer.say("\n\n".join(text.rstrip("\n") for text in printed))
+        documents = [results.log(one, guessed) for one, guessed in zip(summaries, maps, strict=True)]
+        answer.give(**(documents[0] if len(documents) == 1 else {"logs": documents}))
         return Exit.OK
 
     watched(quiet, work)

@@ -101,12 +101,12 @@ def next_trial(
             check_simulated(campaign)
         _ = campaign.design  # said before the loop is run
         look = _by_loop if by is NextBy.CHAINS else _by_mode
-        found = look(campaign, reporter)
-        if execute and found.proposal.trial is not None:
-            answer.say("\n".join(found.proposal.lines))
-            add_trial(campaign, found.proposal.trial)
-            found = look(campaign, reporter)
-        proposal = found.proposal
+        result = look(campaign, reporter)
+        if execute and result.proposal.trial is not None:
+            answer.say("\n".join(result.proposal.lines))
+            add_trial(campaign, result.proposal.trial)
+            result = look(campaign, reporter)
+        proposal = result.proposal
         answer.say("\n".join(proposal.lines))
         if proposal.trial is not None:
             manoeuvre = proposal.trial.manoeuvre(campaign.families)
@@ -114,10 +114,10 @@ def next_trial(
                 Store(folder).proposed, manoeuvre, campaign.family.sample_time, commands=commands_of(campaign)
             )
             answer.wrote("schedule", path)
-        if found.own is not None:
-            answer.say("\n".join(found.own.lines(campaign.shown)))
-        answer.give(**results.next_trial(found.designs, proposal))
-        return answer.finish(found.alarms, [*found.cautions, *(found.own.alarms if found.own else ())])
+        if result.own is not None:
+            answer.say("\n".join(result.own.lines(campaign.shown)))
+        answer.give(**results.next_trial(result.designs, proposal))
+        return answer.finish(result.alarms, [*result.cautions, *(result.own.alarms if result.own else ())])
 
     with_campaign(folder, quiet, work, context if not execute else None)
 
@@ -205,7 +205,7 @@ def _tell_and_report(answer: Answer, outcome: Any, proposal: Any) -> Exit:
     answer.wrote("report", write_report(outcome))
     answer.wrote("coefficients", write_coefficients(folder, outcome.estimates, shown, outcome.selection))
     answer.wrote("averaged", write_averaged(folder, summary.averaged, shown))
-    told = sentences(fit_complaints([fit for fit in outcome.fits if not fit.advice], outcome.pooled))
-    told += [comparison_text(one) for one in outcome.compared]
+    words = sentences(fit_complaints([fit for fit in outcome.fits if not fit.advice], outcome.pooled))
+    words += [comparison_text(one) for one in outcome.compared]
     answer.give_findings(summary.findings)
-    return answer.finish(summary.alarms, [text for text in summary.cautions if text not in told])
+    return answer.finish(summary.alarms, [text for text in summary.cautions if text not in words])

@@ -21,11 +21,11 @@ def prior(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
         from seatrial.campaign.workflow.steps import Workflow
         from seatrial.report.figure_files import write_prior_picture
 
-        found = Workflow(campaign, reporter).get("prior")
-        answer.say("\n".join(prior_lines(found, campaign.shown)))
-        answer.give(**results.prior(found))
-        answer.wrote("picture", write_prior_picture(campaign.folder, campaign.name, found))
-        return answer.finish(prior_alarms(found), [*file_cautions(campaign), *prior_cautions(found)])
+        result = Workflow(campaign, reporter).get("prior")
+        answer.say("\n".join(prior_lines(result, campaign.shown)))
+        answer.give(**results.prior(result))
+        answer.wrote("picture", write_prior_picture(campaign.folder, campaign.name, result))
+        return answer.finish(prior_alarms(result), [*file_cautions(campaign), *prior_cautions(result)])
 
     with_campaign(folder, quiet, work, context)
 
@@ -208,10 +208,10 @@ def _each(answer: Answer, options: list[Callable[[], list[str]]]) -> None:
 
 
 def _free_form(flow: Any, answer: Answer) -> list[str]:
-    found, schedule = flow.get("free_form")
-    answer.give(free_form=found)
+    result, schedule = flow.get("free_form")
+    answer.give(free_form=result)
     answer.name_file("free-form schedule", schedule)
-    return [*found.lines(), f"schedule: {schedule}"]
+    return [*result.lines(), f"schedule: {schedule}"]
 
 
 def _self_oscillation(flow: Any, answer: Answer) -> list[str]:
@@ -224,27 +224,27 @@ def _self_oscillation(flow: Any, answer: Answer) -> list[str]:
 
 
 def _together(flow: Any, answer: Answer) -> list[str]:
-    found = flow.get("batch")
-    answer.give(batch=results.batch(found))
-    return found.lines()
+    result = flow.get("batch")
+    answer.give(batch=results.batch(result))
+    return result.lines()
 
 
 def _sensors(flow: Any, answer: Answer) -> list[str]:
-    found = flow.get("sensors")
-    answer.give(sensors=results.sensor_rows(found))
-    return found.lines()
+    result = flow.get("sensors")
+    answer.give(sensors=results.sensor_rows(result))
+    return result.lines()
 
 
 def _searched(flow: Any, answer: Answer) -> list[str]:
     from seatrial.campaign.design.global_search import search_lines
 
-    found, family, schedule = flow.get("searched")
-    answer.give(searched=found)
+    result, family, schedule = flow.get("searched")
+    answer.give(searched=result)
     answer.name_file("searched schedule", schedule)
-    return [*search_lines(found, family), f"schedule: {schedule}"]
+    return [*search_lines(result, family), f"schedule: {schedule}"]
 
 
 def _compared(flow: Any, answer: Answer) -> list[str]:
-    found = flow.get("measures")
-    answer.give(rankings=found.agreements)
-    return found.lines()
+    result = flow.get("measures")
+    answer.give(rankings=result.agreements)
+    return result.lines()
