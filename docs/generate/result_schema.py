@@ -24,7 +24,7 @@ cautions and alarms still go to standard error; `--quiet` leaves the progress ou
 | `result` | see below, or null | what was found |
 | `files` | texts by name | what was written |
 | `cautions`, `alarms` | texts | what to know before using the result, and why not to use it |
-| `findings` | list of Finding | cautions and alarms with their codes and values, and accepted findings |
+| `findings` | list of FindingRow | cautions and alarms with their codes and values, and accepted findings |
 
 A wrong option ends with code 2 and prints no document, nor does a command that is interrupted. The command
 `python -m seatrial.cli.result_schema` prints the JSON Schema of the documents.
@@ -42,7 +42,7 @@ def page() -> str:
         for name in _names_in(case["then"]):
             parts += _tables(name, definitions, shown)
     parts += ["## Problem", ""]
-    for name in ("Problem", "Finding"):
+    for name in ("Problem", "FindingRow"):
         parts += _tables(name, definitions, shown)
     assert set(RESULTS) <= {part.removeprefix("## ") for part in parts}
     return "\n".join(parts)

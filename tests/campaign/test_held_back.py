@@ -112,7 +112,7 @@ def test_a_run_in_other_units_is_an_alarm(known, factor):
     together, alone = held_back_alarms(found.fits, found.pooled)
     assert (together.code, together.values["coverage"]) == ("bands-too-narrow", 0.0)
     assert alone.remedies[-1] == "look-at-trial"
-    assert f"u up to {factor * record.measurement.max():.3g} m/s" in found.fits[0].words
+    assert f"u up to {factor * record.measurement.max():.3g} m/s" in found.fits[0].reason
 
 
 def test_a_run_of_three_samples_is_unjudged_alone_and_together(known):
@@ -153,7 +153,7 @@ def test_one_run_that_is_fitted_leaves_the_bands_unjudged(known):
 def test_a_run_beyond_the_fitted_range_is_named(known):
     found, _ = predicted(known, run(known, "2", 1.6 * WAVE, 5))
     assert found.fits[0].outside[0].startswith(("n up to ", "u up to "))
-    assert " where the fit saw " in found.fits[0].words
+    assert " where the fit saw " in found.fits[0].reason
     assert fit_complaints(found.fits, found.pooled)[-1].startswith("held-back run 2 goes beyond what was fitted: ")
 
 

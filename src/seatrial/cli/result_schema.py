@@ -13,6 +13,7 @@ from typing_extensions import TypedDict
 from seatrial.campaign.store.cross_validation import Candidate
 from seatrial.campaign.store.designs import FreeTrial, RelayTrial, Searched
 from seatrial.campaign.store.estimates import KnownParameter, StoredCoefficient
+from seatrial.campaign.store.predictions import Fit
 from seatrial.campaign.store.structures import NestedPair, StoredAverage
 from seatrial.cli.answer import SCHEMA
 from seatrial.cli.result_shapes import (
@@ -25,13 +26,10 @@ from seatrial.cli.result_shapes import (
     Design,
     Explain,
     Export,
-    Finding,
+    FindingRow,
     FirstValue,
-    Fit,
     Inclusion,
     Init,
-    Log,
-    Logs,
     Next,
     Plan,
     Prior,
@@ -46,6 +44,8 @@ from seatrial.core.serialise import schema_of
 from seatrial.design.utility_agreement import Agreement
 from seatrial.estimation.posterior.profile_result import Profiles
 from seatrial.estimation.prediction.baseline_comparison import Comparison
+from seatrial.logs.guess import Guess
+from seatrial.logs.summary import ClockSummary, ColumnSummary
 from seatrial.selection.verdict import StructureRow
 
 Number = float | None
@@ -87,6 +87,30 @@ class Estimate(TypedDict, total=False):
     structures: list[EstimatedStructure]
     first_answers: list[FirstStructure]
     baselines: list[Comparison]
+
+
+class Table(TypedDict):
+    """One table, topic or type of message of a log."""
+
+    name: str
+    rows: int
+    clocks: list[ClockSummary]
+    columns: list[ColumnSummary]
+
+
+class Log(TypedDict):
+    """`inspect`; `map` is the guessed map as TOML."""
+
+    kind: str
+    tables: list[Table]
+    guesses: list[Guess]
+    map: str
+
+
+class Logs(TypedDict):
+    """`inspect` of several logs, in the order given; a channel is in the `map` of the first log that has it."""
+
+    logs: list[Log]
 
 
 class Select(TypedDict):
@@ -180,7 +204,7 @@ RESULTS = {
 
 def schema() -> dict[str, Any]:
     """Return the schema of every document; its command says which result it has."""
-    shared = {"Problem": Problem, "Finding": Finding}
+    shared = {"Problem": Problem, "FindingRow": FindingRow}
     results, definitions = schema_of({**RESULTS, **shared})
     for described in definitions.values():
         if "properties" in described:
@@ -196,7 +220,7 @@ def schema() -> dict[str, Any]:
         "files": {"type": "object", "additionalProperties": {"type": "string"}},
         "cautions": texts,
         "alarms": texts,
-        "findings": {"type": "array", "items": results["Finding"]},
+        "findings": {"type": "array", "items": results["FindingRow"]},
     }
     cases = [
         {

@@ -15,7 +15,7 @@ class Problem(TypedDict):
     remedy: str
 
 
-class Finding(TypedDict):
+class FindingRow(TypedDict):
     """One finding: its code, level (pass, note, caution or alarm), what it concerns, numbers in SI, one sentence, and what to do."""
 
     code: str
@@ -51,28 +51,6 @@ class Named(TypedDict):
 
     name: str
     unit: str
-
-
-class Fit(TypedDict):
-    """How one channel of one record is predicted from its inputs alone, SI; shares are of the measured variance or of the samples.
-
-    `reason` ends with `advice`, which is empty where there is nothing to do.
-    """
-
-    record: str
-    held_back: bool
-    channel: str
-    code: str
-    level: str
-    reason: str
-    advice: str
-    samples: int
-    effective: Number
-    explained: Number
-    rmse: Number
-    crps: Number
-    coverage_50: Number
-    coverage: Number
 
 
 class FirstValue(Named):
@@ -257,7 +235,7 @@ class Checked(TypedDict):
 
     label: str
     level: str
-    findings: list[Finding]
+    findings: list[FindingRow]
 
 
 class Check(TypedDict):
@@ -272,7 +250,7 @@ class Tuned(TypedDict):
     record: str
     nis: Number
     nis_band: list[Number]
-    changes: list[Finding]
+    changes: list[FindingRow]
 
 
 class Tuning(TypedDict):
@@ -296,57 +274,6 @@ class Next(TypedDict):
 
     trial: Design | None
     advice: list[str]
-
-
-class Clock(Named):
-    """One clock of a table: length, s, rate, Hz."""
-
-    duration: Number
-    rate: Number
-
-
-class Column(TypedDict):
-    """One column: how many values it has, and their range as written."""
-
-    name: str
-    unit: str | None
-    count: int
-    least: Number
-    greatest: Number
-
-
-class Table(TypedDict):
-    """One table, topic or type of message of a log."""
-
-    name: str
-    rows: int
-    clocks: list[Clock]
-    columns: list[Column]
-
-
-class Guess(TypedDict):
-    """What channel a column may be, and why."""
-
-    channel: str
-    table: str
-    column: str
-    unit: str
-    reason: str
-
-
-class Log(TypedDict):
-    """`inspect`; `map` is the guessed map as TOML."""
-
-    kind: str
-    tables: list[Table]
-    guesses: list[Guess]
-    map: str
-
-
-class Logs(TypedDict):
-    """`inspect` of several logs, in the order given; a channel is in the `map` of the first log that has it."""
-
-    logs: list[Log]
 
 
 class Coefficient(Named):

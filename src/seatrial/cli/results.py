@@ -18,11 +18,6 @@ def picked(found: Any, shape: type, **others: Any) -> dict[str, Any]:
     return {key: others[key] if key in others else getattr(found, key) for key in shape.__annotations__}
 
 
-def fits(found: Iterable[Any]) -> list[dict[str, Any]]:
-    """Return how channels of records are predicted."""
-    return [picked(one, shapes.Fit, code=one.verdict.code, reason=one.words) for one in found]
-
-
 def estimated(estimate: Any, held_back: Any, known_after: Any) -> dict[str, Any]:
     """Return one structure by chains."""
     return {
@@ -33,7 +28,7 @@ def estimated(estimate: Any, held_back: Any, known_after: Any) -> dict[str, Any]
         "log_evidence_laplace": float(estimate.data.attrs["laplace_log_evidence"]),
         "known": known_after.parameters,
         "symmetry": known_after.symmetry,
-        "held_back": fits(held_back.fits),
+        "held_back": held_back.fits,
     }
 
 
@@ -53,12 +48,11 @@ def first_answer(one: Any) -> dict[str, Any]:
         for name, unit, pairs in one.rows
         for way, (value, sd) in zip(by, pairs, strict=False)
     ]
-    held_back = [] if one.held_back is None else fits(one.held_back.fits)
     answer = {
         "values": values,
         "model_error": one.wider_words,
         "log_evidence_laplace": one.log_evidence,
-        "held_back": held_back,
+        "held_back": () if one.held_back is None else one.held_back.fits,
     }
     return {"label": one.structure.label, "terms": one.structure.terms, "symmetry": one.symmetry, **answer}
 
@@ -240,7 +234,7 @@ def run(outcome: Any, proposal: Any) -> dict[str, Any]:
         "averaged": outcome.summary.averaged,
         "quoted": outcome.selection.quoted,
         **{key: value for key, value in selected(outcome.selection).items() if key != "chosen"},
-        "fits": fits(outcome.fits),
+        "fits": outcome.fits,
         "baselines": outcome.compared,
         "next": next_trial(outcome.next, proposal),
     }
@@ -249,13 +243,10 @@ def run(outcome: Any, proposal: Any) -> dict[str, Any]:
 def log(found: Any, guessed: str) -> dict[str, Any]:
     """Return what a log holds, and its guessed map as TOML."""
 
-    def table(one: Any) -> dict[str, Any]:
-        clocks = [picked(clock, shapes.Clock) for clock in one.clocks]
-        columns = [picked(column, shapes.Column) for column in one.columns]
-        return picked(one, shapes.Table, name=one.info.name, clocks=clocks, columns=columns)
-
-    guesses = [picked(one, shapes.Guess) for one in found.guesses]
-    return picked(found, shapes.Log, tables=list(map(table, found.tables)), guesses=guesses, map=guessed)
+    tables = [
+        {"name": one.info.name, "rows": one.rows, "clocks": one.clocks, "columns": one.columns} for one in found.tables
+    ]
+    return {"kind": found.kind, "tables": tables, "guesses": found.guesses, "map": guessed}
 
 
 def vehicle(name: str, found: Any) -> dict[str, Any]:

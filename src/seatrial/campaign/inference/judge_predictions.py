@@ -170,7 +170,7 @@ def held_back_lines(held_back: HeldBack) -> list[str]:
             if not fit.samples or fit.missing == DIVERGES
             else f"{share}{fit.coverage:.0%} inside the 90 % band"
         )
-        ahead = fit.reason if fit.verdict.code == "course-left" else fit.ahead
+        ahead = fit.statement if fit.verdict.code == "course-left" else fit.ahead
         head = f"held-back run {fit.record}: {fit.channel:<8} {fit.level}; {scores}"
         lines.append("; ".join(filter(None, (head, *fit.outside, ahead, fit.advice if ahead else ""))))
     return lines + [f"held-back runs together: {one.level}; {sentence(one.verdict)}" for one in held_back.pooled]

@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from typing import Annotated
 
+from pydantic import computed_field
+
 from seatrial.core.dataset import Dataset
 from seatrial.core.findings import Finding
 from seatrial.estimation.prediction.fit_verdict import FIT_LEVELS, FitLevel
@@ -31,6 +33,13 @@ class Fit(Score):
     outside: tuple[str, ...] = ()
     ahead: str = ""
 
+    @computed_field
+    @property
+    def code(self) -> str:
+        """Code of the verdict."""
+        return self.verdict.code
+
+    @computed_field
     @property
     def level(self) -> FitLevel:
         """Pass, unjudged, caution or fail."""
@@ -42,10 +51,11 @@ class Fit(Score):
         return self.held_back and self.level == "fail"
 
     @property
-    def reason(self) -> str:
+    def statement(self) -> str:
         """What was found and what it means."""
         return statement(self.verdict)
 
+    @computed_field
     @property
     def advice(self) -> str:
         """What to do; empty for a pass."""
@@ -55,15 +65,16 @@ class Fit(Score):
     def found(self) -> str:
         """Reason, and where the record leaves the fitted range."""
         beyond = f"; it goes beyond what was fitted: {', '.join(self.outside)}"
-        return self.reason + beyond * bool(self.outside)
+        return self.statement + beyond * bool(self.outside)
 
     @property
     def finding(self) -> str:
         """The same, and how far ahead it is predicted; the cautions say what to do, once for all."""
         return "; ".join(filter(None, (self.found, self.ahead)))
 
+    @computed_field
     @property
-    def words(self) -> str:
+    def reason(self) -> str:
         """The same, and what to do."""
         return "; ".join(filter(None, (self.finding, self.advice)))
 
