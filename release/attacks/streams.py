@@ -172,7 +172,9 @@ def _import_kept(place: Path) -> None:
 
     campaign = load_campaign(place)
     (run,) = sessions(place)
-    text = campaign.text.partition("[import]")[0] + import_lines(campaign, run)
+    text = campaign.text.partition("[import]")[0] + import_lines(
+        campaign.imports, campaign.model(campaign.full), campaign.channels, run
+    )
     (place / "campaign.toml").write_text(text, encoding="utf-8")
     check_text(place, text)
     get_trials(load_campaign(place))

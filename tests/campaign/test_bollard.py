@@ -553,7 +553,9 @@ def test_check_passes_a_sound_record(tmp_path, pull):
     found = campaign(tmp_path, np.column_stack(pull))
     (judged,) = check_records(found, get_trials(found))
     assert judged.level == "pass", judged.lines()
-    assert any("rank 1 on the 1 axes that are measured, X" in line for line in thruster_lines(found))
+    assert any(
+        "rank 1 on the 1 axes that are measured, X" in line for line in thruster_lines(found.vehicle, found.channels)
+    )
 
 
 @pytest.mark.proof

@@ -91,7 +91,7 @@ def test_only_thrusters_that_push_along_an_axis_that_moves_are_controls(tmp_path
     campaign = write_heave(tmp_path)
     assert campaign.model(campaign.full).controls == ("f_2", "f_3")
     assert [one.controls for one in get_trials(campaign).fit] == [("f_2", "f_3")] * 3
-    assert mirrored_thrusters(campaign)["p"] == ("f_2", "f_3")
+    assert mirrored_thrusters(campaign.vehicle, campaign.full)["p"] == ("f_2", "f_3")
 
 
 def test_a_column_of_a_thruster_that_cannot_act_may_be_mapped(tmp_path):

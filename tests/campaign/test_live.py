@@ -422,7 +422,9 @@ def test_a_control_measured_while_it_changed_follows_a_straight_line_where_the_m
         found = feed(session, n[every], motion[every] + noise)[-1].coefficients
         assert all(abs(one.mean - TRUTH[one.name]) < 3 * one.sd for one in found)
         sd[between] = np.array([one.sd for one in found])
-        assert ('between = "line"' in import_lines(campaign, "1")) == (between == "line")
+        assert (
+            'between = "line"' in import_lines(campaign.imports, campaign.model(campaign.full), campaign.channels, "1")
+        ) == (between == "line")
     assert (sd["line"] < 0.2 * sd["held"]).all(), sd
 
 

@@ -114,7 +114,7 @@ def test_the_promised_share_of_vehicles_meets_the_goals(tmp_path):
         ]
         estimate, cov = known_after(asked, records, len(records))
         told = {name: (estimate[i], float(np.sqrt(cov[i, i]))) for i, name in enumerate(names)}
-        met += not goal_of(asked).unmet(told)
+        met += not goal_of(asked.goal, asked.model(asked.full), asked.where).unmet(told)
     assert_inside(met, vehicles, found)
 
 
@@ -242,7 +242,7 @@ def test_the_promised_share_holds_for_stages_that_take_the_earlier_ones_as_known
             spread = np.sqrt(np.diag(np.linalg.inv(fit.jac.T @ fit.jac))) * sd[free]
             known = values(fit.x)
             told |= {name: (known[i], one) for name, i, one in zip(stage.sought, free, spread, strict=True)}
-        met += not goal_of(asked).unmet(told)
+        met += not goal_of(asked.goal, asked.model(asked.full), asked.where).unmet(told)
     assert_inside(met, vehicles, found)
 
 

@@ -205,7 +205,7 @@ def test_check_tells_a_thruster_that_is_turned_round(tmp_path, log):
     levels = {one.subject[0]: one.level for one in check_thrusters(found, get_trials(found).fit[0])}
     assert levels["f_1"] == "pass"
     assert levels["f_3"] == "alarm"
-    lines = "\n".join(thruster_lines(found))
+    lines = "\n".join(thruster_lines(found.vehicle, found.channels))
     assert "rank 3 on the 3 axes that move, X Y N" in lines
     assert "each has its mirror image" in lines
 
@@ -214,7 +214,9 @@ def test_check_tells_what_the_thrusters_do_not_span(tmp_path, log):
     found = campaign(tmp_path, log, ("direction = [0, 1, 0]", "direction = [1, 0, 0]"))
     said = [one for one in check_thrusters(found, get_trials(found).fit[0]) if one.code == "axis-not-driven"]
     assert [(one.subject, one.level) for one in said] == [(("Y",), "caution")]
-    assert any("rank 2 on the 3 axes" in line and "1 Y" in line for line in thruster_lines(found))
+    assert any(
+        "rank 2 on the 3 axes" in line and "1 Y" in line for line in thruster_lines(found.vehicle, found.channels)
+    )
 
 
 COMMANDED = {

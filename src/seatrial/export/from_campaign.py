@@ -13,7 +13,7 @@ import numpy as np
 from seatrial import __version__
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.load import load_campaign
-from seatrial.campaign.config.vehicle import WholeVehicle
+from seatrial.campaign.config.vehicle import CampaignVehicle, WholeVehicle
 from seatrial.campaign.inference.estimate import stored_estimates
 from seatrial.campaign.store.estimates import Estimate
 from seatrial.campaign.store.stored_result import Store, read_result
@@ -60,7 +60,11 @@ def of_campaign(
     campaign = load_campaign(folder)
     estimate = stored_estimate(campaign, structure)
     alone, provenance = _alone(campaign, estimate)
-    return (alone, provenance) if rest is None else _with_rest(campaign, alone, provenance, rest)
+    return (
+        (alone, provenance)
+        if rest is None
+        else _with_rest(campaign.vehicle, campaign.model(campaign.full), alone, provenance, rest)
+    )
 
 
 def stored_estimate(campaign: Campaign, label: str | None = None) -> Estimate:
@@ -180,7 +184,7 @@ def _alone(campaign: Campaign, estimate: Estimate) -> tuple[ExportedVehicle, Exp
 
 
 def _with_rest(
-    campaign: Campaign, alone: ExportedVehicle, provenance: ExportProvenance, rest: str
+    vehicle: CampaignVehicle, model: VehicleModel, alone: ExportedVehicle, provenance: ExportProvenance, rest: str
 ) -> tuple[ExportedVehicle, ExportProvenance]:
     """Return the published vehicle, in which all that acts in the campaign's motion is the campaign's."""
     published = of_published(rest, load_vehicle(rest))
@@ -198,8 +202,8 @@ def _with_rest(
             )
             + f", or estimate with the mass of {rest}",
         )
-    whole = isinstance(campaign.vehicle, WholeVehicle)
-    moves = campaign.model(campaign.full).states if whole else ("u",)
+    whole = isinstance(vehicle, WholeVehicle)
+    moves = model.states if whole else ("u",)
     replaced = {
         CoefficientName.parse(name)
         for name in acting_terms(

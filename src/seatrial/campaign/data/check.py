@@ -244,7 +244,7 @@ def _judge(campaign: Campaign, record: Record) -> RecordJudgement:
             name, column, campaign.noise[name], ATTITUDE if name in QUATERNION else name, name in heavy
         )
     ]
-    findings += [*empty_cells(record), *unused_channels(campaign, record)]
+    findings += [*empty_cells(record), *unused_channels(campaign.channels, campaign.model(campaign.full), record)]
     driven = {name: record.channel(name) for name in alone.model.controls}
     findings += check_signs(plan.names, {**driven, **measured}, campaign.noise)
     findings += _stated(campaign, record)
@@ -255,7 +255,7 @@ def _judge(campaign: Campaign, record: Record) -> RecordJudgement:
         if not steps:
             findings.append(Finding("motion-diverges", "caution", ("motion",), {}, ("tame-priors",)))
         findings += check_thrusters(campaign, body)
-        return _judgement(campaign, record, findings, record_cautions(record))
+        return _judgement(campaign.accepted, record, findings, record_cautions(record))
     for index, (name, column) in enumerate(measured.items()):
         if name in GAUGE_CHANNELS:
             findings += check_range(name, column, motion.expected[:, index], campaign.noise[name])
@@ -281,15 +281,15 @@ def _judge(campaign: Campaign, record: Record) -> RecordJudgement:
     else:
         mean = np.array([float(prior.mean) for prior in priors])
         findings += _excitation(plan, priors, mean, control)
-    return _judgement(campaign, record, findings, record_cautions(record, judged.feedback))
+    return _judgement(campaign.accepted, record, findings, record_cautions(record, judged.feedback))
 
 
 def _judgement(
-    campaign: Campaign, record: Record, findings: Sequence[Finding], cautions: Sequence[Message]
+    accepted: frozenset[str], record: Record, findings: Sequence[Finding], cautions: Sequence[Message]
 ) -> RecordJudgement:
     """Return a judgement in which accepted findings are notes."""
-    holes = [one for one in cautions if isinstance(one, str) or one.code not in campaign.accepted]
-    return RecordJudgement(record, tuple(accept(findings, campaign.accepted)), tuple(holes))
+    holes = [one for one in cautions if isinstance(one, str) or one.code not in accepted]
+    return RecordJudgement(record, tuple(accept(findings, accepted)), tuple(holes))
 
 
 class _Directions(NamedTuple):
@@ -314,7 +314,7 @@ def _directions(
     expected = {name: motion.expected[:, index] for index, name in enumerate(motion.measured)}
     found = _Directions([], [], [], find_feedback(record, campaign.noise, expected))
     driving = tuple(campaign.model(campaign.full).controls)
-    files, mirrored = _other_files(record, driving), mirrored_thrusters(campaign)
+    files, mirrored = _other_files(record, driving), mirrored_thrusters(campaign.vehicle, campaign.full)
     places = {name: index for index, name in enumerate(motion.measured) if name in names and name not in QUATERNION}
     for name, index in places.items():
         measured, expected, ways = motion.measured[name], motion.expected[:, index], motion.drawn[:, :, index]

@@ -167,7 +167,13 @@ def _aligned(campaign: Campaign, imports: Imports, run: str, ends: Mapping[str, 
     """Read the files of a run, and put them on one axis between its ends: where none are stated, those of what was commanded."""
     tables = _tables(campaign, imports, run)
     if imports.keep:
-        ends = _kept(campaign, imports, run, align(_unchecked(tables), step=imports.step, **ends, label=run))
+        ends = _kept(
+            campaign.folder,
+            campaign.where,
+            imports,
+            run,
+            align(_unchecked(tables), step=imports.step, **ends, label=run),
+        )
     if imports.schedule is None:
         return align(tables, step=imports.step, **ends, label=run)
     path, whole = _commanded(campaign, imports, run), align(_unchecked(tables), step=imports.step, label=run)
@@ -209,7 +215,7 @@ def _unchecked(tables: Sequence[LogTable]) -> list[LogTable]:
     return [replace(table, curved={}) for table in tables]
 
 
-def _kept(campaign: Campaign, imports: Imports, run: str, whole: Record) -> dict[str, float]:
+def _kept(folder: Path, where: Callable[[str], str], imports: Imports, run: str, whole: Record) -> dict[str, float]:
     """Return where the longest stretch of a record begins and ends in which every condition holds, s from the beginning of the record.
 
     Raises:
@@ -218,15 +224,15 @@ def _kept(campaign: Campaign, imports: Imports, run: str, whole: Record) -> dict
     told = whole.provenance.options
     begin = Decimal(told["begins_at"])
     spans = []
-    for index, (rule, path) in enumerate(zip(imports.keep, _keep_paths(campaign, imports, run), strict=True)):
-        with located(campaign.where(f"import.keep[{index}]")):
+    for index, (rule, path) in enumerate(zip(imports.keep, _keep_paths(folder, where, imports, run), strict=True)):
+        with located(where(f"import.keep[{index}]")):
             source = LogSource(path, rule.time, rule.time_unit, {}, delimiter=rule.delimiter, table=rule.table)
             spans.append(spans_of(source, rule.condition))
     stretch = longest(spans, (begin, begin + Decimal(f"{whole.time[-1]:.9f}")))
     if stretch is None:
         conditions = " and ".join(rule.when for rule in imports.keep)
         raise InputError(
-            campaign.where("import.keep[0].when"),
+            where("import.keep[0].when"),
             found=f'run "{run}", in which {conditions} never holds',
             expected="a stretch in which every condition holds",
             remedy="correct the condition, `start` and `end`; `seatrial inspect` shows the range of each column",
@@ -235,10 +241,9 @@ def _kept(campaign: Campaign, imports: Imports, run: str, whole: Record) -> dict
     return {"start": first, "end": last}
 
 
-def _keep_paths(campaign: Campaign, imports: Imports, run: str) -> list[Path]:
+def _keep_paths(folder: Path, where: Callable[[str], str], imports: Imports, run: str) -> list[Path]:
     return [
-        find(campaign.folder, rule.path, campaign.where(f"import.keep[{index}].path"), run)
-        for index, rule in enumerate(imports.keep)
+        find(folder, rule.path, where(f"import.keep[{index}].path"), run) for index, rule in enumerate(imports.keep)
     ]
 
 
@@ -250,8 +255,10 @@ def _commanded(campaign: Campaign, imports: Imports, run: str) -> Path:
 def _tables(campaign: Campaign, imports: Imports, run: str) -> list[LogTable]:
     """Read the files of a run, with velocities along the body."""
     logs, roles = [], signal_roles(campaign.model(campaign.full), campaign.autopilot.trim)
-    for (index, file), path in zip(imports.of(run).items(), _located(campaign, imports, run), strict=True):
-        _check_layout(campaign, file, path, index)
+    for (index, file), path in zip(
+        imports.of(run).items(), _located(campaign.folder, campaign.where, imports, run), strict=True
+    ):
+        _check_layout(campaign.where, file, path, index)
         source = log_source(campaign, file, path, index, roles)
         with located(campaign.where(f"import.files[{index}]")), _of_several_runs(imports, file, run):
             logs.append(read_log_table(source))
@@ -298,10 +305,9 @@ def _without_idle(table: LogTable, wanted: Sequence[str]) -> LogTable:
     )
 
 
-def _located(campaign: Campaign, imports: Imports, run: str) -> list[Path]:
+def _located(folder: Path, where: Callable[[str], str], imports: Imports, run: str) -> list[Path]:
     return [
-        find(campaign.folder, file.path, campaign.where(f"import.files[{index}].path"), run)
-        for index, file in imports.of(run).items()
+        find(folder, file.path, where(f"import.files[{index}].path"), run) for index, file in imports.of(run).items()
     ]
 
 
@@ -313,11 +319,11 @@ def _key(campaign: Campaign, imports: Imports, run: str, hash_of: Callable[[Path
         for name, column in file.channels.items()
         if column.curve
     ]
-    hashes = [hash_of(path) for path in (*_located(campaign, imports, run), *curves)]
+    hashes = [hash_of(path) for path in (*_located(campaign.folder, campaign.where, imports, run), *curves)]
     sent = (
         () if imports.schedule is None else (hash_of(_commanded(campaign, imports, run)), campaign.family.sample_time)
     )
-    keep = [hash_of(path) for path in _keep_paths(campaign, imports, run)]
+    keep = [hash_of(path) for path in _keep_paths(campaign.folder, campaign.where, imports, run)]
     kept = (keep, imports.keep) if keep else ()
     kept += (campaign.pilot(campaign.model(campaign.full).controls),) if campaign.autopilot.loops else ()
     return key_of("record", run, hashes, imports.step, [*files.values()], imports.ends.get(run, {}), *sent, *kept)
@@ -334,11 +340,11 @@ def signal_roles(model: VehicleModel, set_points: Collection[str] = ()) -> dict[
     return {name: "control" if name in driving else "measurement" for name in (*driving, *model.channel_units())}
 
 
-def _check_layout(campaign: Campaign, file: LogFile, path: Path, index: int) -> None:
+def _check_layout(where: Callable[[str], str], file: LogFile, path: Path, index: int) -> None:
     """Refuse the layout of a text where the log is none."""
     if file.layout and not format_of(path).is_text:
         raise InputError(
-            campaign.where(f"import.files[{index}].{file.layout[0]}"),
+            where(f"import.files[{index}].{file.layout[0]}"),
             found=f"a key without effect: {path.name} is {format_of(path).name}",
             expected="keys that have an effect",
             remedy=f"remove {', '.join(file.layout)}: they say how text is laid out",

@@ -14,6 +14,7 @@ from seatrial.core.signals import RATES
 from seatrial.estimation.diagnostics.record_checks import ALARM_TURN_SDS, MIN_TURN, MIN_TURN_SDS
 from seatrial.estimation.posterior.first_guess import Turn, turn_of_sensor
 from seatrial.estimation.simulation.mounts import TURN, Mount
+from seatrial.estimation.simulation.sensor_errors import Sensor
 from seatrial.numerics.rotations import matrix_of_angles
 
 SENSORS = (RATES[:3], RATES[3:])
@@ -26,7 +27,7 @@ MISSED = 2.0
 def along_body(campaign: Campaign, record: Record) -> Record:
     """Return a record with velocities and rates along the body, by the turns of their mounts, of which sought ones are at prior means."""
     columns = {name: record.channel(name) for name in record.measured}
-    for group, mount in ((group, _mount(campaign, group)) for group in SENSORS):
+    for group, mount in ((group, _mount(campaign.sensor_models, group)) for group in SENSORS):
         said = [name for name in group if name in columns]
         if mount is None or not said:
             continue
@@ -40,9 +41,9 @@ def along_body(campaign: Campaign, record: Record) -> Record:
     return replace(record, measurement=np.column_stack([columns[name] for name in record.measured]))
 
 
-def _mount(campaign: Campaign, group: tuple[str, ...]) -> Mount | None:
+def _mount(sensor_models: tuple[Sensor, ...], group: tuple[str, ...]) -> Mount | None:
     """Return the mount of a sensor of several channels."""
-    return next((one.mount for one in campaign.sensor_models if one.channel in group and one.mount is not None), None)
+    return next((one.mount for one in sensor_models if one.channel in group and one.mount is not None), None)
 
 
 def check_mounts(campaign: Campaign, record: Record) -> list[Finding]:
@@ -58,7 +59,7 @@ def check_mounts(campaign: Campaign, record: Record) -> list[Finding]:
     model, priors = model_with_gains(campaign, vehicle, record)
     findings = []
     for group, usual in zip(SENSORS, _NAMES, strict=True):
-        mount = _mount(campaign, group)
+        mount = _mount(campaign.sensor_models, group)
         said = [name for name in group if name in campaign.channels and name in model.states]
         if len(said) < 2 or (mount is not None and {*mount.unknown} & {f"{part}_{mount.name}" for part in TURN}):
             continue

@@ -2,11 +2,11 @@
 
 from collections.abc import Collection
 
-from seatrial.campaign.config.campaign import Campaign
 from seatrial.core.findings import Finding, Message
 from seatrial.core.record import SIMULATED, Record
 from seatrial.core.signals import RATES
 from seatrial.logs.log_table import LOOKS_MEASURED
+from seatrial.vehicles.model import VehicleModel
 
 
 def record_cautions(record: Record, computed: Collection[str] = ()) -> list[Message]:
@@ -54,14 +54,15 @@ def empty_cells(record: Record) -> list[Finding]:
     ]
 
 
-def unused_channels(campaign: Campaign, record: Record) -> list[Finding]:
+def unused_channels(channels: tuple[str, ...], model: VehicleModel, record: Record) -> list[Finding]:
     """Return the velocities that a log gives, and neither a sensor of the campaign nor its model, where they are given, uses.
 
     Args:
-        campaign: the campaign.
+        channels: that are measured.
+        model: vehicle, of all terms that any structure may have.
         record: of logs.
     """
-    used = {*campaign.channels, *campaign.model(campaign.full).controls}
+    used = {*channels, *model.controls}
     mapped = [name for file in record.provenance.options.get("files", ()) for name in file["channels"]]
     return [
         Finding("channel-unused", "caution", (name,), {}, ("add-sensor",))

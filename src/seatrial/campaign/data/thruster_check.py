@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from seatrial.campaign.config.campaign import Campaign
-from seatrial.campaign.config.vehicle import WholeVehicle
+from seatrial.campaign.config.vehicle import CampaignVehicle, WholeVehicle
 from seatrial.campaign.inference.posterior import initial_state
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.findings import Finding
@@ -21,6 +21,7 @@ from seatrial.estimation.diagnostics.record_checks import MAX_GAIN_SD, MIN_GAIN_
 from seatrial.estimation.diagnostics.symmetry import mirror_of
 from seatrial.estimation.posterior.first_guess import fit_motion
 from seatrial.estimation.priors import Normal, Prior
+from seatrial.selection.structures import Structure
 from seatrial.vehicles.hull import AXES
 from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.thrusters import allocation, controls_of
@@ -29,12 +30,11 @@ SMALL = 1e-9
 """Share of the largest entry below which a force or moment is none."""
 
 
-def thruster_lines(campaign: Campaign) -> list[str]:
+def thruster_lines(vehicle: CampaignVehicle, channels: tuple[str, ...]) -> list[str]:
     """Return the allocation matrix, its rank on the axes that move, and what has no mirror image; nothing without thrusters."""
-    vehicle = campaign.vehicle
     if not isinstance(vehicle, WholeVehicle) or not vehicle.body.thrusters:
         return []
-    thrusters, moving = vehicle.body.thrusters, _axes(campaign, vehicle)
+    thrusters, moving = vehicle.body.thrusters, _axes(channels, vehicle)
     matrix = allocation(thrusters)
     rank = int(np.linalg.matrix_rank(matrix[moving], tol=1e-6 * float(np.abs(matrix).max())))
     head = "".join(f"{number:>9}" for number in range(1, len(thrusters) + 1))
@@ -53,11 +53,11 @@ def thruster_lines(campaign: Campaign) -> list[str]:
     return [*lines, f"  port and starboard: {said}"]
 
 
-def _axes(campaign: Campaign, vehicle: WholeVehicle) -> list[int]:
+def _axes(channels: tuple[str, ...], vehicle: WholeVehicle) -> list[int]:
     """Return the axes that move, or along which a gauge holds the vehicle."""
     if vehicle.moves:
         return [RATES.index(rate) for rate in vehicle.moves]
-    return [i for i, force in enumerate(GAUGE_CHANNELS) if force in campaign.channels]
+    return [i for i, force in enumerate(GAUGE_CHANNELS) if force in channels]
 
 
 def _not_spanned(matrix: np.ndarray, moving: Sequence[int]) -> str:
@@ -71,12 +71,11 @@ def _not_spanned(matrix: np.ndarray, moving: Sequence[int]) -> str:
     return "no thrusts make " + ", nor ".join(texts)
 
 
-def mirrored_thrusters(campaign: Campaign) -> dict[str, tuple[str, ...]]:
+def mirrored_thrusters(vehicle: CampaignVehicle, full: Structure) -> dict[str, tuple[str, ...]]:
     """Return the thrusters that drive a rate, by its name, where some drive it forwards and some backwards, as port and starboard do r."""
-    vehicle = campaign.vehicle
     if not isinstance(vehicle, WholeVehicle) or not vehicle.body.thrusters:
         return {}
-    matrix, controls = allocation(vehicle.body.thrusters), all_thrusters(campaign, vehicle)
+    matrix, controls = allocation(vehicle.body.thrusters), all_thrusters(full, vehicle)
     drives = {rate: np.where(np.abs(row) < SMALL, 0.0, row) for rate, row in zip(RATES, matrix, strict=True)}
     return {
         rate: tuple(name for name, push in zip(controls, row, strict=True) if push)
@@ -85,9 +84,9 @@ def mirrored_thrusters(campaign: Campaign) -> dict[str, tuple[str, ...]]:
     }
 
 
-def all_thrusters(campaign: Campaign, vehicle: WholeVehicle) -> tuple[str, ...]:
+def all_thrusters(full: Structure, vehicle: WholeVehicle) -> tuple[str, ...]:
     """Return the controls of all thrusters, of which the model has those that push along or about an axis that moves."""
-    terms = (*campaign.full.terms, *vehicle.hull.fixed)
+    terms = (*full.terms, *vehicle.hull.fixed)
     return controls_of(vehicle.body.thrusters, map(CoefficientName.parse, terms))
 
 
@@ -110,7 +109,7 @@ def check_thrusters(
         return []
     matrix, hull = allocation(vehicle.body.thrusters), vehicle.hull
     can_right = np.array([hull.weight != hull.buoyancy] * 3 + [any(hull.righting)] * 3)
-    idle = [i for i in _axes(campaign, vehicle) if np.abs(matrix[i]).max() < SMALL]
+    idle = [i for i in _axes(campaign.channels, vehicle) if np.abs(matrix[i]).max() < SMALL]
     findings = [
         Finding("axis-not-driven", "note" if can_right[i] else "caution", (AXES[i],), {}, ("drop-axis",)) for i in idle
     ]

@@ -1,5 +1,6 @@
 """Channels that the model and the sensors of a campaign need of its logs, and that no column of the map gives."""
 
+from seatrial.campaign.config.autopilot_table import AutopilotSettings
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.import_table import Imports
 from seatrial.core.errors import InputError
@@ -14,7 +15,7 @@ def unmapped(campaign: Campaign) -> dict[str, str]:
     """
     if campaign.imports is None:
         return {}
-    given = {run: _given(campaign, campaign.imports, run) for run in campaign.imports.runs}
+    given = {run: _given(campaign.autopilot, campaign.imports, run) for run in campaign.imports.runs}
     driving = dict.fromkeys(campaign.model(campaign.full).controls, "is an input of the model")
     needed = driving | dict.fromkeys(campaign.channels, "is in [sensors], where it can be removed")
     missing = {name: [run for run, names in given.items() if name not in names] for name in needed}
@@ -41,7 +42,7 @@ def check_mapped(campaign: Campaign) -> None:
         )
 
 
-def _given(campaign: Campaign, imports: Imports, run: str) -> set[str]:
+def _given(autopilot: AutopilotSettings, imports: Imports, run: str) -> set[str]:
     """Return the channels that the record of a run has after the import."""
     given = {name for file in imports.of(run).values() for name in file.channels}
     for some, others in ((QUATERNION, ANGLES), (ANGLES, QUATERNION)):
@@ -49,6 +50,6 @@ def _given(campaign: Campaign, imports: Imports, run: str) -> set[str]:
             given |= {*others}
     if "psi" in given and given >= {*OVER_EARTH[:2]}:
         given |= {"u", "v", "w"} if OVER_EARTH[2] in given else {"u", "v"}
-    if campaign.autopilot.loops and given >= {*campaign.autopilot.trim}:
-        given |= {*campaign.autopilot.moved}
+    if autopilot.loops and given >= {*autopilot.trim}:
+        given |= {*autopilot.moved}
     return given

@@ -61,7 +61,7 @@ def plan_together(campaign: Campaign, trials: int, reporter: Reporter = SILENT) 
         InputError: no design inside the limits.
         NumericalError: the motion diverges at a draw of the priors.
     """
-    check_whole_trials(campaign, "--trials")
+    check_whole_trials(campaign.design, campaign.where, "--trials")
     designs, model = design_first(campaign, reporter), campaign.model(campaign.full)
     plan = plan_of(campaign, model)
     draws = prior_draws(campaign, model)

@@ -58,7 +58,7 @@ def check_comparison(campaign: Campaign) -> None:
     Raises:
         InputError: process noise is expected, which the expected gain knows nothing of, or designs that are counted by the second.
     """
-    check_whole_trials(campaign, "--compare", joules=True)
+    check_whole_trials(campaign.design, campaign.where, "--compare", joules=True)
     model = campaign.model(campaign.full)
     process = campaign.expected_process(model) or (0.0,) * len(model.states)
     moved = [

@@ -1,6 +1,6 @@
 """Weighs the designs of a sweep: which keep the vehicle inside its limits, what each is worth, and what it costs."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -136,22 +136,23 @@ def _for_choice(draws: np.ndarray) -> np.ndarray:
     return draws[: len(draws) // 2]
 
 
-def check_whole_trials(campaign: Campaign, option: str, joules: bool = False) -> None:
+def check_whole_trials(design: DesignSettings, where: Callable[[str], str], option: str, joules: bool = False) -> None:
     """Check that designs are of full length, as an option of `seatrial design` takes them, and worth what one trial teaches.
 
     Args:
-        campaign: what is counted.
+        design: which trials are tried.
+        where: names a key of the campaign file, for errors.
         option: in words.
         joules: whether the option may stand beside designs that are counted per joule.
 
     Raises:
         InputError: the campaign counts seconds, or joules where the option cannot.
     """
-    per = campaign.design.per
+    per = design.per
     if per == "second" or (per == "joule" and not joules):
         why = "knows trials of full length only" if per == "second" else "does not count joules"
         raise InputError(
-            campaign.where("design.per"),
+            where("design.per"),
             found=f'"{per}" with {option}, which {why}',
             expected='"trial" or "joule"' if joules else '"trial"',
             remedy=f'set per = "trial", or leave out {option}',

@@ -1,5 +1,6 @@
 """The free-form trial: not a member of a family but every level chosen, by gradients, inside all limits."""
 
+from collections.abc import Sequence
 from math import inf
 from pathlib import Path
 
@@ -7,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.config.design_table import DesignSettings
 from seatrial.campaign.design.evaluate import check_whole_trials, plan_of
 from seatrial.campaign.design.prior_state_space import HALF
 from seatrial.campaign.design.sweep import design_first, design_key, write_design
@@ -19,6 +21,7 @@ from seatrial.core.reporter import SILENT, Reporter
 from seatrial.design.fisher_utilities import find_criterion
 from seatrial.design.free_form import design_free_form
 from seatrial.design.free_form_problem import FreeFormProblem
+from seatrial.design.motion_limits import MotionLimit
 from seatrial.design.prior_belief import draw_values, prior_cov
 from seatrial.design.robust import utility_table
 from seatrial.design.safety import judge_safety
@@ -77,7 +80,7 @@ def check_free_trial(campaign: Campaign) -> None:
             expected="one control or set-point: its levels alone are searched",
             remedy="leave out `together` or --free-form",
         )
-    check_whole_trials(campaign, "--free-form")
+    check_whole_trials(campaign.design, campaign.where, "--free-form")
     limits, control = campaign.limits, campaign.family.control
     if None in (limits.lower, limits.upper) or inf in (abs(limits.lower or 0.0), abs(limits.upper or 0.0)):
         unit = shown_unit(control)[1]
@@ -125,7 +128,7 @@ def _search(campaign: Campaign, levels: int, reporter: Reporter) -> FreeTrial:
         family.name,
         float(optimum.at_bounds),
         optimum.active,
-        _safety(campaign, plan, controls[0], draws),
+        _safety(campaign.motion_limits, campaign.design, plan, controls[0], draws),
         tuple((one.name, float(one.before), float(one.utility)) for one in optimum.outcomes),
         optimum.status,
     )
@@ -139,12 +142,16 @@ def _commands(campaign: Campaign, plan: TrialPlan, manoeuvre: Manoeuvre) -> Floa
 
 
 def _safety(
-    campaign: Campaign, plan: TrialPlan, control: Float[np.ndarray, "n c"], draws: np.ndarray
+    motion_limits: Sequence[MotionLimit],
+    design: DesignSettings,
+    plan: TrialPlan,
+    control: Float[np.ndarray, "n c"],
+    draws: np.ndarray,
 ) -> tuple[str, ...]:
-    if not campaign.motion_limits:
+    if not motion_limits:
         return ()
-    probability = campaign.design.probability
-    return judge_safety(plan, control[None], draws[HALF:], campaign.motion_limits, probability).words(0)
+    probability = design.probability
+    return judge_safety(plan, control[None], draws[HALF:], motion_limits, probability).words(0)
 
 
 def _form(family: Family, levels: int) -> SteppedInput:

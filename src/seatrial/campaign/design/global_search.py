@@ -1,5 +1,6 @@
 """The best design between the points of the grid: amplitude and period of every family by global search (CMA-ES)."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -46,7 +47,7 @@ def search_design(campaign: Campaign, budget: int, reporter: Reporter = SILENT) 
         InputError: a grid of one amplitude or period, too small a budget, or no design inside the limits.
         NumericalError: the motion diverges at a draw of the priors.
     """
-    check_search(campaign, budget)
+    check_search(campaign.design, campaign.where, campaign.families, budget)
     kept = stored_search(campaign, budget)
     design = kept.read_or_make(lambda: _search(campaign, budget, reporter))
     family = next(one for one in campaign.families if one.kind == design.kind)
@@ -68,23 +69,25 @@ def search_lines(design: Searched, family: Family) -> list[str]:
     ]
 
 
-def check_search(campaign: Campaign, budget: int) -> None:
+def check_search(
+    design: DesignSettings, where: Callable[[str], str], families: tuple[Family, ...], budget: int
+) -> None:
     """Check that there is something to search in, and enough to search it, before any work.
 
     Raises:
         InputError: a grid of one amplitude or period, too small a budget, or designs that are counted by the second or joule.
     """
-    check_whole_trials(campaign, "--search")
-    lower, upper = _box(campaign.design)
+    check_whole_trials(design, where, "--search")
+    lower, upper = _box(design)
     for name, low, high in zip(("amplitude", "period"), lower, upper, strict=True):
         if not low < high:
             raise InputError(
-                campaign.where(f"design.{name}"),
+                where(f"design.{name}"),
                 found="one value",
                 expected="a range to search in",
                 remedy="give `from` below `to`, or leave out --search",
             )
-    if budget < (fewest := POPULATION * len(campaign.families)):
+    if budget < (fewest := POPULATION * len(families)):
         raise InputError(
             "--search",
             found=f"{budget} design{'s' * (budget != 1)}",

@@ -4,7 +4,7 @@ Designs are those of `[design]` on its control, and the same shapes and periods 
 the same share of the room that its control has. The plan is made from what is believed: the priors, or the mode after a trial.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import inf, sqrt
 from pathlib import Path
@@ -13,7 +13,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from seatrial.campaign.config.campaign import Campaign
-from seatrial.campaign.config.schema import Goal
+from seatrial.campaign.config.design_table import PowerTable
+from seatrial.campaign.config.schema import Goal, PlanTable
 from seatrial.campaign.design.evaluate import check_whole_trials, plan_of
 from seatrial.campaign.design.prior_state_space import HALF, prior_draws
 from seatrial.campaign.design.residual_noise import with_residual_noise
@@ -36,6 +37,8 @@ from seatrial.design.stages import Stage, find_stages
 from seatrial.design.sweep import all_controls, inside_limits
 from seatrial.design.trial_plan import TrialPlan
 from seatrial.manoeuvres.family import Family, design_words
+from seatrial.manoeuvres.manoeuvre import Limits
+from seatrial.vehicles.model import VehicleModel
 
 MOST = 30
 """Trials that are thought of beyond what the day allows."""
@@ -158,8 +161,8 @@ def plan_trials(campaign: Campaign, so_far: SoFar | None = None, reporter: Repor
     Raises:
         InputError: no goal, designs that are ended early, or none inside the limits.
     """
-    check_whole_trials(campaign, "a plan", joules=True)
-    goal = goal_of(campaign)
+    check_whole_trials(campaign.design, campaign.where, "a plan", joules=True)
+    goal = goal_of(campaign.goal, campaign.model(campaign.full), campaign.where)
     if so_far is None:
         known, structure, basis = campaign, campaign.full, "the priors"
         draws = prior_draws(campaign, campaign.model(structure))
@@ -171,8 +174,10 @@ def plan_trials(campaign: Campaign, so_far: SoFar | None = None, reporter: Repor
     designs, information = _designs(known, plan, draws[:HALF], reporter)
     goals = _stage_goals(stages, goal, plan.names, np.linalg.inv(np.atleast_2d(np.cov(draws, rowvar=False))))
     seconds = np.array([one.family.end + campaign.plan.turnaround for one in designs])
-    joules = np.array([_joules(campaign, one.control(), one.family.end) for one in designs])
-    spent = _spent(campaign, () if so_far is None else so_far.records)
+    joules = np.array(
+        [_joules(campaign.power, campaign.family, campaign.plan, one.control(), one.family.end) for one in designs]
+    )
+    spent = _spent(campaign.power, campaign.family, campaign.plan, () if so_far is None else so_far.records)
     judge = _Judge(campaign, plan, goals, draws, designs)
     few = draws[:UTILITY_DRAWS]
     chosen = choose_trials(
@@ -184,25 +189,24 @@ def plan_trials(campaign: Campaign, so_far: SoFar | None = None, reporter: Repor
         lambda trials: judge.chance(trials, slice(0, HALF)) >= campaign.plan.chance,
     )
     most = max(goal.trials - (0 if so_far is None else len(so_far.records)), 0)
-    inside, ended_by = _inside(campaign, chosen, seconds, joules, spent, most)
+    inside, ended_by = _inside(campaign.plan, campaign.goal, chosen, seconds, joules, spent, most)
     is_enough = judge.chance(chosen, slice(0, HALF)) >= campaign.plan.chance
     if not is_enough and len(inside) == len(chosen):
         ended_by = "no design gives the missing information" if len(chosen) < MOST else f"{MOST} trials are not enough"
-    further = (len(chosen), _sum(seconds, chosen), _energy(campaign, joules, chosen)) if is_enough else None
+    further = (len(chosen), _sum(seconds, chosen), _energy(campaign.power, joules, chosen)) if is_enough else None
     return _told(campaign, basis, stages, designs, sorted(inside), judge, seconds, joules, ended_by, further)
 
 
-def goal_of(campaign: Campaign) -> Goal:
+def goal_of(goal: Goal | None, model: VehicleModel, where: Callable[[str], str]) -> Goal:
     """Return the standard deviations that are asked for.
 
     Raises:
         InputError: none is.
     """
-    goal = campaign.goal
     if goal is None or not (goal.shares or goal.sds):
-        names = [term.text for term in campaign.model(campaign.full).coefficients]
+        names = [term.text for term in model.coefficients]
         raise InputError(
-            campaign.where("goal.sd"),
+            where("goal.sd"),
             found="nothing",
             expected="how well each coefficient is to be known, which is what ends a campaign",
             remedy=f'add, for example, [goal] with sd = {{ {names[0]} = "10 %" }} and trials = 6',
@@ -233,19 +237,19 @@ def _families(campaign: Campaign, names: Sequence[str]) -> Iterator[tuple[Family
     amplitudes, model_trim = campaign.design.grid()[0], dict(campaign.control_trim(campaign.model(campaign.full)))
     for family in campaign.families:
         yield family, amplitudes
-    driven = _room(campaign, campaign.family.control, campaign.family.trim)
+    driven = _room(campaign.control_limits, campaign.family.control, campaign.family.trim)
     largest = ROOM if driven == 0 else min(float(amplitudes.max()) / driven, 1.0)
     for name in names:
-        room = _room(campaign, name, model_trim[name])
+        room = _room(campaign.control_limits, name, model_trim[name])
         if name != campaign.family.control and room > 0:
             scaled = amplitudes / amplitudes.max() * largest * room
             for family in campaign.families:
                 yield replace(family, control=name, trim=model_trim[name], beside=()), scaled
 
 
-def _room(campaign: Campaign, control: str, trim: float) -> float:
+def _room(control_limits: Mapping[str, Limits], control: str, trim: float) -> float:
     """Return how far a control may go from trim to both sides, SI; 0 where it has no two limits."""
-    limits = campaign.control_limits.get(control)
+    limits = control_limits.get(control)
     if limits is None or limits.lower is None or limits.upper is None:
         return 0.0
     return max(min(trim - limits.lower, limits.upper - trim), 0.0)
@@ -338,7 +342,8 @@ class _Judge:
 
 
 def _inside(
-    campaign: Campaign,
+    plan: PlanTable,
+    goal: Goal | None,
     chosen: Sequence[PlannedTrial],
     seconds: np.ndarray,
     joules: np.ndarray,
@@ -349,12 +354,12 @@ def _inside(
     time, energy, inside = *spent, []
     for trial in chosen:
         time, energy = time + seconds[trial.design], energy + joules[trial.design]
-        if time > campaign.plan.time:
-            return inside, f"the {campaign.plan.time / 3600:.3g} h of [plan] end it"
-        if energy > campaign.plan.battery:
-            return inside, f"the battery of {campaign.plan.battery / 3600:.3g} Wh ends it"
+        if time > plan.time:
+            return inside, f"the {plan.time / 3600:.3g} h of [plan] end it"
+        if energy > plan.battery:
+            return inside, f"the battery of {plan.battery / 3600:.3g} Wh ends it"
         if len(inside) == most:
-            return inside, f"[goal] trials = {campaign.goal.trials if campaign.goal else most} ends it"
+            return inside, f"[goal] trials = {goal.trials if goal else most} ends it"
         inside.append(trial)
     return inside, ""
 
@@ -372,7 +377,7 @@ def _told(
     further: tuple[int, float, float | None] | None,
 ) -> Plan:
     met = judge.met(trials, slice(HALF, None))
-    chance, goal = float(met.all(1).mean()), goal_of(campaign)
+    chance, goal = float(met.all(1).mean()), goal_of(campaign.goal, campaign.model(campaign.full), campaign.where)
     spread = (chance * len(met) + 1) / (len(met) + 2)  # not zero where all draws agree (Laplace)
     asked = [name for name in judge.names if name in {**goal.shares, **goal.sds}]
     each = {name: float(met[:, judge.names.index(name)].mean()) for name in asked}
@@ -398,37 +403,38 @@ def _told(
         dict(sorted(each.items(), key=lambda one: one[1])),
         others,
         _sum(seconds, trials),
-        _energy(campaign, joules, trials),
+        _energy(campaign.power, joules, trials),
         ended_by,
         further if ended_by else None,
         campaign.plan.chance,
     )
 
 
-def _joules(campaign: Campaign, controls: dict[str, np.ndarray], duration: float) -> float:
+def _joules(
+    power: PowerTable | None, family: Family, plan: PlanTable, controls: dict[str, np.ndarray], duration: float
+) -> float:
     """Return what a trial and its turnaround draw, J: the hotel load, and in the trial the propulsion; 0 where no power is stated."""
-    power = campaign.power
     if power is None:
         return 0.0
-    propeller = PropellerPower(power.propulsion, power.at, campaign.family.control)
+    propeller = PropellerPower(power.propulsion, power.at, family.control)
     driven = float(np.nanmean(propeller.watts(controls))) * duration
-    return driven + power.hotel * (duration + campaign.plan.turnaround)
+    return driven + power.hotel * (duration + plan.turnaround)
 
 
-def _spent(campaign: Campaign, records: Sequence[Record]) -> tuple[float, float]:
+def _spent(power: PowerTable | None, family: Family, plan: PlanTable, records: Sequence[Record]) -> tuple[float, float]:
     """Return time, s, and energy, J, that the records took."""
     lengths = [float(record.time[-1] - record.time[0]) for record in records]
     controls = [dict(zip(record.controls, record.control.T, strict=True)) for record in records]
-    joules = [_joules(campaign, one, length) for one, length in zip(controls, lengths, strict=True)]
-    return sum(lengths) + campaign.plan.turnaround * len(records), sum(joules)
+    joules = [_joules(power, family, plan, one, length) for one, length in zip(controls, lengths, strict=True)]
+    return sum(lengths) + plan.turnaround * len(records), sum(joules)
 
 
 def _sum(each: np.ndarray, trials: Sequence[PlannedTrial]) -> float:
     return float(sum(each[trial.design] for trial in trials))
 
 
-def _energy(campaign: Campaign, joules: np.ndarray, trials: Sequence[PlannedTrial]) -> float | None:
-    return None if campaign.power is None else _sum(joules, trials)
+def _energy(power: PowerTable | None, joules: np.ndarray, trials: Sequence[PlannedTrial]) -> float | None:
+    return None if power is None else _sum(joules, trials)
 
 
 def _trials(count: int) -> str:

@@ -106,7 +106,7 @@ def check_relay(campaign: Campaign) -> RelayTable:
     Raises:
         InputError: none is, or designs that are counted by the second.
     """
-    check_whole_trials(campaign, "--self-oscillation", joules=True)
+    check_whole_trials(campaign.design, campaign.where, "--self-oscillation", joules=True)
     campaign.check_no_autopilot("--self-oscillation", "a loop that would fight the autopilot over the same actuators")
     relay = campaign.design.relay
     if relay is None:

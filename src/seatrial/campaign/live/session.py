@@ -61,7 +61,7 @@ class Session:
         self.values = ValueGate({} if library is None else library.sizes, known, self.notes.say)
         self.memory = InnovationMemory(len(self.measured))
         self.adviser = Adviser(self.recursion, self.measured, campaign.goal, settings.hold, campaign.shown, library)
-        lined = lined_controls(campaign)
+        lined = lined_controls(campaign.imports)
         self.check = StreamCheck(campaign, lined, self.notes.say)
         self.lined = np.array([name in lined for name in self.controls])
         self.delay = float(campaign.prior("delay").mean) if campaign.has_delay else 0.0

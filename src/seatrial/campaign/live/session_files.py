@@ -11,10 +11,12 @@ from typing import Any
 import tomlkit
 
 from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.config.import_table import Imports
 from seatrial.campaign.live.channels import lined_controls
 from seatrial.core.errors import InputError
 from seatrial.core.files import begin_file, read_bytes, write_json
 from seatrial.core.signals import signal_unit
+from seatrial.vehicles.model import VehicleModel
 
 SYNC = 1.0
 """Seconds after which everything is on the disk."""
@@ -110,12 +112,12 @@ def last_look(folder: Path) -> dict[str, Any] | None:
     return found if isinstance(found, dict) and found.keys() >= LOOK else None
 
 
-def import_lines(campaign: Campaign, run: str) -> str:
+def import_lines(imports: Imports | None, model: VehicleModel, channels: tuple[str, ...], run: str) -> str:
     """Return the lines of a campaign file that import a session."""
-    lined = lined_controls(campaign)
+    lined = lined_controls(imports)
     lines = ["[import]", f'fit = ["{run}"]', "", "[[import.files]]", f'path = "{FOLDER.as_posix()}/{{run}}.csv"']
     lines += ['time = { column = "time_s", unit = "s" }']
-    for one in (*campaign.model(campaign.full).controls, *campaign.channels):
+    for one in (*model.controls, *channels):
         between = ', between = "line"' if one in lined else ""
         lines.append(f'channels.{one} = {{ column = "{one}", unit = "{signal_unit(one)}"{between} }}')
     return "\n".join(lines)
@@ -136,7 +138,12 @@ def with_session(campaign: Campaign, run: str) -> str:
             remedy="take a copy of its file without [truth] and [import] to another folder, or leave --import out",
         )
     if "import" not in document:
-        return campaign.text.rstrip("\n") + "\n\n" + import_lines(campaign, run) + "\n"
+        return (
+            campaign.text.rstrip("\n")
+            + "\n\n"
+            + import_lines(campaign.imports, campaign.model(campaign.full), campaign.channels, run)
+            + "\n"
+        )
     imports = campaign.imports
     assert imports is not None
     if [file.path for file in imports.files] != [f"{FOLDER.as_posix()}/{{run}}.csv"]:
@@ -145,7 +152,7 @@ def with_session(campaign: Campaign, run: str) -> str:
             found="runs of other files",
             expected="an [import] of live sessions, or none",
             remedy=f"copy the session to where [[import.files]] looks for a run, or put these lines into a campaign of their own:\n"
-            f"{import_lines(campaign, run)}",
+            f"{import_lines(campaign.imports, campaign.model(campaign.full), campaign.channels, run)}",
         )
     table: object = document["import"]
     table["fit"] = [*imports.fit, *([run] if run not in imports.fit else [])]  # pyright: ignore[reportIndexIssue]

@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.config.schema import EstimationTable
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.data.simulate import FIRST, record_keys
 from seatrial.campaign.design.sweep import design_first, is_designed
@@ -409,7 +410,7 @@ def predict_from_prior(campaign: Campaign, reporter: Reporter = SILENT) -> Prior
     drawn = {name: np.asarray(found[name]) for name in trial.priors}
     moved_by = (*(term.text for term in model.coefficients), *(one.name for one in model.unknowns))
     params = {name: drawn[name] for name in moved_by}
-    start, current = _starts(campaign, model, trial, drawn), _of_trial(drawn, CURRENT, trial.label)
+    start, current = _starts(campaign.estimation, model, trial, drawn), _of_trial(drawn, CURRENT, trial.label)
     keep = np.unique(np.linspace(0, trial.time.size - 1, SHOWN).round().astype(int))
     names = [name for name in RATES if name in model.states] or [
         name for name in GAUGE_CHANNELS if name in campaign.channels
@@ -450,13 +451,13 @@ def predict_from_prior(campaign: Campaign, reporter: Reporter = SILENT) -> Prior
 
 
 def _starts(
-    campaign: Campaign, model: VehicleModel, trial: PriorTrial, drawn: Mapping[str, np.ndarray]
+    estimation: EstimationTable, model: VehicleModel, trial: PriorTrial, drawn: Mapping[str, np.ndarray]
 ) -> list[np.ndarray]:
     """Return the first state of every draw, by state; an attitude's quaternion is that of the trial, so that its length is one."""
     names = {state: initial_name(state, trial.label) for state in model.states if state not in QUATERNION}
     fixed = dict(zip(model.states, trial.start, strict=True))
     start = {state: drawn.get(names.get(state, ""), np.full(N_DRAWS, value)) for state, value in fixed.items()}
-    if trial.label and campaign.estimation.initial != "trim" and "u" in start:
+    if trial.label and estimation.initial != "trim" and "u" in start:
         start["u"] = start["u"] - _of_trial(drawn, CURRENT, trial.label)
     return list(start.values())
 

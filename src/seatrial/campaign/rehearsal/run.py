@@ -71,10 +71,10 @@ def rehearse(campaign: Campaign, vehicles: int, reporter: Reporter = SILENT) -> 
         InputError: no standard deviation is asked for, or too few vehicles.
         NumericalError: a prior of which hardly a draw can be simulated.
     """
-    check_whole_trials(campaign, "a rehearsal", joules=True)
+    check_whole_trials(campaign.design, campaign.where, "a rehearsal", joules=True)
     if any(name.startswith(disturbance_name("")) for name in campaign.priors):
         campaign.check_no_autopilot("a rehearsal of disturbances")
-    goal = goal_of(campaign)
+    goal = goal_of(campaign.goal, campaign.model(campaign.full), campaign.where)
     if vehicles < MIN_VEHICLES:
         raise InputError(
             "rehearsal", found=f"{vehicles} vehicles", expected=f"{MIN_VEHICLES} at least", remedy="ask for more"
@@ -122,7 +122,7 @@ def stored_rehearsal(campaign: Campaign) -> StoredResult[Rehearsal]:
 
 def rehearsal_key(campaign: Campaign) -> str:
     """Key of a rehearsal of any number of vehicles."""
-    goal = goal_of(campaign)
+    goal = goal_of(campaign.goal, campaign.model(campaign.full), campaign.where)
     return key_of(
         "rehearsal",
         design_key(campaign),

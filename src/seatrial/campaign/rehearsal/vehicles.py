@@ -105,7 +105,7 @@ def run_trial(campaign: Campaign, vehicle: Vehicle, number: int, control: Float[
     if not (np.isfinite(measured) == present).all():
         raise NumericalError(f"a vehicle drawn from the prior runs away in its trial {number}: narrow the priors")
     provenance = Provenance("rehearsed", "", {"trial": number})
-    return make_record(campaign.family.time(), columns, _channels(campaign, columns), provenance, str(number))
+    return make_record(campaign.family.time(), columns, _channels(campaign.channels, columns), provenance, str(number))
 
 
 def _run_directly(
@@ -190,7 +190,7 @@ def _posterior_of_one(campaign: Campaign, told: Mapping[str, np.ndarray]) -> Pos
         time,
         np.column_stack([columns[name] for name in told]),
         nothing,
-        _channels(campaign, columns),
+        _channels(campaign.channels, columns),
         Provenance("rehearsed", ""),
         LABEL,
     )
@@ -216,10 +216,8 @@ def _stays(plan: TrialPlan, values: Array, controls: Array) -> tuple[Array]:
     return (jax.vmap(one)(controls),)
 
 
-def _channels(campaign: Campaign, names: Collection[str]) -> tuple[Channel, ...]:
-    return tuple(
-        Channel(name, signal_unit(name), "measurement" if name in campaign.channels else "control") for name in names
-    )
+def _channels(channels: tuple[str, ...], names: Collection[str]) -> tuple[Channel, ...]:
+    return tuple(Channel(name, signal_unit(name), "measurement" if name in channels else "control") for name in names)
 
 
 def _trim(campaign: Campaign) -> Float[np.ndarray, " n_states"]:

@@ -11,6 +11,7 @@ import numpy as np
 import scipy
 
 from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.config.import_table import Imports
 from seatrial.campaign.config.schema import Goal
 from seatrial.campaign.data.simulate import Chosen, chosen_of
 from seatrial.campaign.design.residual_noise import noise_words
@@ -111,7 +112,7 @@ def _weighed(outcome: Outcome, standing: tuple[str, ...]) -> Proposal:
             return Proposal(None, standing, (), why=why, quoted=outcome.disowned)
         if not counting:
             words = f"the goal is met: {_goal_words(outcome)}"
-            missing = before_stop(outcome.campaign, bool(outcome.trials.predict))
+            missing = before_stop(outcome.campaign.imports, outcome.campaign.goal, bool(outcome.trials.predict))
             said = (f"{words}; before you stop, {'; and '.join(missing)}",) if missing else (f"stop: {words}",)
             return Proposal(None, standing, said)
         if len(outcome.trials.fit) >= goal.trials:
@@ -132,17 +133,18 @@ def _weighed(outcome: Outcome, standing: tuple[str, ...]) -> Proposal:
     return _most_informative(outcome.next, _known(outcome), _noise(outcome), standing, counting, _within(outcome))
 
 
-def before_stop(campaign: Campaign, is_tested: bool) -> list[str]:
+def before_stop(imports: Imports | None, goal: Goal | None, is_tested: bool) -> list[str]:
     """Return what is missing before a goal that is met is a reason to stop.
 
     Args:
-        campaign: configuration.
+        imports: runs and their logs; None where none is imported.
+        goal: what ends the campaign; None where nothing is said.
         is_tested: whether a run was held back. Of simulated trials none is: the vehicle is known.
     """
     missing = []
-    if campaign.imports is not None and not is_tested:
-        missing.append(f"test the model, because no run was held back: {hold_back_words(campaign.imports)}")
-    if campaign.goal == EXAMPLE_GOAL:
+    if imports is not None and not is_tested:
+        missing.append(f"test the model, because no run was held back: {hold_back_words(imports)}")
+    if goal == EXAMPLE_GOAL:
         missing.append("state in [goal] how well you need to know it: this goal is the example of the template")
     return missing
 
@@ -166,7 +168,9 @@ def propose_by_mode(campaign: Campaign, first: FirstAnswer, designs: Designs, tr
     counting = goal is not None and goal.only_trials
     if goal is not None and not (unmet or goal.decided or counting):
         confirm = "confirm it by `seatrial next` without --by"
-        missing = before_stop(campaign, campaign.imports is not None and bool(campaign.imports.predict))
+        missing = before_stop(
+            campaign.imports, campaign.goal, campaign.imports is not None and bool(campaign.imports.predict)
+        )
         said = f"before you stop, {'; and '.join([*missing, confirm])}" if missing else confirm
         stop = "" if missing else "stop: "
         return Proposal(None, tuple(standing), (f"{stop}the posterior mode meets the goal; {said}",))

@@ -26,7 +26,7 @@ def check(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
 
         trials = Workflow(campaign, reporter).get("trials")
         pictures = [write_check_picture(campaign.folder, record) for record in (*trials.fit, *trials.predict)]
-        if lines := thruster_lines(campaign):
+        if lines := thruster_lines(campaign.vehicle, campaign.channels):
             answer.say("\n".join(lines))
         judged = check_records(campaign, trials)
         for one, picture in zip(judged, pictures, strict=True):

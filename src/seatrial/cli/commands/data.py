@@ -147,7 +147,13 @@ def _trim(campaign: Any, run: str | None, start: str | None, end: str | None, re
 def _say_trials(answer: Answer, trials: Any, campaign: Any, accelerations: str | None = None) -> Exit:
     from seatrial.campaign.data.record_cautions import record_cautions, unused_channels
 
-    answer.caution(*(one for record in (*trials.fit, *trials.predict) for one in unused_channels(campaign, record)))
+    answer.caution(
+        *(
+            one
+            for record in (*trials.fit, *trials.predict)
+            for one in unused_channels(campaign.channels, campaign.model(campaign.full), record)
+        )
+    )
     for record in (*trials.fit, *trials.predict):
         channels = f"{', '.join(record.controls)} -> {', '.join(record.measured)}"
         answer.say(f"record {record.label}: {record.time.size} samples over {record.time[-1]:.1f} s; {channels}")

@@ -152,7 +152,7 @@ def _end(session: Any, as_json: bool, with_import: bool) -> Exit:
             f"{first}for the whole analysis put these lines into {campaign.path} (--import does it), then: seatrial run {campaign.folder}",
             err=as_json,
         )
-        echo(import_lines(campaign, kept.run), err=as_json)
+        echo(import_lines(campaign.imports, campaign.model(campaign.full), campaign.channels, kept.run), err=as_json)
     return Exit.OK
 
 

@@ -183,9 +183,9 @@ def _check_options(
     if self_oscillation:
         check_relay(campaign)
     if trials:
-        check_whole_trials(campaign, "--trials")
+        check_whole_trials(campaign.design, campaign.where, "--trials")
     if search:
-        check_search(campaign, search)
+        check_search(campaign.design, campaign.where, campaign.families, search)
     if compare:
         check_comparison(campaign)
 

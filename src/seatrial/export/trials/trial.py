@@ -79,7 +79,7 @@ def campaign_stick(campaign: Campaign, control: str, value: Float[np.ndarray, " 
     try:
         return stick_of(model, draws, control, value, known)
     except EitherWayError as cause:
-        raise _undecided(campaign, control, rate, "its estimate") from cause
+        raise _undecided(campaign.model(campaign.full), campaign.path, control, rate, "its estimate") from cause
 
 
 def stick_of(
@@ -147,17 +147,13 @@ def _estimate(campaign: Campaign, control: str, rate: str) -> Any:
     try:
         return stored_estimate(campaign)
     except InputError as cause:
-        raise _undecided(campaign, control, rate, "its prior") from cause
+        raise _undecided(campaign.model(campaign.full), campaign.path, control, rate, "its prior") from cause
 
 
-def _undecided(campaign: Campaign, control: str, rate: str, by: str) -> InputError:
-    terms = [
-        term.text
-        for term in campaign.model(campaign.full).coefficients
-        if control in CoefficientName.parse(term.text).signals
-    ]
+def _undecided(model: VehicleModel, path: Path, control: str, rate: str, by: str) -> InputError:
+    terms = [term.text for term in model.coefficients if control in CoefficientName.parse(term.text).signals]
     return InputError(
-        f"{campaign.path}, trial of {control} as a MAVLink script",
+        f"{path}, trial of {control} as a MAVLink script",
         found=f"a positive {control} that may turn {rate} either way, by {by} of {', '.join(terms)}",
         expected="a vehicle of which it is known which way a positive control moves it",
         remedy="bound the prior to one sign, run the campaign, or export with --to csv",
