@@ -61,10 +61,10 @@ from seatrial.estimation.priors import (
     truncated_normal as truncated_normal,
 )
 from seatrial.estimation.simulation.sensor_errors import Sensor as Sensor
-from seatrial.export.to_target import export_to
+from seatrial.export.from_campaign import export_to
 from seatrial.logs.inspect import inspect_log as inspect_log
 from seatrial.logs.read_log import read_log as read_log
-from seatrial.logs.record_of_columns import record_of_columns
+from seatrial.logs.read_log import record_of_columns
 from seatrial.manoeuvres.family import Family as Family
 from seatrial.manoeuvres.manoeuvre import Limits as Limits
 from seatrial.manoeuvres.schedule import Schedule as Schedule

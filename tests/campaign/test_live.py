@@ -19,11 +19,10 @@ from seatrial.campaign.config.schema import Goal
 from seatrial.campaign.data.import_logs import import_trials
 from seatrial.campaign.live.advice import Adviser
 from seatrial.campaign.live.channels import Arrival
-from seatrial.campaign.live.gates import ClockGate, Notes, ValueGate
 from seatrial.campaign.live.innovations import InnovationMemory, discounted
 from seatrial.campaign.live.next_segment import make_library
 from seatrial.campaign.live.recursion import live_recursion, within_bounds
-from seatrial.campaign.live.session import LiveSettings, Session
+from seatrial.campaign.live.session import ClockGate, LiveSettings, Notes, Session, ValueGate
 from seatrial.campaign.live.session_files import Kept, import_lines, with_session
 from seatrial.campaign.live.sources import GrowingText, MavlinkUdp, Piece, PipedText, open_source
 from seatrial.cli.main import app

@@ -10,9 +10,8 @@ import xarray as xr
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.design.sweep import design_first
 from seatrial.campaign.rehearsal import run as module
-from seatrial.campaign.rehearsal.designs import design_space
 from seatrial.campaign.rehearsal.result import Rehearsal
-from seatrial.campaign.rehearsal.run import rehearse
+from seatrial.campaign.rehearsal.run import design_space, rehearse
 from seatrial.campaign.rehearsal.vehicles import draw_vehicle, run_trial
 from seatrial.campaign.store.stored_result import Store
 from seatrial.cli.running import Exit

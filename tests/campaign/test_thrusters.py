@@ -7,8 +7,7 @@ import pytest
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import get_trials, read_untrimmed
 from seatrial.campaign.data.thruster_check import check_thrusters, thruster_lines
-from seatrial.campaign.design.schedule import write_schedule
-from seatrial.campaign.design.thrust_commands import commands_of
+from seatrial.campaign.design.schedule import commands_of, write_schedule
 from seatrial.campaign.inference.posterior import build_posterior, initial_state, random_key
 from seatrial.campaign.inference.quick_estimates import posterior_modes
 from seatrial.campaign.prior.predictive import predict_from_prior

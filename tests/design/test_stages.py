@@ -1,6 +1,6 @@
 """Which axes are sought together, and in which order."""
 
-from seatrial.design.stages import find_stages
+from seatrial.design.goal_plan import find_stages
 
 
 def stages(names, asked=None):

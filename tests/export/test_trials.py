@@ -13,7 +13,7 @@ from seatrial.campaign.design.schedule import find_schedules, write_schedule
 from seatrial.campaign.design.sweep import design_key
 from seatrial.campaign.store.stored_result import Store, write_dataset
 from seatrial.core.errors import InputError
-from seatrial.export.trials import bag
+from seatrial.export.trials import plain as bag
 from seatrial.export.trials.trial import read_trial, value_at
 from seatrial.export.trials.write import FORMATS, write_trial
 from tests.campaign.small import write_small

@@ -13,7 +13,7 @@ import numpy as np
 from seatrial.core.argument_checks import check_kind, check_path, check_text
 from seatrial.core.signals import POSITIONS
 from seatrial.core.units import to_si
-from seatrial.logs.clocks_apart import ClocksApart, clocks_apart
+from seatrial.logs.clock_shift import ClocksApart, clocks_apart
 from seatrial.logs.formats.protocol import LogFile, TextLayout
 from seatrial.logs.formats.registry import catalogue, format_of, pick, stream
 from seatrial.logs.guess import Guess, best, guesses, remarks

@@ -5,7 +5,9 @@ can whoever reaches the scheduler there. Nothing that a file holds is ever unpic
 """
 
 import logging
+import os
 import pickle
+import platform
 import queue
 import time
 import uuid
@@ -14,12 +16,15 @@ from collections import deque
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from functools import lru_cache
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 from typing import Any
 
 from distributed import Client, Future, KilledWorker, get_worker
 from distributed.comm.core import CommClosedError
 
-from seatrial.campaign.compute.machine import environment, processor
+from seatrial import __version__
 from seatrial.campaign.compute.workers import Done, OnProgress, Work, nobody
 from seatrial.compiled import engine
 from seatrial.core.errors import InputError, NumericalError, SeatrialError, install_extra
@@ -364,3 +369,33 @@ def _quieten() -> None:
     """Dask's own log says in many lines what our errors say in one."""
     for name in ("distributed.client", "distributed.core", "distributed.comm.tcp", "distributed.batched"):
         logging.getLogger(name).setLevel(logging.CRITICAL)
+
+
+# What decides the bits of a computation besides its input: versions, compiler settings and the processor.
+
+PACKAGES = ("jax", "jaxlib", "jax-cuda12-plugin", "numpy", "scipy", "blackjax", "distributed")
+
+
+def environment() -> dict[str, str]:
+    """Versions and compiler settings; where they differ, results may."""
+    found = {"seatrial": __version__, "Python": ".".join(platform.python_version_tuple()[:2])}
+    found |= {name: _version(name) for name in PACKAGES}
+    return found | {name: os.environ.get(name, "") for name in ("XLA_FLAGS", "JAX_ENABLE_X64", "JAX_PLATFORMS")}
+
+
+def processor() -> str:
+    """Name of this machine's processor; sums may differ in their last bits between two kinds."""
+    info = Path("/proc/cpuinfo")
+    if info.is_file():
+        for line in info.read_text(encoding="utf-8", errors="replace").splitlines():
+            if line.startswith("model name"):
+                return line.split(":", 1)[1].strip()
+    return platform.processor() or platform.machine()
+
+
+@lru_cache
+def _version(name: str) -> str:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return "missing"

@@ -14,7 +14,6 @@ from seatrial.campaign.config.import_table import Imports, LogColumn, LogFile
 from seatrial.campaign.config.named_files import find
 from seatrial.campaign.data.no_record import no_record
 from seatrial.campaign.data.rebuilt_controls import with_rebuilt_controls
-from seatrial.campaign.data.run_ends import is_beyond
 from seatrial.campaign.data.simulate import check_simulated, simulated_records
 from seatrial.campaign.data.unmapped import check_mapped
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
@@ -27,7 +26,7 @@ from seatrial.core.signals import QUATERNION
 from seatrial.logs.align import align
 from seatrial.logs.body_frame import to_body
 from seatrial.logs.curve import CellCurve, Curve, check_within, read_curve
-from seatrial.logs.cut_record import cut
+from seatrial.logs.cut_record import cut, is_beyond
 from seatrial.logs.formats.protocol import NoColumn
 from seatrial.logs.formats.registry import format_of, hash_of_log
 from seatrial.logs.log_table import read_log_table

@@ -18,9 +18,8 @@ from seatrial.campaign.config.schema import Goal, PlanTable
 from seatrial.campaign.design.evaluate import check_whole_trials, plan_of
 from seatrial.campaign.design.prior_state_space import HALF, prior_draws
 from seatrial.campaign.design.residual_noise import with_residual_noise
-from seatrial.campaign.design.schedule import write_schedule
+from seatrial.campaign.design.schedule import commands_of, write_schedule
 from seatrial.campaign.design.sweep import coefficient_draws
-from seatrial.campaign.design.thrust_commands import commands_of
 from seatrial.campaign.design.utility import UTILITY_DRAWS
 from seatrial.campaign.store.estimates import Drawn
 from seatrial.campaign.store.stored_result import Store
@@ -29,11 +28,10 @@ from seatrial.core.errors import InputError
 from seatrial.core.record import Record
 from seatrial.core.reporter import SILENT, Reporter
 from seatrial.design.cost import PropellerPower
-from seatrial.design.goal_plan import PlannedTrial, StageGoal, choose_trials, goals_met
+from seatrial.design.goal_plan import PlannedTrial, Stage, StageGoal, choose_trials, find_stages, goals_met
 from seatrial.design.limit_conflicts import check_some_allowed
 from seatrial.design.robust import information_or_nan
 from seatrial.design.safety import judge_safety
-from seatrial.design.stages import Stage, find_stages
 from seatrial.design.sweep import all_controls, inside_limits
 from seatrial.design.trial_plan import TrialPlan
 from seatrial.manoeuvres.family import Family, design_words

@@ -1,17 +1,44 @@
 """A design as the operator runs it: its schedule as CSV, and as JSON with what else is to be said of it; and those that a campaign has."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-from seatrial.campaign.design.thrust_commands import Command
+from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.config.named_files import find
+from seatrial.campaign.config.vehicle import WholeVehicle
 from seatrial.campaign.store.stored_result import Store
 from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError
 from seatrial.core.files import is_there, read_bytes, write_json, write_text
+from seatrial.core.signals import thruster_controls
+from seatrial.logs.curve import read_curve
 from seatrial.manoeuvres.manoeuvre import Manoeuvre
 from seatrial.manoeuvres.schedule import Schedule, schedule_of, table_text
+
+# The commands that make the thrusts of a schedule: laws of thrust read backwards, in the unit of each law, such as
+# microseconds.
+
+Command = Callable[[float], float]
+"""Gives the command of a thrust, N; NaN where no command makes it."""
+
+
+def commands_of(campaign: Campaign) -> dict[str, Command]:
+    """Return the command of each control that has a law of thrust.
+
+    Raises:
+        InputError: the table of a law that cannot be read.
+    """
+    laws = campaign.vehicle.laws if isinstance(campaign.vehicle, WholeVehicle) else ()
+    commands: dict[str, Command] = {}
+    for control, law in zip(thruster_controls(len(laws), commanded_force=True), laws, strict=True):
+        where = campaign.where("vehicle.thrust_laws")
+        table = read_curve(find(campaign.folder, law.table, where), where) if law.table else None
+        commands[control] = partial(law.command, points=None if table is None else (table.logged, table.value))
+    return commands
+
 
 NO_COMMANDS: Mapping[str, Command] = {}
 """Of a vehicle without laws of thrust."""

@@ -15,8 +15,7 @@ from seatrial.campaign.design.check_autopilot import check_autopilot
 from seatrial.campaign.design.evaluate import plan_as_run, plan_of, safety_lines, utility_unit, weigh
 from seatrial.campaign.design.prior_state_space import HALF, belief_space, believed, prior_draws
 from seatrial.campaign.design.residual_noise import with_residual_noise
-from seatrial.campaign.design.schedule import write_schedule
-from seatrial.campaign.design.thrust_commands import commands_of
+from seatrial.campaign.design.schedule import commands_of, write_schedule
 from seatrial.campaign.design.utility import design_filter, prediction_lines
 from seatrial.campaign.store.designs import SweptDesigns, edge_words
 from seatrial.campaign.store.estimates import Drawn, Estimate, OfStructure

@@ -100,10 +100,10 @@ def _trim(campaign: Any, run: str | None, start: str | None, end: str | None, re
     from seatrial.campaign.config.load import check_text
     from seatrial.campaign.data.import_logs import available_of, import_trials
     from seatrial.campaign.data.no_record import no_record
-    from seatrial.campaign.data.run_ends import is_beyond
     from seatrial.cli.campaign_text import read_file, with_trim, write_file
     from seatrial.core.errors import InputError
     from seatrial.core.units import quantity
+    from seatrial.logs.cut_record import is_beyond
 
     if not campaign.has_records:
         raise no_record(campaign)

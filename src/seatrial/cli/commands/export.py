@@ -74,7 +74,7 @@ def _vehicle(
     what: str, to: str | None, out: Path | None, structure: str | None, rest: str | None, options: dict[str, Any]
 ) -> Exit:
     from seatrial.core.errors import InputError
-    from seatrial.export.to_target import export_to
+    from seatrial.export.from_campaign import export_to
     from seatrial.export.write import EXPORTERS, make_exporter
 
     if to is None:

@@ -93,8 +93,7 @@ def next_trial(
 
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
         from seatrial.campaign.data.simulate import add_trial, check_simulated
-        from seatrial.campaign.design.schedule import write_schedule
-        from seatrial.campaign.design.thrust_commands import commands_of
+        from seatrial.campaign.design.schedule import commands_of, write_schedule
         from seatrial.campaign.store.stored_result import Store
 
         if execute:

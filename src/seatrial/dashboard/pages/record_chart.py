@@ -8,7 +8,6 @@ import numpy as np
 from markupsafe import Markup
 from nicegui import ui
 
-from seatrial.campaign.data.run_ends import is_beyond
 from seatrial.campaign.store.stored_result import Store
 from seatrial.cli.campaign_text import CAMPAIGN, read_file, with_trim, write_file
 from seatrial.core.errors import SeatrialError
@@ -20,6 +19,7 @@ from seatrial.dashboard.downsample import Envelope, envelopes
 from seatrial.dashboard.page_layout import LOOK, button
 from seatrial.dashboard.view_models import FormData, RecordAbout
 from seatrial.dashboard.worker_pool import stamp
+from seatrial.logs.cut_record import is_beyond
 
 COLOURS = ("blue", "orange", "purple", "good", "caution", "alarm")
 """Of the structures that are picked, in turn."""

@@ -1,4 +1,4 @@
-"""The script that sends a trial over MAVLink, as `seatrial.export.trials.mavlink` writes it with another head; it imports nothing of
+"""The script that sends a trial over MAVLink, as `seatrial.export.trials.write` writes it with another head; it imports nothing of
 seatrial's. Sources: MAVLink common message set, MANUAL_CONTROL (69), COMMAND_LONG (76), COMMAND_ACK (77); ArduSub, joystick.cpp,
 failsafe.cpp and GCS_MAVLink_Sub.cpp.
 """
