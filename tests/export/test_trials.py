@@ -13,9 +13,8 @@ from seatrial.campaign.design.schedule import find_schedules, write_schedule
 from seatrial.campaign.design.sweep import design_key
 from seatrial.campaign.store.stored_result import Store, write_dataset
 from seatrial.core.errors import InputError
-from seatrial.export.trials import plain as bag
 from seatrial.export.trials.trial import read_trial, value_at
-from seatrial.export.trials.write import FORMATS, write_trial
+from seatrial.export.trials.write import FORMATS, STEP, write_trial
 from tests.campaign.small import write_small
 
 RPM = 30 / np.pi
@@ -155,5 +154,5 @@ def test_without_the_library_the_extra_is_named(folder, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "rosbags.rosbag2", None)
     with pytest.raises(InputError, match=r"pip install -e .*\[ros\]"):
         write_trial(read_trial(folder), tmp_path / "out", ("mcap",))
-    assert bag.STEP == 0.05
+    assert STEP == 0.05
     assert not (tmp_path / "out").exists()
