@@ -289,8 +289,8 @@ def _estimated(estimate: Estimate, structure: Structure, summary: Summary) -> Co
     )
 
 
-def _stale(folder: Path, found: str, remedy: str) -> InputError:
-    return InputError(str(folder), found=found, expected="finished results of today's campaign.toml", remedy=remedy)
+def _stale(folder: Path, estimate: str, remedy: str) -> InputError:
+    return InputError(str(folder), found=estimate, expected="finished results of today's campaign.toml", remedy=remedy)
 
 
 # A vehicle out to a target in one call, wherever it comes from: the catalogue, one's own numbers and draws, or a

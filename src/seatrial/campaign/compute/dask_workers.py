@@ -157,7 +157,7 @@ class DaskWorkers:
             InputError: one whose results might not be ours.
         """
         try:
-            found = self.client.run(about, on_error="return")
+            answers = self.client.run(about, on_error="return")
             at_the_scheduler = self.client.run_on_scheduler(about)
         except LOST as cause:
             raise self._gone(0, 0) from cause
@@ -166,16 +166,16 @@ class DaskWorkers:
         versions = {name: self.ours[name] for name in NEEDED}
         if other := differing(versions, at_the_scheduler[0]):
             raise _stranger(f"the scheduler at {self.name}", other)
-        for address, answer in found.items():
+        for address, answer in answers.items():
             if isinstance(answer, Exception):
                 raise self._mute(f"the worker {address}", answer)
             if other := differing(self.ours, answer[0]):
                 raise _stranger(f"the worker {address}", other)
-        count = len(found)
+        count = len(answers)
         here = f"{count} worker{'s' * (count != 1)} at {self.name}" if count else self.none_yet
         link = self.client.dashboard_link
         reporter.say(here + (f"; the scheduler's page is {link}" if link else ""))
-        if others := {answer[1] for answer in found.values()} - {processor()}:
+        if others := {answer[1] for answer in answers.values()} - {processor()}:
             reporter.say(
                 f"caution: workers compute on {', '.join(sorted(others))}, this machine is {processor()}: results of two kinds of "
                 "processor may differ in their last bits"
@@ -288,7 +288,7 @@ class _Run:
         if future.status in ("cancelled", "lost"):
             raise self._lost()
         try:
-            found = self._fetched(future)
+            outcome = self._fetched(future)
         except KilledWorker as cause:
             raise NumericalError(
                 f"every worker that ran one of the tasks has died, {cause.allowed_failures + 1} of them: most likely their memory is too "
@@ -298,11 +298,11 @@ class _Run:
             if "cancelled" in type(cause).__name__.lower():
                 raise self._lost() from cause
             raise
-        if isinstance(found, Failed):
-            raise found.error
-        if isinstance(found, Stranger):
-            raise _stranger(f"the worker {found.address}", found.differing)
-        return found
+        if isinstance(outcome, Failed):
+            raise outcome.error
+        if isinstance(outcome, Stranger):
+            raise _stranger(f"the worker {outcome.address}", outcome.differing)
+        return outcome
 
     def _fetched(self, future: Future) -> Any:
         """The result; where its worker ended before it was fetched, it is made again, which takes as long as it takes."""
@@ -378,9 +378,9 @@ PACKAGES = ("jax", "jaxlib", "jax-cuda12-plugin", "numpy", "scipy", "blackjax", 
 
 def environment() -> dict[str, str]:
     """Versions and compiler settings; where they differ, results may."""
-    found = {"seatrial": __version__, "Python": ".".join(platform.python_version_tuple()[:2])}
-    found |= {name: _version(name) for name in PACKAGES}
-    return found | {name: os.environ.get(name, "") for name in ("XLA_FLAGS", "JAX_ENABLE_X64", "JAX_PLATFORMS")}
+    versions = {"seatrial": __version__, "Python": ".".join(platform.python_version_tuple()[:2])}
+    versions |= {name: _version(name) for name in PACKAGES}
+    return versions | {name: os.environ.get(name, "") for name in ("XLA_FLAGS", "JAX_ENABLE_X64", "JAX_PLATFORMS")}
 
 
 def processor() -> str:

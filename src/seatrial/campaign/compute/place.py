@@ -128,10 +128,10 @@ def _joined(place: str, asked: SlurmTable | None, reporter: Reporter) -> Any:
             expected="Dask, to reach other machines",
             remedy=install_extra("cluster"),
         ) from cause
-    found = _JOINED.get((place, asked))
-    if found is None or not found.is_there:
-        found = DaskWorkers(place if asked is None else submit_jobs(asked), place)
-        atexit.register(found.close)
-        found.greet(reporter)
-        _JOINED[place, asked] = found
-    return found
+    workers = _JOINED.get((place, asked))
+    if workers is None or not workers.is_there:
+        workers = DaskWorkers(place if asked is None else submit_jobs(asked), place)
+        atexit.register(workers.close)
+        workers.greet(reporter)
+        _JOINED[place, asked] = workers
+    return workers

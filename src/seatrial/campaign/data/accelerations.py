@@ -35,14 +35,14 @@ class SmoothedChannel:
     @property
     def line(self) -> str:
         """What was found, in one line, SI."""
-        found, unit = self.smoothed, signal_unit(self.name)
+        smoothed, unit = self.smoothed, signal_unit(self.name)
         source = "as stated, hidden by the motion" if self.used else "found"
         if self.stated is not None and not self.used:
             source += f", {self.stated:.3g} stated"
-        end = "; ".join(found.complaints) or "white innovations"
+        end = "; ".join(smoothed.complaints) or "white innovations"
         return (
-            f"{self.name}: noise {found.noise:.3g} {unit} ({source}), {self.name}{RATE} +- {np.median(found.rate_sd):.3g} "
-            f"{rate_unit(self.name)}, motion up to {found.bandwidth:.3g} Hz; {end}"
+            f"{self.name}: noise {smoothed.noise:.3g} {unit} ({source}), {self.name}{RATE} +- {np.median(smoothed.rate_sd):.3g} "
+            f"{rate_unit(self.name)}, motion up to {smoothed.bandwidth:.3g} Hz; {end}"
         )
 
 
@@ -79,10 +79,10 @@ def write_accelerations(folder: Path, record: Record, channels: Sequence[Smoothe
     """
     head, columns = ["time_s"], [record.time]
     for channel in channels:
-        name, found = channel.name, channel.smoothed
+        name, smoothed = channel.name, channel.smoothed
         for text, unit in ((name, signal_unit(name)), (name + RATE, rate_unit(name))):
             head += [f"{text} [{unit}]", f"{text}_sd [{unit}]"]
-        columns += [found.value, found.value_sd, found.rate, found.rate_sd]
+        columns += [smoothed.value, smoothed.value_sd, smoothed.rate, smoothed.rate_sd]
     rows = [",".join([f"{row[0]:.6f}", *(f"{value:.8g}" for value in row[1:])]) for row in np.column_stack(columns)]
     path = folder / f"accelerations-{record.label}.csv"
     write_text(path, "\n".join([",".join(head), *rows]) + "\n")
@@ -96,8 +96,8 @@ def rate_unit(name: str) -> str:
 
 def _smooth_channel(record: Record, name: str, stated: float | None) -> SmoothedChannel:
     where, values = f'record "{record.label}", channel "{name}"', record.channel(name)
-    found = smooth(record.time, values, where=where)
-    used = found.hidden and stated is not None
+    smoothed = smooth(record.time, values, where=where)
+    used = smoothed.hidden and stated is not None
     if used:
-        found = smooth(record.time, values, stated, where=where)
-    return SmoothedChannel(name, found, stated, used)
+        smoothed = smooth(record.time, values, stated, where=where)
+    return SmoothedChannel(name, smoothed, stated, used)

@@ -301,9 +301,9 @@ class _Directions(NamedTuple):
     feedback: Mapping[str, Sequence[str]]
 
 
-def _mounting(campaign: Campaign, body: Record, said: Sequence[Finding]) -> list[Finding]:
+def _mounting(campaign: Campaign, body: Record, wrong_axes: Sequence[Finding]) -> list[Finding]:
     """Return which sensors are turned, but for those whose axes are found wrong already: swapped, mirrored or of the other convention."""
-    wrong = {one.subject for one in said if one.code == "axes-wrong" and one.level == "alarm"}
+    wrong = {one.subject for one in wrong_axes if one.code == "axes-wrong" and one.level == "alarm"}
     return [one for one in check_mounts(campaign, body) if one.subject not in wrong]
 
 
@@ -312,7 +312,7 @@ def _directions(
 ) -> _Directions:
     """Judge direction, size, timing and axes of some channels; of those that are `doubted` by the trim, that tells the unit better."""
     expected = {name: motion.expected[:, index] for index, name in enumerate(motion.measured)}
-    found = _Directions([], [], [], find_feedback(record, campaign.noise, expected))
+    directions = _Directions([], [], [], find_feedback(record, campaign.noise, expected))
     driving = tuple(campaign.model(campaign.full).controls)
     files, mirrored = _other_files(record, driving), mirrored_thrusters(campaign.vehicle, campaign.full)
     places = {name: index for index, name in enumerate(motion.measured) if name in names and name not in QUATERNION}
@@ -320,10 +320,10 @@ def _directions(
         measured, expected, ways = motion.measured[name], motion.expected[:, index], motion.drawn[:, :, index]
         if name in SUMMED:
             judged = check_sum(name, record.time, measured, expected, ways, campaign.noise[name], campaign.has_delay)
-            found.findings.extend(judged or [])
-            found.summed.extend([name] if judged is None else [])
+            directions.findings.extend(judged or [])
+            directions.summed.extend([name] if judged is None else [])
         elif says_direction(expected, ways, campaign.noise[name]):
-            found.findings.extend(
+            directions.findings.extend(
                 check_motion(
                     name,
                     record.time,
@@ -338,13 +338,13 @@ def _directions(
                 )
             )
         else:
-            found.unsaid.append(name)
+            directions.unsaid.append(name)
     for group in SENSORS:
-        said = [name for name in group if name in places and name not in found.unsaid]
+        said = [name for name in group if name in places and name not in directions.unsaid]
         if len(said) > 1:
             shown = np.column_stack([motion.measured[name] for name in said])
-            found.findings.extend(check_turn(said, shown, motion.expected[:, [places[name] for name in said]]))
-    return found._replace(findings=not_judged_in_loop(found.findings, found.feedback))
+            directions.findings.extend(check_turn(said, shown, motion.expected[:, [places[name] for name in said]]))
+    return directions._replace(findings=not_judged_in_loop(directions.findings, directions.feedback))
 
 
 def _other_files(record: Record, controls: Collection[str]) -> dict[str, str]:
@@ -399,12 +399,12 @@ def _excitation_as_moved(
     record: Record, plan: TrialPlan, priors: tuple[Prior, ...], control: np.ndarray
 ) -> list[Finding]:
     """The same where the vehicle at the prior means does not move as this one did: at a fit of the measured motion."""
-    found = first_guess(plan.model, [record], [tuple(plan.start)], dict(zip(plan.names, priors, strict=True)))
-    if found:
-        values = np.array([found[name] for name in plan.names])
+    guess = first_guess(plan.model, [record], [tuple(plan.start)], dict(zip(plan.names, priors, strict=True)))
+    if guess:
+        values = np.array([guess[name] for name in plan.names])
         if np.isfinite(np.asarray(plan.motion(values, control))).all():
             return _excitation(plan, priors, values, control, "fit")
-    return [Finding("excitation-not-judged", "note", ("all",), {"fitted": bool(found)}, ("signed-priors",))]
+    return [Finding("excitation-not-judged", "note", ("all",), {"fitted": bool(guess)}, ("signed-priors",))]
 
 
 @program

@@ -104,8 +104,8 @@ def import_trials(campaign: Campaign, reporter: Reporter = SILENT) -> Trials:
     for run in imports.runs:
         record, key = _import_run(campaign, imports, run)
         pieces[run] = (record,) if imports.split is None else cut(record, imports.split)
-        said = f", in {len(pieces[run])} pieces" if len(pieces[run]) > 1 else ""
-        reporter.say(f"run {run}: {record.time.size} samples, {record.time[-1]:.1f} s{said}")
+        in_pieces = f", in {len(pieces[run])} pieces" if len(pieces[run]) > 1 else ""
+        reporter.say(f"run {run}: {record.time.size} samples, {record.time[-1]:.1f} s{in_pieces}")
         keys.append(key)
     fit, predict = (tuple(one for run in some for one in pieces[run]) for some in (imports.fit, imports.predict))
     return Trials(fit, predict, trials_key(imports, keys))
@@ -183,17 +183,19 @@ def _aligned(campaign: Campaign, imports: Imports, run: str, ends: Mapping[str, 
     record = align(tables, step=imports.step, **(ends or followed.ends), label=run)
     options = record.provenance.options
     cautions = [*options["cautions"], *followed.cautions]
-    told = {**options, "followed": f"{path.name}: {followed.words}", "cautions": cautions}
-    return replace(record, provenance=replace(record.provenance, options=told))
+    updated = {**options, "followed": f"{path.name}: {followed.words}", "cautions": cautions}
+    return replace(record, provenance=replace(record.provenance, options=updated))
 
 
 def available_of(trials: Trials) -> dict[str, float]:
     """Return how long the files of each run overlap, s; a run in pieces stands once."""
-    found: dict[str, float] = {}
+    available: dict[str, float] = {}
     for record in (*trials.fit, *trials.predict):
         options = record.provenance.options
-        found.setdefault(record.label.rpartition(".")[0] if "piece" in options else record.label, options["available"])
-    return found
+        available.setdefault(
+            record.label.rpartition(".")[0] if "piece" in options else record.label, options["available"]
+        )
+    return available
 
 
 def _with_late_end(imports: Imports, run: str, record: Record) -> Record:
@@ -201,12 +203,12 @@ def _with_late_end(imports: Imports, run: str, record: Record) -> Record:
     options, end = record.provenance.options, imports.ends.get(run, {}).get("end", 0.0)
     if run not in imports.own_ends or imports.keep or not is_beyond(end, options["available"]):
         return record
-    said = (
+    caution = (
         f'its files end at {options["available"]:.6g} s, before its end = "{end:g} s": it ends with them; '
         f"correct end in [import.trim.{run}]"
     )
-    told = {**options, "cautions": [*options["cautions"], said]}
-    return replace(record, provenance=replace(record.provenance, options=told))
+    updated = {**options, "cautions": [*options["cautions"], caution]}
+    return replace(record, provenance=replace(record.provenance, options=updated))
 
 
 def _unchecked(tables: Sequence[LogTable]) -> list[LogTable]:
@@ -220,8 +222,8 @@ def _kept(folder: Path, where: Callable[[str], str], imports: Imports, run: str,
     Raises:
         InputError: a log or column that cannot be read, or no such stretch.
     """
-    told = whole.provenance.options
-    begin = Decimal(told["begins_at"])
+    options = whole.provenance.options
+    begin = Decimal(options["begins_at"])
     spans = []
     for index, (rule, path) in enumerate(zip(imports.keep, _keep_paths(folder, where, imports, run), strict=True)):
         with located(where(f"import.keep[{index}]")):
@@ -236,7 +238,7 @@ def _kept(folder: Path, where: Callable[[str], str], imports: Imports, run: str,
             expected="a stretch in which every condition holds",
             remedy="correct the condition, `start` and `end`; `seatrial inspect` shows the range of each column",
         )
-    first, last = (float(instant - begin) + told["start"] for instant in stretch)
+    first, last = (float(instant - begin) + options["start"] for instant in stretch)
     return {"start": first, "end": last}
 
 
@@ -293,14 +295,14 @@ def _without_idle(table: LogTable, wanted: Sequence[str]) -> LogTable:
         if one.role == "measurement" and one.name not in (*wanted, *QUATERNION)
         if (known := table.columns[one.name][np.isfinite(table.columns[one.name])]).size and np.ptp(known) == 0
     }
-    said = (
+    notes = (
         f'channel "{name}": {value:g} in every sample; no sensor reads it: left out' for name, value in idle.items()
     )
     return replace(
         table,
         channels=tuple(one for one in table.channels if one.name not in idle),
         columns={name: column for name, column in table.columns.items() if name not in idle},
-        notes=(*table.notes, *said),
+        notes=(*table.notes, *notes),
     )
 
 

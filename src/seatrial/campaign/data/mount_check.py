@@ -28,8 +28,8 @@ def along_body(campaign: Campaign, record: Record) -> Record:
     """Return a record with velocities and rates along the body, by the turns of their mounts, of which sought ones are at prior means."""
     columns = {name: record.channel(name) for name in record.measured}
     for group, mount in ((group, _mount(campaign.sensor_models, group)) for group in SENSORS):
-        said = [name for name in group if name in columns]
-        if mount is None or not said:
+        measured = [name for name in group if name in columns]
+        if mount is None or not measured:
             continue
         angles = [
             float(campaign.prior(name).mean) if name in mount.unknown else stated
@@ -37,7 +37,7 @@ def along_body(campaign: Campaign, record: Record) -> Record:
         ]
         shown = np.stack([columns.get(name, np.zeros(record.time.size)) for name in group], axis=1)
         turned = shown @ np.array(matrix_of_angles(*angles), float).T / mount.scale
-        columns |= {name: turned[:, group.index(name)] for name in said}
+        columns |= {name: turned[:, group.index(name)] for name in measured}
     return replace(record, measurement=np.column_stack([columns[name] for name in record.measured]))
 
 
@@ -60,14 +60,14 @@ def check_mounts(campaign: Campaign, record: Record) -> list[Finding]:
     findings = []
     for group, usual in zip(SENSORS, _NAMES, strict=True):
         mount = _mount(campaign.sensor_models, group)
-        said = [name for name in group if name in campaign.channels and name in model.states]
-        if len(said) < 2 or (mount is not None and {*mount.unknown} & {f"{part}_{mount.name}" for part in TURN}):
+        measured = [name for name in group if name in campaign.channels and name in model.states]
+        if len(measured) < 2 or (mount is not None and {*mount.unknown} & {f"{part}_{mount.name}" for part in TURN}):
             continue
-        turn = turn_of_sensor(model, record, initial_state(campaign, model, record), priors, said)
+        turn = turn_of_sensor(model, record, initial_state(campaign, model, record), priors, measured)
         if turn is None or turn.missed > MISSED:
             continue
         if abs(turn.angle) >= MIN_TURN and turn.gain >= 0.5 * MIN_TURN_SDS**2:
-            findings.append(_finding(said, usual if mount is None else mount.name, turn, mount))
+            findings.append(_finding(measured, usual if mount is None else mount.name, turn, mount))
     return findings
 
 

@@ -43,11 +43,11 @@ def with_rebuilt_controls(campaign: Campaign, record: Record) -> Record:
     _check_logged(where, record, autopilot.outputs, "channel that the autopilot feeds back")
     autopilot = _sampled(where, autopilot, record)
     trim = dict(campaign.control_trim(campaign.model(campaign.full)))
-    told = tuple(
+    set_points = tuple(
         record.channel(name) if name in record.controls else np.full(record.time.size, trim[name])
         for name in autopilot.commands
     )
-    made = _replayed(autopilot, told, tuple(record.channel(name) for name in autopilot.outputs))
+    made = _replayed(autopilot, set_points, tuple(record.channel(name) for name in autopilot.outputs))
     columns = {channel.name: record.channel(channel.name) for channel in record.channels}
     columns |= {name: np.asarray(made[controls.index(name)]) for name in missing}
     channels = (*(Channel(name, signal_unit(name), "control") for name in missing), *record.channels)

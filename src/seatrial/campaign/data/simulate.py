@@ -274,18 +274,18 @@ def designed_trials(
     Raises:
         InputError: no such schedule, a damaged one, or one that breaks today's limits.
     """
-    found = find_schedules(campaign.folder)
-    together = [one for one in found if one.startswith("batch_")] if name == "batch" else []
-    names = [name] if name in found else together
+    schedules = find_schedules(campaign.folder)
+    together = [one for one in schedules if one.startswith("batch_")] if name == "batch" else []
+    names = [name] if name in schedules else together
     remedy = f"run `seatrial design {campaign.folder}` with the option that makes it, such as --free-form 24"
     if not names:
         raise InputError(
             f"--design {name}",
-            found="no such schedule" if found else "no schedule",
-            expected="one of " + ", ".join(found)
-            if found
+            found="no such schedule" if schedules else "no schedule",
+            expected="one of " + ", ".join(schedules)
+            if schedules
             else f"a designed trial under {Store(campaign.folder).results}",
-            remedy=nearest(name, found, remedy),
+            remedy=nearest(name, schedules, remedy),
         )
     if label is not None and len(names) > 1:
         raise InputError(
@@ -296,15 +296,17 @@ def designed_trials(
         )
     trials = []
     for one in sorted(names, key=lambda one: (len(one), one)):
-        about = read_about(found[one], remedy)
+        about = read_about(schedules[one], remedy)
         if about.get("design", design_key(campaign)) != design_key(campaign):
-            reporter.say(f"caution: {found[one].name} was designed before the campaign was changed; it is run as it is")
+            reporter.say(
+                f"caution: {schedules[one].name} was designed before the campaign was changed; it is run as it is"
+            )
         try:
             family = read_relay_family(about["relay"]["family"]) if "relay" in about else None
         except (KeyError, TypeError, ValueError) as cause:
-            raise damaged_about(found[one], cause, remedy) from cause
+            raise damaged_about(schedules[one], cause, remedy) from cause
         step = campaign.family.sample_time if family is None else family.sample_time
-        trials.append(_scheduled(campaign, found[one], label or one, step, reporter, about.get("relay")))
+        trials.append(_scheduled(campaign, schedules[one], label or one, step, reporter, about.get("relay")))
     return tuple(trials)
 
 
@@ -329,16 +331,16 @@ def _scheduled(
 
 def own_lines(campaign: Campaign, own: OwnSchedule) -> list[str]:
     """Say what is not taken from a schedule of one's own, and what it leaves at trim."""
-    name, lost, said = PurePath(own.source).name, own.skipped, []
+    name, lost, messages = PurePath(own.source).name, own.skipped, []
     if lost:
-        said.append(
+        messages.append(
             f"caution: {own.source}:{lost[0]}, {len(lost)} row{'s' * (len(lost) != 1)} between samples of "
             f"{own.schedule.time[1]:g} s: corners there are left out; lower `sample_time` of [design]"
         )
     trim, moved = campaign.control_trim(campaign.model(campaign.full)), campaign.autopilot.moved
     if still := [control for control, _ in trim if control not in (*own.schedule.controls, *moved)]:
-        said.append(f"{name}: {', '.join(still)} held at trim")
-    return said
+        messages.append(f"{name}: {', '.join(still)} held at trim")
+    return messages
 
 
 def _of_own(own: OwnSchedule, label: str, relay: Mapping[str, Any] | None = None) -> Scheduled:
@@ -376,9 +378,9 @@ def run_trial(campaign: Campaign, trial: Later, label: str, key: str) -> Record:
     if isinstance(trial, Chosen):
         manoeuvre = trial.manoeuvre(campaign.families)
         schedule = schedule_of(manoeuvre, campaign.family.sample_time)
-        told = {"manoeuvre": manoeuvre.name, **{name: float(value) for name, value in manoeuvre.parameters.items()}}
+        options = {"manoeuvre": manoeuvre.name, **{name: float(value) for name, value in manoeuvre.parameters.items()}}
     else:
-        schedule, told = trial.schedule, {"manoeuvre": f"schedule {trial.source}", "relay": trial.relay is not None}
+        schedule, options = trial.schedule, {"manoeuvre": f"schedule {trial.source}", "relay": trial.relay is not None}
     purposes = [f"noise {channel}" if label == FIRST else f"noise {channel} {label}" for channel in campaign.channels]
     keys, measured = (
         [random_key(campaign.seed, purpose) for purpose in purposes],
@@ -388,8 +390,8 @@ def run_trial(campaign: Campaign, trial: Later, label: str, key: str) -> Record:
         columns = true_vehicle(campaign).show(
             schedule, measured, keys, None if isinstance(trial, Chosen) else trial.relay
         )
-    told |= {"truth": campaign.truth, "seed": campaign.seed}
+    options |= {"truth": campaign.truth, "seed": campaign.seed}
     channels = tuple(
         Channel(name, signal_unit(name), "measurement" if name in campaign.channels else "control") for name in columns
     )
-    return make_record(schedule.time, columns, channels, Provenance(SIMULATED, key, told), label)
+    return make_record(schedule.time, columns, channels, Provenance(SIMULATED, key, options), label)

@@ -46,11 +46,11 @@ def thruster_lines(vehicle: CampaignVehicle, channels: tuple[str, ...]) -> list[
     ]
     lines += [f"  {axis}{row}" for axis, row in zip(AXES, rows, strict=True)]
     what = "move" if vehicle.moves else "are measured"
-    told = f"  rank {rank} on the {len(moving)} axes that {what}, {names}"
-    lines.append(f"{told}: {_not_spanned(matrix, moving)}" if rank < len(moving) else told)
+    rank_line = f"  rank {rank} on the {len(moving)} axes that {what}, {names}"
+    lines.append(f"{rank_line}: {_not_spanned(matrix, moving)}" if rank < len(moving) else rank_line)
     alone = [str(number) for number, one in enumerate(thrusters, 1) if mirror_of(one, thrusters) is None]
-    said = f"no mirror image of {', '.join(alone)} on the other side" if alone else "each has its mirror image"
-    return [*lines, f"  port and starboard: {said}"]
+    mirror_words = f"no mirror image of {', '.join(alone)} on the other side" if alone else "each has its mirror image"
+    return [*lines, f"  port and starboard: {mirror_words}"]
 
 
 def _axes(channels: tuple[str, ...], vehicle: WholeVehicle) -> list[int]:
@@ -138,8 +138,8 @@ def model_with_gains(
 
 def _gains(campaign: Campaign, vehicle: WholeVehicle, record: Record) -> list[Finding]:
     model, priors = model_with_gains(campaign, vehicle, record)
-    found = fit_motion(model, [record], [initial_state(campaign, model, record)], priors)
-    gains = {name.removeprefix("gain_"): one for name, one in found.items() if name.startswith("gain_f_")}
+    fitted = fit_motion(model, [record], [initial_state(campaign, model, record)], priors)
+    gains = {name.removeprefix("gain_"): one for name, one in fitted.items() if name.startswith("gain_f_")}
     return [_judged(name, *one) for name, one in gains.items() if name in record.controls]
 
 

@@ -84,29 +84,29 @@ class TrueVehicle:
         Raises:
             InputError: a true vehicle that runs away, or a schedule or test that is not of this vehicle.
         """
-        told = schedule.columns(self.trim)
-        _check_controls(tuple(schedule.controls), tuple(told))
+        commands = schedule.columns(self.trim)
+        _check_controls(tuple(schedule.controls), tuple(commands))
         there = np.where(measured, 0.0, np.nan)
         channels = tuple(channel_data(schedule.time, column) for column in there.T)
         sensors = self.simulator.sensors
         noise = [np.asarray(one) for one in _noise(sensors, self.values, channels, tuple(keys))]
         errors = {sensor.channel: noise[i] + there[:, i] for i, sensor in enumerate(sensors)}
-        count = len(told) - (0 if self.autopilot is None else len(self.autopilot.loops))
-        names = tuple(told)[:count]
+        count = len(commands) - (0 if self.autopilot is None else len(self.autopilot.loops))
+        names = tuple(commands)[:count]
         pilot = self.autopilot if relay is None else _relay_of(relay, tuple(errors), names)
         step = np.full(schedule.time.size, schedule.time[1])
         pushes = _pushes(self.shaken, self.values, step, keys[0])
-        held = list(told.values())
+        held = list(commands.values())
         if pilot is None:
-            shown, end = _follow(self.simulator, self.values, self._start(told), (*held, *pushes), step)
+            shown, end = _follow(self.simulator, self.values, self._start(commands), (*held, *pushes), step)
         else:
             moments = Moment(
                 schedule.time, (*held[:count], *pushes, *held[count:]), tuple(errors[name] for name in pilot.outputs)
             )
             if relay is not None:
                 moments = moments._replace(told=())
-            shown, end, command = _closed_loop(self.simulator, pilot, self.values, step)(self._start(told), moments)
-            told |= dict(zip(names, map(np.asarray, command), strict=False))
+            shown, end, command = _closed_loop(self.simulator, pilot, self.values, step)(self._start(commands), moments)
+            commands |= dict(zip(names, map(np.asarray, command), strict=False))
         if not (np.isfinite(shown).all() and np.isfinite(end).all()):
             raise InputError(
                 self.where,
@@ -117,7 +117,7 @@ class TrueVehicle:
                 else "check the signs under `moves` of [autopilot], and lower its gains",
             )
         exact = np.asarray(shown)
-        return told | {
+        return commands | {
             sensor.channel: np.where(measured[:, i], exact[:, i] + noise[i], np.nan) for i, sensor in enumerate(sensors)
         }
 

@@ -97,23 +97,23 @@ class Look:
     def lines(self) -> list[str]:
         """Return it as a block of text."""
         rate = f" at {self.samples / self.time:.3g} Hz" if self.time > 0 else ""
-        found = [f"{self.time:.1f} s, {self.samples} samples{rate}"]
+        lines = [f"{self.time:.1f} s, {self.samples} samples{rate}"]
         width = max(len(one.name) for one in self.coefficients)
         for one in self.coefficients:
             share = f" ({abs(one.sd / one.mean):.1%})" if one.sd < abs(one.mean) else ""
             goal = "" if one.goal is None else f", goal ± {one.goal:.2g}{' met' if one.sd <= one.goal else ''}"
             taught = {True: "excited", False: "not excited", None: ""}[one.is_excited]
-            found.append(
+            lines.append(
                 f"  {one.name:<{width}}  {one.mean:.4g} ± {one.sd:.2g} {one.unit}{share}{goal}{', ' + taught if taught else ''}"
             )
         known = [f"{name} {value:.2f}" for name, value in self.innovations.items() if value == value]
         if known:
-            found.append("  innovations over what is expected, last 20 s: " + ", ".join(known))
+            lines.append("  innovations over what is expected, last 20 s: " + ", ".join(known))
         if self.discount > 1.1:
-            found.append(
+            lines.append(
                 f"  ± is up to {np.sqrt(self.discount):.2g} times the filter's own: innovations are larger or slower than white noise"
             )
-        return [*found, f"=> {self.advice}"]
+        return [*lines, f"=> {self.advice}"]
 
     def as_json(self) -> dict[str, Any]:
         """Return it as JSON-able values."""
@@ -200,13 +200,13 @@ class Adviser:
 
     def _unlike_trim(self, mean: np.ndarray, cov: np.ndarray) -> list[str]:
         """Say which speed the coefficients give at trim, if it is surely not the one that is stated; in units of the recursion."""
-        found, trim = [], self.recursion.trim
+        messages, trim = [], self.recursion.trim
         for name in self.trimmed:
             share = self.recursion.shares_of_trim(name, mean, cov)
             if np.mean(share > UNLIKE) >= SURE or np.mean(share < 1 / UNLIKE) >= SURE:
                 one = unlike_trim(name, trim[name], float(np.nanmedian(share)), "coefficients")
-                found.append(f"{remedy(one)} ({statement(one)})")
-        return found
+                messages.append(f"{remedy(one)} ({statement(one)})")
+        return messages
 
     def _edges(self, time: float, mean: np.ndarray, cut: np.ndarray, cov: np.ndarray) -> list[str]:
         """Say which coefficients are at the edges of their priors, if one is pushed against its own; in units of the recursion.
@@ -236,11 +236,11 @@ class Adviser:
 
     def _wanted(self, mean: np.ndarray) -> Float[np.ndarray, " k"]:
         """Return the standard deviation that is wanted of each coefficient, SI; infinite where nothing is asked."""
-        goal, found = self.goal or Goal(), np.full(mean.size, np.inf)
+        goal, wanted = self.goal or Goal(), np.full(mean.size, np.inf)
         for i, name in enumerate(self.recursion.names):
             by_share = goal.shares[name] * abs(mean[i]) if name in goal.shares else np.inf
-            found[i] = min(goal.sds.get(name, np.inf), by_share)
-        return found
+            wanted[i] = min(goal.sds.get(name, np.inf), by_share)
+        return wanted
 
     def _rate(self, time: float, raw: np.ndarray) -> Float[np.ndarray, " k"] | None:
         """Return the information about each coefficient that a second has brought in the last window; None before half of one."""

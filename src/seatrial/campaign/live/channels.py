@@ -91,8 +91,8 @@ class Channels:
         Raises:
             InputError: a header or a map without what the campaign needs.
         """
-        found = self._of_messages(piece) if piece.text is None else self.text.of(piece.text, piece.begins)
-        return [one._replace(values=self._to_body(one.values)) for one in found]
+        arrivals = self._of_messages(piece) if piece.text is None else self.text.of(piece.text, piece.begins)
+        return [one._replace(values=self._to_body(one.values)) for one in arrivals]
 
     def needed(self, have: Sequence[str], columns: Sequence[str]) -> None:
         """Check that a stream has every control and one measured channel at least.
@@ -143,7 +143,7 @@ class Channels:
         return from_axes(found, source.axes, self.name)
 
     def _of_messages(self, piece: Piece) -> list[Arrival]:
-        found = []
+        arrivals = []
         for table, sender, columns in piece.messages:
             for part, source in enumerate(self.sources):
                 if source.table not in (table, f"{table} of {sender}"):
@@ -163,8 +163,8 @@ class Channels:
                 if seconds is None:
                     self.say("stamps", f"messages without a time are left out, such as {table} at {columns[stamp]!r}")
                     continue
-                found.append(Arrival(seconds, part, {name: float(one[0]) for name, one in values.items()}))
-        return found
+                arrivals.append(Arrival(seconds, part, {name: float(one[0]) for name, one in values.items()}))
+        return arrivals
 
     def _to_body(self, values: dict[str, float]) -> dict[str, float]:
         """Make angles of a quaternion and velocities along the body of those over the earth, with the latest attitude."""

@@ -63,8 +63,8 @@ class InnovationMemory:
 
     def repeats(self) -> Float[np.ndarray, " m"]:
         """Return how many innovations of each channel say as much as an independent one, at least 1."""
-        found = np.ones(self.count.size)
-        for channel in range(found.size):
+        repeats = np.ones(self.count.size)
+        for channel in range(repeats.size):
             enough = np.flatnonzero(self.blocks[:, channel] >= FEWEST)
             if not enough.size or self.squares[0, channel] <= 0:
                 continue
@@ -73,8 +73,8 @@ class InnovationMemory:
             ratio = squares / blocks / size / self.mean_square[channel]
             r = np.minimum(self.products[enough, channel] / squares, 0.99)
             reach = np.where((r > CLEAR / np.sqrt(blocks)) & (blocks >= MANY), (1 + r) / (1 - r), 1.0)
-            found[channel] = max(1.0, float((ratio * reach).max()))
-        return found
+            repeats[channel] = max(1.0, float((ratio * reach).max()))
+        return repeats
 
     def discount(self) -> float:
         """Return what the filter's information is to be divided by, that of the worst channel, at least 1."""

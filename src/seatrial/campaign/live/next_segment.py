@@ -114,10 +114,10 @@ def make_library(campaign: Campaign, model: VehicleModel, reporter: Reporter = S
         controls.append(some)
     some = np.concatenate(controls)
     sizes = _sizes(campaign, plan, np.stack([sweep.best_controls() for sweep in designs.sweeps]))
-    found = Library(plan, tuple(words), some, campaign.family.duration, sizes)
+    library = Library(plan, tuple(words), some, campaign.family.duration, sizes)
     mean = np.array([prior.mean for prior in campaign.coefficient_priors(model)])
     information_table(plan, some, mean[None])
-    return found
+    return library
 
 
 def _sizes(campaign: Campaign, plan: TrialPlan, controls: np.ndarray) -> dict[str, float]:

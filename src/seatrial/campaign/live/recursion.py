@@ -218,8 +218,8 @@ def _stepper(method: Filter) -> Any:
             jnp.where(jnp.isfinite(y), e / jnp.sqrt(v), jnp.nan)
             for y, e, v in zip(shown, update.residual, update.variance, strict=True)
         ]
-        told = jnp.stack([jnp.asarray(x, float) for x in (*normalised, failed)])
-        return method.form.end(after), told
+        outputs = jnp.stack([jnp.asarray(x, float) for x in (*normalised, failed)])
+        return method.form.end(after), outputs
 
     return step
 

@@ -102,14 +102,14 @@ class Session:
         """
         if self.kept is not None:
             self.kept.add_raw(piece.raw)
-        found = []
+        looks = []
         for arrival in self.channels.of(piece):
             self.add(arrival)
             if self.is_due:
-                found.append(self.look())
+                looks.append(self.look())
         if self.kept is not None:
             self.kept.flush()
-        return found
+        return looks
 
     def add(self, arrival: Arrival) -> None:
         """Take one sample."""
@@ -130,9 +130,9 @@ class Session:
     def look(self) -> Look:
         """Judge what is known; to be called once there is a sample."""
         assert self.belief is not None
-        found = self.recursion.coefficients(self.belief)
-        if np.isfinite(found.chol_cov).all():
-            self.coefficients = found
+        coefficients = self.recursion.coefficients(self.belief)
+        if np.isfinite(coefficients.chol_cov).all():
+            self.coefficients = coefficients
         self.looked = self.clock.time
         doubts = [*map(_left_out, sorted(self.values.left_out)), *self.check.judge()]
         look = self.adviser.look(self.clock.time, self.samples, self.coefficients, self.memory, doubts)
@@ -152,9 +152,9 @@ class Session:
         now = self._arriving(sent)
         measured = np.array([values.get(name, np.nan) for name in self.measured])
         held, step = (now, 0.0) if begins else (np.where(self.lined, 0.5 * (self.held + now), self.held), step)
-        self.belief, found = self.recursion.step(self.belief, held, step, now, measured)  # pyright: ignore[reportArgumentType]
+        self.belief, stepped = self.recursion.step(self.belief, held, step, now, measured)  # pyright: ignore[reportArgumentType]
         self.held = now
-        if found.failed:
+        if stepped.failed:
             self.notes.say(
                 "failed",
                 "the filter lost its covariance: the states are initialised again; check units and signs, or narrow the priors",
@@ -162,14 +162,14 @@ class Session:
             self.belief = None
             return
         self.samples += 1
-        self.memory.add(found.normalised)
+        self.memory.add(stepped.normalised)
 
     def _begin(self, known: dict[str, float]) -> None:
         """Begin the states anew, with what is known of the coefficients."""
         if self.belief is not None:
-            found = self.recursion.coefficients(self.belief)
-            if np.isfinite(found.chol_cov).all():
-                self.coefficients = found
+            coefficients = self.recursion.coefficients(self.belief)
+            if np.isfinite(coefficients.chol_cov).all():
+                self.coefficients = coefficients
         self.belief = self.recursion.begin(known, self.coefficients)
 
     def _arriving(self, sent: np.ndarray) -> np.ndarray:
@@ -221,8 +221,8 @@ class Notes:
 
     def take(self) -> list[str]:
         """Return what has not been told yet."""
-        found, self.fresh = self.fresh, []
-        return found
+        looks, self.fresh = self.fresh, []
+        return looks
 
 
 class Passed(NamedTuple):
@@ -309,10 +309,10 @@ class ValueGate:
 
     def admit(self, values: dict[str, float]) -> dict[str, float]:
         """Return the values that can be."""
-        found = {name: value for name, value in values.items() if isfinite(value)}
-        can_be = {name: value for name, value in found.items() if not self._is_beyond(name, value)}
-        for name in found:
-            self._judge(name, abs(found[name]))
+        finite = {name: value for name, value in values.items() if isfinite(value)}
+        can_be = {name: value for name, value in finite.items() if not self._is_beyond(name, value)}
+        for name in finite:
+            self._judge(name, abs(finite[name]))
         return {name: value for name, value in can_be.items() if name not in self.left_out}
 
     def _judge(self, name: str, size: float) -> None:

@@ -99,17 +99,17 @@ class Kept:
 
 def sessions(folder: Path) -> list[str]:
     """Return the sessions of a campaign's folder by name, the oldest first."""
-    found = sorted((folder / FOLDER).glob("*.csv"))
-    return [path.stem for path in found if not path.name.endswith(".received.csv")]
+    tables = sorted((folder / FOLDER).glob("*.csv"))
+    return [path.stem for path in tables if not path.name.endswith(".received.csv")]
 
 
 def last_look(folder: Path) -> dict[str, Any] | None:
     """Return what the last session of a campaign's folder said last, with `run` and the time `at`; None where there is none."""
     try:
-        found = json.loads(read_bytes(folder / LAST_LOOK))
+        content = json.loads(read_bytes(folder / LAST_LOOK))
     except (OSError, InputError, ValueError, RecursionError):
         return None
-    return found if isinstance(found, dict) and found.keys() >= LOOK else None
+    return content if isinstance(content, dict) and content.keys() >= LOOK else None
 
 
 def import_lines(imports: Imports | None, model: VehicleModel, channels: tuple[str, ...], run: str) -> str:

@@ -158,10 +158,10 @@ class GrowingText:
     def _is_another(self) -> bool:
         """Return whether the file was cut below what has been read, or another one has taken its place."""
         try:
-            found = os.stat(self.path)
+            status = os.stat(self.path)
         except FileNotFoundError:  # between the two halves of a rotation
             return False
-        return found.st_ino != self.number or found.st_size < self.stream.tell()
+        return status.st_ino != self.number or status.st_size < self.stream.tell()
 
 
 class MavlinkUdp:

@@ -34,11 +34,11 @@ def file_cautions(campaign: Campaign) -> list[str]:
 
 def vehicle_cautions(campaign: Campaign) -> list[str]:
     """Say that the vehicle is still that of an example, or that its mass and a moment of inertia are not of one body."""
-    found, vehicle = [campaign.example_vehicle] if campaign.example_vehicle else [], campaign.vehicle
+    cautions, vehicle = [campaign.example_vehicle] if campaign.example_vehicle else [], campaign.vehicle
     if isinstance(vehicle, WholeVehicle):
         reach = max((hypot(*one.place) for one in vehicle.body.thrusters), default=0.0)
-        found += doubtful_radii(vehicle.hull, reach)
-    return found
+        cautions += doubtful_radii(vehicle.hull, reach)
+    return cautions
 
 
 def doubtful_radii(hull: Hull, reach: float = 0.0) -> list[str]:
@@ -65,17 +65,17 @@ def doubtful_radii(hull: Hull, reach: float = 0.0) -> list[str]:
 
 def _limits_out_of_reach(campaign: Campaign) -> list[str]:
     """Say which limits of controls are so far from the trim, or from the other limit where the trim is 0, that they limit nothing."""
-    found = []
+    cautions = []
     for name, limits in campaign.control_limits.items():
         trim, (factor, unit) = abs(campaign.trim.get(name, 0.0)), shown_unit(name)
         for key, bound, other in (("lower", limits.lower, limits.upper), ("upper", limits.upper, limits.lower)):
             usual, beside = (trim, "the trim") if trim else (abs(other or 0.0), "the other limit")
             if bound is not None and usual > 0 and abs(bound) > FAR * usual:
-                found.append(
+                cautions.append(
                     f"the {key} limit of {name} is {bound * factor:.3g} {unit}, {plain(abs(bound) / usual)} times {beside}: it limits "
                     "nothing. Correct the number or its unit"
                 )
-    return found
+    return cautions
 
 
 def _start_that_is_not_held(campaign: Campaign) -> list[str]:

@@ -133,9 +133,9 @@ def steady_motion(
         held: states beside u, which stay as they are, SI; 0 where nothing is said.
     """
     state = tuple(float(start if name == "u" else (held or {}).get(name, 0.0)) for name in model.states)
-    speed, slope, found = map(np.asarray, _settled(model, dict(params), state, tuple(map(float, control))))
-    found = found & (slope < 0)
-    return np.where(found, speed, np.nan), np.where(found, -1.0 / np.where(found, slope, 1.0), np.nan)
+    speed, slope, is_steady = map(np.asarray, _settled(model, dict(params), state, tuple(map(float, control))))
+    is_steady = is_steady & (slope < 0)
+    return np.where(is_steady, speed, np.nan), np.where(is_steady, -1.0 / np.where(is_steady, slope, 1.0), np.nan)
 
 
 @program(static_argnums=0)
@@ -377,8 +377,8 @@ class PriorPredictive:
         """Print what the priors mean as motion, and what to correct."""
         from seatrial.campaign.prior.summary import prior_alarms, prior_cautions, prior_lines
 
-        said = prior_lines(self, shown_as_written({}))
-        return "\n".join([*said, *(f"- {one}" for one in (*prior_alarms(self), *prior_cautions(self)))])
+        lines = prior_lines(self, shown_as_written({}))
+        return "\n".join([*lines, *(f"- {one}" for one in (*prior_alarms(self), *prior_cautions(self)))])
 
     _repr_html_ = text_html
 
@@ -406,8 +406,8 @@ def predict_from_prior(campaign: Campaign, reporter: Reporter = SILENT) -> Prior
     model = campaign.model(campaign.full)
     trial = prior_trial(campaign, reporter)
     key = random_key(campaign.seed, "prior predictive")
-    found = _draw(dict(trial.priors), key)
-    drawn = {name: np.asarray(found[name]) for name in trial.priors}
+    draws = _draw(dict(trial.priors), key)
+    drawn = {name: np.asarray(draws[name]) for name in trial.priors}
     moved_by = (*(term.text for term in model.coefficients), *(one.name for one in model.unknowns))
     params = {name: drawn[name] for name in moved_by}
     start, current = _starts(campaign.estimation, model, trial, drawn), _of_trial(drawn, CURRENT, trial.label)
@@ -537,8 +537,8 @@ def _moved_alone(
 
 def _believed(name: str, values: np.ndarray, unit: str, alone: Reach | None, lost: np.ndarray) -> Believed:
     low, middle, high = (float(value) for value in np.quantile(values, (0.05, 0.5, 0.95)))
-    told = alone is not None and 0 < lost.sum() < lost.size
-    blame = (values[lost].mean() - values[~lost].mean()) / values.std() if told else 0.0
+    is_comparable = alone is not None and 0 < lost.sum() < lost.size
+    blame = (values[lost].mean() - values[~lost].mean()) / values.std() if is_comparable else 0.0
     return Believed(name, unit, (low, middle, high), alone, float(blame))
 
 

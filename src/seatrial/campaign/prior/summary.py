@@ -17,77 +17,79 @@ HELD, HARDLY = 0.8, 0.5
 """Shares of the measured speeds inside the 90 % range above which the prior holds them, and below which it does not."""
 
 
-def prior_lines(found: PriorPredictive, shown: Shown) -> list[str]:
+def prior_lines(predictive: PriorPredictive, shown: Shown) -> list[str]:
     """The parameters' priors in the units in which they are `shown`, and what they mean together."""
-    what, named = ("largest value in the trial", True) if found.settled is None else ("steady speed", False)
-    rows = [_row(item, *shown(item.name, item.unit), named) for item in found.believed]
+    what, named = ("largest value in the trial", True) if predictive.settled is None else ("steady speed", False)
+    rows = [_row(item, *shown(item.name, item.unit), named) for item in predictive.believed]
     heads = ("prior", "5 %", "50 %", "95 %", "unit", f"{what} if only this prior varies")
-    return [*aligned((heads, *rows), left=(0, 4, 5)), *prior_summary(found)]
+    return [*aligned((heads, *rows), left=(0, 4, 5)), *prior_summary(predictive)]
 
 
-def prior_summary(found: PriorPredictive) -> list[str]:
+def prior_summary(predictive: PriorPredictive) -> list[str]:
     """What the priors mean as motion, in the units of display."""
-    said, lost = [f"{found.diverged.size} draws over {found.over}"], _percent(found.diverged)
-    if found.settled is not None:
-        none = _percent(np.isnan(found.settled.speed))
-        said.append(f"steady speed at {found.settled.at}: {range_words(found.settled.speed, 'm/s')}")
-        said.append(f"time constant there: {range_words(found.settled.time_constant, 's')}")
-        said.append(f"draws that diverge: {lost}; draws that reach no steady speed: {none}")
+    messages, lost = [f"{predictive.diverged.size} draws over {predictive.over}"], _percent(predictive.diverged)
+    if predictive.settled is not None:
+        none = _percent(np.isnan(predictive.settled.speed))
+        messages.append(f"steady speed at {predictive.settled.at}: {range_words(predictive.settled.speed, 'm/s')}")
+        messages.append(f"time constant there: {range_words(predictive.settled.time_constant, 's')}")
+        messages.append(f"draws that diverge: {lost}; draws that reach no steady speed: {none}")
     else:
-        for one in found.channels:
+        for one in predictive.channels:
             factor, unit = shown_unit(one.channel)
             if np.isfinite(one.bands).any():
                 low, high = (factor * end for end in (one.bands[0].min(), one.bands[-1].max()))
                 is_still = np.ptp(one.bands) < STILL
-                said.append(
-                    f"{one.channel} does not move in this trial, so its priors mean nothing here{_moving(found)}"
+                messages.append(
+                    f"{one.channel} does not move in this trial, so its priors mean nothing here{_moving(predictive)}"
                     if is_still
                     else f"{one.channel}: 90 % of draws between {low:.3g} and {high:.3g} {unit}"
                 )
-        said.append(f"draws that diverge: {lost}")
-    held = [one for one in found.channels if np.isfinite(one.held)]
-    return said + [
-        f"{_measured(found, one.channel)} inside the prior's 90 % range: {one.held:.0%}; {_verdict(one.held)}"
+        messages.append(f"draws that diverge: {lost}")
+    held = [one for one in predictive.channels if np.isfinite(one.held)]
+    return messages + [
+        f"{_measured(predictive, one.channel)} inside the prior's 90 % range: {one.held:.0%}; {_verdict(one.held)}"
         for one in held
     ]
 
 
-def prior_alarms(found: PriorPredictive) -> list[str]:
+def prior_alarms(predictive: PriorPredictive) -> list[str]:
     """Why the priors are not to be used."""
-    said = []
-    if found.diverged.mean() > MOST:
-        said.append(f"most draws from the prior diverge ({_percent(found.diverged)}): {_mend(found)}")
-    elif found.settled is not None and not most_have(found.settled.speed):
-        none = _percent(np.isnan(found.settled.speed))
-        said.append(f"most draws from the prior reach no steady speed ({none}): {_mend(found)}")
-    return said + [
-        f"the prior misses the {_measured(found, one.channel)}, of which {one.held:.0%} lie inside its 90 % range: "
+    messages = []
+    if predictive.diverged.mean() > MOST:
+        messages.append(f"most draws from the prior diverge ({_percent(predictive.diverged)}): {_mend(predictive)}")
+    elif predictive.settled is not None and not most_have(predictive.settled.speed):
+        none = _percent(np.isnan(predictive.settled.speed))
+        messages.append(f"most draws from the prior reach no steady speed ({none}): {_mend(predictive)}")
+    return messages + [
+        f"the prior misses the {_measured(predictive, one.channel)}, of which {one.held:.0%} lie inside its 90 % range: "
         "check units, signs and the channel map, then move or widen the priors"
-        for one in found.channels
+        for one in predictive.channels
         if one.held < HARDLY
     ]
 
 
-def prior_cautions(found: PriorPredictive) -> list[str]:
+def prior_cautions(predictive: PriorPredictive) -> list[str]:
     """What about the priors is worth correcting."""
-    said, settled = [], found.settled
-    has_motion = found.diverged.mean() <= MOST and (settled is None or most_have(settled.speed))
-    if found.lost.mean() > SOME and has_motion:
+    messages, settled = [], predictive.settled
+    has_motion = predictive.diverged.mean() <= MOST and (settled is None or most_have(settled.speed))
+    if predictive.lost.mean() > SOME and has_motion:
         none = "diverge" if settled is None else "diverge or reach no steady speed"
-        said.append(f"{_percent(found.lost)} of the draws from the prior {none}, which no vehicle does: {_mend(found)}")
-    missed = any(one.held < HARDLY for one in found.channels)
+        messages.append(
+            f"{_percent(predictive.lost)} of the draws from the prior {none}, which no vehicle does: {_mend(predictive)}"
+        )
+    missed = any(one.held < HARDLY for one in predictive.channels)
     if settled is not None and most_have(settled.speed) and not missed:
         low, high = np.nanquantile(np.abs(settled.speed), (LEVELS[0], LEVELS[-1]))
         if high > WIDE * low:
-            widest = max((item for item in found.believed if item.alone), key=_width)
-            said.append(
+            widest = max((item for item in predictive.believed if item.alone), key=_width)
+            messages.append(
                 f"the prior is wide: 90 % of its steady speeds lie between {low:.2g} and {high:.2g} m/s, mostly "
                 f"because of {widest.name}; if you know the vehicle better, narrow the priors, because the evidence depends on them"
             )
-    return said + [
-        f"the prior covers only part of the {_measured(found, one.channel)}, {one.held:.0%} inside its 90 % range: "
+    return messages + [
+        f"the prior covers only part of the {_measured(predictive, one.channel)}, {one.held:.0%} inside its 90 % range: "
         "move or widen the priors"
-        for one in found.channels
+        for one in predictive.channels
         if HARDLY <= one.held < HELD
     ]
 
@@ -119,14 +121,14 @@ def _reach(item: Believed, named: bool) -> str:
     return f"{channel} " * named + f"{low} to {high} {unit}"
 
 
-def _moving(found: PriorPredictive) -> str:
+def _moving(predictive: PriorPredictive) -> str:
     """Say how a control that stays at its trim is moved as well; nothing where all move."""
-    still = [name for name, values in found.control.items() if np.ptp(values) == 0]
+    still = [name for name, values in predictive.control.items() if np.ptp(values) == 0]
     return f": `together` of [design] moves {listed(still)} as well" if still else ""
 
 
-def _measured(found: PriorPredictive, channel: str) -> str:
-    return "measured speeds" if found.settled is not None else f"measured {channel}"
+def _measured(predictive: PriorPredictive, channel: str) -> str:
+    return "measured speeds" if predictive.settled is not None else f"measured {channel}"
 
 
 def _width(item: Believed) -> float:
@@ -145,24 +147,24 @@ def _percent(which: np.ndarray) -> str:
     return f"{share:.1%}" if 0 < share < 0.1 else f"{share:.0%}"
 
 
-def _mend(found: PriorPredictive) -> str:
+def _mend(predictive: PriorPredictive) -> str:
     """Name the coefficient that most sets the draws that run away apart, and what to do about it."""
-    worst = max(found.believed, key=lambda item: abs(item.blame))
-    if worst.name in found.unphysical:
-        return _cut(found, worst.name)
-    also = f", and {_cut(found, found.unphysical[0])}" if found.unphysical else ""
+    worst = max(predictive.believed, key=lambda item: abs(item.blame))
+    if worst.name in predictive.unphysical:
+        return _cut(predictive, worst.name)
+    also = f", and {_cut(predictive, predictive.unphysical[0])}" if predictive.unphysical else ""
     if worst.blame == 0.0:
         return f"check the signs and units of the priors{also}"
     end, bound = ("large", "lower its upper bound") if worst.blame > 0 else ("small", "raise its lower bound")
     return f"those with a {end} {worst.name}; {bound} in [prior.{worst.name}]{also}"
 
 
-def _cut(found: PriorPredictive, name: str) -> str:
+def _cut(predictive: PriorPredictive, name: str) -> str:
     """Say how the prior of a coefficient is cut to what physics allows; that of a published vehicle may have no section of its own."""
     words = f"set dissipative = true in [prior.{name}]"
-    if found.settled is not None:
+    if predictive.settled is not None:
         return words
-    low, middle, high = next(item.quantiles for item in found.believed if item.name == name)
+    low, middle, high = next(item.quantiles for item in predictive.believed if item.name == name)
     sd = (high - low) / (2 * Z90)
     added = f'distribution = "normal", mean = {middle:.2g}, sd = {sd:.2g} and dissipative = true'
     return f"{words}, or if the file has no such section, add it with {added}"

@@ -141,21 +141,21 @@ class Rehearsal:
 
     def verdicts(self) -> list[str]:
         """One sentence for each strategy that the adaptive one is compared with, and one about those that never met the goal."""
-        said = [self._compared(name) for name in self.strategies if name != ADAPTIVE]
+        comparisons = [self._compared(name) for name in self.strategies if name != ADAPTIVE]
         if not self.met.all():
-            said.append(f"a vehicle that never met the goal counts as {self._most}: it would have needed more")
+            comparisons.append(f"a vehicle that never met the goal counts as {self._most}: it would have needed more")
         if self.refused:
             drawn = self.vehicles + self.refused
-            said.append(f"{self.refused} of {drawn} draws from the prior ran away and were drawn again")
-        return said
+            comparisons.append(f"{self.refused} of {drawn} draws from the prior ran away and were drawn again")
+        return comparisons
 
     def alarms(self) -> list[str]:
         """Strategies after which the stated uncertainty does not hold."""
-        found = {name: self.honest_share(name) for name in self.strategies}
+        shares = {name: self.honest_share(name) for name in self.strategies}
         return [
             f"{name}: the truth lies within 1.64 sd in {self._honest(name)} of the cases, and should in 0.90: "
             "the posterior is not normal about its mode, and goals may have been met too early"
-            for name, share in found.items()
+            for name, share in shares.items()
             if max(share.value + SURE * share.error, self.honest_band(name)[1]) < HONEST
         ]
 

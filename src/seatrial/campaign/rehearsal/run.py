@@ -297,9 +297,9 @@ def _rehearse_one(
         return space.random(index, number)
 
     strategies: Sequence[Choose] = [adaptive, *(partial(repeated, one) for one in fixed.values()), drawn]
-    found = run_side_by_side([partial(_run_strategy, campaign, goal, vehicle, choose) for choose in strategies])
+    outcomes = run_side_by_side([partial(_run_strategy, campaign, goal, vehicle, choose) for choose in strategies])
     names = [term.text for term in campaign.model(campaign.full).coefficients]
-    each = {name: np.stack([outcome[name] for outcome in found]) for name in found[0]}
+    each = {name: np.stack([outcome[name] for outcome in outcomes]) for name in outcomes[0]}
     return {
         "truth": np.array([vehicle.values[name] for name in names]),
         "refused": np.array(vehicle.refused),

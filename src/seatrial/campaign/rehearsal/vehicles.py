@@ -92,14 +92,14 @@ def run_trial(campaign: Campaign, vehicle: Vehicle, number: int, control: Float[
         NumericalError: the vehicle runs away.
     """
     own_key, noise_key = jax.random.split(jax.random.fold_in(vehicle.key, number))
-    told, trim = _columns(campaign, control), _trim(campaign)
-    posterior = _posterior_of_one(campaign, told)
+    commands, trim = _columns(campaign, control), _trim(campaign)
+    posterior = _posterior_of_one(campaign, commands)
     drawn = np.asarray(posterior.constrain(posterior.sample_prior(own_key, 1)))[0]
     own = {name: float(value) for name, value in zip(posterior.names, drawn, strict=True) if _is_own(name)}
     starts = {initial_name(state, LABEL): trim[i] for i, state in enumerate(campaign.model(campaign.full).states)}
     own |= {name: value for name, value in starts.items() if name in own}
     run = _run_through_autopilot if campaign.autopilot.loops else _run_directly
-    columns = run(campaign, posterior, vehicle.values | own, told, noise_key)
+    columns = run(campaign, posterior, vehicle.values | own, commands, noise_key)
     present = campaign.measured_mask(campaign.family.time()) > 0
     measured = np.stack([columns[name] for name in campaign.channels], -1)
     if not (np.isfinite(measured) == present).all():
@@ -112,7 +112,7 @@ def _run_directly(
     campaign: Campaign,
     posterior: Posterior,
     values: Mapping[str, float],
-    told: Mapping[str, np.ndarray],
+    commands: Mapping[str, np.ndarray],
     key: jax.Array,
 ) -> dict[str, Float[np.ndarray, " n"]]:
     """Return controls and measurements of a trial that acts on the controls, by the likelihood's own simulation."""
@@ -122,14 +122,14 @@ def _run_directly(
     measured = [
         np.where(np.asarray(one.present)[0, :size] > 0, np.asarray(one.measured)[0, :size], np.nan) for one in shown
     ]
-    return {**told, **dict(zip(campaign.channels, measured, strict=True))}
+    return {**commands, **dict(zip(campaign.channels, measured, strict=True))}
 
 
 def _run_through_autopilot(
     campaign: Campaign,
     posterior: Posterior,
     values: Mapping[str, float],
-    told: Mapping[str, np.ndarray],
+    commands: Mapping[str, np.ndarray],
     key: jax.Array,
 ) -> dict[str, Float[np.ndarray, " n"]]:
     """Return controls, set-points and measurements of a trial that runs through the autopilot."""
@@ -141,7 +141,7 @@ def _run_through_autopilot(
     keys = jax.random.split(key, len(campaign.channels))
     try:
         return vehicle.show(
-            Schedule(campaign.family.time(), told), campaign.measured_mask(campaign.family.time()) > 0, tuple(keys)
+            Schedule(campaign.family.time(), commands), campaign.measured_mask(campaign.family.time()) > 0, tuple(keys)
         )
     except InputError as cause:
         raise NumericalError(
@@ -178,17 +178,17 @@ def joint_posterior(campaign: Campaign, records: Sequence[Record], most: int) ->
     return replace(posterior, data=jax.device_put(data._replace(channels=channels)))
 
 
-def _posterior_of_one(campaign: Campaign, told: Mapping[str, np.ndarray]) -> Posterior:
+def _posterior_of_one(campaign: Campaign, commands: Mapping[str, np.ndarray]) -> Posterior:
     """Posterior of one trial whose sensors show zero: what of it is used are parameters, priors and the simulation.
 
     Not by `build_posterior`, which asks for two trials where coefficients vary between them.
     """
     time = campaign.family.time()
     nothing = np.where(campaign.measured_mask(time) > 0, 0.0, np.nan)
-    columns = {**told, **dict(zip(campaign.channels, nothing.T, strict=True))}
+    columns = {**commands, **dict(zip(campaign.channels, nothing.T, strict=True))}
     blank = Record(
         time,
-        np.column_stack([columns[name] for name in told]),
+        np.column_stack([columns[name] for name in commands]),
         nothing,
         _channels(campaign.channels, columns),
         Provenance("rehearsed", ""),

@@ -54,36 +54,36 @@ def run_loop(campaign: Campaign, reporter: Reporter = SILENT) -> Outcome:
         campaign.control_trim(campaign.model(campaign.full))
     standing = Workflow(campaign)
     whole = WholeRun(reporter, [step.name for step in LOOP if step.files and standing.state(step.name) != "current"])
-    flow, found, undesigned = Workflow(campaign, whole), {}, None
+    flow, results, undesigned = Workflow(campaign, whole), {}, None
     with whole:
         for step in LOOP:
             whole.begin(step.name)
             try:
-                found[step.name] = flow.get(step.name)
+                results[step.name] = flow.get(step.name)
             except InputError as error:
                 if step.name not in OF_NEXT_TRIAL:
                     raise
-                found[step.name], undesigned = None, error
+                results[step.name], undesigned = None, error
             whole.end()
             if step.name == "candidates":
-                whole.resize(size_of(found["candidates"], found["trials"]))
-    screened, cautions = found["screening"]
-    predictions: Predictions = found["predictions"]
+                whole.resize(size_of(results["candidates"], results["trials"]))
+    screened, cautions = results["screening"]
+    predictions: Predictions = results["predictions"]
     same = ("trials", "selection", "chosen", "filter", "known", "promised", "first", "next", "contenders")
     outcome = Outcome(
-        campaign=found["candidates"],
-        estimates=tuple(found["estimates"]),
+        campaign=results["candidates"],
+        estimates=tuple(results["estimates"]),
         fits=predictions.fits,
         predictions=predictions.data,
         pooled=predictions.pooled,
-        baselines=found["baselines"],
-        compared=compare_with_baselines(found["baselines"], held_back_curves(predictions)),
+        baselines=results["baselines"],
+        compared=compare_with_baselines(results["baselines"], held_back_curves(predictions)),
         screened=screened,
         screening_cautions=tuple(cautions),
         summary=cast(Summary, None),  # made below, of all the rest
-        cross_validation=current_cross_validation(found["candidates"], found["trials"]),
+        cross_validation=current_cross_validation(results["candidates"], results["trials"]),
         undesigned=f"{undesigned.where}: {undesigned.sentence()}" if undesigned else "",
-        **{name: found[name] for name in same},
+        **{name: results[name] for name in same},
     )
     summary = summarise(outcome)
     outcome = replace(outcome, summary=summary)

@@ -83,12 +83,12 @@ def propose(outcome: Outcome) -> Proposal:
     if (wrong := _wrong(outcome)) is not None:
         return wrong
     standing = _standing(outcome)
-    found, failed = _weighed(outcome, standing), _failed(outcome)
-    if not failed or found.why or outcome.next is None:
-        return found
-    if found.trial is None:
-        found = Proposal(None, standing, ("no trial yet: a health check failed; run again once it is corrected",))
-    return replace(found, why="first correct what failed", quoted=failed)
+    proposal, failed = _weighed(outcome, standing), _failed(outcome)
+    if not failed or proposal.why or outcome.next is None:
+        return proposal
+    if proposal.trial is None:
+        proposal = Proposal(None, standing, ("no trial yet: a health check failed; run again once it is corrected",))
+    return replace(proposal, why="first correct what failed", quoted=failed)
 
 
 def _failed(outcome: Outcome) -> str:
@@ -113,22 +113,20 @@ def _weighed(outcome: Outcome, standing: tuple[str, ...]) -> Proposal:
         if not counting:
             words = f"the goal is met: {_goal_words(outcome)}"
             missing = before_stop(outcome.campaign.imports, outcome.campaign.goal, bool(outcome.trials.predict))
-            said = (f"{words}; before you stop, {'; and '.join(missing)}",) if missing else (f"stop: {words}",)
-            return Proposal(None, standing, said)
+            advice = (f"{words}; before you stop, {'; and '.join(missing)}",) if missing else (f"stop: {words}",)
+            return Proposal(None, standing, advice)
         if len(outcome.trials.fit) >= goal.trials:
             trials = f"{goal.trials} trial{'s are' if goal.trials != 1 else ' is'}"
             return Proposal(None, standing, (f"stop: {trials} run, which is all that [goal] asks for",))
     if outcome.next is None:
         why = outcome.undesigned or "add [design] to the campaign to choose one from its designs"
         return Proposal(None, standing, (f"no trial is proposed: {why}",))
-    found = outcome.contenders
-    if doubt and found is not None and (odds := settling(found, outcome.selection.probability)) > 1 - DECIDED:
-        promise = (
-            f"it settles {' against '.join(found.labels)} with probability {odds:.2f} ({found.nats:.2g} nat expected)"
-        )
+    contenders = outcome.contenders
+    if doubt and contenders is not None and (odds := settling(contenders, outcome.selection.probability)) > 1 - DECIDED:
+        promise = f"it settles {' against '.join(contenders.labels)} with probability {odds:.2f} ({contenders.nats:.2g} nat expected)"
         if not unmet or odds > 0.5:
             return _run(
-                outcome.next, found.decisive, _known(outcome), _noise(outcome), standing, promise, _within(outcome)
+                outcome.next, contenders.decisive, _known(outcome), _noise(outcome), standing, promise, _within(outcome)
             )
     return _most_informative(outcome.next, _known(outcome), _noise(outcome), standing, counting, _within(outcome))
 
@@ -171,9 +169,9 @@ def propose_by_mode(campaign: Campaign, first: FirstAnswer, designs: Designs, tr
         missing = before_stop(
             campaign.imports, campaign.goal, campaign.imports is not None and bool(campaign.imports.predict)
         )
-        said = f"before you stop, {'; and '.join([*missing, confirm])}" if missing else confirm
+        advice = f"before you stop, {'; and '.join([*missing, confirm])}" if missing else confirm
         stop = "" if missing else "stop: "
-        return Proposal(None, tuple(standing), (f"{stop}the posterior mode meets the goal; {said}",))
+        return Proposal(None, tuple(standing), (f"{stop}the posterior mode meets the goal; {advice}",))
     assert first.drawn is not None
     return _most_informative(designs, known, noise_words(campaign, first.drawn), tuple(standing), counting)
 
@@ -260,11 +258,11 @@ def _goal_words(outcome: Outcome) -> str:
     goal, known = outcome.campaign.goal, _for_goal(outcome)
     assert goal is not None
     shares = {**goal.shares, **{name: sd / abs(known[name][0]) for name, sd in goal.sds.items() if name in known}}
-    said = [
+    wanted = [
         f"{name} to {percent(shares[name])}" if name in known else f"no {name} in the model"
         for name in (*goal.shares, *goal.sds)
     ]
-    return listed([*said, *(["one model"] if goal.decided else [])])
+    return listed([*wanted, *(["one model"] if goal.decided else [])])
 
 
 def _beside_wanted(share: float, wanted: float) -> str:
@@ -276,15 +274,15 @@ def _beside_wanted(share: float, wanted: float) -> str:
 
 def _wrong(outcome: Outcome) -> Proposal | None:
     """What forbids to believe the model; None where nothing does."""
-    found = [
+    failures = [
         ("the model does not explain what it was fitted to", text) for text in sentences(fitted_failures(outcome.fits))
     ]
-    found += [("an effect is missing", text) for text in sentences(outcome.chosen.left_out)]
+    failures += [("an effect is missing", text) for text in sentences(outcome.chosen.left_out)]
     unseen = sentences(held_back_alarms(outcome.fits, outcome.pooled))
-    found += [("the model fails where it was not fitted", text) for text in unseen]
-    if not found:
+    failures += [("the model fails where it was not fitted", text) for text in unseen]
+    if not failures:
         return None
-    why, quoted = found[0]
+    why, quoted = failures[0]
     failed = [fit for fit in outcome.fits if fit.held_back and fit.level == "fail"]
     further = " or, where runs leave what was fitted, fit such runs" if any(fit.outside for fit in failed) else ""
     advice = f"more trials would narrow the error bars without removing the error: correct the model{further} before the next one"

@@ -89,8 +89,8 @@ class Outcome:
     @property
     def own_alarms(self) -> list[str]:
         """Why the numbers of the chosen structure are not to be used."""
-        found = [f"{self.chosen.structure.label}: {text}" for text in self.chosen.alarms]
-        return [*found, *self.held_back_alarms]
+        alarms = [f"{self.chosen.structure.label}: {text}" for text in self.chosen.alarms]
+        return [*alarms, *self.held_back_alarms]
 
     @property
     def held_back_alarms(self) -> list[str]:

@@ -36,16 +36,16 @@ def standing(folder: Path) -> tuple[StepState, ...]:
         InputError: a campaign file that cannot be used.
     """
     campaign = load_campaign(folder)
-    flow, found = Workflow(campaign), []
+    flow, states = Workflow(campaign), []
     for step in LOOP:
         if step.listed:
             records = "simulate" if campaign.is_simulated else "import"
             name, command = (records, records) if step.name == "trials" else (step.listed, step.command)
             state = flow.state(step.name)
-            found.append(StepState(name, state, command, _alarms(flow, step.name) if state == "current" else ()))
-    design, *others = found
-    found = others if campaign.imports is not None and design.state == "missing" else found
-    return (*found, _page(flow))
+            states.append(StepState(name, state, command, _alarms(flow, step.name) if state == "current" else ()))
+    design, *others = states
+    states = others if campaign.imports is not None and design.state == "missing" else states
+    return (*states, _page(flow))
 
 
 def _alarms(flow: Workflow, name: str) -> tuple[str, ...]:
@@ -72,5 +72,5 @@ def _page(flow: Workflow) -> StepState:
 def drawn_from(page: Path) -> str:
     """Return the seal of the summary that a page was drawn from, as its head says; empty where it says none."""
     with page.open(encoding="utf-8", errors="replace") as stream:
-        found = re.search(r'<meta name="seatrial-summary" content="([0-9a-f]+)">', stream.read(HEAD))
-    return found[1] if found else ""
+        match = re.search(r'<meta name="seatrial-summary" content="([0-9a-f]+)">', stream.read(HEAD))
+    return match[1] if match else ""

@@ -90,12 +90,12 @@ class WholeRun:
 
     def progress(self, title: str) -> Bar:
         """See `Reporter.progress`."""
-        told = self.reporter.progress(title)
+        inner = self.reporter.progress(title)
         with self.guard:
             bar = self.bars[title] = _Bar()
 
         def both(done: int, total: int, seconds: float | None = None, /) -> None:
-            told(done, total, seconds)
+            inner(done, total, seconds)
             with self.guard:
                 bar.move(done, total)
                 self.heard = bar.heard
