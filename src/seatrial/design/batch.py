@@ -12,8 +12,7 @@ from jaxtyping import Float
 
 Utility = Callable[[np.ndarray], np.ndarray]
 """Utilities, shape (..., S), of information matrices, shape (..., S, k, k)."""
-EXCHANGE_ROUNDS = 20
-"""Exchanges of every trial, at most."""
+EXCHANGE_ROUNDS = 20  # Exchanges of every trial, at most
 
 
 @dataclass(frozen=True)

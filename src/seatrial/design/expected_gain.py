@@ -38,10 +38,11 @@ from seatrial.design.trial_plan import TrialPlan
 from seatrial.numerics.gaussian import Gaussian
 from seatrial.numerics.triangular import cholesky_of_array
 
+# Degrees of freedom of the multivariate t from which importance draws come: its tails are never lighter than those of
+# a posterior
 FREEDOM = 8
-"""Degrees of freedom of the multivariate t from which importance draws come: its tails are never lighter than those of a posterior."""
+# An estimate is refused if more than this share of its outer draws rest on fewer than so many effective inner draws
 MIN_ESS, MAX_POOR_SHARE = 8.0, 0.05
-"""An estimate is refused if more than this share of its outer draws rest on fewer than so many effective inner draws."""
 
 
 class Explained(NamedTuple):
@@ -76,8 +77,7 @@ class _Peak(NamedTuple):
     step: Array
 
 
-MAX_CURVATURE = 10.0
-"""Curvature of a prior that the normal about a peak follows at most, per square of z."""
+MAX_CURVATURE = 10.0  # Curvature of a prior that the normal about a peak follows at most, per square of z
 
 
 @dataclass(frozen=True)

@@ -60,8 +60,9 @@ class Discrimination:
         return 0.5 * (alone - (force[..., kept] * made_up).sum(-1))
 
 
+# Ratio of least to largest information from which on a combination counts as not seen at all: rounding is not far
+# below
 SINGULAR = 1e-10
-"""Ratio of least to largest information from which on a combination counts as not seen at all: rounding is not far below."""
 
 
 class Criterion(Protocol):
@@ -168,10 +169,10 @@ class PredictionCriterion:
         return -0.5 * array_module(information).log(_left(direction, self.factor, information)[..., 0])
 
 
+# Every utility from Fisher information, by the name a campaign gives it
 CRITERIA: dict[str, Callable[..., Criterion]] = {
     kind.name: kind for kind in (Entropy, MeanVariance, LeastKnown, Balance, PredictionCriterion)
 }
-"""Every utility from Fisher information, by the name a campaign gives it."""
 
 
 def find_criterion(

@@ -20,10 +20,8 @@ from seatrial.design.free_form_optimise import ROUNDING, Climb, gentled, ready_s
 from seatrial.design.free_form_problem import FreeFormProblem, check_problem
 from seatrial.manoeuvres.manoeuvre import Manoeuvre
 
-ACTIVE_SHARE = 1e-3
-"""A limit is active when less than this share of its room is left."""
-EQUAL_GAIN = 0.05
-"""Designs this close in nats are as good as each other: five per cent of one standard deviation."""
+ACTIVE_SHARE = 1e-3  # A limit is active when less than this share of its room is left
+EQUAL_GAIN = 0.05  # Designs this close in nats are as good as each other: five per cent of one standard deviation
 
 
 class LimitMargin(NamedTuple):

@@ -26,8 +26,7 @@ from seatrial.design.sweep import LANES, in_blocks
 # Inputs from which a free-form search may start: the best doublet, random binary levels, and the best of many
 # multisines.
 
-PROJECTION_ROUNDS = 30
-"""Of projections onto all limits."""
+PROJECTION_ROUNDS = 30  # Of projections onto all limits
 
 
 def ready_starts(
@@ -104,10 +103,8 @@ def _multisines(m: int, rng: np.random.Generator) -> Float[np.ndarray, "designs 
     return np.array(results)
 
 
-ROUNDING = 1e-9
-"""Shares of a limit's room, and nats, that are not told from zero."""
-MIN_STEP_GAIN = 1e-5
-"""Nats by which a step of the gradient search must still gain."""
+ROUNDING = 1e-9  # Shares of a limit's room, and nats, that are not told from zero
+MIN_STEP_GAIN = 1e-5  # Nats by which a step of the gradient search must still gain
 
 
 @dataclass(frozen=True, eq=False)

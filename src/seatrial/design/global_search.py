@@ -15,8 +15,7 @@ from seatrial.core.reporter import Progress, no_progress
 
 BatchedUtility = Callable[[np.ndarray], np.ndarray]
 """Utilities, shape (P,), of settings, shape (P, s); NaN where a design is not allowed."""
-FIRST_SD = 0.3
-"""Of the first population, as a share of the box."""
+FIRST_SD = 0.3  # Of the first population, as a share of the box
 
 
 @dataclass(frozen=True, eq=False)

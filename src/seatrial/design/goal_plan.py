@@ -19,8 +19,7 @@ from jaxtyping import Bool, Float, Int
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.signals import SPEEDS
 
-MIN_FALL = 1e-3
-"""Fall of the sum below which another trial helps nothing."""
+MIN_FALL = 1e-3  # Fall of the sum below which another trial helps nothing
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,10 +139,8 @@ def goals_met(
 # need each other in a circle, such as sway and yaw by Y_ur and N_uv, are sought together (the strongly connected
 # components of the graph of needs); of stages that need nothing more, the one with the fewest unknowns comes first.
 
-AXIS_ORDER = "XNYZMK"
-"""Axes in the order of how easily they are excited, where nothing else decides."""
-PROPELLER_AXES = {"T": "X", "Q": "K"}
-"""Axis on which the thrust and the torque of a propeller act."""
+AXIS_ORDER = "XNYZMK"  # Axes in the order of how easily they are excited, where nothing else decides
+PROPELLER_AXES = {"T": "X", "Q": "K"}  # Axis on which the thrust and the torque of a propeller act
 
 
 @dataclass(frozen=True)

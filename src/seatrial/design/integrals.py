@@ -20,6 +20,7 @@ from seatrial.vehicles.simulate import move_by
 
 Rate = Callable[[Mapping[str, Any]], Any]
 """Rate of an integral from the signals of `signals_at`."""
+# Signals that a vehicle without such a state may still follow: what each is integrated from, and its rate; m or rad
 KNOWN: dict[str, tuple[tuple[str, ...], Rate]] = {
     "distance": (("u",), lambda now: jnp.abs(now["u"])),
     "advance": (("u",), lambda now: now["u"]),
@@ -27,7 +28,6 @@ KNOWN: dict[str, tuple[tuple[str, ...], Rate]] = {
     "x": (("u", "v", "psi"), lambda now: now["u"] * jnp.cos(now["psi"]) - now["v"] * jnp.sin(now["psi"])),
     "y": (("u", "v", "psi"), lambda now: now["u"] * jnp.sin(now["psi"]) + now["v"] * jnp.cos(now["psi"])),
 }
-"""Signals that a vehicle without such a state may still follow: what each is integrated from, and its rate; m or rad."""
 
 
 def motion_signals(model: VehicleModel) -> tuple[str, ...]:

@@ -14,10 +14,9 @@ import numpy as np
 from seatrial.core.errors import InputError, SeatrialError
 from seatrial.design.safety import Safety
 
-MAX_PAIRS = 3
-"""Conflicting pairs that are told, most telling first."""
+MAX_PAIRS = 3  # Conflicting pairs that are told, most telling first
+# How the remedy ends that widens limits
 GENTLER_REMEDY = "; or try gentler or shorter designs (design.amplitude, design.duration)"
-"""How the remedy ends that widens limits."""
 
 
 class Ways(NamedTuple):

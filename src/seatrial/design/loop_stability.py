@@ -25,8 +25,7 @@ from seatrial.manoeuvres.pilot import Moment, close_loop
 from seatrial.numerics.integrate import rk4_for_slopes
 from seatrial.vehicles.simulate import move_by
 
-FACTORS = (-1.0, 0.5, 2.0)
-"""By which gains are tried: turned round, halved, doubled."""
+FACTORS = (-1.0, 0.5, 2.0)  # By which gains are tried: turned round, halved, doubled
 
 
 @dataclass(frozen=True, eq=False)

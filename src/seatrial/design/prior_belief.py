@@ -21,11 +21,11 @@ from seatrial.numerics.state_space import StateSpace
 from seatrial.vehicles.discretise import discretise
 from seatrial.vehicles.model import VehicleModel
 
+# Standard deviation of the vehicle's own state about its start at the begin of a designed trial, in its unit (m/s)
 STATE_SD = 0.05
-"""Standard deviation of the vehicle's own state about its start at the begin of a designed trial, in its unit (m/s)."""
+# What an actuator gains by noise in a sample or a second, in its unit: without any it ends exactly where it is told to
+# be, and covariances without full rank have no factor
 ACTUATOR_SD = 1e-4 * STATE_SD
-"""What an actuator gains by noise in a sample or a second, in its unit: without any it ends exactly where it is told to be, and covariances
-without full rank have no factor."""
 Belief = tuple[Prior, ...] | Gaussian
 """What is known before: independent priors of the coefficients in the plan's order, or their joint normal distribution, SI."""
 

@@ -22,8 +22,7 @@ from seatrial.design.trial_plan import TrialPlan
 
 Utility = Callable[[Float[np.ndarray, "E k k"]], Float[np.ndarray, " E"]]
 """Number of an information matrix, SI; higher is better."""
-END_COUNT = 30
-"""Ends of a trial that are weighed for each of many designs."""
+END_COUNT = 30  # Ends of a trial that are weighed for each of many designs
 
 
 class BestStops(NamedTuple):

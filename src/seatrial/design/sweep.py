@@ -30,11 +30,10 @@ from seatrial.numerics.state_space import StateSpace
 
 Trim = tuple[tuple[str, float], ...]
 """Every command's name and trim value, SI: controls in the vehicle's order, then set-points of an autopilot."""
-LANES = 80
-"""Designs in one call on a processor: fewer leave its vector units idle, more no longer fit its cache."""
+LANES = 80  # Designs in one call on a processor: fewer leave its vector units idle, more no longer fit its cache
 
+# Filters beside the square-root unscented one, in words
 FILTERS = {ExtendedKalmanFilter: "extended", UnscentedKalmanFilter: "unscented"}
-"""Filters beside the square-root unscented one, in words."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,8 +16,7 @@ from jaxtyping import Float
 
 from seatrial.core.errors import InputError
 
-MIN_DESIGNS = 5
-"""Designs below which a rank correlation says nothing."""
+MIN_DESIGNS = 5  # Designs below which a rank correlation says nothing
 RESAMPLES = 2000
 LEVEL = 0.95
 

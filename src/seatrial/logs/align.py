@@ -21,24 +21,21 @@ from seatrial.logs.source import LogTable
 from seatrial.logs.time_stamps import hole_from, unit_doubt
 from seatrial.numerics.integrate import held_mean
 
-_MOST_ACROSS = 10_000
-"""Most instants that are put into a hole."""
+_MOST_ACROSS = 10_000  # Most instants that are put into a hole
 _MAX_INSTANTS = 50_000_000
 _NANOSECOND = 1e-9
+# Steps of the grid for each sample of the quickest channel, from which the unit of time is doubted
 _DOUBTFUL_STEPS = 100.0
-"""Steps of the grid for each sample of the quickest channel, from which the unit of time is doubted."""
-_ROUNDING_SHARE = 1e-6
-"""Share of a step by which rounding may shift a stamp without making it early or late."""
+_ROUNDING_SHARE = 1e-6  # Share of a step by which rounding may shift a stamp without making it early or late
+# Shares of a step: below the first, stamps of two logs are one instant; up to the second, a constant difference may be
+# one of clocks
 _SAME_SHARE, _NEAR_SHARE = 1e-3, 0.25
-"""Shares of a step: below the first, stamps of two logs are one instant; up to the second, a constant difference may be one of clocks."""
-_MIN_STAMP_SHARE = 0.98
-"""Share of the stamps that must differ by the same time: a few may be lost from one log."""
+_MIN_STAMP_SHARE = 0.98  # Share of the stamps that must differ by the same time: a few may be lost from one log
 _MIN_STAMPS = 10
+# By how much moved samples may be off, in units of their noise: from here on they are told. It adds 4 % to that noise.
 _MAX_BLUR = 0.3
-"""By how much moved samples may be off, in units of their noise: from here on they are told. It adds 4 % to that noise."""
 
-_END_INSTANTS = 2
-"""Instants at the ends of a record."""
+_END_INSTANTS = 2  # Instants at the ends of a record
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,11 +16,11 @@ from seatrial.core.signals import QUATERNION
 Axes = Literal["NED", "ENU"]
 """Of a log: north, east, down with forward, right, down; or east, north, up with forward, left, up."""
 
+# Signals whose sign differs between the two; x and v_north are along north, y and v_east along east in both
 _TURNED = {
     *("v", "w", "q", "r", "vdot", "wdot", "qdot", "rdot", "theta", "z", "v_down"),
     *("tau_Y", "tau_Z", "tau_M", "tau_N", "a_y", "a_z", "v_g", "w_g"),
 }
-"""Signals whose sign differs between the two; x and v_north are along north, y and v_east along east in both."""
 
 
 def from_axes(

@@ -15,33 +15,28 @@ from seatrial.numerics.rotations import angles_of_quaternion, matrix_of_angles, 
 
 # Doubts about an attitude: a heading that turns otherwise than the yaw rate says, or too far from sample to sample.
 
+# Change of an angle from sample to sample from which it is too slow to turn velocities by
 _LARGE_CHANGE = np.radians(15.0)
-"""Change of an angle from sample to sample from which it is too slow to turn velocities by."""
+# Ratio of the heading's turns to those of the yaw rate from which one of them is doubted, or its inverse
 _MAX_RATIO = 1.5
-"""Ratio of the heading's turns to those of the yaw rate from which one of them is doubted, or its inverse."""
-_MIN_TURN = np.radians(20.0)
-"""Turn from which they are compared."""
+_MIN_TURN = np.radians(20.0)  # Turn from which they are compared
 _MIN_SAMPLES = 10
-_MIN_FORCE = 5.0
-"""Length, m/s^2, of a specific force below which it is in units of gravity, or gravity was taken off."""
+_MIN_FORCE = 5.0  # Length, m/s^2, of a specific force below which it is in units of gravity, or gravity was taken off
 _GYRO = ("p", "q", "r")
 _IN_DEGREES = {
     "phi, theta and psi are in degrees": (True, True, True),
     "psi is in degrees": (False, False, True),
     "phi and theta are in degrees": (True, True, False),
 }
+# What a quaternion may be instead: which of its columns are w, x, y and z, and their signs
 _OTHER_READINGS = {
     "q_w, q_x, q_y and q_z of the map hold x, y, z and w": ((3, 0, 1, 2), (1, 1, 1, 1)),
     "q_w, q_x, q_y and q_z of the map hold z, w, x and y": ((1, 2, 3, 0), (1, 1, 1, 1)),
     "it turns the earth's axes into the body's (scale = -1 for q_x, q_y and q_z)": ((0, 1, 2, 3), (1, -1, -1, -1)),
 }
-"""What a quaternion may be instead: which of its columns are w, x, y and z, and their signs."""
-_JUMP_ANGLE = np.radians(45.0)
-"""Turn in one window beyond that of the gyro from which it is a jump."""
-_MAX_JUMP_SHARE = 0.1
-"""Share of windows up to which jumps are exceptions."""
-_WINDOW_LENGTH = 0.2
-"""Length of a window in which turns are compared, s."""
+_JUMP_ANGLE = np.radians(45.0)  # Turn in one window beyond that of the gyro from which it is a jump
+_MAX_JUMP_SHARE = 0.1  # Share of windows up to which jumps are exceptions
+_WINDOW_LENGTH = 0.2  # Length of a window in which turns are compared, s
 
 
 def check_specific_force(tables: Sequence[LogTable]) -> None:
@@ -218,11 +213,11 @@ def doubts_of_speed(source: LogTable, angle: str) -> list[str]:
     ]
 
 
-SOURCES = (*OVER_EARTH, *QUATERNION, *ANGLES)
-"""Channels of which others are made."""
+SOURCES = (*OVER_EARTH, *QUATERNION, *ANGLES)  # Channels of which others are made
 _BODY = ("u", "v", "w")
+# Time between two samples of the attitude over which it is still interpolated, s; twenty usual steps where that is
+# more
 _LONGEST_GAP = 1.0
-"""Time between two samples of the attitude over which it is still interpolated, s; twenty usual steps where that is more."""
 
 
 def to_body(tables: Sequence[LogTable], roles: Mapping[str, Role]) -> list[LogTable]:

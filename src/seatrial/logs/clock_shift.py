@@ -17,14 +17,12 @@ from seatrial.logs.log_table import read_stamped
 from seatrial.logs.source import LogSource
 from seatrial.logs.summary import ClockSummary, TableSummary
 
-MAX_STEPS = 1 << 17
-"""Steps of the grid on which the longer of two curves is compared, at most."""
-MIN_OVERLAP = 0.5
-"""Share of the shorter curve that has to lie on the other."""
-MIN_COMMON_STEPS = 16
-"""Steps in common, at least."""
+MAX_STEPS = 1 << 17  # Steps of the grid on which the longer of two curves is compared, at most
+MIN_OVERLAP = 0.5  # Share of the shorter curve that has to lie on the other
+MIN_COMMON_STEPS = 16  # Steps in common, at least
+# Share of the best correlation from which another shift is worth naming, and down to which a shift is as good as the
+# best
 RIVAL_SHARE, BEST_SHARE = 0.95, 0.99
-"""Share of the best correlation from which another shift is worth naming, and down to which a shift is as good as the best."""
 
 
 class Samples(NamedTuple):
@@ -168,8 +166,7 @@ def _correlations(
 # Do the clocks of several logs of one run meet? If not, by how much they differ, found where both logs hold one
 # quantity.
 
-MIN_CORRELATION = 0.5
-"""Correlation from which a shift is offered."""
+MIN_CORRELATION = 0.5  # Correlation from which a shift is offered
 
 
 @dataclass(frozen=True)

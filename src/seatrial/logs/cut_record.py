@@ -9,8 +9,7 @@ from seatrial.core.errors import InputError
 from seatrial.core.record import Record
 from seatrial.core.signals import ANGLES
 
-MIN_PIECE_SAMPLES = 10
-"""Samples in a piece, at least."""
+MIN_PIECE_SAMPLES = 10  # Samples in a piece, at least
 
 
 def cut(record: Record, length: float) -> tuple[Record, ...]:
@@ -65,8 +64,7 @@ def _near_zero(columns: Float[np.ndarray, "n k"], names: tuple[str, ...]) -> Flo
 
 # Where a run may end.
 
-ROUNDED = 1e-5
-"""Share of a length by which it may be rounded up where it is printed."""
+ROUNDED = 1e-5  # Share of a length by which it may be rounded up where it is printed
 
 
 def is_beyond(end: float, available: float) -> bool:

@@ -38,18 +38,16 @@ from seatrial.logs.known_messages import (
 from seatrial.logs.source import Between
 from seatrial.logs.summary import ColumnSummary, TableSummary
 
-COMMAND = "command"
-"""Unit of a column that a law of thrust is for."""
+COMMAND = "command"  # Unit of a column that a law of thrust is for
 _ASKED = "setpoint|reference|desired|target|manual|joy|teleop|cmd|command|path(?!finder)|waypoint|trajectory|goal"
+# In the name of a table whose positions, angles and speeds are not those of the vehicle
 _NOT_MEASURED = re.compile(f"{_ASKED}|innovation|variance|accel|gyro|mag|param|gain|pid", re.IGNORECASE)
-"""In the name of a table whose positions, angles and speeds are not those of the vehicle."""
 _VELOCITIES = ("u", "v", "w", "p", "q", "r")
+# In what stands above a z that may be a depth
 _PLACE = re.compile(r"pos|nav|state|depth|odom|ned|local|point|rov|auv|vehicle|field|message")
-"""In what stands above a z that may be a depth."""
-_FIELD = re.compile(r"linear|angular")
-"""How the fields of a velocity begin in ROS."""
+_FIELD = re.compile(r"linear|angular")  # How the fields of a velocity begin in ROS
+# In the last part of the name of a topic that has the type of a velocity, or holds its fields, and is something else
 _NO_VELOCITY = re.compile(r"angle|euler|rpy|attitude|orientation|position|radian|degree", re.IGNORECASE)
-"""In the last part of the name of a topic that has the type of a velocity, or holds its fields, and is something else."""
 
 
 @dataclass(frozen=True)
@@ -82,29 +80,26 @@ class Guess:
     between: Between | None = None
 
 
-_ONLY_COLUMN_NAMES = ("value", "data")
-"""Names of the only column of a table."""
+_ONLY_COLUMN_NAMES = ("value", "data")  # Names of the only column of a table
+# Size of a full command in per cent, and the range of pulse widths, µs
 _FULL_PER_CENT, _PULSE_RANGE = 100.0, (900.0, 2100.0)
-"""Size of a full command in per cent, and the range of pulse widths, µs."""
+# Size up to which numbers of a thruster in no stated unit may be newtons: beyond it they are as likely a speed of
+# rotation
 _LARGEST_FORCE = 500.0
-"""Size up to which numbers of a thruster in no stated unit may be newtons: beyond it they are as likely a speed of rotation."""
 _BODY = ("u", "v", "w")
-MAX_SPEED = 25.0
-"""Speed beyond that of any vehicle, m/s."""
-_MAX_UNIT_PART = 1.001
-"""Size up to which numbers may be parts of a unit quaternion."""
+MAX_SPEED = 25.0  # Speed beyond that of any vehicle, m/s
+_MAX_UNIT_PART = 1.001  # Size up to which numbers may be parts of a unit quaternion
+# What a name may have before the letter of a velocity
 _VELOCITY_PREFIX = "(?:dvl|speed|vel|velocity|body|measured|meas|nu)_?"
-"""What a name may have before the letter of a velocity."""
-_TWIST = "(?:(?:odom(?:etry)?|nav|state|body)[._])?(?:twist[._])*"
-"""What a flattened message has before its velocities."""
+_TWIST = "(?:(?:odom(?:etry)?|nav|state|body)[._])?(?:twist[._])*"  # What a flattened message has before its velocities
+# What a velocity along x, y or z is called before that letter
 _ALONG = f"(?:{_TWIST}linear[._](?:(?:velocity|vel)[._])?|velocity[._]?|vel_?|v_?)"
-"""What a velocity along x, y or z is called before that letter."""
 _AXES_UNKNOWN = re.compile(rf"(?:{_VELOCITY_PREFIX})?{_ALONG}[xyz]")
 _SPEED = "(?:_?(?:speed|vel|velocity))?"
+# What a rate of turn about x, y or z is called before that letter
 _TURN = f"(?:imu_?)?(?:{_TWIST}angular[._](?:(?:velocity|vel|rate)[._])?|gyro?[_.]?|omega_?|[gw]_?)"
-"""What a rate of turn about x, y or z is called before that letter."""
+# What a flattened message has before its position and orientation
 _POSE = "(?:(?:odom(?:etry)?|nav|state)[._])?(?:pose[._])*"
-"""What a flattened message has before its position and orientation."""
 _COMMAND = "(?:cmd|command|commanded)"
 _PROPELLER = "(?:prop|propeller|shaft|motor|thruster)(?:_?(?:rpm|speed|rate))?"
 _NAMES = (
@@ -156,6 +151,7 @@ _SPELLING = {
     "Nm": "N*m",
     "knot": "kn",
 }
+# Units of a propeller's speed that count revolutions, not radians
 _REVOLUTIONS = {
     "1/min": "rpm",
     "min-1": "rpm",
@@ -165,7 +161,6 @@ _REVOLUTIONS = {
     "s-1": "rev/s",
     "s^-1": "rev/s",
 }
-"""Units of a propeller's speed that count revolutions, not radians."""
 _PATTERNS = tuple((channel, strength, re.compile(pattern)) for channel, strength, pattern in _NAMES)
 
 

@@ -22,16 +22,15 @@ from seatrial.logs.summary import MIN_BURST_SPREAD, ClockSummary, ColumnSummary,
 from seatrial.logs.time_stamps import likelier_unit
 
 _ELEMENT = re.compile(r"(.*)\[(\d+)\]")
-_MAX_ELEMENT_LINES = 16
-"""Elements of an array up to which each has a line where several tables are listed."""
+_MAX_ELEMENT_LINES = 16  # Elements of an array up to which each has a line where several tables are listed
 
 
+# What is said where nothing could be guessed
 NO_GUESS_LINES = (
     "no column could be guessed. Sought were speeds, rates, angles, depth, position, propeller, rudder, forces and outputs to thrusters,",
     "by names such as u, yaw_rate, heading, depth, rpm, rudder, tau_x or out1, and by types of message. Write the map yourself: `--map`",
     'prints the [[import.files]] of a campaign file; add a line for each channel, such as channels.u = { column = "...", unit = "m/s" }',
 )
-"""What is said where nothing could be guessed."""
 
 
 @dataclass(frozen=True)

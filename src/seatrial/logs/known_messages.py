@@ -40,6 +40,7 @@ _IMU = (
     | {f"angular_velocity.{axis}": rate for axis, rate in zip("xyz", "pqr", strict=True)}
     | {f"linear_acceleration.{axis}": f"a_{axis}" for axis in "xyz"}
 )
+# For each type of message its columns
 ROS: dict[str, dict[str, Known]] = {
     "nav_msgs/msg/Odometry": _ros("twist.twist.", _TWIST) | _ros("pose.pose.", _POSE),
     "geometry_msgs/msg/TwistWithCovarianceStamped": _ros("twist.twist.", _TWIST),
@@ -52,7 +53,6 @@ ROS: dict[str, dict[str, Known]] = {
     "geometry_msgs/msg/WrenchStamped": _ros("wrench.", _WRENCH),
     "geometry_msgs/msg/Wrench": _ros("", _WRENCH),
 }
-"""For each type of message its columns."""
 
 
 def _autopilot(columns: Mapping[str, str], unit: str, scale: float = 1.0, strength: int = 3) -> dict[str, Known]:
@@ -69,6 +69,7 @@ _SPEEDS = _paired("rollspeed pitchspeed yawspeed", _RATES, "rad/s")
 _SCALED = _paired("xgyro ygyro zgyro", _RATES, "rad/s", 1e-3) | _paired(
     "xacc yacc zacc", SPECIFIC_FORCE, "m/s^2", 9.80665e-3
 )
+# For each type of message of ArduPilot, MAVLink and PX4, whose axes are seatrial's, its columns
 AUTOPILOT: dict[str, dict[str, Known]] = {
     "ATT": _paired("Roll Pitch Yaw", ANGLES, "deg"),
     "IMU": _paired("GyrX GyrY GyrZ", _RATES, "rad/s") | _paired("AccX AccY AccZ", SPECIFIC_FORCE, "m/s^2"),
@@ -94,9 +95,9 @@ AUTOPILOT: dict[str, dict[str, Known]] = {
     | _paired("x y z", POSITIONS, "m")
     | _autopilot({"heading": "psi"}, "rad", strength=2),
 }
-"""For each type of message of ArduPilot, MAVLink and PX4, whose axes are seatrial's, its columns."""
 
 
+# Number to name of ArduSub's modes. Source: ArduPilot, ArduSub/mode.h.
 ARDUSUB_MODES = {
     0: "STABILIZE",
     1: "ACRO",
@@ -110,9 +111,7 @@ ARDUSUB_MODES = {
     20: "MOTOR_DETECT",
     21: "SURFTRAK",
 }
-"""Number to name of ArduSub's modes. Source: ArduPilot, ArduSub/mode.h."""
-MODE_MESSAGES = ("MODE", "HEARTBEAT")
-"""Messages in which a column numbers the mode."""
+MODE_MESSAGES = ("MODE", "HEARTBEAT")  # Messages in which a column numbers the mode
 
 
 def autopilot_message(table: str) -> str:
@@ -145,29 +144,28 @@ _OUTPUTS = (
     ("RCO2", re.compile(r"C(\d+)")),
     ("SERVO_OUTPUT_RAW", re.compile(r"(?:.*\.)?servo(\d+)_raw")),
 )
-_NORMALISED = "actuator_motors"
-"""Topic of PX4 whose outputs lie between -1 and 1."""
+_NORMALISED = "actuator_motors"  # Topic of PX4 whose outputs lie between -1 and 1
 _MESSAGES = {*AUTOPILOT, *(kind for kind, _ in _OUTPUTS), _NORMALISED, "actuator_outputs"}
+# Name of a column that begins with its message, of which there may be several
 _FIELD_OF_MESSAGE = re.compile(
     r"(?:.*[/ ])?(?P<message>[A-Za-z]\w*?)(?:_\d+|\.\d+|\[\d+\])?[./](?P<field>[A-Za-z_]\w*(?:\[\d+\]|\.\d+)?)"
 )
-"""Name of a column that begins with its message, of which there may be several."""
 _PULSES = (900.0, 1500.0, 2100.0)
 _ELEMENT = re.compile(r"(.*)\[(\d+)\]")
+# Numbers of two thrusters that are called by their side
 _NUMBERS = {"port": 1, "left": 1, "l": 1, "starboard": 2, "stbd": 2, "right": 2, "r": 2}
-"""Numbers of two thrusters that are called by their side."""
 SIDES = "|".join(_NUMBERS)
+# Names of columns that number outputs, or call two by their side
 _NUMBERED = re.compile(
     rf"(?:.*[./])?(?:pwm|servo|thruster|motor|esc|(?:rc_?)?out(?:put)?)_?(?:pwm_?)?(\d+|{SIDES})(?:_?(?:pwm|us|raw))?"
     rf"|(?:.*[./])?({SIDES})_(?:pwm|us)",
     re.IGNORECASE,
 )
-"""Names of columns that number outputs, or call two by their side."""
 _RC_INPUT = re.compile(
     r"(?:.*[/_. ])?(?:input_rc|rc[/_]?(?:in|override|i2|channels(?:_override|_raw|_scaled)?))", re.IGNORECASE
 )
+# Axes that the first channels of a radio control command. Source: ArduSub, RC input.
 RC_AXES = ("pitch", "roll", "up", "yaw", "forward", "lateral")
-"""Axes that the first channels of a radio control command. Source: ArduSub, RC input."""
 
 
 def rc_channel(table: str, kind: str, column: str) -> int | None:

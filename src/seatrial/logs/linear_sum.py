@@ -15,8 +15,7 @@ _PART = re.compile(
         (?: '(?P<quoted>[^']+)' | (?P<bare>[A-Za-z_/][\w./\[\]]*) ) \s*""",
     re.VERBOSE,
 )
-_MAX_PARTS = 64
-"""Parts of a sum."""
+_MAX_PARTS = 64  # Parts of a sum
 
 
 def parse_sum(text: str, where: str) -> tuple[tuple[float, str], ...]:

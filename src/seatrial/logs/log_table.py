@@ -33,10 +33,11 @@ from seatrial.logs.source import (
 from seatrial.logs.summary import clock_summary, disagreement
 from seatrial.logs.time_stamps import check_unit, checked_time, elapsed, unit_doubt
 
+# What is said of a control that may be measured
 LOOKS_MEASURED = "it changes at nearly every sample, as what is measured does"
-"""What is said of a control that may be measured."""
+# Share by which the unit of a map, or unit times scale, may differ from the one that the log or the name of the column
+# states
 SAME_UNIT = 0.02
-"""Share by which the unit of a map, or unit times scale, may differ from the one that the log or the name of the column states."""
 _LAYOUT = {"delimiter": None, "skip_rows": 0, "header_rows": 1, "names": None, "encoding": "utf-8"}
 
 

@@ -9,21 +9,22 @@ telegraph does, is often at the first or the last of them; noise that is rounded
 import numpy as np
 from jaxtyping import Bool, Float
 
-MIN_SAMPLES = 50
-"""Samples that tell."""
+MIN_SAMPLES = 50  # Samples that tell
+# Times by which both neighbours must predict a sample better than the one before (root mean square): a ramp over more
+# than 6 samples
 MIN_PREDICTION_RATIO = 2.5
-"""Times by which both neighbours must predict a sample better than the one before (root mean square): a ramp over more than 6 samples."""
+# Share of the samples that must differ from the one before: a command that is ramped now and then is held in between
 MIN_CHANGING_SHARE = 0.8
-"""Share of the samples that must differ from the one before: a command that is ramped now and then is held in between."""
+# Samples in a stretch, share of them that must differ from the one before, as noise that is rounded may not at each,
+# and share of the stretches in which they do: a ramp that is rounded to few steps stays at most samples as it was
 WINDOW_SAMPLES, MIN_WINDOW_SHARE, MIN_SHARE_OF_WINDOWS = 20, 0.5, 0.9
-"""Samples in a stretch, share of them that must differ from the one before, as noise that is rounded may not at each, and share of the
-stretches in which they do: a ramp that is rounded to few steps stays at most samples as it was."""
+# Change of a control from sample to sample, over its standard deviation, below which half a sample of delay moves
+# nothing
 SLOW_CHANGE = 0.02
-"""Change of a control from sample to sample, over its standard deviation, below which half a sample of delay moves nothing."""
+# Levels that a command may jump between, and the share of the samples at the least or the greatest from which it is
+# one
 MAX_LEVELS, MIN_END_SHARE = 8, 0.3
-"""Levels that a command may jump between, and the share of the samples at the least or the greatest from which it is one."""
-MAX_NEIGHBOUR_STEPS = 5.0
-"""Median steps beyond which samples are no neighbours."""
+MAX_NEIGHBOUR_STEPS = 5.0  # Median steps beyond which samples are no neighbours
 
 
 def looks_measured(time: Float[np.ndarray, " n"], values: Float[np.ndarray, " n"]) -> bool:

@@ -29,8 +29,8 @@ from seatrial.logs.log_table import read_log_table
 from seatrial.logs.measured_control import half_a_step_matters, looks_measured, mean_to_next, taken_as_measured
 from seatrial.logs.source import Between, Clock, ColumnMap, LogSource
 
+# What may be said of a log's layout, see `LogSource`
 _LAYOUT = ("clock", "delimiter", "skip_rows", "header_rows", "names", "encoding", "table", "axes")
-"""What may be said of a log's layout, see `LogSource`."""
 
 
 def read_log(

@@ -36,10 +36,8 @@ _COMPARISON = re.compile(
         (?: (?P<number>[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?) | "(?P<word>[^"]+)" ) \s*""",
     re.VERBOSE,
 )
-_AND = re.compile(r"""\band\b(?=(?:[^"]*"[^"]*")*[^"]*$)""")
-"""Between two comparisons, not inside a word."""
-_MAX_COMPARISONS = 16
-"""Comparisons of a condition."""
+_AND = re.compile(r"""\band\b(?=(?:[^"]*"[^"]*")*[^"]*$)""")  # Between two comparisons, not inside a word
+_MAX_COMPARISONS = 16  # Comparisons of a condition
 
 
 @dataclass(frozen=True)

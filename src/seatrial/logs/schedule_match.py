@@ -22,16 +22,11 @@ from seatrial.core.errors import InputError
 from seatrial.core.record import Record
 from seatrial.numerics.integrate import held_mean
 
-MIN_MOTION_SHARE = 0.5
-"""Share of the commanded motion that a log has to hold."""
-NEAR_BEST_SHARE = 0.9
-"""Share of the largest correlation from which on the explained motion decides."""
-MIN_CORRELATION = 0.6
-"""Correlation below which a log is none of the trial."""
-GOOD_CORRELATION = 0.9
-"""Correlation below which a reader is told."""
-USUAL_GAINS = (0.8, 1.25)
-"""Ratio of the logged to the commanded amplitude outside which a reader is told."""
+MIN_MOTION_SHARE = 0.5  # Share of the commanded motion that a log has to hold
+NEAR_BEST_SHARE = 0.9  # Share of the largest correlation from which on the explained motion decides
+MIN_CORRELATION = 0.6  # Correlation below which a log is none of the trial
+GOOD_CORRELATION = 0.9  # Correlation below which a reader is told
+USUAL_GAINS = (0.8, 1.25)  # Ratio of the logged to the commanded amplitude outside which a reader is told
 _MISREAD = {
     60 / (2 * pi): "rpm read as rad/s",
     2 * pi / 60: "rad/s read as rpm",

@@ -11,17 +11,16 @@ from seatrial.logs.formats.protocol import TIME_UNITS, Block, TableInfo, time_un
 from seatrial.logs.formats.unit_in_name import ENDINGS, name_and_units
 from seatrial.logs.time_stamps import fitting_unit, is_plausible, likelier_unit, lost_after
 
+# Steps up, without one down, of a column that is taken for a clock though its name does not say so
 MIN_CLOCK_STEPS = 10
-"""Steps up, without one down, of a column that is taken for a clock though its name does not say so."""
+# Seconds, and share of the shorter duration, by both of which two clocks of one table must differ to disagree
 _CLOCK_DIFFERENCE, _CLOCK_DIFFERENCE_SHARE = 0.5, 0.01
-"""Seconds, and share of the shorter duration, by both of which two clocks of one table must differ to disagree."""
-MIN_BURST_SPREAD = 0.5
-"""Standard deviation of the step, as a share of the mean step, from which rows come in bursts."""
+MIN_BURST_SPREAD = 0.5  # Standard deviation of the step, as a share of the mean step, from which rows come in bursts
+# Standard deviation of the step, as a share of it, below which a clock may count rows, and above which another shows
+# that it does
 _EVEN_SPREAD, _UNEVEN_SPREAD = 1e-5, 1e-3
-"""Standard deviation of the step, as a share of it, below which a clock may count rows, and above which another shows that it does."""
 _SMALLEST_SHOWN, _LARGEST_SHOWN = 1e-6, 1e15
-_LONGEST_STEP = 1e18
-"""A step, in seconds, beyond which the sums would overflow."""
+_LONGEST_STEP = 1e18  # A step, in seconds, beyond which the sums would overflow
 
 
 @dataclass(frozen=True)

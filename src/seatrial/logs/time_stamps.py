@@ -20,13 +20,12 @@ from seatrial.logs.source import Clock
 
 _PLAUSIBLE_STEP = (1e-5, 1e3)
 _USUAL_STEP = 0.03
-_SHORT_STEP, _LONG_STEP = 1e-3, 10.0
-"""Seconds between samples below and above which the unit of a clock is doubted."""
+_SHORT_STEP, _LONG_STEP = 1e-3, 10.0  # Seconds between samples below and above which the unit of a clock is doubted
 _COMMON_UNITS = ("ns", "us", "ms", "s", "min")
-_HOLE_SPACINGS, _HOLE_SECONDS = 20.0, 1.0
-"""Usual spacings and seconds beyond both of which a spacing is a hole."""
+_HOLE_SPACINGS, _HOLE_SECONDS = 20.0, 1.0  # Usual spacings and seconds beyond both of which a spacing is a hole
+# Lengths of a hole on either side that tell the usual pace, and times this pace from which rows after it had only been
+# held back
 _AROUND_LENGTHS, _CAUGHT_UP_PACE = 4.0, 2.0
-"""Lengths of a hole on either side that tell the usual pace, and times this pace from which rows after it had only been held back."""
 
 
 def hole_from(usual: float) -> float:

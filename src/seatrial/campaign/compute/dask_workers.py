@@ -32,8 +32,7 @@ from seatrial.core.reporter import Reporter
 
 # What a process of the cluster runs: one piece of work, and what it reports sent on.
 
-EVERY = 0.5
-"""Seconds between two reports of one piece."""
+EVERY = 0.5  # Seconds between two reports of one piece
 
 
 @dataclass(frozen=True)
@@ -89,20 +88,15 @@ def call(work: Work, shared: Any, item: Any, topic: str, index: int, ours: dict[
         return Failed(error)
 
 
-CONNECT = 5.0
-"""Seconds in which a scheduler answers, if there is one."""
-LOOK = 1.0
-"""Seconds between two looks at whether the scheduler is still there."""
-PAUSE = 0.2
-"""Seconds before a result is asked for again."""
-SAY = 30.0
-"""Seconds between two lines about the workers."""
+CONNECT = 5.0  # Seconds in which a scheduler answers, if there is one
+LOOK = 1.0  # Seconds between two looks at whether the scheduler is still there
+PAUSE = 0.2  # Seconds before a result is asked for again
+SAY = 30.0  # Seconds between two lines about the workers
+# Tasks for each worker's thread that the scheduler holds: enough that none waits, few enough that millions are no
+# burden
 AHEAD = 3
-"""Tasks for each worker's thread that the scheduler holds: enough that none waits, few enough that millions are no burden."""
-NEEDED = ("seatrial", "distributed", "Python")
-"""What a scheduler has to have as here; it computes nothing."""
-LOST = (OSError, CommClosedError, TimeoutError)
-"""How a call ends whose scheduler is gone."""
+NEEDED = ("seatrial", "distributed", "Python")  # What a scheduler has to have as here; it computes nothing
+LOST = (OSError, CommClosedError, TimeoutError)  # How a call ends whose scheduler is gone
 
 
 class DaskWorkers:

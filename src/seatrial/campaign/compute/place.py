@@ -57,8 +57,8 @@ def submit_jobs(asked: SlurmTable) -> Any:
 
 
 VARIABLE = "SEATRIAL_WORKERS"
+# Of a scheduler; with `tls` the certificates are those of Dask's own configuration
 ADDRESS = re.compile(r"(tcp|tls)://\S+:\d+")
-"""Of a scheduler; with `tls` the certificates are those of Dask's own configuration."""
 
 
 def workers_of(campaign: Campaign, reporter: Reporter = SILENT) -> Workers:
@@ -112,8 +112,7 @@ def has_joined() -> bool:
     return bool(_JOINED)
 
 
-_JOINED: dict[tuple[str, SlurmTable | None], Any] = {}
-"""Clusters that this process has joined."""
+_JOINED: dict[tuple[str, SlurmTable | None], Any] = {}  # Clusters that this process has joined
 
 
 def _joined(place: str, asked: SlurmTable | None, reporter: Reporter) -> Any:

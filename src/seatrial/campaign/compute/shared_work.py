@@ -14,8 +14,7 @@ from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.selection.structures import Structure
 
 Built = TypeVar("Built")
-KEPT = 8
-"""Things that are kept built at least."""
+KEPT = 8  # Things that are kept built at least
 
 
 class Study:

@@ -12,8 +12,7 @@ from seatrial.core.record import Record
 from seatrial.core.signals import RATES, is_signal, signal_unit
 from seatrial.estimation.regression.accelerations import Smoothed, smooth
 
-RATE = "dot"
-"""Ending of a channel's rate: `udot` is that of `u`."""
+RATE = "dot"  # Ending of a channel's rate: `udot` is that of `u`
 
 
 @dataclass(frozen=True, eq=False)

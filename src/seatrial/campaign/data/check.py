@@ -48,14 +48,13 @@ from seatrial.messages.entry import filled_in
 from seatrial.messages.render import remedy, sentence, statement
 from seatrial.vehicles.model import VehicleModel
 
-MOST_CAUSES = 3
-"""Findings that are repeated where no model explains a record."""
+MOST_CAUSES = 3  # Findings that are repeated where no model explains a record
+# Codes of what a record cannot determine, which is no fault of it
 NO_CAUSE = ("not-excited", "rate-not-measured", "terms-alike", "limits-exceeded", "limits-hardly-used")
-"""Codes of what a record cannot determine, which is no fault of it."""
+# Standard deviation of a motion over its sensor's noise from which the part of a trial that has come tells its
+# direction
 MOVES = 2.0
-"""Standard deviation of a motion over its sensor's noise from which the part of a trial that has come tells its direction."""
-DRAWS = 32
-"""Vehicles drawn from the priors, beside the one at their means, to see whether they go the same way."""
+DRAWS = 32  # Vehicles drawn from the priors, beside the one at their means, to see whether they go the same way
 
 
 @dataclass(frozen=True, eq=False)

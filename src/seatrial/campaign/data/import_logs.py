@@ -37,8 +37,7 @@ from seatrial.manoeuvres.schedule import read_rows
 from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.thrusters import ThrustLaw
 
-_TRIED = 401
-"""Commands at which a polynomial of thrust is looked at."""
+_TRIED = 401  # Commands at which a polynomial of thrust is looked at
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,11 +17,11 @@ from seatrial.estimation.simulation.mounts import TURN, Mount
 from seatrial.estimation.simulation.sensor_errors import Sensor
 from seatrial.numerics.rotations import matrix_of_angles
 
-SENSORS = (RATES[:3], RATES[3:])
-"""Channels that one sensor has: a Doppler log, a gyro."""
+SENSORS = (RATES[:3], RATES[3:])  # Channels that one sensor has: a Doppler log, a gyro
 _NAMES = ("dvl", "imu")
+# What a fit may leave of the change of a velocity, as a share of it, for its turn to be believed: more is a unit or a
+# sign
 MISSED = 2.0
-"""What a fit may leave of the change of a velocity, as a share of it, for its turn to be believed: more is a unit or a sign."""
 
 
 def along_body(campaign: Campaign, record: Record) -> Record:

@@ -19,8 +19,7 @@ from seatrial.core.signals import signal_unit
 from seatrial.manoeuvres.autopilot import Autopilot
 from seatrial.manoeuvres.pilot import Moment
 
-UNEVEN = 1e-3
-"""Share of an interval by which it may differ from whole samples of a log."""
+UNEVEN = 1e-3  # Share of an interval by which it may differ from whole samples of a log
 
 
 def with_rebuilt_controls(campaign: Campaign, record: Record) -> Record:

@@ -35,8 +35,7 @@ from seatrial.manoeuvres.manoeuvre import Manoeuvre
 from seatrial.manoeuvres.relay import read_relay_family
 from seatrial.manoeuvres.schedule import Schedule, schedule_of
 
-LONGEST = 80
-"""Characters of a label."""
+LONGEST = 80  # Characters of a label
 
 
 @dataclass(frozen=True)

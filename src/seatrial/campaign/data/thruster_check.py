@@ -26,8 +26,7 @@ from seatrial.vehicles.hull import AXES
 from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.thrusters import allocation, controls_of
 
-SMALL = 1e-9
-"""Share of the largest entry below which a force or moment is none."""
+SMALL = 1e-9  # Share of the largest entry below which a force or moment is none
 
 
 def thruster_lines(vehicle: CampaignVehicle, channels: tuple[str, ...]) -> list[str]:

@@ -40,8 +40,7 @@ from seatrial.manoeuvres.schedule import Schedule
 from seatrial.vehicles.actuators import Actuator, with_actuators
 from seatrial.vehicles.model import VehicleModel, cached_model
 
-FIRST = "trial"
-"""Label of the first trial of a campaign; those decided later are `trial-2`, `trial-3` and so on."""
+FIRST = "trial"  # Label of the first trial of a campaign; those decided later are `trial-2`, `trial-3` and so on
 
 
 @dataclass(frozen=True, eq=False)

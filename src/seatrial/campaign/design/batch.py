@@ -16,8 +16,7 @@ from seatrial.design.batch import Batch, plan_batch
 from seatrial.design.robust import information_table
 from seatrial.manoeuvres.family import design_words
 
-BLOCK = 64
-"""Designs whose information is computed between two reports of progress."""
+BLOCK = 64  # Designs whose information is computed between two reports of progress
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,10 +12,10 @@ from seatrial.design.loop_stability import GainChange, best_gain_change, loop_gr
 from seatrial.manoeuvres.autopilot import GAINS
 from seatrial.vehicles.model import VehicleModel
 
-VEHICLES = 200
-"""Draws that are looked at."""
+VEHICLES = 200  # Draws that are looked at
+# Share of unstable vehicles from which the autopilot is at fault, and not what is believed of the vehicle
 NEARLY_ALL = 0.9
-"""Share of unstable vehicles from which the autopilot is at fault, and not what is believed of the vehicle."""
+# What moves, in words, by the state that takes the largest part
 AXES = {
     **dict.fromkeys(("u", "x"), "surge (speed)"),
     **dict.fromkeys(("v", "r", "psi", "y"), "yaw (heading)"),
@@ -23,7 +23,6 @@ AXES = {
     **dict.fromkeys(("q", "theta"), "pitch"),
     **dict.fromkeys(("p", "phi"), "roll"),
 }
-"""What moves, in words, by the state that takes the largest part."""
 
 
 def check_autopilot(

@@ -26,8 +26,8 @@ from seatrial.estimation.posterior.filter_error import process_name
 from seatrial.manoeuvres.family import design_words
 
 FISHER = ("fisher-d", "fisher-a", "fisher-e", "fisher-me")
+# Four times the usual importance draws: weak designs leave posteriors that press on the priors' bounds
 SETTINGS = GainSettings(inner=256)
-"""Four times the usual importance draws: weak designs leave posteriors that press on the priors' bounds."""
 
 
 def stored_measures(campaign: Campaign, count: int) -> StoredResult[Measures]:

@@ -30,13 +30,10 @@ from seatrial.manoeuvres.family import Family
 from seatrial.manoeuvres.free_form import SteppedInput, nearest_levels
 from seatrial.manoeuvres.manoeuvre import Limits, Manoeuvre
 
-POINTS = 4
-"""Draws of the priors over which the utility is averaged."""
-SAFE_FOR = 64
-"""Draws for which limits of the motion hold during the search; judged on fresh ones afterwards."""
+POINTS = 4  # Draws of the priors over which the utility is averaged
+SAFE_FOR = 64  # Draws for which limits of the motion hold during the search; judged on fresh ones afterwards
 
-RISK = 0.75
-"""Share of the risk allowed that the search takes: the rest is for what draws it has not seen."""
+RISK = 0.75  # Share of the risk allowed that the search takes: the rest is for what draws it has not seen
 
 
 def stored_free_trial(campaign: Campaign, levels: int) -> StoredResult[FreeTrial]:

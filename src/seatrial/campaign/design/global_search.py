@@ -22,8 +22,7 @@ from seatrial.design.sweep import all_controls, inside_limits
 from seatrial.design.trial_plan import TrialPlan
 from seatrial.manoeuvres.family import Family, design_words
 
-POPULATION = 16
-"""Designs that are evaluated at once."""
+POPULATION = 16  # Designs that are evaluated at once
 
 
 def stored_search(campaign: Campaign, budget: int) -> StoredResult[Searched]:

@@ -38,10 +38,9 @@ from seatrial.manoeuvres.family import Family, design_words
 from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.vehicles.model import VehicleModel
 
-MOST = 30
-"""Trials that are thought of beyond what the day allows."""
+MOST = 30  # Trials that are thought of beyond what the day allows
+# Share of the room of another control that the largest amplitude takes where the designed control has no two limits
 ROOM = 0.75
-"""Share of the room of another control that the largest amplitude takes where the designed control has no two limits."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,8 +13,7 @@ from seatrial.numerics.gaussian import Gaussian
 from seatrial.numerics.state_space import StateSpace
 from seatrial.vehicles.model import VehicleModel
 
-HALF = 400
-"""Draws of the priors behind each probability of staying inside the limits."""
+HALF = 400  # Draws of the priors behind each probability of staying inside the limits
 
 
 def prior_draws(campaign: Campaign, model: VehicleModel) -> Float[np.ndarray, "S k"]:

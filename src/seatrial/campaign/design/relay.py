@@ -176,12 +176,10 @@ def _closed(
     return jax.vmap(lambda start, error: run_relay(space, family, *settings, start, error))(starts, errors)
 
 
+# Thresholds that are proposed, as shares of what a step of the control by its least amplitude comes to
 PROPOSED = (0.2, 0.8)
-"""Thresholds that are proposed, as shares of what a step of the control by its least amplitude comes to."""
-CONFIDENCE = 0.95
-"""Of the claim that a test oscillates inside the limits with the probability asked for."""
-RANGE = (0.05, 0.5, 0.95)
-"""Quantiles over the vehicles that the priors allow."""
+CONFIDENCE = 0.95  # Of the claim that a test oscillates inside the limits with the probability asked for
+RANGE = (0.05, 0.5, 0.95)  # Quantiles over the vehicles that the priors allow
 
 
 def stored_relay(campaign: Campaign) -> StoredResult[RelayTrial]:

@@ -17,8 +17,7 @@ from seatrial.core.display_units import listed, shown_unit
 from seatrial.estimation.prediction.prediction import noise_sd, slow_noise
 from seatrial.estimation.simulation.sensor_errors import noise_name
 
-TOLD = 1.3
-"""Ratio of the two standard deviations from which on a reader is told."""
+TOLD = 1.3  # Ratio of the two standard deviations from which on a reader is told
 
 
 def with_residual_noise(campaign: Campaign, estimate: Drawn) -> Campaign:

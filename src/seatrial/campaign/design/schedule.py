@@ -40,8 +40,7 @@ def commands_of(campaign: Campaign) -> dict[str, Command]:
     return commands
 
 
-NO_COMMANDS: Mapping[str, Command] = {}
-"""Of a vehicle without laws of thrust."""
+NO_COMMANDS: Mapping[str, Command] = {}  # Of a vehicle without laws of thrust
 
 # Designs in words, in the units of the boundary.
 

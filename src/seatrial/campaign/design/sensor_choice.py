@@ -16,8 +16,7 @@ from seatrial.design.fisher_utilities import find_criterion
 from seatrial.design.sensor_choice import SensorChoice, SensorWorth, sensor_worth
 from seatrial.design.trial_plan import plan_trial
 
-RATES = (0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
-"""Hz; those up to the sample rate are tried."""
+RATES = (0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)  # Hz; those up to the sample rate are tried
 
 
 @dataclass(frozen=True, eq=False)

@@ -36,8 +36,7 @@ from seatrial.selection.structures import Structure
 # Sweeps done in rows of the grid, each row's designs predicted and weighed wherever there is a worker, and put
 # together again.
 
-ARRAYS = ("gain", "peak_speed", "final_sd", "utility", "length")
-"""What a sweep has of every design."""
+ARRAYS = ("gain", "peak_speed", "final_sd", "utility", "length")  # What a sweep has of every design
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,8 +14,7 @@ from seatrial.filters.extended import ExtendedKalmanFilter
 from seatrial.filters.square_root import MAX_UNROLLED_STATES, unscented_filter
 from seatrial.filters.unscented import UnscentedKalmanFilter
 
-UTILITY_DRAWS = 32
-"""Draws over which a utility is averaged, the same for all designs."""
+UTILITY_DRAWS = 32  # Draws over which a utility is averaged, the same for all designs
 
 
 def design_filter(name: DesignFilter, n_states: int, where: str) -> Filter:

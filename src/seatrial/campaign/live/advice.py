@@ -23,30 +23,22 @@ from seatrial.estimation.diagnostics.record_checks import UNLIKE, unlike_trim
 from seatrial.messages.render import remedy, statement
 from seatrial.numerics.gaussian import Gaussian
 
-WINDOW = 20.0
-"""Seconds over which is looked at what the input teaches, and how large innovations are."""
+WINDOW = 20.0  # Seconds over which is looked at what the input teaches, and how large innovations are
+# Root mean square of normalised innovations from which the model is called wrong, and below which it no longer is
 WRONG, RIGHT = 2.2, 2.0
-"""Root mean square of normalised innovations from which the model is called wrong, and below which it no longer is."""
+# Standard deviations by which the mean of the filter is beyond the edge of a prior from where on its coefficient is
+# pushed against it
 PUSHED = 3.0
-"""Standard deviations by which the mean of the filter is beyond the edge of a prior from where on its coefficient is pushed against it."""
-STAYS = 10.0
-"""Seconds after which that is forgotten."""
-SURE = 0.95
-"""Share of the vehicles drawn from what is believed whose speed at trim must be another than stated."""
-AT_EDGE = 0.5
-"""Standard deviations from the edge of its prior within which a coefficient is named, where one is pushed."""
-ENOUGH = 50
-"""Innovations before which nothing is said of a goal."""
-SOON = 30.0
-"""Seconds to the goal for which no other input is worth a change."""
-SLOWER = 2.0
-"""Times the best segment's way to the goal from which a change is."""
+STAYS = 10.0  # Seconds after which that is forgotten
+SURE = 0.95  # Share of the vehicles drawn from what is believed whose speed at trim must be another than stated
+AT_EDGE = 0.5  # Standard deviations from the edge of its prior within which a coefficient is named, where one is pushed
+ENOUGH = 50  # Innovations before which nothing is said of a goal
+SOON = 30.0  # Seconds to the goal for which no other input is worth a change
+SLOWER = 2.0  # Times the best segment's way to the goal from which a change is
+# Seconds in which an input that excites a coefficient halves its standard deviation, at the rate of the last window
 HALVES = 600.0
-"""Seconds in which an input that excites a coefficient halves its standard deviation, at the rate of the last window."""
-ALONG = {"T": "u", **SPEEDS}
-"""Velocity that each force or moment changes."""
-OFTEN = 10.0
-"""Seconds between two looks into the library."""
+ALONG = {"T": "u", **SPEEDS}  # Velocity that each force or moment changes
+OFTEN = 10.0  # Seconds between two looks into the library
 
 Kind = Literal["go on", "stop", "switch", "wrong", "check"]
 

@@ -21,12 +21,9 @@ from seatrial.logs.log_table import curved_cells, in_si
 from seatrial.logs.source import ColumnMap, LogSource, check_source, log_file, time_scale
 from seatrial.numerics.rotations import angles_of_quaternion, matrix_of_angles
 
-EMPTY = ("", "na", "nan", "null", "none")
-"""Cells of text that hold no value."""
-CLOCKS = ("time", "t", "time_s")
-"""Names of the time where a campaign has no [import], s."""
-LATEST = Decimal("1e11")
-"""Seconds on a stream's clock, three thousand years, from which a cell holds no time."""
+EMPTY = ("", "na", "nan", "null", "none")  # Cells of text that hold no value
+CLOCKS = ("time", "t", "time_s")  # Names of the time where a campaign has no [import], s
+LATEST = Decimal("1e11")  # Seconds on a stream's clock, three thousand years, from which a cell holds no time
 Say = Callable[[str, str], None]
 """Takes the kind of a fault, which is told once, and the words."""
 

@@ -11,14 +11,10 @@ from collections import deque
 import numpy as np
 from jaxtyping import Float
 
-LEVELS = 24
-"""Sizes of blocks, up to 2^23 samples: a day at 100 Hz."""
-FEWEST = 24
-"""Blocks from which their variance is taken."""
-MANY = 96
-"""Blocks from which their correlation is."""
-CLEAR = 2.0
-"""Standard errors from which a correlation of blocks counts."""
+LEVELS = 24  # Sizes of blocks, up to 2^23 samples: a day at 100 Hz
+FEWEST = 24  # Blocks from which their variance is taken
+MANY = 96  # Blocks from which their correlation is
+CLEAR = 2.0  # Standard errors from which a correlation of blocks counts
 
 
 class InnovationMemory:

@@ -21,8 +21,7 @@ from seatrial.design.trial_plan import TrialPlan
 from seatrial.manoeuvres.family import design_words
 from seatrial.vehicles.model import VehicleModel
 
-MOST_RUNS = 50
-"""Times in a row that a segment is thought of."""
+MOST_RUNS = 50  # Times in a row that a segment is thought of
 
 
 class Choice(NamedTuple):

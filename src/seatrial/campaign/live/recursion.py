@@ -28,15 +28,14 @@ from seatrial.numerics.state_space import StateSpace
 from seatrial.vehicles.discretise import discretise
 from seatrial.vehicles.model import VehicleModel
 
+# Standard deviation of a state that its first measurement gives, over the sensor's noise: the measurement itself is
+# still to come
 FIRST_SPREAD = 10.0
-"""Standard deviation of a state that its first measurement gives, over the sensor's noise: the measurement itself is still to come."""
 
+# Of its trim, at which the acceleration of a velocity is looked at: where it changes its sign the motion is steady
 SHARES = np.geomspace(1 / 8, 8, 193)
-"""Of its trim, at which the acceleration of a velocity is looked at: where it changes its sign the motion is steady."""
-DRAWS = 32
-"""Vehicles drawn from what is believed."""
-CERTAIN = 5.0
-"""Standard deviations from its mean beyond which a bound does not matter."""
+DRAWS = 32  # Vehicles drawn from what is believed
+CERTAIN = 5.0  # Standard deviations from its mean beyond which a bound does not matter
 
 
 class Stepped(NamedTuple):

@@ -23,8 +23,7 @@ from seatrial.core.display_units import shown_unit
 from seatrial.core.record import MAX_MAGNITUDE
 from seatrial.numerics.gaussian import Gaussian
 
-OFTEN = 1.0
-"""Seconds of the stream between two looks."""
+OFTEN = 1.0  # Seconds of the stream between two looks
 
 
 @dataclass(frozen=True)
@@ -191,16 +190,14 @@ def _left_out(name: str) -> str:
 
 # What may pass: stamps in their order, and values that the vehicle can have. What may not is told once, in words.
 
+# Seconds by which a stamp may lie behind the latest and be of one that was overtaken; further back the clock was set
+# anew
 LATE = 1.0
-"""Seconds by which a stamp may lie behind the latest and be of one that was overtaken; further back the clock was set anew."""
-BEYOND = 50.0
-"""Times what the priors foresee, from which a value is none of this vehicle in this unit."""
-BEYOND_LIMIT = 5.0
-"""Likewise times the limit of a control."""
-RECENT = 20
-"""Values of a channel over which is looked whether most of them can be."""
+BEYOND = 50.0  # Times what the priors foresee, from which a value is none of this vehicle in this unit
+BEYOND_LIMIT = 5.0  # Likewise times the limit of a control
+RECENT = 20  # Values of a channel over which is looked whether most of them can be
+# Times what is foreseen, or the limit, below which most must lie before a channel that was left out is taken again
 INSIDE = 2.0
-"""Times what is foreseen, or the limit, below which most must lie before a channel that was left out is taken again."""
 
 
 class Notes:

@@ -18,16 +18,12 @@ from seatrial.core.files import begin_file, read_bytes, write_json
 from seatrial.core.signals import signal_unit
 from seatrial.vehicles.model import VehicleModel
 
-SYNC = 1.0
-"""Seconds after which everything is on the disk."""
-FOLDER = Path("results") / "live"
-"""Of the sessions, in a campaign's folder."""
+SYNC = 1.0  # Seconds after which everything is on the disk
+FOLDER = Path("results") / "live"  # Of the sessions, in a campaign's folder
+# What the session that runs, or ran last, said last; in a folder of its own, so that the others do not change with it
 LAST_LOOK = FOLDER / "now" / "look.json"
-"""What the session that runs, or ran last, said last; in a folder of its own, so that the others do not change with it."""
-LOOK = {"run", "at", "time_s", "samples", "coefficients", "innovations", "kind", "advice"}
-"""Keys of a look."""
-SHOWN = 0.5
-"""Seconds between two looks that are shown."""
+LOOK = {"run", "at", "time_s", "samples", "coefficients", "innovations", "kind", "advice"}  # Keys of a look
+SHOWN = 0.5  # Seconds between two looks that are shown
 
 
 class Kept:

@@ -15,12 +15,9 @@ from seatrial.core.errors import InputError
 from seatrial.logs.formats.protocol import LOG_TIME
 from seatrial.logs.formats.telemetry import mavlink, packets
 
-CHUNK = 1 << 16
-"""Bytes that are read at a time."""
-POLL = 0.02
-"""Seconds between two looks at a file that does not grow."""
-MOST_DATAGRAMS = 1000
-"""Datagrams that are taken at a time."""
+CHUNK = 1 << 16  # Bytes that are read at a time
+POLL = 0.02  # Seconds between two looks at a file that does not grow
+MOST_DATAGRAMS = 1000  # Datagrams that are taken at a time
 _LONGEST_LINE = 1 << 16
 _KINDS = "a path, `-` for standard input, `udp:HOST:PORT` for MAVLink, or `ros2` for topics"
 

@@ -17,24 +17,20 @@ from seatrial.core.signals import signal_unit
 from seatrial.logs.measured_control import looks_measured
 from seatrial.messages.render import remedy, statement
 
-APART = 0.1
-"""Seconds between two rows of what is judged, at least."""
-LOOKED = 60.0
-"""Seconds that are judged."""
-FIRST = 10.0
-"""Seconds before which nothing is."""
-OFTEN = 5.0
-"""Seconds between two judgements."""
+APART = 0.1  # Seconds between two rows of what is judged, at least
+LOOKED = 60.0  # Seconds that are judged
+FIRST = 10.0  # Seconds before which nothing is
+OFTEN = 5.0  # Seconds between two judgements
+# Seconds before which the direction is not judged: until then the expected motion is led by its start, in whatever
+# unit that came
 LED = 30.0
-"""Seconds before which the direction is not judged: until then the expected motion is led by its start, in whatever unit that came."""
+# Judgements in a row that find a fault before it is one, and that pass before it is none: until all that is judged is
+# new
 FOUND, GONE = 2, round(LOOKED / OFTEN)
-"""Judgements in a row that find a fault before it is one, and that pass before it is none: until all that is judged is new."""
-SIZE = bucket_length(round(LOOKED / APART) + 1)
-"""Rows to which every part of a stream is filled up."""
-CONTROLS = 600
-"""Latest samples of a control that show whether it looks measured."""
+SIZE = bucket_length(round(LOOKED / APART) + 1)  # Rows to which every part of a stream is filled up
+CONTROLS = 600  # Latest samples of a control that show whether it looks measured
+# Levels of each check with which no goal is met; of a channel the first check that fails is told
 GRAVE = {"direction-reversed": ("alarm",), "axes-wrong": ("alarm",), "size-unlike": ("caution",)}
-"""Levels of each check with which no goal is met; of a channel the first check that fails is told."""
 
 
 class StreamCheck:

@@ -13,13 +13,12 @@ from seatrial.core.display_units import plain, shown_unit
 from seatrial.core.term_checks import terms_that_may_be_one
 from seatrial.vehicles.hull import Hull
 
-BESIDE = 0.2
-"""Share of a steady speed by which the start may lie beyond the 90 % range of the priors."""
+BESIDE = 0.2  # Share of a steady speed by which the start may lie beyond the 90 % range of the priors
 
+# Radii of gyration of the smallest vehicle and of a ship of 400 m, m, and how many times as far as the farthest
+# thruster one may be
 RADII, TIMES_REACH = (0.02, 120.0), 10.0
-"""Radii of gyration of the smallest vehicle and of a ship of 400 m, m, and how many times as far as the farthest thruster one may be."""
-FAR = 1e4
-"""Times its trim from which a limit of a control is doubted."""
+FAR = 1e4  # Times its trim from which a limit of a control is doubted
 
 
 def file_cautions(campaign: Campaign) -> list[str]:

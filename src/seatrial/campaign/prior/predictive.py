@@ -47,10 +47,8 @@ from seatrial.vehicles.simulate import simulate
 #
 # From du/dt = f(u): f(u*) = 0 and T = -1 / f'(u*).
 
-FASTEST = 20.0
-"""m/s or rad/s; a vehicle beyond it has run away."""
-BATCH = 100
-"""Vehicles simulated at once, so that a long record fits in memory."""
+FASTEST = 20.0  # m/s or rad/s; a vehicle beyond it has run away
+BATCH = 100  # Vehicles simulated at once, so that a long record fits in memory
 
 
 def speeds(
@@ -273,11 +271,9 @@ def _largest(family: Family, limits: Limits, amplitudes: np.ndarray, periods: np
 
 
 N_DRAWS = 2000
-SHOWN, SINGLE = 600, 6
-"""Instants kept of each motion, at most; motions kept whole, to be drawn."""
+SHOWN, SINGLE = 600, 6  # Instants kept of each motion, at most; motions kept whole, to be drawn
 LEVELS = (0.05, 0.25, 0.5, 0.75, 0.95)
-MOST = 0.5
-"""Share of draws without a motion above which a prior is not to be used."""
+MOST = 0.5  # Share of draws without a motion above which a prior is not to be used
 
 
 class Reach(NamedTuple):

@@ -7,14 +7,11 @@ from seatrial.core.display_units import Shown, listed, shown_unit
 from seatrial.core.normal import Z90
 from seatrial.core.result_table import aligned
 
-SOME = 0.01
-"""Share of draws without a motion above which a prior is to be mended."""
-WIDE = 4.0
-"""Factor between the ends of the 90 % range of the steady speed above which a prior is called wide."""
-STILL = 1e-9
-"""Range of a channel in all draws and over the whole trial, SI, below which the trial does not move it."""
+SOME = 0.01  # Share of draws without a motion above which a prior is to be mended
+WIDE = 4.0  # Factor between the ends of the 90 % range of the steady speed above which a prior is called wide
+STILL = 1e-9  # Range of a channel in all draws and over the whole trial, SI, below which the trial does not move it
+# Shares of the measured speeds inside the 90 % range above which the prior holds them, and below which it does not
 HELD, HARDLY = 0.8, 0.5
-"""Shares of the measured speeds inside the 90 % range above which the prior holds them, and below which it does not."""
 
 
 def prior_lines(predictive: PriorPredictive, shown: Shown) -> list[str]:

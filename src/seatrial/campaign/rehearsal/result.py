@@ -13,15 +13,11 @@ from seatrial.core.dataset import Dataset
 from seatrial.core.result_table import aligned
 
 ADAPTIVE = "adaptive"
-WITHIN = 1.64
-"""Standard deviations of an estimate within which the truth lies with 90 % probability."""
+WITHIN = 1.64  # Standard deviations of an estimate within which the truth lies with 90 % probability
 HONEST = 0.9
-MANY = 30
-"""Vehicles from which the share of honest intervals is nearly normal."""
-CHANCE = 0.05
-"""Probability below which a difference between strategies is not put down to chance."""
-SURE = 3.0
-"""Standard errors beyond which a difference is not chance."""
+MANY = 30  # Vehicles from which the share of honest intervals is nearly normal
+CHANCE = 0.05  # Probability below which a difference between strategies is not put down to chance
+SURE = 3.0  # Standard errors beyond which a difference is not chance
 
 
 class Mean(NamedTuple):

@@ -49,8 +49,7 @@ from seatrial.manoeuvres.family import Family
 # and I the Fisher information of the design about c under white noise of the size that `[sensors]` states. Over a grid it takes a
 # fraction of the time of the filter that `seatrial design` runs; `seatrial design --compare` says how alike they order designs.
 
-RANDOM = "random-steps"
-"""Shape of the trials that are drawn and not designed."""
+RANDOM = "random-steps"  # Shape of the trials that are drawn and not designed
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,8 +183,8 @@ def _information(plan: TrialPlan, values: Array, controls: Float[Array, "lanes n
 
 
 DOUBLET = "repeated-doublet"
-MIN_VEHICLES = 2
-"""Of one alone there is no standard error."""
+MIN_VEHICLES = 2  # Of one alone there is no standard error
+# What is kept; NaN, or -1 for the family, of trials that were not run
 DIMENSIONS = {
     "truth": ("vehicle", "coefficient"),
     "refused": ("vehicle",),
@@ -197,7 +196,6 @@ DIMENSIONS = {
     "amplitude": ("vehicle", "strategy", "trial"),
     "period": ("vehicle", "strategy", "trial"),
 }
-"""What is kept; NaN, or -1 for the family, of trials that were not run."""
 
 Choose = Callable[[int, np.ndarray | None, np.ndarray | None], Design]
 """Design of a trial: from its number, and the coefficients' values and covariance after the trials before, None of the first."""

@@ -29,14 +29,10 @@ from seatrial.estimation.simulation.sensor_errors import noise_name
 from seatrial.estimation.simulation.trial_data import FOREVER
 from seatrial.manoeuvres.schedule import Schedule
 
-TRIES = 200
-"""Draws from the prior until one is a vehicle that does not run away."""
-FASTEST = 20.0
-"""Speed from which a vehicle has run away, m/s."""
-FEWEST = 4
-"""Trials in the smallest posterior that is compiled."""
-LABEL = "1"
-"""Label of a trial that is simulated on its own."""
+TRIES = 200  # Draws from the prior until one is a vehicle that does not run away
+FASTEST = 20.0  # Speed from which a vehicle has run away, m/s
+FEWEST = 4  # Trials in the smallest posterior that is compiled
+LABEL = "1"  # Label of a trial that is simulated on its own
 
 
 @dataclass(frozen=True, eq=False)

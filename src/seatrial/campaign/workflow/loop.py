@@ -32,8 +32,7 @@ from seatrial.core.signals import signal_unit
 from seatrial.estimation.simulation.sensor_errors import noise_name
 from seatrial.messages.render import sentences
 
-OF_NEXT_TRIAL = ("next", "contenders")
-"""Steps without which all that was found so far still holds."""
+OF_NEXT_TRIAL = ("next", "contenders")  # Steps without which all that was found so far still holds
 
 
 def run_loop(campaign: Campaign, reporter: Reporter = SILENT) -> Outcome:

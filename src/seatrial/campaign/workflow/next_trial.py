@@ -25,17 +25,14 @@ from seatrial.manoeuvres.family import design_words
 from seatrial.messages.render import sentences
 from seatrial.selection.verdict import DECIDED
 
-EXAMPLE_GOAL = Goal({"X_uabsu": 0.03}, trials=4)
-"""That of the template `design`."""
+EXAMPLE_GOAL = Goal({"X_uabsu": 0.03}, trials=4)  # That of the template `design`
 
 Known = dict[str, tuple[float, float]]
 """Mean and standard deviation of each coefficient, SI."""
+# What is said of expected standard deviations where wider ones with model error are known
 WITHIN = " within the model; model error stays until its cause is corrected"
-"""What is said of expected standard deviations where wider ones with model error are known."""
-TOLD = "see the caution about it"
-"""What stands for a caution that is told on the same page."""
-ENOUGH = 0.2
-"""Entropy reduction, nats, below which another trial of the family is not worth running."""
+TOLD = "see the caution about it"  # What stands for a caution that is told on the same page
+ENOUGH = 0.2  # Entropy reduction, nats, below which another trial of the family is not worth running
 
 
 @dataclass(frozen=True)

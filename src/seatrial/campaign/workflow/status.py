@@ -9,8 +9,7 @@ from seatrial.campaign.store.stored_result import State, Store, seal_of
 from seatrial.campaign.workflow.steps import LOOP, Workflow, stored_summary
 from seatrial.core.files import is_there
 
-HEAD = 4096
-"""Characters of a page in which its head says what it was drawn from."""
+HEAD = 4096  # Characters of a page in which its head says what it was drawn from
 
 
 class StepState(NamedTuple):

@@ -404,6 +404,7 @@ def _hashed(path: Path, size: int, changed: int) -> str:
     return hash_of_log(path)
 
 
+# Steps of the whole loop, in the order in which they are made
 LOOP = (
     Step("first", ("campaign", "reporter"), _first, "design.nc", listed="design", command="design"),
     Step("trials", ("campaign", "reporter"), _trials, "records/*.nc", listed="records", command="import"),
@@ -442,7 +443,7 @@ LOOP = (
     Step("next", ("candidates", "chosen", "reporter"), _next, "next.nc", listed="next", command="next"),
     Step("contenders", ("candidates", "selection", "trials", "reporter"), _contenders, "contenders.nc"),
 )
-"""Steps of the whole loop, in the order in which they are made."""
+# Steps that are made when they are asked for
 BESIDE = (
     Step("prior", ("campaign", "reporter"), _prior),
     Step("design", ("campaign", "reporter"), _design, "design.nc"),
@@ -462,7 +463,6 @@ BESIDE = (
     Step("cross_validation", ("candidates", "trials", "reporter"), _cross_validation, "cross_validation.json"),
     Step("calibration", ("campaign", "trials", "replicates", "method", "reporter"), _calibration, "calibration-*.nc"),
 )
-"""Steps that are made when they are asked for."""
 STEPS = {step.name: step for step in (*LOOP, *BESIDE)}
 
 

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from seatrial.campaign.data.import_logs import Trials
 
 TITLE = "whole run"
+# Seconds of steps that this machine has not made yet: of the demo campaign, on two cores
 USUAL = {
     "first": 10.0,
     "trials": 1.0,
@@ -26,24 +27,16 @@ USUAL = {
     "next": 10.0,
     "contenders": 5.0,
 }
-"""Seconds of steps that this machine has not made yet: of the demo campaign, on two cores."""
-LEAST = 0.5
-"""Seconds of any other."""
-SHARE = 0.95
-"""Of a step's time, the most that counts as over before it is."""
+LEAST = 0.5  # Seconds of any other
+SHARE = 0.95  # Of a step's time, the most that counts as over before it is
 PARTS = 1000
-EARLY = 0.1
-"""Share of a step's own bars from which they say more of its time than what it took before."""
-UNTOLD = 0.2
-"""Likewise, more of a step whose bars say nothing."""
-EVERY = 1.0
-"""Seconds between two looks while no step reports anything."""
-SIZED = ("estimates", "selection")
-"""Steps whose time grows with the work of a likelihood."""
-DEMO = 6000
-"""Samples times states of the demo campaign, over its four structures."""
+EARLY = 0.1  # Share of a step's own bars from which they say more of its time than what it took before
+UNTOLD = 0.2  # Likewise, more of a step whose bars say nothing
+EVERY = 1.0  # Seconds between two looks while no step reports anything
+SIZED = ("estimates", "selection")  # Steps whose time grows with the work of a likelihood
+DEMO = 6000  # Samples times states of the demo campaign, over its four structures
+# Share of the whole run that the pace of its steps has to outweigh: short steps say little about long ones
 UNSURE = 0.25
-"""Share of the whole run that the pace of its steps has to outweigh: short steps say little about long ones."""
 
 
 class WholeRun:

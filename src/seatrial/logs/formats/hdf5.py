@@ -15,11 +15,10 @@ from seatrial.core.errors import InputError
 _MAX_DEPTH = 32
 _MAX_ARRAYS = 20_000
 _MAX_CHUNK_BYTES = 1 << 28
+# Bytes of an array that stay unpacked: a piece of it that is larger is unpacked again for every block of rows
 _CACHE_BYTES = 1 << 26
-"""Bytes of an array that stay unpacked: a piece of it that is larger is unpacked again for every block of rows."""
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
-_MAX_EXPANSION = 2000
-"""How many times larger an array may be than what the file keeps of it; deflate reaches 1032."""
+_MAX_EXPANSION = 2000  # How many times larger an array may be than what the file keeps of it; deflate reaches 1032
 
 
 @contextmanager

@@ -28,8 +28,7 @@ from seatrial.logs.formats.protocol import (
 )
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
-WORKSPACE = "workspace"
-"""The table of vectors that are variables of their own."""
+WORKSPACE = "workspace"  # The table of vectors that are variables of their own
 
 
 class _Array(NamedTuple):

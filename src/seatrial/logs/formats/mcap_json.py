@@ -34,10 +34,8 @@ from seatrial.logs.formats.protocol import (
 
 _MAGIC = b"\x89MCAP0\r\n"
 _HEADER = 0x01
-_MAX_RECORD_BYTES = 1 << 30
-"""Bytes of a record, or of a chunk unpacked; more is damage."""
-_SAMPLE_MESSAGES = 20
-"""Messages of a topic whose numbers and words are listed."""
+_MAX_RECORD_BYTES = 1 << 30  # Bytes of a record, or of a chunk unpacked; more is damage
+_SAMPLE_MESSAGES = 20  # Messages of a topic whose numbers and words are listed
 _MAX_DEPTH = 8
 _MEMORY = 2 << 30
 

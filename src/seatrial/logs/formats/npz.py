@@ -29,14 +29,12 @@ from seatrial.logs.formats.protocol import (
 _NPY = ".npy"
 _MAX_HEADER = 10_000
 _MAX_ARRAYS = 10_000
-_MAX_ARRAY_BYTES = 1 << 29
-"""Of one array."""
-_MAX_NAMES = 8
-"""Arrays that are not read, of which the names are told."""
+_MAX_ARRAY_BYTES = 1 << 29  # Of one array
+_MAX_NAMES = 8  # Arrays that are not read, of which the names are told
+# Units of `datetime64`
 _UNITS = {
     (name, 1): unit for name, unit in {"ns": "ns", "us": "us", "ms": "ms", "s": "s", "m": "min", "h": "h"}.items()
 }
-"""Units of `datetime64`."""
 _READERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
 
 

@@ -23,10 +23,9 @@ from seatrial.logs.formats.protocol import (
 )
 
 TABLE = "rows"
-_MOST_BYTES = 1 << 29
-"""Of one row group's wanted columns: more would not fit in memory when it is opened."""
+_MOST_BYTES = 1 << 29  # Of one row group's wanted columns: more would not fit in memory when it is opened
+# Two weeks at 100 Hz; equal numbers are packed so well that a small file may hold more than memory does
 _MOST_ROWS = 1 << 27
-"""Two weeks at 100 Hz; equal numbers are packed so well that a small file may hold more than memory does."""
 
 
 def _recognises(path: Path, head: bytes) -> bool:

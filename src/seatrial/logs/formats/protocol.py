@@ -19,10 +19,8 @@ from seatrial.core.errors import InputError, install_extra
 from seatrial.logs.formats.unit_in_name import ENDINGS, name_and_units
 
 BLOCK_ROWS = 8192
-LOG_TIME = "log_time"
-"""Column of the time at which a message was written to the log."""
-MAX_ELEMENTS = 64
-"""Elements of an array that a catalogue lists; any other of them can be asked for by its index."""
+LOG_TIME = "log_time"  # Column of the time at which a message was written to the log
+MAX_ELEMENTS = 64  # Elements of an array that a catalogue lists; any other of them can be asked for by its index
 
 TIME_UNITS = ("ns", "us", "ms", "s", "min", "h")
 _NANOSECONDS = re.compile(r"(?:.*[./])?(?:%time|rosbagtimestamp|header\.stamp|stamp)")

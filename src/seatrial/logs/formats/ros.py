@@ -37,9 +37,9 @@ from seatrial.logs.formats.ros_messages import (
 _SQLITE = b"SQLite format 3\0"
 _MCAP = b"\x89MCAP0\r\n"
 _ROS_1 = b"#ROSBAG V"
-_MEMORY = 2 << 30
-"""A chunk that unpacks to more ends the process that reads it."""
+_MEMORY = 2 << 30  # A chunk that unpacks to more ends the process that reads it
 _HEADER = "std_msgs/Header header\n"
+# Messages of MAVROS by their fields
 _MAVROS = {
     f"mavros_msgs/msg/{name}": _HEADER + "\n".join(fields)
     for name, fields in {
@@ -64,9 +64,7 @@ _MAVROS = {
         ),
     }.items()
 }
-"""Messages of MAVROS by their fields."""
-_LOOKED_AT = 20
-"""Messages of a topic by which the length of its sequences is told."""
+_LOOKED_AT = 20  # Messages of a topic by which the length of its sequences is told
 
 
 @dataclass(frozen=True)

@@ -17,12 +17,9 @@ import numpy as np
 
 from seatrial.logs.formats.protocol import BLOCK_ROWS, LOG_TIME, MAX_ELEMENTS, Block, ColumnInfo, as_column
 
-BASE, NAME, ARRAY = 1, 2, 3
-"""Kinds of a field's type in a definition as rosbags parses it; the fourth is a sequence."""
-_HEADER = 4
-"""Bytes of CDR in front of a message; numbers are aligned as counted from behind them."""
-_BATCH_BYTES = 1 << 20
-"""Bytes of messages that are looked at together."""
+BASE, NAME, ARRAY = 1, 2, 3  # Kinds of a field's type in a definition as rosbags parses it; the fourth is a sequence
+_HEADER = 4  # Bytes of CDR in front of a message; numbers are aligned as counted from behind them
+_BATCH_BYTES = 1 << 20  # Bytes of messages that are looked at together
 _CODES = {
     "bool": "B",
     "byte": "B",
@@ -40,8 +37,8 @@ _CODES = {
     "float64": "d",
 }
 _STAMPS = {"builtin_interfaces/msg/Time": "t", "builtin_interfaces/msg/Duration": "T"}
+# Sequences of these are pictures and raw data, not signals
 _BULK_TYPES = ("bool", "byte", "char", "octet", "int8", "uint8")
-"""Sequences of these are pictures and raw data, not signals."""
 _MAX_DEPTH = 24
 _INDEX = re.compile(r"\[(\d{1,9})\]")
 _MOST_FIELDS = 50_000

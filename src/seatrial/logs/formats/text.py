@@ -38,10 +38,8 @@ from seatrial.logs.formats.text_layout import WHITESPACE, codec_of, is_date, nan
 from seatrial.logs.known_messages import message_of_file
 
 TABLE = "rows"
-_SAMPLE_ROWS = 10_000
-"""Rows that tell which columns hold numbers."""
-_PIECE_ROWS = 1 << 16
-"""Rows that are parsed at a time."""
+_SAMPLE_ROWS = 10_000  # Rows that tell which columns hold numbers
+_PIECE_ROWS = 1 << 16  # Rows that are parsed at a time
 _MAX_LINE_BYTES = 1 << 24
 _MAX_STAMP_LENGTH = 40
 _MAX_STAMP = 2.0**62

@@ -19,19 +19,17 @@ from seatrial.logs.formats.protocol import LogFile, TextLayout
 WHITESPACE = "whitespace"
 _BY_SUFFIX = {".csv": ",", ".tsv": "\t"}
 _SEPARATORS = (";", "\t", "|", ",")
-_SAMPLE_BYTES = 1 << 16
-"""Bytes of the file."""
+_SAMPLE_BYTES = 1 << 16  # Bytes of the file
 _SAMPLE_LINES = 20
-_QUOTED = re.compile(r'"[^"]*"')
-"""A cell in which any separator is text."""
+_QUOTED = re.compile(r'"[^"]*"')  # A cell in which any separator is text
 _NUMBER = re.compile(r"[-+]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][-+]?\d+)?")
 _COMMA = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?")
 _POINT = re.compile(r"[-+]?\d*\.\d+(?:[eE][-+]?\d+)?")
 _DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d(?::\d\d(?:[.,]\d+)?)?(?P<zone>Z|[+-]\d\d:?\d\d)?")
+# Codecs of names of hosts and of source code, which Python lists beside those of text
 _NO_ENCODINGS = {"idna", "punycode", "undefined", "unicode-escape", "raw-unicode-escape"}
-"""Codecs of names of hosts and of source code, which Python lists beside those of text."""
+# Endings of a stamp in two columns, as ROS splits it
 _SECONDS = {"nanosec": "sec", "nsec": "sec", "nsecs": "secs", "nanosecs": "secs"}
-"""Endings of a stamp in two columns, as ROS splits it."""
 
 
 @dataclass(frozen=True)

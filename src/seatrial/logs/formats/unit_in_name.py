@@ -3,6 +3,7 @@
 import re
 from typing import NamedTuple
 
+# Units by the ending, in small letters; the first is the likelier one
 ENDINGS = {
     **dict.fromkeys(("deg_s", "degps", "degs", "deg_per_s", "dps"), ("deg/s",)),
     **dict.fromkeys(("rad_s", "radps", "rads", "rad_per_s"), ("rad/s",)),
@@ -33,7 +34,6 @@ ENDINGS = {
     "min": ("min",),
     "h": ("h",),
 }
-"""Units by the ending, in small letters; the first is the likelier one."""
 
 
 class NameAndUnits(NamedTuple):
