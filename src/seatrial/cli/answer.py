@@ -21,8 +21,7 @@ from seatrial.core.errors import InputError, NumericalError, SeatrialError, file
 from seatrial.core.findings import Finding, Level, Message, accept
 from seatrial.core.visible import visible
 
-SCHEMA = 1
-"""Version of the documents that `--json` prints."""
+SCHEMA = 1  # Version of the documents that `--json` prints
 
 
 def echo(text: str = "", err: bool = False) -> None:

@@ -25,16 +25,12 @@ from seatrial.core.reporter import Bar
 
 FILE_NAME = ".running.json"
 LOCK_NAME = ".running.lock"
-EVERY = 0.5
-"""Seconds between two notes of the progress."""
-TRIES = 5
-"""Looks at notes that are being written."""
-PATIENCE = 0.2
-"""Seconds that a lock is waited for: those who look at it hold it for an instant."""
+EVERY = 0.5  # Seconds between two notes of the progress
+TRIES = 5  # Looks at notes that are being written
+PATIENCE = 0.2  # Seconds that a lock is waited for: those who look at it hold it for an instant
+# Errors of a link and of a folder in the place of a file, neither of which may turn the lock off.
 _NO_FILE = (errno.ELOOP, errno.EISDIR)
-"""Errors of a link and of a folder in the place of a file, neither of which may turn the lock off."""
-_HELD: set["Occupation"] = set()
-"""What this process holds."""
+_HELD: set["Occupation"] = set()  # What this process holds
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,7 @@ from rich.text import Text
 from seatrial.core.reporter import Bar, duration_text, remaining
 from seatrial.core.visible import visible
 
-EVERY = 10.0
-"""Seconds between two lines of one piece of work, when piped."""
+EVERY = 10.0  # Seconds between two lines of one piece of work, when piped
 
 
 class ConsoleReporter:

@@ -35,6 +35,7 @@ class Command(NamedTuple):
     makes: str = ""
 
 
+# By name, in the order in which they are listed. To add a command, see the table of CONTRIBUTING.
 COMMANDS = {
     "vehicle": Command(vehicle),
     "init": Command(init),
@@ -63,9 +64,8 @@ COMMANDS = {
     "benchmark": Command(benchmark),
     "export": Command(export, "the estimated vehicle as files for a simulator"),
 }
-"""By name, in the order in which they are listed. To add a command, see the table of CONTRIBUTING."""
+# Former commands, and the command line that does their work now.
 RENAMED = {"rehearse": "seatrial plan DIR --vehicles 20"}
-"""Former commands, and the command line that does their work now."""
 
 
 class _Commands(Mapping[str, Any]):

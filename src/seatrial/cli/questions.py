@@ -14,8 +14,7 @@ from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError
 from seatrial.core.units import to_si
 
-_NOT_ASKED = ("seed", "distribution")
-"""Keys whose value nobody has to think about at the beginning."""
+_NOT_ASKED = ("seed", "distribution")  # Keys whose value nobody has to think about at the beginning
 _NUMBER = re.compile(r"\s*[-+\d.eE]+")
 _PRIOR = """
 [prior.{name}]

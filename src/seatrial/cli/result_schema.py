@@ -174,6 +174,7 @@ class Run(TypedDict):
     next: Next
 
 
+# Type of `result` in the document of each command.
 RESULTS = {
     "vehicle": Vehicle,
     "explain": Explain,
@@ -199,7 +200,6 @@ RESULTS = {
     "benchmark": Benchmark,
     "export": Export,
 }
-"""Type of `result` in the document of each command."""
 
 
 def schema() -> dict[str, Any]:

@@ -18,22 +18,14 @@ OfMoved = Annotated[
     float, Unit("{moved}", "that of what it drives", above=0.0, remedy="leave it out where there is none")
 ]
 
-
 RateOfMoved = Annotated[
     float,
     Unit("({moved})/s", "that of what it drives, per second", above=0.0, remedy="leave it out where there is none"),
 ]
 
-
 Gain = Annotated[float, Unit("({moved})/({channel})", "that of what it drives, over that of the channel")]
-
-
 IntegralGain = Annotated[float, Unit("({moved})/({channel} s)", "the same, per second")]
-
-
 DerivativeGain = Annotated[float, Unit("({moved}) s/({channel})", "the same, times seconds")]
-
-
 Drives = Annotated[dict[str, float], first_noted("moved")]
 
 
@@ -86,8 +78,7 @@ class AutopilotSettings:
         return {name: 0.0 for loop in self.loops for name, _ in loop.moves}
 
 
-WHOLE = 1e-6
-"""Share of a sample by which an interval may differ from whole samples."""
+WHOLE = 1e-6  # Share of a sample by which an interval may differ from whole samples
 
 
 def read_autopilot(

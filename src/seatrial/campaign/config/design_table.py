@@ -32,22 +32,11 @@ from seatrial.manoeuvres.schedule import Schedule, read_rows
 from seatrial.vehicles.model import VehicleModel
 
 Utility = Literal["entropy", "fisher-d", "fisher-a", "fisher-e", "fisher-me", "fisher-c", "discrimination"]
-
-
 DesignFilter = Literal["square-root-unscented", "unscented", "extended"]
-
-
 Watts = Annotated[float, Unit("W")]
-
-
 OfLimited = Annotated[float, Unit("{limited}", "that of the quantity")]
-
-
 RateOfLimited = Annotated[float, Unit("({limited})/s", "that of the control, per second")]
-
-
 OfRange = Annotated[float, Unit("{range}", "that of the quantity")]
-
 
 OfBeside = Annotated[
     float, Unit("{beside}", "that of the control", above=0.0, remedy="remove it where the control is to stay at trim")

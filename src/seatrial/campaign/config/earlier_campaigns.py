@@ -24,10 +24,11 @@ from seatrial.core.files import is_there
 from seatrial.core.signals import signal_unit
 from seatrial.estimation.priors import physical_support
 
+# Correlation, either way, from which its loss is told: the best-known combination had 0.55 of the spread that it has
+# without it.
 STRONG = 0.7
-"""Correlation, either way, from which its loss is told: the best-known combination had 0.55 of the spread that it has without it."""
+# Mean and standard deviation of coefficients and of a vehicle's other unknowns, SI.
 Found = Mapping[str, tuple[float, float]]
-"""Mean and standard deviation of coefficients and of a vehicle's other unknowns, SI."""
 
 
 def found_before(folder: Path, table: VehicleTable, keys: FileKeys) -> Found:

@@ -295,12 +295,9 @@ class Imports:
         return {index: file for index, file in enumerate(self.files) if not file.runs or run in file.runs}
 
 
-COMMAND = "command"
-"""Unit of a column that a law of thrust is for."""
-LONGEST = 80
-"""Characters of a run's name."""
-LAYOUT = ("delimiter", "encoding", "header_rows", "names", "skip_rows")
-"""Keys of `[[import.files]]` for text alone."""
+COMMAND = "command"  # Unit of a column that a law of thrust is for
+LONGEST = 80  # Characters of a run's name
+LAYOUT = ("delimiter", "encoding", "header_rows", "names", "skip_rows")  # Keys of `[[import.files]]` for text alone
 
 
 def read_imports(table: ImportTable, keys: FileKeys, known: Sequence[str], laws: Mapping[str, ThrustLaw]) -> Imports:

@@ -36,8 +36,7 @@ from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.tether import LINEAR, TETHER
 from seatrial.vehicles.thrusters import controls_of
 
-_AHEAD = {"n": "1200 rpm", "tau_X": "20 N"}
-"""An example of a value of each control that holds a speed."""
+_AHEAD = {"n": "1200 rpm", "tau_X": "20 N"}  # An example of a value of each control that holds a speed
 
 
 def load_campaign(folder: Path | str) -> Campaign:

@@ -38,6 +38,7 @@ from seatrial.vehicles.tether import TETHER
 
 _BOUNDS = ("lower", "upper")
 _NUMBERS = (*_BOUNDS, "mean", "sd", "scale", "median", "factor")
+# Distribution to the numbers it needs, how many bounds it may have beside them (one at least), and what makes it.
 _KINDS: dict[str, tuple[tuple[str, ...], int, Callable[..., Prior]]] = {
     "uniform": (_BOUNDS, 0, Uniform),
     "log-uniform": (_BOUNDS, 0, LogUniform),
@@ -50,17 +51,15 @@ _KINDS: dict[str, tuple[tuple[str, ...], int, Callable[..., Prior]]] = {
         lambda mean, sd, lower=-inf, upper=inf: truncated_normal(mean, sd, lower, upper),
     ),
 }
-"""Distribution to the numbers it needs, how many bounds it may have beside them (one at least), and what makes it."""
 
+# Names of parameters of the noise of a channel, and the residuals that have them.
 _OF_NOISE: dict[Callable[[str], str], Residuals] = {
     correlation_name: "coloured",
     dof_name: "heavy",
     drift_name: "drifting",
     drift_time_name: "drifting",
 }
-"""Names of parameters of the noise of a channel, and the residuals that have them."""
-_CALLED = {"location": "mean", "scale": "sd"}
-"""Arguments of a truncated normal by their keys."""
+_CALLED = {"location": "mean", "scale": "sd"}  # Arguments of a truncated normal by their keys
 
 
 def read_priors(

@@ -16,10 +16,9 @@ from seatrial.core.errors import InputError
 from seatrial.core.signals import is_signal, signal_unit
 from seatrial.core.units import quantity
 
-SMALLEST, LARGEST = 1e-30, 1e30
-"""Sizes of a quantity, SI, whose products and quotients double precision still holds."""
-REFUSED = "refused"
-"""Type of the errors of `refused`."""
+SMALLEST, LARGEST = 1e-30, 1e30  # Sizes of a quantity, SI, whose products and quotients double precision still holds
+REFUSED = "refused"  # Type of the errors of `refused`
+# Former names of keys, which are refused with the new ones.
 RENAMED = {
     "known_from": "priors_from",
     "published_to": "published_prior_sd",
@@ -29,10 +28,8 @@ RENAMED = {
     "late": "delay",
     "moves": "drives",
 }
-"""Former names of keys, which are refused with the new ones."""
 Item = TypeVar("Item")
-Several = Annotated[tuple[Item, ...], Strict(False)]
-"""A list of the file."""
+Several = Annotated[tuple[Item, ...], Strict(False)]  # A list of the file
 
 
 class Table(BaseModel):
@@ -128,8 +125,7 @@ def noted(word: str) -> AfterValidator:
     return AfterValidator(note)
 
 
-_NO_SIGNALS = {"attitude": "rad"}
-"""Units of what a sensor may show that is no signal of its own."""
+_NO_SIGNALS = {"attitude": "rad"}  # Units of what a sensor may show that is no signal of its own
 
 
 def first_noted(word: str) -> AfterValidator:
@@ -154,34 +150,19 @@ class RangeOf:
         return inner(value)
 
 
-Quantity = str | float
-"""A number and its unit in quotes, of which only the vehicle says the unit; a number alone is SI."""
-
-
+Quantity = str | float  # A number and its unit in quotes, of which only the vehicle says the unit; a number alone is SI
 Metres = Annotated[float, Unit("m")]
-
-
 Seconds = Annotated[float, Unit("s")]
-
-
 OfControl = Annotated[float, Unit("{control}", "that of the control")]
-
-
 RateOfControl = Annotated[float, Unit("({control})/s", "that of the control, per second")]
-
-
 OfChannel = Annotated[float, Unit("{channel}", "that of the channel")]
-
-
 Turnaround = Annotated[float, Unit("s", least=0.0, expected="0 s or more", remedy='for example "2 min"')]
 
 
+# What stands in headings: one line of text.
 Name = Annotated[str, Field(min_length=1, max_length=200, pattern=r"^[^\x00-\x1f\x7f]*$")]
-"""What stands in headings: one line of text."""
-
-
 Residuals = Literal["white", "coloured", "heavy", "drifting"]
 
 
+# Whether something is unknown, and if so whether all trials share it or every one has its own.
 Scope = Literal["none", "shared", "own"]
-"""Whether something is unknown, and if so whether all trials share it or every one has its own."""

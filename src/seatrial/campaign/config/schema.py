@@ -33,10 +33,7 @@ from seatrial.selection.rules import CompiledRules
 from seatrial.selection.structures import MAX_STRUCTURES, structure_rules
 
 Joules = Annotated[float, Unit("J", above=0.0, remedy='for example battery = "500 W h"')]
-
-
-MIN_KEPT_DRAWS = 20
-"""Draws that are kept of a chain: its first tenth is compared with its last half."""
+MIN_KEPT_DRAWS = 20  # Draws that are kept of a chain: its first tenth is compared with its last half
 
 
 class CampaignTable(Table):

@@ -18,7 +18,6 @@ Hertz = Annotated[
     float, Unit("1/s", "Hz", above=0.0, remedy='for example "5 Hz", or leave the key out for a sample in each step')
 ]
 
-
 Radians = Annotated[float, Unit("rad", "deg")]
 
 
@@ -86,8 +85,9 @@ class MountTable(Table):
     )
 
 
+# Sensor of the whole attitude, compared as a quaternion: by a distance on the sphere, which knows no turn at which it
+# jumps.
 ATTITUDE = "attitude"
-"""Sensor of the whole attitude, compared as a quaternion: by a distance on the sphere, which knows no turn at which it jumps."""
 
 
 def measured_angles(tables: Mapping[str, SensorTable], mounts: Mapping[str, MountTable]) -> tuple[str, ...]:

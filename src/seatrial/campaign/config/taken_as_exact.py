@@ -13,14 +13,12 @@ from seatrial.vehicles.hull import AXES, Hull
 from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.thrusters import allocation, controls_of
 
+# Velocities whose rates enter the equation of an axis by the place of the centre of gravity or by added mass; X has
+# none that matters.
 _COUPLED = {"Y": ("p", "r"), "Z": ("q",), "N": ("v", "p")}
-"""Velocities whose rates enter the equation of an axis by the place of the centre of gravity or by added mass; X has none that matters."""
-_SHORT = 3
-"""Known forces that are named one by one, at most."""
-_NOTHING = 1e-9
-"""Share of a thrust that rounding makes."""
-_UNIT = {"X": "kg", "Y": "kg", "Z": "kg", "N": "kg m^2"}
-"""Of inertia about or along each axis."""
+_SHORT = 3  # Known forces that are named one by one, at most
+_NOTHING = 1e-9  # Share of a thrust that rounding makes
+_UNIT = {"X": "kg", "Y": "kg", "Z": "kg", "N": "kg m^2"}  # Of inertia about or along each axis
 
 
 def taken_as_exact(campaign: Campaign) -> str:

@@ -61,8 +61,7 @@ class ThrusterTable(Table):
     law: str | None = Field(default=None, description="name of its law of thrust; not needed if there is only one")
 
 
-_CLOSE = 1e-6
-"""Distance, m, and sine of the angle, below which two thrusters are one."""
+_CLOSE = 1e-6  # Distance, m, and sine of the angle, below which two thrusters are one
 
 
 def read_thrusters(

@@ -163,17 +163,17 @@ class FileKeys:
 Schema = TypeVar("Schema", bound=BaseModel)
 Place = tuple[str | int, ...]
 
+# Says, after a missing key, from its path, where one may be seen or one itself.
 Example = Callable[[Sequence[str | int]], str]
-"""Says, after a missing key, from its path, where one may be seen or one itself."""
-MOST_BYTES = 1 << 20
-"""Of a file that people write; reading a larger one takes minutes."""
-DEEPEST = 12
-"""Tables within tables; a channel of an imported file is at six."""
+MOST_BYTES = 1 << 20  # Of a file that people write; reading a larger one takes minutes
+DEEPEST = 12  # Tables within tables; a channel of an imported file is at six
 
+# A key of so many parts; `tomllib` takes a time that grows with their cube.
 _CHAIN = re.compile(r"""(?<![\w-])(?:(?:"[^"\n]*"|'[^'\n]*'|[\w-]+)[ \t]*\.[ \t]*){50}""")
-"""A key of so many parts; `tomllib` takes a time that grows with their cube."""
 _LINE = re.compile(r" \(at (?:line (\d+), column \d+|end of document)\)$")
 _TEXT = re.compile(r""""(?:\\[btnfr"\\]|[^"\\])*"|'[^']*'""")
+# Slips of the pen, as what they leave of a line whose texts in quotes are emptied, each with its remedy; the first
+# that fits is told.
 _SLIPS = (
     (r"\\", "write / in place of each \\ of a path, or put the path into single quotes"),
     (r"//", "begin a comment with #"),
@@ -186,11 +186,8 @@ _SLIPS = (
     (r"=\s*[A-Za-z]", 'put text into quotes, as in "n"'),
     (r"=\s*(?:$|[,}])", "write a value after =, or remove the key"),
 )
-"""Slips of the pen, as what they leave of a line whose texts in quotes are emptied, each with its remedy; the first that fits is told."""
-_LOOKED_AT = 1000
-"""Characters of a line in which such a slip is looked for."""
-_SHOWN = 80
-"""Characters of what stands in the file that an error shows."""
+_LOOKED_AT = 1000  # Characters of a line in which such a slip is looked for
+_SHOWN = 80  # Characters of what stands in the file that an error shows
 _TWICE = re.compile("Cannot (?:overwrite|declare|redefine|mutate)")
 
 

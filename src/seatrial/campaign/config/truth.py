@@ -27,8 +27,8 @@ from seatrial.estimation.simulation.sensor_errors import (
 from seatrial.estimation.simulation.simulator import CURRENT
 from seatrial.vehicles.model import VehicleModel
 
+# What tells the kind of a sensor's noise by its name; without any it is white.
 KINDS = (correlation_name, dof_name, drift_name)
-"""What tells the kind of a sensor's noise by its name; without any it is white."""
 
 
 def true_coefficients(campaign: Campaign, model: VehicleModel) -> dict[str, float]:

@@ -16,6 +16,7 @@ from seatrial.logs.inspect import LogSummary, inspect_log
 from seatrial.vehicles.catalogue import PublishedVehicle, load_surge, load_vehicle, surge_names
 from seatrial.vehicles.thrusters import controls_of
 
+# What is believed of a sensor before anything is known of it; up to five times as much is found by the fit.
 _NOISE = {
     **dict.fromkeys("uvw", "0.02 m/s"),
     **dict.fromkeys("pqr", "0.5 deg/s"),
@@ -23,13 +24,11 @@ _NOISE = {
     **dict.fromkeys("xy", "0.05 m"),
     "z": "0.02 m",
 }
-"""What is believed of a sensor before anything is known of it; up to five times as much is found by the fit."""
+# Of a next trial, by the first letter of the control.
 _AMPLITUDES = {"f": ("5 N", "20 N"), "n": ("50 rpm", "200 rpm"), "d": ("2 deg", "10 deg"), "t": ("5 N", "20 N")}
-"""Of a next trial, by the first letter of the control."""
+# First line of a campaign file, by which editors with Taplo find what `seatrial schema` prints.
 SCHEMA_LINE = "#:schema campaign.schema.json"
-"""First line of a campaign file, by which editors with Taplo find what `seatrial schema` prints."""
-_FINEST, _COARSEST = 0.02, 0.2
-"""Steps of a record, s."""
+_FINEST, _COARSEST = 0.02, 0.2  # Steps of a record, s
 _LAW = """# Thrust of a command in N, by powers of the pulse width less neutral: a guess, about a common thruster of small ROVs at 16 V.
 # Put the maker's table in its place: curve = "thrust.csv", two columns with a header, the command and the thrust in N.
 # A reversed propeller has a falling curve: give it a law of its own.

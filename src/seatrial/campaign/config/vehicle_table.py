@@ -42,17 +42,9 @@ from seatrial.vehicles.thrusters import controls_of
 from seatrial.vehicles.whole import whole_vehicle
 
 Newtons = Annotated[float, Unit("N", above=0.0, expected="a number above zero")]
-
-
 Kilograms = Annotated[float, Unit("kg", above=0.0, expected="a number above zero")]
-
-
 Inertia = Annotated[float, Unit("kg m^2")]
-
-
 Share = Annotated[float, Unit("1", "%")]
-
-
 OfSignal = Annotated[float, Unit("{signal}", "that of the signal")]
 
 
@@ -196,17 +188,17 @@ class VehicleTable(Table):
         return self
 
 
+# Keys of a vehicle by its axes.
 BY_AXES = ("catalogue", "name", "mass", "thrust_deduction", "fixed", "trim", "published_prior_sd", "priors_from")
-"""Keys of a vehicle by its axes."""
+# Keys of a body that a catalogue entry already says.
 BODY = (
     *("name", "mass", "inertia", "products", "centre_of_gravity", "centre_of_buoyancy", "weight", "buoyancy"),
     *("thrust_deduction", "wake", "added_coriolis"),
 )
-"""Keys of a body that a catalogue entry already says."""
+# Names of priors that may be unknowns of a whole vehicle beside its coefficients.
 UNKNOWN = re.compile(r"net_weight|[xyz]_b|(gain|reverse|dead)_[fn](_\d+)?|lag_.+|tether_(linear|quadratic)")
-"""Names of priors that may be unknowns of a whole vehicle beside its coefficients."""
+# Added masses that act against the acceleration which they are of; the others may have either sign.
 OWN_ADDED_MASS = tuple(f"{axis}_{rate}dot" for axis, rate in SPEEDS.items())
-"""Added masses that act against the acceleration which they are of; the others may have either sign."""
 
 
 def read_vehicle(

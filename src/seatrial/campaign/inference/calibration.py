@@ -29,10 +29,8 @@ from seatrial.estimation.posterior.replicate import replicate
 from seatrial.estimation.posterior.sample_posterior import Draw, find_method
 from seatrial.sampling.target import VECTOR
 
-AT_ONCE = 8
-"""Replicates between two checkpoints, at least."""
-TRIES = 200
-"""Draws from the prior until one can be simulated."""
+AT_ONCE = 8  # Replicates between two checkpoints, at least
+TRIES = 200  # Draws from the prior until one can be simulated
 LIKELIHOOD = "log-likelihood"
 
 

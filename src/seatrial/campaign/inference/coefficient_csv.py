@@ -46,12 +46,10 @@ OF_STRUCTURES = (
     "ess_bulk",
     "ess_tail",
 )
+# Columns of the two tables.
 AVERAGED = ("name", "unit", "mean", "sd", "lower_95", "upper_95", "model_error_sd", "model_error_cause", "inclusion")
-"""Columns of the two tables."""
-COVERED, ROUNDING = 0.95, 1e-12
-"""Share of the draws that an interval holds, and by how much sums of weights may be off."""
-QUANTITIES = ("mean", "sd", "lower_95", "upper_95", "mode", "model_error_sd")
-"""Those in the unit of the row."""
+COVERED, ROUNDING = 0.95, 1e-12  # Share of the draws that an interval holds, and by how much sums of weights may be off
+QUANTITIES = ("mean", "sd", "lower_95", "upper_95", "mode", "model_error_sd")  # Those in the unit of the row
 
 
 def write_coefficients(

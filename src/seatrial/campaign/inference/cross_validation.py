@@ -24,8 +24,7 @@ from seatrial.messages.render import sentence
 from seatrial.selection.leave_one_run_out import MIN_RUNS, LeaveOneRunOut, leave_one_run_out, mean_score
 from seatrial.selection.structures import Structure
 
-MOST = 3
-"""Structures at most for which other models of the error are tried."""
+MOST = 3  # Structures at most for which other models of the error are tried
 STATED = ErrorModel(OWN, "the campaign's own")
 
 

@@ -23,14 +23,12 @@ from seatrial.estimation.simulation.sensor_errors import correlation_name, drift
 from seatrial.selection.structures import Structure
 from seatrial.vehicles.model import VehicleModel, outside_force
 
-SMALLEST = 1e-4
-"""Least process noise or force that a prior allows, over the size of the motion."""
-SHARE = 0.5
-"""Size by which a coefficient may vary from run to run, over its value."""
-LONGEST = 3.0
-"""Longest memory of an error that drifts, over the length of a run: of a longer one a run sees an offset."""
+SMALLEST = 1e-4  # Least process noise or force that a prior allows, over the size of the motion
+SHARE = 0.5  # Size by which a coefficient may vary from run to run, over its value
+LONGEST = 3.0  # Longest memory of an error that drifts, over the length of a run: of a longer one a run sees an offset
+# Coefficients that all vary: each run's own are integrated out for every draw, which for four takes a quarter of an
+# hour.
 MOST_VARYING = 3
-"""Coefficients that all vary: each run's own are integrated out for every draw, which for four takes a quarter of an hour."""
 
 
 @dataclass(frozen=True)

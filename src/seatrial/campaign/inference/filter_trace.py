@@ -23,8 +23,7 @@ from seatrial.numerics.gaussian import Gaussian
 from seatrial.numerics.state_space import StateSpace
 from seatrial.vehicles.discretise import discretise
 
-EXPLAINED = 1.3
-"""Ratio of the innovations to the fitted noise, or its inverse, up to which that noise explains them."""
+EXPLAINED = 1.3  # Ratio of the innovations to the fitted noise, or its inverse, up to which that noise explains them
 
 
 def stored_filter(campaign: Campaign, estimate: OfStructure) -> StoredResult[Dataset]:

@@ -19,8 +19,8 @@ from seatrial.messages.render import sentence
 from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.simulate import simulate
 
+# Which keys of the campaign's file the findings are about.
 WHERE = "P_0 of a coefficient is its [prior], Q is [filter] process_noise, R is the noise in [sensors]"
-"""Which keys of the campaign's file the findings are about."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,8 +25,7 @@ from seatrial.estimation.posterior.output_error import is_deviation
 from seatrial.estimation.posterior.posterior import Parameter
 from seatrial.messages.identifiability import identifiability_cautions, symmetry_sentence
 
-NAMED = 0.1
-"""Share of the largest move from which a parameter is named in a direction."""
+NAMED = 0.1  # Share of the largest move from which a parameter is named in a direction
 
 
 def stored_known_after(campaign: Campaign, estimate: OfStructure) -> StoredResult[Known]:

@@ -63,8 +63,7 @@ from seatrial.messages.render import sentence
 from seatrial.selection.structures import Structure
 
 N_DRAWS = 200
-CURVES = ("time", "measured", "mean", "motion_sd", "sd")
-"""What is kept of a prediction at each sample."""
+CURVES = ("time", "measured", "mean", "motion_sd", "sd")  # What is kept of a prediction at each sample
 
 
 class HeldBack(NamedTuple):

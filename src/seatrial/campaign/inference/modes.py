@@ -25,12 +25,9 @@ from seatrial.estimation.posterior.step_shift import check_step, shorter_step, s
 from seatrial.messages.render import remedy, sentences, statement
 from seatrial.selection.structures import Structure
 
-HERE = LocalWorkers()
-"""This machine's cores."""
-EXCHANGES = 3
-"""Times at most that modes are exchanged, until none is higher than before."""
-Modes = Mapping[Structure, Mode | NumericalError]
-"""Mode of each structure, or why there is none."""
+HERE = LocalWorkers()  # This machine's cores
+EXCHANGES = 3  # Times at most that modes are exchanged, until none is higher than before
+Modes = Mapping[Structure, Mode | NumericalError]  # Mode of each structure, or why there is none
 
 
 class _Known(NamedTuple):

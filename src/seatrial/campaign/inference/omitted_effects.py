@@ -12,8 +12,8 @@ from seatrial.messages.effects import effect_name, effect_names
 from seatrial.messages.predictions import pieces_text
 from seatrial.selection.structures import Structure
 
-WHITE_ENOUGH = 0.5
-"""Share of the samples that residuals are worth above which the noise is not blamed first."""
+WHITE_ENOUGH = 0.5  # Share of the samples that residuals are worth above which the noise is not blamed first
+# What can be done about each kind of effect.
 REMEDIES = {
     "force": ("add-force",),
     "command lag": ("actuator-lag", "delay-of-actuators"),
@@ -24,7 +24,6 @@ REMEDIES = {
     "sensor offset": ("sensor-bias",),
     "start": ("estimated-start",),
 }
-"""What can be done about each kind of effect."""
 
 
 def left_out(posterior: Posterior, structure: Structure, omitted: OmittedEffects) -> tuple[Finding, ...]:

@@ -24,12 +24,11 @@ from seatrial.estimation.simulation.trial_data import TrialData
 from seatrial.selection.structures import Structure
 from seatrial.vehicles.model import VehicleModel
 
-WIDEST = 1e30
-"""Standard deviation of a prior, SI, beyond which squares of it leave double precision."""
+WIDEST = 1e30  # Standard deviation of a prior, SI, beyond which squares of it leave double precision
+# Parameters of all structures together up to which each is computed by the programs of all; beyond, those with such a
+# share of them.
 FEW, SHARED = 12, 0.5
-"""Parameters of all structures together up to which each is computed by the programs of all; beyond, those with such a share of them."""
-NARROWEST = 1e-9
-"""Standard deviation over value of a prior below which rounding is felt."""
+NARROWEST = 1e-9  # Standard deviation over value of a prior below which rounding is felt
 
 
 def random_key(seed: int, purpose: str) -> jax.Array:

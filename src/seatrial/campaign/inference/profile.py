@@ -16,8 +16,7 @@ from seatrial.estimation.posterior.profile import profile_likelihood
 from seatrial.estimation.posterior.profile_result import Profiles
 from seatrial.sampling.target import VECTOR
 
-TOGETHER = VECTOR // 2
-"""Parameters followed at once, each to both sides: as many points as are computed at once."""
+TOGETHER = VECTOR // 2  # Parameters followed at once, each to both sides: as many points as are computed at once
 
 
 def stored_profiles(campaign: Campaign, trials: HasKey) -> StoredResult[Profiles]:

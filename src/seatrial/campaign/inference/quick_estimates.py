@@ -58,14 +58,12 @@ from seatrial.messages.render import sentence
 from seatrial.selection.structures import Structure
 from seatrial.vehicles.model import VehicleModel
 
-WINDOW = 2.0
-"""Width of the window that smooths speeds where no acceleration is measured and none is given, s."""
-BRIDGED = 0.25
-"""Distance from the nearest measured speed, in windows, up to which a smoothed one is used."""
-DESIGNED_FROM = 800
-"""Draws about a mode from which the next trial is designed: half choose, half judge the limits."""
+WINDOW = 2.0  # Width of the window that smooths speeds where no acceleration is measured and none is given, s
+BRIDGED = 0.25  # Distance from the nearest measured speed, in windows, up to which a smoothed one is used
+DESIGNED_FROM = 800  # Draws about a mode from which the next trial is designed: half choose, half judge the limits
+# Structures of which the standard deviations with model error are told at first sight; of more they would take longer
+# than the modes.
 MOST_ROBUST = 8
-"""Structures of which the standard deviations with model error are told at first sight; of more they would take longer than the modes."""
 MODE = (
     "first answers: the posterior mode, with standard deviations of a normal approximation, which is not checked; "
     "`seatrial estimate` without --by samples the whole posterior"

@@ -43,10 +43,9 @@ from seatrial.selection.savage_dickey import savage_dickey
 from seatrial.selection.structures import Structure
 from seatrial.selection.verdict import Selection
 
+# Share of the longest record that is never predicted, and number of blocks in the rest, where none are given.
 FIRST_SHARE, BLOCKS = 1 / 3, 20
-"""Share of the longest record that is never predicted, and number of blocks in the rest, where none are given."""
-MOST = 2000
-"""Draws of which every measurement's density is taken."""
+MOST = 2000  # Draws of which every measurement's density is taken
 FUTURE = "leave-future-out"
 
 

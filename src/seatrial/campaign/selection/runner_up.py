@@ -45,11 +45,9 @@ from seatrial.vehicles.model import VehicleModel
 # |d - J J+ d|^2 / 2, J+ the pseudo-inverse: what no change of its parameters absorbs. Of nested structures the smaller one re-fits,
 # since the larger can always follow it; of others either does, and the smaller number counts.
 
-DRAWS, POINTS = 100, 400
-"""Draws of each posterior behind a band, and points of a curve, at most."""
+DRAWS, POINTS = 100, 400  # Draws of each posterior behind a band, and points of a curve, at most
 BAND = (0.05, 0.95)
-DEPENDENT = 1e-9
-"""Share of a sensitivity that has to be its own for it to count beside the others."""
+DEPENDENT = 1e-9  # Share of a sensitivity that has to be its own for it to count beside the others
 
 
 @dataclass(frozen=True, eq=False)

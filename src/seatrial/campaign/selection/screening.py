@@ -22,12 +22,9 @@ from seatrial.selection.screening_about_mode import ModeScreening, screen_about_
 from seatrial.selection.structures import count_structures, label_structures
 from seatrial.selection.verdict import Shortlist
 
-NARROWEST = 1.0
-"""Width of the first windows, s; they are doubled until residuals no longer follow one another."""
-_LAYOUT = "with prior and delay"
-"""What a stored screening has that an older one had not."""
-KEPT = 50
-"""Structures that are kept, most probable first."""
+NARROWEST = 1.0  # Width of the first windows, s; they are doubled until residuals no longer follow one another
+_LAYOUT = "with prior and delay"  # What a stored screening has that an older one had not
+KEPT = 50  # Structures that are kept, most probable first
 
 
 def stored_screening(campaign: Campaign, trials: HasKey) -> StoredResult[Screened]:

@@ -8,20 +8,19 @@ from jaxtyping import Bool, Float
 from seatrial.estimation.diagnostics.calibration import DRAWS, Calibration
 from seatrial.messages.predictions import calibration_lines
 
-MANY_REFUSED = 0.05
-"""Share of the prior beyond which a reader is told."""
+MANY_REFUSED = 0.05  # Share of the prior beyond which a reader is told
+# What a replicate's draws have at most and at least where they mixed well. Ranks are among 99 draws; of 32 short
+# chains 99 effective draws are 1.5 in each half, the means of which then differ so much that R-hat is 1.3, where
+# nothing is wrong with them.
 REPLICATE_MAX_R_HAT, REPLICATE_MIN_ESS, REPLICATE_MIN_MOVED = 1.3, DRAWS, 0.05
-"""What a replicate's draws have at most and at least where they mixed well. Ranks are among 99 draws; of 32 short chains 99 effective
-draws are 1.5 in each half, the means of which then differ so much that R-hat is 1.3, where nothing is wrong with them."""
+# How the worst of each diagnostic is told.
 WORST = (
     ("R-hat up to {:.2f}", np.max),
     ("{:.0f} effective draws at least", np.min),
     ("{:.2%} of transitions diverged at most", np.max),
     ("{:.0%} of the moves made at least", np.min),
 )
-"""How the worst of each diagnostic is told."""
-MANY_POOR = 0.02
-"""Share of the replicates that did not mix well from which on they may be why ranks are uneven."""
+MANY_POOR = 0.02  # Share of the replicates that did not mix well from which on they may be why ranks are uneven
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,11 +8,10 @@ from pydantic import computed_field
 
 from seatrial.core.result_table import aligned
 
+# Standard errors, and nats, beyond which a difference is one: below four nats the standard error itself is unreliable
+# (Sivula, Magnusson and Vehtari 2020).
 CLEAR, SMALL = 2.0, 4.0
-"""Standard errors, and nats, beyond which a difference is one: below four nats the standard error itself is unreliable (Sivula,
-Magnusson and Vehtari 2020)."""
-OWN = "as stated"
-"""Name of the campaign's own model of the error."""
+OWN = "as stated"  # Name of the campaign's own model of the error
 
 
 @dataclass(frozen=True)

@@ -18,11 +18,11 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 
-VAIN = 10.0
-"""Standard deviation over the value from which a percentage says nothing."""
+VAIN = 10.0  # Standard deviation over the value from which a percentage says nothing
 BY_ITSELF = "each parameter is known separately"
+# Share of a coefficient that its ± with model error may be for it to be called known: `VAGUE` of
+# `identifiability.py`.
 UNSURE = 0.5
-"""Share of a coefficient that its ± with model error may be for it to be called known: `VAGUE` of `identifiability.py`."""
 
 
 class HasKey(Protocol):

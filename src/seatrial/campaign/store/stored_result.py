@@ -27,11 +27,10 @@ from seatrial.core.record import Record
 from seatrial.core.record_file import read_record, record_dataset
 from seatrial.core.serialise import from_dataset, from_plain, labels_of, to_dataset, to_plain
 
+# Format of results on disk: raise it when a type of `StoredResult` changes, so that what was written before is made
+# again. Records have a format of their own.
 FORMAT = 2
-"""Format of results on disk: raise it when a type of `StoredResult` changes, so that what was written before is made again. Records have
-a format of their own."""
-FILE_NAME = "campaign.toml"
-"""What a campaign is, in its folder."""
+FILE_NAME = "campaign.toml"  # What a campaign is, in its folder
 
 
 def campaign_folder(path: Path) -> Path:

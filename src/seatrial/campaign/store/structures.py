@@ -90,19 +90,16 @@ class NextTrial:
     best: BestDesign | None
 
 
+# Which value of a coefficient to quote, by `Selection.quoted`: the same words on every surface.
 QUOTED = {
     "chosen": "that of the chosen model, with the ± with model error if that is larger",
     "averaged": "the average over all models, because the data do not decide between them, with the ± with model error if that is larger",
 }
-"""Which value of a coefficient to quote, by `Selection.quoted`: the same words on every surface."""
-RARE = 0.01
-"""Probability below which a term that the chosen model lacks is not worth a row."""
+RARE = 0.01  # Probability below which a term that the chosen model lacks is not worth a row
+# What helps where an evidence is not reliable.
 BETTER_EVIDENCE = "raise `particles`, `draws` or `repeats` in [selection], or narrow the priors"
-"""What helps where an evidence is not reliable."""
-IF_RELIABLE = ", if the evidences were reliable"
-"""What a probability needs that depends on one."""
-IF_NOISE = ", if the residuals were the noise that is modelled"
-"""What a probability needs where they are not."""
+IF_RELIABLE = ", if the evidences were reliable"  # What a probability needs that depends on one
+IF_NOISE = ", if the residuals were the noise that is modelled"  # What a probability needs where they are not
 
 
 @dataclass(frozen=True)
@@ -152,8 +149,7 @@ class Summary:
     seatrial_version: str = __version__
 
 
-SHOWN = 5
-"""Structures of a screening that are listed."""
+SHOWN = 5  # Structures of a screening that are listed
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,8 +227,7 @@ def verdicts_by_axis(inclusion: Mapping[str, float]) -> list[str]:
     ]
 
 
-ENOUGH = 3.0
-"""Expected log Bayes factor, nats, that decides: odds of twenty to one."""
+ENOUGH = 3.0  # Expected log Bayes factor, nats, that decides: odds of twenty to one
 
 
 @dataclass(frozen=True, eq=False)

@@ -27,8 +27,7 @@ from seatrial.selection.verdict import DECIDED
 
 EXAMPLE_GOAL = Goal({"X_uabsu": 0.03}, trials=4)  # That of the template `design`
 
-Known = dict[str, tuple[float, float]]
-"""Mean and standard deviation of each coefficient, SI."""
+Known = dict[str, tuple[float, float]]  # Mean and standard deviation of each coefficient, SI
 # What is said of expected standard deviations where wider ones with model error are known
 WITHIN = " within the model; model error stays until its cause is corrected"
 TOLD = "see the caution about it"  # What stands for a caution that is told on the same page

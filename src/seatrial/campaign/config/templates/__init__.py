@@ -10,6 +10,7 @@ from seatrial.core.argument_checks import check_kind, check_path
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.files import write_text
 
+# What each template is, by name.
 TEMPLATES = {
     "remus100": "a simulated REMUS 100: the whole loop at once",
     "design": "a vehicle of your own before there are any data: a first trial to design",
@@ -17,9 +18,7 @@ TEMPLATES = {
     "log": "a CSV log of a trial that was run, of one propeller in surge",
     "bollard": "a CSV log of a vehicle tied to a force gauge: its thrust",
 }
-"""What each template is, by name."""
-EXAMPLE_VEHICLE = "YOUR VEHICLE"
-"""Name of the vehicle in the template of a log."""
+EXAMPLE_VEHICLE = "YOUR VEHICLE"  # Name of the vehicle in the template of a log
 _PLACEHOLDER = re.compile(rf"^[^#\n]*\"({EXAMPLE_VEHICLE}|[A-Z]+ COLUMN)\b", re.MULTILINE)
 
 
