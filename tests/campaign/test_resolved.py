@@ -26,7 +26,7 @@ from seatrial.campaign.inference.estimate import estimate_key
 from seatrial.campaign.inference.posterior import build_posterior
 from seatrial.campaign.selection import evidence
 from seatrial.campaign.selection.evidence import evidence_key
-from seatrial.campaign.selection.screening import screening_key
+from seatrial.campaign.selection.screening import stored_screening
 from seatrial.campaign.store.stored_result import as_json, key_of
 from seatrial.campaign.workflow.steps import TrialsKey
 from seatrial.core.errors import InputError
@@ -43,7 +43,7 @@ KEYS = {
     "design": design_key,
     "estimate": lambda campaign: estimate_key(campaign, campaign.full, TRIALS),
     "evidence": lambda campaign: evidence_key(campaign, campaign.full, TRIALS),
-    "screening": lambda campaign: screening_key(campaign, TRIALS),
+    "screening": lambda campaign: stored_screening(campaign, TRIALS).key,
 }
 
 
@@ -245,7 +245,7 @@ def file_keys(folder):
         records = [stored_record(campaign, campaign.imports, run, str).key for run in campaign.imports.runs]
         trials = TrialsKey(trials_key(campaign.imports, records))
     first = [design_key(campaign)] if campaign.trial_design else []
-    return [*first, evidence_key(campaign, campaign.full, trials), screening_key(campaign, trials)]
+    return [*first, evidence_key(campaign, campaign.full, trials), stored_screening(campaign, trials).key]
 
 
 def nearby(text):

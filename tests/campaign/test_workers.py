@@ -26,7 +26,7 @@ from seatrial.campaign.design.sweep import design_key
 from seatrial.campaign.inference.calibration import estimate_key
 from seatrial.campaign.rehearsal.run import rehearsal_key
 from seatrial.campaign.selection.evidence import evidence_key
-from seatrial.campaign.selection.screening import screening_key
+from seatrial.campaign.selection.screening import stored_screening
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.record import Channel, Provenance, make_record
 from seatrial.core.reporter import SILENT
@@ -236,7 +236,7 @@ def record(n=60):
 
 def test_no_key_of_a_result_knows_where_it_was_computed(small):
     elsewhere, trials = with_compute(small, workers="slurm"), Trials((record(),), (), "the trials'")
-    for key in (design_key, rehearsal_key, lambda one: screening_key(one, trials)):
+    for key in (design_key, rehearsal_key, lambda one: stored_screening(one, trials).key):
         assert key(small) == key(elsewhere)
     for structure in small.structures:
         for key in (estimate_key, evidence_key):

@@ -127,14 +127,14 @@ def _ended(text: str) -> str:
 
 def comment_out(text: str, table: str) -> str:
     """Turn a table, and tables below it, into comments; the rest stays as it is."""
-    return "".join(
-        _as_comment(one.text) if f"{one.name}.".startswith(f"{table}.") else one.text for one in sections_of(text)
-    )
-
-
-def _as_comment(text: str) -> str:
-    lines = text.splitlines(keepends=True)
-    return "".join(f"# {line}" if line.strip() and not line.lstrip().startswith("#") else line for line in lines)
+    lines = []
+    for one in sections_of(text):
+        is_below = f"{one.name}.".startswith(f"{table}.")
+        lines += [
+            f"# {line}" if is_below and line.strip() and not line.lstrip().startswith("#") else line
+            for line in one.text.splitlines(keepends=True)
+        ]
+    return "".join(lines)
 
 
 def written(value: Value) -> str:

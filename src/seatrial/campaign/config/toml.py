@@ -328,7 +328,10 @@ def _as_input_error(
             place, first = other, error
     where = key_place(path, text, ".".join(map(str, place)))
     if first["type"] == "extra_forbidden":
-        allowed, new = _keys_at(schema, place[:-1]), RENAMED.get(str(place[-1]))
+        kinds, new = [schema], RENAMED.get(str(place[-1]))
+        for part in place[:-1]:
+            kinds = [inner for kind in kinds for inner in _inside(kind, part)]
+        allowed = [key for kind in kinds if _is_table(kind) for key in _fields(kind)]
         return InputError(
             where,
             found=f'unknown key "{place[-1]}"',
@@ -395,14 +398,6 @@ def _shown(value: Any) -> str:
         return repr(value)[:_SHOWN]
     except ValueError:  # Python refuses to write an integer of so many digits
         return f"a whole number of {value.bit_length()} bits"
-
-
-def _keys_at(schema: type[BaseModel], place: Sequence[str | int]) -> list[str]:
-    """Keys the schema allows at a place, following tables, lists and named sub-tables."""
-    kinds: list[Any] = [schema]
-    for part in place:
-        kinds = [inner for kind in kinds for inner in _inside(kind, part)]
-    return [key for kind in kinds if _is_table(kind) for key in _fields(kind)]
 
 
 def field_at(schema: type[BaseModel], place: Sequence[str | int]) -> FieldInfo | None:

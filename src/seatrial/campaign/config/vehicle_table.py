@@ -322,9 +322,13 @@ def _whole_vehicle(
     controls, acting = controls_of(body.thrusters, named), controls_of(body.thrusters, named, moves)
     actuators = _actuators(table, keys, body, thruster_lags(table.thrust_laws, table.thrusters, keys, controls))
     actuators = {name: one for name, one in actuators.items() if name in acting or name not in controls}
+    tether = None
+    if table.tether is not None:
+        x, y, z = table.tether.point or (0.0, 0.0, 0.0)
+        tether = Tether((x, y, z), table.tether.linear, table.tether.quadratic)
     return WholeVehicle(
         body,
-        replace(body.hull, fixed=fixed, trim={**body.hull.trim, **dict(table.trim)}, tether=_tether(table)),
+        replace(body.hull, fixed=fixed, trim={**body.hull.trim, **dict(table.trim)}, tether=tether),
         moves,
         tuple(table.measured_inputs),
         tuple(table.positions),
@@ -336,13 +340,6 @@ def _whole_vehicle(
         tuple(name for name in stated if UNKNOWN.fullmatch(name)),
         table.current,
     )
-
-
-def _tether(table: VehicleTable) -> Tether | None:
-    if table.tether is None:
-        return None
-    x, y, z = table.tether.point or (0.0, 0.0, 0.0)
-    return Tether((x, y, z), table.tether.linear, table.tether.quadratic)
 
 
 def _by_hand(table: VehicleTable, keys: FileKeys) -> Hull:

@@ -9,7 +9,7 @@ import numpy as np
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.compiled.random_keys import seeded_key
-from seatrial.core.errors import InputError, located
+from seatrial.core.errors import InputError, located, too_few
 from seatrial.core.record import Record
 from seatrial.core.signals import ACTUAL, ANGLES, QUATERNION
 from seatrial.estimation.posterior.filter_error import FilterError
@@ -109,7 +109,14 @@ def _check_parameters(campaign: Campaign, parameters: Sequence[Parameter], recor
             expected="two trials at least: how much a coefficient varies between them is what its spread says",
             remedy="fit more runs jointly, or remove `varying` and its priors of spread",
         )
-    _check_enough(campaign.channels, records, len(parameters))
+    count = sum(int(np.isfinite(record.channel(channel)).sum()) for record in records for channel in campaign.channels)
+    if count < 2 * len(parameters):
+        raise too_few(
+            "records " + ", ".join(f'"{record.label}"' for record in records),
+            f"{count} measurements for {len(parameters)} unknowns",
+            f"{2 * len(parameters)} measurements",
+            "check the unit of the time column, or give a longer record",
+        )
 
 
 def is_whole(structure: Structure, candidates: Sequence[Structure]) -> bool:
@@ -202,17 +209,6 @@ def _check_widths(parameters: Sequence[Parameter], name_key: Callable[[str], str
                 expected=f"a standard deviation of at least {NARROWEST:g} of the value",
                 remedy="widen it, or fix the coefficient under [vehicle] if it is known",
             )
-
-
-def _check_enough(channels: Sequence[str], records: Sequence[Record], unknowns: int) -> None:
-    count = sum(int(np.isfinite(record.channel(channel)).sum()) for record in records for channel in channels)
-    if count < 2 * unknowns:
-        raise InputError(
-            "records " + ", ".join(f'"{record.label}"' for record in records),
-            found=f"{count} measurements for {unknowns} unknowns",
-            expected=f"at least {2 * unknowns} measurements",
-            remedy="check the unit of the time column, or give a longer record",
-        )
 
 
 def initial_state(campaign: Campaign, model: VehicleModel, record: Record) -> tuple[float, ...]:

@@ -10,7 +10,6 @@ from typing import Any, NamedTuple, cast
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
@@ -158,8 +157,13 @@ def _compute(campaign: Campaign, estimate: Estimate, trials: Trials) -> StoredCr
     refused, computed = "", []
     try:
         table = pointwise_log_likelihood(posterior, draws)
+        key = random_key(campaign.seed, f"mode {estimate.structure.terms}")
+        mode = find_mode(posterior, key, near=dict(zip(estimate.names, estimate.data["mode"].values, strict=True)))
+        best = maximise_likelihood(posterior, mode).values
+        density = pointwise_log_likelihood(posterior, best[None, None])[0, 0]
         computed = [
-            *_at_maximum(posterior, random_key(campaign.seed, f"mode {estimate.structure.terms}"), estimate),
+            aic(density, posterior.dim),
+            bic(density, posterior.dim),
             waic(table),
             psis_loo(table),
         ]
@@ -167,13 +171,6 @@ def _compute(campaign: Campaign, estimate: Estimate, trials: Trials) -> StoredCr
         refused = f"AIC, BIC, WAIC and PSIS-LOO need the density of each measurement by itself, but found {error.found}"
     deviance = deviance_criteria(posterior, draws)
     return _stored(computed, refused, tuple(tuple(one) for one in deviance))
-
-
-def _at_maximum(posterior: Posterior, key: Array, estimate: Estimate) -> list[PredictiveCriterion]:
-    mode = find_mode(posterior, key, near=dict(zip(estimate.names, estimate.data["mode"].values, strict=True)))
-    best = maximise_likelihood(posterior, mode).values
-    density = pointwise_log_likelihood(posterior, best[None, None])[0, 0]
-    return [aic(density, posterior.dim), bic(density, posterior.dim)]
 
 
 def _predict(
@@ -342,7 +339,11 @@ def _pair(
     posterior: Posterior, z: np.ndarray, term: str, larger: Estimate, smaller: Estimate, selection: Selection | None
 ) -> NestedPair:
     labels = larger.structure.label, smaller.structure.label
-    evidence = None if selection is None else _evidence(selection, *labels)
+    evidence = None
+    if selection is not None:
+        known = [structure.label for structure in selection.structures]
+        one, other = (selection.evidences[known.index(label)] for label in labels)
+        evidence = one.log_value - other.log_value, float(np.hypot(one.std_error, other.std_error))
     lower, upper = (float(bound) for bound in posterior.parameters[posterior.names.index(term)].prior.bounds)
     if not lower < 0 < upper:
         return NestedPair(
@@ -355,12 +356,6 @@ def _pair(
     except NumericalError as error:
         return NestedPair(term, *labels, np.nan, np.nan, evidence, str(error))
     return NestedPair(term, *labels, ratio.log_value, ratio.std_error, evidence, ratio.status)
-
-
-def _evidence(selection: Selection, larger: str, smaller: str) -> tuple[float, float]:
-    at = [[structure.label for structure in selection.structures].index(label) for label in (larger, smaller)]
-    one, other = (selection.evidences[i] for i in at)
-    return one.log_value - other.log_value, float(np.hypot(one.std_error, other.std_error))
 
 
 def _cell(difference: Difference) -> str:

@@ -64,8 +64,11 @@ def select_structure(campaign: Campaign, trials: Trials, reporter: Reporter = SI
     def compute() -> Selection:
         evidences, shortlist = _evidences(campaign, trials, reporter), shortlist_of(campaign, trials)
         by_evidence = partial(select, campaign.structures, evidences, campaign.structure.optional, shortlist)
-        residuals = _residual_doubt(campaign, campaign.structures[by_evidence().chosen], trials)
-        return by_evidence(residuals)
+        chosen = campaign.structures[by_evidence().chosen]
+        posterior = Study(campaign, trials.fit).posterior(chosen)
+        mode = find_mode(posterior, random_key(campaign.seed, f"mode {chosen.terms}"))
+        drawn = draw_about_mode(campaign.seed, chosen, posterior, mode)
+        return by_evidence(residual_doubt(campaign, drawn, trials))
 
     selection = stored_selection(campaign, trials).read_or_make(compute)
     # Also where it was there already: a kill may have come between writing it and this.
@@ -136,13 +139,6 @@ def stored_selection(campaign: Campaign, trials: HasKey) -> StoredResult[Selecti
     keys = {structure.label: evidence_key(campaign, structure, trials) for structure in campaign.structures}
     path, key = Store(campaign.folder).selection, key_of("selection with residuals", keys)
     return StoredResult(path, key, Selection, f"seatrial select {campaign.folder}")
-
-
-def _residual_doubt(campaign: Campaign, structure: Structure, trials: Trials) -> str:
-    """Say why the residuals of a structure, at the mode, are not the noise that is modelled; empty where they may be."""
-    posterior = Study(campaign, trials.fit).posterior(structure)
-    mode = find_mode(posterior, random_key(campaign.seed, f"mode {structure.terms}"))
-    return residual_doubt(campaign, draw_about_mode(campaign.seed, structure, posterior, mode), trials)
 
 
 class _StructureTask(NamedTuple):

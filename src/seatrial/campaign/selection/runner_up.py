@@ -336,30 +336,6 @@ def find_contenders(
         return None
     best, runner = estimate_all(replace(campaign, shortlist=pair), trials, reporter)
     sweep = design_next(campaign, best, reporter).best
-    return compare_contenders(campaign, best, runner, trials, sweep, reporter)
-
-
-def stored_contenders(
-    campaign: Campaign, best: OfStructure, runner: OfStructure, trials: HasKey
-) -> StoredResult[Contenders]:
-    """Return where the comparison of two structures is kept, and what it depends on."""
-    key = key_of("contenders", design_key(campaign), best.key, runner.key, trials.key)
-    return StoredResult(Store(campaign.folder).contenders, key, Contenders, f"seatrial select {campaign.folder}")
-
-
-def compare_contenders(
-    campaign: Campaign, best: Estimate, runner: Estimate, trials: Trials, sweep: Sweep, reporter: Reporter = SILENT
-) -> Contenders:
-    """Compare what two structures predict, and search the family for the design that tells them apart; a current result is read.
-
-    Args:
-        campaign: configuration.
-        best: posterior of the most probable structure.
-        runner: posterior of the next one.
-        trials: records.
-        sweep: designs of the next trial: their grid, which of them break a limit, and the best.
-        reporter: who is told.
-    """
 
     def compute() -> Contenders:
         progress = reporter.progress("compare the best structure with the runner-up")
@@ -369,6 +345,14 @@ def compare_contenders(
         return Contenders(data)
 
     return stored_contenders(campaign, best, runner, trials).read_or_make(compute)
+
+
+def stored_contenders(
+    campaign: Campaign, best: OfStructure, runner: OfStructure, trials: HasKey
+) -> StoredResult[Contenders]:
+    """Return where the comparison of two structures is kept, and what it depends on."""
+    key = key_of("contenders", design_key(campaign), best.key, runner.key, trials.key)
+    return StoredResult(Store(campaign.folder).contenders, key, Contenders, f"seatrial select {campaign.folder}")
 
 
 def _dataset(campaign: Campaign, best: Estimate, runner: Estimate, trials: Trials, sweep: Sweep) -> Dataset:

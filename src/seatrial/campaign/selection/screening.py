@@ -29,7 +29,8 @@ KEPT = 50  # Structures that are kept, most probable first
 
 def stored_screening(campaign: Campaign, trials: HasKey) -> StoredResult[Screened]:
     """Return where the screening is kept, and what it depends on."""
-    path, key = Store(campaign.folder).screening, screening_key(campaign, trials)
+    believed = campaign.structure, campaign.vehicle, campaign.sensors, campaign.mounts, campaign.priors
+    path, key = Store(campaign.folder).screening, key_of("screening", _LAYOUT, trials.key, believed, campaign.seed)
     return StoredResult(path, key, Screened, f"seatrial select {campaign.folder}")
 
 
@@ -105,12 +106,6 @@ def shortlist_of(campaign: Campaign, trials: Trials) -> Shortlist | None:
     )
     inclusion = {term: float(data["inclusion"].sel(term=term)) for term in screened.optional}
     return Shortlist(inclusion, share)
-
-
-def screening_key(campaign: Campaign, trials: HasKey) -> str:
-    """Key of the screening."""
-    believed = campaign.structure, campaign.vehicle, campaign.sensors, campaign.mounts, campaign.priors
-    return key_of("screening", _LAYOUT, trials.key, believed, campaign.seed)
 
 
 def _screen_rows(campaign: Campaign, trials: Trials) -> Dataset:

@@ -159,7 +159,7 @@ class CrossValidation:
             )
         for i, channel in enumerate(chosen.channels):
             other = min(self.own, key=lambda one, i=i: one.channels[i].mean_crps)
-            closer = crps_gap(other, chosen, i)
+            closer = _paired(channel.crps, other.channels[i].crps, mean=True)  # SI
             if other is not chosen and closer.is_clear():
                 reasons.append(
                     f"{other.name} simulates {channel.channel} of runs left out more closely: the mean CRPS of {chosen.name}, "
@@ -175,7 +175,11 @@ class CrossValidation:
 
     def headline(self) -> list[str]:
         """What matters most, first."""
-        lines = [self.disagreement() or self._agreement(), *self._bands()]
+        likely = max(self.own, key=lambda one: one.log_evidence)
+        lines = [
+            self.disagreement() or self._agreement(),
+            *(f"{likely.name}, each run left out in turn: {one.level}; {one.reason}" for one in likely.channels),
+        ]
         if self.recommended is not None:
             stated = max(self.own, key=lambda one: one.total)
             apart = gap(self.recommended, stated)
@@ -245,11 +249,6 @@ class CrossValidation:
             f"{apart.std_error:.1f} nats; with {len(self.runs)} runs this may be chance"
         )
 
-    def _bands(self) -> list[str]:
-        """Whether the bands of what the evidence prefers hold on runs left out."""
-        chosen = max(self.own, key=lambda one: one.log_evidence)
-        return [f"{chosen.name}, each run left out in turn: {one.level}; {one.reason}" for one in chosen.channels]
-
     def _added(self) -> list[str]:
         """Priors that were derived from the data, of each model of the error once."""
         by_name = {}
@@ -263,11 +262,6 @@ class CrossValidation:
 def gap(one: Candidate, other: Candidate) -> Gap:
     """Return how much better the first predicts runs left out, nats."""
     return _paired(one.elpd, other.elpd)
-
-
-def crps_gap(one: Candidate, other: Candidate, channel: int) -> Gap:
-    """Return by how much the mean CRPS of the first is lower, SI."""
-    return _paired(other.channels[channel].crps, one.channels[channel].crps, mean=True)
 
 
 def _paired(one: Sequence[float], other: Sequence[float], mean: bool = False) -> Gap:
