@@ -25,11 +25,6 @@ def stored_baselines(campaign: Campaign, trials: HasKey) -> StoredResult[FittedB
     return StoredResult(Store(campaign.folder).baselines, key, FittedBaselines, f"seatrial run {campaign.folder}")
 
 
-def has_held_back(campaign: Campaign) -> bool:
-    """Return whether any run is held back, without which baselines are not fitted."""
-    return campaign.imports is not None and bool(campaign.imports.predict)
-
-
 def fit_all_baselines(campaign: Campaign, trials: Trials, reporter: Reporter = SILENT) -> FittedBaselines | None:
     """Fit every baseline that applies and predict the held-back records; None where there are none.
 
@@ -40,7 +35,7 @@ def fit_all_baselines(campaign: Campaign, trials: Trials, reporter: Reporter = S
         trials: records.
         reporter: told that it is at work.
     """
-    if not has_held_back(campaign):
+    if campaign.imports is None or not campaign.imports.predict:
         return None
 
     def make() -> FittedBaselines:

@@ -36,15 +36,15 @@ LIKELIHOOD = "log-likelihood"
 
 def stored_calibration(campaign: Campaign, trials: HasKey, replicates: int, method: str) -> StoredResult[Calibrated]:
     """Return where the ranks of a calibration are kept, and what they depend on."""
-    key = key_of(_key(campaign, trials, method), replicates)
+    key = key_of(_key(estimate_key(campaign, campaign.full, trials), method), replicates)
     return StoredResult(
         Store(campaign.folder).calibration(method), key, Calibrated, f"seatrial calibrate {campaign.folder}"
     )
 
 
-def _key(campaign: Campaign, trials: HasKey, method: str) -> str:
+def _key(estimate: str, method: str) -> str:
     """Return what every replicate depends on."""
-    return key_of("calibration with diagnostics", estimate_key(campaign, campaign.full, trials), method)
+    return key_of("calibration with diagnostics", estimate, method)
 
 
 def calibrate(
@@ -72,7 +72,7 @@ def calibrate(
         workers, study = workers_of(campaign, reporter), Study(campaign, trials.fit, method)
         names = study.posterior(structure).names
         progress = reporter.progress(f"calibrate {structure.label} by {method}")
-        replicated = _Found(checkpoint, key_of(_key(campaign, trials, method), "by number"))
+        replicated = _Found(checkpoint, key_of(_key(estimate_key(campaign, structure, trials), method), "by number"))
         _replicate_all(study, replicated, replicates, progress, workers)
         arrays = replicated.arrays(range(replicates))
         refused = 1.0 - replicates / float(arrays["tries"].sum())

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import jax
@@ -96,10 +97,10 @@ def held_back_curves(predictions: Predictions) -> tuple[dict[str, np.ndarray], .
     )
 
 
-def stored_predictions(campaign: Campaign, estimate: OfStructure, trials: HasKey) -> StoredResult[Predictions]:
+def stored_predictions(folder: Path, estimate: OfStructure, trials: HasKey) -> StoredResult[Predictions]:
     """Return where the predictions are kept, and what they depend on."""
     key = key_of("predictions", estimate.key, trials.key)
-    return StoredResult(Store(campaign.folder).predictions, key, Predictions, f"seatrial run {campaign.folder}")
+    return StoredResult(Store(folder).predictions, key, Predictions, f"seatrial run {folder}")
 
 
 def predict_all(campaign: Campaign, estimate: Estimate, trials: Trials) -> Predictions:
@@ -114,7 +115,7 @@ def predict_all(campaign: Campaign, estimate: Estimate, trials: Trials) -> Predi
         predicted = HeldBack(tuple(fits), _pooled(setting, pieces[count:], fits), tuple(pieces))
         return predictions_of(campaign.channels, estimate.structure, records, trials.predict, predicted)
 
-    return stored_predictions(campaign, estimate, trials).read_or_make(predict)
+    return stored_predictions(campaign.folder, estimate, trials).read_or_make(predict)
 
 
 def residual_doubt(campaign: Campaign, drawn: Drawn, trials: Trials) -> str:

@@ -6,6 +6,7 @@ Which to use when, and why DIC and BPIC decide so little: `docs/criteria.md`.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import Any, NamedTuple, cast
 
 import jax.numpy as jnp
@@ -67,11 +68,11 @@ class Criteria:
     refused: tuple[str, ...]
 
 
-def stored_criteria(campaign: Campaign, estimate: OfStructure) -> StoredResult[StoredCriteria]:
+def stored_criteria(folder: Path, estimate: OfStructure) -> StoredResult[StoredCriteria]:
     """Return where the criteria of a structure are kept, and what they depend on."""
-    path = Store(campaign.folder).criteria(estimate.structure.label)
+    path = Store(folder).criteria(estimate.structure.label)
     key = key_of("criteria", estimate.key, MOST)
-    return StoredResult(path, key, StoredCriteria, f"seatrial criteria {campaign.folder}")
+    return StoredResult(path, key, StoredCriteria, f"seatrial criteria {folder}")
 
 
 def stored_future(
@@ -110,7 +111,7 @@ def criteria_all(
         label = estimate.structure.label
         titles = (f"criteria {label}", f"leave-future-out {label}")
         done = (
-            stored_criteria(campaign, estimate).is_current(),
+            stored_criteria(campaign.folder, estimate).is_current(),
             stored_future(campaign, estimate, trials, edges).is_current(),
         )
         bars = [None if is_done else reporter.progress(title) for title, is_done in zip(titles, done, strict=True)]
@@ -140,7 +141,7 @@ def _both(
     """Criteria of one structure: computed where a bar is given, and then read."""
     now = now or no_progress
     now(0, 1)
-    present = stored_criteria(campaign, estimate).read_or_make(lambda: _compute(campaign, estimate, trials))
+    present = stored_criteria(campaign.folder, estimate).read_or_make(lambda: _compute(campaign, estimate, trials))
     now(1, 1)
     future = stored_future(campaign, estimate, trials, edges).read_or_make(
         lambda: _predict(campaign, estimate.structure, trials, edges, later or no_progress)

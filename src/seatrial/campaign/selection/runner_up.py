@@ -1,6 +1,6 @@
 """The two most probable structures side by side: what choosing between them changes in motion, and which trial would decide."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -92,7 +92,8 @@ def compare_speeds(
     Raises:
         NumericalError: a structure runs away at its posterior mean.
     """
-    channels = [name for name in campaign.channels if name in RATES] or [
+    sensors = {sensor.channel: sensor for sensor in campaign.sensor_models}
+    channels = [name for name in sensors if name in RATES] or [
         leading_channel(campaign.model(campaign.full), campaign.channels)
     ]
     pairs = zip(
@@ -102,7 +103,7 @@ def compare_speeds(
     )
     runs = [(time, mine, other) for (time, mine), (_, other) in pairs]
     speeds = [[_difference(time, a[..., i], b[..., i]) for time, a, b in runs] for i in range(len(channels))]
-    noise = [noise_of(campaign, best, name) if name in campaign.channels else 1.0 for name in channels]
+    noise = [noise_of(sensors[name], campaign.own, best) if name in sensors else 1.0 for name in channels]
     most = np.argmax([max(one.largest for one in each) / own for each, own in zip(speeds, noise, strict=True)])
     return channels[most], speeds[most]
 
@@ -142,9 +143,15 @@ def absorbed(difference: Float[Array, " n"], sensitivities: Float[Array, "n k"])
     return rest
 
 
-def noise_of(campaign: Campaign, estimate: Estimate, channel: str) -> float:
-    """Return the standard deviation of a channel's residuals, sensor noise included, SI: its posterior mean."""
-    return float(noise_sd(*_noise_draws(campaign, estimate, channel)).mean())
+def noise_of(sensor: Sensor, own: Collection[str], estimate: Estimate) -> float:
+    """Return the standard deviation of a sensor's residuals, its noise included, SI: its posterior mean.
+
+    Args:
+        sensor: with what is unknown about it.
+        own: unknowns of which every trial has its own.
+        estimate: posterior.
+    """
+    return float(noise_sd(sensor, _noise_draws(sensor, own, estimate)).mean())
 
 
 def leading_channel(model: VehicleModel, channels: Sequence[str]) -> str:
@@ -224,10 +231,10 @@ def _nats(
     simulators = [_output(campaign, estimate, trials)[0].simulator for estimate in (truth, other)]
     step, mask = float(time[1] - time[0]), campaign.measured_mask(time)
     samples = tuple(np.flatnonzero(mask[:, c]) for c in range(mask.shape[1]))
-    noise = np.array([noise_of(campaign, best, channel) for channel in campaign.channels])
+    noise = np.array([noise_of(sensor, campaign.own, best) for sensor in campaign.sensor_models])
     memory = [
-        _memory(campaign, best, channel, step * (at[1] - at[0]))
-        for channel, at in zip(campaign.channels, samples, strict=True)
+        _memory(sensor, campaign.own, best, step * (at[1] - at[0]))
+        for sensor, at in zip(campaign.sensor_models, samples, strict=True)
     ]
     start = np.array(campaign.state_trim(campaign.model(best.structure)))
     every = campaign.model(campaign.full).controls
@@ -300,16 +307,15 @@ def _of_new_trial(estimate: Estimate, own: Sequence[str]) -> Mapping[str, np.nda
     return {name: np.asarray(value) for name, value in shared.items()}
 
 
-def _memory(campaign: Campaign, estimate: Estimate, channel: str, gap: float) -> float:
+def _memory(sensor: Sensor, own: Collection[str], estimate: Estimate, gap: float) -> float:
     """Correlation of one sample's noise with the next one's."""
-    slow = slow_noise(*_noise_draws(campaign, estimate, channel))
+    slow = slow_noise(sensor, _noise_draws(sensor, own, estimate))
     return slow.share * float(np.exp(-gap / slow.time)) if slow else 0.0
 
 
-def _noise_draws(campaign: Campaign, estimate: Estimate, channel: str) -> tuple[Sensor, dict[str, np.ndarray]]:
-    """Return a sensor, and the draws of what is unknown about it in all trials alike, as its noise is."""
-    sensor = next(one for one in campaign.sensor_models if one.channel == channel)
-    return sensor, {name: estimate.draws([name])[:, 0] for name in sensor.parameters if name not in campaign.own}
+def _noise_draws(sensor: Sensor, own: Collection[str], estimate: Estimate) -> dict[str, np.ndarray]:
+    """Return the draws of what is unknown about a sensor in all trials alike, as its noise is."""
+    return {name: estimate.draws([name])[:, 0] for name in sensor.parameters if name not in own}
 
 
 NEXT = "the next trial"
@@ -357,6 +363,7 @@ def stored_contenders(
 
 def _dataset(campaign: Campaign, best: Estimate, runner: Estimate, trials: Trials, sweep: Sweep) -> Dataset:
     channel, speed_differences = compare_speeds(campaign, best, runner, trials, sweep)
+    sensor = next((one for one in campaign.sensor_models if one.channel == channel), None)
     join = {
         name: np.concatenate([getattr(one, name) for one in speed_differences]) for name in speed_differences[0].CURVES
     }
@@ -389,7 +396,7 @@ def _dataset(campaign: Campaign, best: Estimate, runner: Estimate, trials: Trial
             "runner_up": runner.structure.label,
             "channel": channel,
             "change": change_words(best.structure.terms, runner.structure.terms),
-            "noise": noise_of(campaign, best, channel) if channel in campaign.channels else float("nan"),
+            "noise": float("nan") if sensor is None else noise_of(sensor, campaign.own, best),
             "control": control,
             "trial": design_words(sweep.family, float(sweep.amplitude[row]), float(sweep.period[column])),
         },

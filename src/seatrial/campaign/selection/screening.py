@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from seatrial.campaign.config.campaign import Campaign
+from seatrial.campaign.config.schema import StructureTable
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.posterior import build_posterior, random_key
 from seatrial.campaign.inference.quick_estimates import ignored
@@ -147,7 +148,7 @@ def _screen_rows(campaign: Campaign, trials: Trials) -> Dataset:
         "left_out": ignored(campaign, campaign.full),
         "r2": float(screening.rows.r2[0]),
     }
-    return _dataset(campaign, screening, by_term, attributes)
+    return _dataset(campaign.structure, screening, by_term, attributes)
 
 
 def _screen_about_mode(campaign: Campaign, trials: Trials) -> Dataset:
@@ -163,15 +164,16 @@ def _screen_about_mode(campaign: Campaign, trials: Trials) -> Dataset:
         "noise": "",
         "left_out": "",
     }
-    return _dataset(campaign, screening, by_term, {**attributes, "r2": np.nan})
+    return _dataset(campaign.structure, screening, by_term, {**attributes, "r2": np.nan})
 
 
 def _dataset(
-    campaign: Campaign,
+    table: StructureTable,
     found: Screening | ModeScreening,
     by_term: dict[str, np.ndarray],
     attributes: dict[str, str | float],
 ) -> Dataset:
+    always = table.compiled().always
     posterior, best = found.posterior, min(KEPT, found.posterior.structures.size)
     names = list(posterior.names)
     member = np.array([[name in posterior.terms(rank) for name in names] for rank in range(best)])
@@ -179,7 +181,7 @@ def _dataset(
     factor = found.sensitivity.log_bayes_factor
     return Dataset(
         {
-            "always": ("term", [name in campaign.rules.always for name in names]),
+            "always": ("term", [name in always for name in names]),
             "inclusion": ("term", posterior.inclusion),
             "mean": ("term", averaged.mean),
             "within": ("term", averaged.within),
@@ -197,7 +199,7 @@ def _dataset(
         coords={"term": names, "other": names, "scale": found.sensitivity.scales},
         attrs={
             "count": posterior.count,
-            "prior": "" if campaign.structure.g is None else f"under a g-prior, g = {campaign.structure.g}",
+            "prior": "" if table.g is None else f"under a g-prior, g = {table.g}",
             "sampling": "" if posterior.monte_carlo is None else posterior.monte_carlo.status,
             **attributes,
         },

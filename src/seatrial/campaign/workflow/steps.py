@@ -257,15 +257,17 @@ def _filter() -> Work:
 def _predictions() -> Work:
     from seatrial.campaign.inference.judge_predictions import predict_all, stored_predictions
 
-    return Work(predict_all, lambda campaign, chosen, trials: [stored_predictions(campaign, chosen, trials)])
+    return Work(predict_all, lambda campaign, chosen, trials: [stored_predictions(campaign.folder, chosen, trials)])
 
 
 def _baselines() -> Work:
-    from seatrial.campaign.inference.baselines import fit_all_baselines, has_held_back, stored_baselines
+    from seatrial.campaign.inference.baselines import fit_all_baselines, stored_baselines
 
     return Work(
         fit_all_baselines,
-        lambda campaign, trials: [stored_baselines(campaign, trials)] if has_held_back(campaign) else [],
+        lambda campaign, trials: (
+            [stored_baselines(campaign, trials)] if campaign.imports and campaign.imports.predict else []
+        ),
     )
 
 
@@ -374,7 +376,9 @@ def _profiles() -> Work:
 def _criteria() -> Work:
     from seatrial.campaign.selection.criteria import criteria_all, stored_criteria
 
-    return Work(criteria_all, lambda campaign, estimates, *_: [stored_criteria(campaign, one) for one in estimates])
+    return Work(
+        criteria_all, lambda campaign, estimates, *_: [stored_criteria(campaign.folder, one) for one in estimates]
+    )
 
 
 def _cross_validation() -> Work:
