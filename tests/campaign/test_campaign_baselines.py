@@ -16,6 +16,7 @@ from seatrial.campaign.inference.baselines import (
 from seatrial.campaign.store.results import Results
 from seatrial.campaign.workflow.steps import Workflow
 from seatrial.estimation.prediction.baselines import BASELINES
+from seatrial.messages.predictions import comparison_text
 from tests.campaign.small import write_small
 from tests.campaign.yaw_campaign import write_yaw
 
@@ -63,7 +64,7 @@ def test_the_own_equations_regressed_predict_best(yaw):
         assert one.baselines[0].words == "least squares of accelerations"
         assert one.baselines[0].explained > 0.95
         assert one.level == "fail"
-    assert comparison_alarms(compared) == [one.sentence for one in compared]
+    assert comparison_alarms(compared) == [comparison_text(one) for one in compared]
     assert comparison_cautions(compared) == []
     lines = comparison_lines(found, compared)
     assert lines[0].startswith("held-back runs: least squares of accelerations predicts v better than the model")

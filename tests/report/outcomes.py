@@ -13,10 +13,9 @@ from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.design.sweep import Designs
 from seatrial.campaign.inference.coefficient_csv import averaged_rows
 from seatrial.campaign.selection.runner_up import NEXT, change_words, contending
-from seatrial.campaign.store.baselines import FittedBaselines
 from seatrial.campaign.store.cross_validation import OWN, Candidate, ChannelScores, CrossValidation
 from seatrial.campaign.store.estimates import Direction, Estimate, Known, KnownParameter, StoredCoefficient
-from seatrial.campaign.store.predictions import Fit
+from seatrial.campaign.store.predictions import Fit, FittedBaselines
 from seatrial.campaign.store.structures import BestDesign, Contenders, NextTrial, Screened, Summary
 from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.core.coefficients import CoefficientName

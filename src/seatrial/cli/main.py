@@ -10,10 +10,9 @@ from seatrial import __version__
 from seatrial.cli.commands.benchmark import benchmark
 from seatrial.cli.commands.catalogue import explain, schema, vehicle
 from seatrial.cli.commands.check import calibrate, check, tuning
-from seatrial.cli.commands.crossvalidate import crossvalidate
 from seatrial.cli.commands.data import import_logs, simulate
 from seatrial.cli.commands.export import export
-from seatrial.cli.commands.infer import criteria, estimate, profile, select
+from seatrial.cli.commands.infer import criteria, crossvalidate, estimate, profile, select
 from seatrial.cli.commands.init import init
 from seatrial.cli.commands.live import live
 from seatrial.cli.commands.logs import inspect

@@ -6,8 +6,8 @@ import numpy as np
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
-from seatrial.campaign.store.baselines import FittedBaselines
 from seatrial.campaign.store.estimates import HasKey
+from seatrial.campaign.store.predictions import FittedBaselines
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.reporter import SILENT, Reporter
 from seatrial.estimation.prediction.acceleration_baseline import WORDS, acceleration_baseline

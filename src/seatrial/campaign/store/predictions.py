@@ -1,12 +1,15 @@
-"""Stored predictions: how well the estimated vehicle predicts each channel of each record, and all that were held back together."""
+"""Stored predictions: how well the estimated vehicle, and simple predictors beside it, predict each channel of each record."""
 
 from dataclasses import dataclass
 from typing import Annotated
 
+import numpy as np
+from jaxtyping import Float, Int
 from pydantic import computed_field
 
 from seatrial.core.dataset import Dataset
 from seatrial.core.findings import Finding
+from seatrial.estimation.prediction.baseline_comparison import Predicted
 from seatrial.estimation.prediction.fit_verdict import FIT_LEVELS, FitLevel
 from seatrial.estimation.prediction.pooled_coverage import Pooled
 from seatrial.estimation.prediction.prediction_scores import Score
@@ -101,3 +104,39 @@ class Predictions:
     pooled: tuple[Pooled, ...]
     structure: str
     data: Dataset
+
+
+@dataclass(frozen=True, eq=False)
+class FittedBaselines:
+    """Baselines fitted to the records that the model is fitted to; the held-back records lie one after another on `sample`.
+
+    Attributes:
+        channels: measured channels.
+        records: labels of the held-back records.
+        names: baselines that could be fitted.
+        words: what each is, such as "a linear Nomoto model", by name.
+        parameters: as fitted, SI, by name.
+        noise_sd: SI, NaN where a baseline does not predict the channel.
+        record: index of the record of each sample.
+        mean: predictions, SI, NaN where a baseline does not predict the channel.
+        refused: why others could not be fitted, by name.
+    """
+
+    channels: Annotated[tuple[str, ...], "channel"]
+    records: tuple[str, ...]
+    names: Annotated[tuple[str, ...], "baseline"]
+    words: dict[str, str]
+    parameters: dict[str, dict[str, float]]
+    noise_sd: Float[np.ndarray, "baseline channel"]
+    record: Int[np.ndarray, " sample"]
+    mean: Float[np.ndarray, "baseline sample channel"]
+    refused: dict[str, str]
+
+    def of_channel(self, column: int) -> dict[str, list[Predicted]]:
+        """Return the predictions of a channel in each record, by the words of the baselines that predict it."""
+        predicted = {}
+        for name, sd, mean in zip(self.names, self.noise_sd[:, column], self.mean[:, :, column], strict=True):
+            if not np.isnan(sd):
+                pieces = [mean[self.record == index] for index in range(len(self.records))]
+                predicted[self.words[name]] = [Predicted(one, np.full(len(one), float(sd))) for one in pieces]
+        return predicted

@@ -14,12 +14,11 @@ from pathlib import Path
 from typing import Generic
 
 from seatrial.campaign.rehearsal.result import Rehearsal
-from seatrial.campaign.store.baselines import FittedBaselines
 from seatrial.campaign.store.calibration import Calibrated
 from seatrial.campaign.store.cross_validation import CrossValidation
 from seatrial.campaign.store.designs import FreeTrial, Measures, RelayTrial, Searched, SweptDesigns
 from seatrial.campaign.store.estimates import Estimate, Known
-from seatrial.campaign.store.predictions import Predictions
+from seatrial.campaign.store.predictions import FittedBaselines, Predictions
 from seatrial.campaign.store.stored_result import Result, Store, read_result
 from seatrial.campaign.store.structures import Contenders, Screened, StoredCriteria, StoredMode, Summary
 from seatrial.core.dataset import Dataset

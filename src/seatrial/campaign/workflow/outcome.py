@@ -8,10 +8,9 @@ from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.design.sweep import Designs
 from seatrial.campaign.inference.baselines import comparison_alarms
 from seatrial.campaign.inference.judge_predictions import disowned, held_back_alarms
-from seatrial.campaign.store.baselines import FittedBaselines
 from seatrial.campaign.store.cross_validation import CrossValidation
 from seatrial.campaign.store.estimates import Estimate, Known
-from seatrial.campaign.store.predictions import Fit
+from seatrial.campaign.store.predictions import Fit, FittedBaselines
 from seatrial.campaign.store.structures import Contenders, Screened, Summary
 from seatrial.core.dataset import Dataset
 from seatrial.core.findings import Finding

@@ -151,6 +151,20 @@ def criteria(
     with_campaign(folder, quiet, work, context)
 
 
+def crossvalidate(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
+    """Predict each fitted run from the others, by each model."""
+
+    def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
+        from seatrial.campaign.workflow.steps import Workflow
+
+        result = Workflow(campaign, reporter).get("cross_validation")
+        answer.say("\n".join(result.lines()))
+        answer.give(**results.cross_validated(result))
+        return answer.finish(result.alarms, result.complaints())
+
+    with_campaign(folder, quiet, work, context)
+
+
 def _by_chains(campaign: Any, reporter: Any, answer: Answer) -> Exit:
     from seatrial.campaign.config.taken_as_exact import taken_as_exact
     from seatrial.campaign.inference.coefficient_csv import write_coefficients
