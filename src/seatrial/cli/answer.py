@@ -50,19 +50,19 @@ class Answer:
 
     def __init__(self, command: str = "", as_json: bool = False) -> None:
         self.command, self.as_json = command, as_json
-        self.said: list[tuple[str, bool]] = []
+        self.printed: list[tuple[str, bool]] = []
         self.accepted: Collection[str] = ()
-        self.told: dict[str, Any] = {"result": {}, "files": {}, "cautions": [], "alarms": [], "findings": []}
+        self.content: dict[str, Any] = {"result": {}, "files": {}, "cautions": [], "alarms": [], "findings": []}
 
     def say(self, text: str, err: bool = False) -> None:
         """Print some lines, and remember them."""
         if err or not self.as_json:
             echo(text, err=err)
-        self.said.append((text, err))
+        self.printed.append((text, err))
 
     def give(self, **result: Any) -> None:
         """Add to the result that `--json` prints; arrays become lists, and what is no number null."""
-        self.told["result"] |= plain(result)
+        self.content["result"] |= plain(result)
 
     def give_result(self, result: Any) -> None:
         """Print with `--json` a result as its family defines it."""
@@ -75,7 +75,7 @@ class Answer:
 
     def name_file(self, what: str, path: Path) -> None:
         """Add a file to those that `--json` names."""
-        self.told["files"][what] = str(path)
+        self.content["files"][what] = str(path)
 
     def caution(self, *messages: Message) -> None:
         """Print what a reader must know, on standard error."""
@@ -90,7 +90,7 @@ class Answer:
         """Add findings that are printed elsewhere to those that `--json` prints."""
         from seatrial.messages.render import row_of
 
-        self.told["findings"] += [plain(row_of(one)) for one in findings]
+        self.content["findings"] += [plain(row_of(one)) for one in findings]
 
     def _warn(self, level: Level, messages: Sequence[Message]) -> bool:
         """Print messages, accepted findings in one line each; returns whether others remain."""
@@ -104,24 +104,24 @@ class Answer:
         remaining = [one for one in messages if not (isinstance(one, Finding) and one.code in self.accepted)]
         for text in blocks(remaining):
             self.say(f"{level}: {text}", err=True)
-        self.told[f"{level}s"] += sentences(remaining)
+        self.content[f"{level}s"] += sentences(remaining)
         return bool(remaining)
 
     def kept(self, code: Exit) -> dict[str, Any]:
         """Return what is kept of the answer, to be given again."""
-        return {"lines": self.said, "told": self.told, "exit": int(code)}
+        return {"lines": self.printed, "told": self.content, "exit": int(code)}
 
     def repeat(self, kept: Mapping[str, Any]) -> Exit:
         """Give a kept answer again."""
         for line, err in kept["lines"]:
             self.say(line, err=err)
-        self.told = kept["told"]
+        self.content = kept["told"]
         return Exit(kept["exit"])
 
     def document(self, code: int, error: Exception | None = None) -> str:
         """Return the document that `--json` prints."""
         whole = {"schema": SCHEMA, "seatrial": __version__, "command": self.command, "exit": code, "error": None}
-        whole |= self.told
+        whole |= self.content
         if error is not None:
             parts = {part: str(getattr(error, part, "")) for part in ("where", "found", "expected", "remedy")}
             whole |= {"result": None, "error": {"message": str(error), **parts}}

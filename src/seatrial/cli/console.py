@@ -92,19 +92,19 @@ class _Lines:
         self.title, self.say = title, say
         self.started: float | None = None
         self.begun_at = 0
-        self.said = 0.0
+        self.shown_at = 0.0
         self.finished = False
 
     def __call__(self, done: int, total: int, seconds: float | None = None, /) -> None:
         now = time.monotonic()
         if self.started is None:
-            self.started, self.said, self.begun_at = now, now, done
+            self.started, self.shown_at, self.begun_at = now, now, done
         gone = now - self.started
         if done >= total and not self.finished:
             self.finished = True
             self.say(f"{self.title}: done in {gone:.1f} s")
-        elif now - self.said >= EVERY and not self.finished:
-            self.said = now
+        elif now - self.shown_at >= EVERY and not self.finished:
+            self.shown_at = now
             seconds = remaining(gone, self.begun_at, done, total) if seconds is None else seconds
             left = "" if seconds is None else f", about {seconds:.0f} s remaining"
             self.say(f"{self.title}: {done / max(total, 1):.0%} after {gone:.0f} s{left}")

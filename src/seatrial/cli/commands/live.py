@@ -187,15 +187,15 @@ class _Lines:
 
     def __init__(self, every: float, as_json: bool):
         self.every, self.as_json = every, as_json
-        self.said, self.kind = -every, ""
+        self.shown_at, self.kind = -every, ""
 
     def say(self, text: str) -> None:
         echo(f"note: {text}", err=True)
 
     def __call__(self, look: Any) -> None:
-        if look.kind == self.kind and look.time - self.said < self.every:
+        if look.kind == self.kind and look.time - self.shown_at < self.every:
             return
-        self.said, self.kind = look.time, look.kind
+        self.shown_at, self.kind = look.time, look.kind
         if self.as_json:
             echo(json.dumps(look.as_json()))
             return
