@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from seatrial.core.errors import NumericalError
+from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.record import Channel, Provenance, make_record
 from seatrial.estimation.prediction.acceleration_baseline import acceleration_baseline
 from seatrial.estimation.prediction.baselines import fit_baselines
@@ -72,10 +72,13 @@ def test_surge_without_noise_is_the_vehicle():
 def test_what_cannot_be_fitted_says_why():
     record = manoeuvre(0)
     ship = acceleration_baseline(sway_yaw(*TERMS))
-    assert ship.why_not([], ["r"], []) == "there is no run to fit"
-    assert ship.why_not([record], ["u"], []) == "the vehicle shows none of the channels u"
+    with pytest.raises(InputError, match="there is no run to fit"):
+        ship.fit([], ["r"], [])
+    with pytest.raises(InputError, match="the vehicle shows none of the channels u"):
+        ship.fit([record], ["u"], [])
     surge = acceleration_baseline(paper_model(*TRUTH))
-    assert surge.why_not([record], ["u"], []) == 'u, which the equations need, has 0 measured samples in run "run 0"'
+    with pytest.raises(InputError, match='u, which the equations need, has 0 measured samples in run "run 0"'):
+        surge.fit([record], ["u"], [])
     held = record.control.copy()
     held[:] = 0.1
     constant = axes_vehicle("spin", [axis_equation("N", ("N_0", "N_r", "N_delta_r"))])

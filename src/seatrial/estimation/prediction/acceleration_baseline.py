@@ -22,7 +22,7 @@ from seatrial.compiled.programs import program
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.record import Record
 from seatrial.core.signals import ACTUAL, ANGLES, QUATERNION, RATES
-from seatrial.estimation.prediction.baselines import ROWS_EACH, Baseline, FittedBaseline, noise_of
+from seatrial.estimation.prediction.baselines import ROWS_EACH, Baseline, FittedBaseline, cannot_be_fitted, noise_of
 from seatrial.estimation.regression.accelerations import MIN_SAMPLES, smooth
 from seatrial.estimation.simulation.starts import start_of
 from seatrial.numerics.rotations import quaternion_of_angles
@@ -40,25 +40,27 @@ def acceleration_baseline(model: VehicleModel) -> Baseline:
     Args:
         model: vehicle; its own controls are used, whatever controls the baseline is asked to fit with.
     """
-    return Baseline(NAME, WORDS, partial(_why_not, model), partial(_fit, model))
+    return Baseline(NAME, WORDS, partial(_fit, model))
 
 
-def _why_not(model: VehicleModel, records: Sequence[Record], channels: Sequence[str], controls: Sequence[str]) -> str:
+def _check_runs(model: VehicleModel, records: Sequence[Record], channels: Sequence[str]) -> None:
+    """Refuse runs that cannot tell the coefficients of the vehicle."""
     if not records:
-        return "there is no run to fit"
+        raise cannot_be_fitted("there is no run to fit")
     if not model.coefficients:
-        return "the vehicle has no free coefficient"
+        raise cannot_be_fitted("the vehicle has no free coefficient")
     shown = model.channel_units()
     if not any(channel in shown for channel in channels):
-        return f"the vehicle shows none of the channels {', '.join(channels)}"
+        raise cannot_be_fitted(f"the vehicle shows none of the channels {', '.join(channels)}")
     for state in (one for one in model.states if one in RATES):
         for record in records:
             count = int(np.isfinite(record.channel(state)).sum()) if state in record.measured else 0
             if count < MIN_SAMPLES or np.nanstd(record.channel(state)) == 0:
-                return f'{state}, which the equations need, has {count} measured samples in run "{record.label}"'
+                raise cannot_be_fitted(
+                    f'{state}, which the equations need, has {count} measured samples in run "{record.label}"'
+                )
     if sum(record.time.size for record in records) < ROWS_EACH * len(model.coefficients):
-        return f"fewer than {ROWS_EACH} samples for each of {len(model.coefficients)} coefficients"
-    return ""
+        raise cannot_be_fitted(f"fewer than {ROWS_EACH} samples for each of {len(model.coefficients)} coefficients")
 
 
 def _fit(
@@ -67,8 +69,10 @@ def _fit(
     """Fit the coefficients and return what simulates the vehicle.
 
     Raises:
+        InputError: runs that cannot tell them.
         NumericalError: coefficients of which only a combination is known, or a fitted vehicle that diverges on a run it was fitted to.
     """
+    _check_runs(model, records, channels)
     shown = model.channel_units()
     chosen = tuple(channel for channel in channels if channel in shown)
     names = tuple(term.text for term in model.coefficients)

@@ -22,7 +22,7 @@ from typing import Protocol
 import numpy as np
 from jaxtyping import Float
 
-from seatrial.core.errors import InputError, NumericalError
+from seatrial.core.errors import InputError, NumericalError, located
 from seatrial.core.record import Record
 from seatrial.core.signals import OVER_GROUND, RATES
 from seatrial.estimation.prediction.cubic_lag import fit_cubic
@@ -89,11 +89,16 @@ class FittedBaseline:
 
     def score(self, record: Record, start: int = 0) -> dict[str, Score]:
         """Score the prediction of each channel of a run, as `score_channel` does."""
-        means = self.predict(record, start)
-        return {
-            channel: _scored(record, channel, means[:, column], float(self.noise_sd[column]), start)
-            for column, channel in enumerate(self.channels)
-        }
+        means = self.predict(record, start)[start:]
+        scores = {}
+        for channel, mean, noise_sd in zip(self.channels, means.T, self.noise_sd, strict=True):
+            measured = _measured(record, channel)[start:]
+            if np.isfinite(measured).any():
+                still = np.zeros(mean.size)
+                scores[channel] = score_channel(record.time[start:], measured, mean, still, float(noise_sd))
+            else:
+                scores[channel] = unscored(0, "nothing was measured")
+        return scores
 
 
 @dataclass(frozen=True)
@@ -103,18 +108,12 @@ class Baseline:
     Attributes:
         name: short.
         words: what it is in a sentence, such as "a linear Nomoto model".
-        why_not: of records, channels and controls, why it cannot be fitted to them; empty where it can.
-        fit_checked: fits it, where it can be.
+        fit_runs: fits it to records, channels and controls; errors as `fit`.
     """
 
     name: str
     words: str
-    why_not: Callable[[Sequence[Record], Sequence[str], Sequence[str]], str]
-    fit_checked: Callable[[Sequence[Record], Sequence[str], Sequence[str]], FittedBaseline] = field(repr=False)
-
-    def fits(self, records: Sequence[Record], channels: Sequence[str], controls: Sequence[str]) -> bool:
-        """Return whether it can be fitted."""
-        return not self.why_not(records, channels, controls)
+    fit_runs: Callable[[Sequence[Record], Sequence[str], Sequence[str]], FittedBaseline] = field(repr=False)
 
     def fit(self, records: Sequence[Record], channels: Sequence[str], controls: Sequence[str]) -> FittedBaseline:
         """Fit it to some runs.
@@ -125,18 +124,18 @@ class Baseline:
             controls: channels that drive the vehicle, with a value at every sample.
 
         Raises:
-            InputError: it cannot be fitted, for the reason that `why_not` gives.
+            InputError: it cannot be fitted to these.
             NumericalError: what was fitted cannot be used, which only `seatrial.estimation.prediction.acceleration_baseline` may find.
         """
-        reason = self.why_not(records, channels, controls)
-        if reason:
-            raise InputError(
-                f"baseline {self.name}",
-                found=reason,
-                expected=f"runs to which {self.words} can be fitted",
-                remedy="choose another baseline, or other runs",
-            )
-        return self.fit_checked(records, channels, controls)
+        with located(f"baseline {self.name}"):
+            return self.fit_runs(records, channels, controls)
+
+
+def cannot_be_fitted(reason: str) -> InputError:
+    """Return the refusal to fit a baseline to some runs."""
+    return InputError(
+        "runs", found=reason, expected="runs to which it can be fitted", remedy="choose others, or another one"
+    )
 
 
 def fit_baselines(
@@ -158,12 +157,10 @@ def fit_baselines(
     """
     fitted, refused = [], {}
     for baseline in BASELINES.values() if baselines is None else baselines:
-        reason = baseline.why_not(records, channels, controls)
-        if reason:
-            refused[baseline.name] = reason
-            continue
         try:
-            fitted.append(baseline.fit_checked(records, channels, controls))
+            fitted.append(baseline.fit(records, channels, controls))
+        except InputError as error:
+            refused[baseline.name] = error.found
         except NumericalError as error:
             refused[baseline.name] = str(error)
     return fitted, refused
@@ -190,12 +187,8 @@ def noise_of(
 # What each of them is.
 
 
-def _hold_refused(records: Sequence[Record], channels: Sequence[str], controls: Sequence[str]) -> str:
-    return _refused(records, channels, lambda channel: True, 1, "channel")
-
-
 def _hold(records: Sequence[Record], channels: Sequence[str], controls: Sequence[str]) -> FittedBaseline:
-    chosen = _fitted_channels(records, channels, lambda channel: True, 1)
+    chosen = _fitted_channels(records, channels, lambda channel: True, 1, "channel")
 
     def simulate(record: Record, start: int) -> np.ndarray:
         return np.column_stack([np.full(record.time.size, _first(record, channel, start)) for channel in chosen])
@@ -204,7 +197,7 @@ def _hold(records: Sequence[Record], channels: Sequence[str], controls: Sequence
 
 
 def _mean(records: Sequence[Record], channels: Sequence[str], controls: Sequence[str]) -> FittedBaseline:
-    chosen = _fitted_channels(records, channels, lambda channel: True, 1)
+    chosen = _fitted_channels(records, channels, lambda channel: True, 1, "channel")
     means = [float(np.nanmean(np.concatenate([_measured(one, channel) for one in records]))) for channel in chosen]
 
     def simulate(record: Record, start: int) -> np.ndarray:
@@ -214,14 +207,10 @@ def _mean(records: Sequence[Record], channels: Sequence[str], controls: Sequence
     return FittedBaseline("mean", chosen, noise_of(records, chosen, simulate), parameters, simulate)
 
 
-def _lag_refused(records: Sequence[Record], channels: Sequence[str], controls: Sequence[str]) -> str:
-    moving = _moving(records, controls)
-    return _refused(records, channels, _is_velocity, 3 + len(moving), "velocity") or _still(records, controls)
-
-
 def _lag(records: Sequence[Record], channels: Sequence[str], controls: Sequence[str]) -> FittedBaseline:
     moving = _moving(records, controls)
-    chosen = _fitted_channels(records, channels, _is_velocity, 3 + len(moving))
+    chosen = _fitted_channels(records, channels, _is_velocity, 3 + len(moving), "velocity")
+    _check_driving(records, controls)
     laws = {channel: fit_lags(_runs(records, channel, moving)) for channel in chosen}
     parameters = {}
     for channel, law in laws.items():
@@ -235,20 +224,14 @@ def _lag(records: Sequence[Record], channels: Sequence[str], controls: Sequence[
     return _of_laws("lag", laws, moving, parameters, records)
 
 
-def _yaw_refused(unknowns: int) -> Callable[[Sequence[Record], Sequence[str], Sequence[str]], str]:
-    return lambda records, channels, controls: (
-        _refused(records, channels, lambda channel: channel == "r", unknowns, "yaw rate r") or _still(records, controls)
-    )
-
-
 def _nomoto(records: Sequence[Record], channels: Sequence[str], controls: Sequence[str]) -> FittedBaseline:
-    rudder, law = _steered(records, controls)
+    rudder, law = _steered(records, channels, controls, 4)
     parameters = {"T": law.time_constants[0], "K": float(law.gains[0, 0]), "d": law.delay, "b": law.offset}
     return _of_laws("nomoto", {"r": law}, (rudder,), parameters, records)
 
 
 def _nomoto_second(records: Sequence[Record], channels: Sequence[str], controls: Sequence[str]) -> FittedBaseline:
-    rudder, _ = _steered(records, controls)
+    rudder, _ = _steered(records, channels, controls, 6)
     law = fit_lags(_runs(records, "r", (rudder,)), order=2)
     (t1, t2), (k1, k2) = law.time_constants, law.gains[:, 0].tolist()
     parameters = {"T1": t1, "T2": t2, "K": k1 + k2, "K T3": k1 * t2 + k2 * t1, "d": law.delay, "b": law.offset}
@@ -256,7 +239,7 @@ def _nomoto_second(records: Sequence[Record], channels: Sequence[str], controls:
 
 
 def _norrbin(records: Sequence[Record], channels: Sequence[str], controls: Sequence[str]) -> FittedBaseline:
-    rudder, linear = _steered(records, controls)
+    rudder, linear = _steered(records, channels, controls, 5)
     law = fit_cubic(_runs(records, "r", (rudder,)), linear)
     parameters = {
         "K/T": law.gain,
@@ -272,12 +255,12 @@ def _norrbin(records: Sequence[Record], channels: Sequence[str], controls: Seque
 BASELINES = {
     one.name: one
     for one in (
-        Baseline("persistence", "the first measurement, held", _hold_refused, _hold),
-        Baseline("mean", "the mean of the fitted runs", _hold_refused, _mean),
-        Baseline("lag", "a first-order lag of the controls", _lag_refused, _lag),
-        Baseline("nomoto", "a linear Nomoto model", _yaw_refused(4), _nomoto),
-        Baseline("nomoto-2", "a second-order Nomoto model", _yaw_refused(6), _nomoto_second),
-        Baseline("norrbin", "a cubic Nomoto model", _yaw_refused(5), _norrbin),
+        Baseline("persistence", "the first measurement, held", _hold),
+        Baseline("mean", "the mean of the fitted runs", _mean),
+        Baseline("lag", "a first-order lag of the controls", _lag),
+        Baseline("nomoto", "a linear Nomoto model", _nomoto),
+        Baseline("nomoto-2", "a second-order Nomoto model", _nomoto_second),
+        Baseline("norrbin", "a cubic Nomoto model", _norrbin),
     )
 }
 
@@ -286,8 +269,12 @@ def _is_velocity(channel: str) -> bool:
     return channel in VELOCITIES
 
 
-def _steered(records: Sequence[Record], controls: Sequence[str]) -> tuple[str, Lags]:
+def _steered(
+    records: Sequence[Record], channels: Sequence[str], controls: Sequence[str], unknowns: int
+) -> tuple[str, Lags]:
     """Return the control that steers, and the first-order lag of the yaw rate behind it."""
+    _fitted_channels(records, channels, lambda channel: channel == "r", unknowns, "yaw rate r")
+    _check_driving(records, controls)
     moving = _moving(records, controls)
     named = [name for name in RUDDERS if name in moving]
     tried = {name: fit_lags(_runs(records, "r", (name,))) for name in (named[:1] or moving)}
@@ -355,27 +342,28 @@ def _count(records: Sequence[Record], channel: str) -> int:
 
 
 def _fitted_channels(
-    records: Sequence[Record], channels: Sequence[str], wanted: Callable[[str], bool], unknowns: int
-) -> tuple[str, ...]:
-    """Return the channels of a kind that are measured often enough for so many unknowns."""
-    return tuple(one for one in channels if wanted(one) and _count(records, one) >= ROWS_EACH * unknowns)
-
-
-def _refused(
     records: Sequence[Record], channels: Sequence[str], wanted: Callable[[str], bool], unknowns: int, what: str
-) -> str:
-    """Return why no channel of a kind can be fitted."""
+) -> tuple[str, ...]:
+    """Return the channels of a kind that are measured often enough for so many unknowns.
+
+    Raises:
+        InputError: no such channel.
+    """
     if not records:
-        return "there is no run to fit"
-    kind = [channel for channel in channels if wanted(channel)]
-    if not kind:
-        return f"no {what} is among the channels {', '.join(channels)}"
-    if _fitted_channels(records, channels, wanted, unknowns):
-        return ""
-    most = max(kind, key=lambda channel: _count(records, channel))
-    return (
-        f"{most} has {_count(records, most)} measured samples, fewer than {ROWS_EACH} for each of {unknowns} unknowns"
-    )
+        raise cannot_be_fitted("there is no run to fit")
+    count = {
+        one: sum(int(np.isfinite(_measured(record, one)).sum()) for record in records)
+        for one in channels
+        if wanted(one)
+    }
+    if not count:
+        raise cannot_be_fitted(f"no {what} is among the channels {', '.join(channels)}")
+    most = max(count, key=lambda channel: count[channel])
+    if count[most] < ROWS_EACH * unknowns:
+        raise cannot_be_fitted(
+            f"{most} has {count[most]} measured samples, fewer than {ROWS_EACH} for each of {unknowns} unknowns"
+        )
+    return tuple(one for one in count if count[one] >= ROWS_EACH * unknowns)
 
 
 def _moving(records: Sequence[Record], controls: Sequence[str]) -> tuple[str, ...]:
@@ -384,16 +372,10 @@ def _moving(records: Sequence[Record], controls: Sequence[str]) -> tuple[str, ..
     return tuple(name for name, column in columns.items() if np.ptp(column) > 0)
 
 
-def _still(records: Sequence[Record], controls: Sequence[str]) -> str:
-    """Return why controls cannot drive anything; empty where they can."""
-    gaps = [name for name in controls if any(not np.isfinite(one.channel(name)).all() for one in records)]
-    if gaps:
-        return f"{gaps[0]} has gaps, and what drives the vehicle must be known at every sample"
-    return "" if _moving(records, controls) else "no control moves in the runs that are fitted"
-
-
-def _scored(record: Record, channel: str, mean: np.ndarray, noise_sd: float, start: int) -> Score:
-    measured, mean = _measured(record, channel)[start:], mean[start:]
-    if not np.isfinite(measured).any():
-        return unscored(0, "nothing was measured")
-    return score_channel(record.time[start:], measured, mean, np.zeros(mean.size), noise_sd)
+def _check_driving(records: Sequence[Record], controls: Sequence[str]) -> None:
+    """Refuse controls that cannot drive anything."""
+    for name in controls:
+        if any(not np.isfinite(one.channel(name)).all() for one in records):
+            raise cannot_be_fitted(f"{name} has gaps, and what drives the vehicle must be known at every sample")
+    if not _moving(records, controls):
+        raise cannot_be_fitted("no control moves in the runs that are fitted")
