@@ -24,9 +24,10 @@ from seatrial.core.errors import NumericalError
 from seatrial.core.files import write_json, write_text
 from seatrial.core.reporter import run_side_by_side
 from seatrial.estimation.posterior.posterior import Posterior
+from seatrial.messages.render import sentences
 from seatrial.report.drawing import draw_svg
 from seatrial.report.figures.style import own_settings
-from seatrial.sampling.diagnostics import complaints, diagnose
+from seatrial.sampling.diagnostics import chain_findings, diagnose
 from seatrial.sampling.run import ChainSettings
 from seatrial.sampling.sampler import SAMPLERS, sample
 from seatrial.sampling.target import evaluate
@@ -155,7 +156,7 @@ def bridge(posterior: Posterior, key: jax.Array) -> Evidence:
     starts = jnp.asarray(drawn[np.argsort(-evaluate(posterior, drawn))[:chains]])
     draws = sample(SAMPLERS["adaptive-metropolis"], posterior, starts, jnp.eye(posterior.dim), chain_key, BRIDGE_CHAINS)
     found = bridge_evidence(posterior, draws.z, key)
-    said = [*complaints(posterior.names, diagnose(draws.z))[:1], *filter(None, [found.status])]
+    said = [*sentences(chain_findings(posterior.names, diagnose(draws.z))[:1]), *filter(None, [found.status])]
     return replace(found, status="; ".join(said))
 
 

@@ -17,8 +17,8 @@ from seatrial.estimation.diagnostics.prior_checks import prior_excluding_data, p
 from seatrial.estimation.posterior import mode as mode_module
 from seatrial.estimation.posterior.mode import find_mode
 from seatrial.estimation.priors import LogNormal, Normal, Uniform, half_normal
-from seatrial.messages.render import remedy
-from seatrial.sampling.diagnostics import ChainHealth, complaints
+from seatrial.messages.render import remedy, sentence
+from seatrial.sampling.diagnostics import ChainHealth, chain_findings
 from tests.campaign.small import write_small
 from tests.campaign.test_nuisances import ESTIMATION, SENSOR, campaign, records
 from tests.estimation_cases import posterior
@@ -197,13 +197,13 @@ def test_one_sentence_for_each_kind_of_fault():
             "ess_tail": np.full(5, 150.0),
         }
     )
-    still, apart, few = complaints(tuple("abcde"), health)
+    still, apart, few = map(sentence, chain_findings(tuple("abcde"), health))
     assert still.startswith("the chains of a never moved")
     assert apart.startswith(
-        "the chains disagree about b and c (R-hat 1.200, at most 1.01): run longer, warm-up and draws twice"
+        "the chains disagree about b and c (R-hat 1.200, at most 1.01). Run longer, warm-up and draws twice"
     )
     assert few.startswith(
-        "too few independent draws of d and e (90 effective, at least 400): ask for more draws, 5 times as many"
+        "too few independent draws of d and e (90 effective, at least 400). Ask for more draws, 5 times as many"
     )
 
 

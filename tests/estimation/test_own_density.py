@@ -52,7 +52,7 @@ def test_draws_by_name(draws, exact):
     assert abs(table["mean"] - mean) < 4 * table["mcse"]
     assert table["sd"] == pytest.approx(sd, rel=0.1)
     assert stats.norm(mean, sd).cdf([table["5%"], table["95%"]]) == pytest.approx([0.05, 0.95], abs=0.02)
-    assert draws.complaints() == []
+    assert draws.findings() == []
     with pytest.raises(st.InputError, match='did you mean "mean"'):
         draws["meen"]
 

@@ -3,7 +3,8 @@ import pytest
 from arviz_stats.base import array_stats
 from scipy import signal, stats
 
-from seatrial.sampling.diagnostics import ChainHealth, asks_for_more, complaints, diagnose, geweke_score
+from seatrial.messages.render import sentence
+from seatrial.sampling.diagnostics import ChainHealth, asks_for_more, chain_findings, diagnose, geweke_score
 
 
 def autoregressive(rho, shape, seed=0):
@@ -87,11 +88,11 @@ HEALTHY = {"r_hat": 1.001, "ess_bulk": 900.0, "ess_tail": 800.0, "geweke": 0.9, 
     ("change", "words"),
     [
         ({}, []),
-        ({"r_hat": 1.02}, ["the chains disagree about X_u", "R-hat 1.020, at most 1.01", "run longer"]),
-        ({"r_hat": np.nan}, ["X_u never moved", "check the prior"]),
+        ({"r_hat": 1.02}, ["the chains disagree about X_u", "R-hat 1.020, at most 1.01", "Run longer"]),
+        ({"r_hat": np.nan}, ["X_u never moved", "Check the prior"]),
         (
             {"ess_bulk": 120.0},
-            ["too few independent draws of X_u", "120 effective, at least 400", "ask for more draws"],
+            ["too few independent draws of X_u", "120 effective, at least 400", "Ask for more draws"],
         ),
         ({"ess_tail": 399.0}, ["399 effective"]),
     ],
@@ -100,7 +101,7 @@ HEALTHY = {"r_hat": 1.001, "ess_bulk": 900.0, "ess_tail": 800.0, "geweke": 0.9, 
 def test_complaints(change, words):
     bad = {**HEALTHY, **change}
     health = ChainHealth(**{name: np.array([HEALTHY[name], bad[name]]) for name in HEALTHY})
-    said = complaints(("T_nabsn", "X_u"), health)
+    said = list(map(sentence, chain_findings(("T_nabsn", "X_u"), health)))
     assert len(said) == bool(words)
     assert all(word in said[0] for word in words)
     assert asks_for_more(health) == (bool(words) and not np.isnan(bad["r_hat"])), "chains that never moved gain nothing"
@@ -113,14 +114,14 @@ def test_chains_of_twenty_draws_are_judged():
 
 
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
-@pytest.mark.parametrize(("stuck", "word"), [(4, "never moved"), (1, "disagree")])
-def test_stuck_chains_are_noticed(stuck, word):
+@pytest.mark.parametrize(("stuck", "code"), [(4, "chains-still"), (1, "chains-disagree")])
+def test_stuck_chains_are_noticed(stuck, code):
     chains = np.random.default_rng(0).normal(size=(4, 1000, 1))
     chains[:stuck] = np.arange(stuck)[:, None, None]
-    (said,) = complaints(("X_u",), diagnose(chains))
-    assert word in said
+    (finding,) = chain_findings(("X_u",), diagnose(chains))
+    assert finding.code == code
 
 
 def test_slow_chains_are_noticed():
-    (said,) = complaints(("X_u",), diagnose(autoregressive(0.999, (4, 2000))[:, :, None]))
-    assert "X_u" in said
+    (finding,) = chain_findings(("X_u",), diagnose(autoregressive(0.999, (4, 2000))[:, :, None]))
+    assert finding.subject == ("X_u",)

@@ -7,9 +7,9 @@ from seatrial.estimation.posterior.mode import find_mode
 from seatrial.estimation.priors import Normal
 from seatrial.sampling import nuts
 from seatrial.sampling import nuts as gradient
-from seatrial.sampling.diagnostics import complaints, diagnose
+from seatrial.sampling.diagnostics import chain_findings, diagnose
 from seatrial.sampling.nuts import FORWARD_UP_TO, log_density_for_gradients
-from seatrial.sampling.run import ChainSettings, complaints_of_draws, is_finished
+from seatrial.sampling.run import ChainSettings, is_finished
 from seatrial.sampling.sampler import sample
 from tests.estimation_cases import THRUST_UNIT, golden_posterior, linear_gaussian, posterior, short_posterior
 from tests.sampling.moments import assert_moments
@@ -89,8 +89,8 @@ def test_golden_posterior():
     draws = sample(nuts, target, starts, jnp.asarray(mode.cov), KEY, ChainSettings(8, 200, 200))
     values = np.asarray(target.constrain(jnp.asarray(draws.z)))
     scaled = values[:, :, :3] / np.array([1.0, 1.0, THRUST_UNIT])
-    assert complaints(target.names, diagnose(values)) == []
-    assert complaints_of_draws(draws) == []
+    assert chain_findings(target.names, diagnose(values)) == []
+    assert draws.faults() == []
     means, sds = np.array([-1.133, -2.962, 6.249]), np.array([0.103, 0.068, 0.044])
     assert np.abs((scaled.mean((0, 1)) - means) / sds).max() < 0.15
     assert scaled.std((0, 1)) == pytest.approx(sds, rel=0.08)

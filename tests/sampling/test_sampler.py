@@ -7,12 +7,12 @@ import pytest
 
 from seatrial.core.errors import NumericalError
 from seatrial.estimation.priors import Normal, Uniform
-from seatrial.sampling.diagnostics import complaints, diagnose
+from seatrial.messages.render import statement
+from seatrial.sampling.diagnostics import chain_findings, diagnose
 from seatrial.sampling.names import DEFAULT
 from seatrial.sampling.run import (
     ChainSettings,
     arrays_of_run,
-    complaints_of_draws,
     is_finished,
     run_from_arrays,
     unnamed_draws,
@@ -62,8 +62,8 @@ def test_correlated_normal(name, d):
     assert_moments(values, mean, np.sqrt(np.diag(cov)))
     sd = np.sqrt(np.diag(cov))
     assert np.abs(np.corrcoef(values.reshape(-1, d).T) - cov / np.outer(sd, sd)).max() < 0.05
-    assert complaints(problem.posterior.names, diagnose(values)) == []
-    assert complaints_of_draws(draws) == []
+    assert chain_findings(problem.posterior.names, diagnose(values)) == []
+    assert draws.faults() == []
 
 
 @default
@@ -173,15 +173,15 @@ def test_chain_on_a_spike_is_told(name):
 
     target = posterior({"a": Normal(0.0, 1.0)}, spike, ())
     starts = jnp.linspace(-1.0, 1.0, 32)[:, None].at[2].set(0.5)
-    said = complaints_of_draws(sample(SAMPLERS[name], target, starts, jnp.eye(1), KEY, SHORT))
+    said = sample(SAMPLERS[name], target, starts, jnp.eye(1), KEY, SHORT).faults()
     expected = "transitions diverged" if name == "nuts" else "1 of 32 chains never moved in 200 draws (chain 3): "
-    assert any(expected in text for text in said)
+    assert any(expected in statement(one) for one in said)
 
 
 def test_divergences_are_told():
     z = np.random.default_rng(0).normal(size=(2, 10, 1))
-    (said,) = complaints_of_draws(unnamed_draws(z, z[..., 0], 0.8, 3))
-    assert said.startswith("3 of 20 transitions diverged: ")
+    (said,) = unnamed_draws(z, z[..., 0], 0.8, 3).faults()
+    assert statement(said).startswith("3 of 20 transitions diverged: ")
 
 
 def test_progress_is_told():

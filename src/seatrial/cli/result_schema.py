@@ -6,8 +6,10 @@ meaning without raising `SCHEMA` of `answer.py`.
 """
 
 import json
+from dataclasses import dataclass
 from typing import Any
 
+from pydantic import computed_field
 from typing_extensions import TypedDict
 
 from seatrial.campaign.store.cross_validation import Candidate
@@ -46,9 +48,21 @@ from seatrial.estimation.posterior.profile_result import Profiles
 from seatrial.estimation.prediction.baseline_comparison import Comparison
 from seatrial.logs.guess import Guess
 from seatrial.logs.summary import ClockSummary, ColumnSummary
+from seatrial.messages.predictions import comparison_text
 from seatrial.selection.verdict import StructureRow
 
 Number = float | None
+
+
+@dataclass(frozen=True)
+class ComparisonRow(Comparison):  # noqa: D101 (its docstring is that of its base)
+    __doc__ = Comparison.__doc__
+
+    @computed_field
+    @property
+    def sentence(self) -> str:
+        """What that means and what to do."""
+        return comparison_text(self)
 
 
 class EstimatedStructure(TypedDict):
@@ -86,7 +100,7 @@ class Estimate(TypedDict, total=False):
     taken_as_exact: str
     structures: list[EstimatedStructure]
     first_answers: list[FirstStructure]
-    baselines: list[Comparison]
+    baselines: list[ComparisonRow]
 
 
 class Table(TypedDict):
@@ -170,7 +184,7 @@ class Run(TypedDict):
     inclusion: list[Inclusion]
     verdicts: list[str]
     fits: list[Fit]
-    baselines: list[Comparison]
+    baselines: list[ComparisonRow]
     next: Next
 
 

@@ -224,6 +224,13 @@ def next_trial(designs: Any, proposal: Any) -> dict[str, Any]:
     return {"trial": design(sweep, (int(at[0]), int(at[1]))), "advice": proposal.words}
 
 
+def compared_rows(compared: Sequence[Any]) -> list[Any]:
+    """Return comparisons with baselines and their sentences."""
+    from seatrial.cli.result_schema import ComparisonRow
+
+    return [ComparisonRow(**vars(one)) for one in compared]
+
+
 def run(outcome: Any, proposal: Any) -> dict[str, Any]:
     """Return what the whole loop found."""
     chosen = outcome.chosen
@@ -235,7 +242,7 @@ def run(outcome: Any, proposal: Any) -> dict[str, Any]:
         "quoted": outcome.selection.quoted,
         **{key: value for key, value in selected(outcome.selection).items() if key != "chosen"},
         "fits": outcome.fits,
-        "baselines": outcome.compared,
+        "baselines": compared_rows(outcome.compared),
         "next": next_trial(outcome.next, proposal),
     }
 

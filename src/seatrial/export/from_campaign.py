@@ -38,6 +38,7 @@ from seatrial.export.vehicle import (
 )
 from seatrial.export.write import EXPORTERS, export_vehicle, make_exporter, of_catalogue
 from seatrial.manoeuvres.manoeuvre import Limits
+from seatrial.messages.render import sentences
 from seatrial.sampling.run import Draws
 from seatrial.selection.structures import Structure
 from seatrial.vehicles.active_dof import acting_terms
@@ -367,7 +368,7 @@ def of_estimates(vehicle: PublishedVehicle, draws: Draws | None = None) -> tuple
     covariance = np.cov(table.T, bias=True).reshape(len(names), len(names))
     estimated = CoefficientEstimates(names, table.mean(0), np.sqrt(np.diag(covariance)), covariance)
     means = dict(zip(names, map(float, estimated.mean), strict=True))
-    cautions = tuple(draws.complaints())
+    cautions = tuple(sentences(draws.findings()))
     tether = exported.hull.tether
     if tether is not None:
         pulled = tuple(one.name for one in tether.unknowns if one.name in draws.names)

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from types import MappingProxyType, ModuleType
 
 from seatrial.core.errors import InputError, nearest
-from seatrial.messages import effects, filters, fits, posterior, records, selection
+from seatrial.messages import chains, effects, filters, fits, posterior, records, selection
 from seatrial.messages.entry import Entry, Remedy
 
 SUBJECTS: Mapping[str, ModuleType] = {
@@ -12,6 +12,7 @@ SUBJECTS: Mapping[str, ModuleType] = {
     "Fits": fits,
     "Posterior": posterior,
     "Selection": selection,
+    "Chains": chains,
     "Effects": effects,
     "Filters": filters,
 }

@@ -129,9 +129,10 @@ def _shares(best: PooledScore, own: PooledScore) -> str:
 
 def _in_runs(one: Comparison) -> str:
     """Return in how many runs the best baseline is better than the model, and whether by far."""
-    is_better = one.by_run[:, 1] < one.by_run[:, 0]
-    first, second = one.by_run[is_better].sum(axis=0)
-    better, count = int(np.sum(is_better)), len(one.by_run)
+    by_run = np.array(one.by_run)
+    is_better = by_run[:, 1] < by_run[:, 0]
+    first, second = by_run[is_better].sum(axis=0)
+    better, count = int(np.sum(is_better)), len(by_run)
     far = ", by far" if first > FAR * second else ""
     if count == 1:
         return f" in the only run{far}"

@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from seatrial.core.errors import InputError
+from seatrial.core.findings import Finding
 
 MAX_R_HAT = 1.01  # Rank R-hat above which chains disagree (Vehtari et al., Bayesian Analysis 16, 2021)
 MIN_ESS = 400.0  # Fewest effective draws, of chains or of weights, on which an answer may rest (the same)
@@ -90,30 +91,27 @@ def geweke_score(chain: Float[np.ndarray, " n"], first: float = 0.1, last: float
     return float((early.mean() - late.mean()) / np.sqrt(variance)) if variance > 0 else float("inf")
 
 
-def complaints(names: tuple[str, ...], health: ChainHealth) -> list[str]:
-    """What is wrong, in words, one sentence for each kind of fault with the parameters that have it; empty where chains are healthy."""
+def chain_findings(names: tuple[str, ...], health: ChainHealth) -> list[Finding]:
+    """Report what is wrong, one finding for each kind of fault with the parameters that have it; none where chains are healthy."""
     effective = np.minimum(health.ess_bulk, health.ess_tail)
     still = ~np.isfinite(health.r_hat)
     apart = ~still & (health.r_hat > MAX_R_HAT)
     few = ~still & ~apart & (effective < MIN_ESS)
-    messages = []
+
+    def of(which: Bool[np.ndarray, " d"]) -> tuple[str, ...]:
+        return tuple(name for name, yes in zip(names, which, strict=True) if yes)
+
+    findings = []
     if still.any():
-        messages.append(
-            f"the chains of {_listed(names, still)} never moved: the proposal is far too wide or the density is flat or broken; "
-            "check the prior and the data"
-        )
+        findings.append(Finding("chains-still", "alarm", of(still), {}, ("check-prior-and-data",)))
     if apart.any():
-        messages.append(
-            f"the chains disagree about {_listed(names, apart)} (R-hat {health.r_hat[apart].max():.3f}, at most {MAX_R_HAT}): run "
-            "longer, warm-up and draws twice as many; if they still disagree, look for two separate explanations of the data"
-        )
+        values = {"r_hat": float(health.r_hat[apart].max()), "limit": MAX_R_HAT}
+        findings.append(Finding("chains-disagree", "alarm", of(apart), values, ("longer-chains",)))
     if few.any():
         least = float(effective[few].min())
-        messages.append(
-            f"too few independent draws of {_listed(names, few)} ({least:.0f} effective, at least {MIN_ESS:.0f}): ask for more "
-            f"draws, {_times(MIN_ESS / max(least, 1.0))} as many"
-        )
-    return messages
+        values = {"effective": least, "limit": MIN_ESS, "more": MIN_ESS / max(least, 1.0)}
+        findings.append(Finding("draws-too-few", "alarm", of(few), values, ("more-draws",)))
+    return findings
 
 
 def variance_of_mean(x: np.ndarray) -> float:
@@ -167,16 +165,6 @@ def printed_geweke_scores(
     the band of 2 the means must lie nearly three standard deviations apart. For comparison with the paper only.
     """
     return _scores(chain, first, last, intervals, lambda draws: float(draws.var()))
-
-
-def _listed(names: tuple[str, ...], which: Bool[np.ndarray, " d"]) -> str:
-    chosen = [name for name, yes in zip(names, which, strict=True) if yes]
-    return " and ".join([", ".join(chosen[:-1]), chosen[-1]] if len(chosen) > 1 else chosen)
-
-
-def _times(ratio: float) -> str:
-    """Return a factor in words, rounded up."""
-    return "twice" if ratio <= 2 else f"{int(np.ceil(ratio))} times"
 
 
 def _scores(

@@ -15,8 +15,9 @@ from jaxtyping import Array, Float, Int
 
 from seatrial.core.argument_checks import check_choice, check_count, check_names, check_sequence, shown
 from seatrial.core.errors import InputError, NumericalError
+from seatrial.core.findings import Finding
 from seatrial.core.result_table import table_html, table_text
-from seatrial.sampling.diagnostics import complaints, diagnose, mixing
+from seatrial.sampling.diagnostics import chain_findings, diagnose, mixing
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -190,11 +191,24 @@ class Draws:
         chains, kept, _ = self.z.shape
         return Mixing(*mixing(self.z), diverged=self.divergences / (chains * kept))
 
-    def complaints(self) -> list[str]:
-        """Return what makes the draws unfit for use, one sentence each; empty where chains are healthy."""
+    def findings(self) -> list[Finding]:
+        """Return what makes the draws unfit for use; empty of a population, and where chains are healthy."""
         if self.is_population:
             return []
-        return complaints(self.names, diagnose(self.values)) + complaints_of_draws(self)
+        return chain_findings(self.names, diagnose(self.values)) + self.faults()
+
+    def faults(self) -> list[Finding]:
+        """Return what is wrong with the chains as such; empty where all moved and none diverged."""
+        chains, kept, _ = self.z.shape
+        findings = []
+        still = np.flatnonzero((self.z == self.z[:, :1]).all((1, 2)))
+        if kept > 1 and still.size:
+            values = {"stuck": tuple(int(i) + 1 for i in still), "chains": chains, "kept": kept}
+            findings.append(Finding("chains-stuck", "alarm", (), values, ("warm-up-longer",)))
+        if self.divergences:
+            values = {"diverged": self.divergences, "transitions": chains * kept}
+            findings.append(Finding("transitions-diverged", "alarm", (), values, ("another-sampler",)))
+        return findings
 
     def summary(self) -> "DataFrame":
         """Return a table with a row for each parameter: unit, mean, sd, the 5 % and 95 % quantiles, and how well they are known.
@@ -220,7 +234,7 @@ class Draws:
 
     @property
     def _remarks(self) -> list[str]:
-        return self.complaints()
+        return [f"{one.code}: {', '.join(one.subject)}".removesuffix(": ") for one in self.findings()]
 
     __repr__ = table_text
     _repr_html_ = table_html
@@ -282,25 +296,6 @@ def is_finished(run: ChainRun, settings: ChainSettings) -> bool:
 def finish(run: ChainRun) -> Draws:
     """Return the draws of a finished run."""
     return unnamed_draws(np.swapaxes(run.z, 0, 1), run.log_density.T, float(run.acceptance.mean()))
-
-
-def complaints_of_draws(draws: Draws) -> list[str]:
-    """Return what is wrong with the chains as such, in words; empty where all moved and none diverged."""
-    chains, kept, _ = draws.z.shape
-    messages = []
-    still = np.flatnonzero((draws.z == draws.z[:, :1]).all((1, 2)))
-    if kept > 1 and still.size:
-        which = ", ".join(str(i + 1) for i in still[:5]) + (", ..." if still.size > 5 else "")
-        messages.append(
-            f"{still.size} of {chains} chains never moved in {kept} draws (chain {which}): they started where the density "
-            "is broken or the proposal is far too wide; warm up longer, or use another sampler"
-        )
-    if draws.divergences:
-        messages.append(
-            f"{draws.divergences} of {chains * kept} transitions diverged: the density has an edge or a narrow neck that "
-            "the sampler may not have entered; use adaptive Metropolis, or a prior that keeps clear of it"
-        )
-    return messages
 
 
 def arrays_of_run(run: ChainRun) -> dict[str, np.ndarray]:

@@ -35,14 +35,13 @@ from seatrial.estimation.priors import prior_curve
 from seatrial.messages.identifiability import identifiability_cautions
 from seatrial.messages.predictions import model_error_text
 from seatrial.messages.render import sentences
-from seatrial.sampling.diagnostics import asks_for_more, complaints, diagnose
+from seatrial.sampling.diagnostics import asks_for_more, chain_findings, diagnose
 from seatrial.sampling.run import (
     BLOCK,
     ChainRun,
     ChainSettings,
     Draws,
     arrays_of_run,
-    complaints_of_draws,
     run_from_arrays,
 )
 from seatrial.sampling.sampler import SAMPLERS, Sampler
@@ -252,7 +251,7 @@ def _estimate(
     return Estimate(
         structure,
         data,
-        alarms=(*complaints(names, health), *complaints_of_draws(draws)),
+        alarms=tuple(sentences([*chain_findings(names, health), *draws.faults()])),
         cautions=tuple(cautions),
         at_bounds=tuple(sentences(mode.at_bounds)),
         left_out=missing,

@@ -282,7 +282,7 @@ def _judge_unseen(
     which = labels[best] if len(labels) == 1 else f"{labels[best]}, the most probable"
     compared = compare_with_baselines(baselines, held_back[best].curves)
     lines = comparison_lines(baselines, compared)
-    answer.give(baselines=compared)
+    answer.give(baselines=results.compared_rows(compared))
     answer.say("\n".join([f"{which}, compared with baselines", *(f"  {line}" for line in lines)]))
     failed = held_back_alarms(held_back[best].fits, held_back[best].pooled)
     alarms = [f"{which}, {text}" for text in comparison_alarms(compared)] + [

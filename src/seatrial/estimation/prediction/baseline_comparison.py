@@ -54,7 +54,7 @@ class PooledScore:
     diverges: bool = False
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Comparison:
     """A model beside the baselines, of one channel.
 
@@ -65,7 +65,7 @@ class Comparison:
         p_value: probability that chance alone makes the better of the model and the best baseline so much better; where that is the
             baseline, times the number of baselines, of which it is the best (Bonferroni).
         level: pass where the model is best, caution where it is not, fail where a baseline is clearly better, by more than chance.
-        by_run: mean CRPS of the model and of the best baseline in each run that measures the channel, shape (runs, 2).
+        by_run: mean CRPS of the model and of the best baseline in each run that measures the channel.
         is_simpler: whether the best baseline has other equations than the model.
     """
 
@@ -74,7 +74,7 @@ class Comparison:
     baselines: tuple[PooledScore, ...]
     p_value: float
     level: FitLevel
-    by_run: Float[np.ndarray, "runs 2"]
+    by_run: tuple[tuple[float, float], ...]
     is_simpler: bool
 
 
@@ -105,7 +105,9 @@ def compare(
     clear = own.diverges or own.crps > CLEAR * best.crps
     level: FitLevel = "pass" if not worse else "fail" if clear and p_value < CHANCE else "caution"
     pairs = zip(_present(runs, ours), _present(runs, baselines[best.words]), strict=True)
-    by_run = np.array([[crps_normal(*own).mean(), crps_normal(*other).mean()] for own, other in pairs if own[0].size])
+    by_run = tuple(
+        (float(crps_normal(*one).mean()), float(crps_normal(*other).mean())) for one, other in pairs if one[0].size
+    )
     return Comparison(channel, own, (best, *others), p_value, level, by_run, best.words not in same_equations)
 
 
