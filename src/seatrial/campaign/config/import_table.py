@@ -16,7 +16,7 @@ from seatrial.core.signals import is_thruster, signal_unit
 from seatrial.core.units import to_si
 from seatrial.logs.body_frame import SOURCES
 from seatrial.logs.linear_sum import parse_sum
-from seatrial.logs.run_conditions import Comparison, parse_condition
+from seatrial.logs.run_conditions import parse_condition
 from seatrial.logs.source import Between
 from seatrial.vehicles.thrusters import ThrustLaw
 
@@ -237,29 +237,6 @@ class LogFile:
 
 
 @dataclass(frozen=True)
-class KeepRule:
-    """When a run is what it is taken for.
-
-    Attributes:
-        path: of a log, with `{run}` in place of the run's label.
-        when: the condition as written.
-        condition: its comparisons.
-        table: topic or type of message, where the log has several.
-        time: column that holds time; None for the clock of the format.
-        time_unit: its unit; None where the log states it.
-        delimiter: between columns of text; None to find it out.
-    """
-
-    path: str
-    when: str
-    condition: tuple[Comparison, ...]
-    table: str | None = None
-    time: str | None = None
-    time_unit: str | None = None
-    delimiter: str | None = None
-
-
-@dataclass(frozen=True)
 class Imports:
     """Runs, and how their logs become records.
 
@@ -283,7 +260,7 @@ class Imports:
     ends: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     own_ends: tuple[str, ...] = ()
     schedule: str | None = None
-    keep: tuple[KeepRule, ...] = ()
+    keep: tuple[KeepTable, ...] = ()
 
     @property
     def runs(self) -> tuple[str, ...]:
@@ -335,7 +312,11 @@ def read_imports(table: ImportTable, keys: FileKeys, known: Sequence[str], laws:
     for run, key in named:
         if run not in runs:
             raise not_among(keys.where(key), run, runs, found=f'run "{run}"')
-    keep = tuple(_keep(one, keys, f"import.keep[{index}]") for index, one in enumerate(table.keep))
+    for index, one in enumerate(table.keep):
+        key = f"import.keep[{index}]"
+        if one.time is not None and one.time.unit is not None:
+            to_si(1.0, one.time.unit, "s", keys.where(f"{key}.time.unit"))
+        parse_condition(one.when, keys.where(f"{key}.when"))
     imports = Imports(
         tuple(table.fit),
         tuple(table.predict),
@@ -345,7 +326,7 @@ def read_imports(table: ImportTable, keys: FileKeys, known: Sequence[str], laws:
         ends,
         tuple(table.trim),
         table.schedule,
-        keep,
+        table.keep,
     )
     for run in runs if files else ():
         if not imports.of(run):
@@ -394,16 +375,6 @@ def _what_is_read(imports: Imports, run: str) -> frozenset[object]:
                 for name, column in file.channels.items()
             ),
         ]
-    )
-
-
-def _keep(one: KeepTable, keys: FileKeys, key: str) -> KeepRule:
-    unit = None if one.time is None else one.time.unit
-    if unit is not None:
-        to_si(1.0, unit, "s", keys.where(f"{key}.time.unit"))
-    condition = parse_condition(one.when, keys.where(f"{key}.when"))
-    return KeepRule(
-        one.path, one.when, condition, one.table, None if one.time is None else one.time.column, unit, one.delimiter
     )
 
 

@@ -30,7 +30,7 @@ from seatrial.logs.cut_record import cut, is_beyond
 from seatrial.logs.formats.protocol import NoColumn
 from seatrial.logs.formats.registry import format_of, hash_of_log
 from seatrial.logs.log_table import read_log_table
-from seatrial.logs.run_conditions import longest, spans_of
+from seatrial.logs.run_conditions import longest, parse_condition, spans_of
 from seatrial.logs.schedule_match import match_schedule
 from seatrial.logs.source import ColumnMap, LogSource, LogTable
 from seatrial.manoeuvres.schedule import read_rows
@@ -226,8 +226,9 @@ def _kept(folder: Path, where: Callable[[str], str], imports: Imports, run: str,
     spans = []
     for index, (rule, path) in enumerate(zip(imports.keep, _keep_paths(folder, where, imports, run), strict=True)):
         with located(where(f"import.keep[{index}]")):
-            source = LogSource(path, rule.time, rule.time_unit, {}, delimiter=rule.delimiter, table=rule.table)
-            spans.append(spans_of(source, rule.condition))
+            column, unit = (None, None) if rule.time is None else (rule.time.column, rule.time.unit)
+            source = LogSource(path, column, unit, {}, delimiter=rule.delimiter, table=rule.table)
+            spans.append(spans_of(source, parse_condition(rule.when, where(f"import.keep[{index}].when"))))
     stretch = longest(spans, (begin, begin + Decimal(f"{whole.time[-1]:.9f}")))
     if stretch is None:
         conditions = " and ".join(rule.when for rule in imports.keep)
