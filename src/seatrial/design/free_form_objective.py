@@ -123,7 +123,12 @@ def _utility(setup: Setup, x: Array, block: int) -> Array:
     control = _control(setup, x)
 
     def at(values: Array) -> Array:
-        seen = setup.factor.T @ _information(setup.plan, values, control, block) @ setup.factor
+        # `TrialPlan.information` in blocks that are computed anew on the way back.
+        parts = setup.plan.model, setup.plan.channels, setup.plan.named(values), setup.plan.start
+        begin, advance = information_loop(*parts, setup.plan.autopilot, setup.plan.process)
+        over_block = jax.checkpoint(lambda carry, samples: jax.lax.scan(advance, carry, samples))
+        (_, _, total, *_), _ = jax.lax.scan(over_block, begin, _blocks(setup.plan, control, block))
+        seen = setup.factor.T @ total @ setup.factor
         return 0.5 * jnp.linalg.slogdet(jnp.eye(seen.shape[0]) + seen)[1]
 
     return jax.vmap(at)(setup.points).mean()
@@ -136,15 +141,6 @@ def _courses(setup: Setup, watched: Watched, x: Array, block: int) -> Course:
 
 def _control(setup: Setup, x: Array) -> Array:
     return setup.trim + (setup.basis @ x)[:, None] * setup.span
-
-
-def _information(plan: TrialPlan, values: Array, control: Array, block: int) -> Array:
-    """`TrialPlan.information` in blocks that are computed anew on the way back."""
-    parts = plan.model, plan.channels, plan.named(values), plan.start
-    begin, advance = information_loop(*parts, plan.autopilot, plan.process)
-    over_block = jax.checkpoint(lambda carry, samples: jax.lax.scan(advance, carry, samples))
-    (_, _, total, *_), _ = jax.lax.scan(over_block, begin, _blocks(plan, control, block))
-    return total
 
 
 def _course(plan: TrialPlan, watched: Watched, values: Array, control: Array, block: int) -> Course:

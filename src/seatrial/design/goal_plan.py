@@ -184,16 +184,15 @@ def find_stages(names: Sequence[str], asked: Sequence[str]) -> tuple[Stage, ...]
     stages: list[Stage] = []
     while missing := [axis for axis in wanted if not any(axis in stage.axes for stage in stages)]:
         done = {axis for stage in stages for axis in stage.axes}
-        groups = [_group(axis, needs, wanted) - done for axis in missing]
+        # An axis with those that it needs and that need it, and those it needs that nobody asked about.
+        groups = [
+            {axis, *(other for other in needs[axis] if axis in needs[other] or other not in wanted)} - done
+            for axis in missing
+        ]
         ready = [group for group in groups if not any(needs[axis] & set(wanted) - done - group for axis in group)]
         axes = min(ready, key=lambda group: sum(len(terms[axis]) for axis in group))
         stages.append(_stage([axis for axis in AXIS_ORDER if axis in axes], terms, names, needs, stages))
     return tuple(stages)
-
-
-def _group(axis: str, needs: dict[str, set[str]], wanted: Sequence[str]) -> set[str]:
-    """Return an axis with those that it needs and that need it, and those it needs that nobody asked about."""
-    return {axis} | {other for other in needs[axis] if axis in needs[other] or other not in wanted}
 
 
 def _stage(

@@ -161,6 +161,9 @@ def _alone(campaign: Campaign, estimate: Estimate) -> tuple[ExportedVehicle, Exp
     absent = [f"everything about {rate}" for rate in RATES if rate not in result.moves]
     absent += result.unknown_drives
     names = tuple(name for name in estimate.names if name.split("[")[0] == CURRENT)
+    trial_limited = [
+        name for name, limits in campaign.control_limits.items() if name in result.actuators and limits != Limits()
+    ]
     return result, ExportProvenance(
         estimate.key,
         campaign.name,
@@ -170,7 +173,11 @@ def _alone(campaign: Campaign, estimate: Estimate) -> tuple[ExportedVehicle, Exp
         tuple([", ".join(absent)] if absent else []),
         (
             f"{'body' if result.knows_body else 'mass'}{', and ' + ' '.join(given) if given else ''}: {where}",
-            *_limit_words(campaign.control_limits, result),
+            *(
+                [f"limits of {', '.join(trial_limited)}: those of its trials, [limits] of campaign.toml"]
+                if trial_limited
+                else []
+            ),
         ),
         (
             *estimate.alarms,
@@ -259,15 +266,6 @@ def _actuators(limited: Mapping[str, Limits], model: VehicleModel) -> dict[str, 
             bounds = ((limits.lower, -inf), (limits.upper, inf), (limits.rate, inf))
             actuators[name] = Actuator(0.0, *(no_bound if bound is None else bound for bound, no_bound in bounds))
     return actuators
-
-
-def _limit_words(limited: Mapping[str, Limits], vehicle: ExportedVehicle) -> list[str]:
-    trial_limited = [name for name, limits in limited.items() if name in vehicle.actuators and limits != Limits()]
-    return (
-        [f"limits of {', '.join(trial_limited)}: those of its trials, [limits] of campaign.toml"]
-        if trial_limited
-        else []
-    )
 
 
 def _estimated(estimate: Estimate, structure: Structure, summary: Summary) -> CoefficientEstimates:

@@ -112,7 +112,15 @@ def align(
     for track in tracks:
         time, name = track.time - begin, track.channel.name
         if track.channel.role == "control":
-            columns[name], note = _hold(time, track.values, instants, slack)
+            # Hold each control from its stamp to the next; the mean over a step within which one begins, so that none
+            # acts late.
+            index = np.searchsorted(time, instants + slack, side="right") - 1
+            within = np.flatnonzero(np.searchsorted(time, instants[1:] - slack) - 1 > index[:-1])
+            held = track.values[index]
+            if within.size:
+                held[within] = held_mean(time, track.values, instants)[within]
+            columns[name] = held
+            note = f"{within.size} instants hold the mean of what was held until the next" if within.size else ""
         else:
             columns[name], note, blur, count = _place(time, track, instants, slack, reach)
             averaged |= {name: count} if count > 1 else {}
@@ -388,16 +396,6 @@ def _of_hole(hole: _Hole, controls: Collection[str]) -> str:
         f'end = "{hole.begin:.6g} s" in [import.trim.RUN], and give the rest a label of its own in fit, with start = "{hole.end:.6g} s" '
         "and the same file, or a copy if its path has {run}"
     )
-
-
-def _hold(time: np.ndarray, values: np.ndarray, instants: np.ndarray, slack: float) -> tuple[np.ndarray, str]:
-    """Hold each control from its stamp to the next; the mean over a step within which one begins, so that none acts late."""
-    index = np.searchsorted(time, instants + slack, side="right") - 1
-    within = np.flatnonzero(np.searchsorted(time, instants[1:] - slack) - 1 > index[:-1])
-    held = values[index]
-    if within.size:
-        held[within] = held_mean(time, values, instants)[within]
-    return held, f"{within.size} instants hold the mean of what was held until the next" if within.size else ""
 
 
 def _place(

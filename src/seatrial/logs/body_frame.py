@@ -120,15 +120,19 @@ def _doubts(attitude: LogTable, gyro: LogTable, parts: Float[np.ndarray, "4 n"])
     turns, shown, start = _turns(attitude, gyro, parts)
     if len(turns) < _MIN_SAMPLES or np.sqrt(np.linalg.eigvalsh(turns.T @ turns)[0]) < _MIN_TURN:
         return None  # it hardly turned about some axis
-    beyond = _beyond_all_others(turns, shown)
-    jumps = beyond > _JUMP_ANGLE
+    # How far each turn of the attitude is from what most windows make of the gyro's: least absolute deviations, rad.
+    far = np.ones(len(turns))
+    for _ in range(20):
+        weight = np.maximum(far, 1e-3)[:, None] ** -0.5
+        far = np.linalg.norm(turns - shown @ np.linalg.lstsq(weight * shown, weight * turns, rcond=None)[0], axis=1)
+    jumps = far > _JUMP_ANGLE
     if jumps.mean() > _MAX_JUMP_SHARE:
         jumps[:] = False  # no exceptions: unit, sign or axes
     messages = []
     if jumps.any():
         messages.append(
             f"the attitude of {attitude.place} jumps {jumps.sum()} times where the gyro of {gyro.place} does not, by up to "
-            f"{np.degrees(beyond[jumps].max()):.0f} deg, first at {start[jumps][0]:.1f} s: angles averaged or interpolated over a "
+            f"{np.degrees(far[jumps].max()):.0f} deg, first at {start[jumps][0]:.1f} s: angles averaged or interpolated over a "
             'full turn? Import the quaternion, or set residuals = "heavy" for the attitude'
         )
     matrix = np.linalg.lstsq(turns[~jumps], shown[~jumps], rcond=None)[0].T
@@ -161,15 +165,6 @@ def _doubts(attitude: LogTable, gyro: LogTable, parts: Float[np.ndarray, "4 n"])
             "no mounting gives: one sign is wrong, or two axes are exchanged"
         )
     return messages
-
-
-def _beyond_all_others(turns: Float[np.ndarray, "n 3"], shown: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
-    """Return how far each turn of the attitude is from what most windows make of the gyro's: least absolute deviations, rad."""
-    far = np.ones(len(turns))
-    for _ in range(20):
-        weight = np.maximum(far, 1e-3)[:, None] ** -0.5
-        far = np.linalg.norm(turns - shown @ np.linalg.lstsq(weight * shown, weight * turns, rcond=None)[0], axis=1)
-    return far
 
 
 def _turns(

@@ -262,7 +262,10 @@ class LogsTogether:
         else by a map of its own, and `runs` says then whose each map is.
         """
         (runs, alike), apart = self._runs(), self._apart()
-        labels = _labels([self.logs[next(iter(one))].log.path for one in runs])
+        # A name for the run of each log: that of its file, or a number where two files are called alike.
+        paths = [self.logs[next(iter(one))].log.path for one in runs]
+        stems = [re.sub(r"[^A-Za-z0-9_-]", "_", path.stem) or "run" for path in paths]
+        labels = stems if len(set(stems)) == len(stems) else [str(at) for at in range(1, len(paths) + 1)]
         maps = {
             at: self.logs[at]._map_of(
                 chosen, names_unused=not self.only, run=label if len(runs) > 1 else None, apart=apart.get(at)
@@ -315,12 +318,6 @@ class LogsTogether:
 
 def _columns(guessed: Sequence[Guess]) -> set[tuple[str, str, str]]:
     return {(guess.channel, guess.table, guess.column) for guess in guessed}
-
-
-def _labels(paths: Sequence[Path]) -> list[str]:
-    """Return a name for the run of each log: that of its file, or a number where two files are called alike."""
-    stems = [re.sub(r"[^A-Za-z0-9_-]", "_", path.stem) or "run" for path in paths]
-    return stems if len(set(stems)) == len(stems) else [str(at) for at in range(1, len(paths) + 1)]
 
 
 def _clock_keys(clock: ClockSummary) -> Iterator[str]:
@@ -423,17 +420,14 @@ def _column_text(column: ColumnSummary) -> str:
     if column.constant:
         text = f"{column.least:.6g}{unit}; constant"
     else:
-        digits = _digits(column.least, column.greatest)
+        # How many digits tell the two ends of a range apart to a thousandth of it; six at least, and no more than a
+        # number has.
+        size, width = max(abs(column.least), abs(column.greatest)), column.greatest - column.least
+        digits = min(max(6, math.ceil(math.log10(size / width)) + 3), 17) if 0 < width < math.inf else 6
         text = f"{column.least:.{digits}g} to {column.greatest:.{digits}g}{unit}; mean {column.mean:.4g}, sd {column.sd:.3g}"
     extra = [f"{column.missing:.1%} missing"] if column.missing else []
     extra += [column.trouble] if column.trouble not in ("", "constant") else []
     return "; ".join([text, *extra])
-
-
-def _digits(least: float, greatest: float) -> int:
-    """Return how many digits tell the two ends of a range apart to a thousandth of it; six at least, and no more than a number has."""
-    size, width = max(abs(least), abs(greatest)), greatest - least
-    return min(max(6, math.ceil(math.log10(size / width)) + 3), 17) if 0 < width < math.inf else 6
 
 
 def _place(guess: Guess, tables: int) -> str:

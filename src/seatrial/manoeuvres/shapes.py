@@ -176,11 +176,7 @@ def _random_levels(kind: str, seed: int) -> Float[np.ndarray, " levels"]:
         return random.uniform(-1.0, 1.0, LEVELS)
     if kind == "telegraph":
         return random.choice([-1.0, 1.0], LEVELS)
-    return _maximal_sequence(seed)
-
-
-def _maximal_sequence(seed: int) -> Float[np.ndarray, " levels"]:
-    """Return the maximal-length sequence of +-1 of length 127, from the shift register x^7 + x^6 + 1; the seed turns it round."""
+    # The maximal-length sequence of +-1 of length 127, from the shift register x^7 + x^6 + 1; the seed turns it round.
     register, levels = [1] * 7, []
     for _ in range(127):
         levels.append(2.0 * register[-1] - 1.0)

@@ -103,7 +103,10 @@ def weigh(
             )
         cost = in_joules(power.hotel, PropellerPower(power.propulsion, power.at, sweep.family.control))
         if design.utility != "entropy":
-            utility = utility - _of_no_trial(criterion_of(campaign, plan, draws), design, draws)
+            # Utility without information: what is counted for a joule is the gain beyond it.
+            criterion = criterion_of(campaign, plan, draws)
+            few, k = utility_draws(design, draws), draws.shape[1]
+            utility = utility - float(np.mean(np.asarray(criterion(np.zeros((len(few), k, k))))))
         utility = gain_per_cost(utility, expected_cost(plan, cost, controls, draws[:UTILITY_DRAWS]).mean)
     values = np.full(sweep.gain.shape, np.nan)
     values[rows, columns] = utility
@@ -164,12 +167,6 @@ def utility_unit(design: DesignSettings) -> str:
     units = {"entropy": "nat", "fisher-d": "nat", "fisher-me": "nat", "fisher-c": "nat", "discrimination": "nat"}
     unit = units.get(design.utility, "")
     return unit + {"joule": "/J", "second": "/s", "trial": ""}[design.per]
-
-
-def _of_no_trial(criterion: Criterion | Discrimination, design: DesignSettings, draws: np.ndarray) -> float:
-    """Utility without information: what is counted for a joule is the gain beyond it."""
-    few, k = utility_draws(design, draws), draws.shape[1]
-    return float(np.mean(np.asarray(criterion(np.zeros((len(few), k, k))))))
 
 
 def _utility(

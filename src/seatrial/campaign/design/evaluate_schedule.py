@@ -26,7 +26,8 @@ from seatrial.vehicles.model import VehicleModel
 
 def stored_own(campaign: Campaign, own: OwnSchedule) -> StoredResult[OwnTrial]:
     """Return where the judgement of a campaign's own schedule is kept, and what it depends on."""
-    key = key_of("own", design_key(campaign), *_plain(own))
+    controls = {name: values.tolist() for name, values in own.schedule.controls.items()}
+    key = key_of("own", design_key(campaign), own.schedule.time.tolist(), controls)
     return StoredResult(Store(campaign.folder).own_design, key, OwnTrial, f"seatrial design {campaign.folder}")
 
 
@@ -114,8 +115,3 @@ def _sd_after(plan: TrialPlan, controls: np.ndarray, draws: np.ndarray) -> tuple
     before = np.linalg.inv(np.atleast_2d(np.cov(draws, rowvar=False)))
     information = np.asarray(plan.information(draws.mean(0), controls))
     return tuple(map(float, np.sqrt(np.diag(np.linalg.inv(before + information)))))
-
-
-def _plain(own: OwnSchedule) -> tuple:
-    controls = {name: values.tolist() for name, values in own.schedule.controls.items()}
-    return own.schedule.time.tolist(), controls

@@ -169,7 +169,12 @@ def plan_trials(campaign: Campaign, so_far: SoFar | None = None, reporter: Repor
     plan = plan_of(known, known.model(structure))
     stages = find_stages(plan.names, [name for name in plan.names if name in {**goal.shares, **goal.sds}])
     designs, information = _designs(known, plan, draws[:HALF], reporter)
-    goals = _stage_goals(stages, goal, plan.names, np.linalg.inv(np.atleast_2d(np.cov(draws, rowvar=False))))
+    precision = np.linalg.inv(np.atleast_2d(np.cov(draws, rowvar=False)))
+    share = np.array([goal.shares.get(name, inf) for name in plan.names])
+    sd = np.array([goal.sds.get(name, inf) for name in plan.names])
+    goals = tuple(
+        StageGoal(np.array([plan.names.index(name) for name in stage.sought]), share, sd, precision) for stage in stages
+    )
     seconds = np.array([one.family.end + campaign.plan.turnaround for one in designs])
     joules = np.array(
         [_joules(campaign.power, campaign.family, campaign.plan, one.control(), one.family.end) for one in designs]
@@ -294,16 +299,6 @@ def _designs(
         )
     report(2, 2)
     return [one for one, is_finite in zip(designs, finite, strict=True) if is_finite], information[finite]
-
-
-def _stage_goals(
-    stages: Sequence[Stage], goal: Goal, names: Sequence[str], precision: np.ndarray
-) -> tuple[StageGoal, ...]:
-    share = np.array([goal.shares.get(name, inf) for name in names])
-    sd = np.array([goal.sds.get(name, inf) for name in names])
-    return tuple(
-        StageGoal(np.array([names.index(name) for name in stage.sought]), share, sd, precision) for stage in stages
-    )
 
 
 class _Judge:

@@ -62,7 +62,9 @@ def write_schedule(
     back = _way_back(manoeuvre, sample_time, {name: float(values[-1]) for name, values in rows.controls.items()})
     time = [*map(float, rows.time), *(t for t, _ in back)]
     columns = {name: [*map(float, values), *(at[name] for _, at in back)] for name, values in rows.controls.items()}
-    text = table_text(time, columns, _commanded(columns, commands))
+    # NaN where no command makes a thrust.
+    commanded = {name: [commands[name](thrust) for thrust in columns[name]] for name in columns if name in commands}
+    text = table_text(time, columns, commanded)
     settings = {name: float(value) for name, value in manoeuvre.parameters.items()}
     content = {
         "manoeuvre": manoeuvre.name,
@@ -71,11 +73,6 @@ def write_schedule(
         **(about or {}),
     }
     return _write(path, text, tuple(columns), content)
-
-
-def _commanded(columns: Mapping[str, Sequence[float]], commands: Mapping[str, Command]) -> dict[str, list[float]]:
-    """Return the commands of the thrusts of a table, by control; NaN where no command makes one."""
-    return {name: [commands[name](thrust) for thrust in columns[name]] for name in columns if name in commands}
 
 
 def write_own(path: Path, schedule: Schedule, name: str) -> Path:

@@ -371,7 +371,10 @@ def _sweep(
     sweeps, errors = sweep_all(campaign, Believed(structure, belief, draws), report, reporter)
     if len(families) == 1 and errors:
         raise next(iter(errors.values()))
-    refused = {kind: _why(error) for kind, error in errors.items()}
+    refused = {
+        kind: error.sentence(with_remedy=False) if isinstance(error, InputError) else str(error)
+        for kind, error in errors.items()
+    }
     if not sweeps:
         raise InputError(
             campaign.where("design"),
@@ -400,10 +403,6 @@ def _sweep(
         prediction=tuple(prediction_lines(campaign, plan_as_run(plan, best), best.best_controls(), draws)),
         unit=utility_unit(campaign.design),
     )
-
-
-def _why(error: InputError | NumericalError) -> str:
-    return error.sentence(with_remedy=False) if isinstance(error, InputError) else str(error)
 
 
 def _kept(sweep: Sweep, name: str) -> np.ndarray:

@@ -51,7 +51,13 @@ def criterion_of(campaign: Campaign, plan: TrialPlan, draws: Float[np.ndarray, "
     design, cov = campaign.design, np.atleast_2d(np.cov(draws, rowvar=False))
     name = "fisher-d" if design.utility == "entropy" else design.utility
     if name == "discrimination":
-        rivals = _rivals(campaign, plan.names)
+        # Where there are too many structures, those that lack one term alone stand for all.
+        terms = set(plan.names)
+        if campaign.is_large and not campaign.shortlist:
+            lacking = [{name} for name in plan.names if name in campaign.rules.optional]
+        else:
+            lacking = [terms - set(one.terms) for one in campaign.structures if set(one.terms) < terms]
+        rivals = np.array([[name in lost for name in plan.names] for lost in lacking], bool).reshape(-1, len(terms))
         if len(rivals):
             return Discrimination(utility_draws(design, draws), rivals, cov)
         name = "fisher-d"  # the smallest structure was chosen: what settles it against others is searched beside this
@@ -86,12 +92,3 @@ def prediction_lines(
         f"{value * factor:.4g} {unit}, "
         f"known to ± {now:.2g} {unit} now and ± {then:.2g} {unit} after it",
     )
-
-
-def _rivals(campaign: Campaign, names: tuple[str, ...]) -> np.ndarray:
-    """What each structure lacks of these terms, shape (R, k); where there are too many, those that lack one term alone."""
-    if campaign.is_large and not campaign.shortlist:
-        lacking = [{name} for name in names if name in campaign.rules.optional]
-    else:
-        lacking = [set(names) - set(one.terms) for one in campaign.structures if set(one.terms) < set(names)]
-    return np.array([[name in lost for name in names] for lost in lacking], bool).reshape(-1, len(names))

@@ -166,7 +166,12 @@ class Adviser:
         mean = cut * scales
         sd = np.sqrt(np.diag(honest)) * scales
         raw = 1.0 / np.diag(np.asarray(belief.cov))
-        rate = self._rate(time, raw)
+        # The information about each coefficient that a second has brought in the last window; None before half of one.
+        self.known.append((time, raw))
+        while len(self.known) > 2 and self.known[1][0] <= time - WINDOW:
+            self.known.pop(0)
+        then, before = self.known[0]
+        rate = None if time - then < WINDOW / 2 else np.maximum(raw - before, 0.0) / (time - then)
         wanted = self._wanted(mean)
         if memory.count.sum() >= ENOUGH:
             raw_mean = np.asarray(belief.mean)
@@ -233,14 +238,6 @@ class Adviser:
             by_share = goal.shares[name] * abs(mean[i]) if name in goal.shares else np.inf
             wanted[i] = min(goal.sds.get(name, np.inf), by_share)
         return wanted
-
-    def _rate(self, time: float, raw: np.ndarray) -> Float[np.ndarray, " k"] | None:
-        """Return the information about each coefficient that a second has brought in the last window; None before half of one."""
-        self.known.append((time, raw))
-        while len(self.known) > 2 and self.known[1][0] <= time - WINDOW:
-            self.known.pop(0)
-        then, before = self.known[0]
-        return None if time - then < WINDOW / 2 else np.maximum(raw - before, 0.0) / (time - then)
 
     def _left(self, raw: np.ndarray, rate: np.ndarray | None, wanted: np.ndarray, discount: float) -> float | None:
         """Return the seconds to the goal at the rate of the last window; None where there is no rate or no goal."""

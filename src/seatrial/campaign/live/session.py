@@ -144,7 +144,13 @@ class Session:
     def _step(self, values: dict[str, float], step: float, begins: bool) -> None:
         sent = np.array([self.control[name] for name in self.controls])
         if begins:
-            self._begin({**self.control, **values})
+            # Begin the states anew, with what is known of the coefficients.
+            known = {**self.control, **values}
+            if self.belief is not None:
+                coefficients = self.recursion.coefficients(self.belief)
+                if np.isfinite(coefficients.chol_cov).all():
+                    self.coefficients = coefficients
+            self.belief = self.recursion.begin(known, self.coefficients)
             self.sent.clear()
             self.check.begin()
         self.check.add(self.clock.time, self.control, values)
@@ -162,14 +168,6 @@ class Session:
             return
         self.samples += 1
         self.memory.add(stepped.normalised)
-
-    def _begin(self, known: dict[str, float]) -> None:
-        """Begin the states anew, with what is known of the coefficients."""
-        if self.belief is not None:
-            coefficients = self.recursion.coefficients(self.belief)
-            if np.isfinite(coefficients.chol_cov).all():
-                self.coefficients = coefficients
-        self.belief = self.recursion.begin(known, self.coefficients)
 
     def _arriving(self, sent: np.ndarray) -> np.ndarray:
         """Return the control that arrives at the actuators now, sent a delay ago."""

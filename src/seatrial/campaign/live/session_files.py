@@ -4,7 +4,6 @@ import json
 import os
 import time
 from collections.abc import Mapping, Sequence
-from io import FileIO
 from pathlib import Path
 from typing import Any
 
@@ -42,7 +41,7 @@ class Kept:
         while any(self.folder.glob(f"{name if number == 1 else f'{name}-{number}'}.*")):
             number += 1
         self.run = name if number == 1 else f"{name}-{number}"
-        self.raw, self.table = (self._begin(end) for end in (suffix, ".csv"))
+        self.raw, self.table = (begin_file(self.folder / f"{self.run}{end}") for end in (suffix, ".csv"))
         self.table.write((",".join(["time_s", *self.channels]) + "\n").encode())
         self.rows: list[str] = []
         self.last = -1.0
@@ -88,9 +87,6 @@ class Kept:
         self.flush(force=True)
         self.raw.close()
         self.table.close()
-
-    def _begin(self, suffix: str) -> FileIO:
-        return begin_file(self.folder / f"{self.run}{suffix}")
 
 
 def sessions(folder: Path) -> list[str]:

@@ -73,7 +73,15 @@ def open_source(text: str, tables: Sequence[str]) -> Source:
             )
         return PipedText(sys.stdin.fileno())
     if text.startswith("udp:"):
-        return MavlinkUdp(*_address(text), wanted={table.split(" of ")[0] for table in tables})
+        host, _, port = text.removeprefix("udp:").rpartition(":")
+        if not host or not port.isdigit() or not 0 <= int(port) < 65536:
+            raise InputError(
+                f"SOURCE {text}",
+                found="no host and port",
+                expected="udp:HOST:PORT",
+                remedy="for example udp:0.0.0.0:14550",
+            )
+        return MavlinkUdp(host, int(port), wanted={table.split(" of ")[0] for table in tables})
     if text == "ros2":
         return RosTopics(tables)
     path = Path(text)
@@ -263,12 +271,3 @@ def _flatten(value: Any, path: str, columns: dict[str, float]) -> None:
     elif not isinstance(value, str | bytes) and hasattr(value, "__len__"):
         for place, one in enumerate(value):
             _flatten(one, f"{path}[{place}]", columns)
-
-
-def _address(text: str) -> tuple[str, int]:
-    host, _, port = text.removeprefix("udp:").rpartition(":")
-    if not host or not port.isdigit() or not 0 <= int(port) < 65536:
-        raise InputError(
-            f"SOURCE {text}", found="no host and port", expected="udp:HOST:PORT", remedy="for example udp:0.0.0.0:14550"
-        )
-    return host, int(port)

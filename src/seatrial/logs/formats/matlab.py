@@ -103,7 +103,13 @@ def _opened(log: LogFile) -> Iterator[tuple[list[_Array], _RowsOf]]:
     with log.path.open("rb") as stream:
         is_hdf5 = stream.read(8).startswith((b"MATLAB 7", _HDF5))
     if not is_hdf5:
-        loaded = _loaded(log.path)
+        # The real numeric arrays of a file of version 4 to 7, by dotted path.
+        from scipy.io import loadmat
+
+        variables = loadmat(log.path, mat_dtype=True)
+        loaded = dict(
+            array for name, value in variables.items() if not name.startswith("__") for array in _numeric(name, value)
+        )
         yield (
             [_Array(path, array.shape) for path, array in loaded.items()],
             lambda column, start, stop: _rows(loaded[column.path], start, stop, column.axis, column.element),
@@ -134,16 +140,6 @@ def _rows(array: Any, start: int, stop: int, axis: int, element: int | None) -> 
         other = next(k for k in range(array.ndim) if k != axis and array.shape[k] > 1)
         index[other] = element
     return np.asarray(array[tuple(index)])
-
-
-def _loaded(path: Path) -> dict[str, np.ndarray]:
-    """Return the real numeric arrays of a file of version 4 to 7, by dotted path."""
-    from scipy.io import loadmat
-
-    variables = loadmat(path, mat_dtype=True)
-    return dict(
-        array for name, value in variables.items() if not name.startswith("__") for array in _numeric(name, value)
-    )
 
 
 def _numeric(path: str, value: Any) -> Iterator[tuple[str, np.ndarray]]:
