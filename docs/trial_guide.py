@@ -11,6 +11,7 @@ from seatrial.campaign.design.sensor_choice import sensor_table
 from seatrial.campaign.design.sweep import design_first
 from seatrial.core.dataset_file import open_dataset
 from seatrial.core.files import write_text
+from seatrial.messages.designs import sensor_lines
 
 DOCS = Path(__file__).parent
 PAGE = DOCS / "explanation" / "trial_tables.md"
@@ -37,7 +38,14 @@ def main() -> None:
         if axis == "surge":
             parts += ["## Surge: size of the change from trim", "", *amplitudes(found), ""]
         if axis != "pitch":
-            parts += [f"## {axis.capitalize()}: sensors", "", "```text", *sensor_table(campaign).lines(), "```", ""]
+            parts += [
+                f"## {axis.capitalize()}: sensors",
+                "",
+                "```text",
+                *sensor_lines(sensor_table(campaign)),
+                "```",
+                "",
+            ]
     write_text(PAGE, "\n".join(parts))
 
 

@@ -7,7 +7,7 @@ from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.design.batch import plan_together
 from seatrial.campaign.design.compare_utilities import compare_measures
 from seatrial.campaign.design.free_form import design_free_trial
-from seatrial.campaign.design.global_search import search_design, search_lines
+from seatrial.campaign.design.global_search import search_design
 from seatrial.campaign.design.prior_state_space import prior_draws
 from seatrial.campaign.design.sensor_choice import sensor_table
 from seatrial.campaign.design.sweep import design_first
@@ -16,6 +16,7 @@ from seatrial.campaign.store.stored_result import Store
 from seatrial.core.errors import InputError
 from seatrial.design.safety import judge_safety
 from seatrial.design.trial_plan import plan_trial
+from seatrial.messages.designs import batch_lines, search_lines, sensor_lines
 from tests.campaign.small import NO_X_U, write_small
 from tests.campaign.test_designs import NARROW
 
@@ -154,7 +155,7 @@ def test_other_filters_agree_where_the_belief_is_narrow(tmp_path, name):
 def test_trials_of_one_day_sensors_and_a_search_between_the_points(tmp_path):
     campaign = asked(tmp_path, 'utility = "fisher-d"', "\n[goal]\nsd = { T_nabsn = 1e-5 }\n")
     batch = plan_together(campaign, 2)
-    assert " nat so far" in batch.lines()[1]
+    assert " nat so far" in batch_lines(batch)[1]
     assert batch.found.utility[1] >= batch.found.repeated - 1e-9
     assert all(path.is_file() for path in batch.schedules)
     best = design_first(campaign).best
@@ -165,7 +166,7 @@ def test_trials_of_one_day_sensors_and_a_search_between_the_points(tmp_path):
     assert table.meets == tuple(worth.sd[table.names.index("T_nabsn")] < 1e-5 for _, worth in table.rows)
     assert any(table.meets)
     assert not all(table.meets)
-    assert sum("meets the goal" in line for line in table.lines()) == sum(table.meets)
+    assert sum("meets the goal" in line for line in sensor_lines(table)) == sum(table.meets)
     by_rate = [worth.utility for words, worth in table.rows[1:] if " Hz" in words]
     assert by_rate == sorted(by_rate)
     found, family, schedule = search_design(campaign, 160)

@@ -16,6 +16,7 @@ from seatrial.campaign.rehearsal.run import known_after
 from seatrial.campaign.rehearsal.vehicles import Vehicle, run_trial
 from seatrial.core.errors import InputError
 from seatrial.estimation.simulation.sensor_errors import noise_name
+from seatrial.messages.designs import plan_lines
 from tests.campaign.small import write_small
 
 POSSIBLE = (
@@ -70,7 +71,7 @@ def test_a_goal_out_of_reach_is_said_to_be(tmp_path):
     found = plan_trials(campaign(tmp_path, "sd = { X_u = 1e-4, T_nabsn = 1e-3 }\ntrials = 2"))
     assert found.chance == 0.0
     assert found.further is None
-    assert "change goals, sensors or designs" in "\n".join(found.lines())
+    assert "change goals, sensors or designs" in "\n".join(plan_lines(found))
     assert found.goals == {"X_u": 0.0, "T_nabsn": 1.0}
     assert found.without_goal["X_u"] == 1.0
 
@@ -193,7 +194,7 @@ def test_a_whole_vehicle_is_planned_in_stages_on_its_own_controls(tmp_path):
     assert [stage.before for stage in found.stages] == [(), (0,), (0,)]
     assert [step.stage for step in found.steps] == sorted(step.stage for step in found.steps)
     assert "delta_r" in {step.control for step in found.steps if step.stage == 1}
-    text = "\n".join(found.lines())
+    text = "\n".join(plan_lines(found))
     assert 'moves = ["v", "r"]; measured_inputs = ["u"]; priors_from = ["../stage_1"]' in text
 
 

@@ -15,6 +15,7 @@ from seatrial.core.reporter import Progress, no_progress
 
 BatchedUtility = Callable[[np.ndarray], np.ndarray]
 """Utilities, shape (P,), of settings, shape (P, s); NaN where a design is not allowed."""
+POPULATION = 16  # Designs that are evaluated at once
 FIRST_SD = 0.3  # Of the first population, as a share of the box
 
 
@@ -52,7 +53,7 @@ def search_globally(
     upper: Float[np.ndarray, " s"],
     budget: int,
     seed: int,
-    population: int = 16,
+    population: int = POPULATION,
     progress: Progress = no_progress,
 ) -> GlobalOptimum:
     """Maximise a utility over a box of at least two settings. The same seed gives the same result.

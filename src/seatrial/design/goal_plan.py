@@ -19,6 +19,7 @@ from jaxtyping import Bool, Float, Int
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.signals import SPEEDS
 
+MAX_TRIALS = 30  # Trials of a plan that are thought of, whatever the day allows
 MIN_FALL = 1e-3  # Fall of the sum below which another trial helps nothing
 
 

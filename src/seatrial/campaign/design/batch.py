@@ -35,23 +35,6 @@ class PlannedBatch:
     schedules: tuple[Path, ...]
     unit: str
 
-    def lines(self) -> list[str]:
-        """In words."""
-        total, count = self.found.utility[-1], len(self.words)
-        together = f"{count} trials together" if count > 1 else "1 trial"
-        return [
-            f"{together}: {self._said(total)}; the best one {count} time{'s' * (count != 1)}: {self._said(self.found.repeated)}",
-            *(
-                f"{number}. {words}: {self._said(reached)} so far; schedule in {path}"
-                for number, (words, reached, path) in enumerate(
-                    zip(self.words, self.found.utility, self.schedules, strict=True), 1
-                )
-            ),
-        ]
-
-    def _said(self, utility: float) -> str:
-        return f"{utility:.2f} {self.unit}".rstrip()
-
 
 def plan_together(campaign: Campaign, trials: int, reporter: Reporter = SILENT) -> PlannedBatch:
     """Choose so many trials among all designs inside the limits, weighed as one alone is.

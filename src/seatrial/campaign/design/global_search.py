@@ -15,14 +15,12 @@ from seatrial.campaign.store.designs import Searched
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.errors import InputError
 from seatrial.core.reporter import SILENT, Reporter
-from seatrial.design.global_search import search_globally
+from seatrial.design.global_search import POPULATION, search_globally
 from seatrial.design.robust import utility_table
 from seatrial.design.safety import judge_safety
 from seatrial.design.sweep import all_controls, inside_limits
 from seatrial.design.trial_plan import TrialPlan
 from seatrial.manoeuvres.family import Family, design_words
-
-POPULATION = 16  # Designs that are evaluated at once
 
 
 def stored_search(campaign: Campaign, budget: int) -> StoredResult[Searched]:
@@ -52,20 +50,6 @@ def search_design(campaign: Campaign, budget: int, reporter: Reporter = SILENT) 
     family = next(one for one in campaign.families if one.kind == design.kind)
     path = Store(campaign.folder).schedule(kept.path)
     return design, family, write_design(campaign, path, family.manoeuvre(design.amplitude, design.period))
-
-
-def search_lines(design: Searched, family: Family) -> list[str]:
-    """Say what was found."""
-    rest = "" if design.settled else "; the search had not settled: search longer"
-    rounded = f" ({design.budget} asked for: whole populations of {POPULATION} in each family)"
-    over = f"{design.evaluations} designs{rounded if design.evaluations != design.budget else ''}"
-    best, beside = (f"{value:.3f} {design.unit}".rstrip() for value in (design.utility, design.beside))
-    return [
-        f"global search over {over}: {design_words(family, design.amplitude, design.period)}: "
-        f"{best}, the best of the grid ({design.grid}) {beside} by the same measure{rest}",
-        *design.safety,
-        *(f"{kind}: no design inside the limits was met" for kind in design.refused),
-    ]
 
 
 def check_search(

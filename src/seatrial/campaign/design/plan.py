@@ -23,12 +23,11 @@ from seatrial.campaign.design.sweep import coefficient_draws
 from seatrial.campaign.design.utility import UTILITY_DRAWS
 from seatrial.campaign.store.estimates import Drawn
 from seatrial.campaign.store.stored_result import Store
-from seatrial.core.coefficients import AXES
 from seatrial.core.errors import InputError
 from seatrial.core.record import Record
 from seatrial.core.reporter import SILENT, Reporter
 from seatrial.design.cost import PropellerPower
-from seatrial.design.goal_plan import PlannedTrial, Stage, StageGoal, choose_trials, find_stages, goals_met
+from seatrial.design.goal_plan import MAX_TRIALS, PlannedTrial, Stage, StageGoal, choose_trials, find_stages, goals_met
 from seatrial.design.limit_conflicts import check_some_allowed
 from seatrial.design.robust import information_or_nan
 from seatrial.design.safety import judge_safety
@@ -36,9 +35,9 @@ from seatrial.design.sweep import all_controls, inside_limits
 from seatrial.design.trial_plan import TrialPlan
 from seatrial.manoeuvres.family import Family, design_words
 from seatrial.manoeuvres.manoeuvre import Limits
+from seatrial.messages.designs import count_trials
 from seatrial.vehicles.model import VehicleModel
 
-MOST = 30  # Trials that are thought of beyond what the day allows
 # Share of the room of another control that the largest amplitude takes where the designed control has no two limits
 ROOM = 0.75
 
@@ -102,50 +101,6 @@ class Plan:
     further: tuple[int, float, float | None] | None
     asked: float
 
-    def lines(self) -> list[str]:
-        """Return it in words."""
-        several = len(self.stages) > 1
-        takes = _cost_words(self.seconds, self.joules)
-        lines = [f"plan from {self.basis}: {_trials(len(self.steps))}, {takes}"]
-        for number, stage in enumerate(self.stages):
-            lines += [self._head(number, stage)] * several
-            lines += [
-                f"  {place}. {step.words}; schedule in {step.schedule}"
-                for place, step in enumerate(self.steps, 1)
-                if step.stage == number
-            ]
-        if not (self.steps or self.ended_by):
-            return [f"plan from {self.basis}: no further trial: the goals are met with chance {self.chance:.2f}"]
-        lines.append(f"chance that all goals are met after it: {self.chance:.2f} ± {self.chance_error:.2f}")
-        lines.append("of each goal: " + ", ".join(f"{name} {chance:.2f}" for name, chance in self.goals.items()))
-        return [*lines, *self._what_it_takes(), *self._drops()]
-
-    def _head(self, number: int, stage: Stage) -> str:
-        names = ", ".join(AXES[axis][1].rpartition(" ")[0] for axis in stage.axes)
-        earlier = [f'"../stage_{one + 1}"' for one in stage.before]
-        keys = [f"moves = {_list(stage.moves)}", *([f"measured_inputs = {_list(stage.given)}"] if stage.given else [])]
-        keys += [f"priors_from = [{', '.join(earlier)}]"] if earlier else []
-        return f"stage {number + 1}, {names}: {', '.join(stage.sought)}; {'; '.join(keys)}"
-
-    def _what_it_takes(self) -> list[str]:
-        if not self.ended_by:
-            return []
-        if self.further is None:
-            reach = f"{MOST} trials of these designs would not reach {self.asked:g} either"
-            return [f"{self.ended_by}; {reach}: change goals, sensors or designs"]
-        trials, seconds, joules = self.further
-        return [f"{self.ended_by}; {self.asked:g} would take {_trials(trials)}, {_cost_words(seconds, joules)}"]
-
-    def _drops(self) -> list[str]:
-        if not self.steps:
-            return []
-        at, step = max(enumerate(self.steps, 1), key=lambda one: one[1].without)
-        name = max(self.without_goal, key=lambda one: self.without_goal[one])
-        return [
-            f"if time runs short, drop trial {at} first: the chance is then {step.without:.2f}",
-            f"if a goal must go, drop that of {name}: all others are met with chance {self.without_goal[name]:.2f}",
-        ]
-
 
 def plan_trials(campaign: Campaign, so_far: SoFar | None = None, reporter: Reporter = SILENT) -> Plan:
     """Plan the trials of a campaign, or those that remain.
@@ -165,7 +120,7 @@ def plan_trials(campaign: Campaign, so_far: SoFar | None = None, reporter: Repor
         draws = prior_draws(campaign, campaign.model(structure))
     else:
         known, structure = with_residual_noise(campaign, so_far.drawn), so_far.drawn.structure
-        draws, basis = coefficient_draws(so_far.drawn, campaign.seed), f"{_trials(len(so_far.records))} so far"
+        draws, basis = coefficient_draws(so_far.drawn, campaign.seed), f"{count_trials(len(so_far.records))} so far"
     plan = plan_of(known, known.model(structure))
     stages = find_stages(plan.names, [name for name in plan.names if name in {**goal.shares, **goal.sds}])
     designs, information = _designs(known, plan, draws[:HALF], reporter)
@@ -187,16 +142,20 @@ def plan_trials(campaign: Campaign, so_far: SoFar | None = None, reporter: Repor
         few,
         information,
         seconds,
-        MOST,
+        MAX_TRIALS,
         lambda trials: judge.chance(trials, slice(0, HALF)) >= campaign.plan.chance,
     )
     most = max(goal.trials - (0 if so_far is None else len(so_far.records)), 0)
     inside, ended_by = _inside(campaign.plan, campaign.goal, chosen, seconds, joules, spent, most)
     is_enough = judge.chance(chosen, slice(0, HALF)) >= campaign.plan.chance
     if not is_enough and len(inside) == len(chosen):
-        ended_by = "no design gives the missing information" if len(chosen) < MOST else f"{MOST} trials are not enough"
+        ended_by = (
+            "no design gives the missing information"
+            if len(chosen) < MAX_TRIALS
+            else f"{MAX_TRIALS} trials are not enough"
+        )
     further = (len(chosen), _sum(seconds, chosen), _energy(campaign.power, joules, chosen)) if is_enough else None
-    return _told(campaign, basis, stages, designs, sorted(inside), judge, seconds, joules, ended_by, further)
+    return _written_plan(campaign, basis, stages, designs, sorted(inside), judge, seconds, joules, ended_by, further)
 
 
 def goal_of(goal: Goal | None, model: VehicleModel, where: Callable[[str], str]) -> Goal:
@@ -356,7 +315,7 @@ def _inside(
     return inside, ""
 
 
-def _told(
+def _written_plan(
     campaign: Campaign,
     basis: str,
     stages: tuple[Stage, ...],
@@ -427,16 +386,3 @@ def _sum(each: np.ndarray, trials: Sequence[PlannedTrial]) -> float:
 
 def _energy(power: PowerTable | None, joules: np.ndarray, trials: Sequence[PlannedTrial]) -> float | None:
     return None if power is None else _sum(joules, trials)
-
-
-def _trials(count: int) -> str:
-    return f"{count} trial{'s' * (count != 1)}"
-
-
-def _list(words: Sequence[str]) -> str:
-    return "[" + ", ".join(f'"{word}"' for word in words) + "]"
-
-
-def _cost_words(seconds: float, joules: float | None) -> str:
-    time = f"{seconds / 60:.3g} min" if seconds < 7200 else f"{seconds / 3600:.3g} h"
-    return time if joules is None else f"{time} and {joules / 3600:.3g} Wh"

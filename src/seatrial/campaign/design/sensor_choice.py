@@ -35,21 +35,6 @@ class SensorComparison:
     rows: tuple[tuple[str, SensorWorth], ...]
     meets: tuple[bool, ...] = ()
 
-    def lines(self) -> list[str]:
-        """A table."""
-        width = max(len(words) for words, _ in self.rows)
-        columns = [
-            f"{f'sd({name})':>{max(14, len(name) + 4)}} {unit}"
-            for name, unit in zip(self.names, self.units, strict=True)
-        ]
-        lines = [f"{'sensors':<{width}}  {'nat':>6}  {'  '.join(columns)}"]
-        for (words, worth), met in zip(self.rows, self.meets or (False,) * len(self.rows), strict=True):
-            values = [f"{sd:>{len(column)}.3g}" for sd, column in zip(worth.sd, columns, strict=True)]
-            lines.append(f"{words:<{width}}  {worth.utility:>6.2f}  {'  '.join(values)}{'  meets the goal' * met}")
-        if self.meets and not any(self.meets):
-            lines.append("none of them meets the goal with this one trial")
-        return lines
-
 
 def sensor_table(campaign: Campaign, reporter: Reporter = SILENT) -> SensorComparison:
     """Weigh other sensors on the best design, over draws of the priors.

@@ -138,8 +138,10 @@ def plan(
         from seatrial.campaign.workflow.steps import Workflow
 
         if not vehicles:
+            from seatrial.messages.designs import plan_lines
+
             trials = Workflow(campaign, reporter, so_far=_so_far(campaign, reporter)).get("plan")
-            answer.say("\n".join(trials.lines()))
+            answer.say("\n".join(plan_lines(trials)))
             answer.give(**results.plan(trials))
             return answer.finish([], [])
         from seatrial.report.figure_files import write_rehearsal_picture
@@ -224,19 +226,23 @@ def _self_oscillation(flow: Any, answer: Answer) -> list[str]:
 
 
 def _together(flow: Any, answer: Answer) -> list[str]:
+    from seatrial.messages.designs import batch_lines
+
     result = flow.get("batch")
     answer.give(batch=results.batch(result))
-    return result.lines()
+    return batch_lines(result)
 
 
 def _sensors(flow: Any, answer: Answer) -> list[str]:
+    from seatrial.messages.designs import sensor_lines
+
     result = flow.get("sensors")
     answer.give(sensors=results.sensor_rows(result))
-    return result.lines()
+    return sensor_lines(result)
 
 
 def _searched(flow: Any, answer: Answer) -> list[str]:
-    from seatrial.campaign.design.global_search import search_lines
+    from seatrial.messages.designs import search_lines
 
     result, family, schedule = flow.get("searched")
     answer.give(searched=result)
