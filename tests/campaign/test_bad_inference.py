@@ -174,7 +174,7 @@ def test_where_the_likelihood_is_nan_everywhere_a_point_is_given():
 
 
 def test_a_start_without_derivatives_does_not_lose_the_others(monkeypatch):
-    real, ways = mode_module._climb, []
+    real, ways = mode_module._maximise, []
 
     def first_is_lost(target, start, *tops):
         ways.append(start)
@@ -182,7 +182,7 @@ def test_a_start_without_derivatives_does_not_lose_the_others(monkeypatch):
             raise NumericalError("no derivative at X_u = 0")
         return real(target, start, *tops)
 
-    monkeypatch.setattr(mode_module, "_climb", first_is_lost)
+    monkeypatch.setattr(mode_module, "_maximise", first_is_lost)
     assert fitted(Uniform(-1.0, 1.0), -0.3)[1].values == pytest.approx([-0.3, 0.2], abs=0.01)
     assert len(ways) > 1
 

@@ -9,8 +9,7 @@ from scipy.integrate import solve_ivp
 from seatrial.core.errors import InputError
 from seatrial.core.record import Channel, Provenance, make_record
 from seatrial.estimation.prediction.baselines import BASELINES, fit_baselines
-from seatrial.estimation.prediction.cubic_lag import CubicLag
-from seatrial.estimation.prediction.lag_response import Run, lag_response
+from seatrial.estimation.prediction.lag_response import CubicLag, Run, lag_response
 
 UNITS = {"u": "m/s", "r": "rad/s", "n": "rad/s", "delta_r": "rad"}
 LAG = {"T": 4.0, "K": 0.12, "b": 0.004, "d": 0.5}

@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 from seatrial.core.record import Channel, Provenance, make_record
 from seatrial.core.signals import signal_unit
 from seatrial.estimation.posterior.first_guess import _inside, first_guess
-from seatrial.estimation.posterior.mode import climb, find_mode
+from seatrial.estimation.posterior.mode import find_mode, maximise_from
 from seatrial.estimation.posterior.output_error import output_error
 from seatrial.estimation.posterior.posterior import Parameter, Posterior
 from seatrial.estimation.priors import LogUniform, Normal, Uniform
@@ -117,7 +117,7 @@ def test_the_mode_is_found_where_draws_of_wide_priors_end_on_another_hill():
     places = np.array([guess.get(parameter.name, np.nan) for parameter in parameters])
     plain = Posterior(tuple(parameters), likelihood, data)
     draws = np.array(plain.sample_prior(jax.random.key(0), 32))
-    alone = climb(plain, draws[np.argmax(evaluate(plain, draws))])
+    alone = maximise_from(plain, draws[np.argmax(evaluate(plain, draws))])
     helped = find_mode(Posterior(plain.parameters, likelihood, data, places), jax.random.key(0), starts=32, tries=1)
     assert helped.log_density > alone.log_density + 50
     for value, sd, (name, truth) in zip(helped.values, helped.sd, TRUTH.items(), strict=False):

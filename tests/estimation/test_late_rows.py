@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from seatrial.estimation.regression.screening_delay import delayed, likely_delay
+from seatrial.estimation.regression.row_fit import delayed, likely_delay
 from seatrial.estimation.simulation.delayed_control import delay_control
 from tests.estimation.row_cases import SURGE, surge_record
 

@@ -10,7 +10,7 @@ import seatrial as st
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.record import Channel, Provenance, make_record
 from seatrial.estimation.posterior import mode as module
-from seatrial.estimation.posterior.mode import draw_about, find_mode, follow, higher_mode
+from seatrial.estimation.posterior.mode import draw_about, find_mode, higher_mode, maximise
 from seatrial.estimation.posterior.posterior import values_of
 from seatrial.estimation.priors import LogNormal, LogUniform, Normal, Uniform
 from seatrial.estimation.simulation.trial_data import first_samples, stack_trials
@@ -58,8 +58,8 @@ def test_highest_of_two_peaks():
 @pytest.mark.parametrize(("likelihood", "peaks"), [(lambda v, data: -0.5 * (v["a"] / 0.1) ** 2, 1), (two_peaks, 2)])
 def test_each_peak_is_climbed_once(likelihood, peaks, monkeypatch):
     """Of all 512 draws, only one on each side of the valley has anything to show."""
-    climb, ends = module._climb, []
-    monkeypatch.setattr(module, "_climb", lambda *start: ends.append(climb(*start)) or ends[-1])
+    climb, ends = module._maximise, []
+    monkeypatch.setattr(module, "_maximise", lambda *start: ends.append(climb(*start)) or ends[-1])
     find_mode(posterior({"a": Normal(0.0, 5.0)}, likelihood), KEY, tries=512)
     assert len(ends) == peaks
     assert np.ptp([z[0] for z, _ in ends]) == pytest.approx(1.4 * (peaks - 1), abs=0.01)
@@ -257,11 +257,11 @@ def test_a_step_to_where_the_density_is_zero_is_refused():
             value=-5.0 * long, gradient=np.array([-5.0 * away / long]), hessian=np.array([[-5.0 / long**3]])
         )
 
-    found, height = follow(expanded, np.array([-3.0]), str)
+    found, height = maximise(expanded, np.array([-3.0]), str)
     assert found == pytest.approx([1.0], abs=1e-5)
     assert height == pytest.approx(-5.0)
     with pytest.raises(NumericalError, match="no finite derivative"):
-        follow(expanded, np.array([6.0]), str)
+        maximise(expanded, np.array([6.0]), str)
 
 
 def surge_posterior(samples=400, sigma=(1e-4, 10.0)):
@@ -293,13 +293,13 @@ def test_noise_begins_at_the_size_of_the_residuals():
 def test_a_long_record_has_the_mode_that_a_search_of_all_of_it_finds(monkeypatch):
     target, _ = surge_posterior()
     whole = find_mode(target, KEY)
-    monkeypatch.setattr(module, "LONG", 100)
-    sizes, inner = [], module._climb
+    monkeypatch.setattr(module, "MIN_LONG_SAMPLES", 100)
+    sizes, inner = [], module._maximise
     monkeypatch.setattr(
-        module, "_climb", lambda post, *rest: sizes.append(post.data.step.shape[1]) or inner(post, *rest)
+        module, "_maximise", lambda post, *rest: sizes.append(post.data.step.shape[1]) or inner(post, *rest)
     )
     long = find_mode(target, KEY)
-    assert sizes[0] == target.data.step.shape[1] // module.PARTS
+    assert sizes[0] == target.data.step.shape[1] // module.N_PARTS
     assert sizes[-1] == target.data.step.shape[1]
     assert (np.abs(long.values - whole.values) < 1e-6 * whole.sd).all()
     assert long.log_evidence == pytest.approx(whole.log_evidence, abs=1e-5)
@@ -308,22 +308,22 @@ def test_a_long_record_has_the_mode_that_a_search_of_all_of_it_finds(monkeypatch
 def test_a_part_that_leads_nowhere_does_not_lose_the_whole(monkeypatch):
     target, _ = surge_posterior()
     whole = find_mode(target, KEY)
-    monkeypatch.setattr(module, "LONG", 100)
-    length, inner = target.data.step.shape[1], module._climb
+    monkeypatch.setattr(module, "MIN_LONG_SAMPLES", 100)
+    length, inner = target.data.step.shape[1], module._maximise
 
     def climb(post, *rest):
         if post.data.step.shape[1] < length:
             raise NumericalError("no derivative")
         return inner(post, *rest)
 
-    monkeypatch.setattr(module, "_climb", climb)
+    monkeypatch.setattr(module, "_maximise", climb)
     assert np.array_equal(find_mode(target, KEY).values, whole.values)
 
 
 @pytest.mark.parametrize(("still", "expected"), [(0, True), (200, False)])
 def test_a_part_in_which_the_controls_rest_says_nothing(still, expected, monkeypatch):
     target, _ = surge_posterior()
-    monkeypatch.setattr(module, "LONG", 100)
+    monkeypatch.setattr(module, "MIN_LONG_SAMPLES", 100)
     n = np.array(target.data.control[0])
     n[:, :still] = n[:, :1]
     resting = replace(target, data=target.data._replace(control=(jnp.asarray(n),)))
@@ -357,8 +357,8 @@ def test_a_climb_far_below_a_known_top_is_given_up():
         looks.append(z)
         return SimpleNamespace(value=float(z[0]), gradient=np.ones(1), hessian=np.full((1, 1), -1e-3))
 
-    follow(expand_at, np.zeros(1), str, tops=[(np.array([50.0]), 1e6)])
-    assert len(looks) <= module.PATIENCE + 4
+    maximise(expand_at, np.zeros(1), str, known_modes=[(np.array([50.0]), 1e6)])
+    assert len(looks) <= module.PATIENCE_STEPS + 4
 
 
 def test_a_curvature_that_no_equation_can_be_solved_with_ends_the_search_in_words():
@@ -370,7 +370,7 @@ def test_a_curvature_that_no_equation_can_be_solved_with_ends_the_search_in_word
         return SimpleNamespace(value=float(z[0]), gradient=np.array([1.0, 0.0, 0.0]), hessian=-singular)
 
     with pytest.raises(NumericalError, match="curvature breaks down near"):
-        follow(expand_at, np.zeros(3), str)
+        maximise(expand_at, np.zeros(3), str)
 
 
 def test_draws_about_a_normal_mode_are_those_of_numpy():

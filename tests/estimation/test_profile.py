@@ -8,9 +8,9 @@ from scipy.optimize import minimize_scalar
 
 from seatrial.estimation.posterior.mode import find_mode
 from seatrial.estimation.posterior.profile import (
-    CLOSE,
     CROSSING,
     DROP,
+    ROOT_TOLERANCE,
     Profile,
     Slope,
     _is_done,
@@ -19,7 +19,7 @@ from seatrial.estimation.posterior.profile import (
     _Path,
     _Point,
     bounded_slope,
-    climb,
+    maximise_rows,
     profile_likelihood,
 )
 from seatrial.estimation.priors import Normal, Uniform
@@ -162,7 +162,7 @@ def test_climb_holds_what_is_held_and_goes_no_further_than_the_bounds():
     )
     slope = bounded_slope(target, find_mode(target, KEY))
     starts = np.array([[0.0, 0.0], [9.0, 1.0], [1.0, -9.0]])
-    found = climb(slope, starts, [None, 1, 0])
+    found = maximise_rows(slope, starts, [None, 1, 0])
     assert found.values == pytest.approx(np.array([[4.0, 2.0], [2.0, 1.0], [1.0, 1.0]]), abs=1e-3)
     assert found.height == pytest.approx([-1.0, -4.0, -5.0], abs=1e-3)
 
@@ -249,10 +249,10 @@ def test_where_a_path_goes_next_by_hand(points, sign, expected):
         ([(0.0, 0.0), (9.0, 1.0)], 1.0, True),
         ([(0.0, 0.0), (9.0, 1.0)], -1.0, False),
         ([(0.0, 0.0), (-9.0, 1.0)], -1.0, True),
-        ([(0.0, CROSSING - 0.9 * CLOSE), (2.0, 3.0)], 1.0, True),
-        ([(0.0, CROSSING - 1.1 * CLOSE), (2.0, 3.0)], 1.0, False),
-        ([(0.0, 1.0), (2.0, CROSSING + 0.9 * CLOSE)], 1.0, True),
-        ([(0.0, 1.0), (2.0, CROSSING + 1.1 * CLOSE)], 1.0, False),
+        ([(0.0, CROSSING - 0.9 * ROOT_TOLERANCE), (2.0, 3.0)], 1.0, True),
+        ([(0.0, CROSSING - 1.1 * ROOT_TOLERANCE), (2.0, 3.0)], 1.0, False),
+        ([(0.0, 1.0), (2.0, CROSSING + 0.9 * ROOT_TOLERANCE)], 1.0, True),
+        ([(0.0, 1.0), (2.0, CROSSING + 1.1 * ROOT_TOLERANCE)], 1.0, False),
         ([(0.0, 1.0), (2.9e-6, np.inf)], 1.0, True),
         ([(0.0, 1.0), (3.1e-6, np.inf)], 1.0, False),
     ],

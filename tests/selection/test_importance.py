@@ -6,7 +6,7 @@ from scipy import stats
 
 import seatrial as st
 from seatrial.core.errors import NumericalError
-from seatrial.estimation.posterior.mode import Mode, climb, find_mode
+from seatrial.estimation.posterior.mode import Mode, find_mode, maximise_from
 from seatrial.estimation.priors import Normal, Uniform, half_normal
 from seatrial.sampling.target import evaluate
 from seatrial.selection import importance
@@ -245,7 +245,7 @@ def test_peaks_that_are_given_are_all_weighed_each_by_its_share():
         jnp.asarray(1.0),
     )
     exact = np.log(20 * 0.03 * np.sqrt(2 * np.pi)) + stats.norm(0, np.hypot(1.0, 0.03)).logpdf(1.0)
-    modes = [climb(target, np.array([at])) for at in (-1.0, 1.0)]
+    modes = [maximise_from(target, np.array([at])) for at in (-1.0, 1.0)]
     drawn = importance_sample(target, KEY, modes[0], further=modes[1:])
     found = evidence_of(drawn)
     assert (found.status, found.method) == ("", "importance sampling about 2 modes")

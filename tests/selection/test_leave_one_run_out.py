@@ -11,7 +11,7 @@ from seatrial.core.errors import InputError
 from seatrial.estimation.posterior.mode import find_mode
 from seatrial.estimation.posterior.posterior import posterior_of_density
 from seatrial.estimation.prediction.posterior_by_run import (
-    BELIEVED,
+    MAX_BELIEVED_GAIN,
     _expand_own,
     expand_runs,
     marginal_log_likelihoods,
@@ -83,7 +83,7 @@ def test_expanded_beside_the_best_start_the_integral_is_the_same():
     z = np.concatenate([mode.z[runs.shared], mode.z[own]])
     beside = z + np.r_[np.zeros(runs.shared.size), 0.5 * np.sqrt(np.diag(mode.cov)[own])]
     found = _expand_own(one, own.size, np.stack([z, beside]))
-    assert 0.05 < found.gain[1] < BELIEVED
+    assert 0.05 < found.gain[1] < MAX_BELIEVED_GAIN
     assert found.integral[1] == pytest.approx(float(found.integral[0]), abs=1e-6)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from seatrial.estimation.priors import Normal
-from seatrial.selection import screening_about_mode
+from seatrial.selection import screening
 from seatrial.selection.rule_masks import RuleMasks
 from seatrial.selection.rules import CompiledRules
 from seatrial.selection.subsets.gram import Gram
@@ -20,14 +20,14 @@ def test_the_rest_is_integrated_out_under_its_own_prior(monkeypatch):
     at, rest = np.array([4, 0, 2]), np.array([1, 3])
     slopes, sds, values = rng.normal(size=(40, 5)), np.array([2.0, 0.7, 1.5, 0.4, 3.0]), rng.normal(size=5)
     information, gradient = slopes.T @ slopes, rng.normal(size=5)
-    monkeypatch.setattr(screening_about_mode, "likelihood_information", lambda *_: information)
-    monkeypatch.setattr(screening_about_mode, "slopes_of_present", lambda *_: SimpleNamespace(gradient=gradient))
+    monkeypatch.setattr(screening, "likelihood_information", lambda *_: information)
+    monkeypatch.setattr(screening, "slopes_of_present", lambda *_: SimpleNamespace(gradient=gradient))
     posterior = SimpleNamespace(
         present_names=names,
         present_parameters=[SimpleNamespace(prior=Normal(0.0, sd)) for sd in sds],
         data=SimpleNamespace(channels=[SimpleNamespace(present=np.ones(40))]),
     )
-    stats, best, sd = screening_about_mode._quadratic(posterior, SimpleNamespace(values=values), terms)
+    stats, best, sd = screening._quadratic(posterior, SimpleNamespace(values=values), terms)
     whole = information + np.diag(np.where(np.isin(np.arange(5), rest), sds**-2.0, 0.0))
     cov = np.linalg.inv(whole)[np.ix_(at, at)]
     np.testing.assert_allclose(sd, np.sqrt(np.diag(cov)), rtol=1e-9)
@@ -44,11 +44,11 @@ def test_the_prior_is_the_stated_one_or_a_g_prior_of_the_size_that_is_asked_for(
     matrix, moment = slopes.T @ slopes, np.array([1.0, -2.0, 3.0])
     best = np.linalg.solve(matrix, moment)
     stats = Gram(matrix, moment, rows + float(best @ moment), rows)
-    monkeypatch.setattr(screening_about_mode, "_quadratic", lambda *_: (stats, best, np.ones(3)))
+    monkeypatch.setattr(screening, "_quadratic", lambda *_: (stats, best, np.ones(3)))
     priors = {"X_u": Normal(-2.0, 1.0), "X_uabsu": Normal(0.5, 2.0), "T_nabsn": Normal(1.0, 0.5)}
     posterior = SimpleNamespace(parameters=[SimpleNamespace(name=name, prior=one) for name, one in priors.items()])
     rules = CompiledRules((), names, (), RuleMasks())
-    screened = screening_about_mode.screen_about_mode(posterior, SimpleNamespace(), rules, g)
+    screened = screening.screen_about_mode(posterior, SimpleNamespace(), rules, g)
 
     def inclusion(size):
         structures = np.array(list(product((False, True), repeat=3)))

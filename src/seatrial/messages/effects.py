@@ -11,9 +11,9 @@ from seatrial.messages.entry import Entry, Remedy
 def thresholds() -> dict[str, float]:
     """Return the limits that the entries name."""
     from seatrial.estimation.diagnostics.omitted_effects import MIN_LOG_ODDS, MIN_SHIFT
-    from seatrial.estimation.diagnostics.robust_errors import TELLING
+    from seatrial.estimation.diagnostics.robust_errors import MIN_SD_RATIO
 
-    return {"MIN_SHIFT": MIN_SHIFT, "MIN_LOG_ODDS": MIN_LOG_ODDS, "TELLING": TELLING}
+    return {"MIN_SHIFT": MIN_SHIFT, "MIN_LOG_ODDS": MIN_LOG_ODDS, "MIN_SD_RATIO": MIN_SD_RATIO}
 
 
 def effect_name(kind: str, of: str) -> str:
@@ -88,7 +88,7 @@ ENTRIES = {
         title="Model error",
         sentence=_wide,
         meaning="The ± within the model is not enough: blocks of data or effects that the model may lack move the value further.",
-        decided="The standard deviation with model error is more than {TELLING:g} times that within the model.",
+        decided="The standard deviation with model error is more than {MIN_SD_RATIO:g} times that within the model.",
         example=Finding(
             "model-error-wide",
             "note",

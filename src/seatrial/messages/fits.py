@@ -85,20 +85,20 @@ def _not_normal(values: Mapping[str, Any]) -> str:
 
 def _inside(values: Mapping[str, Any]) -> str:
     from seatrial.core.display_units import count_below
-    from seatrial.estimation.prediction.pooled_coverage import ENOUGH
+    from seatrial.estimation.prediction.pooled_coverage import MIN_POOLED_SAMPLES
 
     runs = f"{values['runs']} held-back run{'s' * (values['runs'] != 1)}"
     by_run = f"; {values['least']:.0%} to {values['most']:.0%} by run" if values["runs"] > 1 else ""
     return (
         f"{{coverage:.0%}} of {{subject[0]}} in {runs} lies inside the 90 % band (95 % range {{lower:.0%}} to {{upper:.0%}} by "
-        f"{count_below(values['effective'], ENOUGH)} effective samples{by_run})"
+        f"{count_below(values['effective'], MIN_POOLED_SAMPLES)} effective samples{by_run})"
     )
 
 
 def _needed() -> str:
-    from seatrial.estimation.prediction.pooled_coverage import ENOUGH
+    from seatrial.estimation.prediction.pooled_coverage import MIN_POOLED_SAMPLES
 
-    return f"{ENOUGH:.0f}"
+    return f"{MIN_POOLED_SAMPLES:.0f}"
 
 
 _WIDEN = "{widen:.1f} times ({widen_lower:.1f} to {widen_upper:.1f})"
@@ -295,7 +295,7 @@ ENTRIES = {
         title="Too few held-back samples",
         sentence=lambda values: f"{_inside(values)}: too few to judge the bands ({_needed()} are needed)",
         meaning="Whether the bands hold on new runs is not known.",
-        decided="Fewer than {ENOUGH:g} effective samples in all held-back runs.",
+        decided="Fewer than {MIN_POOLED_SAMPLES:g} effective samples in all held-back runs.",
         example=_example("runs-too-few", "note", {**_POOLED, "effective": 8.0}, "hold-back-more"),
     ),
     "motion-not-predicted": Entry(

@@ -47,7 +47,7 @@ ENTRIES = {
         sentence=_excluding,
         meaning="The prior excludes what the data say, so that nothing is computed: all other values would bend to its bound.",
         decided="The mode lies within {EDGE:.0%} of the width from a bound, and a tenth of the width beyond it, the others following, "
-        "the data are over {GAIN:.0f} nats more likely.",
+        "the data are over {MIN_GAIN:.0f} nats more likely.",
         example=Finding(
             "prior-excludes-data",
             "alarm",
@@ -68,8 +68,8 @@ ENTRIES = {
         title="Mode at a bound of its prior",
         sentence="{subject[0]} lies at the bound {value:.4g} {unit} of its prior: the prior decides as much as the data",
         meaning="The bound, and not the data, sets the value.",
-        decided="The mode lies within {BESIDE:.1%} of the width of the prior from a bound, or within {EDGE:.0%} of it and within "
-        "{REACHES:g} standard deviations.",
+        decided="The mode lies within {MAX_BESIDE:.1%} of the width of the prior from a bound, or within {EDGE:.0%} of it and within "
+        "{MAX_REACH_SDS:g} standard deviations.",
         example=Finding("at-prior-bound", "caution", ("X_u",), {"value": 0.0, "unit": "kg/s"}, ("widen-prior",)),
     ),
     "prior-contradicted": Entry(
@@ -77,7 +77,7 @@ ENTRIES = {
         sentence="prior and data contradict each other about {subject[0]}: the data pull it to {value:.4g} {unit}, where its prior has "
         "less than one chance in 10 000",
         meaning="The result is a compromise between a prior and data that exclude each other.",
-        decided="The mode is more than {FAR:g} standard deviations from the middle of a prior without bounds.",
+        decided="The mode is more than {MAX_PRIOR_SDS:g} standard deviations from the middle of a prior without bounds.",
         example=Finding("prior-contradicted", "caution", ("X_u",), {"value": 7.2, "unit": "kg/s"}, ("widen-or-check",)),
     ),
     "posterior-cut-off": Entry(
@@ -85,7 +85,7 @@ ENTRIES = {
         sentence="the posterior of {subject[0]} is cut off at the bound {value:.4g} {unit} of its prior ({share:.0%} of it lies there): "
         "the prior decides as much as the data",
         meaning="The bound, and not the data, ends the interval.",
-        decided="More than {LEANING:.0%} of the posterior within {EDGE:.0%} of the width of the prior from a bound.",
+        decided="More than {MIN_LEANING_SHARE:.0%} of the posterior within {EDGE:.0%} of the width of the prior from a bound.",
         example=Finding(
             "posterior-cut-off", "caution", ("X_u",), {"value": 0.0, "unit": "kg/s", "share": 0.3}, ("widen-prior",)
         ),
@@ -94,8 +94,8 @@ ENTRIES = {
         title="Prior without a simulation",
         sentence=_lost,
         meaning="Part of the prior describes vehicles that cannot be simulated, such as those without damping.",
-        decided="The likelihood is not finite in more than {SOME:.0%} of the draws from the prior; a parameter is named if its mean rank "
-        "differs there by {APART:g}.",
+        decided="The likelihood is not finite in more than {MIN_LOST_SHARE:.0%} of the draws from the prior; a parameter is named if its "
+        "mean rank differs there by {MIN_RANK_GAP:g}.",
         example=Finding(
             "prior-not-simulated",
             "caution",

@@ -6,7 +6,7 @@ import numpy as np
 import scipy
 
 from seatrial.core.display_units import plain, shown_unit
-from seatrial.estimation.prediction.baseline_comparison import CHANCE, CLEAR, Comparison, PooledScore
+from seatrial.estimation.prediction.baseline_comparison import CLEAR_RATIO, MAX_CHANCE, Comparison, PooledScore
 from seatrial.estimation.prediction.fitted_range import Outside
 
 if TYPE_CHECKING:
@@ -97,17 +97,17 @@ def comparison_text(one: Comparison) -> str:
     scores = f"CRPS {best.crps * factor:.3g} against {own.crps * factor:.3g} {unit}"
     numbers = f"({_shares(best, own)}, {scores})"
     if one.level == "pass":
-        chance = f", though chance may do as much (p = {one.p_value:.2g})" if one.p_value >= CHANCE else ""
+        chance = f", though chance may do as much (p = {one.p_value:.2g})" if one.p_value >= MAX_CHANCE else ""
         beaten = f"held-back runs: the model predicts {channel} better than every baseline"
         return f"{beaten}{chance}; the best of them is {best.words} {numbers}"
     result = f"held-back runs: {best.words} predicts {channel} better than the model{_in_runs(one)} {numbers}"
     if one.level == "caution":
         little = "though by little"
-        if one.p_value >= CHANCE:
+        if one.p_value >= MAX_CHANCE:
             of = f" for the best of {count} baselines" if count > 1 else ""
             number = f" (p = {one.p_value:.2g}{of})" if one.p_value < 1 else ""
             little = f"but so few independent samples do not exclude chance{number}"
-        if own.crps > CLEAR * best.crps:
+        if own.crps > CLEAR_RATIO * best.crps:
             return f"{result}, {little}: hold back more or longer runs, and look at the runs where the model is worse"
         if not one.is_simpler:
             return f"{result}, {little}: it predicts as well; it has the same equations, so it is no simpler model"
@@ -142,9 +142,9 @@ def _in_runs(one: Comparison) -> str:
 
 def model_error_text(robust: "RobustErrors") -> str:
     """Return the tests behind the ± with model error, that no value needs one, or that there is none and why."""
-    from seatrial.estimation.diagnostics.robust_errors import TELLING
+    from seatrial.estimation.diagnostics.robust_errors import MIN_SD_RATIO
 
-    pieces, tests, is_wider = robust.pieces, [], bool((robust.ratio > TELLING).any())
+    pieces, tests, is_wider = robust.pieces, [], bool((robust.ratio > MIN_SD_RATIO).any())
     beyond = "Effects that are not tried can move values further."
     if pieces.count:
         few = f" (widened for so few: Student's t, {pieces.freedom} degrees of freedom)"

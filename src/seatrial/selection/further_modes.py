@@ -19,7 +19,7 @@ from seatrial.compiled.pytrees import compiled_tree
 from seatrial.compiled.random_keys import split
 from seatrial.core.errors import NumericalError
 from seatrial.core.reporter import Progress, no_progress
-from seatrial.estimation.posterior.mode import Mode, climb, rises
+from seatrial.estimation.posterior.mode import Mode, is_uphill, maximise_from
 from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.sampling.target import Target, evaluate
 from seatrial.sampling.tempered_smc import SMCResult, SMCSettings, TemperedStart, prior_particles, sample_tempered_smc
@@ -94,10 +94,10 @@ def further_modes(
             if not new.mean() > MIN_FAR_SHARE and not _is_higher_mode(modes, height[new]).any():
                 break
             looked_into |= (particles == start).all(1)
-            if any(rises(posterior, start, mode.z) for mode in modes):
+            if any(is_uphill(posterior, start, mode.z) for mode in modes):
                 continue
             try:
-                result = climb(posterior, start)
+                result = maximise_from(posterior, start)
             except NumericalError:
                 continue
             if _is_new(modes, edges, result.z[None], np.array([result.log_density]))[0]:

@@ -23,7 +23,7 @@ from scipy.special import logsumexp
 
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.reporter import Progress, no_progress
-from seatrial.estimation.posterior.mode import Mode, find_mode, follow
+from seatrial.estimation.posterior.mode import Mode, find_mode, maximise
 from seatrial.estimation.posterior.posterior import Posterior, as_key
 from seatrial.estimation.prediction.pooled_coverage import Pooled, pooled_verdict
 from seatrial.estimation.prediction.posterior_by_run import (
@@ -295,7 +295,7 @@ def _approximation(runs: RunPosteriors, expanded: RunExpansion, weight: np.ndarr
 def _refitted(runs: RunPosteriors, expanded: RunExpansion, run: int) -> ProposalComponent:
     """Return the normal approximation about the mode of the other runs, which is followed from that of all."""
     weight = _without(len(runs.runs), run)
-    z, _ = follow(
+    z, _ = maximise(
         lambda z: weigh_runs(expand_runs(runs, z, weight), weight),
         expanded.z,
         lambda z: f"the shared parameters without run {runs.labels[run]}",

@@ -27,7 +27,7 @@ from seatrial.campaign.store.stored_result import Store
 from seatrial.campaign.store.structures import StoredAverage
 from seatrial.core.display_units import Shown
 from seatrial.core.files import write_text
-from seatrial.estimation.diagnostics.robust_errors import TELLING
+from seatrial.estimation.diagnostics.robust_errors import MIN_SD_RATIO
 from seatrial.selection.verdict import Selection, averaged
 
 OF_STRUCTURES = (
@@ -97,7 +97,7 @@ def averaged_rows(estimates: Sequence[Estimate], selection: Selection) -> tuple[
             with_error[name][1],
             max(have_it, key=lambda pair: pair[1] * (pair[0].wider(name) or 0.0) ** 2),
         )
-        is_wider = wider > TELLING * sd
+        is_wider = wider > MIN_SD_RATIO * sd
         about = have_it[0][0].data.sel(parameter=name)
         rows.append(
             StoredAverage(

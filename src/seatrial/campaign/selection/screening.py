@@ -16,10 +16,9 @@ from seatrial.core.dataset import Dataset
 from seatrial.core.errors import InputError
 from seatrial.core.reporter import SILENT, Reporter
 from seatrial.estimation.posterior.mode import find_mode
-from seatrial.estimation.regression.screening_delay import delayed, likely_delay
+from seatrial.estimation.regression.row_fit import delayed, likely_delay
 from seatrial.estimation.regression.weak_form import MIN_WINDOW_STEPS, where_measured
-from seatrial.selection.screening import Screening, TermPrior, screen
-from seatrial.selection.screening_about_mode import ModeScreening, screen_about_mode
+from seatrial.selection.screening import ModeScreening, Screening, TermPrior, screen, screen_about_mode
 from seatrial.selection.structures import count_structures, label_structures
 from seatrial.selection.verdict import Shortlist
 

@@ -18,7 +18,7 @@ from jaxtyping import Float, Int
 DRAWS = 99  # Posterior draws that a rank is taken among: ranks run from 0 to 99
 BINS = 20
 FALSE_ALARMS = 0.01  # Share of right posteriors of which any quantity is called uneven
-AT = np.arange(1, DRAWS + 1) / (DRAWS + 1)
+RANK_SHARES = np.arange(1, DRAWS + 1) / (DRAWS + 1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +51,7 @@ class Calibration:
     def distance(self) -> Float[np.ndarray, "k ranks"]:
         """Return the distribution of each quantity's ranks less the uniform one, at 1/100, 2/100, ..., 99/100."""
         at = np.arange(1, DRAWS + 1)
-        return (self.ranks.T[:, None, :] < at[:, None]).mean(2) - AT
+        return (self.ranks.T[:, None, :] < at[:, None]).mean(2) - RANK_SHARES
 
     def distance_band(self) -> Float[np.ndarray, " ranks"]:
         """Half width of the band that holds the whole of `distance` of all quantities with probability 0.99, if ranks are uniform."""
@@ -87,7 +87,7 @@ def stays_within(replicates: int, width: float) -> float:
 
     Exact: counts up to one rank after another are sums of Poisson numbers, given that all of them add up to `replicates`.
     """
-    mean, sd = replicates * AT, replicates * _sd(replicates)
+    mean, sd = replicates * RANK_SHARES, replicates * _sd(replicates)
     low = np.maximum(np.ceil(mean - width * sd), 0).astype(int)
     high = np.minimum(np.floor(mean + width * sd), replicates).astype(int)
     before, weight, step = 0, np.ones(1), scipy.stats.poisson.pmf(np.arange(replicates + 1), replicates / (DRAWS + 1))
@@ -111,4 +111,4 @@ def _widest(replicates: int, allowed: float) -> float:
 
 def _sd(replicates: int) -> Float[np.ndarray, " ranks"]:
     """Return the standard deviation of the distribution of uniform ranks."""
-    return np.sqrt(AT * (1 - AT) / replicates)
+    return np.sqrt(RANK_SHARES * (1 - RANK_SHARES) / replicates)

@@ -66,12 +66,12 @@ def find_feedback(
     y = np.column_stack([*columns.values()])
     sigma = np.array([min(noise.get(name, np.inf), _scatter(record.channel(name))) for name in columns])
     bend = [np.diff(expected[name], 2, append=expected[name][-1:]) if name in expected else None for name in columns]
-    found = {}
+    result = {}
     for control in record.controls:
         shares = _passed_on(record.channel(control), y, sigma, bend)
         if shares is not None:
-            found[control] = tuple(name for name, share in zip(columns, shares, strict=True) if share > MIN_SHARE)
-    return found
+            result[control] = tuple(name for name, share in zip(columns, shares, strict=True) if share > MIN_SHARE)
+    return result
 
 
 def closed_loop(feedback: Mapping[str, Sequence[str]]) -> list[Finding]:

@@ -41,17 +41,17 @@ from seatrial.estimation.priors import Prior
 # Shift of a coefficient, in standard deviations, and log odds from which a missing effect is reported: 20 to 1, strong
 # evidence (Kass and Raftery, Journal of the American Statistical Association 90, 1995).
 MIN_SHIFT, MIN_LOG_ODDS = 1.0, 3.0
-HIDDEN = 1e-4  # Share of a signature that the parameters must leave for it to be told from them
-MOST = 3  # Effects that are taken in at most
+MIN_VISIBLE_SHARE = 1e-4  # Share of a signature that the parameters must leave for it to be told from them
+MAX_EFFECTS = 3  # Effects that are taken in at most
 # Effects that are fitted to see which is best, those with the highest odds to first order, and their share of the
 # highest log odds.
-CONTENDERS, ALIKE = 3, 0.5
-CLOSE = 3.0  # Difference of log odds up to which two effects do equally well
+MAX_CONTENDERS, MIN_CONTENDER_SHARE = 3, 0.5
+MAX_RIVAL_GAP = 3.0  # Difference of log odds up to which two effects do equally well
 TINY = float(np.finfo(float).tiny)
 # Probability below the upper end of a 90 % interval, and halvings by which that end is found.
 BAND, BISECTIONS = 0.95, 50
 # Effects that are named as a cause, at most, and their share of the probability that the first of them puts outside.
-NAMED, BLAMED = 3, 0.5
+MAX_CAUSES, MIN_CAUSE_SHARE = 3, 0.5
 
 
 class Omitted(NamedTuple):
@@ -133,7 +133,7 @@ def omitted_effects(posterior: Posterior, mode: Mode) -> OmittedEffects:
         return OmittedEffects((), (), np.ones(d), ((),) * d)
     problem = EffectProblem(posterior, mode, effects)
     fit = fit_at(problem, linearise(problem, mode.z, np.zeros(len(effects))))
-    members, found = [_Member((), 0.0, sd**2, np.zeros(d))], {}
+    members, result = [_Member((), 0.0, sd**2, np.zeros(d))], {}
 
     def member(fit: Fit) -> _Member:
         return _Member(fit.included, fit.log_odds, fit.variance[:d], fit.at.z - mode.z)
@@ -143,7 +143,7 @@ def omitted_effects(posterior: Posterior, mode: Mode) -> OmittedEffects:
         near = _contenders(scores)
         if problem.shapes:  # noise with a memory takes up a part of an effect, and then hides it
             near = list(dict.fromkeys([*near, *_contenders(_scores(problem, fit, as_white=True))]))
-        if len(fit.included) == MOST or not near:
+        if len(fit.included) == MAX_EFFECTS or not near:
             break
         fits = [fit_effects(problem, fit, (*fit.included, i)) for i in near]
         members += map(member, fits)
@@ -151,9 +151,9 @@ def omitted_effects(posterior: Posterior, mode: Mode) -> OmittedEffects:
         if best.log_odds <= fit.log_odds:
             scores = {i: one for i, one in scores.items() if i not in near}
             break
-        rivals = [one for one in fits if one is not best and one.log_odds > best.log_odds - CLOSE]
+        rivals = [one for one in fits if one is not best and one.log_odds > best.log_odds - MAX_RIVAL_GAP]
         alike = tuple(effects[one.included[-1]] for one in rivals)
-        found[best.included[-1]] = best.log_odds - fit.log_odds, (best.at.z - fit.at.z) / sd, alike
+        result[best.included[-1]] = best.log_odds - fit.log_odds, (best.at.z - fit.at.z) / sd, alike
         fit = _without_spent(problem, best)
         if fit is not best:
             members.append(member(fit))
@@ -164,7 +164,7 @@ def omitted_effects(posterior: Posterior, mode: Mode) -> OmittedEffects:
     errors = dict(zip(fit.included, np.sqrt(fit.variance[d:]), strict=True))
     omitted = tuple(
         Omitted(effects[i], float(fit.at.sizes[i]), float(errors[i]), float(log_odds), shift, alike)
-        for i, (log_odds, shift, alike) in found.items()
+        for i, (log_odds, shift, alike) in result.items()
         if i in errors
     )
     tried = tuple(effects[i] for i in np.flatnonzero(problem.absent))
@@ -173,8 +173,8 @@ def omitted_effects(posterior: Posterior, mode: Mode) -> OmittedEffects:
 
 def _contenders(scores: Mapping[int, Score]) -> list[int]:
     """Return the places of the effects that are worth a fit: with the highest odds, above one, to first order."""
-    ranked = sorted(scores, key=lambda i: -scores[i].log_odds)[:CONTENDERS]
-    return [i for i in ranked if scores[i].log_odds >= max(0.0, ALIKE * scores[ranked[0]].log_odds)]
+    ranked = sorted(scores, key=lambda i: -scores[i].log_odds)[:MAX_CONTENDERS]
+    return [i for i in ranked if scores[i].log_odds >= max(0.0, MIN_CONTENDER_SHARE * scores[ranked[0]].log_odds)]
 
 
 def _scores(problem: EffectProblem, fit: Fit, as_white: bool = False) -> dict[int, Score]:
@@ -200,15 +200,15 @@ def score_effects(fit: Fit, priors: Mapping[int, Prior] = {}) -> dict[int, Score
     pull = at.pull[d:] - absorbed.T @ at.pull[fitted]
     scores = {}
     for i in range(own.size):
-        told, prior = float(information[i]), priors.get(i)
-        if i in fit.included or not own[i] > 0 or (prior is None and not told > HIDDEN * own[i]):
+        stated, prior = float(information[i]), priors.get(i)
+        if i in fit.included or not own[i] > 0 or (prior is None and not stated > MIN_VISIBLE_SHARE * own[i]):
             continue
-        mean, before = (0.0, 0.0) if prior is None else normal_prior(prior, float(pull[i]) / max(told, TINY))
-        precision = max(told, 0.0) * at.worth + before
+        mean, before = (0.0, 0.0) if prior is None else normal_prior(prior, float(pull[i]) / max(stated, TINY))
+        precision = max(stated, 0.0) * at.worth + before
         size = (float(pull[i]) * at.worth + mean * before) / precision
-        gain = at.worth * (size * float(pull[i]) - 0.5 * size**2 * told)
+        gain = at.worth * (size * float(pull[i]) - 0.5 * size**2 * stated)
         log_odds = gain - at.penalty(size, 1.0 / precision, prior)
-        scores[i] = Score(size, told, log_odds, -absorbed[:d, i] * size, absorbed[:d, i] ** 2 / precision)
+        scores[i] = Score(size, stated, log_odds, -absorbed[:d, i] * size, absorbed[:d, i] ** 2 / precision)
     return scores
 
 
@@ -232,7 +232,7 @@ def _average(
     beyond = weight[:, None] * (1.0 - inside(ndtri(BAND), shift, width))
     blamed = np.array([beyond[[i in one.included for one in members]].sum(0) for i in range(len(effects))])
     causes = tuple(
-        tuple(effects[i] for i in np.argsort(-one, kind="stable")[:NAMED] if one[i] > BLAMED * one.max())
+        tuple(effects[i] for i in np.argsort(-one, kind="stable")[:MAX_CAUSES] if one[i] > MIN_CAUSE_SHARE * one.max())
         for one in blamed.T
     )
     return np.maximum(spread, 1.0), causes

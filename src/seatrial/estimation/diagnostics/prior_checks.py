@@ -15,16 +15,18 @@ from seatrial.estimation.posterior.posterior import Parameter, Posterior, values
 from seatrial.estimation.posterior.prior_bounds import EDGE, leaning_bounds, scaled_bounds
 from seatrial.sampling.target import AT_ONCE, evaluate
 
-GAIN = 10.0
+MIN_GAIN = 10.0
 # Gain beyond a bound, nats, from which a slip in the log or its map is likelier than a prior that is too narrow.
-HUGE = 1000.0
-FAR = 4.0  # Standard deviations from the middle of a prior without bounds beyond which it says the opposite of the data
+HUGE_GAIN = 1000.0
+MAX_PRIOR_SDS = (
+    4.0  # Standard deviations from the middle of a prior without bounds beyond which it says the opposite of the data
+)
 # Least curvature of the likelihood, over that of each parameter alone, along which other parameters are followed.
-FLAT = 1e-9
-SOME = 0.01  # Share of the prior without a finite likelihood of which a reader is told
+MIN_CURVATURE = 1e-9
+MIN_LOST_SHARE = 0.01  # Share of the prior without a finite likelihood of which a reader is told
 # Remedies for a time or a size that the data find smaller than its prior allows, by the beginning of its name.
 NOT_NEEDED = {"tau": "no-memory", "lag": "no-lag", "sigma": "smaller-noise"}
-APART = 0.25  # Difference of mean ranks, 0.5 at most, from which a parameter is said to set what is lost apart
+MIN_RANK_GAP = 0.25  # Difference of mean ranks, 0.5 at most, from which a parameter is said to set what is lost apart
 
 
 def prior_excluding_data(posterior: Posterior, mode: Mode) -> Finding | None:
@@ -42,7 +44,7 @@ def prior_excluding_data(posterior: Posterior, mode: Mode) -> Finding | None:
     for index, parameter in enumerate(posterior.present_parameters):
         for bound, beyond in _suspect_bounds(parameter, float(mode.values[index])):
             gain = _gain_beyond(posterior, mode.values, index, beyond)
-            if gain > GAIN:
+            if gain > MIN_GAIN:
                 further = {"beyond": parameter.shown_value(beyond)["value"], "gain": gain}
                 values = {**parameter.shown_value(bound), **further, "channel": parameter.name.partition("_")[2]}
                 return Finding(
@@ -57,7 +59,7 @@ def _remedy(parameter: Parameter, bound: float, gain: float) -> str:
         return NOT_NEEDED[kind]
     if kind == "sigma" and bound == parameter.prior.bounds[1]:
         return "explain-channel"
-    return "check-record-first" if gain > HUGE else "widen-or-check-record"
+    return "check-record-first" if gain > HUGE_GAIN else "widen-or-check-record"
 
 
 def prior_findings(posterior: Posterior, mode: Mode, draws: Float[np.ndarray, "n d"]) -> list[Finding]:
@@ -90,7 +92,7 @@ def prior_contradictions(posterior: Posterior, mode: Mode) -> list[Finding]:
     return [
         Finding("prior-contradicted", "caution", (parameter.name,), parameter.shown_value(value), ("widen-or-check",))
         for parameter, value, z in zip(posterior.present_parameters, mode.values, mode.z, strict=True)
-        if not all(map(isfinite, parameter.prior.bounds)) and abs(z) > FAR
+        if not all(map(isfinite, parameter.prior.bounds)) and abs(z) > MAX_PRIOR_SDS
     ]
 
 
@@ -98,7 +100,7 @@ def _lost_region(posterior: Posterior) -> list[Finding]:
     """Return where the prior allows values whose likelihood is not finite: how much of it, and the parameter that sets it apart."""
     z = np.asarray(posterior.sample_prior(seeded_key(0), AT_ONCE))
     lost = ~np.isfinite(evaluate(posterior, z))
-    if not SOME < lost.mean() < 1.0:
+    if not MIN_LOST_SHARE < lost.mean() < 1.0:
         return []
     values = values_of(posterior, z)[:, posterior.places]
     example = tuple((name, float(x)) for name, x in zip(posterior.present_names, values[lost][0], strict=True))
@@ -111,7 +113,7 @@ def _where(posterior: Posterior, values: Float[np.ndarray, "n d"], lost: Bool[np
     ranks = scipy.stats.rankdata(values, axis=0)
     apart = (ranks[lost].mean(0) - ranks[~lost].mean(0)) / lost.size
     worst = int(np.argmax(np.abs(apart)))
-    if abs(apart[worst]) < APART:
+    if abs(apart[worst]) < MIN_RANK_GAP:
         return {}
     parameter, column, above = posterior.present_parameters[worst], values[lost, worst], apart[worst] > 0
     edge = np.quantile(column, 0.05 if above else 0.95)
@@ -139,7 +141,7 @@ def _gain_beyond(posterior: Posterior, values: Float[np.ndarray, " d"], index: i
         size = np.sqrt(np.abs(np.diag(hessian)))[others]
         scale = np.outer(size, size)
         curvature = np.divide(-hessian[np.ix_(others, others)], scale, out=np.zeros_like(scale), where=scale > 0)
-        if np.linalg.eigvalsh(curvature).min(initial=1.0) > FLAT:
+        if np.linalg.eigvalsh(curvature).min(initial=1.0) > MIN_CURVATURE:
             follow = np.linalg.solve(curvature, hessian[others, index] / size) / size * move[index]
             candidates.append(candidates[0] + np.insert(follow, index, 0.0))
     return max(float(slopes_of_present(posterior, one).value) for one in candidates) - float(here.value)

@@ -31,7 +31,7 @@ from seatrial.compiled.random_keys import seeded_key
 from seatrial.estimation.diagnostics.candidate_effects import Effect
 from seatrial.estimation.diagnostics.omitted_effects import BAND, OmittedEffects, omitted_effects
 from seatrial.estimation.posterior.filter_error import FilterError
-from seatrial.estimation.posterior.mode import FLAT, Mode
+from seatrial.estimation.posterior.mode import MIN_CURVATURE, Mode
 from seatrial.estimation.posterior.output_error import OutputError
 from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.estimation.prediction.posterior_by_run import RunExpansion, expand_runs, split_runs
@@ -39,12 +39,12 @@ from seatrial.estimation.prediction.prediction import outputs_of_draws
 from seatrial.estimation.prediction.prediction_scores import effective_samples
 from seatrial.estimation.simulation.trial_data import TrialData
 
-LEAST_RUNS = 3  # Runs from which on the runs themselves are the pieces
-LEAST_BLOCKS, MOST_BLOCKS = 6, 24  # Fewest blocks of time that tell a spread, and most that are taken
+MIN_RUNS = 3  # Runs from which on the runs themselves are the pieces
+MIN_BLOCKS, MAX_BLOCKS = 6, 24  # Fewest blocks of time that tell a spread, and most that are taken
 # Length of a block over the time that one independent sample takes: blocks have to be nearly independent of each
 # other.
-LENGTHS = 3.0
-TELLING = 1.5  # Ratio of the two standard deviations from which both are shown
+MIN_BLOCK_LENGTHS = 3.0
+MIN_SD_RATIO = 1.5  # Ratio of the two standard deviations from which both are shown
 
 
 @dataclass(frozen=True)
@@ -110,10 +110,12 @@ class RobustErrors:
         Returns:
             None where it is not told, or is less than half as large again.
         """
-        if name not in self.names or self.ratio[(at := self.names.index(name))] <= TELLING:
+        if name not in self.names or self.ratio[(at := self.names.index(name))] <= MIN_SD_RATIO:
             return None
-        told = min(sd * float(np.sqrt(self._of_pieces(at) ** 2 + self.spread[at] ** 2 - 1.0)), float(self.farthest[at]))
-        return told if told > TELLING * sd else None
+        stated = min(
+            sd * float(np.sqrt(self._of_pieces(at) ** 2 + self.spread[at] ** 2 - 1.0)), float(self.farthest[at])
+        )
+        return stated if stated > MIN_SD_RATIO * sd else None
 
     def is_prior(self, name: str, wider: float) -> bool:
         """Whether a standard deviation of `wider` is that of the prior about the value, which is to say that nothing narrows it."""
@@ -171,7 +173,7 @@ def jackknife(
 def _pieces(posterior: Posterior, mode: Mode, shared: np.ndarray) -> Pieces:
     if not isinstance(posterior.likelihood, OutputError | FilterError):
         return _nothing(shared, "a log density of one's own has no runs")
-    if len(posterior.likelihood.labels) < LEAST_RUNS:
+    if len(posterior.likelihood.labels) < MIN_RUNS:
         return _by_blocks(posterior, mode, shared)
     there = expand_runs(split_runs(posterior), mode.z)
     basis = f"{len(posterior.likelihood.labels)} runs"
@@ -223,12 +225,16 @@ def _by_blocks(posterior: Posterior, mode: Mode, shared: np.ndarray) -> Pieces:
     apart = _time_of_one(posterior, mode)
     step = np.asarray(data.step)
     lengths = step.sum(1)
-    counts = np.floor(lengths / (LENGTHS * apart)).astype(int) if np.isfinite(apart) else np.zeros(len(lengths), int)
-    counts = np.minimum(counts, max(1, MOST_BLOCKS // len(lengths)))
-    if counts.sum() < LEAST_BLOCKS:
+    counts = (
+        np.floor(lengths / (MIN_BLOCK_LENGTHS * apart)).astype(int)
+        if np.isfinite(apart)
+        else np.zeros(len(lengths), int)
+    )
+    counts = np.minimum(counts, max(1, MAX_BLOCKS // len(lengths)))
+    if counts.sum() < MIN_BLOCKS:
         return _nothing(
             shared,
-            f"{counts.sum()} blocks of time that are longer than the memory of the residuals, {LEAST_BLOCKS} are needed",
+            f"{counts.sum()} blocks of time that are longer than the memory of the residuals, {MIN_BLOCKS} are needed",
         )
     scores, hessians = [], []
     time = data.time
@@ -239,10 +245,10 @@ def _by_blocks(posterior: Posterior, mode: Mode, shared: np.ndarray) -> Pieces:
         for edge in np.arange(1, count + 1) / max(count, 1) * lengths[r]:
             known = replace(runs.runs[r], data=_until(runs.runs[r].data, time[r] < edge * (1 + 1e-9)))
             cut = replace(runs, runs=tuple(known if i == r else one for i, one in enumerate(runs.runs)))
-            found = expand_runs(cut, mode.z, weight)
-            scores.append(found.gradient[r] - before[0])
-            hessians.append(found.along_values[r] - before[1])
-            before = found.gradient[r], found.along_values[r]
+            result = expand_runs(cut, mode.z, weight)
+            scores.append(result.gradient[r] - before[0])
+            hessians.append(result.along_values[r] - before[1])
+            before = result.gradient[r], result.along_values[r]
     there = expand_runs(runs, mode.z)
     basis = f"{len(scores)} blocks of {lengths.sum() / len(scores):.3g} s"
     return _compared(posterior, there, np.stack(scores), np.stack(hessians), shared, basis, own_is_drawn=False)
@@ -286,4 +292,4 @@ def _until(data: TrialData, known: np.ndarray) -> TrialData:
 def _solve(precision: np.ndarray, right: np.ndarray) -> np.ndarray:
     """Solve with a precision of which directions without curvature have the prior's, as in the normal approximation."""
     values, vectors = np.linalg.eigh(0.5 * (precision + precision.T))
-    return (vectors / np.where(values <= FLAT, 1.0, values)) @ (vectors.T @ right)
+    return (vectors / np.where(values <= MIN_CURVATURE, 1.0, values)) @ (vectors.T @ right)

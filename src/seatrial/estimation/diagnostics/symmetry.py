@@ -90,7 +90,7 @@ def symmetries(
         thrusters: of an open frame.
     """
     names = list(priors)
-    found = []
+    result = []
     for sides, restrictions in restrictions_of(names, thrusters).items():
         log_prior = np.array([_log_prior(one, priors) for one in restrictions])
         kept = tuple(one for one, value in zip(restrictions, log_prior, strict=True) if np.isfinite(value))
@@ -102,19 +102,19 @@ def symmetries(
         if np.linalg.matrix_rank(spread) < len(kept):  # draws that do not move along one of them say nothing of it
             continue
         log_posterior = float(scipy.stats.multivariate_normal(centre, spread).logpdf(np.zeros(len(kept))))
-        found.append(Symmetry(sides, kept, log_posterior - float(log_prior[np.isfinite(log_prior)].sum())))
-    return found
+        result.append(Symmetry(sides, kept, log_posterior - float(log_prior[np.isfinite(log_prior)].sum())))
+    return result
 
 
 def restrictions_of(names: Sequence[str], thrusters: Sequence[Thruster] = ()) -> dict[str, tuple[Restriction, ...]]:
     """Return by symmetry what it sets to zero, or equal, among some parameters; each of these is in one restriction at most."""
     terms = [term for name in names if (term := _term(name)) is not None]
-    found = {}
+    result = {}
     for axis, sides in enumerate(MIRRORS):
         zero = [Restriction(term.text) for term in terms if _parity(term, axis) < 0]
-        found[sides] = (*zero, *_mirrored_gains(names, thrusters, axis))
-    found[TURNED] = _turned(terms)
-    return {sides: restrictions for sides, restrictions in found.items() if restrictions}
+        result[sides] = (*zero, *_mirrored_gains(names, thrusters, axis))
+    result[TURNED] = _turned(terms)
+    return {sides: restrictions for sides, restrictions in result.items() if restrictions}
 
 
 def mirror_of(thruster: Thruster, thrusters: Sequence[Thruster], axis: int = 1) -> int | None:
@@ -159,19 +159,19 @@ def _parity(term: CoefficientName, axis: int) -> int:
 
 
 def _mirrored_gains(names: Sequence[str], thrusters: Sequence[Thruster], axis: int) -> list[Restriction]:
-    found = []
+    result = []
     for index, thruster in enumerate(thrusters):
         other = mirror_of(thruster, thrusters, axis)
         if other is not None and other > index:
             pairs = [(f"gain_{letter}_{index + 1}", f"gain_{letter}_{other + 1}") for letter in "fn"]
-            found += [Restriction(*pair) for pair in pairs if {*pair} <= {*names}]
-    return found
+            result += [Restriction(*pair) for pair in pairs if {*pair} <= {*names}]
+    return result
 
 
 def _turned(terms: Sequence[CoefficientName]) -> tuple[Restriction, ...]:
     """Pairs of terms that a right angle about the keel turns into one another."""
     by_key = {(term.axis, term.key): term.text for term in terms}
-    found: list[Restriction] = []
+    result: list[Restriction] = []
     for term in terms:
         if not term.factors or any(one.signal not in QUARTER or one.change for one in term.factors):
             continue
@@ -184,10 +184,10 @@ def _turned(terms: Sequence[CoefficientName]) -> tuple[Restriction, ...]:
             text += f"{'abs' * factor.modulus}{signal}{'dot' * factor.derivative}{power}"
         image = CoefficientName.parse(text)
         other = by_key.get((image.axis, image.key))
-        used = {name for one in found for name in (one.first, one.second)}
+        used = {name for one in result for name in (one.first, one.second)}
         if other is not None and other != term.text and not {other, term.text} & used:
-            found.append(Restriction(other, term.text, sign))
-    return tuple(found)
+            result.append(Restriction(other, term.text, sign))
+    return tuple(result)
 
 
 def _log_prior(one: Restriction, priors: Mapping[str, PriorCurve]) -> float:

@@ -31,7 +31,7 @@ EXPLAINED = 0.5  # Share of the motion that the best fit has to explain
 SURE, BETTER = 40.0, 0.25
 HALO = 0.5  # By how much that logarithm may be off where the samples of two shifts are not the same
 APART = 4.0  # Seconds between shifts from which they are alternatives
-FEWEST = 50  # Cells with a measurement, at least
+MIN_CELLS = 50  # Cells with a measurement, at least
 # Order of the autoregression that makes residuals white, and the share of white noise that is added to them for it.
 ORDER, NUGGET = 12, 1e-3
 _RIDGE = 1e-9
@@ -76,7 +76,7 @@ def find_timing(
         most: largest shift, s.
     """
     grid = _gridded(time, measured, expected, most)
-    if np.count_nonzero(grid.weight) < FEWEST or not grid.moving.size:
+    if np.count_nonzero(grid.weight) < MIN_CELLS or not grid.moving.size:
         return None
     taus = np.geomspace(2 * grid.step, grid.step * grid.y.size / 8, LAGS)
     nearest = np.argsort(
@@ -271,7 +271,7 @@ class _Noise(NamedTuple):
 def _stretches(step: float, lag: np.ndarray, gain: np.ndarray) -> tuple[Shifts, ...]:
     """Return shifts in stretches, one where they are less than `APART` from the next, the smallest first."""
     parts = np.split(np.arange(lag.size), np.flatnonzero(np.diff(lag) * step > APART) + 1)
-    found = [
+    result = [
         Shifts(*(float(step * lag[at]) for at in (part[np.argmax(gain[part])], part[0], part[-1]))) for part in parts
     ]
-    return tuple(sorted(found, key=lambda one: abs(one.best)))
+    return tuple(sorted(result, key=lambda one: abs(one.best)))

@@ -52,8 +52,8 @@ def first_guess(
     Returns:
         each coefficient inside the support of its prior; none where no velocity or force is measured, or where the motion has no end.
     """
-    found = fit_motion(model, records, starts, priors, terms)
-    return {name: _inside(value, priors[name]) for name, (value, _) in found.items()}
+    result = fit_motion(model, records, starts, priors, terms)
+    return {name: _inside(value, priors[name]) for name, (value, _) in result.items()}
 
 
 def fit_motion(
@@ -112,7 +112,7 @@ def turn_of_sensor(
         return None
     motion = _coarser(_motion(model, record, start, rates))
     group = RATES[:3] if channels[0] in RATES[:3] else RATES[3:]
-    found = []
+    result = []
     for axis in range(3):
         names = [group[(axis + 1) % 3], group[(axis + 2) % 3]]
         if not set(names) <= {*channels}:
@@ -126,8 +126,8 @@ def turn_of_sensor(
             turned.explained[:, shown] = motion.explained[:, shown] @ way
             return _fit(model, rates, [turned], priors, sought)
 
-        found.append(_least(axis, fitted))
-    best = max(found, key=lambda one: one.gain, default=None)
+        result.append(_least(axis, fitted))
+    best = max(result, key=lambda one: one.gain, default=None)
     return best if best is not None and np.isfinite([best.angle, best.sd, best.gain]).all() else None
 
 

@@ -107,11 +107,11 @@ def likelihood_information(posterior: Posterior, values: Float[np.ndarray, " d"]
     if not isinstance(posterior.likelihood, OutputError):
         observed = expand_likelihood(posterior, _everywhere(posterior, point)).hessian
         return _of_hierarchy(posterior) - observed[np.ix_(at, at)]
-    found = slopes_of_present(posterior, point).information
+    result = slopes_of_present(posterior, point).information
     simulated = replace(posterior, data=_simulated_data(posterior, _everywhere(posterior, point)))
     information = np.array(slopes_of_present(simulated, point).information)
     noise = np.flatnonzero(is_noise(posterior))
-    information[np.ix_(noise, noise)] = found[np.ix_(noise, noise)]
+    information[np.ix_(noise, noise)] = result[np.ix_(noise, noise)]
     return information + _of_hierarchy(posterior)
 
 
@@ -232,8 +232,8 @@ def _sensitivity_loop(
 
     def advance(carry: tuple, sample: tuple) -> tuple[tuple, None]:
         state, slopes, total, memory = carry
-        told, h, counts = sample
-        held, memory = decide(state, memory, told, counts)
+        stated, h, counts = sample
+        held, memory = decide(state, memory, stated, counts)
 
         def moved_and_shown(point: tuple, state: tuple) -> tuple[tuple, Array]:
             named = dict(zip(names, point, strict=True))
@@ -281,8 +281,8 @@ def _innovation_loop(
 
     def advance(carry: tuple, sample: tuple) -> tuple[tuple, None]:
         state, slopes, total, memory, cov = carry
-        told, h, counts = sample
-        held, memory = decide(tuple(state[i] for i in range(n)), memory, told, counts)
+        stated, h, counts = sample
+        held, memory = decide(tuple(state[i] for i in range(n)), memory, stated, counts)
 
         def moved_and_shown(joint: Array) -> tuple[Array, Array]:
             named = dict(zip(names, (joint[i] for i in range(k)), strict=True))

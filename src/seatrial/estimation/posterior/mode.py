@@ -39,31 +39,34 @@ if TYPE_CHECKING:
 
 # Curvature in unconstrained space, where every prior has unit spread, that would make the posterior ten times wider
 # than its prior.
-FLAT = 1e-2
+MIN_CURVATURE = 1e-2
 # How far a delay is looked for: in standard deviations of its prior, and closer in those of the posterior about the
 # mode.
 FARTHEST, NEAR = 3.0, 12.0
 # Times that the closer look is widened at most, until the density at its ends is such a share of that at the mode.
-DOUBLINGS, NOTHING = 3, 1e-4
+DOUBLINGS, MAX_END_SHARE = 3, 1e-4
 # Prior draws among which a search begins; fewer of a filter, each of which costs ten simulations.
 PRIOR_DRAWS, PRIOR_DRAWS_OF_FILTER = 512, 64
 # Samples of a trial from which the mode of its first such part is found first, as with wrong coefficients a long
 # simulation goes astray; and the share of their standard deviation over all trials that the controls must reach in it.
-LONG, PARTS, EXCITED = 8192, 8, 0.5
+MIN_LONG_SAMPLES, N_PARTS, MIN_EXCITATION = 8192, 8, 0.5
 # Standard deviations of z within which a start keeps where a prior has bounds: at the bound itself z is infinite.
-INSIDE = 2.0
+MAX_INSIDE_SDS = 2.0
 # A top is known where a Newton step that gains less than so many nats ends beside it, squared and in standard
 # deviations.
-SAME_TOP, NEAR_TOP = 0.01, 1.0
+MAX_SAME_DISTANCE, MAX_SAME_GAIN = 0.01, 1.0
 # A climb is given up whose last steps closed less than such a share of what a known top is higher.
-PATIENCE, LEAST_GAIN = 5, 0.2
+PATIENCE_STEPS, MIN_GAIN_SHARE = 5, 0.2
 # Looks at what a start leaves over, and the least share of the variance of the noise that one of them leaves.
-NOISE_ROUNDS, LEAST_SHARE = 4, 1e-3
-FOLLOWED, ROUNDS = 3, 3  # Peaks along the delay, or modes of other structures, that are followed each time, and times
+NOISE_ROUNDS, MIN_NOISE_SHARE = 4, 1e-3
+MAX_FOLLOWED, MAX_ROUNDS = (
+    3,
+    3,
+)  # Peaks along the delay, or modes of other structures, that are followed each time, and times
 # Standard deviations at which the normal approximation is compared with the density, the largest first; and the fall,
 # nats, up to which it holds there: at two it would be 2.
 REACH, FALL = 2.0 * 0.7 ** np.arange(16), 6.0
-HIGHER_TOP = 0.1  # Nats above a mode that neither rounding nor the end of a climb explains
+MIN_RISE = 0.1  # Nats above a mode that neither rounding nor the end of a climb explains
 
 
 class Mode(NamedTuple):
@@ -217,13 +220,13 @@ def higher_mode(posterior: Posterior, known: Mode | None, others: Sequence[Mode]
     if not len(starts):
         return None
     heights, best = _heights(posterior, starts), known
-    for place in _best(heights)[:FOLLOWED]:
-        tops = [] if best is None else [(best.z, best.log_density)]
-        if best is not None and heights[place] <= best.log_density and rises(posterior, starts[place], best.z):
+    for place in _best(heights)[:MAX_FOLLOWED]:
+        known_modes = [] if best is None else [(best.z, best.log_density)]
+        if best is not None and heights[place] <= best.log_density and is_uphill(posterior, starts[place], best.z):
             continue
         with suppress(NumericalError):
-            z, log_density = _climb(posterior, starts[place], tops)
-            if best is None or log_density > best.log_density + HIGHER_TOP:
+            z, log_density = _maximise(posterior, starts[place], known_modes)
+            if best is None or log_density > best.log_density + MIN_RISE:
                 best = _about(posterior, z, log_density)
     if best is known or best is None:
         return None
@@ -245,7 +248,7 @@ def _highest(
     part = _first_part(posterior)
     if part is not None:
         with suppress(NumericalError):  # a part that leads nowhere: all of the record is searched
-            return _climb(posterior, _with_noise(posterior, _highest(part, candidates, tries)[0]))
+            return _maximise(posterior, _with_noise(posterior, _highest(part, candidates, tries)[0]))
     drawn = _best(_heights(posterior, candidates))[:tries]
     followed = [*_guessed(posterior, candidates), *candidates[drawn]]
     if not followed:
@@ -256,9 +259,9 @@ def _highest(
     results: list[tuple[np.ndarray, float]] = []
     lost = None
     for start in (_with_noise(posterior, one) for one in followed):
-        if not any(rises(posterior, start, top) for top, _ in results):
+        if not any(is_uphill(posterior, start, top) for top, _ in results):
             try:
-                results.append(_climb(posterior, start, results))
+                results.append(_maximise(posterior, start, results))
             except NumericalError as error:
                 lost = error
     if lost is not None and not results:
@@ -269,13 +272,13 @@ def _highest(
 def _first_part(posterior: Posterior) -> Posterior | None:
     """Return the posterior of the first part of long trials in which every control moves about as much as in all of them; None without."""
     data = posterior.data
-    if not isinstance(posterior.likelihood, OutputError | FilterError) or data.step.shape[1] < LONG:
+    if not isinstance(posterior.likelihood, OutputError | FilterError) or data.step.shape[1] < MIN_LONG_SAMPLES:
         return None
-    length = data.step.shape[1] // PARTS
+    length = data.step.shape[1] // N_PARTS
     inside = np.asarray(data.step) > 0  # what fills up a trial takes no time
     columns = [np.asarray(column) for column in data.control]
     moves = [(column[:, :length][inside[:, :length]].std(), column[inside].std()) for column in columns]
-    if any(part < EXCITED * whole for part, whole in moves):
+    if any(part < MIN_EXCITATION * whole for part, whole in moves):
         return None
     return replace(posterior, data=first_samples(data, length))
 
@@ -302,16 +305,16 @@ def draw_about(posterior: Posterior, mode: Mode, count: int, random: np.random.G
     return mode.z + np.where(share < 1.0, cut, steps) @ factor.T
 
 
-def climb(posterior: Posterior, start: Float[np.ndarray, " d"]) -> Mode:
+def maximise_from(posterior: Posterior, start: Float[np.ndarray, " d"]) -> Mode:
     """Follow one start to the mode above it.
 
     Raises:
         NumericalError: the log-likelihood has no finite derivative on the way.
     """
-    return _about(posterior, *_climb(posterior, start))
+    return _about(posterior, *_maximise(posterior, start))
 
 
-def rises(posterior: Posterior, start: Float[np.ndarray, " d"], end: Float[np.ndarray, " d"]) -> bool:
+def is_uphill(posterior: Posterior, start: Float[np.ndarray, " d"], end: Float[np.ndarray, " d"]) -> bool:
     """Return whether the density never falls on the straight way, looked at in as many places as are computed at once.
 
     Args:
@@ -358,7 +361,7 @@ def _about(posterior: Posterior, z: np.ndarray, log_density: float) -> Mode:
 def _along_delay(posterior: Posterior, mode: Mode) -> Mode:
     """Return the highest peak along the delay, its spread along it that of all peaks."""
     at = posterior.names.index(DELAY)
-    for _ in range(ROUNDS):
+    for _ in range(MAX_ROUNDS):
         better = _higher_peak(posterior, mode, at)
         if better is None:
             break
@@ -380,9 +383,9 @@ def _higher_peak(posterior: Posterior, mode: Mode, at: int) -> Mode | None:
     middle = heights[1:-1]
     peaks = 1 + np.flatnonzero((middle > heights[:-2]) & (middle >= heights[2:]))
     best, ends = mode, [mode.z]
-    for peak in peaks[np.argsort(-heights[peaks])][:FOLLOWED]:
-        if not any(rises(posterior, points[peak], end) for end in ends):
-            z, log_density = _climb(posterior, points[peak])
+    for peak in peaks[np.argsort(-heights[peaks])][:MAX_FOLLOWED]:
+        if not any(is_uphill(posterior, points[peak], end) for end in ends):
+            z, log_density = _maximise(posterior, points[peak])
             ends.append(z)
             if log_density > best.log_density + 1e-6:
                 best = _about(posterior, z, log_density)
@@ -394,7 +397,7 @@ def _profile(posterior: Posterior, mode: Mode, at: int) -> tuple[np.ndarray, np.
     for reach in NEAR * np.sqrt(mode.cov[at, at]) * 2.0 ** np.arange(DOUBLINGS + 1):
         to = mode.z[at] + np.linspace(-reach, reach, AT_ONCE)
         weight = np.exp(_heights(posterior, _ridge(mode, at, to)) - mode.log_density)
-        if weight[0] + weight[-1] < NOTHING:
+        if weight[0] + weight[-1] < MAX_END_SHARE:
             break
     return to, weight
 
@@ -419,11 +422,11 @@ def _with_profile(posterior: Posterior, mode: Mode, at: int) -> Mode:
 def _inside(posterior: Posterior, values: Mapping[str, float]) -> np.ndarray:
     """Return where parameters have such values, moved inside their bounds, shape (1, d), in the middle of the prior where one is not told;
     none where one has no place."""
-    told = np.array([values.get(name, np.nan) for name in posterior.names])
+    stated = np.array([values.get(name, np.nan) for name in posterior.names])
     low, high = np.array([parameter.prior.bounds for parameter in posterior.parameters], float).T
-    z = np.asarray(posterior.unconstrain(np.clip(told, np.nextafter(low, np.inf), np.nextafter(high, -np.inf))))[None]
-    z = np.where(np.isfinite(high - low), z.clip(-INSIDE, INSIDE), z)
-    z = np.where(np.isnan(told), 0.0, z)
+    z = np.asarray(posterior.unconstrain(np.clip(stated, np.nextafter(low, np.inf), np.nextafter(high, -np.inf))))[None]
+    z = np.where(np.isfinite(high - low), z.clip(-MAX_INSIDE_SDS, MAX_INSIDE_SDS), z)
+    z = np.where(np.isnan(stated), 0.0, z)
     return z[np.isfinite(z).all(1)]
 
 
@@ -466,7 +469,7 @@ def _with_noise(posterior: Posterior, start: np.ndarray) -> np.ndarray:
         if not (value > highest and np.isfinite(share).all()):
             break
         best, highest = moved, value
-        values[at] *= np.sqrt(share.clip(LEAST_SHARE))
+        values[at] *= np.sqrt(share.clip(MIN_NOISE_SHARE))
         moved = best.copy()
         moved[at] = _inside(posterior, dict(zip(posterior.names, values, strict=True)))[0, at]
     return best
@@ -532,10 +535,12 @@ def expand_prior(posterior: Posterior, z: Array) -> tuple[Array, Array, Array, A
     )
 
 
-def _climb(
-    posterior: Posterior, start: np.ndarray, tops: Sequence[tuple[np.ndarray, float]] = ()
+def _maximise(
+    posterior: Posterior, start: np.ndarray, known_modes: Sequence[tuple[np.ndarray, float]] = ()
 ) -> tuple[np.ndarray, float]:
-    return follow(lambda z: _expand(posterior, z, climbing=True), start, partial(_point, posterior), tops=tops)
+    return maximise(
+        lambda z: _expand(posterior, z, climbing=True), start, partial(_point, posterior), known_modes=known_modes
+    )
 
 
 class Expanded(Protocol):
@@ -557,12 +562,12 @@ class Expanded(Protocol):
         ...
 
 
-def follow(
+def maximise(
     expand_at: Callable[[np.ndarray], Expanded],
     start: Float[np.ndarray, " d"],
     words: Callable[[np.ndarray], str],
     most: int = 300,
-    tops: Sequence[tuple[np.ndarray, float]] = (),
+    known_modes: Sequence[tuple[np.ndarray, float]] = (),
 ) -> tuple[Float[np.ndarray, " d"], float]:
     """Follow one start to its maximum; steps that end where the density is zero or has no derivative are refused by the trust region.
 
@@ -594,20 +599,22 @@ def follow(
         )
 
     heights: list[float] = []
-    highest = max((height for _, height in tops), default=-np.inf)
+    highest = max((height for _, height in known_modes), default=-np.inf)
 
     def stop_if_there(intermediate_result: scipy.optimize.OptimizeResult) -> None:
         there = expand(tuple(intermediate_result.x))
         heights.append(there.value)
-        if len(heights) > PATIENCE and there.value - heights[-1 - PATIENCE] < LEAST_GAIN * (highest - there.value):
+        if len(heights) > PATIENCE_STEPS and there.value - heights[-1 - PATIENCE_STEPS] < MIN_GAIN_SHARE * (
+            highest - there.value
+        ):
             raise StopIteration
         curvature = -there.hessian
         if np.linalg.eigvalsh(curvature)[0] <= 0:
             return
         step = np.linalg.solve(curvature, there.gradient)
         gain = 0.5 * there.gradient @ step
-        missed = [top - intermediate_result.x - step for top, _ in tops]
-        known = any(off @ curvature @ off < SAME_TOP for off in missed) and gain < NEAR_TOP
+        missed = [top - intermediate_result.x - step for top, _ in known_modes]
+        known = any(off @ curvature @ off < MAX_SAME_DISTANCE for off in missed) and gain < MAX_SAME_GAIN
         if known or gain < np.finfo(float).eps * abs(there.value):
             raise StopIteration
 
@@ -658,6 +665,6 @@ def triangular_root(rows: Float[np.ndarray, "d m"]) -> Float[np.ndarray, "d d"]:
 def _invert(precision: np.ndarray) -> tuple[np.ndarray, float, bool]:
     """Inverse, half its log-determinant, and whether a direction without curvature was given unit precision, the prior's order."""
     values, vectors = np.linalg.eigh(precision)
-    flat = bool((values <= FLAT).any())
-    values = np.where(values <= FLAT, 1.0, values)
+    flat = bool((values <= MIN_CURVATURE).any())
+    values = np.where(values <= MIN_CURVATURE, 1.0, values)
     return (vectors / values) @ vectors.T, -0.5 * float(np.log(values).sum()), flat

@@ -13,9 +13,9 @@ from seatrial.estimation.priors import LogUniform
 # Distance from a bound, over the width of the prior, from which on a posterior that reaches the bound lies at it.
 EDGE = 0.02
 # Likewise of any posterior: of a uniform prior, one value in a hundred lies so near to one of its bounds.
-BESIDE = 0.005
-REACHES = 3.0  # Standard deviations within which a posterior reaches a bound
-LEANING = 0.1  # Share of the posterior that may lie within `EDGE` of a bound
+MAX_BESIDE = 0.005
+MAX_REACH_SDS = 3.0  # Standard deviations within which a posterior reaches a bound
+MIN_LEANING_SHARE = 0.1  # Share of the posterior that may lie within `EDGE` of a bound
 
 
 def scaled_bounds(parameter: Parameter) -> tuple[Callable, Callable, Float[np.ndarray, "2"], float]:
@@ -45,7 +45,7 @@ def bound_finding(parameter: Parameter, value: float, sd: float) -> Finding | No
         bound, off = float(back(at)), abs(float(there(value)) - float(at))
         if not np.isfinite(edge) or (bound == 0.0 and not is_coefficient(parameter.name)):
             continue
-        if off <= (BESIDE if bound else 0.0) * width or off <= min(EDGE * width, REACHES * sd / scale):
+        if off <= (MAX_BESIDE if bound else 0.0) * width or off <= min(EDGE * width, MAX_REACH_SDS * sd / scale):
             return Finding(
                 "at-prior-bound", "caution", (parameter.name,), parameter.shown_value(bound), ("widen-prior",)
             )
@@ -59,4 +59,4 @@ def leaning_bounds(parameter: Parameter, draws: Float[np.ndarray, " n"]) -> list
         return []
     off = [(float(back(at)), np.abs(there(draws) - at)) for at in bounds]
     near = min(EDGE * width, float(np.std(there(draws))))
-    return [(bound, float(np.mean(x <= EDGE * width))) for bound, x in off if np.mean(x <= near) > LEANING]
+    return [(bound, float(np.mean(x <= EDGE * width))) for bound, x in off if np.mean(x <= near) > MIN_LEANING_SHARE]

@@ -25,9 +25,9 @@ from seatrial.estimation.posterior.profile_result import DROP, Profile
 # Newton's method with exact derivatives in scaled parameters: (|H| + damping) step = gradient, the damping raised
 # where a step does not climb (Levenberg, 1944); parameters pushed against a bound stay there.
 
-FAR = 6.0  # Prior standard deviations taken for a bound where a prior has none
-ITERATIONS = 60
-GAIN = 1e-7  # Promised gain in log-likelihood below which a climb has arrived
+UNBOUNDED_SDS = 6.0  # Prior standard deviations taken for a bound where a prior has none
+MAX_ITERATIONS = 60
+MIN_GAIN = 1e-7  # Promised gain in log-likelihood below which a climb has arrived
 
 
 class Slope(NamedTuple):
@@ -51,7 +51,7 @@ def bounded_slope(posterior: Posterior, mode: Mode) -> Slope:
     ends = []
     for parameter in posterior.present_parameters:
         low, high = (float(bound) for bound in parameter.prior.bounds)
-        mean, far = float(parameter.prior.mean), FAR * float(parameter.prior.sd)
+        mean, far = float(parameter.prior.mean), UNBOUNDED_SDS * float(parameter.prior.sd)
         low, high = (low if np.isfinite(low) else mean - far), (high if np.isfinite(high) else mean + far)
         hair = 1e-6 * (high - low)
         ends.append((low + hair, high - hair))
@@ -60,13 +60,13 @@ def bounded_slope(posterior: Posterior, mode: Mode) -> Slope:
     return Slope(posterior, scale, lower, upper)
 
 
-def climb(problem: Slope, starts: np.ndarray, held: Sequence[int | None]) -> Maxima:
+def maximise_rows(problem: Slope, starts: np.ndarray, held: Sequence[int | None]) -> Maxima:
     """Maximise over all parameters but the held one of each row; a row whose likelihood is zero at its start stays there."""
     points = np.clip(starts, problem.lower, problem.upper)
     height, gradient, information = _slopes_at(problem.posterior, points)
     height = np.where(np.isfinite(height), height, -np.inf)
     damping, active = np.full(len(points), 1e-6), np.isfinite(height)
-    for _ in range(ITERATIONS):
+    for _ in range(MAX_ITERATIONS):
         rows = np.flatnonzero(active).tolist()
         moved, promised = points.copy(), np.zeros(len(points))
         for row in rows:
@@ -74,7 +74,7 @@ def climb(problem: Slope, starts: np.ndarray, held: Sequence[int | None]) -> Max
                 problem, points[row], gradient[row], information[row], held[row], damping[row]
             )
             moved[row] = np.clip(points[row] + step, problem.lower, problem.upper)
-        active[rows] = promised[rows] > GAIN
+        active[rows] = promised[rows] > MIN_GAIN
         rows = np.flatnonzero(active).tolist()
         if not rows:
             break
@@ -116,9 +116,9 @@ def _newton(
 
 
 CROSSING = float(np.sqrt(2 * DROP))  # Value of r at the ends of the interval
-STEP = 0.5  # Distance of neighbouring points in r
-CLOSE = 1e-3  # Accuracy of r at the ends of an interval
-MOST_POINTS = 40
+ROOT_STEP = 0.5  # Distance of neighbouring points in r
+ROOT_TOLERANCE = 1e-3  # Accuracy of r at the ends of an interval
+MAX_POINTS = 40
 
 
 def profile_likelihood(posterior: Posterior, mode: Mode, names: Sequence[str] | None = None) -> tuple[Profile, ...]:
@@ -144,7 +144,7 @@ def profile_likelihood(posterior: Posterior, mode: Mode, names: Sequence[str] | 
     problem = bounded_slope(posterior, mode)
     start = np.asarray(mode.values, float)
     for _ in range(4):
-        best = climb(problem, start[None], [None])
+        best = maximise_rows(problem, start[None], [None])
         if not np.isfinite(best.height[0]):
             raise NumericalError(
                 "profile likelihood: the likelihood at the posterior mode is not finite; narrow the priors"
@@ -182,12 +182,12 @@ def _follow(problem: Slope, best: Maxima, chosen: Sequence[int]) -> list[_Path]:
     """Walk outwards until each profile has fallen by 1.92 or met its bound, then pin down where it crosses."""
     peak = _Point(best.values[0], float(best.height[0]), 0.0)
     paths = [_Path(i, sign, [peak]) for i in chosen for sign in (-1.0, 1.0)]
-    for _ in range(MOST_POINTS):
+    for _ in range(MAX_POINTS):
         walking = [path for path in paths if not path.done]
         if not walking:
             return paths
         starts = np.array([_next_start(problem, path) for path in walking])
-        result = climb(problem, starts, [path.index for path in walking])
+        result = maximise_rows(problem, starts, [path.index for path in walking])
         for path, values, height in zip(walking, result.values, result.height, strict=True):
             root = float(np.sqrt(2 * max(peak.height - height, 0.0)))
             path.points.append(_Point(values, float(height), root))
@@ -208,7 +208,7 @@ def _is_done(problem: Slope, path: _Path) -> bool:
     if outside is None:
         end = (problem.upper if path.sign > 0 else problem.lower)[at]
         return abs(end - inside.values[at]) <= 1e-9 * problem.scale[at]
-    close = min(abs(inside.root - CROSSING), abs(outside.root - CROSSING)) < CLOSE
+    close = min(abs(inside.root - CROSSING), abs(outside.root - CROSSING)) < ROOT_TOLERANCE
     return close or abs(outside.values[at] - inside.values[at]) < 1e-6 * problem.scale[at]
 
 
@@ -229,10 +229,10 @@ def _next_start(problem: Slope, path: _Path) -> np.ndarray:
     last = path.points[-1]
     if len(path.points) == 1:
         moved = last.values.copy()
-        moved[i] += path.sign * STEP * problem.scale[i]
+        moved[i] += path.sign * ROOT_STEP * problem.scale[i]
     else:
         before = path.points[-2]
-        stride = min(2.0, (min(STEP, max(CROSSING - last.root, 0.1)) + 0.01) / max(last.root - before.root, 1e-9))
+        stride = min(2.0, (min(ROOT_STEP, max(CROSSING - last.root, 0.1)) + 0.01) / max(last.root - before.root, 1e-9))
         moved = last.values + stride * (last.values - before.values)
     moved[i] = np.clip(moved[i], problem.lower[i], problem.upper[i])
     return moved

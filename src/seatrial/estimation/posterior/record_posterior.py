@@ -34,7 +34,7 @@ from seatrial.vehicles.model import VehicleModel
 
 _A_RECORD = "give one, or a list of them, of `read_log`, `make_record` or `simulate`"
 # Standard deviations of a prior above 0, from which its values below 0, one in thirty thousand, do not matter.
-SURE = 4.0
+MIN_SDS_ABOVE_ZERO = 4.0
 UNSEEN_SD = 1.0  # Standard deviation of a state at the start where no sensor shows it, in its own unit
 
 
@@ -251,15 +251,15 @@ def _parameters(
 ) -> list[Parameter]:
     """Return all parameters: one for all trials, or one for each under its label; then deviations, then initial states."""
     shared, initial = [one for one in unknown if not one.is_initial], [one for one in unknown if one.is_initial]
-    found = []
+    result = []
     for one in shared:
         if one.name in own:
-            found += [_of_trial(one, label, priors) for label in labels]
+            result += [_of_trial(one, label, priors) for label in labels]
         else:
-            found.append(one.parameter(priors[one.name]))
+            result.append(one.parameter(priors[one.name]))
     names = {one.name for one in shared}
-    found += deviations([one for one in shared if spread_name(one.name) in names], labels)
-    return found + [_of_trial(one, label, priors) for label in labels for one in initial]
+    result += deviations([one for one in shared if spread_name(one.name) in names], labels)
+    return result + [_of_trial(one, label, priors) for label in labels for one in initial]
 
 
 def _of_trial(one: Unknown, label: str, priors: Mapping[str, Prior]) -> Parameter:
@@ -306,7 +306,7 @@ def _check_signs(priors: Mapping[str, Prior], unknown: Sequence[Unknown]) -> Non
     """Refuse priors that give values below 0 more than a trace of probability, of what has no sign."""
     unsigned = {one.name for one in unknown if not one.signed}
     for name, prior in priors.items():
-        if name.partition("[")[0] in unsigned and prior.bounds[0] < 0 and prior.mean < SURE * prior.sd:
+        if name.partition("[")[0] in unsigned and prior.bounds[0] < 0 and prior.mean < MIN_SDS_ABOVE_ZERO * prior.sd:
             raise InputError(
                 f'priors["{name}"]',
                 found=f"{shown(prior)}, which allows values below 0",

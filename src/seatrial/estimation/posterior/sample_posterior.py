@@ -153,8 +153,8 @@ def _by_nested(
 
 def _population(posterior: Posterior, z: np.ndarray, moved: float) -> Draws:
     """Return equally weighted particles as one chain."""
-    found = unnamed_draws(np.asarray(z)[None], evaluate(posterior, z)[None], moved)
-    return replace(named_draws(posterior, found), moved=moved)
+    result = unnamed_draws(np.asarray(z)[None], evaluate(posterior, z)[None], moved)
+    return replace(named_draws(posterior, result), moved=moved)
 
 
 _BY_KIND = {ChainSettings: _by_chains, SMCSettings: _by_smc, NestedSettings: _by_nested}

@@ -85,8 +85,8 @@ def simulate(
                 "check the signs of the damping: negative coefficients dissipate"
             )
         columns[sensor.channel] = np.where(present > 0, shown, np.nan)
-    told = {"values": values, "start": dict(start or {}), "rates": dict(rates or {})}
-    return make_record(time, columns, blank.channels, Provenance(SIMULATED, sha256_of_json(told), told), label)
+    stated = {"values": values, "start": dict(start or {}), "rates": dict(rates or {})}
+    return make_record(time, columns, blank.channels, Provenance(SIMULATED, sha256_of_json(stated), stated), label)
 
 
 def _control(schedule: Schedule, name: str) -> np.ndarray:

@@ -55,8 +55,8 @@ def likelihood_slopes(posterior: Posterior, point: Float[Array, " d"]) -> Slopes
 
     d = len(posterior.names)
     nothing = Slopes(jnp.zeros(()), jnp.zeros(d), jnp.zeros((d, d)))
-    found, _ = jax.lax.scan(add, nothing, jnp.arange(len(likelihood.labels)))
-    return found._replace(value=jnp.where(jnp.isfinite(found.value), found.value, -jnp.inf))
+    result, _ = jax.lax.scan(add, nothing, jnp.arange(len(likelihood.labels)))
+    return result._replace(value=jnp.where(jnp.isfinite(result.value), result.value, -jnp.inf))
 
 
 def _of_density(posterior: Posterior, point: Array) -> Slopes:

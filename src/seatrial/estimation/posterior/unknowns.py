@@ -81,29 +81,29 @@ def unknowns_of(
         stated: names of unknowns that are asked for beside those of the vehicle and the sensors, such as `delay` or `process_u`.
         noise: nominal noise of some sensors by channel, SI, from which usual priors of noise are made.
     """
-    found = [*_coefficients(model), *_of_vehicle(model, sensors, stated)]
+    result = [*_coefficients(model), *_of_vehicle(model, sensors, stated)]
     for sensor in sensors:
-        found += unknowns_of_sensor(sensor, (noise or {}).get(sensor.channel))
+        result += unknowns_of_sensor(sensor, (noise or {}).get(sensor.channel))
     disturbed, noisy = disturbed_axes(stated, model), noisy_states(stated, model)
     for axis in disturbed:
         unit, why = model.unit_of(CoefficientName.parse(f"{axis}_0")), f"a force with a memory disturbs {axis}"
-        found += [
+        result += [
             Unknown(disturbance_name(axis), unit, rf"s_{{d,{axis}}}", why=why),
             Unknown(disturbance_time_name(axis), "s", rf"\tau_{{d,{axis}}}", why=why),
         ]
     for state in noisy:
         # Its own unit: a standard deviation that the state gains in one second.
         label = rf"q_{{{signal_label(state)}}}"
-        found.append(Unknown(process_name(state), signal_unit(state), label, why=f"process noise disturbs {state}"))
+        result.append(Unknown(process_name(state), signal_unit(state), label, why=f"process noise disturbs {state}"))
     # A filter takes initial states as uncertain anyway.
     if not (disturbed or noisy) and any(f"{state}_0" in stated for state in model.states):
-        found += [
+        result += [
             Unknown(f"{state}_0", signal_unit(state), f"{signal_label(state)}_0", True, is_initial=True)
             for state in model.states
             # An actuator stands where it is commanded to be.
             if not state.endswith(ACTUAL) or f"{state}_0" in stated
         ]
-    return found
+    return result
 
 
 def unknowns_of_sensor(sensor: Sensor, noise: float | None = None) -> list[Unknown]:

@@ -113,10 +113,10 @@ def _least_squares(model: VehicleModel, phi: np.ndarray, y: np.ndarray) -> np.nd
     names = [term.text for term in model.coefficients]
     if (size == 0).any():
         raise NumericalError(f"nothing in these runs shows {names[int(np.argmin(size))]}")
-    found, _, rank, _ = np.linalg.lstsq(phi / size, y, rcond=1e-9)
+    result, _, rank, _ = np.linalg.lstsq(phi / size, y, rcond=1e-9)
     if rank < len(names):
         raise NumericalError(f"these runs show only combinations of {', '.join(names)}")
-    return found / size
+    return result / size
 
 
 def _motion(model: VehicleModel, record: Record) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -125,9 +125,9 @@ def _motion(model: VehicleModel, record: Record) -> tuple[np.ndarray, np.ndarray
     turned = _attitude(record)
     for name in model.states:
         if name in RATES:
-            found = smooth(record.time, record.channel(name), where=f'record "{record.label}", channel "{name}"')
-            states.append(found.value)
-            rates.append(np.where(found.rate_sd <= POOR * np.median(found.rate_sd), found.rate, np.nan))
+            result = smooth(record.time, record.channel(name), where=f'record "{record.label}", channel "{name}"')
+            states.append(result.value)
+            rates.append(np.where(result.rate_sd <= POOR * np.median(result.rate_sd), result.rate, np.nan))
         else:
             states.append(turned[name] if name in turned else _other(record, name))
     held = np.column_stack([record.channel(name) for name in model.controls])
@@ -155,8 +155,8 @@ def _along(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return rates of the velocities, shape (n, v), and their derivatives by the coefficients, shape (n, v, k)."""
     samples = bucket_length(len(state))
-    found = _linearised(model, rows, values, filled(state, samples), filled(control, samples))
-    rate, slope = (np.asarray(part)[: len(state)] for part in found)
+    result = _linearised(model, rows, values, filled(state, samples), filled(control, samples))
+    rate, slope = (np.asarray(part)[: len(state)] for part in result)
     return rate, slope
 
 

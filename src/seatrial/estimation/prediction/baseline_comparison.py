@@ -16,9 +16,9 @@ from scipy.special import stdtr
 from seatrial.estimation.prediction.fit_verdict import FitLevel
 from seatrial.estimation.prediction.prediction_scores import LOG_2PI, crps_normal, diverges, effective_samples
 
-CLEAR = 1.1  # Ratio of the CRPS from which a baseline is clearly better
-CHANCE = 0.05  # Probability below which a difference is not put down to chance
-FEWEST_RUNS = 3  # Runs from which their own spread says what chance does
+CLEAR_RATIO = 1.1  # Ratio of the CRPS from which a baseline is clearly better
+MAX_CHANCE = 0.05  # Probability below which a difference is not put down to chance
+MIN_RUNS = 3  # Runs from which their own spread says what chance does
 
 
 class Run(NamedTuple):
@@ -102,8 +102,8 @@ def compare(
     if not (own.diverges or best.diverges):
         theirs = baselines[best.words]
         p_value = min(1.0, len(scores) * _chance(runs, ours, theirs)) if worse else _chance(runs, theirs, ours)
-    clear = own.diverges or own.crps > CLEAR * best.crps
-    level: FitLevel = "pass" if not worse else "fail" if clear and p_value < CHANCE else "caution"
+    clear = own.diverges or own.crps > CLEAR_RATIO * best.crps
+    level: FitLevel = "pass" if not worse else "fail" if clear and p_value < MAX_CHANCE else "caution"
     pairs = zip(_present(runs, ours), _present(runs, baselines[best.words]), strict=True)
     by_run = tuple(
         (float(crps_normal(*one).mean()), float(crps_normal(*other).mean())) for one, other in pairs if one[0].size
@@ -131,11 +131,11 @@ def _pooled(words: str, runs: Sequence[Run], predicted: Sequence[Predicted]) -> 
 
 def _present(runs: Sequence[Run], predicted: Sequence[Predicted]) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """Return measurements, means and standard deviations of each run where there is a measurement."""
-    found = []
+    result = []
     for run, one in zip(runs, predicted, strict=True):
         there = np.isfinite(run.measured)
-        found.append((run.measured[there], one.mean[there], one.sd[there]))
-    return found
+        result.append((run.measured[there], one.mean[there], one.sd[there]))
+    return result
 
 
 def _chance(runs: Sequence[Run], first: Sequence[Predicted], second: Sequence[Predicted]) -> float:
@@ -153,7 +153,7 @@ def _chance(runs: Sequence[Run], first: Sequence[Predicted], second: Sequence[Pr
     alone = zip(weights, differences, worth, strict=True)
     variance = sum(w**2 * float(one.var()) / max(n - 1.0, 1e-9) for w, one, n in alone)
     freedom = max(1.0, sum(worth) - count)
-    if count >= FEWEST_RUNS:
+    if count >= MIN_RUNS:
         between = count / (count - 1) * float(np.sum(weights**2 * (means - total) ** 2))
         if between > variance:
             variance, freedom = between, count - 1.0

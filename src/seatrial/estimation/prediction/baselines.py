@@ -25,8 +25,7 @@ from jaxtyping import Float
 from seatrial.core.errors import InputError, NumericalError, located
 from seatrial.core.record import Record
 from seatrial.core.signals import OVER_GROUND, RATES
-from seatrial.estimation.prediction.cubic_lag import fit_cubic
-from seatrial.estimation.prediction.lag_response import Lags, Run, fit_lags
+from seatrial.estimation.prediction.lag_response import Lags, Run, fit_cubic, fit_lags
 from seatrial.estimation.prediction.prediction_scores import Score, score_channel, unscored
 
 VELOCITIES = (*RATES, *OVER_GROUND)  # Channels that a lag predicts

@@ -10,9 +10,9 @@ from seatrial.core.record import Record
 from seatrial.core.signals import POSITIONS
 
 MARGIN = 0.1  # Share of the fitted range by which a signal has to leave it; noise alone leaves it by less
-OFTEN = 0.01  # Share of a run's samples that have to lie outside; fewer may be outliers
-SMALLEST = 1e-9  # Width of the range of what never moved in the fit, SI
-MATTERLESS = (*POSITIONS, "psi")  # Signals on which no force depends but through what else is measured
+MIN_SHARE = 0.01  # Share of a run's samples that have to lie outside; fewer may be outliers
+MIN_WIDTH = 1e-9  # Width of the range of what never moved in the fit, SI
+FREE_SIGNALS = (*POSITIONS, "psi")  # Signals on which no force depends but through what else is measured
 
 
 class Outside(NamedTuple):
@@ -44,14 +44,14 @@ def outside_fitted(fitted: Sequence[Record], record: Record) -> tuple[Outside, .
     for name in (*record.controls, *record.measured):
         known = _samples(fitted, name)
         values = _samples([record], name)
-        if name in MATTERLESS or not known.size or not values.size:
+        if name in FREE_SIGNALS or not known.size or not values.size:
             continue
         lower, upper = float(known.min()), float(known.max())
-        width = upper - lower if upper > lower else SMALLEST
+        width = upper - lower if upper > lower else MIN_WIDTH
         margin = MARGIN * width
-        if (values > upper + margin).mean() >= OFTEN:
+        if (values > upper + margin).mean() >= MIN_SHARE:
             outside.append(Outside(name, True, float(values.max()), upper, width))
-        if (values < lower - margin).mean() >= OFTEN:
+        if (values < lower - margin).mean() >= MIN_SHARE:
             outside.append(Outside(name, False, float(values.min()), lower, width))
     return tuple(sorted(outside, key=lambda one: -abs(one.furthest - one.edge) / one.width))
 

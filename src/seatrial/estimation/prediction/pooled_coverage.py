@@ -40,7 +40,7 @@ from seatrial.estimation.prediction.prediction_scores import LaggedProducts, cov
 
 # Effective samples from which on all runs together may pass: of ten, slow errors twice those stated leave 85 % inside
 # by chance too often (docs/held_back.md). A failure needs no number, since the tests know how few they are.
-ENOUGH = 20.0
+MIN_POOLED_SAMPLES = 20.0
 BAND = 0.9  # Probability of the band that is tested
 TAIL = 0.025  # Probability on either side of a range
 
@@ -226,13 +226,13 @@ def motion_products(
         sd: predicted standard deviation, noise included, SI.
         measured: SI, NaN where nothing was measured.
     """
-    found = []
+    result = []
     with np.errstate(invalid="ignore"):
         departures = (motions - motions.mean(axis=0)) / sd
     for of_channel, there in zip(np.moveaxis(departures, 2, 0), np.isfinite(measured).T, strict=True):
         own = of_channel[:, there]
-        found.append(MotionProducts(own @ own.T, int(there.sum())))
-    return found
+        result.append(MotionProducts(own @ own.T, int(there.sum())))
+    return result
 
 
 def shared_motion(runs: Sequence[MotionProducts]) -> float:
@@ -269,8 +269,8 @@ def band_factor(z: Float[np.ndarray, " n"], n: float) -> tuple[float, float, flo
         z: normalised residuals of all runs.
         n: independent samples that they are worth.
     """
-    found = np.quantile(np.abs(z), [BAND, *share_range(BAND, n)]) / ndtri(0.5 + 0.5 * BAND)
-    factor, lower, upper = map(float, found)
+    result = np.quantile(np.abs(z), [BAND, *share_range(BAND, n)]) / ndtri(0.5 + 0.5 * BAND)
+    factor, lower, upper = map(float, result)
     return factor, lower, upper
 
 
@@ -314,7 +314,7 @@ def _judge(pooled: Pooled, excused: bool, lacks: tuple[str, ...]) -> Finding:
     short = (pooled.upper < BAND and pooled.coverage < NARROWER) or (pooled.least < BROKEN and pooled.p_value < RARE)
     if short or large or pooled.variance >= ONE_SAMPLE:
         return Finding("bands-too-narrow", "alarm", subject, values, ("widen-bands", *lacks))
-    if n < ENOUGH:
+    if n < MIN_POOLED_SAMPLES:
         return Finding("runs-too-few", "note", subject, values, ("hold-back-more",))
     if pooled.explained < 0:
         if not excused:

@@ -41,12 +41,12 @@ from seatrial.estimation.prediction.prediction import (
 from seatrial.estimation.prediction.prediction_scores import Score, score_channel
 from seatrial.sampling.target import AT_ONCE, LANES
 
-LEAST = 1e-2  # Least curvature of a run's own parameter that is believed; that of its prior is 1
+MIN_CURVATURE = 1e-2  # Least curvature of a run's own parameter that is believed; that of its prior is 1
 # Largest gain, nats, that is believed of an expansion away from the best: far from it curvature says nothing of the
 # height there.
-BELIEVED = 0.5
+MAX_BELIEVED_GAIN = 0.5
 # Gain of a Newton step along a run's own parameters, nats, from which another is made, and how many at most.
-ENOUGH, MOST_STEPS = 1e-3, 12
+MIN_STEP_GAIN, MAX_STEPS = 1e-3, 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,7 +190,7 @@ def marginal_log_likelihoods(
             # Inverse of a curvature none of which is below what is believed.
             values, vectors = np.linalg.eigh(curvature)
             start = start + moved @ (
-                there.hessian[r][np.ix_(runs.shared, own)] @ ((vectors / np.maximum(values, LEAST)) @ vectors.T)
+                there.hessian[r][np.ix_(runs.shared, own)] @ ((vectors / np.maximum(values, MIN_CURVATURE)) @ vectors.T)
             )
         columns.append(_marginals(one, own.size, np.concatenate([shared, start], 1)))
     table = np.stack(columns, 1)
@@ -239,17 +239,17 @@ def predict_run(
     output = one.likelihood if isinstance(one.likelihood, OutputError) else one.likelihood.output
     step = np.asarray(one.data.step)[0]
     time = np.concatenate([[0.0], np.cumsum(step)[:-1]])
-    found = {}
+    result = {}
     for i, (sensor, channel) in enumerate(zip(output.simulator.sensors, one.data.channels, strict=True)):
         at = np.asarray(channel.present)[0] > 0
         motion = shown[:, at, i]
         columns = (time[at], np.asarray(channel.measured)[0][at], motion.mean(0), motion.std(0))
         noise = float(np.sqrt(np.mean(noise_sd(sensor, values) ** 2)))
         slow = slow_noise(sensor, values)
-        found[sensor.channel] = PredictedChannel(
+        result[sensor.channel] = PredictedChannel(
             score_channel(*columns, noise_sd=noise, slow=slow), run_residuals(*columns, noise_sd=noise)
         )
-    return found
+    return result
 
 
 def _of_run(posterior: Posterior, run: int, places: Int[np.ndarray, " km"]) -> Posterior:
@@ -322,11 +322,11 @@ def _expand_own(one: Posterior, m: int, z: Float[Array, "n d"]) -> _OwnFit:
 
         hessian, (gradient, value) = jax.jacfwd(gradient_twice, has_aux=True)(z[-m:])
         curvatures, vectors = jnp.linalg.eigh(-0.5 * (hessian + hessian.T))
-        curvatures = jnp.maximum(curvatures, LEAST)
+        curvatures = jnp.maximum(curvatures, MIN_CURVATURE)
         step = (vectors / curvatures) @ (vectors.T @ gradient)
         gain = 0.5 * gradient @ step
         volume = 0.5 * m * jnp.log(2 * jnp.pi) - 0.5 * jnp.log(curvatures).sum()
-        return _OwnFit(value, value + jnp.minimum(gain, BELIEVED) + volume, gain, step)
+        return _OwnFit(value, value + jnp.minimum(gain, MAX_BELIEVED_GAIN) + volume, gain, step)
 
     return map_lanes(of_draw, z, LANES)
 
@@ -338,8 +338,8 @@ def _marginals(one: Posterior, m: int, z: Float[np.ndarray, "n d"]) -> Float[np.
     z = z.copy()
     best = _OwnFit(*(np.array(part) for part in _at_draws(partial(_expand_own, one, m), z)))
     share = np.ones(len(z))
-    for _ in range(MOST_STEPS):
-        at = np.flatnonzero(np.isfinite(best.gain) & (best.gain > ENOUGH))
+    for _ in range(MAX_STEPS):
+        at = np.flatnonzero(np.isfinite(best.gain) & (best.gain > MIN_STEP_GAIN))
         if not at.size:
             break
         tried = z[at]

@@ -417,11 +417,11 @@ def _moves(values: np.ndarray) -> bool:
 def _innovations(time: np.ndarray, z: np.ndarray, slow: SlowNoise) -> np.ndarray:
     """Return what is new in each residual, of unit variance: a Kalman filter of one state follows what is slow."""
     memory = np.concatenate([[0.0], np.exp(-np.diff(time) / slow.time)])
-    found, mean, variance = np.empty(z.size), 0.0, 0.0
+    result, mean, variance = np.empty(z.size), 0.0, 0.0
     for k, (rho, value) in enumerate(zip(memory, z, strict=True)):
         mean, variance = rho * mean, rho**2 * variance + slow.share * (1 - rho**2)
         spread = variance + 1 - slow.share
-        found[k] = (value - mean) / np.sqrt(spread)
+        result[k] = (value - mean) / np.sqrt(spread)
         gain = variance / spread
         mean, variance = mean + gain * (value - mean), variance * (1 - gain)
-    return found
+    return result

@@ -19,10 +19,12 @@ from seatrial.core.signals import RATES
 from seatrial.estimation.simulation.delayed_control import delay_control
 from seatrial.estimation.simulation.simulator import CURRENT, Simulator
 
-HORIZON, PART = 10.0, 0.1  # Longest horizon, s, and the share of a record that it is at most
-FEWEST_STEPS = 3  # Samples of a horizon, at least
-GOOD = 0.8  # Share of variance explained over short horizons from which on the model is right for as long as these
-GROWS = 3.0  # Growth of a small error along a record from which on a vehicle leaves its course by itself
+HORIZON, MAX_RECORD_SHARE = 10.0, 0.1  # Longest horizon, s, and the share of a record that it is at most
+MIN_STEPS = 3  # Samples of a horizon, at least
+MIN_EXPLAINED = (
+    0.8  # Share of variance explained over short horizons from which on the model is right for as long as these
+)
+MIN_GROWTH = 3.0  # Growth of a small error along a record from which on a vehicle leaves its course by itself
 
 
 @dataclass(frozen=True)
@@ -48,12 +50,12 @@ class ShortHorizon:
     @property
     def leaves(self) -> bool:
         """Whether the vehicle leaves its course by itself, and is well predicted until it has."""
-        return self.growth >= GROWS and self.is_good
+        return self.growth >= MIN_GROWTH and self.is_good
 
     @property
     def is_good(self) -> bool:
         """Whether nearly all of the motion is explained over the horizon, and more than by holding the measured value."""
-        return self.explained >= GOOD and self.explained > self.held
+        return self.explained >= MIN_EXPLAINED and self.explained > self.held
 
 
 def short_horizons(
@@ -81,10 +83,10 @@ def short_horizons(
         samples = np.asarray(values["delay"] / record.step[0])
         control = [np.asarray(delay_control(column, samples)) for column in control]
     direct = replace(simulator, delay=False)
-    horizon = min(HORIZON, PART * float(record.time[-1] - record.time[0]))
+    horizon = min(HORIZON, MAX_RECORD_SHARE * float(record.time[-1] - record.time[0]))
     steps = round(horizon / float(np.median(record.step)))
     known = np.flatnonzero(np.isfinite(start).all(axis=1))
-    if steps < FEWEST_STEPS or not known.size:
+    if steps < MIN_STEPS or not known.size:
         return None
     measured = np.column_stack([record.channel(sensor.channel) for sensor in simulator.sensors])
     # Restarts at least so many steps apart.
@@ -97,7 +99,7 @@ def short_horizons(
     growth = _growth(
         direct, values, start[known[0]], [column[known[0] :] for column in control], record.step[known[0] :]
     )
-    found = {}
+    result = {}
     for column, sensor in enumerate(simulator.sensors):
         y = measured[:, column]
         variance = float(np.nanvar(y))
@@ -107,8 +109,8 @@ def short_horizons(
             else []
         )
         if shares and np.isfinite(shares).all():
-            found[sensor.channel] = ShortHorizon(horizon, shares[0], shares[1], shares[2], shares[3], growth)
-    return found or None
+            result[sensor.channel] = ShortHorizon(horizon, shares[0], shares[1], shares[2], shares[3], growth)
+    return result or None
 
 
 def _errors(

@@ -192,7 +192,7 @@ class Simulator:
             return in_force(commands), (memories, (decided, commands), memory)
 
         begin = pilot.begin()
-        first = pilot.controls(begin, tuple(told[0] for told in feedback.moments.told))
+        first = pilot.controls(begin, tuple(stated[0] for stated in feedback.moments.told))
         return law, (begin, (first,) * (whole + 2))
 
 

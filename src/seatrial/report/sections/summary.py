@@ -15,7 +15,7 @@ from seatrial.campaign.workflow.next_trial import propose
 from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.core.display_units import listed
 from seatrial.core.findings import Finding
-from seatrial.estimation.prediction.baseline_comparison import CLEAR
+from seatrial.estimation.prediction.baseline_comparison import CLEAR_RATIO
 from seatrial.messages.predictions import WORSE_THAN_MEAN, explained_text
 from seatrial.messages.render import sentence, sentences
 from seatrial.report.drawing import (
@@ -145,7 +145,7 @@ def _unbeaten(outcome: Outcome) -> str:
     for one in outcome.compared:
         if one.level == "caution":
             best = one.baselines[0]
-            much = one.ours.crps > CLEAR * best.crps
+            much = one.ours.crps > CLEAR_RATIO * best.crps
             how = "better than this model, though that may be chance" if much else "as well as this model"
             channels.setdefault((best.words, how), []).append(one.channel)
     parts = (
