@@ -153,9 +153,9 @@ def test_a_key_knows_types_and_twelve_digits():
 
 def test_what_a_log_is_told_twice_is_no_part_of_its_key():
     column = LogColumn("u", "m/s")
-    plain, stated = (LogFile("log.csv", {"u": column}, layout=one) for one in ((), ("encoding",)))
+    plain, stated = (LogFile(path="log.csv", channels={"u": column}, **one) for one in ({}, {"encoding": "utf-8"}))
     assert key_of(plain) == key_of(stated)
-    assert key_of(plain) != key_of(replace(plain, skip_rows=1))
+    assert key_of(plain) != key_of(plain.model_copy(update={"skip_rows": 1}))
     assert trials_key(Imports(("1",), (), (plain,)), ["a"]) != trials_key(
         Imports(("1",), (), (plain,), split=5.0), ["a"]
     )

@@ -197,43 +197,15 @@ class LogColumn:
     between: Between | None = None
 
 
-@dataclass(frozen=True)
-class LogFile:
-    """One log of a trial.
+class LogFile(FileTable):
+    """One log of a trial: its table, in whose channels a command has the law that makes thrust of it."""
 
-    Attributes:
-        path: with `{run}` in place of the run's label, relative to the campaign's folder.
-        channels: by name.
-        table: topic, type of message, struct or variable, where a log has several.
-        time: column that holds time; None for the clock of the format.
-        time_unit: its unit; None where the log states it.
-        clock: how time stamps are taken.
-        shift: added to them, s.
-        axes: of the body and the earth.
-        delimiter: between columns of text; None to find it out.
-        encoding: of text.
-        skip_rows: before the header.
-        header_rows: of the header.
-        names: of all columns, where there is no header.
-        layout: which of the last five are stated; a log that is no text must not be told them.
-        runs: that have this log; none where all have.
-    """
+    channels: dict[str, LogColumn]  # pyright: ignore[reportIncompatibleVariableOverride]
 
-    path: str
-    channels: Mapping[str, LogColumn]
-    table: str | None = None
-    time: str | None = None
-    time_unit: str | None = None
-    clock: Literal["as_stamped", "even", "drop_repeated"] = "as_stamped"
-    shift: float = 0.0
-    axes: Literal["NED", "ENU"] = "NED"
-    delimiter: str | None = None
-    encoding: str = "utf-8"
-    skip_rows: int = 0
-    header_rows: int = 1
-    names: tuple[str, ...] | None = None
-    layout: tuple[str, ...] = field(default=(), compare=False)
-    runs: tuple[str, ...] = ()
+    @property
+    def layout(self) -> tuple[str, ...]:
+        """Keys that say how text is laid out, as far as they are stated; a log that is no text must not have them."""
+        return tuple(name for name in LAYOUT if name in self.model_fields_set)
 
 
 @dataclass(frozen=True)
@@ -308,7 +280,7 @@ def read_imports(table: ImportTable, keys: FileKeys, known: Sequence[str], laws:
     ends = {run: _ends(table, keys, run) for run in runs}
     files = tuple(_file(file, keys, f"import.files[{index}]", known, laws) for index, file in enumerate(table.files))
     named = [(run, f"import.trim.{run}") for run in table.trim]
-    named += [(run, f"import.files[{index}].runs") for index, file in enumerate(files) for run in file.runs]
+    named += [(run, f"import.files[{index}].runs") for index, file in enumerate(files) for run in file.runs or ()]
     for run, key in named:
         if run not in runs:
             raise not_among(keys.where(key), run, runs, found=f'run "{run}"')
@@ -411,23 +383,10 @@ def _file(file: FileTable, keys: FileKeys, key: str, known: Sequence[str], laws:
             expected="one of the two",
             remedy="remove it, or remove names",
         )
-    return LogFile(
-        file.path,
-        {name: _column(name, one, keys, f"{key}.channels.{name}", known, laws) for name, one in file.channels.items()},
-        file.table,
-        None if file.time is None else file.time.column,
-        None if file.time is None else file.time.unit,
-        file.clock,
-        file.shift or 0.0,
-        file.axes,
-        file.delimiter,
-        file.encoding,
-        file.skip_rows,
-        file.header_rows,
-        None if file.names is None else tuple(file.names),
-        tuple(name for name in LAYOUT if name in file.model_fields_set),
-        tuple(file.runs or ()),
-    )
+    columns = {
+        name: _column(name, one, keys, f"{key}.channels.{name}", known, laws) for name, one in file.channels.items()
+    }
+    return LogFile.model_construct(file.model_fields_set, **{**dict(file), "channels": columns})
 
 
 def _column(

@@ -389,11 +389,11 @@ def log_source(campaign: Campaign, file: LogFile, path: Path, index: int, roles:
     }
     return LogSource(
         path,
-        file.time,
-        file.time_unit,
+        None if file.time is None else file.time.column,
+        None if file.time is None else file.time.unit,
         channels,
         clock=file.clock,
-        shift=file.shift,
+        shift=file.shift or 0.0,
         delimiter=file.delimiter,
         encoding=file.encoding,
         skip_rows=file.skip_rows,
