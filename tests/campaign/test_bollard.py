@@ -20,6 +20,7 @@ from seatrial.core.errors import InputError
 from seatrial.estimation.diagnostics.identifiability import identifiability_of_fit
 from seatrial.estimation.posterior.mode import find_mode
 from seatrial.manoeuvres.schedule import schedule_of
+from seatrial.messages.identifiability import identifiability_cautions
 from seatrial.messages.render import remedy
 from tests.campaign.small import write_summary
 
@@ -424,7 +425,7 @@ def test_a_bollard_record_sharpens_the_drag_of_the_next_campaign(tmp_path, pull)
     command = np.repeat(pulls(seed=11)[0][:, :1], 2, axis=1)
     asymmetry = ("moves", f"fixed = {{ T_absf = {ASTERN} }}\nmoves")
     posterior, mode, before = mode_of(sail(tmp_path / "alone", command, asymmetry))
-    assert "bollard" in "\n".join(identifiability_of_fit(posterior, mode).cautions())
+    assert "bollard" in "\n".join(identifiability_cautions(identifiability_of_fit(posterior, mode)))
 
     bollard = campaign(tmp_path / "bollard", np.column_stack(pull))
     found = mode_of(bollard)[2]
@@ -481,7 +482,7 @@ def test_coasting_with_an_unknown_added_mass_gives_drag_over_mass_only(tmp_path)
     found = identifiability_of_fit(posterior, mode)
     assert found.untouched == ("T_f",)
     assert any({"X_udot", "X_u", "X_uabsu"} <= set(one.names) for one in found.invisible)
-    assert "weigh the vehicle" in "\n".join(found.cautions())
+    assert "weigh the vehicle" in "\n".join(identifiability_cautions(found))
     mass = MASS - at["X_udot"][0]
     for name, value in DRAG.items():
         assert at[name][0] / mass == pytest.approx(value / (MASS - ADDED), rel=0.1), name

@@ -14,6 +14,7 @@ from seatrial.estimation.posterior.information import likelihood_information
 from seatrial.estimation.simulation.mounts import Mount
 from seatrial.estimation.simulation.sensor_errors import Sensor
 from seatrial.estimation.simulation.simulator import Simulator, samples_remembered
+from seatrial.messages.identifiability import identifiability_cautions
 
 MASS, I_Z = 20.0, 1.5
 TRUTH = {"X_uabsu": -18.0, "Y_vabsv": -30.0, "N_r": -2.0}
@@ -216,7 +217,7 @@ def test_a_scale_and_the_gain_of_every_force_are_said_not_to_be_separable(tmp_pa
     information = likelihood_information(posterior, values)
     prior = np.diag([parameter.prior.sd**-2.0 for parameter in posterior.parameters])
     found = identify(posterior.parameters, values, information, cov=np.linalg.inv(information + prior))
-    said = " ".join(found.cautions())
+    said = " ".join(identifiability_cautions(found))
     assert all(name in said for name in ("scale_dvl", "X_tau_X", "X_uabsu")), said
     sd = dict(zip(found.names, found.sd, strict=True))
     assert sd["scale_dvl"] > 0.8 * 0.05  # as little known as before

@@ -11,6 +11,7 @@ from seatrial.core.errors import InputError
 from seatrial.estimation.diagnostics.identifiability import identifiability_of_fit
 from seatrial.estimation.posterior.first_guess import first_guess
 from seatrial.estimation.posterior.mode import find_mode
+from seatrial.messages.identifiability import identifiability_cautions
 from tests.campaign.small import write_small, write_summary
 from tests.campaign.test_thrusters import CAMPAIGN, INERTIA, MASS, PLACES, PUSHES, TRUTH, law
 
@@ -117,7 +118,7 @@ def test_a_straight_run_cannot_tell_it_from_damping_ahead(tmp_path):
     posterior = build_posterior(found, found.full, get_trials(found).fit)
     judged = identifiability_of_fit(posterior, find_mode(posterior, random_key(1, "mode")))
     assert [one.names for one in judged.groups] == [("X_u", "tether_linear")]
-    said = "\n".join(judged.cautions())
+    said = "\n".join(identifiability_cautions(judged))
     assert "X_u - tether_linear to 0." in said
     assert "a trial that moves along and about several axes at once, or the same trial without the tether" in said
 

@@ -19,6 +19,7 @@ from seatrial.estimation.posterior.record_posterior import make_posterior
 from seatrial.estimation.simulation.sensor_errors import Sensor
 from seatrial.manoeuvres.family import Family
 from seatrial.manoeuvres.schedule import read_rows
+from seatrial.messages.identifiability import identifiability_cautions
 from seatrial.vehicles.thrusters import ThrustLaw
 
 PLACES = np.array([[-0.3, 0.2], [-0.3, -0.2], [0.1, 0.0]])
@@ -393,7 +394,7 @@ def test_what_cannot_be_told_apart_on_a_straight_line_is_said(tmp_path, log):
     posterior, mode = mode_of(faulty(tmp_path, log, list(FAULTS), *straight))
     found = identifiability_of_fit(posterior, mode)
     assert found.untouched == ("x_dvl", "yaw_dvl")
-    said = "\n".join(found.cautions())
+    said = "\n".join(identifiability_cautions(found))
     (together,) = found.invisible
     assert {"gain_f", "scale_dvl"} <= set(together.names) <= {"gain_f", "scale_dvl", "u_0[log]"}
     assert "bollard" in said
