@@ -5,9 +5,9 @@ import pytest
 
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.prior.predictive import FASTEST, N_DRAWS, predict_from_prior, speeds, steady_motion
-from seatrial.campaign.prior.summary import prior_alarms, prior_cautions, prior_lines
 from seatrial.core.display_units import shown_as_written
 from seatrial.core.errors import InputError
+from seatrial.messages.priors import prior_alarms, prior_cautions, prior_lines
 from seatrial.vehicles.linearise import trim_speed
 from tests.campaign.small import write_small
 from tests.cases import DEDUCTION, MASS, N0, TRUTH, U0, paper_model

@@ -26,6 +26,8 @@ STATE_SD = 0.05
 # What an actuator gains by noise in a sample or a second, in its unit: without any it ends exactly where it is told to
 # be, and covariances without full rank have no factor
 ACTUATOR_SD = 1e-4 * STATE_SD
+QUANTILE_LEVELS = (0.05, 0.25, 0.5, 0.75, 0.95)  # Of a motion over draws of the priors
+MAX_LOST_SHARE = 0.5  # Share of draws without a motion above which a prior is not to be used
 Belief = tuple[Prior, ...] | Gaussian
 """What is known before: independent priors of the coefficients in the plan's order, or their joint normal distribution, SI."""
 
@@ -143,3 +145,8 @@ def _draws(belief: Belief, key: jax.Array, n: int) -> tuple[Array, Array]:
 @program
 def _log_densities(belief: Belief, z: Array) -> Array:
     return jax.vmap(lambda one: log_priors(belief, one))(z)
+
+
+def most_have(values: Float[np.ndarray, " draws"]) -> bool:
+    """Return whether at least half of the draws have a value."""
+    return bool(np.isnan(values).mean() <= MAX_LOST_SHARE)

@@ -11,7 +11,6 @@ from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.accelerations import RATE, SmoothedChannel
 from seatrial.campaign.design.relay import relay_loop
 from seatrial.campaign.prior.predictive import PriorPredictive
-from seatrial.campaign.prior.summary import prior_summary
 from seatrial.campaign.rehearsal.result import Rehearsal
 from seatrial.campaign.store.calibration import Calibrated
 from seatrial.campaign.store.designs import RelayTrial
@@ -21,6 +20,7 @@ from seatrial.core.display_units import shown_unit
 from seatrial.core.files import write_text
 from seatrial.core.record import Record
 from seatrial.estimation.posterior.profile_result import Profiles
+from seatrial.messages.priors import prior_summary
 from seatrial.report.drawing import draw_svg, prior_panels, prior_spreads, signal_axis, signal_symbol
 from seatrial.report.figures.checks import Progressed, prior_motions, rank_figure, rehearsal_figure
 from seatrial.report.figures.fit import SmoothedSignal, smoothed_record

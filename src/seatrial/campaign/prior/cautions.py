@@ -7,10 +7,11 @@ import numpy as np
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.vehicle import WholeVehicle
 from seatrial.campaign.design.prior_state_space import prior_draws
-from seatrial.campaign.prior.predictive import most_have, steady_motion
+from seatrial.campaign.prior.predictive import steady_motion
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import plain, shown_unit
 from seatrial.core.term_checks import terms_that_may_be_one
+from seatrial.design.prior_belief import most_have
 from seatrial.vehicles.hull import Hull
 
 BESIDE = 0.2  # Share of a steady speed by which the start may lie beyond the 90 % range of the priors

@@ -32,6 +32,7 @@ from seatrial.core.record import Record
 from seatrial.core.reporter import SILENT, Reporter
 from seatrial.core.result_table import text_html
 from seatrial.core.signals import GAUGE_CHANNELS, QUATERNION, RATES
+from seatrial.design.prior_belief import MAX_LOST_SHARE, QUANTILE_LEVELS, most_have
 from seatrial.estimation.posterior.output_error import initial_name, own_name
 from seatrial.estimation.priors import Prior, physical_support
 from seatrial.estimation.simulation.delayed_control import delay_control
@@ -40,6 +41,7 @@ from seatrial.estimation.simulation.simulator import CURRENT
 from seatrial.manoeuvres.family import Family
 from seatrial.manoeuvres.manoeuvre import Limits, Manoeuvre, check_limits
 from seatrial.manoeuvres.schedule import schedule_of
+from seatrial.messages.priors import prior_alarms, prior_cautions, prior_lines
 from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.simulate import simulate
 
@@ -272,8 +274,6 @@ def _largest(family: Family, limits: Limits, amplitudes: np.ndarray, periods: np
 
 N_DRAWS = 2000
 SHOWN, SINGLE = 600, 6  # Instants kept of each motion, at most; motions kept whole, to be drawn
-LEVELS = (0.05, 0.25, 0.5, 0.75, 0.95)
-MOST = 0.5  # Share of draws without a motion above which a prior is not to be used
 
 
 class Reach(NamedTuple):
@@ -316,7 +316,7 @@ class Expected:
 
     Attributes:
         channel: a speed of the vehicle through the water, or the force on a gauge.
-        bands: its quantiles at `LEVELS` among draws that do not diverge, SI, shape (5, n); NaN if most do.
+        bands: its quantiles at `QUANTILE_LEVELS` among draws that do not diverge, SI, shape (5, n); NaN if most do.
         single: of a few draws, SI, shape (k, n); NaN where they have diverged.
         measured: as measured, SI, NaN where not, shape (n,); None where it is not.
         held: share of the measured values inside the 90 % range of what the prior expects to be measured, with noise, bias and current;
@@ -371,8 +371,6 @@ class PriorPredictive:
 
     def __repr__(self) -> str:
         """Print what the priors mean as motion, and what to correct."""
-        from seatrial.campaign.prior.summary import prior_alarms, prior_cautions, prior_lines
-
         lines = prior_lines(self, shown_as_written({}))
         return "\n".join([*lines, *(f"- {one}" for one in (*prior_alarms(self), *prior_cautions(self)))])
 
@@ -418,12 +416,16 @@ def predict_from_prior(campaign: Campaign, reporter: Reporter = SILENT) -> Prior
     for at, name in enumerate(names):
         shown, measured = moved[:, :, at], trial.measured.get(name)
         measured, moving = None if measured is None else measured[keep], shown[~diverged]
-        usable, held = diverged.mean() <= MOST, float("nan")
+        usable, held = diverged.mean() <= MAX_LOST_SHARE, float("nan")
         if usable and measured is not None:
             noise = drawn[noise_name(name)][~diverged, None] * np.asarray(jax.random.normal(key, moving.shape))
             beside = _of_trial(drawn, bias_name(name), trial.label) + (current if name == "u" else 0.0)
             held = _held(measured, moving + beside[~diverged, None] + noise)
-        bands = np.quantile(moving, LEVELS, axis=0) if usable else np.full((len(LEVELS), keep.size), np.nan)
+        bands = (
+            np.quantile(moving, QUANTILE_LEVELS, axis=0)
+            if usable
+            else np.full((len(QUANTILE_LEVELS), keep.size), np.nan)
+        )
         near = np.abs(shown[:SINGLE]) <= FASTEST if name in model.states else np.isfinite(shown[:SINGLE])
         channels.append(Expected(name, bands, np.where(near, shown[:SINGLE], np.nan), measured, held))
     if campaign.vehicle.is_surge:
@@ -458,11 +460,6 @@ def _starts(
     return list(start.values())
 
 
-def most_have(values: Float[np.ndarray, " draws"]) -> bool:
-    """Whether at least half of the draws have a value."""
-    return bool(np.isnan(values).mean() <= MOST)
-
-
 @program
 def _draw(priors: Mapping[str, Prior], key: jax.Array) -> dict[str, Float[Array, " draws"]]:
     return {
@@ -480,7 +477,7 @@ def _held(measured: Float[np.ndarray, " n"], expected: Float[np.ndarray, "draws 
     there = np.isfinite(measured)
     if not there.any():
         return float("nan")
-    low, high = np.quantile(expected[:, there], (LEVELS[0], LEVELS[-1]), axis=0)
+    low, high = np.quantile(expected[:, there], (QUANTILE_LEVELS[0], QUANTILE_LEVELS[-1]), axis=0)
     return float(np.mean((measured[there] >= low) & (measured[there] <= high)))
 
 

@@ -17,8 +17,8 @@ def prior(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
 
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
         from seatrial.campaign.prior.cautions import file_cautions
-        from seatrial.campaign.prior.summary import prior_alarms, prior_cautions, prior_lines
         from seatrial.campaign.workflow.steps import Workflow
+        from seatrial.messages.priors import prior_alarms, prior_cautions, prior_lines
         from seatrial.report.figure_files import write_prior_picture
 
         result = Workflow(campaign, reporter).get("prior")

@@ -1,11 +1,16 @@
 """What the priors mean, in words: a table of the parameters, what they do to the motion, and what to correct."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
-from seatrial.campaign.prior.predictive import LEVELS, MOST, Believed, PriorPredictive, most_have
 from seatrial.core.display_units import Shown, listed, shown_unit
 from seatrial.core.normal import Z90
 from seatrial.core.result_table import aligned
+from seatrial.design.prior_belief import MAX_LOST_SHARE, QUANTILE_LEVELS, most_have
+
+if TYPE_CHECKING:
+    from seatrial.campaign.prior.predictive import Believed, PriorPredictive
 
 SOME = 0.01  # Share of draws without a motion above which a prior is to be mended
 WIDE = 4.0  # Factor between the ends of the 90 % range of the steady speed above which a prior is called wide
@@ -14,7 +19,7 @@ STILL = 1e-9  # Range of a channel in all draws and over the whole trial, SI, be
 HELD, HARDLY = 0.8, 0.5
 
 
-def prior_lines(predictive: PriorPredictive, shown: Shown) -> list[str]:
+def prior_lines(predictive: "PriorPredictive", shown: Shown) -> list[str]:
     """The parameters' priors in the units in which they are `shown`, and what they mean together."""
     what, named = ("largest value in the trial", True) if predictive.settled is None else ("steady speed", False)
     rows = [_row(item, *shown(item.name, item.unit), named) for item in predictive.believed]
@@ -22,7 +27,7 @@ def prior_lines(predictive: PriorPredictive, shown: Shown) -> list[str]:
     return [*aligned((heads, *rows), left=(0, 4, 5)), *prior_summary(predictive)]
 
 
-def prior_summary(predictive: PriorPredictive) -> list[str]:
+def prior_summary(predictive: "PriorPredictive") -> list[str]:
     """What the priors mean as motion, in the units of display."""
     messages, lost = [f"{predictive.diverged.size} draws over {predictive.over}"], _percent(predictive.diverged)
     if predictive.settled is not None:
@@ -49,10 +54,10 @@ def prior_summary(predictive: PriorPredictive) -> list[str]:
     ]
 
 
-def prior_alarms(predictive: PriorPredictive) -> list[str]:
+def prior_alarms(predictive: "PriorPredictive") -> list[str]:
     """Why the priors are not to be used."""
     messages = []
-    if predictive.diverged.mean() > MOST:
+    if predictive.diverged.mean() > MAX_LOST_SHARE:
         messages.append(f"most draws from the prior diverge ({_percent(predictive.diverged)}): {_mend(predictive)}")
     elif predictive.settled is not None and not most_have(predictive.settled.speed):
         none = _percent(np.isnan(predictive.settled.speed))
@@ -65,10 +70,10 @@ def prior_alarms(predictive: PriorPredictive) -> list[str]:
     ]
 
 
-def prior_cautions(predictive: PriorPredictive) -> list[str]:
+def prior_cautions(predictive: "PriorPredictive") -> list[str]:
     """What about the priors is worth correcting."""
     messages, settled = [], predictive.settled
-    has_motion = predictive.diverged.mean() <= MOST and (settled is None or most_have(settled.speed))
+    has_motion = predictive.diverged.mean() <= MAX_LOST_SHARE and (settled is None or most_have(settled.speed))
     if predictive.lost.mean() > SOME and has_motion:
         none = "diverge" if settled is None else "diverge or reach no steady speed"
         messages.append(
@@ -76,7 +81,7 @@ def prior_cautions(predictive: PriorPredictive) -> list[str]:
         )
     missed = any(one.held < HARDLY for one in predictive.channels)
     if settled is not None and most_have(settled.speed) and not missed:
-        low, high = np.nanquantile(np.abs(settled.speed), (LEVELS[0], LEVELS[-1]))
+        low, high = np.nanquantile(np.abs(settled.speed), (QUANTILE_LEVELS[0], QUANTILE_LEVELS[-1]))
         if high > WIDE * low:
             widest = max((item for item in predictive.believed if item.alone), key=_width)
             messages.append(
@@ -100,12 +105,12 @@ def range_words(values: np.ndarray, unit: str) -> str:
     return f"{middle:.3g} {unit}, 90 % of {which} {low:.3g} to {high:.3g} {unit}"
 
 
-def _row(item: Believed, factor: float, unit: str, named: bool) -> tuple[str, ...]:
+def _row(item: "Believed", factor: float, unit: str, named: bool) -> tuple[str, ...]:
     numbers = (f"{factor * value:.4g}" for value in item.quantiles)
     return item.name, *numbers, unit, _reach(item, named)
 
 
-def _reach(item: Believed, named: bool) -> str:
+def _reach(item: "Believed", named: bool) -> str:
     if item.alone is None:
         return ""
     channel, *ends = item.alone
@@ -118,17 +123,17 @@ def _reach(item: Believed, named: bool) -> str:
     return f"{channel} " * named + f"{low} to {high} {unit}"
 
 
-def _moving(predictive: PriorPredictive) -> str:
+def _moving(predictive: "PriorPredictive") -> str:
     """Say how a control that stays at its trim is moved as well; nothing where all move."""
     still = [name for name, values in predictive.control.items() if np.ptp(values) == 0]
     return f": `together` of [design] moves {listed(still)} as well" if still else ""
 
 
-def _measured(predictive: PriorPredictive, channel: str) -> str:
+def _measured(predictive: "PriorPredictive", channel: str) -> str:
     return "measured speeds" if predictive.settled is not None else f"measured {channel}"
 
 
-def _width(item: Believed) -> float:
+def _width(item: "Believed") -> float:
     assert item.alone is not None
     return float(np.nan_to_num(item.alone.high - item.alone.low, nan=np.inf))
 
@@ -144,7 +149,7 @@ def _percent(which: np.ndarray) -> str:
     return f"{share:.1%}" if 0 < share < 0.1 else f"{share:.0%}"
 
 
-def _mend(predictive: PriorPredictive) -> str:
+def _mend(predictive: "PriorPredictive") -> str:
     """Name the coefficient that most sets the draws that run away apart, and what to do about it."""
     worst = max(predictive.believed, key=lambda item: abs(item.blame))
     if worst.name in predictive.unphysical:
@@ -156,7 +161,7 @@ def _mend(predictive: PriorPredictive) -> str:
     return f"those with a {end} {worst.name}; {bound} in [prior.{worst.name}]{also}"
 
 
-def _cut(predictive: PriorPredictive, name: str) -> str:
+def _cut(predictive: "PriorPredictive", name: str) -> str:
     """Say how the prior of a coefficient is cut to what physics allows; that of a published vehicle may have no section of its own."""
     words = f"set dissipative = true in [prior.{name}]"
     if predictive.settled is not None:
