@@ -12,11 +12,13 @@ from seatrial.design.prior_belief import MAX_LOST_SHARE, QUANTILE_LEVELS, most_h
 if TYPE_CHECKING:
     from seatrial.campaign.prior.predictive import Believed, PriorPredictive
 
-SOME = 0.01  # Share of draws without a motion above which a prior is to be mended
+MAX_ODD_SHARE = 0.01  # Share of draws without a motion above which a prior is to be mended
 WIDE = 4.0  # Factor between the ends of the 90 % range of the steady speed above which a prior is called wide
-STILL = 1e-9  # Range of a channel in all draws and over the whole trial, SI, below which the trial does not move it
+STILL_RANGE = (
+    1e-9  # Range of a channel in all draws and over the whole trial, SI, below which the trial does not move it
+)
 # Shares of the measured speeds inside the 90 % range above which the prior holds them, and below which it does not
-HELD, HARDLY = 0.8, 0.5
+HELD_SHARE, HARDLY_SHARE = 0.8, 0.5
 
 
 def prior_lines(predictive: "PriorPredictive", shown: Shown) -> list[str]:
@@ -40,7 +42,7 @@ def prior_summary(predictive: "PriorPredictive") -> list[str]:
             factor, unit = shown_unit(one.channel)
             if np.isfinite(one.bands).any():
                 low, high = (factor * end for end in (one.bands[0].min(), one.bands[-1].max()))
-                is_still = np.ptp(one.bands) < STILL
+                is_still = np.ptp(one.bands) < STILL_RANGE
                 messages.append(
                     f"{one.channel} does not move in this trial, so its priors mean nothing here{_moving(predictive)}"
                     if is_still
@@ -66,7 +68,7 @@ def prior_alarms(predictive: "PriorPredictive") -> list[str]:
         f"the prior misses the {_measured(predictive, one.channel)}, of which {one.held:.0%} lie inside its 90 % range: "
         "check units, signs and the channel map, then move or widen the priors"
         for one in predictive.channels
-        if one.held < HARDLY
+        if one.held < HARDLY_SHARE
     ]
 
 
@@ -74,12 +76,12 @@ def prior_cautions(predictive: "PriorPredictive") -> list[str]:
     """What about the priors is worth correcting."""
     messages, settled = [], predictive.settled
     has_motion = predictive.diverged.mean() <= MAX_LOST_SHARE and (settled is None or most_have(settled.speed))
-    if predictive.lost.mean() > SOME and has_motion:
+    if predictive.lost.mean() > MAX_ODD_SHARE and has_motion:
         none = "diverge" if settled is None else "diverge or reach no steady speed"
         messages.append(
             f"{_percent(predictive.lost)} of the draws from the prior {none}, which no vehicle does: {_mend(predictive)}"
         )
-    missed = any(one.held < HARDLY for one in predictive.channels)
+    missed = any(one.held < HARDLY_SHARE for one in predictive.channels)
     if settled is not None and most_have(settled.speed) and not missed:
         low, high = np.nanquantile(np.abs(settled.speed), (QUANTILE_LEVELS[0], QUANTILE_LEVELS[-1]))
         if high > WIDE * low:
@@ -92,7 +94,7 @@ def prior_cautions(predictive: "PriorPredictive") -> list[str]:
         f"the prior covers only part of the {_measured(predictive, one.channel)}, {one.held:.0%} inside its 90 % range: "
         "move or widen the priors"
         for one in predictive.channels
-        if HARDLY <= one.held < HELD
+        if HARDLY_SHARE <= one.held < HELD_SHARE
     ]
 
 
@@ -101,7 +103,7 @@ def range_words(values: np.ndarray, unit: str) -> str:
     if not most_have(values):
         return "most draws have none"
     low, middle, high = np.nanquantile(values, (0.05, 0.5, 0.95))
-    which = "draws" if np.isnan(values).mean() <= SOME else "draws that have one"
+    which = "draws" if np.isnan(values).mean() <= MAX_ODD_SHARE else "draws that have one"
     return f"{middle:.3g} {unit}, 90 % of {which} {low:.3g} to {high:.3g} {unit}"
 
 
@@ -116,7 +118,7 @@ def _reach(item: "Believed", named: bool) -> str:
     channel, *ends = item.alone
     if np.isnan(ends).any():
         return "none"
-    if ends[1] - ends[0] < STILL:
+    if ends[1] - ends[0] < STILL_RANGE:
         return "nothing that this trial moves"
     factor, unit = shown_unit(channel)
     low, high = (f"{factor * end:.3g}" for end in ends)
@@ -139,9 +141,9 @@ def _width(item: "Believed") -> float:
 
 
 def _verdict(held: float) -> str:
-    if held < HARDLY:
+    if held < HARDLY_SHARE:
         return "the prior misses them"
-    return "the prior covers them" if held >= HELD else "the prior covers part of them"
+    return "the prior covers them" if held >= HELD_SHARE else "the prior covers part of them"
 
 
 def _percent(which: np.ndarray) -> str:

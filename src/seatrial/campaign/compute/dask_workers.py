@@ -32,7 +32,7 @@ from seatrial.core.reporter import Reporter
 
 # What a process of the cluster runs: one piece of work, and what it reports sent on.
 
-EVERY = 0.5  # Seconds between two reports of one piece
+REPORT_SECONDS = 0.5  # Seconds between two reports of one piece
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ def call(work: Work, shared: Any, item: Any, topic: str, index: int, ours: dict[
 
     def report(done: int, total: int) -> None:
         nonlocal said
-        if time.monotonic() - said >= EVERY:
+        if time.monotonic() - said >= REPORT_SECONDS:
             said = time.monotonic()
             worker.log_event(topic, (index, int(done), int(total)))
 
@@ -90,13 +90,13 @@ def call(work: Work, shared: Any, item: Any, topic: str, index: int, ours: dict[
 
 CONNECT = 5.0  # Seconds in which a scheduler answers, if there is one
 LOOK = 1.0  # Seconds between two looks at whether the scheduler is still there
-PAUSE = 0.2  # Seconds before a result is asked for again
+PAUSE_SECONDS = 0.2  # Seconds before a result is asked for again
 SAY = 30.0  # Seconds between two lines about the workers
 # Tasks for each worker's thread that the scheduler holds: enough that none waits, few enough that millions are no
 # burden
-AHEAD = 3
-NEEDED = ("seatrial", "distributed", "Python")  # What a scheduler has to have as here; it computes nothing
-LOST = (OSError, CommClosedError, TimeoutError)  # How a call ends whose scheduler is gone
+TASKS_AHEAD = 3
+NEEDED_VERSIONS = ("seatrial", "distributed", "Python")  # What a scheduler has to have as here; it computes nothing
+LOST_ERRORS = (OSError, CommClosedError, TimeoutError)  # How a call ends whose scheduler is gone
 
 
 class DaskWorkers:
@@ -116,7 +116,7 @@ class DaskWorkers:
         try:
             self.client: Any = Client(address, timeout=CONNECT, set_as_default=False, name="seatrial")
             theirs = self.client.get_versions(check=False)["scheduler"]["packages"]
-        except (*LOST, ValueError, TypeError, KeyError, RuntimeError) as cause:
+        except (*LOST_ERRORS, ValueError, TypeError, KeyError, RuntimeError) as cause:
             raise InputError(
                 f"workers {name}",
                 found=f"no scheduler that answers within {CONNECT:g} s ({type(cause).__name__}: {cause})",
@@ -153,11 +153,11 @@ class DaskWorkers:
         try:
             answers = self.client.run(about, on_error="return")
             at_the_scheduler = self.client.run_on_scheduler(about)
-        except LOST as cause:
+        except LOST_ERRORS as cause:
             raise self._gone(0, 0) from cause
         except Exception as cause:  # whatever keeps seatrial from being imported there
             raise self._mute(f"the scheduler at {self.name}", cause) from cause
-        versions = {name: self.ours[name] for name in NEEDED}
+        versions = {name: self.ours[name] for name in NEEDED_VERSIONS}
         if other := differing(versions, at_the_scheduler[0]):
             raise _stranger(f"the scheduler at {self.name}", other)
         for address, answer in answers.items():
@@ -177,7 +177,7 @@ class DaskWorkers:
 
     def close(self) -> None:
         """Let go of the scheduler, and end the jobs of one that is a part of this process."""
-        with suppress(*LOST):
+        with suppress(*LOST_ERRORS):
             self.client.close(timeout=2)
             if self.client.cluster is not None:
                 self.client.cluster.close(timeout=2)
@@ -247,7 +247,7 @@ class _Run:
             loaded = self._sent(load, self.shared, key=f"{self.name}-shared")
             self._look()
             while self.waiting or self.running:
-                while self.waiting and len(self.running) < AHEAD * self.width:
+                while self.waiting and len(self.running) < TASKS_AHEAD * self.width:
                     self._send(loaded, *self.waiting.popleft(), begun=False)
                 if time.monotonic() - self.looked > LOOK:
                     self._look()
@@ -275,7 +275,7 @@ class _Run:
             warnings.filterwarnings("ignore", message="Sending large graph")
             try:
                 return self.client.submit(function, *arguments, pure=False, **options)
-            except (*LOST, RuntimeError) as cause:
+            except (*LOST_ERRORS, RuntimeError) as cause:
                 raise self._lost() from cause
 
     def _result(self, future: Future) -> Any:
@@ -303,11 +303,11 @@ class _Run:
         while True:
             try:
                 return future.result(timeout=CONNECT)
-            except LOST:
+            except LOST_ERRORS:
                 if future.status == "error":  # of the work itself
                     raise
                 self._look()
-                time.sleep(PAUSE)
+                time.sleep(PAUSE_SECONDS)
 
     def _look(self) -> None:
         """See whether the scheduler is there, and how many workers."""
@@ -316,7 +316,7 @@ class _Run:
             raise self._lost()
         try:
             workers = self.client.scheduler_info(n_workers=-1)["workers"]
-        except (*LOST, RuntimeError) as cause:
+        except (*LOST_ERRORS, RuntimeError) as cause:
             raise self._lost() from cause
         self.width = max(1, sum(one["nthreads"] for one in workers.values()))
         joined, self.alone = self.alone and bool(workers), not workers
@@ -335,7 +335,7 @@ class _Run:
             yield
         finally:
             if self.client.status == "running":
-                with suppress(*LOST, RuntimeError):
+                with suppress(*LOST_ERRORS, RuntimeError):
                     self.client.cancel([future for _, future in self.running.values()], force=True)
                     self.client.unsubscribe_topic(self.name)
             self.running.clear()

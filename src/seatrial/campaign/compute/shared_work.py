@@ -14,7 +14,7 @@ from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.selection.structures import Structure
 
 Built = TypeVar("Built")
-KEPT = 8  # Things that are kept built at least
+MIN_KEPT = 8  # Things that are kept built at least
 
 
 class Study:
@@ -58,6 +58,6 @@ class Study:
             made = build()
             with self._lock:
                 self._built[name] = made
-                while len(self._built) > max(KEPT, 2 * cores()):
+                while len(self._built) > max(MIN_KEPT, 2 * cores()):
                     self._built.popitem(last=False)
             return made

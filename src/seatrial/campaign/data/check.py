@@ -54,7 +54,9 @@ NO_CAUSE = ("not-excited", "rate-not-measured", "terms-alike", "limits-exceeded"
 # Standard deviation of a motion over its sensor's noise from which the part of a trial that has come tells its
 # direction
 MOVES = 2.0
-DRAWS = 32  # Vehicles drawn from the priors, beside the one at their means, to see whether they go the same way
+MAX_PRIOR_VEHICLES = (
+    32  # Vehicles drawn from the priors, beside the one at their means, to see whether they go the same way
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -223,7 +225,9 @@ def _believed(campaign: Campaign, model: VehicleModel) -> dict[str, np.ndarray]:
     names = (*(term.text for term in model.coefficients), *(one.name for one in model.unknowns))
     priors = tuple(campaign.prior(name) for name in names)
     mean = np.array([float(prior.mean) for prior in priors])
-    tried = np.vstack([mean, draw_values(priors, random_key(campaign.seed, "vehicles of the priors"), DRAWS)])
+    tried = np.vstack(
+        [mean, draw_values(priors, random_key(campaign.seed, "vehicles of the priors"), MAX_PRIOR_VEHICLES)]
+    )
     return dict(zip(names, tried.T, strict=True))
 
 

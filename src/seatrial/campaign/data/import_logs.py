@@ -37,7 +37,7 @@ from seatrial.manoeuvres.schedule import read_rows
 from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.thrusters import ThrustLaw
 
-_TRIED = 401  # Commands at which a polynomial of thrust is looked at
+_TRIED_COMMANDS = 401  # Commands at which a polynomial of thrust is looked at
 
 
 @dataclass(frozen=True, eq=False)
@@ -465,7 +465,7 @@ class _Thrust:
         table = "or give a table in place of the polynomial, [vehicle.thrust_laws.NAME] with curve, if it is for other commands"
         check_within(cells, time, where, self.law.pulses, called, table + offset)
         ends = (min(known.min(), self.law.neutral), max(known.max(), self.law.neutral)) if known.size else (0.0, 0.0)
-        tried = np.linspace(*ends, _TRIED) if known.size else known
+        tried = np.linspace(*ends, _TRIED_COMMANDS) if known.size else known
         tried = tried[~self.law.is_dead(tried)]
         steps = np.diff(np.polynomial.polynomial.polyval(tried - self.law.neutral, self.law.polynomial))
         if steps.size and steps.min() < 0 < steps.max():

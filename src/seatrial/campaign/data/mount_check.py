@@ -21,7 +21,7 @@ SENSORS = (RATES[:3], RATES[3:])  # Channels that one sensor has: a Doppler log,
 _NAMES = ("dvl", "imu")
 # What a fit may leave of the change of a velocity, as a share of it, for its turn to be believed: more is a unit or a
 # sign
-MISSED = 2.0
+MAX_MISSED_SHARE = 2.0
 
 
 def along_body(campaign: Campaign, record: Record) -> Record:
@@ -64,7 +64,7 @@ def check_mounts(campaign: Campaign, record: Record) -> list[Finding]:
         if len(measured) < 2 or (mount is not None and {*mount.unknown} & {f"{part}_{mount.name}" for part in TURN}):
             continue
         turn = turn_of_sensor(model, record, initial_state(campaign, model, record), priors, measured)
-        if turn is None or turn.missed > MISSED:
+        if turn is None or turn.missed > MAX_MISSED_SHARE:
             continue
         if abs(turn.angle) >= MIN_TURN and turn.gain >= 0.5 * MIN_TURN_SDS**2:
             findings.append(_finding(measured, usual if mount is None else mount.name, turn, mount))

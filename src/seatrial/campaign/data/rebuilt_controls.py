@@ -19,7 +19,7 @@ from seatrial.core.signals import signal_unit
 from seatrial.manoeuvres.autopilot import Autopilot
 from seatrial.manoeuvres.pilot import Moment
 
-UNEVEN = 1e-3  # Share of an interval by which it may differ from whole samples of a log
+MAX_UNEVEN_SHARE = 1e-3  # Share of an interval by which it may differ from whole samples of a log
 
 
 def with_rebuilt_controls(campaign: Campaign, record: Record) -> Record:
@@ -76,7 +76,7 @@ def _sampled(where: str, autopilot: Autopilot, record: Record) -> Autopilot:
     step, loops = float(np.median(np.diff(record.time))), []
     for loop in autopilot.loops:
         every = round(loop.interval / step)
-        if every < 1 or abs(every * step - loop.interval) > UNEVEN * loop.interval:
+        if every < 1 or abs(every * step - loop.interval) > MAX_UNEVEN_SHARE * loop.interval:
             raise InputError(
                 where,
                 found=f"samples of {step:g} s, with an interval of {loop.interval:g} s of [autopilot.{loop.holds}]",

@@ -35,7 +35,7 @@ from seatrial.manoeuvres.manoeuvre import Manoeuvre
 from seatrial.manoeuvres.relay import read_relay_family
 from seatrial.manoeuvres.schedule import Schedule, schedule_of
 
-LONGEST = 80  # Characters of a label
+MAX_LABEL_LENGTH = 80  # Characters of a label
 
 
 @dataclass(frozen=True)
@@ -348,13 +348,15 @@ def _of_own(own: OwnSchedule, label: str, relay: Mapping[str, Any] | None = None
 
 
 def _check_label(label: str) -> None:
-    plain = 0 < len(label) <= LONGEST and label.isprintable() and not set(label) & set("/\\") and label[0] != "."
+    plain = (
+        0 < len(label) <= MAX_LABEL_LENGTH and label.isprintable() and not set(label) & set("/\\") and label[0] != "."
+    )
     taken = label == FIRST or (label.startswith(f"{FIRST}-") and label.removeprefix(f"{FIRST}-").isdigit())
     if not plain or taken:
         raise InputError(
-            f"--label {label[: 2 * LONGEST]}",
+            f"--label {label[: 2 * MAX_LABEL_LENGTH]}",
             found="a name that seatrial gives its own trials" if taken else "a name that no file can have",
-            expected=f"a plain name of at most {LONGEST} characters",
+            expected=f"a plain name of at most {MAX_LABEL_LENGTH} characters",
             remedy="name the record otherwise, for example --label sea-1",
         )
 

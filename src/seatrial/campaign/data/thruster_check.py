@@ -26,7 +26,7 @@ from seatrial.vehicles.hull import AXES
 from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.thrusters import allocation, controls_of
 
-SMALL = 1e-9  # Share of the largest entry below which a force or moment is none
+ZERO_SHARE = 1e-9  # Share of the largest entry below which a force or moment is none
 
 
 def thruster_lines(vehicle: CampaignVehicle, channels: tuple[str, ...]) -> list[str]:
@@ -37,7 +37,7 @@ def thruster_lines(vehicle: CampaignVehicle, channels: tuple[str, ...]) -> list[
     matrix = allocation(thrusters)
     rank = int(np.linalg.matrix_rank(matrix[moving], tol=1e-6 * float(np.abs(matrix).max())))
     head = "".join(f"{number:>9}" for number in range(1, len(thrusters) + 1))
-    rows = ["".join(f"{x:9.3f}" for x in np.where(np.abs(row) < SMALL, 0.0, row)) for row in matrix]
+    rows = ["".join(f"{x:9.3f}" for x in np.where(np.abs(row) < ZERO_SHARE, 0.0, row)) for row in matrix]
     names = " ".join(AXES[i] for i in moving)
     lines = [
         f"allocation of {len(thrusters)} thrusters: force (N) and moment (N m) for 1 N of each thruster",
@@ -64,7 +64,7 @@ def _not_spanned(matrix: np.ndarray, moving: Sequence[int]) -> str:
     left, sizes, _ = np.linalg.svd(matrix[moving])
     sizes = np.concatenate([sizes, np.zeros(len(moving) - sizes.size)])
     texts = []
-    for vector in left.T[sizes < 1e-6 * max(float(sizes[0]), SMALL)]:
+    for vector in left.T[sizes < 1e-6 * max(float(sizes[0]), ZERO_SHARE)]:
         parts = [f"{x:+.2g} {AXES[i]}" for i, x in zip(moving, vector, strict=True) if abs(x) > 1e-3]
         texts.append(" ".join(parts).removeprefix("+"))
     return "no thrusts make " + ", nor ".join(texts)
@@ -75,7 +75,7 @@ def mirrored_thrusters(vehicle: CampaignVehicle, full: Structure) -> dict[str, t
     if not isinstance(vehicle, WholeVehicle) or not vehicle.body.thrusters:
         return {}
     matrix, controls = allocation(vehicle.body.thrusters), all_thrusters(full, vehicle)
-    drives = {rate: np.where(np.abs(row) < SMALL, 0.0, row) for rate, row in zip(RATES, matrix, strict=True)}
+    drives = {rate: np.where(np.abs(row) < ZERO_SHARE, 0.0, row) for rate, row in zip(RATES, matrix, strict=True)}
     return {
         rate: tuple(name for name, push in zip(controls, row, strict=True) if push)
         for rate, row in drives.items()
@@ -108,7 +108,7 @@ def check_thrusters(
         return []
     matrix, hull = allocation(vehicle.body.thrusters), vehicle.hull
     can_right = np.array([hull.weight != hull.buoyancy] * 3 + [any(hull.righting)] * 3)
-    idle = [i for i in _axes(campaign.channels, vehicle) if np.abs(matrix[i]).max() < SMALL]
+    idle = [i for i in _axes(campaign.channels, vehicle) if np.abs(matrix[i]).max() < ZERO_SHARE]
     findings = [
         Finding("axis-not-driven", "note" if can_right[i] else "caution", (AXES[i],), {}, ("drop-axis",)) for i in idle
     ]

@@ -16,7 +16,7 @@ from seatrial.design.batch import Batch, plan_batch
 from seatrial.design.robust import information_table
 from seatrial.manoeuvres.family import design_words
 
-BLOCK = 64  # Designs whose information is computed between two reports of progress
+DESIGNS_AT_ONCE = 64  # Designs whose information is computed between two reports of progress
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,9 +55,9 @@ def plan_together(campaign: Campaign, trials: int, reporter: Reporter = SILENT) 
         controls.append(held)
     every, information = np.concatenate(controls), []
     report = reporter.progress(f"information of {len(every)} design{'s' * (len(every) != 1)}")
-    for start in range(0, len(every), BLOCK):
+    for start in range(0, len(every), DESIGNS_AT_ONCE):
         report(start, len(every))
-        information.append(information_table(plan, every[start : start + BLOCK], few))
+        information.append(information_table(plan, every[start : start + DESIGNS_AT_ONCE], few))
     report(len(every), len(every))
     criterion = criterion_of(campaign, plan, draws)
     batch = plan_batch(np.concatenate(information), lambda one: np.asarray(criterion(one)), trials)

@@ -16,7 +16,7 @@ VEHICLES = 200  # Draws that are looked at
 # Share of unstable vehicles from which the autopilot is at fault, and not what is believed of the vehicle
 NEARLY_ALL = 0.9
 # What moves, in words, by the state that takes the largest part
-AXES = {
+AXIS_WORDS = {
     **dict.fromkeys(("u", "x"), "surge (speed)"),
     **dict.fromkeys(("v", "r", "psi", "y"), "yaw (heading)"),
     **dict.fromkeys(("w", "z"), "heave (depth)"),
@@ -50,7 +50,7 @@ def check_autopilot(
     share, probability = float(lost.mean()), campaign.design.probability
     states, counts = np.unique(growth.state[lost], return_counts=True)
     state = model.states[int(states[counts.argmax()])]
-    axis = AXES.get(state, f"the actuator {state.removesuffix(ACTUAL)}")
+    axis = AXIS_WORDS.get(state, f"the actuator {state.removesuffix(ACTUAL)}")
     doubling = float(np.log(2) / np.median(growth.rate[lost]))
     finding = f"{share:.0%} of the vehicles that the priors allow are unstable under the autopilot, most in {axis}" + (
         f": a small motion there doubles in {doubling:.2g} s" if doubling > 0 else ": they run away"

@@ -25,9 +25,9 @@ from seatrial.design.robust import local_utility, utility_table
 from seatrial.estimation.posterior.filter_error import process_name
 from seatrial.manoeuvres.family import design_words
 
-FISHER = ("fisher-d", "fisher-a", "fisher-e", "fisher-me")
+FISHER_CRITERIA = ("fisher-d", "fisher-a", "fisher-e", "fisher-me")
 # Four times the usual importance draws: weak designs leave posteriors that press on the priors' bounds
-SETTINGS = GainSettings(inner=256)
+GAIN_SETTINGS = GainSettings(inner=256)
 
 
 def stored_measures(campaign: Campaign, count: int) -> StoredResult[Measures]:
@@ -88,7 +88,7 @@ def _compute(campaign: Campaign, count: int, reporter: Reporter) -> Dataset:
     held = np.stack(controls)
     measures = {"entropy of the filter": np.array(entropy)}
     mean = np.array([float(prior.mean) for prior in priors])
-    for name in FISHER:
+    for name in FISHER_CRITERIA:
         measures[f"{name} at the prior means"] = local_utility(plan, held, mean, find_criterion(name, cov))
     draws = draw_values(priors, random_key(campaign.seed, "draws of the measures"), UTILITY_DRAWS)
     averaged = utility_table(plan, held, draws, find_criterion("fisher-d", cov)).mean
@@ -96,7 +96,7 @@ def _compute(campaign: Campaign, count: int, reporter: Reporter) -> Dataset:
     progress, gains, refused = reporter.progress(f"expected gain of {len(names)} designs"), [], []
     for done, control in enumerate(held):
         progress(done, len(names))
-        gains.append(importance_gain(plan, priors, control, random_key(campaign.seed, "expected gain"), SETTINGS))
+        gains.append(importance_gain(plan, priors, control, random_key(campaign.seed, "expected gain"), GAIN_SETTINGS))
         if gains[-1].status:
             refused.append(f"{names[done]}: {gains[-1].status}")
     progress(len(names), len(names))

@@ -30,10 +30,10 @@ from seatrial.manoeuvres.family import Family
 from seatrial.manoeuvres.free_form import SteppedInput, nearest_levels
 from seatrial.manoeuvres.manoeuvre import Limits, Manoeuvre
 
-POINTS = 4  # Draws of the priors over which the utility is averaged
-SAFE_FOR = 64  # Draws for which limits of the motion hold during the search; judged on fresh ones afterwards
+UTILITY_POINTS = 4  # Draws of the priors over which the utility is averaged
+SAFE_DRAWS = 64  # Draws for which limits of the motion hold during the search; judged on fresh ones afterwards
 
-RISK = 0.75  # Share of the risk allowed that the search takes: the rest is for what draws it has not seen
+RISK_SHARE = 0.75  # Share of the risk allowed that the search takes: the rest is for what draws it has not seen
 
 
 def stored_free_trial(campaign: Campaign, levels: int) -> StoredResult[FreeTrial]:
@@ -100,12 +100,12 @@ def _search(campaign: Campaign, levels: int, reporter: Reporter) -> FreeTrial:
         plan,
         form,
         campaign.limits,
-        draws[:POINTS],
+        draws[:UTILITY_POINTS],
         cov,
         dict(campaign.control_trim(model)),
         motion=campaign.motion_limits,
-        draws=draws[:SAFE_FOR],
-        risk=RISK * (1.0 - campaign.design.probability),
+        draws=draws[:SAFE_DRAWS],
+        risk=RISK_SHARE * (1.0 - campaign.design.probability),
     )
     time, control = family.sample(best.family.sample_time)
     near = nearest_levels(form, time, control)
@@ -117,7 +117,7 @@ def _search(campaign: Campaign, levels: int, reporter: Reporter) -> FreeTrial:
     )
     controls = np.stack([_commands(campaign, plan, one) for one in (optimum.manoeuvre, family)])
     # Both by the same measure, on draws that had no part in the search.
-    judged = utility_table(plan, controls, draws[SAFE_FOR : SAFE_FOR + 64], find_criterion("fisher-d", cov)).mean
+    judged = utility_table(plan, controls, draws[SAFE_DRAWS : SAFE_DRAWS + 64], find_criterion("fisher-d", cov)).mean
     return FreeTrial(
         tuple(map(float, optimum.levels)),
         float(judged[0]),

@@ -39,7 +39,7 @@ from seatrial.messages.designs import count_trials
 from seatrial.vehicles.model import VehicleModel
 
 # Share of the room of another control that the largest amplitude takes where the designed control has no two limits
-ROOM = 0.75
+ROOM_SHARE = 0.75
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,7 +199,7 @@ def _families(campaign: Campaign, names: Sequence[str]) -> Iterator[tuple[Family
     for family in campaign.families:
         yield family, amplitudes
     driven = _room(campaign.control_limits, campaign.family.control, campaign.family.trim)
-    largest = ROOM if driven == 0 else min(float(amplitudes.max()) / driven, 1.0)
+    largest = ROOM_SHARE if driven == 0 else min(float(amplitudes.max()) / driven, 1.0)
     for name in names:
         room = _room(campaign.control_limits, name, model_trim[name])
         if name != campaign.family.control and room > 0:

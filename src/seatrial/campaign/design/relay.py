@@ -133,7 +133,7 @@ def _proposal(campaign: Campaign) -> str:
     name = max(names, key=lambda one: answer[plan.channels.index(one)])
     size = max(float(answer[plan.channels.index(name)]), 10.0) * campaign.noise[name]
     factor, unit = shown_unit(name)
-    low, high = (f"{share * size * factor:.1g} {unit}" for share in PROPOSED)
+    low, high = (f"{share * size * factor:.1g} {unit}" for share in PROPOSED_SHARES)
     return f'output = "{name}" and threshold = {{ from = "{low}", to = "{high}", points = 8 }}'
 
 
@@ -177,9 +177,9 @@ def _closed(
 
 
 # Thresholds that are proposed, as shares of what a step of the control by its least amplitude comes to
-PROPOSED = (0.2, 0.8)
+PROPOSED_SHARES = (0.2, 0.8)
 CONFIDENCE = 0.95  # Of the claim that a test oscillates inside the limits with the probability asked for
-RANGE = (0.05, 0.5, 0.95)  # Quantiles over the vehicles that the priors allow
+RANGE_QUANTILES = (0.05, 0.5, 0.95)  # Quantiles over the vehicles that the priors allow
 
 
 def stored_relay(campaign: Campaign) -> StoredResult[RelayTrial]:
@@ -301,7 +301,11 @@ def _judged(
 
 def _quantiles(values: np.ndarray) -> tuple[float, ...]:
     finite = values[np.isfinite(values)]
-    return tuple(map(float, np.quantile(finite, RANGE))) if finite.size else (float("nan"),) * len(RANGE)
+    return (
+        tuple(map(float, np.quantile(finite, RANGE_QUANTILES)))
+        if finite.size
+        else (float("nan"),) * len(RANGE_QUANTILES)
+    )
 
 
 @program

@@ -16,7 +16,7 @@ from seatrial.design.fisher_utilities import find_criterion
 from seatrial.design.sensor_choice import SensorChoice, SensorWorth, sensor_worth
 from seatrial.design.trial_plan import plan_trial
 
-RATES = (0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)  # Hz; those up to the sample rate are tried
+TRIED_RATES = (0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)  # Hz; those up to the sample rate are tried
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +75,7 @@ def _choices(noise: Mapping[str, float], mask: Float[np.ndarray, "n m"], step: f
     rates = (f"{channel} at {1.0 / (samples * step):.3g} Hz" for channel, samples in zip(noise, every, strict=True))
     choices = [(f"as they are: {', '.join(rates)}", SensorChoice(every, ones))]
     for i, channel in enumerate(noise):
-        for rate in RATES:
+        for rate in TRIED_RATES:
             samples = round(1.0 / (rate * step))
             if samples >= 1 and samples != every[i] and abs(samples * rate * step - 1.0) < 0.01:
                 choices.append((f"{channel} at {rate:g} Hz", SensorChoice(_with(every, i, samples), ones)))

@@ -23,21 +23,23 @@ from seatrial.estimation.diagnostics.record_checks import UNLIKE, unlike_trim
 from seatrial.messages.render import remedy, statement
 from seatrial.numerics.gaussian import Gaussian
 
-WINDOW = 20.0  # Seconds over which is looked at what the input teaches, and how large innovations are
+WINDOW_SECONDS = 20.0  # Seconds over which is looked at what the input teaches, and how large innovations are
 # Root mean square of normalised innovations from which the model is called wrong, and below which it no longer is
-WRONG, RIGHT = 2.2, 2.0
+WRONG_RMS, RIGHT_RMS = 2.2, 2.0
 # Standard deviations by which the mean of the filter is beyond the edge of a prior from where on its coefficient is
 # pushed against it
-PUSHED = 3.0
-STAYS = 10.0  # Seconds after which that is forgotten
-SURE = 0.95  # Share of the vehicles drawn from what is believed whose speed at trim must be another than stated
+PUSHED_SD = 3.0
+PUSHED_SECONDS = 10.0  # Seconds after which that is forgotten
+MIN_UNLIKE_SHARE = (
+    0.95  # Share of the vehicles drawn from what is believed whose speed at trim must be another than stated
+)
 AT_EDGE = 0.5  # Standard deviations from the edge of its prior within which a coefficient is named, where one is pushed
-ENOUGH = 50  # Innovations before which nothing is said of a goal
-SOON = 30.0  # Seconds to the goal for which no other input is worth a change
-SLOWER = 2.0  # Times the best segment's way to the goal from which a change is
+MIN_INNOVATIONS = 50  # Innovations before which nothing is said of a goal
+SOON_SECONDS = 30.0  # Seconds to the goal for which no other input is worth a change
+MIN_TIMES_SLOWER = 2.0  # Times the best segment's way to the goal from which a change is
 # Seconds in which an input that excites a coefficient halves its standard deviation, at the rate of the last window
-HALVES = 600.0
-ALONG = {"T": "u", **SPEEDS}  # Velocity that each force or moment changes
+HALVING_SECONDS = 600.0
+VELOCITY_OF_AXIS = {"T": "u", **SPEEDS}  # Velocity that each force or moment changes
 OFTEN = 10.0  # Seconds between two looks into the library
 
 Kind = Literal["go on", "stop", "switch", "wrong", "check"]
@@ -159,7 +161,7 @@ class Adviser:
             memory: of the innovations.
             doubts: of the stream, in words, the gravest first.
         """
-        scales, rms = self.recursion.scales, memory.look(time, WINDOW)
+        scales, rms = self.recursion.scales, memory.look(time, WINDOW_SECONDS)
         discount = memory.discount()
         honest = discounted(np.asarray(belief.cov), discount)
         cut = within_bounds(np.asarray(belief.mean), honest, self.recursion.bounds)
@@ -168,18 +170,18 @@ class Adviser:
         raw = 1.0 / np.diag(np.asarray(belief.cov))
         # The information about each coefficient that a second has brought in the last window; None before half of one.
         self.known.append((time, raw))
-        while len(self.known) > 2 and self.known[1][0] <= time - WINDOW:
+        while len(self.known) > 2 and self.known[1][0] <= time - WINDOW_SECONDS:
             self.known.pop(0)
         then, before = self.known[0]
-        rate = None if time - then < WINDOW / 2 else np.maximum(raw - before, 0.0) / (time - then)
+        rate = None if time - then < WINDOW_SECONDS / 2 else np.maximum(raw - before, 0.0) / (time - then)
         wanted = self._wanted(mean)
-        if memory.count.sum() >= ENOUGH:
+        if memory.count.sum() >= MIN_INNOVATIONS:
             raw_mean = np.asarray(belief.mean)
             doubts = (*doubts, *self._unlike_trim(raw_mean, honest), *self._edges(time, raw_mean, cut, honest))
         kind, advice = self._advise(time, memory, rms, sd, wanted, self._left(raw, rate, wanted, discount), doubts)
         if kind in ("go on", "switch") and self.library is not None and np.isfinite(wanted).any():
             self._ask(time, mean, honest, discount, wanted)
-        excited = None if rate is None else rate * HALVES >= 3.0 * raw
+        excited = None if rate is None else rate * HALVING_SECONDS >= 3.0 * raw
         model = self.recursion.model
         rows = []
         for i, term in enumerate(model.coefficients):
@@ -200,7 +202,7 @@ class Adviser:
         messages, trim = [], self.recursion.trim
         for name in self.trimmed:
             share = self.recursion.shares_of_trim(name, mean, cov)
-            if np.mean(share > UNLIKE) >= SURE or np.mean(share < 1 / UNLIKE) >= SURE:
+            if np.mean(share > UNLIKE) >= MIN_UNLIKE_SHARE or np.mean(share < 1 / UNLIKE) >= MIN_UNLIKE_SHARE:
                 one = unlike_trim(name, trim[name], float(np.nanmedian(share)), "coefficients")
                 messages.append(f"{remedy(one)} ({statement(one)})")
         return messages
@@ -215,16 +217,16 @@ class Adviser:
             cov: honest.
         """
         bounds, sd = self.recursion.bounds, np.sqrt(np.diag(cov))
-        beyond = np.maximum(bounds[:, 0] - mean, mean - bounds[:, 1]) > PUSHED * sd
+        beyond = np.maximum(bounds[:, 0] - mean, mean - bounds[:, 1]) > PUSHED_SD * sd
         self.pushed |= {int(i): time for i in np.flatnonzero(beyond)}
-        self.pushed = {i: then for i, then in self.pushed.items() if 0 <= time - then < STAYS}
+        self.pushed = {i: then for i, then in self.pushed.items() if 0 <= time - then < PUSHED_SECONDS}
         if not self.pushed:
             return []
         is_near = np.min(np.abs(cut[:, None] - bounds), axis=1) < AT_EDGE * sd
         terms = [term for i, term in enumerate(self.recursion.model.coefficients) if is_near[i] or i in self.pushed]
         names = _listed([term.text for term in terms])
         where = "is at the edge of its prior" if len(terms) == 1 else "are at the edges of their priors"
-        signals = {name for term in terms for name in (*term.signals, ALONG.get(term.axis, ""))}
+        signals = {name for term in terms for name in (*term.signals, VELOCITY_OF_AXIS.get(term.axis, ""))}
         shown = [name for name in self.channels if name in signals] or list(self.channels)
         checked = [*shown, *(name for name in self.recursion.model.controls if name in signals)]
         return [
@@ -257,9 +259,9 @@ class Adviser:
         left: float | None,
         doubts: Sequence[str],
     ) -> tuple[Kind, str]:
-        is_met = bool((sd <= wanted).all()) and np.isfinite(wanted).any() and memory.count.sum() >= ENOUGH
+        is_met = bool((sd <= wanted).all()) and np.isfinite(wanted).any() and memory.count.sum() >= MIN_INNOVATIONS
         worst = int(np.argmax(np.where(np.isfinite(rms), rms, -np.inf)))
-        self.is_wrong = bool(rms[worst] > (RIGHT if self.is_wrong else WRONG))
+        self.is_wrong = bool(rms[worst] > (RIGHT_RMS if self.is_wrong else WRONG_RMS))
         is_met = is_met and not doubts and not self.is_wrong
         self.met_since = (time if self.met_since is None else self.met_since) if is_met else None
         if doubts:
@@ -280,7 +282,11 @@ class Adviser:
         if left is None:
             return "go on", "go on: there are too few samples to say how long"
         choice = self.choice
-        if left > SOON and choice is not None and (not np.isfinite(left) or left > SLOWER * choice.seconds):
+        if (
+            left > SOON_SECONDS
+            and choice is not None
+            and (not np.isfinite(left) or left > MIN_TIMES_SLOWER * choice.seconds)
+        ):
             if np.isfinite(choice.seconds):
                 return (
                     "switch",
@@ -290,7 +296,7 @@ class Adviser:
                 f"neither this input nor any design will reach the goal; {choice.unmet} stays furthest from it: "
                 f"switch to {choice.words}"
             )
-        if not np.isfinite(left) or left > 100 * HALVES:
+        if not np.isfinite(left) or left > 100 * HALVING_SECONDS:
             short = self.recursion.names[int(np.argmax(sd / wanted))]
             return "switch", f"this input will not reach the goal: it gives no information about {short}; excite it"
         return "go on", f"go on, about {left:.0f} s more at this rate"

@@ -21,9 +21,9 @@ from seatrial.logs.log_table import curved_cells, in_si
 from seatrial.logs.source import ColumnMap, LogSource, check_source, log_file, time_scale
 from seatrial.numerics.rotations import angles_of_quaternion, matrix_of_angles
 
-EMPTY = ("", "na", "nan", "null", "none")  # Cells of text that hold no value
-CLOCKS = ("time", "t", "time_s")  # Names of the time where a campaign has no [import], s
-LATEST = Decimal("1e11")  # Seconds on a stream's clock, three thousand years, from which a cell holds no time
+EMPTY_CELLS = ("", "na", "nan", "null", "none")  # Cells of text that hold no value
+CLOCK_NAMES = ("time", "t", "time_s")  # Names of the time where a campaign has no [import], s
+MAX_STAMP = Decimal("1e11")  # Seconds on a stream's clock, three thousand years, from which a cell holds no time
 Say = Callable[[str, str], None]
 """Takes the kind of a fault, which is told once, and the words."""
 
@@ -200,7 +200,7 @@ def _seconds(text: str, scale: Decimal) -> Decimal | None:
         stamp = Decimal(text) * scale
     except DecimalException:
         return None
-    return stamp if stamp.is_finite() and abs(stamp) < LATEST else None
+    return stamp if stamp.is_finite() and abs(stamp) < MAX_STAMP else None
 
 
 class _Text:
@@ -265,7 +265,7 @@ class _Text:
         try:
             return float(cell)
         except ValueError:
-            if cell.lower() not in EMPTY:
+            if cell.lower() not in EMPTY_CELLS:
                 self.channels.say(
                     f"cell {column}", f'column "{column}": cells that are no number are left out, such as {cell[:30]!r}'
                 )
@@ -306,7 +306,7 @@ class _Text:
 
     def _by_names(self, header: list[str]) -> LogSource:
         channels = self.channels
-        clock = next((name for name in CLOCKS if name in header), None)
+        clock = next((name for name in CLOCK_NAMES if name in header), None)
         if clock is None:
             raise self._no_clock(header)
         mapped = {

@@ -11,20 +11,20 @@ from collections import deque
 import numpy as np
 from jaxtyping import Float
 
-LEVELS = 24  # Sizes of blocks, up to 2^23 samples: a day at 100 Hz
-FEWEST = 24  # Blocks from which their variance is taken
-MANY = 96  # Blocks from which their correlation is
-CLEAR = 2.0  # Standard errors from which a correlation of blocks counts
+BLOCK_LEVELS = 24  # Sizes of blocks, up to 2^23 samples: a day at 100 Hz
+MIN_BLOCKS = 24  # Blocks from which their variance is taken
+MIN_CORRELATED_BLOCKS = 96  # Blocks from which their correlation is
+CLEAR_ERRORS = 2.0  # Standard errors from which a correlation of blocks counts
 
 
 class InnovationMemory:
     """Sums over normalised innovations of m channels, in memory that does not grow."""
 
     def __init__(self, m: int):
-        self.waiting = np.zeros((LEVELS, m))
-        self.is_waiting = np.zeros((LEVELS, m), bool)
-        self.last = np.full((LEVELS, m), np.nan)
-        self.blocks, self.squares, self.products = (np.zeros((LEVELS, m)) for _ in range(3))
+        self.waiting = np.zeros((BLOCK_LEVELS, m))
+        self.is_waiting = np.zeros((BLOCK_LEVELS, m), bool)
+        self.last = np.full((BLOCK_LEVELS, m), np.nan)
+        self.blocks, self.squares, self.products = (np.zeros((BLOCK_LEVELS, m)) for _ in range(3))
         self.recent: deque[tuple[float, np.ndarray, np.ndarray]] = deque()
 
     @property
@@ -44,7 +44,7 @@ class InnovationMemory:
                 self._add(channel, value)
 
     def _add(self, channel: int, total: float) -> None:
-        for level in range(LEVELS):
+        for level in range(BLOCK_LEVELS):
             self.blocks[level, channel] += 1
             self.squares[level, channel] += total * total
             before = self.last[level, channel]
@@ -61,14 +61,16 @@ class InnovationMemory:
         """Return how many innovations of each channel say as much as an independent one, at least 1."""
         repeats = np.ones(self.count.size)
         for channel in range(repeats.size):
-            enough = np.flatnonzero(self.blocks[:, channel] >= FEWEST)
+            enough = np.flatnonzero(self.blocks[:, channel] >= MIN_BLOCKS)
             if not enough.size or self.squares[0, channel] <= 0:
                 continue
             size = 2.0**enough
             blocks, squares = self.blocks[enough, channel], self.squares[enough, channel]
             ratio = squares / blocks / size / self.mean_square[channel]
             r = np.minimum(self.products[enough, channel] / squares, 0.99)
-            reach = np.where((r > CLEAR / np.sqrt(blocks)) & (blocks >= MANY), (1 + r) / (1 - r), 1.0)
+            reach = np.where(
+                (r > CLEAR_ERRORS / np.sqrt(blocks)) & (blocks >= MIN_CORRELATED_BLOCKS), (1 + r) / (1 - r), 1.0
+            )
             repeats[channel] = max(1.0, float((ratio * reach).max()))
         return repeats
 

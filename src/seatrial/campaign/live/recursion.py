@@ -33,9 +33,9 @@ from seatrial.vehicles.model import VehicleModel
 FIRST_SPREAD = 10.0
 
 # Of its trim, at which the acceleration of a velocity is looked at: where it changes its sign the motion is steady
-SHARES = np.geomspace(1 / 8, 8, 193)
-DRAWS = 32  # Vehicles drawn from what is believed
-CERTAIN = 5.0  # Standard deviations from its mean beyond which a bound does not matter
+TRIM_SHARES = np.geomspace(1 / 8, 8, 193)
+BELIEF_DRAWS = 32  # Vehicles drawn from what is believed
+CERTAIN_SDS = 5.0  # Standard deviations from its mean beyond which a bound does not matter
 
 
 class Stepped(NamedTuple):
@@ -128,13 +128,15 @@ class Recursion:
             mean: of the coefficients, in units of `scales`.
             cov: of them.
         """
-        drawn = np.random.default_rng(0).multivariate_normal(mean, cov, DRAWS, check_valid="ignore") * self.scales
+        drawn = (
+            np.random.default_rng(0).multivariate_normal(mean, cov, BELIEF_DRAWS, check_valid="ignore") * self.scales
+        )
         state = np.array(level_start(self.model, self.trim))
         control = np.array([self.trim.get(one, 0.0) for one in self.model.controls])
         ahead = np.asarray(_accelerations(self.model, name)(drawn, state, control)) * np.sign(self.trim[name])
         settles = (ahead[:, :-1] > 0) & (ahead[:, 1:] <= 0)
-        nearest = np.argmin(np.where(settles, np.abs(np.log(SHARES[:-1])), np.inf), axis=1)
-        return np.where(settles.any(axis=1), np.sqrt(SHARES[nearest] * SHARES[nearest + 1]), np.nan)
+        nearest = np.argmin(np.where(settles, np.abs(np.log(TRIM_SHARES[:-1])), np.inf), axis=1)
+        return np.where(settles.any(axis=1), np.sqrt(TRIM_SHARES[nearest] * TRIM_SHARES[nearest + 1]), np.nan)
 
 
 def within_bounds(
@@ -151,7 +153,7 @@ def within_bounds(
     for i, (low, high) in enumerate(bounds):
         sd = np.sqrt(cov[i, i])
         a, b = (low - mean[i]) / sd, (high - mean[i]) / sd
-        if a < -CERTAIN and b > CERTAIN:
+        if a < -CERTAIN_SDS and b > CERTAIN_SDS:
             continue
         moved, variance = _cut(a, b)
         along = cov[:, i] / cov[i, i]
@@ -234,7 +236,7 @@ def _accelerations(model: VehicleModel, name: str) -> Any:
             moved = state.at[index].multiply(share)
             return model.derivative(dict(zip(names, values, strict=True)), tuple(moved), tuple(control))[index]
 
-        return jax.vmap(jax.vmap(at, (None, 0)), (0, None))(drawn, jnp.asarray(SHARES))
+        return jax.vmap(jax.vmap(at, (None, 0)), (0, None))(drawn, jnp.asarray(TRIM_SHARES))
 
     return accelerations
 

@@ -23,7 +23,7 @@ from seatrial.core.display_units import shown_unit
 from seatrial.core.record import MAX_MAGNITUDE
 from seatrial.numerics.gaussian import Gaussian
 
-OFTEN = 1.0  # Seconds of the stream between two looks
+LOOK_SECONDS = 1.0  # Seconds of the stream between two looks
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ class Session:
     @property
     def is_due(self) -> bool:
         """Whether it is time for another look."""
-        return self.belief is not None and self.clock.time - self.looked >= OFTEN
+        return self.belief is not None and self.clock.time - self.looked >= LOOK_SECONDS
 
     def warm(self) -> None:
         """Compile the step before the first sample comes."""
@@ -190,12 +190,12 @@ def _left_out(name: str) -> str:
 
 # Seconds by which a stamp may lie behind the latest and be of one that was overtaken; further back the clock was set
 # anew
-LATE = 1.0
+MAX_LATE_SECONDS = 1.0
 BEYOND = 50.0  # Times what the priors foresee, from which a value is none of this vehicle in this unit
 BEYOND_LIMIT = 5.0  # Likewise times the limit of a control
-RECENT = 20  # Values of a channel over which is looked whether most of them can be
+RECENT_VALUES = 20  # Values of a channel over which is looked whether most of them can be
 # Times what is foreseen, or the limit, below which most must lie before a channel that was left out is taken again
-INSIDE = 2.0
+MAX_TIMES_INSIDE = 2.0
 
 
 class Notes:
@@ -262,7 +262,7 @@ class ClockGate:
         if step == 0 and part in self.parts:
             self.say("repeats", "repeated stamps are dropped")
             return Passed(0.0, "dropped")
-        if step < -Decimal(LATE):
+        if step < -Decimal(MAX_LATE_SECONDS):
             self.say(
                 "restart",
                 f"the clock went back by {-step:.6g} s: the states are initialised again, the estimates of the coefficients stay",
@@ -311,10 +311,10 @@ class ValueGate:
         return {name: value for name, value in can_be.items() if name not in self.left_out}
 
     def _judge(self, name: str, size: float) -> None:
-        recent = self.recent.setdefault(name, deque(maxlen=RECENT))
+        recent = self.recent.setdefault(name, deque(maxlen=RECENT_VALUES))
         recent.append(size)
         usual = {**self.sizes, **self.limits}.get(name, MAX_MAGNITUDE)
-        least = INSIDE * usual if name in self.left_out else self.most.get(name, MAX_MAGNITUDE)
+        least = MAX_TIMES_INSIDE * usual if name in self.left_out else self.most.get(name, MAX_MAGNITUDE)
         if 2 * sum(one >= least for one in recent) > len(recent):
             self.left_out.add(name)
         else:

@@ -17,12 +17,12 @@ from seatrial.core.files import begin_file, read_bytes, write_json
 from seatrial.core.signals import signal_unit
 from seatrial.vehicles.model import VehicleModel
 
-SYNC = 1.0  # Seconds after which everything is on the disk
-FOLDER = Path("results") / "live"  # Of the sessions, in a campaign's folder
+SYNC_SECONDS = 1.0  # Seconds after which everything is on the disk
+SESSION_FOLDER = Path("results") / "live"  # Of the sessions, in a campaign's folder
 # What the session that runs, or ran last, said last; in a folder of its own, so that the others do not change with it
-LAST_LOOK = FOLDER / "now" / "look.json"
+LAST_LOOK = SESSION_FOLDER / "now" / "look.json"
 LOOK = {"run", "at", "time_s", "samples", "coefficients", "innovations", "kind", "advice"}  # Keys of a look
-SHOWN = 0.5  # Seconds between two looks that are shown
+SHOWN_SECONDS = 0.5  # Seconds between two looks that are shown
 
 
 class Kept:
@@ -35,7 +35,7 @@ class Kept:
     """
 
     def __init__(self, campaign: Campaign, suffix: str, channels: Sequence[str]):
-        self.folder, self.channels = campaign.folder / FOLDER, tuple(channels)
+        self.folder, self.channels = campaign.folder / SESSION_FOLDER, tuple(channels)
         self.folder.mkdir(parents=True, exist_ok=True)
         name, number = time.strftime("%Y-%m-%dT%H%M%SZ", time.gmtime()), 1
         while any(self.folder.glob(f"{name if number == 1 else f'{name}-{number}'}.*")):
@@ -46,7 +46,7 @@ class Kept:
         self.rows: list[str] = []
         self.last = -1.0
         self.synced = time.monotonic()
-        self.shown = -SHOWN
+        self.shown = -SHOWN_SECONDS
 
     @property
     def path(self) -> Path:
@@ -69,7 +69,7 @@ class Kept:
         if self.rows:
             self.table.write(("\n".join(self.rows) + "\n").encode())
             self.rows = []
-        if force or time.monotonic() - self.synced >= SYNC:
+        if force or time.monotonic() - self.synced >= SYNC_SECONDS:
             for stream in (self.raw, self.table):
                 os.fsync(stream.fileno())
             self.synced = time.monotonic()
@@ -77,7 +77,7 @@ class Kept:
     def show(self, look: Mapping[str, Any], force: bool = False) -> None:
         """Put a look where the dashboard finds it, unless another one was put there just now."""
         now = time.monotonic()
-        if force or now - self.shown >= SHOWN:
+        if force or now - self.shown >= SHOWN_SECONDS:
             self.shown = now
             (self.folder / "now").mkdir(exist_ok=True)
             write_json(self.folder / "now" / LAST_LOOK.name, {"run": self.run, "at": time.time(), **look})
@@ -91,7 +91,7 @@ class Kept:
 
 def sessions(folder: Path) -> list[str]:
     """Return the sessions of a campaign's folder by name, the oldest first."""
-    tables = sorted((folder / FOLDER).glob("*.csv"))
+    tables = sorted((folder / SESSION_FOLDER).glob("*.csv"))
     return [path.stem for path in tables if not path.name.endswith(".received.csv")]
 
 
@@ -107,7 +107,13 @@ def last_look(folder: Path) -> dict[str, Any] | None:
 def import_lines(imports: Imports | None, model: VehicleModel, channels: tuple[str, ...], run: str) -> str:
     """Return the lines of a campaign file that import a session."""
     lined = lined_controls(imports)
-    lines = ["[import]", f'fit = ["{run}"]', "", "[[import.files]]", f'path = "{FOLDER.as_posix()}/{{run}}.csv"']
+    lines = [
+        "[import]",
+        f'fit = ["{run}"]',
+        "",
+        "[[import.files]]",
+        f'path = "{SESSION_FOLDER.as_posix()}/{{run}}.csv"',
+    ]
     lines += ['time = { column = "time_s", unit = "s" }']
     for one in (*model.controls, *channels):
         between = ', between = "line"' if one in lined else ""
@@ -138,7 +144,7 @@ def with_session(campaign: Campaign, run: str) -> str:
         )
     imports = campaign.imports
     assert imports is not None
-    if [file.path for file in imports.files] != [f"{FOLDER.as_posix()}/{{run}}.csv"]:
+    if [file.path for file in imports.files] != [f"{SESSION_FOLDER.as_posix()}/{{run}}.csv"]:
         raise InputError(
             campaign.where("import"),
             found="runs of other files",

@@ -15,8 +15,8 @@ from seatrial.core.errors import InputError
 from seatrial.logs.formats.protocol import LOG_TIME
 from seatrial.logs.formats.telemetry import mavlink, packets
 
-CHUNK = 1 << 16  # Bytes that are read at a time
-POLL = 0.02  # Seconds between two looks at a file that does not grow
+CHUNK_BYTES = 1 << 16  # Bytes that are read at a time
+POLL_SECONDS = 0.02  # Seconds between two looks at a file that does not grow
 MOST_DATAGRAMS = 1000  # Datagrams that are taken at a time
 _LONGEST_LINE = 1 << 16
 _KINDS = "a path, `-` for standard input, `udp:HOST:PORT` for MAVLink, or `ros2` for topics"
@@ -118,7 +118,7 @@ class PipedText:
         """See `Source.read`."""
         if not select.select([self.handle], [], [], wait)[0]:
             return Piece([])
-        data = os.read(self.handle, CHUNK)
+        data = os.read(self.handle, CHUNK_BYTES)
         first, self.is_first = self.is_first, False
         if data:
             return Piece(self.lines.add(data), raw=data, begins=first)
@@ -140,13 +140,13 @@ class GrowingText:
     def read(self, wait: float) -> Piece | None:
         """See `Source.read`."""
         until = time.monotonic() + wait
-        while not (data := self.stream.read(CHUNK)):
+        while not (data := self.stream.read(CHUNK_BYTES)):
             if self._is_another():
                 self._open()
             elif time.monotonic() >= until:
                 return Piece([])
             else:
-                time.sleep(min(POLL, wait))
+                time.sleep(min(POLL_SECONDS, wait))
         first, self.is_first = self.is_first, False
         return Piece(self.lines.add(data), raw=data, begins=first)
 
@@ -196,7 +196,7 @@ class MavlinkUdp:
         for number in range(MOST_DATAGRAMS):
             if not select.select([self.socket], [], [], wait if number == 0 else 0.0)[0]:
                 break
-            for packet in packets(self.socket.recv(CHUNK), time.time_ns() // 1000, self.wanted):
+            for packet in packets(self.socket.recv(CHUNK_BYTES), time.time_ns() // 1000, self.wanted):
                 raw.append(packet.record)
                 if packet.columns:
                     found.append((packet.table, f"{packet.sender[0]}/{packet.sender[1]}", packet.columns))

@@ -17,20 +17,20 @@ from seatrial.core.signals import signal_unit
 from seatrial.logs.measured_control import looks_measured
 from seatrial.messages.render import remedy, statement
 
-APART = 0.1  # Seconds between two rows of what is judged, at least
-LOOKED = 60.0  # Seconds that are judged
-FIRST = 10.0  # Seconds before which nothing is
+ROW_SECONDS = 0.1  # Seconds between two rows of what is judged, at least
+JUDGED_SECONDS = 60.0  # Seconds that are judged
+FIRST_SECONDS = 10.0  # Seconds before which nothing is
 OFTEN = 5.0  # Seconds between two judgements
 # Seconds before which the direction is not judged: until then the expected motion is led by its start, in whatever
 # unit that came
 LED = 30.0
 # Judgements in a row that find a fault before it is one, and that pass before it is none: until all that is judged is
 # new
-FOUND, GONE = 2, round(LOOKED / OFTEN)
-SIZE = bucket_length(round(LOOKED / APART) + 1)  # Rows to which every part of a stream is filled up
-CONTROLS = 600  # Latest samples of a control that show whether it looks measured
+FOUND, GONE = 2, round(JUDGED_SECONDS / OFTEN)
+PART_ROWS = bucket_length(round(JUDGED_SECONDS / ROW_SECONDS) + 1)  # Rows to which every part of a stream is filled up
+CONTROL_SAMPLES = 600  # Latest samples of a control that show whether it looks measured
 # Levels of each check with which no goal is met; of a channel the first check that fails is told
-GRAVE = {"direction-reversed": ("alarm",), "axes-wrong": ("alarm",), "size-unlike": ("caution",)}
+GRAVE_LEVELS = {"direction-reversed": ("alarm",), "axes-wrong": ("alarm",), "size-unlike": ("caution",)}
 
 
 class StreamCheck:
@@ -53,14 +53,16 @@ class StreamCheck:
         self.faults: dict[tuple[str, str], str] = {}
         """What is wrong, in words, likewise."""
         held = [name for name in self.controls if name not in lined]
-        self.sent = {name: deque[tuple[float, float]](maxlen=CONTROLS) for name in held}
+        self.sent = {name: deque[tuple[float, float]](maxlen=CONTROL_SAMPLES) for name in held}
 
     def warm(self) -> None:
         """Compile what is needed before the first sample comes."""
-        time = np.arange(3) * APART
+        time = np.arange(3) * ROW_SECONDS
         trim = [self.campaign.hull.trim.get(name, 0.0) for name in self.controls]
         motion_findings(
-            self.campaign, self._record(time, np.tile(trim, (3, 1)), np.full((3, len(self.measured)), np.nan)), SIZE
+            self.campaign,
+            self._record(time, np.tile(trim, (3, 1)), np.full((3, len(self.measured)), np.nan)),
+            PART_ROWS,
         )
 
     def begin(self) -> None:
@@ -82,16 +84,20 @@ class StreamCheck:
             if name in values:
                 sent.append((time, values[name]))
         self.fresh |= {name: values[name] for name in self.measured if name in values}
-        if self.rows and time - self.rows[-1][0] < APART * (1 - 1e-6):
+        if self.rows and time - self.rows[-1][0] < ROW_SECONDS * (1 - 1e-6):
             return
         self.rows.append((time, {**control, **self.fresh}))
         self.fresh = {}
-        while self.rows[0][0] < time - LOOKED:
+        while self.rows[0][0] < time - JUDGED_SECONDS:
             self.rows.popleft()
 
     def judge(self) -> list[str]:
         """Return what is wrong with the stream, in words; it is looked for every few seconds."""
-        if self.rows and (now := self.rows[-1][0]) - self.rows[0][0] >= FIRST and not 0 <= now - self.judged < OFTEN:
+        if (
+            self.rows
+            and (now := self.rows[-1][0]) - self.rows[0][0] >= FIRST_SECONDS
+            and not 0 <= now - self.judged < OFTEN
+        ):
             self.judged = now
             self._judge()
             self._judge_controls()
@@ -104,8 +110,8 @@ class StreamCheck:
             for names in (self.controls, self.measured)
         )
         record = self._record(time - time[0], control, measured)
-        findings = motion_findings(self.campaign, record, SIZE)
-        for code, levels in GRAVE.items():
+        findings = motion_findings(self.campaign, record, PART_ROWS)
+        for code, levels in GRAVE_LEVELS.items():
             if code == "direction-reversed" and record.time[-1] < LED:
                 continue
             for one in (one for one in findings if one.code == code):

@@ -14,12 +14,12 @@ from seatrial.core.term_checks import terms_that_may_be_one
 from seatrial.design.prior_belief import most_have
 from seatrial.vehicles.hull import Hull
 
-BESIDE = 0.2  # Share of a steady speed by which the start may lie beyond the 90 % range of the priors
+MAX_SPEED_SHARE = 0.2  # Share of a steady speed by which the start may lie beyond the 90 % range of the priors
 
 # Radii of gyration of the smallest vehicle and of a ship of 400 m, m, and how many times as far as the farthest
 # thruster one may be
-RADII, TIMES_REACH = (0.02, 120.0), 10.0
-FAR = 1e4  # Times its trim from which a limit of a control is doubted
+GYRATION_RADII, TIMES_REACH = (0.02, 120.0), 10.0
+FAR_TIMES = 1e4  # Times its trim from which a limit of a control is doubted
 
 
 def file_cautions(campaign: Campaign) -> list[str]:
@@ -50,7 +50,7 @@ def doubtful_radii(hull: Hull, reach: float = 0.0) -> list[str]:
     """
     if hull.mass is None:
         return []
-    least, most = RADII[0], min(RADII[1], TIMES_REACH * reach or RADII[1])
+    least, most = GYRATION_RADII[0], min(GYRATION_RADII[1], TIMES_REACH * reach or GYRATION_RADII[1])
     size = f", and the farthest thruster is {reach:.2g} m from the origin" if reach else ""
     radii = {
         f"{axis}{axis}": (one, sqrt(one / hull.mass)) for axis, one in zip("xyz", hull.inertia, strict=True) if one
@@ -70,7 +70,7 @@ def _limits_out_of_reach(campaign: Campaign) -> list[str]:
         trim, (factor, unit) = abs(campaign.trim.get(name, 0.0)), shown_unit(name)
         for key, bound, other in (("lower", limits.lower, limits.upper), ("upper", limits.upper, limits.lower)):
             usual, beside = (trim, "the trim") if trim else (abs(other or 0.0), "the other limit")
-            if bound is not None and usual > 0 and abs(bound) > FAR * usual:
+            if bound is not None and usual > 0 and abs(bound) > FAR_TIMES * usual:
                 cautions.append(
                     f"the {key} limit of {name} is {bound * factor:.3g} {unit}, {plain(abs(bound) / usual)} times {beside}: it limits "
                     "nothing. Correct the number or its unit"
@@ -90,7 +90,7 @@ def _start_that_is_not_held(campaign: Campaign) -> list[str]:
     if not most_have(speed):
         return []
     low, middle, high = np.nanquantile(speed, (0.05, 0.5, 0.95))
-    if low - BESIDE * abs(low) <= known["u"] <= high + BESIDE * abs(high):
+    if low - MAX_SPEED_SHARE * abs(low) <= known["u"] <= high + MAX_SPEED_SHARE * abs(high):
         return []
     at = ", ".join(
         f"{name} = {known[name] * factor:.4g} {unit}"

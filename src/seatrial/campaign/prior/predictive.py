@@ -50,7 +50,7 @@ from seatrial.vehicles.simulate import simulate
 # From du/dt = f(u): f(u*) = 0 and T = -1 / f'(u*).
 
 FASTEST = 20.0  # m/s or rad/s; a vehicle beyond it has run away
-BATCH = 100  # Vehicles simulated at once, so that a long record fits in memory
+VEHICLES_AT_ONCE = 100  # Vehicles simulated at once, so that a long record fits in memory
 
 
 def speeds(
@@ -79,8 +79,8 @@ def speeds(
     late, size = np.zeros(count) if delay is None else delay, bucket_length(len(control))
     control, step = filled(control, size), filled(step[:-1], size, 0.0)  # no time passes after the last sample
     kept, lost = np.empty((count, chosen.size, len(channels))), np.empty(count, bool)
-    for i in range(0, count, BATCH):
-        part = np.minimum(np.arange(i, i + BATCH), count - 1)  # the last vehicle fills the last batch
+    for i in range(0, count, VEHICLES_AT_ONCE):
+        part = np.minimum(np.arange(i, i + VEHICLES_AT_ONCE), count - 1)  # the last vehicle fills the last batch
         values = {name: column[part] for name, column in params.items()}
         speed, whole = _batch(model, tuple(channels), delayed, values, late[part], start[part], control, step)
         kept[part], lost[part] = np.asarray(speed)[:, chosen], ~np.asarray(whole)
@@ -273,7 +273,7 @@ def _largest(family: Family, limits: Limits, amplitudes: np.ndarray, periods: np
 
 
 N_DRAWS = 2000
-SHOWN, SINGLE = 600, 6  # Instants kept of each motion, at most; motions kept whole, to be drawn
+SHOWN_INSTANTS, SINGLE_MOTIONS = 600, 6  # Instants kept of each motion, at most; motions kept whole, to be drawn
 
 
 class Reach(NamedTuple):
@@ -405,7 +405,7 @@ def predict_from_prior(campaign: Campaign, reporter: Reporter = SILENT) -> Prior
     moved_by = (*(term.text for term in model.coefficients), *(one.name for one in model.unknowns))
     params = {name: drawn[name] for name in moved_by}
     start, current = _starts(campaign.estimation, model, trial, drawn), _of_trial(drawn, CURRENT, trial.label)
-    keep = np.unique(np.linspace(0, trial.time.size - 1, SHOWN).round().astype(int))
+    keep = np.unique(np.linspace(0, trial.time.size - 1, SHOWN_INSTANTS).round().astype(int))
     names = [name for name in RATES if name in model.states] or [
         name for name in GAUGE_CHANNELS if name in campaign.channels
     ]
@@ -426,8 +426,10 @@ def predict_from_prior(campaign: Campaign, reporter: Reporter = SILENT) -> Prior
             if usable
             else np.full((len(QUANTILE_LEVELS), keep.size), np.nan)
         )
-        near = np.abs(shown[:SINGLE]) <= FASTEST if name in model.states else np.isfinite(shown[:SINGLE])
-        channels.append(Expected(name, bands, np.where(near, shown[:SINGLE], np.nan), measured, held))
+        near = (
+            np.abs(shown[:SINGLE_MOTIONS]) <= FASTEST if name in model.states else np.isfinite(shown[:SINGLE_MOTIONS])
+        )
+        channels.append(Expected(name, bands, np.where(near, shown[:SINGLE_MOTIONS], np.nan), measured, held))
     if campaign.vehicle.is_surge:
         control, at = _steady_control(campaign.hull.trim, campaign.family, model, trial)
         cruise = trial.start[model.states.index("u")]

@@ -13,11 +13,11 @@ from seatrial.core.dataset import Dataset
 from seatrial.core.result_table import aligned
 
 ADAPTIVE = "adaptive"
-WITHIN = 1.64  # Standard deviations of an estimate within which the truth lies with 90 % probability
-HONEST = 0.9
-MANY = 30  # Vehicles from which the share of honest intervals is nearly normal
-CHANCE = 0.05  # Probability below which a difference between strategies is not put down to chance
-SURE = 3.0  # Standard errors beyond which a difference is not chance
+WITHIN_SDS = 1.64  # Standard deviations of an estimate within which the truth lies with 90 % probability
+HONEST_SHARE = 0.9
+MANY_VEHICLES = 30  # Vehicles from which the share of honest intervals is nearly normal
+MAX_CHANCE = 0.05  # Probability below which a difference between strategies is not put down to chance
+SURE_ERRORS = 3.0  # Standard errors beyond which a difference is not chance
 
 
 class Mean(NamedTuple):
@@ -107,12 +107,12 @@ class Rehearsal:
         column = self.strategies.index(strategy)
         last = (np.arange(self.vehicles), column, self.needed[:, column] - 1)
         distance = np.abs(self.data["estimate"].values[last] - self.data["truth"].values)
-        return _mean((distance <= WITHIN * self.data["sd"].values[last]).mean(1))
+        return _mean((distance <= WITHIN_SDS * self.data["sd"].values[last]).mean(1))
 
     def honest_band(self, strategy: str) -> tuple[float, float]:
         """95 % interval of `honest_share`: of few vehicles the binomial one (Clopper and Pearson), as if each were one case."""
         share = self.honest_share(strategy)
-        if self.vehicles >= MANY:
+        if self.vehicles >= MANY_VEHICLES:
             return share.value - 1.96 * share.error, share.value + 1.96 * share.error
         inside, n = share.value * self.vehicles, self.vehicles
         low = 0.0 if inside == 0 else float(betaincinv(inside, n - inside + 1, 0.025))
@@ -152,7 +152,7 @@ class Rehearsal:
             f"{name}: the truth lies within 1.64 sd in {self._honest(name)} of the cases, and should in 0.90: "
             "the posterior is not normal about its mode, and goals may have been met too early"
             for name, share in shares.items()
-            if max(share.value + SURE * share.error, self.honest_band(name)[1]) < HONEST
+            if max(share.value + SURE_ERRORS * share.error, self.honest_band(name)[1]) < HONEST_SHARE
         ]
 
     def _row(self, name: str) -> Sequence[str]:
@@ -164,7 +164,7 @@ class Rehearsal:
 
     def _honest(self, name: str) -> str:
         share, (low, high) = self.honest_share(name), self.honest_band(name)
-        return _said(share) if self.vehicles >= MANY else f"{share.value:.2f} ({low:.2f} to {high:.2f})"
+        return _said(share) if self.vehicles >= MANY_VEHICLES else f"{share.value:.2f} ({low:.2f} to {high:.2f})"
 
     def _compared(self, name: str) -> str:
         saved, of = self.saved_against(name), self.trials_of(name)
@@ -176,7 +176,7 @@ class Rehearsal:
                 f"within {self._most} redesigning each trial meets the goal in {here:.0%} of the vehicles and "
                 f"this in {there:.0%}, {100 * more.value:+.0f} ± {100 * more.error:.0f} points"
             )
-            return f"against {name}: {words}" + (", which may be chance" if chance > CHANCE else "")
+            return f"against {name}: {words}" + (", which may be chance" if chance > MAX_CHANCE else "")
         if abs(saved.value) <= 2.0 * saved.error:
             return f"against {name}: no difference beyond chance, {_signed(saved)} trials of {of.value:.1f}"
         verb = "saves" if saved.value > 0 else "costs"

@@ -29,10 +29,10 @@ from seatrial.estimation.simulation.sensor_errors import noise_name
 from seatrial.estimation.simulation.trial_data import FOREVER
 from seatrial.manoeuvres.schedule import Schedule
 
-TRIES = 200  # Draws from the prior until one is a vehicle that does not run away
-FASTEST = 20.0  # Speed from which a vehicle has run away, m/s
-FEWEST = 4  # Trials in the smallest posterior that is compiled
-LABEL = "1"  # Label of a trial that is simulated on its own
+MAX_PRIOR_DRAWS = 200  # Draws from the prior until one is a vehicle that does not run away
+RUNAWAY_SPEED = 20.0  # Speed from which a vehicle has run away, m/s
+MIN_POSTERIOR_TRIALS = 4  # Trials in the smallest posterior that is compiled
+TRIAL_LABEL = "1"  # Label of a trial that is simulated on its own
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,13 +67,13 @@ def draw_vehicle(campaign: Campaign, plan: TrialPlan, trying: Float[np.ndarray, 
     """
     draw_key, trial_key = jax.random.split(key)
     posterior = _posterior_of_one(campaign, _columns(campaign, trying[0]))
-    drawn = np.asarray(posterior.constrain(posterior.sample_prior(draw_key, TRIES)))
+    drawn = np.asarray(posterior.constrain(posterior.sample_prior(draw_key, MAX_PRIOR_DRAWS)))
     columns = dict(zip(posterior.names, drawn.T, strict=True))
     coefficients = np.stack([columns[name] for name in plan.names], -1)
     bears = (i for i, values in enumerate(coefficients) if in_blocks(partial(_stays, plan, values), trying)[0].all())
     if (first := next(bears, None)) is None:
         raise NumericalError(
-            f"each of {TRIES} vehicles drawn from the prior runs away under a control that the designs use: narrow the priors; "
+            f"each of {MAX_PRIOR_DRAWS} vehicles drawn from the prior runs away under a control that the designs use: narrow the priors; "
             "`seatrial prior` shows why"
         )
     values = {name: float(column[first]) for name, column in columns.items() if not _is_own(name)}
@@ -92,7 +92,7 @@ def run_trial(campaign: Campaign, vehicle: Vehicle, number: int, control: Float[
     posterior = _posterior_of_one(campaign, commands)
     drawn = np.asarray(posterior.constrain(posterior.sample_prior(own_key, 1)))[0]
     own = {name: float(value) for name, value in zip(posterior.names, drawn, strict=True) if _is_own(name)}
-    starts = {initial_name(state, LABEL): trim[i] for i, state in enumerate(campaign.model(campaign.full).states)}
+    starts = {initial_name(state, TRIAL_LABEL): trim[i] for i, state in enumerate(campaign.model(campaign.full).states)}
     own |= {name: value for name, value in starts.items() if name in own}
     run = _run_through_autopilot if campaign.autopilot.loops else _run_directly
     columns = run(campaign, posterior, vehicle.values | own, commands, noise_key)
@@ -131,7 +131,7 @@ def _run_through_autopilot(
     """Return controls, set-points and measurements of a trial that runs through the autopilot."""
     likelihood = posterior.likelihood
     output = likelihood if isinstance(likelihood, OutputError) else likelihood.output
-    here = {name.removesuffix(f"[{LABEL}]"): value for name, value in values.items()}
+    here = {name.removesuffix(f"[{TRIAL_LABEL}]"): value for name, value in values.items()}
     start, trim = tuple(_trim(campaign)), campaign.control_trim(output.model)
     vehicle = shaken_vehicle(campaign, output.simulator, here, start, trim)
     keys = jax.random.split(key, len(campaign.channels))
@@ -157,7 +157,7 @@ def joint_posterior(campaign: Campaign, records: Sequence[Record], most: int) ->
         most: trials there can be.
     """
     n = len(records)
-    size = min(most, max(FEWEST, 1 << (n - 1).bit_length()))
+    size = min(most, max(MIN_POSTERIOR_TRIALS, 1 << (n - 1).bit_length()))
     unused = [replace(records[0], label=str(i + 1)) for i in range(n, size)]
     posterior = build_posterior(campaign, campaign.full, [*records, *unused])
     data = jax.device_get(posterior.data)
@@ -188,7 +188,7 @@ def _posterior_of_one(campaign: Campaign, commands: Mapping[str, np.ndarray]) ->
         nothing,
         _channels(campaign.channels, columns),
         Provenance("rehearsed", ""),
-        LABEL,
+        TRIAL_LABEL,
     )
     model = campaign.model(campaign.full)
     return Posterior(build_parameters(campaign, model, [blank]), *build_likelihood(campaign, model, [blank]))
@@ -202,12 +202,12 @@ def _columns(campaign: Campaign, control: Float[np.ndarray, "n c"]) -> dict[str,
 
 @program
 def _stays(plan: TrialPlan, values: Array, controls: Array) -> tuple[Array]:
-    """Return whether a vehicle stays below `FASTEST` in each trial."""
+    """Return whether a vehicle stays below `RUNAWAY_SPEED` in each trial."""
     fast = [i for i, name in enumerate(plan.model.states) if name in ("u", "v", "w")]
 
     def one(control: Array) -> Array:
         motion = plan.motion(values, control)
-        return jnp.isfinite(motion).all() & (jnp.abs(motion[:, jnp.array(fast, int)]) < FASTEST).all()
+        return jnp.isfinite(motion).all() & (jnp.abs(motion[:, jnp.array(fast, int)]) < RUNAWAY_SPEED).all()
 
     return (jax.vmap(one)(controls),)
 
@@ -222,4 +222,4 @@ def _trim(campaign: Campaign) -> Float[np.ndarray, " n_states"]:
 
 def _is_own(name: str) -> bool:
     """Whether a parameter belongs to one trial."""
-    return name.endswith(f"[{LABEL}]")
+    return name.endswith(f"[{TRIAL_LABEL}]")

@@ -29,9 +29,9 @@ EXAMPLE_GOAL = Goal({"X_uabsu": 0.03}, trials=4)  # That of the template `design
 
 Known = dict[str, tuple[float, float]]  # Mean and standard deviation of each coefficient, SI
 # What is said of expected standard deviations where wider ones with model error are known
-WITHIN = " within the model; model error stays until its cause is corrected"
-TOLD = "see the caution about it"  # What stands for a caution that is told on the same page
-ENOUGH = 0.2  # Entropy reduction, nats, below which another trial of the family is not worth running
+WITHIN_MODEL = " within the model; model error stays until its cause is corrected"
+POINTER = "see the caution about it"  # What stands for a caution that is told on the same page
+MIN_GAIN = 0.2  # Entropy reduction, nats, below which another trial of the family is not worth running
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class Proposal:
 
     def beside(self, cautions: Collection[str]) -> "Proposal":
         """Return it for a page that prints these cautions too: one that it quotes is only pointed at."""
-        return replace(self, quoted=TOLD) if self.quoted in cautions else self
+        return replace(self, quoted=POINTER) if self.quoted in cautions else self
 
 
 def propose(outcome: Outcome) -> Proposal:
@@ -175,14 +175,14 @@ def propose_by_mode(campaign: Campaign, first: FirstAnswer, designs: Designs, tr
 def _within(outcome: Outcome) -> str:
     """What the expected standard deviations do not contain; empty where nothing is known of that."""
     is_wider = any(row.model_error_sd for row in outcome.summary.coefficients)
-    return WITHIN if is_wider else ""
+    return WITHIN_MODEL if is_wider else ""
 
 
 def _most_informative(
     designs: Designs, known: Known, noise: str, standing: tuple[str, ...], counting: bool, within: str = ""
 ) -> Proposal:
     gain = float(designs.best.gain[designs.best.best])
-    if gain < ENOUGH and not counting:
+    if gain < MIN_GAIN and not counting:
         why = f"stop: another trial of this kind would give little information ({gain:.2f} nat): change sensors, limits or manoeuvres"
         return Proposal(None, standing, (why,))
     return _run(designs, designs.best.best, known, noise, standing, _gain_words(gain, len(designs.names)), within)

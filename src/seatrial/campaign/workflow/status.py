@@ -9,7 +9,7 @@ from seatrial.campaign.store.stored_result import State, Store, seal_of
 from seatrial.campaign.workflow.steps import LOOP, Workflow, stored_summary
 from seatrial.core.files import is_there
 
-HEAD = 4096  # Characters of a page in which its head says what it was drawn from
+HEAD_CHARACTERS = 4096  # Characters of a page in which its head says what it was drawn from
 
 
 class StepState(NamedTuple):
@@ -71,5 +71,5 @@ def _page(flow: Workflow) -> StepState:
 def drawn_from(page: Path) -> str:
     """Return the seal of the summary that a page was drawn from, as its head says; empty where it says none."""
     with page.open(encoding="utf-8", errors="replace") as stream:
-        match = re.search(r'<meta name="seatrial-summary" content="([0-9a-f]+)">', stream.read(HEAD))
+        match = re.search(r'<meta name="seatrial-summary" content="([0-9a-f]+)">', stream.read(HEAD_CHARACTERS))
     return match[1] if match else ""

@@ -448,7 +448,7 @@ LOOP = (
     Step("contenders", ("candidates", "selection", "trials", "reporter"), _contenders, "contenders.nc"),
 )
 # Steps that are made when they are asked for
-BESIDE = (
+OTHER_STEPS = (
     Step("prior", ("campaign", "reporter"), _prior),
     Step("design", ("campaign", "reporter"), _design, "design.nc"),
     Step("own", ("campaign", "reporter"), _own, "own.json"),
@@ -467,7 +467,7 @@ BESIDE = (
     Step("cross_validation", ("candidates", "trials", "reporter"), _cross_validation, "cross_validation.json"),
     Step("calibration", ("campaign", "trials", "replicates", "method", "reporter"), _calibration, "calibration-*.nc"),
 )
-STEPS = {step.name: step for step in (*LOOP, *BESIDE)}
+STEPS = {step.name: step for step in (*LOOP, *OTHER_STEPS)}
 
 
 def stored_summary(flow: Workflow) -> StoredResult[Summary]:

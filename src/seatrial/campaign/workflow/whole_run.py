@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 TITLE = "whole run"
 # Seconds of steps that this machine has not made yet: of the demo campaign, on two cores
-USUAL = {
+USUAL_SECONDS = {
     "first": 10.0,
     "trials": 1.0,
     "estimates": 30.0,
@@ -27,16 +27,16 @@ USUAL = {
     "next": 10.0,
     "contenders": 5.0,
 }
-LEAST = 0.5  # Seconds of any other
-SHARE = 0.95  # Of a step's time, the most that counts as over before it is
-PARTS = 1000
-EARLY = 0.1  # Share of a step's own bars from which they say more of its time than what it took before
-UNTOLD = 0.2  # Likewise, more of a step whose bars say nothing
+LEAST_SECONDS = 0.5  # Seconds of any other
+MAX_STEP_SHARE = 0.95  # Of a step's time, the most that counts as over before it is
+BAR_PARTS = 1000
+EARLY_SHARE = 0.1  # Share of a step's own bars from which they say more of its time than what it took before
+SILENT_SHARE = 0.2  # Likewise, more of a step whose bars say nothing
 EVERY = 1.0  # Seconds between two looks while no step reports anything
-SIZED = ("estimates", "selection")  # Steps whose time grows with the work of a likelihood
-DEMO = 6000  # Samples times states of the demo campaign, over its four structures
+SIZED_STEPS = ("estimates", "selection")  # Steps whose time grows with the work of a likelihood
+DEMO_SIZE = 6000  # Samples times states of the demo campaign, over its four structures
 # Share of the whole run that the pace of its steps has to outweigh: short steps say little about long ones
-UNSURE = 0.25
+UNSURE_SHARE = 0.25
 
 
 class WholeRun:
@@ -73,7 +73,7 @@ class WholeRun:
     def resize(self, size: float) -> None:
         """Expect steps to take longer by the work of a likelihood, of which `size_of` says how large it is."""
         with self.guard:
-            for step in self.expected.keys() & set(SIZED):
+            for step in self.expected.keys() & set(SIZED_STEPS):
                 self.expected[step] *= size / self.size
             self.size = size
 
@@ -107,7 +107,7 @@ class WholeRun:
             if self.now in self.expected:
                 seconds = time.monotonic() - self.began
                 self.before, self.took = self.before + self.expected.pop(self.now), self.took + seconds
-                learn(self.now, seconds / (self.size if self.now in SIZED else 1.0))
+                learn(self.now, seconds / (self.size if self.now in SIZED_STEPS else 1.0))
             self.now = ""
         self.show()
 
@@ -124,20 +124,20 @@ class WholeRun:
             self._show(self.tell)
 
     def _show(self, tell: Bar) -> None:
-        usual = UNSURE * (self.before + sum(self.expected.values()))
+        usual = UNSURE_SHARE * (self.before + sum(self.expected.values()))
         # Steps that took no time on this machine say nothing of a pace.
         pace = (self.took + usual) / (self.before + usual) if self.before + usual > 0.0 else 1.0
         over = time.monotonic() - self.began if self.now in self.expected else 0.0
         share = sum(bar.share for bar in self.bars.values()) / len(self.bars) if over > 0 and self.bars else 0.0
-        trust, here = share / (share + EARLY), pace * self.expected.get(self.now, 0.0)
+        trust, here = share / (share + EARLY_SHARE), pace * self.expected.get(self.now, 0.0)
         here = (1.0 - trust) * here + trust * ((self.heard - self.began) / share if share > 0 else 0.0)
         # It is never over at once: the time that remains falls, and grows again if nothing is heard.
-        least = over * (1.0 / SHARE + UNTOLD * (1.0 - share))
+        least = over * (1.0 / MAX_STEP_SHARE + SILENT_SHARE * (1.0 - share))
         here = max([here, least, *(over + bar.remaining for bar in self.bars.values())])
         later = pace * sum(seconds for step, seconds in self.expected.items() if step != self.now)
         whole = self.took + here + later
-        self.shown = max(self.shown, round(PARTS * (self.took + over) / whole) if whole > 0 else PARTS)
-        tell(self.shown, PARTS, whole - self.took - over)
+        self.shown = max(self.shown, round(BAR_PARTS * (self.took + over) / whole) if whole > 0 else BAR_PARTS)
+        tell(self.shown, BAR_PARTS, whole - self.took - over)
 
 
 class _Bar:
@@ -170,14 +170,14 @@ class _Bar:
 def size_of(campaign: "Campaign", trials: "Trials") -> float:
     """Return the work of one likelihood of every structure, in that of the demo campaign: samples times states."""
     samples = sum(record.time.size for record in trials.fit)
-    return len(campaign.structures) * len(campaign.model(campaign.full).states) * samples / DEMO
+    return len(campaign.structures) * len(campaign.model(campaign.full).states) * samples / DEMO_SIZE
 
 
 def expected_seconds(steps: Sequence[str], size: float = 1.0) -> dict[str, float]:
     """Return how long steps take on this machine by what they took before, for a likelihood of such a size."""
     known = learnt()
-    seconds = {step: known.get(step, USUAL.get(step, LEAST)) for step in steps}
-    return {step: one * (size if step in SIZED else 1.0) for step, one in seconds.items()}
+    seconds = {step: known.get(step, USUAL_SECONDS.get(step, LEAST_SECONDS)) for step in steps}
+    return {step: one * (size if step in SIZED_STEPS else 1.0) for step, one in seconds.items()}
 
 
 def learnt() -> dict[str, float]:
