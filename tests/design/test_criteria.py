@@ -65,7 +65,6 @@ def test_what_a_trial_without_information_is_worth(name):
     one_direction = np.outer([1.0, 2.0, 1e4], [1.0, 2.0, 1e4])
     assert np.isfinite(found(one_direction))
     assert found.unit in ("nat", "1")
-    assert found.wording
 
 
 @every

@@ -79,14 +79,11 @@ def test_every_design_alone_by_the_textbook(method, naive, noise_sd):
             assert sweep.switches[i, j] == switches
 
 
-def test_unreachable_thresholds_are_said_and_never_best():
+def test_unreachable_thresholds_are_never_best():
     """In 15 s, 100 rpm moves the speed by less than 0.23 m/s, and 200 rpm by 0.4 m/s one way but not back as well."""
     sweep = sweep_relay(paper_space(BELIEF_SD), SHORT, AMPLITUDES, np.array([0.1, 0.3, 0.4]), method=FAST)
     assert sweep.oscillates.tolist() == [[True, False, False], [True, True, False]]
     assert sweep.switches[:, 1:].tolist() == [[0, 0], [3, 1]]
-    assert len(sweep.warnings) == 2
-    assert "amplitude 10.47 does not oscillate at thresholds from 0.3 on: u moves 0.22" in sweep.warnings[0]
-    assert "amplitude 20.94 does not oscillate at thresholds from 0.4 on: u moves 0.4" in sweep.warnings[1]
     assert sweep.oscillates[sweep.best]
     assert sweep.gain[sweep.best] == sweep.gain[sweep.oscillates].max()
 
@@ -186,7 +183,6 @@ def test_surface_over_amplitude_and_threshold():
     reachable = sweep.oscillates[:-1] & sweep.oscillates[1:]
     assert (np.diff(sweep.gain, axis=0)[reachable] > 0).all()
     assert (sweep.gain[~sweep.oscillates].max()) < sweep.gain[sweep.oscillates].min() - 3
-    assert len(sweep.warnings) == 6
 
 
 def test_peak_speed_is_that_of_the_first_state_of_several():

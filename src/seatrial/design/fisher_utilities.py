@@ -40,7 +40,6 @@ class Discrimination:
     cov: Float[np.ndarray, "k k"]
     name = "discrimination"
     unit = "nat"
-    wording = "expected log likelihood ratio against the structure that is hardest to tell apart"
 
     def __call__(self, information: Float[Array, "*batch S k k"]) -> Float[Array, "*batch S"]:
         """Return the utility of information matrices, one for each draw along the axis before the last two."""
@@ -71,12 +70,10 @@ class Criterion(Protocol):
     Attributes:
         name: as a campaign spells it.
         unit: of the number, `1` for a plain ratio.
-        wording: what the number says; higher is better.
     """
 
     name: str
     unit: str
-    wording: str
 
     def __call__(self, information: Float[Array, "*batch k k"]) -> Float[Array, "*batch"]:
         """Return the utility of Fisher information matrices, SI.
@@ -93,7 +90,6 @@ class Entropy:
     factor: Float[np.ndarray, "k k"]
     name = "fisher-d"
     unit = "nat"
-    wording = "fall of the entropy of all coefficients together"
 
     def __call__(self, information: Float[Array, "*batch k k"]) -> Float[Array, "*batch"]:
         """See `Criterion`."""
@@ -108,7 +104,6 @@ class MeanVariance:
     factor: Float[np.ndarray, "k k"]
     name = "fisher-a"
     unit = "1"
-    wording = "minus the mean share of each coefficient's variance that is left"
 
     def __call__(self, information: Float[Array, "*batch k k"]) -> Float[Array, "*batch"]:
         """See `Criterion`."""
@@ -123,7 +118,6 @@ class LeastKnown:
     factor: Float[np.ndarray, "k k"]
     name = "fisher-e"
     unit = "1"
-    wording = "factor by which the variance falls of the combination of coefficients that the trial improves least"
 
     def __call__(self, information: Float[Array, "*batch k k"]) -> Float[Array, "*batch"]:
         """See `Criterion`."""
@@ -141,7 +135,6 @@ class Balance:
     factor: Float[np.ndarray, "k k"]
     name = "fisher-me"
     unit = "nat"
-    wording = "minus ln of how much more the data say of the best seen combination of coefficients than of the worst"
 
     def __call__(self, information: Float[Array, "*batch k k"]) -> Float[Array, "*batch"]:
         """See `Criterion`."""
@@ -160,7 +153,6 @@ class PredictionCriterion:
     gradient: Float[np.ndarray, " k"]
     name = "fisher-c"
     unit = "nat"
-    wording = "fall of ln of the standard deviation of the stated prediction"
 
     def __call__(self, information: Float[Array, "*batch k k"]) -> Float[Array, "*batch"]:
         """See `Criterion`."""

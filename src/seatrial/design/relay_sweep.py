@@ -54,20 +54,6 @@ class RelaySweep:
         row, column = np.unravel_index(np.nanargmax(np.where(self.oscillates, self.gain, np.nan)), self.gain.shape)
         return int(row), int(column)
 
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """One sentence for every amplitude at which some thresholds are out of reach."""
-        messages = []
-        for amplitude, row, gain, reached in zip(self.amplitude, self.oscillates, self.gain, self.reached, strict=True):
-            missed = ~row & np.isfinite(gain)
-            if missed.any():
-                messages.append(
-                    f"amplitude {amplitude:.4g} does not oscillate at thresholds from {self.threshold[missed].min():.4g} on: "
-                    f"{self.family.output} moves {reached[missed].max():.4g} from trim at most and the control is reversed "
-                    "once or never (SI)"
-                )
-        return tuple(messages)
-
 
 def sweep_relay(
     space: StateSpace,
