@@ -44,7 +44,7 @@ FIRST = "trial"  # Label of the first trial of a campaign; those decided later a
 
 
 @dataclass(frozen=True, eq=False)
-class TrueVehicle:
+class SimulatedVehicle:
     """The true vehicle with its true sensors and actuators.
 
     Attributes:
@@ -126,7 +126,7 @@ class TrueVehicle:
         return np.array([columns[name.removesuffix(ACTUAL)][0] if name.endswith(ACTUAL) else x for name, x in states])
 
 
-def true_vehicle(campaign: Campaign) -> TrueVehicle:
+def true_vehicle(campaign: Campaign) -> SimulatedVehicle:
     """Return the vehicle of `[truth]`."""
     truth, model = campaign.truth, campaign.model(campaign.full)
     noise = {noise_name(channel): sd for channel, sd in campaign.noise.items()}
@@ -136,22 +136,22 @@ def true_vehicle(campaign: Campaign) -> TrueVehicle:
     values = {**noise, **truth, **true_coefficients(campaign, model)}
     remembered = samples_remembered(sensors, campaign.family.sample_time)
     simulator = Simulator(model, sensors, truth.get(DELAY, 0.0) > 0, CURRENT in truth, remembered)
-    return shaken_vehicle(campaign, simulator, values, campaign.state_trim(model), campaign.control_trim(model))
+    return simulated_vehicle(campaign, simulator, values, campaign.state_trim(model), campaign.control_trim(model))
 
 
-def shaken_vehicle(
+def simulated_vehicle(
     campaign: Campaign,
     simulator: Simulator,
     values: Mapping[str, float],
     start: tuple[float, ...],
     trim: tuple[tuple[str, float], ...],
-) -> TrueVehicle:
+) -> SimulatedVehicle:
     """Return a true vehicle under the campaign's autopilot, with the process noise that its values name; arguments as its attributes."""
     model = simulator.model
     shaken = tuple(state for state in model.states if values.get(process_name(state), 0.0) > 0)
     moved = with_process_noise(model, shaken)
     autopilot, where = campaign.pilot(moved.controls), campaign.where("truth")
-    return TrueVehicle(replace(simulator, model=moved), values, start, trim, where, autopilot, shaken)
+    return SimulatedVehicle(replace(simulator, model=moved), values, start, trim, where, autopilot, shaken)
 
 
 @cached_model

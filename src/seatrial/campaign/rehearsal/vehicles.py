@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from seatrial.campaign.config.campaign import Campaign
-from seatrial.campaign.data.true_vehicle import shaken_vehicle
+from seatrial.campaign.data.true_vehicle import simulated_vehicle
 from seatrial.campaign.inference.posterior import build_likelihood, build_parameters, build_posterior
 from seatrial.compiled.programs import program
 from seatrial.core.errors import InputError, NumericalError
@@ -133,7 +133,7 @@ def _run_through_autopilot(
     output = likelihood if isinstance(likelihood, OutputError) else likelihood.output
     here = {name.removesuffix(f"[{TRIAL_LABEL}]"): value for name, value in values.items()}
     start, trim = tuple(_trim(campaign)), campaign.control_trim(output.model)
-    vehicle = shaken_vehicle(campaign, output.simulator, here, start, trim)
+    vehicle = simulated_vehicle(campaign, output.simulator, here, start, trim)
     keys = jax.random.split(key, len(campaign.channels))
     try:
         return vehicle.show(
