@@ -19,7 +19,7 @@ def plan_lines(plan: "Plan") -> list[str]:
     """Return the trials of a plan by stage, the chance that they meet the goals, and the first to drop."""
     if not (plan.steps or plan.ended_by):
         return [f"plan from {plan.basis}: no further trial: the goals are met with chance {plan.chance:.2f}"]
-    lines = [f"plan from {plan.basis}: {count_trials(len(plan.steps))}, {_cost_words(plan.seconds, plan.joules)}"]
+    lines = [f"plan from {plan.basis}: {_count_trials(len(plan.steps))}, {_cost_words(plan.seconds, plan.joules)}"]
     for number, stage in enumerate(plan.stages):
         lines += [_head_of_stage(number, stage)] * (len(plan.stages) > 1)
         lines += [
@@ -35,7 +35,7 @@ def plan_lines(plan: "Plan") -> list[str]:
     elif plan.ended_by and plan.further is not None:
         trials, seconds, joules = plan.further
         lines.append(
-            f"{plan.ended_by}; {plan.asked:g} would take {count_trials(trials)}, {_cost_words(seconds, joules)}"
+            f"{plan.ended_by}; {plan.asked:g} would take {_count_trials(trials)}, {_cost_words(seconds, joules)}"
         )
     if not plan.steps:
         return lines
@@ -46,11 +46,6 @@ def plan_lines(plan: "Plan") -> list[str]:
         f"if time runs short, drop trial {at} first: the chance is then {step.without:.2f}",
         f"if a goal must go, drop that of {name}: all others are met with chance {plan.without_goal[name]:.2f}",
     ]
-
-
-def count_trials(count: int) -> str:
-    """Return so many trials, such as `1 trial`."""
-    return f"{count} trial{'s' * (count != 1)}"
 
 
 def batch_lines(planned: "PlannedBatch") -> list[str]:
@@ -117,3 +112,7 @@ def _list(words: Sequence[str]) -> str:
 def _cost_words(seconds: float, joules: float | None) -> str:
     time = f"{seconds / 60:.3g} min" if seconds < 7200 else f"{seconds / 3600:.3g} h"
     return time if joules is None else f"{time} and {joules / 3600:.3g} Wh"
+
+
+def _count_trials(count: int) -> str:
+    return f"{count} trial{'s' * (count != 1)}"

@@ -35,7 +35,6 @@ from seatrial.design.sweep import all_controls, inside_limits
 from seatrial.design.trial_plan import TrialPlan
 from seatrial.manoeuvres.family import Family, design_words
 from seatrial.manoeuvres.manoeuvre import Limits
-from seatrial.messages.designs import count_trials
 from seatrial.vehicles.model import VehicleModel
 
 # Share of the room of another control that the largest amplitude takes where the designed control has no two limits
@@ -120,7 +119,8 @@ def plan_trials(campaign: Campaign, so_far: SoFar | None = None, reporter: Repor
         draws = prior_draws(campaign, campaign.model(structure))
     else:
         known, structure = with_residual_noise(campaign, so_far.drawn), so_far.drawn.structure
-        draws, basis = coefficient_draws(so_far.drawn, campaign.seed), f"{count_trials(len(so_far.records))} so far"
+        draws, count = coefficient_draws(so_far.drawn, campaign.seed), len(so_far.records)
+        basis = f"{count} trial{'s' * (count != 1)} so far"
     plan = plan_of(known, known.model(structure))
     stages = find_stages(plan.names, [name for name in plan.names if name in {**goal.shares, **goal.sds}])
     designs, information = _designs(known, plan, draws[:HALF], reporter)
