@@ -141,7 +141,13 @@ def leave_one_run_out(
     """
     key = as_key(key)
     runs = split_runs(posterior)
-    _check_runs(runs)
+    if len(runs.runs) < MIN_RUNS:
+        raise InputError(
+            "leave one run out",
+            found=f"{len(runs.runs)} run{'s' * (len(runs.runs) > 1)}: {', '.join(runs.labels)}",
+            expected=f"at least {MIN_RUNS} runs that are fitted jointly",
+            remedy="fit more runs, each a trial of its own and not a piece of another",
+        )
     count = len(runs.runs)
     progress(0, count + 2)
     mode = find_mode(posterior, jax.random.fold_in(key, 0)) if mode is None else mode
@@ -174,16 +180,6 @@ def leave_one_run_out(
     log_evidence = float(logsumexp(_log_weight(known, np.ones(count)))) - float(np.log(len(known.z)))
     bands = {name: pooled_verdict([one[name].residuals for one in predicted], name) for name in predicted[0]}
     return LeaveOneRunOut(tuple(left_out), bands, log_evidence, status)
-
-
-def _check_runs(runs: RunPosteriors) -> None:
-    if len(runs.runs) < MIN_RUNS:
-        raise InputError(
-            "leave one run out",
-            found=f"{len(runs.runs)} run{'s' * (len(runs.runs) > 1)}: {', '.join(runs.labels)}",
-            expected=f"at least {MIN_RUNS} runs that are fitted jointly",
-            remedy="fit more runs, each a trial of its own and not a piece of another",
-        )
 
 
 class _Drawn(NamedTuple):

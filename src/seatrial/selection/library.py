@@ -19,7 +19,7 @@
 of an even product of v, p, r, phi, psi and delta_r, or a surge force of an odd one, moduli counted as even.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations_with_replacement, permutations
 
@@ -39,7 +39,7 @@ VELOCITIES = {
     "M": ("q", "w"),
     "N": ("r", "v", "p"),
 }
-SURFACES = {"Y": "delta_r", "K": "delta_r", "N": "delta_r", "Z": "delta_s", "M": "delta_s"}
+SURFACES = {"Y": ("delta_r",), "K": ("delta_r",), "N": ("delta_r",), "Z": ("delta_s",), "M": ("delta_s",)}
 ATTITUDES = {"K": "phi", "M": "theta"}
 CROSS_PLANES = (("v", "r"), ("w", "q"))
 
@@ -170,60 +170,27 @@ def check_measured(term: CoefficientName, signals: Sequence[str], place: str) ->
             )
 
 
-def _linear(axis: str) -> Iterator[str]:
-    return (f"{axis}_{s}" for s in VELOCITIES[axis])
-
-
-def _quadratic(axis: str) -> Iterator[str]:
-    return (f"{axis}_{s}abs{s}" for s in VELOCITIES[axis])
-
-
-def _cubic(axis: str) -> Iterator[str]:
-    return (f"{axis}_{s}3" for s in VELOCITIES[axis])
-
-
-def _mixed_cubic(axis: str) -> Iterator[str]:
-    return (f"{axis}_{s}{s}{t}" for s, t in permutations(VELOCITIES[axis], 2))
-
-
-def _cross_flow(axis: str) -> Iterator[str]:
-    return (f"{axis}_{s}abs{t}" for s, t in permutations(VELOCITIES[axis], 2))
-
-
-def _lift(axis: str) -> Iterator[str]:
-    return (f"{axis}_u{s}" for s in VELOCITIES[axis] if s != "u")
-
-
-def _induced(axis: str) -> Iterator[str]:
-    pairs = [pair for plane in CROSS_PLANES for pair in combinations_with_replacement(plane, 2)]
-    return (f"{axis}_{s}{t}" for s, t in pairs if axis == "X")
-
-
-def _surface(axis: str) -> Iterator[str]:
-    if axis == "X":
-        return (f"X_{speed}{d}{d}" for d in ("delta_r", "delta_s") for speed in ("uu", "u", ""))
-    return (f"{axis}_{speed}{SURFACES[axis]}" for speed in ("uu", "u", ""))
-
-
-def _propeller(axis: str) -> Iterator[str]:
-    return iter(("T_nabsn", "T_absnu") if axis == "X" else (f"{axis}_nabsn", f"{axis}_absnu"))
-
-
 # Names that each family gives to an axis, before anything is left out.
-FAMILIES: dict[str, Callable[[str], Iterator[str]]] = {
-    "constant": lambda axis: iter((f"{axis}_0",)),
-    "linear": _linear,
-    "quadratic": _quadratic,
-    "cubic": _cubic,
-    "mixed_cubic": _mixed_cubic,
-    "cross_flow": _cross_flow,
-    "lift": _lift,
-    "induced": _induced,
-    "surface": _surface,
-    "propeller": _propeller,
-    "command": lambda axis: iter((f"{axis}_tau_{axis}",)),
+FAMILIES: dict[str, Callable[[str], Iterable[str]]] = {
+    "constant": lambda axis: (f"{axis}_0",),
+    "linear": lambda axis: (f"{axis}_{s}" for s in VELOCITIES[axis]),
+    "quadratic": lambda axis: (f"{axis}_{s}abs{s}" for s in VELOCITIES[axis]),
+    "cubic": lambda axis: (f"{axis}_{s}3" for s in VELOCITIES[axis]),
+    "mixed_cubic": lambda axis: (f"{axis}_{s}{s}{t}" for s, t in permutations(VELOCITIES[axis], 2)),
+    "cross_flow": lambda axis: (f"{axis}_{s}abs{t}" for s, t in permutations(VELOCITIES[axis], 2)),
+    "lift": lambda axis: (f"{axis}_u{s}" for s in VELOCITIES[axis] if s != "u"),
+    "induced": lambda axis: (
+        f"X_{s}{t}" for plane in CROSS_PLANES for s, t in combinations_with_replacement(plane, 2) if axis == "X"
+    ),
+    "surface": lambda axis: (
+        f"{axis}_{speed}{d}"
+        for d in SURFACES.get(axis, ("delta_rdelta_r", "delta_sdelta_s"))
+        for speed in ("uu", "u", "")
+    ),
+    "propeller": lambda axis: ("T_nabsn", "T_absnu") if axis == "X" else (f"{axis}_nabsn", f"{axis}_absnu"),
+    "command": lambda axis: (f"{axis}_tau_{axis}",),
     "attitude": lambda axis: (f"{axis}_{ATTITUDES[axis]}" for _ in range(axis in ATTITUDES)),
-    "change": lambda axis: iter((f"{axis}_du3",) if axis == "X" else ()),
+    "change": lambda axis: (f"{axis}_du3",) if axis == "X" else (),
 }
 
 

@@ -252,7 +252,13 @@ def _timing_findings(name: str, timing: Timing | None, has_delay: bool, file: st
             "upper": max(0.5, 2 * late),
         }
         level = "note" if 0 < late <= LONGEST and has_delay else "caution"
-        return [Finding("clock-shift", level, (name,), values, _timing_remedies(late, has_delay, file))]
+        if file and not 0 < late <= LONGEST:
+            remedies = ("correct-shift",)
+        elif late < 0:
+            remedies = ("one-clock",)
+        else:
+            remedies = ("check-delay-prior" if has_delay else "delay-prior", *(("check-shift",) if file else ()))
+        return [Finding("clock-shift", level, (name,), values, remedies)]
     if not file:
         return []
     if timing is not None and timing.is_in_time and len(timing.likely) == 1 and timing.within <= VAGUE:
@@ -261,15 +267,6 @@ def _timing_findings(name: str, timing: Timing | None, has_delay: bool, file: st
     ranges = () if timing is None else tuple((one.least, one.greatest) for one in timing.likely)
     values = {"longest": WIDE, "ranges": ranges, "file": file}
     return [Finding("clock-not-judged", "note", (name,), values, ("compare-clocks",))]
-
-
-def _timing_remedies(late: float, has_delay: bool, file: str) -> tuple[str, ...]:
-    """Return what to do about a channel that is late by so many seconds, or early by as many below zero."""
-    if file and not 0 < late <= LONGEST:
-        return ("correct-shift",)
-    if late < 0:
-        return ("one-clock",)
-    return ("check-delay-prior" if has_delay else "delay-prior", *(("check-shift",) if file else ()))
 
 
 def best_lag(measured: Float[np.ndarray, " n"], expected: Float[np.ndarray, " n"], most: int) -> tuple[int, float]:

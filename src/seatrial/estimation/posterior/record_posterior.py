@@ -293,13 +293,14 @@ def _check_priors(
     shared = [one.name for one in unknown if not one.is_initial]
     for where, names, allowed in (("priors", priors, [*needed, *of_trials]), ("own", own, shared)):
         for name in names:
-            if name not in allowed:
-                raise InputError(
-                    where,
-                    found=f'"{name}", which nothing uses',
-                    expected="among " + ", ".join(allowed),
-                    remedy=_where_from(name, allowed),
-                )
+            if name in allowed:
+                continue
+            kind, _, channel = name.partition("_")
+            remedy = nearest(name, allowed)
+            if kind in _OF_SENSORS and noise_name(channel) in allowed:
+                remedy = f'make it Sensor("{channel}", {_OF_SENSORS[kind]}), or leave {name} out'
+            found, expected = f'"{name}", which nothing uses', "among " + ", ".join(allowed)
+            raise InputError(where, found=found, expected=expected, remedy=remedy)
 
 
 def _check_signs(priors: Mapping[str, Prior], unknown: Sequence[Unknown]) -> None:
@@ -313,11 +314,3 @@ def _check_signs(priors: Mapping[str, Prior], unknown: Sequence[Unknown]) -> Non
                 expected="a prior of values above 0: noises and times have no sign",
                 remedy="for example LogUniform(lower, upper) or half_normal(scale, lower=0.0)",
             )
-
-
-def _where_from(name: str, allowed: Sequence[str]) -> str:
-    """Return what would make a parameter of a name that nothing uses."""
-    kind, _, channel = name.partition("_")
-    if kind in _OF_SENSORS and noise_name(channel) in allowed:
-        return f'make it Sensor("{channel}", {_OF_SENSORS[kind]}), or leave {name} out'
-    return nearest(name, allowed)
