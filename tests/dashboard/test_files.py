@@ -23,7 +23,6 @@ from seatrial.dashboard.logs import isolated, look_into
 from seatrial.dashboard.pages.work import named_in
 from seatrial.dashboard.request_guard import GuardedApp, RequestGuard, token_for
 from seatrial.dashboard.server import REPORT_POLICY, _add_files
-from seatrial.dashboard.view_models import PlainError
 
 MOST = 1 << 20
 HERE = {"host": "127.0.0.1:8080", "origin": "http://127.0.0.1:8080"}
@@ -158,7 +157,7 @@ def test_a_question_in_its_own_process_is_kept_small_short_and_worded():
         isolated("x", bytearray, 8 << 30, memory=4 << 30)
     with pytest.raises(InputError, match="not read after"):
         isolated("x", time.sleep, 60.0, seconds=1.0)
-    with pytest.raises(PlainError, match="16 plain characters"):
+    with pytest.raises(InputError, match="16 plain characters"):
         isolated("x", token_for, "0.0.0.0", "short")
 
 
@@ -167,7 +166,7 @@ def test_logs_that_are_none_or_swell_are_refused_in_words(tmp_path):
     cases = {"noise.mat": b"MATLAB 5.0 MAT-file" + np.random.default_rng(5).bytes(20_000), "line.csv": b"a," * 500_000}
     for name, content in cases.items():
         (tmp_path / name).write_bytes(content)
-        with pytest.raises((InputError, PlainError)) as refused:
+        with pytest.raises(InputError) as refused:
             look_into(str(tmp_path / name), name, ())
         assert "Traceback" not in str(refused.value)
     with gzip.open(tmp_path / "swell.csv.gz", "wb") as stream:
@@ -176,7 +175,7 @@ def test_logs_that_are_none_or_swell_are_refused_in_words(tmp_path):
     with zipfile.ZipFile(tmp_path / "bomb.csv", "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("a", b"0" * (1 << 24))
     for name in ("swell.csv.gz", "bomb.csv"):
-        with pytest.raises((InputError, PlainError)) as refused:
+        with pytest.raises(InputError) as refused:
             look_into(str(tmp_path / name), name, ())
         assert "remedy" in str(refused.value)
 

@@ -6,6 +6,8 @@ import os
 
 import pytest
 
+from seatrial.core.errors import InputError
+
 pytest.importorskip("nicegui", reason="the dashboard needs NiceGUI: pip install -e '.[dashboard]'")
 
 import uvicorn
@@ -13,7 +15,6 @@ import uvicorn
 from seatrial.campaign.config.named_files import VARIABLE, keep_within
 from seatrial.dashboard.jobs import Jobs
 from seatrial.dashboard.server import serve
-from seatrial.dashboard.view_models import PlainError
 from seatrial.dashboard.worker_pool import WorkerPool
 from tests.campaign.small import write_small
 from tests.campaign.test_named_files import FILE, TRUTH
@@ -57,7 +58,7 @@ def test_neither_a_page_nor_a_command_reads_a_curve_outside(tmp_path, monkeypatc
         finally:
             worker_pool.close()
 
-    with pytest.raises(PlainError, match="which lies outside"):
+    with pytest.raises(InputError, match="which lies outside"):
         asyncio.run(shown())
     jobs = Jobs()
     jobs.start(folder, "import")

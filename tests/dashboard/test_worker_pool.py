@@ -10,12 +10,13 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from seatrial.core.errors import InputError, NumericalError
+from seatrial.core.errors import InputError, NumericalError, SeatrialError
 from seatrial.core.processes import end_all
 from seatrial.dashboard.jobs import Jobs
 from seatrial.dashboard.logs import isolated
-from seatrial.dashboard.view_models import PlainError, words_of
+from seatrial.dashboard.view_models import plain_error, words_of
 from seatrial.dashboard.worker_pool import WorkerPool, answered, stamp
+from seatrial.logs.formats.protocol import NoColumn
 
 COMPUTES = """
 import asyncio, os, subprocess, sys
@@ -66,7 +67,7 @@ def test_a_question_is_asked_once_while_its_files_stay(tmp_path):
             file.write_text("22")
             await worker_pool._ask("record_views", "text_of", (b"y",), [file])
             assert len(asked) == 2
-            with pytest.raises(PlainError, match="no such file"):
+            with pytest.raises(InputError, match="no such file"):
                 await worker_pool._ask("record_views", "about_record", (tmp_path / "none.nc",), ())
             process = next(iter(worker_pool.pools["record_views"]._processes))
             os.kill(process, 9)
@@ -96,11 +97,15 @@ def test_who_reads_results_loads_neither_jax_nor_xarray(kind):
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout == "set()\n"
 
 
-def test_errors_pass_between_processes_as_words(tmp_path):
-    answer, words = answered("result_plots", "swept", tmp_path / "missing.nc")
-    assert answer is None
-    assert "no such file" in words
-    assert answered("record_views", "text_of", b"a") == ("a", None)
+def test_errors_pass_between_processes_with_their_fields(tmp_path):
+    with pytest.raises(InputError, match="no such file") as refused:
+        answered("result_plots", "swept", tmp_path / "missing.nc")
+    assert str(tmp_path / "missing.nc") in refused.value.where
+    assert answered("record_views", "text_of", b"a") == "a"
+    special = plain_error(NoColumn("a.csv", found="b", expected="c", remedy="d"))
+    assert type(special) is InputError
+    assert str(special) == str(NoColumn("a.csv", found="b", expected="c", remedy="d"))
+    assert type(plain_error(NumericalError("singular"))) is SeatrialError
 
 
 @pytest.mark.parametrize("kind", ["pool", "isolated", "plain"])

@@ -472,11 +472,10 @@ def _series(curve: Curve, values: Envelope) -> dict[str, Any]:
 
 def _rows(*columns: np.ndarray) -> list[list[float | None]]:
     """Rows of columns for JSON, with no more digits than can be seen; gaps as null."""
-    return [[_rounded(value) for value in row] for row in zip(*(column.tolist() for column in columns), strict=True)]
-
-
-def _rounded(value: float) -> float | None:
-    return float(f"{value:.{DIGITS}g}") if np.isfinite(value) else None
+    return [
+        [float(f"{value:.{DIGITS}g}") if np.isfinite(value) else None for value in row]
+        for row in zip(*(column.tolist() for column in columns), strict=True)
+    ]
 
 
 def note(words: str) -> None:

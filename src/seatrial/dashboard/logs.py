@@ -15,7 +15,7 @@ from seatrial.core.files import atomic_path
 from seatrial.core.processes import apart
 from seatrial.dashboard import edits
 from seatrial.dashboard.campaign_paths import upload_name
-from seatrial.dashboard.view_models import PlainError, words_of
+from seatrial.dashboard.view_models import plain_error
 from seatrial.logs.clock_shift import ClockShift, Samples, shift_between
 from seatrial.logs.formats.registry import FORMATS, stream
 from seatrial.logs.guess import best
@@ -46,7 +46,7 @@ def isolated(
         seconds: it may take.
 
     Raises:
-        PlainError: an error of the question, in its words.
+        SeatrialError: an error of the question, with its fields.
         InputError: it took too much.
     """
     (answer,) = apart(what, _worded, question, about, memory=memory, seconds=seconds)
@@ -57,7 +57,7 @@ def _worded(question: Callable[..., Any], about: tuple) -> Iterator[Any]:
     try:
         yield question(*about)
     except (SeatrialError, OSError) as error:
-        raise PlainError(words_of(error)) from None
+        raise plain_error(error) from None
 
 
 # A log that is sent to a campaign: counted while it arrives, looked through, and kept under `logs/` whole or not at all.
@@ -82,7 +82,7 @@ async def receive(
 
     Raises:
         InputError: a name that cannot be used, or one that the campaign file names; nothing sent, or too much.
-        PlainError: a log that cannot be read.
+        InputError: a log that cannot be read.
         OSError: it cannot be written.
     """
     name = upload_name(given, suffixes)
@@ -122,16 +122,18 @@ def _check(path: Path, name: str) -> None:
     """Look through a file that has a temporary name as a log of its own name.
 
     Raises:
-        PlainError: it cannot be read.
-        InputError: it takes too much memory or time.
+        InputError: it cannot be read, or takes too much memory or time.
     """
     with TemporaryDirectory() as beside:
         named = Path(beside, name)
         named.symlink_to(path)
         try:
             isolated(name, _is_log, named)
-        except PlainError as error:
-            raise PlainError(words_of(error).replace(str(named), name)) from None
+        except InputError as error:
+            where, found, expected, remedy = (
+                text.replace(str(named), name) for text in (error.where, error.found, error.expected, error.remedy)
+            )
+            raise InputError(where, found=found, expected=expected, remedy=remedy) from None
 
 
 def _is_log(path: Path) -> bool:
@@ -218,7 +220,7 @@ def look_into(
         clocks: column of time by table, None for that of a log with one table; where none is named, what looks like a clock is taken.
 
     Raises:
-        PlainError: a log that cannot be read.
+        InputError: a log that cannot be read.
         InputError: one that takes too much memory or time.
     """
     return isolated(relative, _look, path, relative, only, clocks or {})
@@ -256,7 +258,7 @@ def line_up(first: LogColumn, second: LogColumn) -> ClockShift:
     The shift that the first has stays, and that of the second is found again.
 
     Raises:
-        PlainError: a column that cannot be read or never moves.
+        InputError: a column that cannot be read or never moves.
     """
     return isolated(f"{Path(first.path).name}, {Path(second.path).name}", _lined_up, first, second)
 

@@ -163,7 +163,11 @@ def record_view(path: Path, start: float, end: float, columns: int = COLUMNS) ->
     index, origin = _record_index(path, there.st_size, there.st_mtime_ns)
     with stored(path) as file:
         curves = view_of(index, _loader(file), start - origin, end - origin, columns)
-    return {name: _shown(name, curve, origin) for name, curve in curves.items()}
+    shown = {}
+    for name, curve in curves.items():
+        factor = shown_unit(name)[0]
+        shown[name] = Envelope(curve.time + origin, curve.least * factor, curve.greatest * factor)
+    return shown
 
 
 def read_ahead(path: Path) -> None:
@@ -192,8 +196,3 @@ def _names(file: Any) -> list[str]:
 def _loader(file: Any) -> Load:
     names = ["time", *_names(file)]
     return lambda a, b: {name: rows_of(file, name, a, b) for name in names}
-
-
-def _shown(name: str, curve: Envelope, later: float) -> Envelope:
-    factor = shown_unit(name)[0]
-    return Envelope(curve.time + later, curve.least * factor, curve.greatest * factor)

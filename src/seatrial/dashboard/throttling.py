@@ -53,7 +53,7 @@ class Turns:
     """Pages take turns."""
 
     def __init__(self, pace: Throttle):
-        self.pace, self.waiting, self.campaign_paths = pace, 0, asyncio.Semaphore(pace.at_once)
+        self.pace, self.waiting, self._slots = pace, 0, asyncio.Semaphore(pace.at_once)
 
     async def take(self) -> bool:
         """Wait for a turn; False if there is none in time. Whoever has one gives it back by `give`."""
@@ -62,7 +62,7 @@ class Turns:
         self.waiting += 1
         try:
             async with asyncio.timeout(self.pace.patience):
-                await self.campaign_paths.acquire()
+                await self._slots.acquire()
         except TimeoutError:
             return False
         finally:
@@ -71,7 +71,7 @@ class Turns:
 
     def give(self) -> None:
         """Give a turn back."""
-        self.campaign_paths.release()
+        self._slots.release()
 
 
 def counted(receive: Any, most: int, pace: Throttle) -> Any:
@@ -82,18 +82,18 @@ def counted(receive: Any, most: int, pace: Throttle) -> Any:
         nonlocal seen, waited, whole, cut
         if whole:  # what comes now is the end of the connection, whenever that is
             return await receive()
-        clock, found = asyncio.get_running_loop().time, _GONE
+        clock, part = asyncio.get_running_loop().time, _GONE
         began = clock()
         if not cut:
             with suppress(TimeoutError):
                 async with asyncio.timeout(pace.pause):
-                    found = await receive()
+                    part = await receive()
         waited += clock() - began
-        seen += len(found.get("body", b""))
-        more = found.get("more_body", False)
-        cut = found is _GONE or seen > most or (more and waited > pace.pause and seen < pace.slowest * waited)
+        seen += len(part.get("body", b""))
+        more = part.get("more_body", False)
+        cut = part is _GONE or seen > most or (more and waited > pace.pause and seen < pace.slowest * waited)
         whole = not more and not cut
-        return _GONE if cut else found
+        return _GONE if cut else part
 
     return message
 

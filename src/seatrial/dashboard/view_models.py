@@ -1,6 +1,5 @@
 """What the two working processes answer with: plain tuples, so that the server can take them without what made them."""
 
-import re
 from collections.abc import Mapping
 from typing import NamedTuple
 
@@ -10,8 +9,13 @@ from seatrial.core.errors import InputError, SeatrialError, file_error
 from seatrial.core.findings import Finding
 
 
-class PlainError(SeatrialError):
-    """An error of another process, in words."""
+def plain_error(error: SeatrialError | OSError) -> SeatrialError:
+    """Return an error in a class that every process has, with its fields: reading a class of its own could import JAX into the server."""
+    if isinstance(error, OSError):
+        return file_error(error)
+    if isinstance(error, InputError):
+        return InputError(error.where, found=error.found, expected=error.expected, remedy=error.remedy)
+    return SeatrialError(str(error))
 
 
 def words_of(error: BaseException) -> str:
@@ -19,16 +23,10 @@ def words_of(error: BaseException) -> str:
     return str(file_error(error) if isinstance(error, OSError) else error)
 
 
-def beside(error: BaseException) -> str:
+def beside(error: SeatrialError | OSError) -> str:
     """Say what went wrong beside the field that it is about, without the place in the file, which may not stand there yet."""
-    read = input_error_of(error)
-    return words_of(error) if read is None else f"{read.found}: expected {read.expected}; {read.remedy}"
-
-
-def input_error_of(error: BaseException) -> InputError | None:
-    """Return the input error that an error says in words, also one of another process; None where it is of another kind."""
-    parts = re.fullmatch(r"(.*?)\n  found:    (.*)\n  expected: (.*)\n  remedy:   (.*)", words_of(error), re.DOTALL)
-    return None if parts is None else InputError(parts[1], found=parts[2], expected=parts[3], remedy=parts[4])
+    plain = plain_error(error)
+    return f"{plain.found}: expected {plain.expected}; {plain.remedy}" if isinstance(plain, InputError) else str(plain)
 
 
 class Stage(NamedTuple):

@@ -18,7 +18,7 @@ from typing import Any
 
 from seatrial.core.errors import NumericalError, SeatrialError
 from seatrial.core.processes import end_with_parent
-from seatrial.dashboard.view_models import PlainError, words_of
+from seatrial.dashboard.view_models import plain_error
 
 KEPT = 400
 """Answers that are kept."""
@@ -70,7 +70,7 @@ class WorkerPool:
                 self.answers.popitem(last=False)
         self.answers.move_to_end(name)
         try:
-            answer, words = await asyncio.shield(asyncio.wrap_future(future))
+            return await asyncio.shield(asyncio.wrap_future(future))
         except BrokenProcessPool as cause:
             self.pools.pop(pool, None)
             self.answers.pop(name, None)
@@ -78,10 +78,6 @@ class WorkerPool:
         except Exception:
             self.answers.pop(name, None)
             raise
-        if words is not None:
-            self.answers.pop(name, None)
-            raise PlainError(words)
-        return answer
 
     def _submit(self, pool: str, question: str, about: tuple) -> Future:
         if pool not in self.pools:
@@ -103,8 +99,8 @@ def stamp(path: Path) -> tuple[str, int, int]:
     return str(path), there.st_size, there.st_mtime_ns
 
 
-def answered(pool: str, question: str, *about: Any) -> tuple[Any, str | None]:
-    """Answer in the other process: the answer, or the words of an error that is meant for the user.
+def answered(pool: str, question: str, *about: Any) -> Any:
+    """Answer in the other process, or raise an error that is meant for the user with its fields.
 
     The question goes by its name, so that the process that asks need not import what answers it.
     """
@@ -118,9 +114,9 @@ def answered(pool: str, question: str, *about: Any) -> tuple[Any, str | None]:
         case _:
             from seatrial.dashboard import model_queries as answers
     try:
-        return getattr(answers, question)(*about), None
+        return getattr(answers, question)(*about)
     except (SeatrialError, OSError) as error:
-        return None, words_of(error)
+        raise plain_error(error) from None
 
 
 def _begin() -> None:

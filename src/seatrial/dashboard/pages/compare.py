@@ -13,7 +13,7 @@ from nicegui import ui
 from seatrial.campaign.store.estimates import StoredCoefficient
 from seatrial.campaign.store.results import Results
 from seatrial.campaign.store.stored_result import Store
-from seatrial.campaign.store.structures import BestDesign, Summary
+from seatrial.campaign.store.structures import Summary
 from seatrial.cli.campaign_text import written_units
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import shown_as_written
@@ -130,11 +130,15 @@ def side_by_side(ours: Summary, theirs: Summary, here: str, there: str) -> Marku
             [name_cell, _judged(joint_difference(a, b)), *values] if is_judged else [name_cell, *values]
         )
     head, doubted = [here, there, "unit"], ours.choice_alarms or theirs.choice_alarms
+    bests = [summary.next_trial.best for summary in (ours, theirs)]
     facts = [
         ["model", _model(ours), _model(theirs)],
         ["probability of it", *(_probability(one) for one in (ours, theirs))],
         *([["alarms about it", *("; ".join(one.choice_alarms) for one in (ours, theirs))]] if doubted else []),
-        ["information of the next trial", *(_promised(one.next_trial.best) for one in (ours, theirs))],
+        [
+            "information of the next trial",
+            *("none is designed" if best is None else f"{best.gain_nat:.2f} nat" for best in bests),
+        ],
         ["alarms", *(str(len(one.alarms)) for one in (ours, theirs))],
         ["cautions", *(str(len(one.cautions)) for one in (ours, theirs))],
     ]
@@ -175,10 +179,6 @@ def _value(row: StoredCoefficient | None) -> str:
 
 def _model(summary: Summary) -> str:
     return f"{summary.chosen}: {' '.join(summary.terms)}"
-
-
-def _promised(best: BestDesign | None) -> str:
-    return "none is designed" if best is None else f"{best.gain_nat:.2f} nat"
 
 
 def _probability(summary: Summary) -> str:

@@ -11,7 +11,7 @@ from seatrial.cli.questions import Question, key_at
 from seatrial.core.errors import InputError, SeatrialError
 from seatrial.dashboard.app_context import AppContext, cautions_html, markup, say
 from seatrial.dashboard.page_layout import button, frame, link, section
-from seatrial.dashboard.view_models import beside, input_error_of
+from seatrial.dashboard.view_models import beside
 from seatrial.vehicles.catalogue import vehicle_names
 
 OF_LOGS = ("log", "bollard")
@@ -107,8 +107,7 @@ class Start:
         try:
             return folder, *await self.context.worker_pool.think("begun", *about)
         except (SeatrialError, OSError) as error:
-            read = input_error_of(error)
-            key = None if read is None else key_at(read.where, list(self.fields))
+            key = key_at(error.where, list(self.fields)) if isinstance(error, InputError) else None
             if key is not None:
                 self.fields[key].error = beside(error)
                 return self._refuse()
