@@ -31,14 +31,15 @@ ENTRIES = {
     "chains-still": Entry(
         title="Chains that never moved",
         sentence="the chains of {subject:and} never moved: the proposal is far too wide or the density is flat or broken",
-        meaning="The draws are all the same value, and say nothing of the uncertainty.",
-        decided="Rank R-hat is no number.",
+        meaning="All draws are the same value, which states no uncertainty.",
+        decided="Rank R-hat is not a number.",
         example=Finding("chains-still", "alarm", ("X_u",), {}, ("check-prior-and-data",)),
     ),
     "chains-disagree": Entry(
         title="Chains that disagree",
         sentence="the chains disagree about {subject:and} (R-hat {r_hat:.3f}, at most {limit})",
-        meaning="Each chain has seen another part of the posterior, so that their mean and spread are not those of the posterior.",
+        meaning="Each chain explored another part of the posterior, so that their mean and spread are not those of the "
+        "posterior.",
         decided="Rank R-hat exceeds {MAX_R_HAT} (Vehtari et al., Bayesian Analysis 16, 2021).",
         example=Finding("chains-disagree", "alarm", ("X_u",), {"r_hat": 1.05, "limit": 1.01}, ("longer-chains",)),
     ),
@@ -54,7 +55,7 @@ ENTRIES = {
     "chains-stuck": Entry(
         title="Some chains never moved",
         sentence=_stuck,
-        meaning="A chain that stays where it began counts as much as the others and shifts every mean.",
+        meaning="A chain that never moves has the same weight as the others and shifts every mean.",
         decided="All draws of a chain are the same.",
         example=Finding("chains-stuck", "alarm", (), {"stuck": (3,), "chains": 32, "kept": 200}, ("warm-up-longer",)),
     ),

@@ -41,7 +41,7 @@ ENTRIES = {
     "p-too-small": _entry(
         "P too small",
         "the constants moved {ratio:.0f} times as far from their first values as P_0 allows",
-        "The filter trusts its first values too much; this hides all else.",
+        "The filter trusts its first values too much, which hides other faults.",
         f"{_BAND}, of the normalised distance that the constants moved.",
         "p-too-small",
         _C,
@@ -77,7 +77,7 @@ ENTRIES = {
     "not-settled": _entry(
         "Not settled",
         "the standard deviation of {subject[0]} still fell by {change:.0%} over the last quarter: it has not settled",
-        "More time would still narrow the estimate much.",
+        "A longer trial would still reduce the uncertainty considerably.",
         "Below {SHRINKING_RATIO:g} of its value at three quarters; 0.87 is usual.",
         "not-settled",
         _C[:1],
@@ -86,7 +86,7 @@ ENTRIES = {
     "states-beyond-stated": _entry(
         "Errors larger than stated",
         "errors squared are {ratio:.1f} times the stated ones",
-        "The model lacks something that Q does not allow for.",
+        "The model lacks an effect that Q does not cover.",
         f"{_BAND}, of the normalised error squared at the end of a simulated record.",
         "states-beyond-stated",
         (),
@@ -117,7 +117,7 @@ ENTRIES = {
             "innovations are smaller than the filter expects (NIS {nis:.2g} for each measurement, expected 1), though not smaller "
             f"than R{_chased(values)}"
         ),
-        "The filter allows for more disturbances than there are.",
+        "The process noise Q exceeds the disturbances of the trial.",
         f"{_BAND}, of the mean NIS, by {{RELEVANT:g}} at least.",
         "q-too-large",
         _S,
@@ -138,7 +138,7 @@ ENTRIES = {
     "innovations-sluggish": _entry(
         "Filter too sluggish",
         "innovations of {channel} are correlated in time ({correlation:+.2f}): the filter trusts its model too much",
-        "The filter follows late.",
+        "The estimates lag behind the measurements.",
         "A correlation of neighbours above {RELEVANT:g}, and a p-value of whiteness below {LEVEL:g}.",
         "innovations-sluggish",
         _S,

@@ -143,7 +143,7 @@ ENTRIES = {
     "channel-not-measured": Entry(
         title="Not measured",
         sentence="nothing was measured of {subject[0]} in this run, so it cannot be judged",
-        meaning="The run says nothing about this channel.",
+        meaning="The run does not test this channel.",
         decided="The channel has no sample.",
         example=_example("channel-not-measured", "note", {}, "check-map"),
     ),
@@ -158,7 +158,7 @@ ENTRIES = {
     "samples-too-few": Entry(
         title="Too few independent samples",
         sentence=_few,
-        meaning="Neighbouring errors are alike, so that one more or less inside the band would change the verdict.",
+        meaning="Neighbouring errors are alike, so that one sample more inside the band would change the verdict.",
         decided="Fewer than {MIN_EFFECTIVE_SAMPLES:g} independent samples, and no error that even one sample excludes.",
         example=_example("samples-too-few", "note", {**_SCORES, "effective": 4.0, "explained": 0.9}),
     ),
@@ -183,7 +183,7 @@ ENTRIES = {
     "band-too-wide": Entry(
         title="Band too wide",
         sentence=lambda values: f"{_sizes(values)}: this trial was quieter than the stated noise",
-        meaning="The band promises less than the model can do.",
+        meaning="The model predicts more precisely than its band states.",
         decided="More than {WIDE:.0%} inside the 90 % band and a variance below {TAME:g}, by more than chance (p < {RARE:g}).",
         example=_example("band-too-wide", "caution", {**_SCORES, "coverage": 0.99, "variance": 0.3}, "compare-sensors"),
     ),
@@ -199,28 +199,28 @@ ENTRIES = {
         sentence=lambda values: (
             f"{_explained(values)}, as the uncertainty of the coefficients allows: they are not known well enough"
         ),
-        meaning="The band is honest, but the next trial must determine the coefficients better.",
+        meaning="The band has the right size, but the coefficients need another trial.",
         decided="Less than {POOR:.0%} of the variance is explained, and the coefficients make most of the band.",
         example=_example("coefficients-uncertain", "caution", _SCORES, "next-trial"),
     ),
     "noise-hides-motion": Entry(
         title="Noise hides the motion",
         sentence=_hidden,
-        meaning="This run tests little.",
+        meaning="The run is a weak test of the model.",
         decided="Less than {POOR:.0%} of the variance is explained, and the noise of the fit is more than half of it.",
         example=_example("noise-hides-motion", "note", _SCORES, "move-more"),
     ),
     "predicted-poorly": Entry(
         title="Predicted poorly",
         sentence=_poor,
-        meaning="The model lacks something that this run shows.",
+        meaning="The run contains an effect that the model lacks.",
         decided="Less than {POOR:.0%} of the variance is explained, and neither noise nor coefficients account for it.",
         example=_example("predicted-poorly", "caution", _SCORES, "add-term", "add-delay", "add-error-model"),
     ),
     "fitted-poorly": Entry(
         title="Fitted poorly",
         sentence=lambda values: f"{_explained(values)}: the model misses most of the motion",
-        meaning="The model lacks something even for the run that was fitted.",
+        meaning="The model lacks an effect that the fitted run contains.",
         decided="Less than {POOR:.0%} of the variance of a fitted run is explained, and noise does not account for it.",
         example=_example("fitted-poorly", "caution", _SCORES, "add-term", "add-delay", "estimated-start"),
     ),
@@ -242,7 +242,7 @@ ENTRIES = {
         sentence=lambda values: (
             f"{_residuals(values)}: the stated standard deviations are too small, by a factor of about {{factor:.1f}}"
         ),
-        meaning="Neighbouring errors are not independent, so the data say less than the fit assumes.",
+        meaning="Neighbouring errors are not independent, so the data hold less information than the fit assumes.",
         decided="A factor on standard deviations above {UNDERSTATED:g}, and a p-value below {LIKELY:g}: of white residuals 0.5 % at most "
         "are called correlated.",
         example=_example("residuals-correlated", "caution", _RESIDUALS, "coloured-noise"),
@@ -253,7 +253,7 @@ ENTRIES = {
         sentence=lambda values: (
             f"{_residuals(values)}: the autopilot feeds these errors into the controls, which biases the coefficients"
         ),
-        meaning="More data do not help, because errors and controls are correlated.",
+        meaning="More data do not reduce the bias, because errors and controls are correlated.",
         decided="As residuals-correlated, in trials through an autopilot.",
         example=_example("residuals-biased", "caution", _RESIDUALS, "filter-error"),
     ),
@@ -294,7 +294,7 @@ ENTRIES = {
     "runs-too-few": Entry(
         title="Too few held-back samples",
         sentence=lambda values: f"{_inside(values)}: too few to judge the bands ({_needed()} are needed)",
-        meaning="Whether the bands hold on new runs is not known.",
+        meaning="The samples are too few to test the bands on new runs.",
         decided="Fewer than {MIN_POOLED_SAMPLES:g} effective samples in all held-back runs.",
         example=_example("runs-too-few", "note", {**_POOLED, "effective": 8.0}, "hold-back-more"),
     ),
@@ -328,7 +328,7 @@ ENTRIES = {
         sentence=lambda values: (
             f"{_inside(values)}: bands {_WIDEN} as wide are enough; these runs are quieter than the fitted noise"
         ),
-        meaning="The bands promise less than the model can do.",
+        meaning="The model predicts more precisely than its bands state.",
         decided="More than {WIDE:.0%} inside, the 95 % range above 90 %, and a variance below {TAME:g}.",
         example=_example("bands-too-wide", "caution", {**_POOLED, "coverage": 0.995, "widen": 0.6}),
     ),
@@ -342,7 +342,7 @@ ENTRIES = {
     "runs-not-measured": Entry(
         title="Held-back runs not measured",
         sentence="nothing was measured of {subject[0]} in held-back runs, so it cannot be judged",
-        meaning="The held-back runs say nothing about this channel.",
+        meaning="The held-back runs do not test this channel.",
         decided="No sample in any held-back run.",
         example=_example("runs-not-measured", "note", {}),
     ),

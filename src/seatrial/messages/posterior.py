@@ -45,9 +45,10 @@ ENTRIES = {
     "prior-excludes-data": Entry(
         title="Data outside a prior",
         sentence=_excluding,
-        meaning="The prior excludes what the data say, so that nothing is computed: all other values would bend to its bound.",
-        decided="The mode lies within {EDGE:.0%} of the width from a bound, and a tenth of the width beyond it, the others following, "
-        "the data are over {MIN_GAIN:.0f} nats more likely.",
+        meaning="The prior excludes the value that the data support. Nothing is computed, because the bound would bias "
+        "all other values.",
+        decided="The mode lies within {EDGE:.0%} of the width from a bound. With this parameter a tenth of the width "
+        "beyond it, and the others fitted again, the data are over {MIN_GAIN:.0f} nats more likely.",
         example=Finding(
             "prior-excludes-data",
             "alarm",
@@ -67,7 +68,7 @@ ENTRIES = {
     "at-prior-bound": Entry(
         title="Mode at a bound of its prior",
         sentence="{subject[0]} lies at the bound {value:.4g} {unit} of its prior: the prior decides as much as the data",
-        meaning="The bound, and not the data, sets the value.",
+        meaning="The bound sets the value, not the data.",
         decided="The mode lies within {MAX_BESIDE:.1%} of the width of the prior from a bound, or within {EDGE:.0%} of it and within "
         "{MAX_REACH_SDS:g} standard deviations.",
         example=Finding("at-prior-bound", "caution", ("X_u",), {"value": 0.0, "unit": "kg/s"}, ("widen-prior",)),
@@ -84,7 +85,7 @@ ENTRIES = {
         title="Posterior at a bound of its prior",
         sentence="the posterior of {subject[0]} is cut off at the bound {value:.4g} {unit} of its prior ({share:.0%} of it lies there): "
         "the prior decides as much as the data",
-        meaning="The bound, and not the data, ends the interval.",
+        meaning="The bound ends the interval, not the data.",
         decided="More than {MIN_LEANING_SHARE:.0%} of the posterior within {EDGE:.0%} of the width of the prior from a bound.",
         example=Finding(
             "posterior-cut-off", "caution", ("X_u",), {"value": 0.0, "unit": "kg/s", "share": 0.3}, ("widen-prior",)
@@ -115,8 +116,9 @@ ENTRIES = {
         title="Simulation steps too long",
         sentence=_moved,
         meaning="The error of the integration is as large as the stated standard deviations, which do not contain it.",
-        decided="About the mode, the sensors are simulated again in steps half as long, and one linear step of the posterior gives "
-        "the shift of each parameter. Reported from {MIN_SHIFT:g} standard deviation: below that the ± covers it.",
+        decided="The sensors are simulated again at the mode in steps half as long. One linear step of the posterior "
+        "gives the shift of each parameter. Reported from {MIN_SHIFT:g} standard deviation: below that the ± "
+        "covers it.",
         example=Finding(
             "steps-too-long",
             "caution",

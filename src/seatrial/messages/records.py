@@ -150,8 +150,8 @@ ENTRIES = {
         title="Direction",
         sentence="direction, size and timing of {subject:and} are not judged: vehicles drawn from the priors go in both directions "
         "or diverge",
-        meaning="A wrong sign of this channel would not be noticed before the fit.",
-        decided="Fewer than {AGREED:.0%} of the vehicles drawn from the priors go in one direction.",
+        meaning="The check cannot detect a wrong sign of this channel.",
+        decided="Fewer than {AGREED:.0%} of the vehicles drawn from the priors move in one direction.",
         example=Finding("direction-not-judged", "note", ("r",), {}, ("signed-priors",)),
     ),
     "sum-not-judged": Entry(
@@ -159,7 +159,8 @@ ENTRIES = {
         sentence="direction, size and timing of {subject:and} are not judged: errors of velocities add up in it, and the priors "
         "allow this motion",
         meaning="Positions and angles drift with small errors of velocities; the velocities are judged instead.",
-        decided="A vehicle of the priors goes as the record does, or the vehicles lie as far apart as the record moves.",
+        decided="A vehicle drawn from the priors moves as the record does, or these vehicles differ by as much as the "
+        "record moves.",
         example=Finding("sum-not-judged", "note", ("z",)),
     ),
     "size-unlike": Entry(
@@ -170,8 +171,8 @@ ENTRIES = {
             "pass": "size",
         },
         meaning="A unit is probably wrong, or the priors are far from the vehicle.",
-        decided="Doubted from {SIZE:g} times, wrong from {WRONG:g} times the expected motion or its inverse, beyond what {RARE:.0%} "
-        "of the vehicles of the priors reach.",
+        decided="A caution from {SIZE:g} times and an alarm from {WRONG:g} times the expected motion, or their inverses, "
+        "unless more than {RARE:.0%} of the vehicles drawn from the priors reach it.",
         example=Finding(
             "size-unlike",
             "alarm",
@@ -209,8 +210,8 @@ ENTRIES = {
         title="Axes",
         sentence={"alarm": _axes, "pass": "axes"},
         meaning="The sensor is mounted along other axes, its columns are swapped, or the log has another convention of axes.",
-        decided="The best rotation or mirror of the channels (Kabsch) agrees with the expected motion by {RELATED:g} or more, and by "
-        "twice {APART:g} more than the channel map.",
+        decided="With the best rotation or mirror of the channels (Kabsch), the agreement with the expected motion is at "
+        "least {RELATED:g}. It exceeds that of the channel map by twice {APART:g}.",
         example=Finding(
             "axes-wrong",
             "alarm",
@@ -294,7 +295,7 @@ ENTRIES = {
     "angle-too-large": Entry(
         title="Size",
         sentence="{subject:and} reaches {reached:signal}, more than a quarter turn",
-        meaning="No rudder or fin turns so far: degrees are read as radians.",
+        meaning="No rudder or fin turns by such an angle: degrees are read as radians.",
         decided="More than 90 deg.",
         example=Finding(
             "angle-too-large",
@@ -347,14 +348,14 @@ ENTRIES = {
     "channel-unused": Entry(
         title="Sensor",
         sentence="{subject:and} is mapped but has no [sensors.{subject[0]}], so it is not used",
-        meaning="A velocity in the log would tell more about the vehicle.",
+        meaning="A velocity in the log would reduce the uncertainty of the coefficients.",
         decided="A channel is used if it has a sensor.",
         example=Finding("channel-unused", "caution", ("v",), {}, ("add-sensor",)),
     ),
     "control-constant": Entry(
         title="Control",
         sentence=_constant,
-        meaning="A control that never moves tells nothing about its coefficients; often its column is wrong.",
+        meaning="A control that never moves does not determine its coefficients. Often its column is wrong.",
         decided="All samples of a whole real trial are equal.",
         example=Finding("control-constant", "caution", ("delta_r",), {"value": 0.0}, ("check-column",)),
     ),
@@ -383,7 +384,7 @@ ENTRIES = {
     "rate-not-measured": Entry(
         title="Excitation",
         sentence="this record cannot determine {subject:and}: no sensor measures {rate}, in which they show",
-        meaning="Coefficients of an axis show in its velocity.",
+        meaning="The coefficients of an axis act on its velocity.",
         decided="{MAX_REMAINING:.0%} or more of the prior's standard deviation would remain, and the velocity has no sensor.",
         example=Finding("rate-not-measured", "caution", ("Y_v", "Y_r"), {"rate": "v"}, ("measure-rate",)),
     ),
@@ -397,7 +398,7 @@ ENTRIES = {
                 else "too few velocities are measured for a fit"
             )
         ),
-        meaning="What a record can determine is judged about a motion like the measured one.",
+        meaning="The check of excitation needs a simulated motion like the measured one.",
         decided="Neither the prior means nor a fit of the measured motion can be simulated.",
         example=Finding("excitation-not-judged", "note", ("all",), {"fitted": True}, ("signed-priors",)),
     ),
@@ -412,14 +413,14 @@ ENTRIES = {
         title="Closed loop",
         sentence="{subject:and} is computed from {channels:and}: the noise of the sensor is in the command",
         meaning="Disturbances move the vehicle and the command alike, which biases coefficients and hides wrong signs and clocks.",
-        decided="A linear law of three changes of command and measurement explains {TYPICAL:.0%} of the changes, and the residual "
-        "lacks the noise that the law passes on.",
+        decided="A linear law of three changes of command and measurement explains {TYPICAL:.0%} of the changes. The "
+        "residual lacks the noise that the law passes on.",
         example=Finding("closed-loop", "note", ("tau_X",), {"channels": ("u",)}, ("held-command",)),
     ),
     "not-judged-yet": Entry(
         title="Order",
         sentence=_not_yet,
-        meaning="A fault that was found would make this check accuse something else.",
+        meaning="A fault found by another check would make this one report a wrong cause.",
         decided="Another check of the same record fails.",
         example=Finding(
             "not-judged-yet",
@@ -432,7 +433,7 @@ ENTRIES = {
     "axis-not-driven": Entry(
         title="Thrusters",
         sentence="no thruster pushes along or about {subject:and}",
-        meaning="Coefficients of this axis show only in releases and coasting.",
+        meaning="Only releases and coasting determine the coefficients of this axis.",
         decided="The row of the allocation matrix is zero; a caution if neither weight nor righting moment moves the axis.",
         example=Finding("axis-not-driven", "caution", ("Y",), {}, ("drop-axis",)),
     ),

@@ -16,7 +16,7 @@ ENTRIES = {
         title="Check of an evidence too blunt",
         sentence="the verdict on {subject:and} would change if the evidence of {label} were wrong by less than its check resolves, "
         "{resolution:.2g} nat",
-        meaning="A second method confirms the evidence, but not as precisely as the verdict needs.",
+        meaning="A second method confirms the evidence, but with a larger error than the verdict allows.",
         decided="The probability of a term passes from one verdict to another within {MAX_JOINT_ERRORS:g} joint errors of the two methods.",
         example=Finding(
             "evidence-check-blunt", "caution", ("X_u",), {"label": "M-1", "resolution": 0.8}, ("sharpen-evidence",)
