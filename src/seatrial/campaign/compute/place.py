@@ -8,11 +8,12 @@ import os
 import re
 import shutil
 import sys
+from collections.abc import Callable
 from typing import Any
 
 from seatrial.campaign.compute.workers import LocalWorkers, Workers
 from seatrial.campaign.config.campaign import Campaign
-from seatrial.campaign.config.schema import SlurmTable
+from seatrial.campaign.config.schema import ComputeTable, SlurmTable
 from seatrial.core.errors import InputError, install_extra
 from seatrial.core.reporter import SILENT, Reporter
 
@@ -68,7 +69,7 @@ def workers_of(campaign: Campaign, reporter: Reporter = SILENT) -> Workers:
         InputError: a setting that is none, an address that only a file vouches for, a cluster that is not there or not ours, or
             Dask missing.
     """
-    place, where = _place(campaign)
+    place, where = _place(campaign.compute, campaign.where)
     if place == "local":
         return LocalWorkers()
     if place == "slurm":
@@ -91,20 +92,20 @@ def workers_of(campaign: Campaign, reporter: Reporter = SILENT) -> Workers:
     )
 
 
-def _place(campaign: Campaign) -> tuple[str, str]:
+def _place(compute: ComputeTable, where: Callable[[str], str]) -> tuple[str, str]:
     """The setting, and where it stands."""
     asked = os.environ.get(VARIABLE, "").strip()
     if asked:
         return asked, f"environment variable {VARIABLE}"
-    written, where = campaign.compute.workers, campaign.where("compute.workers")
+    written, place = compute.workers, where("compute.workers")
     if "://" in written:
         raise InputError(
-            where,
+            place,
             found=f'"{written}"',
             expected="an address that you trust: the program there can run code here, and anybody may have written this file",
             remedy=f"if you trust it: export {VARIABLE}={written}",
         )
-    return written, where
+    return written, place
 
 
 def has_joined() -> bool:

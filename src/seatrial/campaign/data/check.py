@@ -154,7 +154,7 @@ def step_cautions(campaign: Campaign, trials: Trials) -> list[Finding]:
     findings = []
     for record in (one for one in trials.fit if one.provenance.source != SIMULATED):
         model = campaign.model(campaign.full)
-        alone, control = _trial(campaign, record, model, initial_state(campaign, model, record))
+        alone, control = _trial(campaign.channels, record, model, initial_state(campaign, model, record))
         mean = {name: values[:1] for name, values in _believed(campaign, alone.model).items()}
         expected = np.asarray(_shown(alone, mean, control))[0, : record.time.size]
         steps = _steps(campaign, record, alone, mean, control, expected)
@@ -174,7 +174,7 @@ def motion_findings(campaign: Campaign, record: Record, size: int) -> list[Findi
     """
     model = campaign.model(campaign.full)
     start = level_start(model, {**campaign.hull.trim, **first_measured(record)})
-    alone, control = _trial(campaign, record, model, start, size)
+    alone, control = _trial(campaign.channels, record, model, start, size)
     motion = _motion(campaign, along_body(campaign, record), alone, control)
     if not np.isfinite(motion.expected).all():
         return []
@@ -211,13 +211,13 @@ def _motion(campaign: Campaign, body: Record, alone: TrialPlan, control: np.ndar
 
 
 def _trial(
-    campaign: Campaign, record: Record, model: VehicleModel, start: tuple[float, ...], size: int = 0
+    channels: tuple[str, ...], record: Record, model: VehicleModel, start: tuple[float, ...], size: int = 0
 ) -> tuple[TrialPlan, np.ndarray]:
     """Return a record as a trial in which every sensor gives each sample, without noise, and its controls; both filled up."""
     size = max(size, bucket_length(record.time.size))
     step = filled(np.diff(record.time), size, 0.0)
     control = filled(np.column_stack([record.channel(name) for name in model.controls]), size)
-    return TrialPlan(model, campaign.channels, np.array(start), step, np.ones((size, len(campaign.channels)))), control
+    return TrialPlan(model, channels, np.array(start), step, np.ones((size, len(channels)))), control
 
 
 def _believed(campaign: Campaign, model: VehicleModel) -> dict[str, np.ndarray]:
@@ -233,7 +233,7 @@ def _believed(campaign: Campaign, model: VehicleModel) -> dict[str, np.ndarray]:
 
 def _judge(campaign: Campaign, record: Record) -> RecordJudgement:
     model = campaign.model(campaign.full)
-    alone, control = _trial(campaign, record, model, initial_state(campaign, model, record))
+    alone, control = _trial(campaign.channels, record, model, initial_state(campaign, model, record))
     body = along_body(campaign, record)
     motion = _motion(campaign, body, alone, control)
     measured = motion.measured

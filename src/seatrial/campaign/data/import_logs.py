@@ -174,7 +174,10 @@ def _aligned(campaign: Campaign, imports: Imports, run: str, ends: Mapping[str, 
         )
     if imports.schedule is None:
         return align(tables, step=imports.step, **ends, label=run)
-    path, whole = _commanded(campaign, imports, run), align(_unchecked(tables), step=imports.step, label=run)
+    path, whole = (
+        _commanded(campaign.folder, campaign.where, imports, run),
+        align(_unchecked(tables), step=imports.step, label=run),
+    )
     with located(campaign.where("import.schedule")):
         commands = [name for name, _ in campaign.control_trim(campaign.model(campaign.full))]
         commanded = read_rows(path, commands).schedule(campaign.family.sample_time)
@@ -248,9 +251,9 @@ def _keep_paths(folder: Path, where: Callable[[str], str], imports: Imports, run
     ]
 
 
-def _commanded(campaign: Campaign, imports: Imports, run: str) -> Path:
+def _commanded(folder: Path, where: Callable[[str], str], imports: Imports, run: str) -> Path:
     """Schedule of a run that names one."""
-    return find(campaign.folder, imports.schedule or "", campaign.where("import.schedule"), run)
+    return find(folder, imports.schedule or "", where("import.schedule"), run)
 
 
 def _tables(campaign: Campaign, imports: Imports, run: str) -> list[LogTable]:
@@ -315,14 +318,16 @@ def _located(folder: Path, where: Callable[[str], str], imports: Imports, run: s
 def _key(campaign: Campaign, imports: Imports, run: str, hash_of: Callable[[Path], str]) -> str:
     files = imports.of(run)
     curves = [
-        _curve(campaign, index, name, column.curve)
+        _curve(campaign.folder, campaign.where, index, name, column.curve)
         for index, file in files.items()
         for name, column in file.channels.items()
         if column.curve
     ]
     hashes = [hash_of(path) for path in (*_located(campaign.folder, campaign.where, imports, run), *curves)]
     sent = (
-        () if imports.schedule is None else (hash_of(_commanded(campaign, imports, run)), campaign.family.sample_time)
+        ()
+        if imports.schedule is None
+        else (hash_of(_commanded(campaign.folder, campaign.where, imports, run)), campaign.family.sample_time)
     )
     keep = [hash_of(path) for path in _keep_paths(campaign.folder, campaign.where, imports, run)]
     kept = (keep, imports.keep) if keep else ()
@@ -330,9 +335,9 @@ def _key(campaign: Campaign, imports: Imports, run: str, hash_of: Callable[[Path
     return key_of("record", run, hashes, imports.step, [*files.values()], imports.ends.get(run, {}), *sent, *kept)
 
 
-def _curve(campaign: Campaign, index: int, name: str, written: str) -> Path:
+def _curve(folder: Path, where: Callable[[str], str], index: int, name: str, written: str) -> Path:
     """Curve of a channel of a file, which has one."""
-    return find(campaign.folder, written, campaign.where(f"import.files[{index}].channels.{name}.curve"))
+    return find(folder, written, where(f"import.files[{index}].channels.{name}.curve"))
 
 
 def signal_roles(model: VehicleModel, set_points: Collection[str] = ()) -> dict[str, Role]:
@@ -411,7 +416,9 @@ def _cell_curve(campaign: Campaign, index: int, name: str, column: LogColumn) ->
         InputError: a curve that cannot be read.
     """
     where = campaign.where(f"import.files[{index}].channels.{name}.{'unit' if column.law else 'curve'}")
-    return read_curve(_curve(campaign, index, name, column.curve), where) if column.curve else None
+    return (
+        read_curve(_curve(campaign.folder, campaign.where, index, name, column.curve), where) if column.curve else None
+    )
 
 
 def _law(campaign: Campaign, index: int, name: str, column: LogColumn, law: ThrustLaw) -> CellCurve:

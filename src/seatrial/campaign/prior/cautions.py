@@ -1,5 +1,6 @@
 """What to know about a campaign file before a trial: terms that may be one, limits out of reach, a start that the controls do not hold."""
 
+from collections.abc import Mapping
 from math import hypot, sqrt
 
 import numpy as np
@@ -12,6 +13,7 @@ from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import plain, shown_unit
 from seatrial.core.term_checks import terms_that_may_be_one
 from seatrial.design.prior_belief import most_have
+from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.vehicles.hull import Hull
 
 MAX_SPEED_SHARE = 0.2  # Share of a steady speed by which the start may lie beyond the 90 % range of the priors
@@ -27,7 +29,7 @@ def file_cautions(campaign: Campaign) -> list[str]:
     return [
         *vehicle_cautions(campaign),
         *terms_that_may_be_one(map(CoefficientName.parse, campaign.full.terms)),
-        *_limits_out_of_reach(campaign),
+        *_limits_out_of_reach(campaign.control_limits, campaign.trim),
         *_start_that_is_not_held(campaign),
     ]
 
@@ -63,13 +65,13 @@ def doubtful_radii(hull: Hull, reach: float = 0.0) -> list[str]:
     ]
 
 
-def _limits_out_of_reach(campaign: Campaign) -> list[str]:
+def _limits_out_of_reach(control_limits: Mapping[str, Limits], trim: Mapping[str, float]) -> list[str]:
     """Say which limits of controls are so far from the trim, or from the other limit where the trim is 0, that they limit nothing."""
     cautions = []
-    for name, limits in campaign.control_limits.items():
-        trim, (factor, unit) = abs(campaign.trim.get(name, 0.0)), shown_unit(name)
+    for name, limits in control_limits.items():
+        at_trim, (factor, unit) = abs(trim.get(name, 0.0)), shown_unit(name)
         for key, bound, other in (("lower", limits.lower, limits.upper), ("upper", limits.upper, limits.lower)):
-            usual, beside = (trim, "the trim") if trim else (abs(other or 0.0), "the other limit")
+            usual, beside = (at_trim, "the trim") if at_trim else (abs(other or 0.0), "the other limit")
             if bound is not None and usual > 0 and abs(bound) > FAR_TIMES * usual:
                 cautions.append(
                     f"the {key} limit of {name} is {bound * factor:.3g} {unit}, {plain(abs(bound) / usual)} times {beside}: it limits "

@@ -41,6 +41,7 @@ from seatrial.design.trial_plan import TrialPlan
 from seatrial.estimation.posterior.mode import find_mode
 from seatrial.estimation.simulation.disturbance import disturbance_name
 from seatrial.manoeuvres.family import Family
+from seatrial.vehicles.model import VehicleModel
 
 # Which trial to run next: the most informative of the campaign's designs given what is known, and random steps to
 # compare with.
@@ -236,7 +237,11 @@ def rehearse(campaign: Campaign, vehicles: int, reporter: Reporter = SILENT) -> 
         report(len(outcomes), vehicles)
         while len(outcomes) < vehicles:
             outcomes.append(_rehearse_one(campaign, goal, space, fixed, len(outcomes)))
-            kept.write(Rehearsal(_dataset(campaign, (ADAPTIVE, *fixed, "random"), outcomes)))
+            kept.write(
+                Rehearsal(
+                    _dataset(campaign.model(campaign.full), campaign.families, (ADAPTIVE, *fixed, "random"), outcomes)
+                )
+            )
             report(len(outcomes), vehicles)
     return Rehearsal(kept.read().data.isel(vehicle=slice(vehicles)))
 
@@ -342,13 +347,15 @@ def _outcomes(data: Dataset) -> list[Outcome]:
     return [{name: data[name].values[i] for name in DIMENSIONS} for i in range(data.sizes["vehicle"])]
 
 
-def _dataset(campaign: Campaign, strategies: Sequence[str], outcomes: Sequence[Outcome]) -> Dataset:
+def _dataset(
+    model: VehicleModel, families: tuple[Family, ...], strategies: Sequence[str], outcomes: Sequence[Outcome]
+) -> Dataset:
     stacked = {name: (dims, np.stack([one[name] for one in outcomes])) for name, dims in DIMENSIONS.items()}
-    names = [term.text for term in campaign.model(campaign.full).coefficients]
+    names = [term.text for term in model.coefficients]
     data = Dataset(stacked, {"strategy": list(strategies), "coefficient": names})
     data["family"].attrs = {
-        "flag_values": np.arange(len(_kinds(campaign.families))),
-        "flag_meanings": " ".join(_kinds(campaign.families)),
+        "flag_values": np.arange(len(_kinds(families))),
+        "flag_meanings": " ".join(_kinds(families)),
     }
     data["amplitude"].attrs, data["period"].attrs = {"units": "SI"}, {"units": "s"}
     return data
