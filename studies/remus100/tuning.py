@@ -41,7 +41,7 @@ def tuning_part(study: Study) -> xr.Dataset:
     """Return the errors, stated standard deviations, how the state is followed, how far the estimates travel, and what the check says."""
     reading, seeds = study.reading, study.sizes.tuning_seeds
     trials, truth = make_trials(reading, seeds), np.array([reading.printed_truth[name] for name in NAMES])
-    report, rows, said = study.progress("tuning of P, Q and R"), [], {}
+    report, rows, findings = study.progress("tuning of P, Q and R"), [], {}
     for done, (change, factors) in enumerate(CHANGES.items()):
         report(done, len(CHANGES))
         space = filter_space(reading, **factors)
@@ -60,14 +60,14 @@ def tuning_part(study: Study) -> xr.Dataset:
                 }
             )
         )
-        said[change] = [sentence(finding) for finding in check_tuning(_one(trace), space).findings]
+        findings[change] = [sentence(finding) for finding in check_tuning(_one(trace), space).findings]
     report(len(CHANGES), len(CHANGES))
     stamps = STEP * np.arange(N_STEPS)
     noise = [noise_from_high_pass(stamps, trials.measured[0, :, i]) for i in range(2)]
     dataset = xr.concat(rows, xr.IndexVariable("change", list(CHANGES))).assign_coords(coefficient=list(NAMES))
     return dataset.assign(
         noise=("channel", [one.sd for one in noise]), noise_error=("channel", [one.std_error for one in noise])
-    ).assign_attrs(findings=json.dumps(said))
+    ).assign_attrs(findings=json.dumps(findings))
 
 
 def claim_large_p(study: Study) -> Item:
@@ -165,7 +165,7 @@ def _item(study: Study, key: str, title: str, holds: bool, pairs: dict[str, tupl
         for what, pair in pairs.items()
         for when, value in zip(("as printed", change), pair, strict=True)
     ]
-    said = json.loads(study.part("tuning").attrs["findings"])[change]
+    findings = json.loads(study.part("tuning").attrs["findings"])[change]
     words = "; ".join(f"{what} {before:.3g} becomes {after:.3g}" for what, (before, after) in pairs.items())
     return Item(
         key,
@@ -178,7 +178,7 @@ def _item(study: Study, key: str, title: str, holds: bool, pairs: dict[str, tupl
             "seeds": study.sizes.tuning_seeds,
             "first_seed": FIRST_SEED,
             "change": change,
-            "the tuning check says": said,
+            "the tuning check says": findings,
         },
     )
 

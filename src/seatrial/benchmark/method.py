@@ -156,9 +156,9 @@ class _Spread:
             window = max(1, longest // 10)
             count, squares = (_running_sum(column, window) for column in (count, squares))
         with np.errstate(invalid="ignore", divide="ignore"):
-            found = np.maximum(np.sqrt(squares / count), SMALLEST * extent)
-        found = np.where(np.isfinite(found), found, np.nanmax(np.where(np.isfinite(found), found, 0.0), 0))
-        return found if whole else np.vstack([found[:1], found])
+            sd = np.maximum(np.sqrt(squares / count), SMALLEST * extent)
+        sd = np.where(np.isfinite(sd), sd, np.nanmax(np.where(np.isfinite(sd), sd, 0.0), 0))
+        return sd if whole else np.vstack([sd[:1], sd])
 
 
 def with_spread(problem: Problem, means: Means, about: Mapping[str, float], note: str = "") -> Fitted:

@@ -31,13 +31,13 @@ def fit_baseline(baseline: Baseline, problem: Problem) -> Fitted:
     columns = [problem.channels.index(channel) for channel in fitted.channels]
 
     def means(record: Record, stretches: Sequence[Stretch]) -> np.ndarray:
-        found = np.full((record.time.size, len(problem.channels)), np.nan)
+        predicted = np.full((record.time.size, len(problem.channels)), np.nan)
         for begin, end in stretches:
             first = int(np.searchsorted(record.time, record.time[begin] - HISTORY))
-            found[begin + 1 : end + 1, columns] = fitted.predict(_part(record, first, end), begin - first)[
+            predicted[begin + 1 : end + 1, columns] = fitted.predict(_part(record, first, end), begin - first)[
                 begin - first + 1 :
             ]
-        return found
+        return predicted
 
     return with_spread(problem, means, fitted.parameters)
 

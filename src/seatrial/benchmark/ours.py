@@ -67,9 +67,11 @@ def fit_chosen(problem: Problem) -> Fitted:
         InputError: fewer than three fitted runs.
         NumericalError: no structure has a mode.
     """
-    found = cross_validate(problem.campaign, problem.trials, problem.reporter)
-    fitted = _fit(problem, best_campaign(problem.campaign, problem.trials, found))
-    return replace(fitted, note=f"{fitted.note}; model of the error: {(found.recommended or found.own[0]).error_model}")
+    validated = cross_validate(problem.campaign, problem.trials, problem.reporter)
+    fitted = _fit(problem, best_campaign(problem.campaign, problem.trials, validated))
+    return replace(
+        fitted, note=f"{fitted.note}; model of the error: {(validated.recommended or validated.own[0]).error_model}"
+    )
 
 
 def _fit(problem: Problem, campaign: Campaign) -> "Ours":

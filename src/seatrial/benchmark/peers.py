@@ -77,12 +77,12 @@ def fit_n4sid(problem: Problem) -> Fitted:
     moves = np.ptp(u, 0) > 0
     names = [f"y{i}" for i in range(y.shape[1])], [f"u{i}" for i in range(int(moves.sum()))]
     table = pd.DataFrame(np.column_stack([y, u[:, moves]]), columns=[*names[0], *names[1]])
-    found = module.NFourSID(table, output_columns=names[0], input_columns=names[1], num_block_rows=BLOCK_ROWS)
-    found.subspace_identification()
+    fit = module.NFourSID(table, output_columns=names[0], input_columns=names[1], num_block_rows=BLOCK_ROWS)
+    fit.subspace_identification()
     best: tuple[float, Any] | None = None
     for order in ORDERS:
         if order < BLOCK_ROWS * y.shape[1]:
-            system, covariance = found.system_identification(rank=order)
+            system, covariance = fit.system_identification(rank=order)
             means = _linear_means(system, np.asarray(covariance), moves, scales)
             best = _better(best, _error(problem, means, scales), (means, order))
     assert best is not None
@@ -141,7 +141,7 @@ def _sindy_means(model: Any, scales: _Scales):
     def means(record: Record, stretches: Sequence[Stretch]) -> np.ndarray:
         _, x, u = scales.standard(record)
         begins, ends = (np.array([stretch[i] for stretch in stretches]) for i in (0, 1))
-        state, found = x[begins], np.full(x.shape, np.nan)
+        state, predicted = x[begins], np.full(x.shape, np.nan)
         for ahead in range(int((ends - begins).max())):
             going = np.flatnonzero(begins + ahead < ends)
             at, y = begins[going] + ahead, state[going]
@@ -151,8 +151,8 @@ def _sindy_means(model: Any, scales: _Scales):
             three = rate(y + 0.5 * h * two, u[at])
             y = y + h / 6 * (one + 2 * two + 2 * three + rate(y + h * three, u[at]))
             state[going] = y
-            found[at + 1] = np.where(np.abs(y) < LARGEST, y, np.inf)
-        return scales.physical(found)
+            predicted[at + 1] = np.where(np.abs(y) < LARGEST, y, np.inf)
+        return scales.physical(predicted)
 
     return means
 
@@ -172,7 +172,7 @@ def _linear_means(system: Any, covariance: np.ndarray, moves: np.ndarray, scales
     def means(record: Record, stretches: Sequence[Stretch]) -> np.ndarray:
         _, y, u = scales.standard(record)
         u = u[:, moves]
-        found, x = np.full(y.shape, np.nan), np.linalg.pinv(c) @ (y[0] - d @ u[0])
+        predicted, x = np.full(y.shape, np.nan), np.linalg.pinv(c) @ (y[0] - d @ u[0])
         at = 0
         for begin, end in sorted(stretches):
             while at <= begin:
@@ -180,9 +180,11 @@ def _linear_means(system: Any, covariance: np.ndarray, moves: np.ndarray, scales
                 at += 1
             z = x
             for k in range(begin + 1, end + 1):
-                found[k] = c @ z + d @ u[k]
+                predicted[k] = c @ z + d @ u[k]
                 z = a @ z + b @ u[k]
-        return scales.physical(np.where(np.abs(found) < LARGEST, found, np.where(np.isnan(found), np.nan, np.inf)))
+        return scales.physical(
+            np.where(np.abs(predicted) < LARGEST, predicted, np.where(np.isnan(predicted), np.nan, np.inf))
+        )
 
     return means
 
@@ -191,9 +193,9 @@ def _error(problem: Problem, means: Any, scales: _Scales) -> float:
     """Mean square of what is left of short stretches of the fitted runs, standardised; infinite where something diverges."""
     total, count = 0.0, 0
     for record in problem.records:
-        found = means(record, stretches(SHORT, record, problem.channels, STRETCH))
+        predicted = means(record, stretches(SHORT, record, problem.channels, STRETCH))
         measured = np.column_stack([record.channel(channel) for channel in problem.channels])
-        left = ((measured - found) / scales.y_sd)[~np.isnan(found) & np.isfinite(measured)]
+        left = ((measured - predicted) / scales.y_sd)[~np.isnan(predicted) & np.isfinite(measured)]
         total, count = total + float(np.sum(left**2)), count + left.size
     return total / count if np.isfinite(total) else np.inf
 

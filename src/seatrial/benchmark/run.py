@@ -88,15 +88,15 @@ class Result:
 
     def beaten(self) -> list[str]:
         """Where our entry is not the best, in words: by task and channel the methods whose CRPS is lower by more than a hundredth."""
-        said = []
+        sentences = []
         for ours in (one for one in self.entries if one.is_ours):
             if ours.failed:
-                said.append(f"{ours.method}: {ours.failed}")
+                sentences.append(f"{ours.method}: {ours.failed}")
                 continue
             for task in TASKS:
                 for column, channel in enumerate(self.channels):
-                    said += self._beaten(ours, task.name, column, channel)
-        return said
+                    sentences += self._beaten(ours, task.name, column, channel)
+        return sentences
 
     def _beaten(self, ours: Entry, task: str, column: int, channel: str) -> list[str]:
         own = ours.pooled[task][column].crps
@@ -139,20 +139,20 @@ class Result:
 
     def as_json(self) -> dict:
         """Return all of it as plain data; `docs/benchmark.md` tells the keys."""
-        found = self.set
+        benchmark_set = self.set
         return {
             "format": SCHEMA,
             "seatrial": __version__,
             "set": {
-                "name": found.name,
-                "title": found.title,
-                "vehicle": found.vehicle,
-                "source": dict(found.source),
-                "files": dict(found.files),
-                "fit": list(found.fit),
-                "held_back": list(found.held_back),
-                "horizon_s": found.horizon,
-                "known": dict(found.known),
+                "name": benchmark_set.name,
+                "title": benchmark_set.title,
+                "vehicle": benchmark_set.vehicle,
+                "source": dict(benchmark_set.source),
+                "files": dict(benchmark_set.files),
+                "fit": list(benchmark_set.fit),
+                "held_back": list(benchmark_set.held_back),
+                "horizon_s": benchmark_set.horizon,
+                "known": dict(benchmark_set.known),
             },
             "channels": dict(self.channels),
             "tasks": {task.name: task.words for task in TASKS},
@@ -179,12 +179,12 @@ def chance_of(differences: np.ndarray, samples: np.ndarray) -> float:
 
 
 def run_set(
-    found: BenchmarkSet, methods: Sequence[Method], data: Path | None, out: Path, reporter: Reporter = SILENT
+    benchmark_set: BenchmarkSet, methods: Sequence[Method], data: Path | None, out: Path, reporter: Reporter = SILENT
 ) -> Result:
     """Fit methods to a set and score them on its held-back runs.
 
     Args:
-        found: set.
+        benchmark_set: set.
         methods: those that are run.
         data: folder of the set's files; None where its runs are made.
         out: folder of results; the campaign of the set and its records lie in a folder of the set's name below it.
@@ -193,22 +193,22 @@ def run_set(
     Raises:
         InputError: a file of the set that is missing or wrong, a campaign that cannot be read, or no data folder.
     """
-    folder = out / found.name
-    if found.made is not None:
+    folder = out / benchmark_set.name
+    if benchmark_set.made is not None:
         data = folder / "records"
-        make_records(found, data)
+        make_records(benchmark_set, data)
     elif data is None:
         raise InputError(
-            f'set "{found.name}"',
+            f'set "{benchmark_set.name}"',
             found="no data folder",
             expected="the folder of its files",
-            remedy=f"give --data FOLDER or set SEATRIAL_DATA; {found.source['get']} Licence: {found.source['licence']}.",
+            remedy=f"give --data FOLDER or set SEATRIAL_DATA; {benchmark_set.source['get']} Licence: {benchmark_set.source['licence']}.",
         )
-    campaign = campaign_of(found, data, folder)
+    campaign = campaign_of(benchmark_set, data, folder)
     trials = import_trials(campaign, reporter)
     problem, units = Problem(campaign, trials, reporter), campaign.model(campaign.full).channel_units()
-    entries = tuple(_entry(problem, method, found.horizon) for method in methods)
-    return Result(found, {channel: units[channel] for channel in campaign.channels}, entries, campaign.units)
+    entries = tuple(_entry(problem, method, benchmark_set.horizon) for method in methods)
+    return Result(benchmark_set, {channel: units[channel] for channel in campaign.channels}, entries, campaign.units)
 
 
 def _entry(problem: Problem, method: Method, horizon: float) -> Entry:

@@ -195,35 +195,35 @@ def read_set(name: str) -> BenchmarkSet:
     )
 
 
-def campaign_of(found: BenchmarkSet, data: Path, folder: Path) -> Campaign:
+def campaign_of(benchmark_set: BenchmarkSet, data: Path, folder: Path) -> Campaign:
     """Write the campaign of a set into a folder and read it; its paths lead into the data folder, whose files are checked.
 
     Args:
-        found: the set.
+        benchmark_set: the set.
         data: folder of its files.
         folder: of the campaign and its results.
 
     Raises:
         InputError: a file that is missing or of another hash, or a campaign that cannot be read.
     """
-    places = {path: check_file(found, data, path) for path in found.files}
-    document = tomlkit.parse(found.text)
+    places = {path: check_file(benchmark_set, data, path) for path in benchmark_set.files}
+    document = tomlkit.parse(benchmark_set.text)
     for table in OWN_TABLES:
         document.pop(table, None)
     for file in document["import"]["files"]:  # pyright: ignore[reportGeneralTypeIssues, reportIndexIssue]
-        file["path"] = _written(file["path"], found, places, data)
+        file["path"] = _written(file["path"], benchmark_set, places, data)
         for column in file["channels"].values():
             if "curve" in column:
-                column["curve"] = _written(column["curve"], found, places, data)
-    text = f"# The campaign of the benchmark's set {found.name}.\n" + tomlkit.dumps(document).lstrip("\n")
+                column["curve"] = _written(column["curve"], benchmark_set, places, data)
+    text = f"# The campaign of the benchmark's set {benchmark_set.name}.\n" + tomlkit.dumps(document).lstrip("\n")
     path = folder / FILE_NAME
     if not path.is_file() or path.read_text(encoding="utf-8") != text:
         write_text(path, text)
-    with located(str(found.path)):
+    with located(str(benchmark_set.path)):
         return load_campaign(folder)
 
 
-def check_file(found: BenchmarkSet, data: Path, path: str) -> Path:
+def check_file(benchmark_set: BenchmarkSet, data: Path, path: str) -> Path:
     """Return where a file of a set lies, which may be compressed.
 
     Raises:
@@ -234,8 +234,8 @@ def check_file(found: BenchmarkSet, data: Path, path: str) -> Path:
         raise InputError(
             str(data / path),
             found="no such file",
-            expected=f'a file of the set "{found.name}", plain or with .gz behind its name',
-            remedy=f"{found.source['get']} Licence: {found.source['licence']}.",
+            expected=f'a file of the set "{benchmark_set.name}", plain or with .gz behind its name',
+            remedy=f"{benchmark_set.source['get']} Licence: {benchmark_set.source['licence']}.",
         )
     if not place.resolve().is_relative_to(data.resolve()):
         raise InputError(
@@ -245,12 +245,12 @@ def check_file(found: BenchmarkSet, data: Path, path: str) -> Path:
             remedy="copy the file there",
         )
     digest = _sha256_of_content(place)
-    if digest != found.files[path]:
+    if digest != benchmark_set.files[path]:
         raise InputError(
             str(place),
             found=f"SHA-256 {digest}",
-            expected=f'SHA-256 {found.files[path]}, as the set "{found.name}" says',
-            remedy=f"get the file again in version {found.source['version']}: {found.source['get']}",
+            expected=f'SHA-256 {benchmark_set.files[path]}, as the set "{benchmark_set.name}" says',
+            remedy=f"get the file again in version {benchmark_set.source['version']}: {benchmark_set.source['get']}",
         )
     return place
 
@@ -294,9 +294,9 @@ def _check_plain(path: str, where: str) -> None:
         )
 
 
-def _written(path: str, found: BenchmarkSet, places: Mapping[str, Path], data: Path) -> str:
+def _written(path: str, benchmark_set: BenchmarkSet, places: Mapping[str, Path], data: Path) -> str:
     """Return a path of `[import]` as the campaign names it; the files of all runs are compressed, or none of them."""
-    runs = (*found.fit, *found.held_back)
+    runs = (*benchmark_set.fit, *benchmark_set.held_back)
     lie = {
         places[one].name.endswith(".gz") and not one.endswith(".gz")
         for run in runs

@@ -36,23 +36,23 @@ MASS = 40.0
 COLUMNS = ("t", "tau_X", "delta_r", "u", "v", "r")
 
 
-def make_records(found: BenchmarkSet, folder: Path) -> None:
+def make_records(benchmark_set: BenchmarkSet, folder: Path) -> None:
     """Simulate the runs of a set and write each as `RUN.csv`; the same seed gives the same files.
 
     Raises:
         InputError: a run of the set that it does not make, or a duration, thrust or rudder that is none.
     """
-    assert found.made is not None
-    for run in (*found.fit, *found.held_back):
-        if run not in found.made.runs:
+    assert benchmark_set.made is not None
+    for run in (*benchmark_set.fit, *benchmark_set.held_back):
+        if run not in benchmark_set.made.runs:
             raise InputError(
-                f"{found.path}, made.runs.{run}",
+                f"{benchmark_set.path}, made.runs.{run}",
                 found="nothing",
                 expected="how each run of [import] is made",
                 remedy=f"add [made.runs.{run}] with duration, thrust and rudder",
             )
-    for index, (run, table) in enumerate(found.made.runs.items()):
-        where = f"{found.path}, made.runs.{run}"
+    for index, (run, table) in enumerate(benchmark_set.made.runs.items()):
+        where = f"{benchmark_set.path}, made.runs.{run}"
         duration = quantity(table.duration, "s", f"{where}.duration")
         largest = np.array(
             [quantity(table.thrust, "N", f"{where}.thrust"), quantity(table.rudder, "rad", f"{where}.rudder")]
@@ -64,7 +64,7 @@ def make_records(found: BenchmarkSet, folder: Path) -> None:
                 expected="2 s to an hour, and positive sizes",
                 remedy="correct them",
             )
-        random = np.random.default_rng([found.made.seed, index])
+        random = np.random.default_rng([benchmark_set.made.seed, index])
         columns = simulate(duration, largest, random)
         lines = [
             ",".join(COLUMNS),
@@ -124,8 +124,8 @@ def _rates(state: np.ndarray, asked: np.ndarray, waves: np.ndarray) -> np.ndarra
 
 def _steps(time: np.ndarray, random: np.random.Generator, low: float, high: float) -> np.ndarray:
     """Random steps of random lengths, between the two levels."""
-    found, at = np.empty(time.size), 0.0
+    steps, at = np.empty(time.size), 0.0
     while at <= time[-1]:
-        found[time >= at] = random.uniform(low, high)
+        steps[time >= at] = random.uniform(low, high)
         at += random.uniform(*HELD)
-    return found
+    return steps

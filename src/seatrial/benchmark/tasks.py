@@ -67,7 +67,7 @@ def stretches(task: Task, record: Record, channels: Sequence[str], horizon: floa
 
 def leads(piece: Sequence[Stretch], size: int) -> np.ndarray:
     """Return how many samples each one lies behind the start of its stretch; 0 where nothing is predicted, shape (size,)."""
-    found = np.zeros(size, int)
+    distances = np.zeros(size, int)
     for begin, end in piece:
-        found[begin + 1 : end + 1] = np.arange(1, end - begin + 1)
-    return found
+        distances[begin + 1 : end + 1] = np.arange(1, end - begin + 1)
+    return distances

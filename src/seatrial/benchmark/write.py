@@ -122,21 +122,23 @@ def rows_of(result: Result, task: str) -> list[tuple[str, bool, list[list[str]]]
 
 def lines(result: Result) -> list[str]:
     """Return the table as the command prints it."""
-    said = [f"{result.set.title}: fitted to {', '.join(result.set.fit)}; held back {', '.join(result.set.held_back)}"]
+    sentences = [
+        f"{result.set.title}: fitted to {', '.join(result.set.fit)}; held back {', '.join(result.set.held_back)}"
+    ]
     width = max(len(entry.method) for entry in result.entries)
     for task in TASKS:
         horizon = f" of {result.set.horizon:g} s" if task.name == "short" else ""
-        said += [
+        sentences += [
             "",
             f"{task.words}{horizon}",
             f"  {'':<{width}} channel   explained      CRPS   log score  in 50 %  in 90 %  by chance",
         ]
         for method, _, channels in rows_of(result, task.name):
             for cells in channels:
-                said.append(
+                sentences.append(
                     f"  {method:<{width}} {cells[0]:<8} {cells[1]:>10} {cells[2]:>9} {cells[3]:>11} {cells[4]:>8} {cells[5]:>8}  {cells[6]}"
                 )
-    said += [
+    sentences += [
         "",
         *(
             f"{entry.method}: {entry.seconds_fit:.1f} s to fit, {entry.seconds_predict:.1f} s to predict"
@@ -145,8 +147,8 @@ def lines(result: Result) -> list[str]:
             if not entry.failed
         ),
     ]
-    said += [f"{entry.method}: no result: {entry.failed}" for entry in result.entries if entry.failed]
-    return said + coefficient_lines(result)
+    sentences += [f"{entry.method}: no result: {entry.failed}" for entry in result.entries if entry.failed]
+    return sentences + coefficient_lines(result)
 
 
 def coefficient_lines(result: Result) -> list[str]:

@@ -112,8 +112,8 @@ async def keep_form(path: Path, ask: Callable[[], Awaitable[Any]], make: Callabl
     forms: list[Any] = []
     read = stamp(path)
 
-    def built(found: Any) -> None:
-        forms[:] = [make(found)]
+    def built(answer: Any) -> None:
+        forms[:] = [make(answer)]
 
     async def show() -> None:
         nonlocal read
@@ -143,7 +143,7 @@ async def fill(
 
     async def put() -> None:
         try:
-            found = await task
+            answer = await task
         except (SeatrialError, OSError) as error:
             if is_wanted():
                 holder.clear()
@@ -153,7 +153,7 @@ async def fill(
         if is_wanted():
             holder.clear()
             with holder:
-                made = build(found)
+                made = build(answer)
                 if asyncio.iscoroutine(made):
                     await made
 

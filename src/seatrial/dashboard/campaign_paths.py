@@ -65,15 +65,15 @@ class CampaignPaths:
 
     def campaigns(self) -> list[str]:
         """Names of all campaigns, by their place below the root; `.` is the root itself."""
-        found, waiting = [], [(self.root, 0)]
-        while waiting and len(found) < MOST:
+        names, waiting = [], [(self.root, 0)]
+        while waiting and len(names) < MOST:
             folder, depth = waiting.pop()
             if (folder / CAMPAIGN).is_file():
-                found.append(folder.relative_to(self.root).as_posix())
+                names.append(folder.relative_to(self.root).as_posix())
                 continue
             if depth < DEEPEST:
                 waiting += [(one, depth + 1) for one in _folders(folder)]
-        return sorted(found)
+        return sorted(names)
 
     def folder(self, name: str) -> Path:
         """Folder of a campaign.
@@ -183,7 +183,7 @@ class CampaignPaths:
 
 def logs_of(folder: Path, suffixes: tuple[str, ...]) -> list[str]:
     """Logs inside a campaign's folder, results aside, relative to it; links that lead outside are left out."""
-    results, found = Store(folder).results, []
+    results, logs = Store(folder).results, []
     for base, folders, files in os.walk(folder):
         folders[:] = sorted(
             one for one in folders if not one.startswith(".") and Path(base, one) != results and _is_text(one)
@@ -191,8 +191,8 @@ def logs_of(folder: Path, suffixes: tuple[str, ...]) -> list[str]:
         for name in sorted(files):
             path = Path(base, name)
             if _is_text(name) and name.lower().endswith(suffixes) and path.resolve().is_relative_to(folder.resolve()):
-                found.append(path.relative_to(folder).as_posix())
-    return found[:200]
+                logs.append(path.relative_to(folder).as_posix())
+    return logs[:200]
 
 
 def upload_name(given: str, suffixes: tuple[str, ...]) -> str:

@@ -299,9 +299,9 @@ class TimeChart:
 
     def _layouts(self) -> list[dict[str, Any]]:
         """Layouts of the legend and the panels by the width of the chart: the narrower, the more lines the legend has."""
-        found: list[dict[str, Any]] = [{"option": self._layout(WIDTHS[0])}]
+        layouts: list[dict[str, Any]] = [{"option": self._layout(WIDTHS[0])}]
         narrower = (*WIDTHS[1:], WIDTHS[-1])
-        return found + [
+        return layouts + [
             {"query": {"maxWidth": most}, "option": self._layout(least)}
             for most, least in zip(WIDTHS, narrower, strict=True)
         ]

@@ -46,12 +46,12 @@ def options_of(command: str) -> tuple[CommandOption, ...]:
     """Return the options of a command; not those that only change how it prints, nor those that name files anywhere."""
     called = COMMANDS[command].function
     defaults = {name: one.default for name, one in signature(called).parameters.items()}
-    found = []
+    options = []
     for name, hint in get_type_hints(called, include_extras=True).items():
         about = next((one for one in getattr(hint, "__metadata__", ()) if isinstance(one, OptionInfo)), None)
         if about is not None and name != "quiet" and Path not in _types(hint):
-            found.append(_option(name, hint, about, defaults.get(name)))
-    return tuple(found)
+            options.append(_option(name, hint, about, defaults.get(name)))
+    return tuple(options)
 
 
 def words_of_options(command: str, values: Mapping[str, Value]) -> list[str]:

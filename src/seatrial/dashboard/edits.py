@@ -54,8 +54,8 @@ def with_map(folder: Path, text: str, run: str, channel_map: str) -> str:
     """
     _check_map(folder, run, channel_map)
     where = str(folder / CAMPAIGN)
-    found = toml_content(where, text).get("import")
-    earlier = found if isinstance(found, dict) else {}
+    table = toml_content(where, text).get("import")
+    earlier = table if isinstance(table, dict) else {}
     new, others = {**earlier, "files": files_of(channel_map)}, False
     if run not in (*earlier.get("fit", ()), *earlier.get("predict", ())):
         new = {"fit": [run]} | {key: value for key, value in new.items() if key not in ("fit", *OF_RUNS)}
@@ -137,8 +137,8 @@ def runs_of(text: str) -> tuple[str, ...]:
     Raises:
         InputError: a file that is not TOML.
     """
-    found = toml_content(CAMPAIGN, text).get("import", {})
-    return (*found.get("fit", ()), *found.get("predict", ())) if isinstance(found, dict) else ()
+    table = toml_content(CAMPAIGN, text).get("import", {})
+    return (*table.get("fit", ()), *table.get("predict", ())) if isinstance(table, dict) else ()
 
 
 def runs_reading(text: str, log: str) -> tuple[str, ...]:
@@ -166,8 +166,8 @@ def is_named(text: str, file: str) -> bool:
         InputError: a campaign file that is not TOML.
     """
     runs = runs_of(text) or ("",)
-    said = list(_strings_in(toml_content(CAMPAIGN, text)))
-    return any(Path(one.replace("{run}", run)) == Path(file) for one in said for run in runs)
+    strings = list(_strings_in(toml_content(CAMPAIGN, text)))
+    return any(Path(one.replace("{run}", run)) == Path(file) for one in strings for run in runs)
 
 
 def map_of_run(channel_map: str, run: str) -> tuple[str, str]:
@@ -369,8 +369,8 @@ def files_of(channel_map: str) -> list[dict[str, Any]]:
     Raises:
         InputError: a map that is not TOML.
     """
-    found = toml_content("the channel map", channel_map).get("import", {})
-    return found.get("files", []) if isinstance(found, dict) else []
+    table = toml_content("the channel map", channel_map).get("import", {})
+    return table.get("files", []) if isinstance(table, dict) else []
 
 
 def channels_of(channel_map: str) -> dict[str, dict[str, Any]]:

@@ -279,21 +279,21 @@ def samples_of(column: LogColumn) -> tuple[Decimal, Samples]:
 
 
 def _look(path: str, relative: str, only: tuple[str, ...], clocks: Mapping[str | None, str]) -> Looked:
-    found = inspect_log(Path(path))
-    heads = {one.info.name: found.head_toml(one, relative) for one in found.tables if not one.info.trouble}
+    summary = inspect_log(Path(path))
+    heads = {one.info.name: summary.head_toml(one, relative) for one in summary.tables if not one.info.trouble}
     guesses = tuple(
         Guessed(one.channel, one.table, one.column, one.unit, one.scale, one.reason, one.between or "")
-        for one in best(found.guesses, only)
+        for one in best(summary.guesses, only)
     )
-    tables = tuple(_table_words(table) for table in found.tables)
-    columns = tuple(column for table in found.tables for column in _columns(table))[:MOST_COLUMNS]
-    if None in clocks and len(found.tables) == 1:
-        clocks = {found.tables[0].info.name: clocks[None]}
-    axes = {one.info.name: _axis(one, clocks.get(one.info.name)) for one in found.tables}
-    drawn = _pictures(found, columns, axes)
+    tables = tuple(_table_words(table) for table in summary.tables)
+    columns = tuple(column for table in summary.tables for column in _columns(table))[:MOST_COLUMNS]
+    if None in clocks and len(summary.tables) == 1:
+        clocks = {summary.tables[0].info.name: clocks[None]}
+    axes = {one.info.name: _axis(one, clocks.get(one.info.name)) for one in summary.tables}
+    drawn = _pictures(summary, columns, axes)
     columns = tuple(one._replace(picture=drawn.get((one.table, one.name), "")) for one in columns)
-    quantities = {(one.table, one.column): one.channel for one in best(found.guesses)}
-    return Looked(found.kind, tables, columns, guesses, heads, tuple(found.remarks), axes, quantities)
+    quantities = {(one.table, one.column): one.channel for one in best(summary.guesses)}
+    return Looked(summary.kind, tables, columns, guesses, heads, tuple(summary.remarks), axes, quantities)
 
 
 def _axis(table: TableSummary, named: str | None) -> PictureAxis:
@@ -304,12 +304,12 @@ def _axis(table: TableSummary, named: str | None) -> PictureAxis:
 
 
 def _pictures(
-    found: LogSummary, columns: Sequence[Column], axes: Mapping[str, PictureAxis]
+    summary: LogSummary, columns: Sequence[Column], axes: Mapping[str, PictureAxis]
 ) -> dict[tuple[str, str], str]:
     """Paths of small pictures: the least and greatest of each stretch of the axis, one stroke after another."""
     begin = {
         table.info.name: one.least
-        for table in found.tables
+        for table in summary.tables
         for one in table.columns
         if one.name == axes[table.info.name].clock
     }
@@ -322,7 +322,7 @@ def _pictures(
         table: list(dict.fromkeys([*names, *filter(None, [axes[table].clock])])) for table, names in wanted.items()
     }
     begun = dict.fromkeys(wanted, 0)
-    for block in stream(found.log, asked) if asked else ():
+    for block in stream(summary.log, asked) if asked else ():
         axis, count = axes[block.table], max((values.size for values in block.columns.values()), default=0)
         if axis.clock:
             along = (block.columns[axis.clock].astype(float) - begin[block.table]) / axis.length

@@ -232,8 +232,8 @@ class MapDraft:
         """Return what the map says of a table of a log, as its `[[import.files]]`; where it says nothing, what the log itself tells."""
         (own,) = edits.files_of(self.logs[log].heads[table])
         identity = self.named(log), own.get("table")
-        said = next((one for one in self.files or () if edits.identity_of(one) == identity), {})
-        return {**own, **said, "time": {**own["time"], **said.get("time", {})}}
+        entry = next((one for one in self.files or () if edits.identity_of(one) == identity), {})
+        return {**own, **entry, "time": {**own["time"], **entry.get("time", {})}}
 
     def head_of(self, channel: str) -> str:
         """Return the `[[import.files]]` that a channel of the map stands in, without channels: as the campaign file names it."""

@@ -132,10 +132,10 @@ def export_targets(folder: str, rest: str) -> tuple[ExportTarget, ...]:
     """
     try:
         vehicle, _ = of_campaign(folder, rest=rest or None)
-        found = [_export_target(make_exporter(name), vehicle) for name in EXPORTERS]
+        targets = [_export_target(make_exporter(name), vehicle) for name in EXPORTERS]
     except InputError as error:
-        found = [ExportTarget(name, False, error.sentence(), ()) for name in EXPORTERS]
-    return (*found, *_trial_targets(folder))
+        targets = [ExportTarget(name, False, error.sentence(), ()) for name in EXPORTERS]
+    return (*targets, *_trial_targets(folder))
 
 
 def _trial_targets(folder: str) -> list[ExportTarget]:
@@ -143,15 +143,15 @@ def _trial_targets(folder: str) -> list[ExportTarget]:
         trial = read_trial(folder)
     except InputError as error:
         return [ExportTarget(name, True, error.sentence(), ()) for name in FORMATS]
-    found, place = [], Path(folder) / "export" / "trial"
+    targets, place = [], Path(folder) / "export" / "trial"
     for name in FORMATS:
         refusal = ""
         try:
             check_format(trial, name, place)
         except InputError as error:
             refusal = error.sentence()
-        found.append(ExportTarget(name, True, refusal, ()))
-    return found
+        targets.append(ExportTarget(name, True, refusal, ()))
+    return targets
 
 
 def _export_target(exporter: Exporter, vehicle: ExportedVehicle) -> ExportTarget:
@@ -344,16 +344,16 @@ def look_at(folder: str, which: str, family: int, row: int, column: int) -> Clic
 
 def whole_log(folder: str, run: str, files: tuple) -> RecordAbout:
     """Say what the files of a run hold, before any trimming; read again when the files change, of which `files` tells."""
-    found, _ = _untrimmed(folder, run, files)
-    roles = {channel.name: str(channel.role) for channel in found.channels}
-    provenance = found.provenance
-    return about(roles, found.time.size, float(found.time[-1]), provenance.options, provenance.source)
+    record, _ = _untrimmed(folder, run, files)
+    roles = {channel.name: str(channel.role) for channel in record.channels}
+    provenance = record.provenance
+    return about(roles, record.time.size, float(record.time[-1]), provenance.options, provenance.source)
 
 
 def whole_log_view(folder: str, run: str, files: tuple, start: float, end: float, columns: int) -> dict[str, Envelope]:
     """Curves of `whole_log` between two times, in the units in which they are shown."""
-    found, index = _untrimmed(folder, run, files)
-    curves = view_of(index, _rows(found), start, end, columns)
+    record, index = _untrimmed(folder, run, files)
+    curves = view_of(index, _rows(record), start, end, columns)
     return {name: _in_shown(name, curve) for name, curve in curves.items()}
 
 
@@ -391,11 +391,11 @@ def axis_view(
     columns: int,
 ) -> dict[str, Envelope]:
     """Curves of `axis_about` between two times, in the units in which they are shown."""
-    found = {}
+    curves = {}
     for name, one in _tracks(folder, text, run, files, compared).items():
         (curve,) = view_of(one.index, one.load, start, end, columns).values()
-        found[name] = curve if one.role == COMPARED else _in_shown(name, curve)
-    return found
+        curves[name] = curve if one.role == COMPARED else _in_shown(name, curve)
+    return curves
 
 
 def candidate(folder: str, label: str, run: str) -> dict[str, np.ndarray]:
@@ -418,12 +418,12 @@ def candidate(folder: str, label: str, run: str) -> dict[str, np.ndarray]:
         )
     estimate = Results(Path(folder)).posterior(label)
     (curves,) = predict_held_back(campaign, estimate, Trials((record,), (record,), "")).curves
-    found = {"time": curves["time"] + origin_of(record.provenance.options, record.provenance.source)}
+    columns = {"time": curves["time"] + origin_of(record.provenance.options, record.provenance.source)}
     for at, name in enumerate(campaign.channels):
         mean, sd, factor = curves["mean"][:, at], curves["sd"][:, at], shown_unit(name)[0]
         for part, values in ((name, mean), (f"{name} lower", mean - Z90 * sd), (f"{name} upper", mean + Z90 * sd)):
-            found[part] = values * factor
-    return found
+            columns[part] = values * factor
+    return columns
 
 
 class _Track(NamedTuple):
@@ -441,20 +441,20 @@ def _tracks(folder: str, text: str, run: str, files: tuple, compared: tuple[LogC
     """What is compared, then the channels of the logs of a run, measurements first; s from the earliest stamp of these logs."""
     del files  # part of the key only
     tables = read_tables(check_text(Path(folder), text), run)
-    origin, found = min(table.epoch for table in tables), {}
+    origin, tracks = min(table.epoch for table in tables), {}
     for column in compared:
         epoch, (time, values) = samples_of(column)
         log = Path(column.path).name
         if np.isfinite(values).any():
             scaled = (values - np.nanmean(values)) / (np.nanstd(values) or 1.0)
-            found[f"{column.name} · {log}"] = _track(log, COMPARED, time + float(epoch - origin), scaled)
+            tracks[f"{column.name} · {log}"] = _track(log, COMPARED, time + float(epoch - origin), scaled)
     for role in ("measurement", "control"):
         for table in tables:
             for channel in table.channels:
                 if channel.role == role:
                     time = table.time + float(table.epoch - origin)
-                    found[channel.name] = _track(table.source, role, time, table.columns[channel.name])
-    return found
+                    tracks[channel.name] = _track(table.source, role, time, table.columns[channel.name])
+    return tracks
 
 
 def _track(log: str, role: str, time: np.ndarray, values: np.ndarray) -> _Track:
@@ -468,8 +468,8 @@ def _track(log: str, role: str, time: np.ndarray, values: np.ndarray) -> _Track:
 def _untrimmed(folder: str, run: str, files: tuple) -> tuple[Record, Index]:
     """The files of a run as one record, and its index."""
     del files  # part of the key only
-    found = read_untrimmed(load_campaign(folder), run)
-    return found, index_of(found.time.size, _rows(found))
+    record = read_untrimmed(load_campaign(folder), run)
+    return record, index_of(record.time.size, _rows(record))
 
 
 def _rows(record: Record) -> Load:
@@ -491,12 +491,12 @@ def _of_control(limits: Limits, sweep: Sweep, values: np.ndarray) -> list[Margin
         (f"{control} at most", limits.upper, float(values.max()), -1, unit),
         (f"rate of {control} at most", limits.rate, fastest, -1, f"{unit}/s"),
     ]
-    found = []
+    charts = []
     for what, bound, reached, sign, shown in rows:
         if bound is not None:
             room = sign * (reached - bound) * factor
             kept = room >= -1e-9 * max(1.0, abs(bound * factor))
-            found.append(
+            charts.append(
                 Margin(
                     what,
                     f"{bound * factor:.4g} {shown}",
@@ -505,7 +505,7 @@ def _of_control(limits: Limits, sweep: Sweep, values: np.ndarray) -> list[Margin
                     kept,
                 )
             )
-    return found
+    return charts
 
 
 def _of_motion(campaign: Campaign, which: str, sweep: Sweep, at: tuple[int, int]) -> list[Margin]:
@@ -523,13 +523,13 @@ def _of_motion(campaign: Campaign, which: str, sweep: Sweep, at: tuple[int, int]
     controls = sweep.controls(*at)[: plan.step.shape[0]][None]
     probability = campaign.design.probability
     safety = judge_safety(plan, controls, draws, campaign.motion_limits, probability)
-    found = []
+    charts = []
     for i, limit in enumerate(safety.limits):
         factor, unit = limit.shown
         room = float(safety.margin[0, i]) * factor
         reached = f"kept in {int(safety.held[0, :, i].sum())} of {safety.draws} draws"
-        found.append(Margin(limit.words, f"probability {probability:g}", reached, f"{room:.3g} {unit}", room >= 0))
-    return found
+        charts.append(Margin(limit.words, f"probability {probability:g}", reached, f"{room:.3g} {unit}", room >= 0))
+    return charts
 
 
 def _believed(campaign: Campaign, which: str):

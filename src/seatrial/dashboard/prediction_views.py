@@ -62,9 +62,9 @@ def fit_view(path: Path, index: int, channel: int, low: float, high: float, colu
     blocks = _fit_index(path, index, channel, there.st_size, there.st_mtime_ns)
     with stored(path) as file:
         load = _fit_rows(file, channel, _factor(path, channel), _rows_of_record(file, index)[0])
-        found = view_of(blocks, load, low, high, columns)
-    lower, upper = found.pop("lower"), found.pop("upper")
-    return {**found, "band": Envelope(lower.time, lower.least, upper.greatest)}
+        envelopes = view_of(blocks, load, low, high, columns)
+    lower, upper = envelopes.pop("lower"), envelopes.pop("upper")
+    return {**envelopes, "band": Envelope(lower.time, lower.least, upper.greatest)}
 
 
 def read_ahead(path: Path) -> None:

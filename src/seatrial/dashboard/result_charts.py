@@ -53,28 +53,28 @@ _HOVER = f"""(all) => {{ {_NUMBERS} const plain = (text) => text.replace(/[&<>"]
   return [digits(all[0].axisValue), ...rows].join("<br>"); }}"""
 
 
-def surface_chart(found: Swept, family: int, measure: str, at: tuple[int, int]) -> ui.echart:
+def surface_chart(sweep: Swept, family: int, measure: str, at: tuple[int, int]) -> ui.echart:
     """Draw what every design of a family is worth: cells of amplitude and period, a line where only one of them varies.
 
     Args:
-        found: the sweep.
+        sweep: all designs that were swept.
         family: as its file counts them.
         measure: `gain` or `worth`.
         at: row and column that are chosen.
     """
-    values = (found.gain if measure == "gain" else found.worth)[family]
+    values = (sweep.gain if measure == "gain" else sweep.worth)[family]
     what = "entropy reduction [nat]" if measure == "gain" else "utility"
-    names = unit_label(f"amplitude of {found.control}", found.unit), "period [s]"
-    title = f"Information of each design: {found.families[family].replace('-', ' ')}"
-    best = np.unravel_index(int(np.nanargmax(found.worth[family])), values.shape)
+    names = unit_label(f"amplitude of {sweep.control}", sweep.unit), "period [s]"
+    title = f"Information of each design: {sweep.families[family].replace('-', ' ')}"
+    best = np.unravel_index(int(np.nanargmax(sweep.worth[family])), values.shape)
     if min(values.shape) == 1:
-        return _sweep_line(found, values.ravel(), at[0] + at[1], int(best[0] + best[1]), (*names, what), title)
+        return _sweep_line(sweep, values.ravel(), at[0] + at[1], int(best[0] + best[1]), (*names, what), title)
     cells = [
-        [j, i, _value(values[i, j]), _words_of_cell(found, family, i, j, values[i, j], what)]
+        [j, i, _value(values[i, j]), _words_of_cell(sweep, family, i, j, values[i, j], what)]
         for i, j in np.ndindex(values.shape)
         if isfinite(values[i, j])
     ]
-    rows, columns = ([f"{one:.4g}" for one in grid] for grid in (found.amplitude, found.period))
+    rows, columns = ([f"{one:.4g}" for one in grid] for grid in (sweep.amplitude, sweep.period))
     top = float(np.nanmax(values))
     options = {
         "grid": {
@@ -113,10 +113,10 @@ def surface_chart(found: Swept, family: int, measure: str, at: tuple[int, int]) 
 
 
 def _sweep_line(
-    found: Swept, values: np.ndarray, at: int, best: int, names: tuple[str, str, str], title: str
+    sweep: Swept, values: np.ndarray, at: int, best: int, names: tuple[str, str, str], title: str
 ) -> ui.echart:
-    over_period = len(found.amplitude) == 1
-    grid = found.period if over_period else found.amplitude
+    over_period = len(sweep.amplitude) == 1
+    grid = sweep.period if over_period else sweep.amplitude
     points = [[x, _value(y)] for x, y in zip(grid, values, strict=True)]
     options = {
         "grid": {"left": 60, "right": 20, "top": 34, "bottom": 46},
@@ -133,11 +133,11 @@ def _sweep_line(
     return chart(options, title, 300)
 
 
-def mark_chosen(element: ui.echart, found: Swept, family: int, measure: str, at: tuple[int, int]) -> None:
+def mark_chosen(element: ui.echart, sweep: Swept, family: int, measure: str, at: tuple[int, int]) -> None:
     """Move the mark of the chosen design; what is zoomed stays so."""
-    values = (found.gain if measure == "gain" else found.worth)[family]
+    values = (sweep.gain if measure == "gain" else sweep.worth)[family]
     if min(values.shape) == 1:
-        grid = found.period if len(found.amplitude) == 1 else found.amplitude
+        grid = sweep.period if len(sweep.amplitude) == 1 else sweep.amplitude
         place = [grid[at[0] + at[1]], _value(values.ravel()[at[0] + at[1]])]
     else:
         place = [at[1], at[0]]
@@ -284,9 +284,9 @@ async def fit_charts(context: AppContext, path: Path, index: int, channel: int, 
     shade = "orange" if about.is_held_back else "blue"
 
     async def view(low: float, high: float, columns: int) -> Any:
-        found = await ask(low, high, columns)
-        edge = np.full_like(found["residual"].time, Z90)
-        return {**found, "inside": found["residual"]._replace(least=-edge, greatest=edge)}
+        envelopes = await ask(low, high, columns)
+        edge = np.full_like(envelopes["residual"].time, Z90)
+        return {**envelopes, "inside": envelopes["residual"]._replace(least=-edge, greatest=edge)}
 
     curves = (
         Curve("band", "90 % band", shade, "band"),
@@ -405,12 +405,12 @@ def _curve(name: str, x: np.ndarray, y: np.ndarray, shade: str, dash: str) -> di
     return {"type": "line", "name": name, "showSymbol": False, "color": colour(shade), "lineStyle": line, "data": data}
 
 
-def _words_of_cell(found: Swept, family: int, row: int, column: int, value: float, what: str) -> str:
-    after = found.final_sd[family, row, column]
+def _words_of_cell(sweep: Swept, family: int, row: int, column: int, value: float, what: str) -> str:
+    after = sweep.final_sd[family, row, column]
     lines = [
-        f"{found.amplitude[row]:.4g} {found.unit}, {found.period[column]:.4g} s",
+        f"{sweep.amplitude[row]:.4g} {sweep.unit}, {sweep.period[column]:.4g} s",
         f"{what}: <b>{value:.4g}</b>",
-        *(f"sd of {escape(name)}: {sd:.3g}" for name, sd in list(zip(found.names, after, strict=True))[:6]),
+        *(f"sd of {escape(name)}: {sd:.3g}" for name, sd in list(zip(sweep.names, after, strict=True))[:6]),
     ]
     return "<br>".join(lines)
 

@@ -71,11 +71,11 @@ def estimated(paths: tuple[Path, ...], written: tuple[tuple[str, str], ...]) -> 
     Raises:
         InputError: missing or damaged.
     """
-    shown, found = shown_as_written(dict(written)), []
+    shown, structures = shown_as_written(dict(written)), []
     for path in paths:
         with decoding(path, "seatrial run"):
-            found.append(_estimated(read_result(Estimate, path, "seatrial estimate"), shown))
-    return tuple(found)
+            structures.append(_estimated(read_result(Estimate, path, "seatrial estimate"), shown))
+    return tuple(structures)
 
 
 def _estimated(estimate: Estimate, shown: Shown) -> EstimatedStructure:

@@ -95,11 +95,11 @@ class RunBar:
     def _look(self) -> None:
         job = self.context.look(self.folder)
         self.part.set_visibility(job.running)
-        found = standing_of(job, time.time()) if job.running else Standing("", None)
-        value = "" if found.share is None else Markup(' value="{:.3f}"').format(found.share)
+        standing = standing_of(job, time.time()) if job.running else Standing("", None)
+        value = "" if standing.share is None else Markup(' value="{:.3f}"').format(standing.share)
         html = Markup(
             '<a class="running" href="{}"><span class="dot"></span>{}</a><progress max="1"{} aria-label="{}"></progress>'
-        ).format(self.address, found.words, value, "progress of the command")
+        ).format(self.address, standing.words, value, "progress of the command")
         if html != self.shown:
             self.shown = html
             self.words.set_content(html)

@@ -74,9 +74,9 @@ class Session:
         try:
             if not self._channel.poll(seconds):
                 return None
-            said = json.loads(self._channel.recv_bytes())
-            self._asked, self._is_last = False, said["last"]
-            return said["code"]
+            answer = json.loads(self._channel.recv_bytes())
+            self._asked, self._is_last = False, answer["last"]
+            return answer["code"]
         except (EOFError, OSError):
             self._asked, self._is_last = False, True
             code = self.process.wait()

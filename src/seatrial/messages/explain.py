@@ -16,7 +16,8 @@ def explanation(code: str, where: str = "code", heading: str = "#") -> str:
         InputError: no such code.
     """
     entry = entry_of(code, where)
-    example, limits = entry.example, _limits(code)
+    example = entry.example
+    limits = next(file.thresholds() for file in SUBJECTS.values() if code in file.ENTRIES)
     lines = [
         f"{heading} {code}",
         "",
@@ -51,7 +52,3 @@ def page() -> str:
     for subject, file in SUBJECTS.items():
         parts += [f"## {subject}\n", *(explanation(code, heading="###") for code in file.ENTRIES)]
     return "\n".join(parts)
-
-
-def _limits(code: str) -> dict[str, float]:
-    return next(file.thresholds() for file in SUBJECTS.values() if code in file.ENTRIES)

@@ -33,17 +33,6 @@ def _noise(values: Mapping[str, Any]) -> str:
     return f"{values['noise_sd'] * factor:.2g} {unit}{slow}"
 
 
-def _hidden(values: Mapping[str, Any]) -> str:
-    return f"{_explained(values)}: the residuals of the fit, {_noise(values)}, are as large as the motion of this run"
-
-
-def _poor(values: Mapping[str, Any]) -> str:
-    return (
-        f"{_explained(values)}: the model misses most of the motion, and its band is wide because of the residuals of the fit, "
-        f"{_noise(values)}, not because the coefficients are uncertain"
-    )
-
-
 def _few(values: Mapping[str, Any]) -> str:
     from seatrial.core.display_units import count_below
     from seatrial.estimation.prediction.fit_verdict import MIN_EFFECTIVE_SAMPLES
@@ -205,14 +194,19 @@ ENTRIES = {
     ),
     "noise-hides-motion": Entry(
         title="Noise hides the motion",
-        sentence=_hidden,
+        sentence=lambda values: (
+            f"{_explained(values)}: the residuals of the fit, {_noise(values)}, are as large as the motion of this run"
+        ),
         meaning="The run is a weak test of the model.",
         decided="Less than {POOR:.0%} of the variance is explained, and the noise of the fit is more than half of it.",
         example=_example("noise-hides-motion", "note", _SCORES, "move-more"),
     ),
     "predicted-poorly": Entry(
         title="Predicted poorly",
-        sentence=_poor,
+        sentence=lambda values: (
+            f"{_explained(values)}: the model misses most of the motion, and its band is wide because of the residuals of the fit, "
+            f"{_noise(values)}, not because the coefficients are uncertain"
+        ),
         meaning="The run contains an effect that the model lacks.",
         decided="Less than {POOR:.0%} of the variance is explained, and neither noise nor coefficients account for it.",
         example=_example("predicted-poorly", "caution", _SCORES, "add-term", "add-delay", "add-error-model"),

@@ -97,12 +97,6 @@ def _uncommanded(values: Mapping[str, Any]) -> str:
     return f"{order}set scale = -1 for {{subject:and}} or its command in the channel map, or check the axes (east-north-up?)"
 
 
-def _uncommanded_python(values: Mapping[str, Any]) -> str:
-    return (
-        _uncommanded(values).replace("set scale = -1", "give scale=-1.0").replace("in the channel map", "in read_log")
-    )
-
-
 def _unlike_trim(values: Mapping[str, Any]) -> str:
     how = {"median": "is", "controls": "with the controls at trim is", "coefficients": "by the coefficients at trim is"}
     return f"{{subject:and}} {how[values['by']]} about {{size:signal}}, but the stated trim is {{trim:signal}}"
@@ -464,7 +458,13 @@ ENTRIES = {
 }
 REMEDIES = {
     "reverse-sign": Remedy(
-        command=_uncommanded, python=_uncommanded_python, page="set the scale of the channel to -1 in the import form"
+        command=_uncommanded,
+        python=lambda values: (
+            _uncommanded(values)
+            .replace("set scale = -1", "give scale=-1.0")
+            .replace("in the channel map", "in read_log")
+        ),
+        page="set the scale of the channel to -1 in the import form",
     ),
     "shift-clock": Remedy(command="compare the clocks of the files: {late:late} would explain it as well"),
     "check-map-and-clocks": Remedy(command="check the channel map, the clocks and the priors"),

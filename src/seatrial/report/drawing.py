@@ -268,11 +268,8 @@ def _short(path: re.Match) -> str:
     text = path[1]
     if text.count("\n") > COARSE_POINTS:
         text = _LONG_NUMBER.sub(lambda number: f"{float(number[0]):.1f}".removesuffix(".0"), text)
-    return f' d="{_LEVEL.sub(_level, _SPACE.sub(_letter, text.strip()))}"'
-
-
-def _letter(match: re.Match) -> str:
-    return match[1]
+    text = _SPACE.sub(r"\1", text.strip())
+    return f' d="{_LEVEL.sub(_level, text)}"'
 
 
 def _level(stroke: re.Match) -> str:

@@ -30,13 +30,13 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
         "Everything the forms write, and what they have no field for. It is checked as a whole before it is written."
     )
     with section(str(folder.name) + "/" + CAMPAIGN, words):
-        said = ui.element("div")
+        messages = ui.element("div")
         await keep_form(
             folder / CAMPAIGN,
             lambda: asyncio.to_thread(read_file, folder),
-            partial(FileForm, context, campaign, folder, said),
+            partial(FileForm, context, campaign, folder, messages),
         )
-        said.move()
+        messages.move()
 
 
 class FileForm:
@@ -50,8 +50,8 @@ class FileForm:
         text: of the file.
     """
 
-    def __init__(self, context: AppContext, campaign: str, folder: Path, said: ui.element, text: str) -> None:
-        self.context, self.campaign, self.folder, self.said, self.seen = context, campaign, folder, said, text
+    def __init__(self, context: AppContext, campaign: str, folder: Path, messages: ui.element, text: str) -> None:
+        self.context, self.campaign, self.folder, self.said, self.seen = context, campaign, folder, messages, text
         self.text = ui.textarea("campaign.toml, as TOML", value=text).props('outlined spellcheck="false"')
         self.text.classes("mono wide whole").style("width: 100%")
         with ui.element("div").classes("line"):

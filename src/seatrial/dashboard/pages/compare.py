@@ -95,14 +95,14 @@ def nothing_beside(others: list[str], root: Path) -> Markup:
 
 def shared_sides(ours: Summary, theirs: Summary) -> list[Side]:
     """Coefficients of the vehicle that both campaigns estimate, in joint standard deviations from ours."""
-    other, found = {row.name: row for row in theirs.coefficients}, []
+    other, sides = {row.name: row for row in theirs.coefficients}, []
     for row in ours.coefficients:
         apart = joint_difference(row, other.get(row.name))
         if apart is not None and is_of_vehicle(row.name):
             own, others = row.judged_sd, other[row.name].judged_sd
             joint = hypot(own, others)
-            found.append(Side(row.name, (0.0, -apart), (own / joint, others / joint)))
-    return found
+            sides.append(Side(row.name, (0.0, -apart), (own / joint, others / joint)))
+    return sides
 
 
 def is_of_vehicle(name: str) -> bool:
@@ -182,5 +182,5 @@ def _model(summary: Summary) -> str:
 
 
 def _probability(summary: Summary) -> str:
-    found = next((one.probability for one in summary.structures if one.label == summary.chosen), float("nan"))
-    return decimals(found, 2)
+    value = next((one.probability for one in summary.structures if one.label == summary.chosen), float("nan"))
+    return decimals(value, 2)

@@ -52,20 +52,20 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
                 ("design", "Run the design"),
                 ("next", "Design the next trial"),
             ):
-                start = partial(lambda name: (begin(context, folder, said, name), live.look()), command)
+                start = partial(lambda name: (begin(context, folder, messages, name), live.look()), command)
                 button(words, start, main=command == "design")
-        said = ui.element("div")
+        messages = ui.element("div")
         live = Live(context, folder)
         await made_part(context, campaign, folder)
     with section(
         "Limits",
         "Edits are checked as a whole, then written into campaign.toml; comments and order stay. An empty field is no limit.",
     ):
-        told = ui.element("div")
+        proposal_area = ui.element("div")
         await keep_form(
             folder / CAMPAIGN,
             lambda: context.form_data(folder),
-            lambda found: Limits(context, folder, found, told),
+            lambda found: Limits(context, folder, found, proposal_area),
         )
 
 
@@ -104,28 +104,28 @@ class Surface:
         """Read the sweep and draw it, with its best design chosen."""
         path = self.paths[self.which]
         try:
-            found: Swept = await self.context.worker_pool.draw("swept", path, files=[path])
+            sweep: Swept = await self.context.worker_pool.draw("swept", path, files=[path])
         except (SeatrialError, OSError) as error:
             self.holder.clear()
             with self.holder:
                 say(error)
             return
-        self.found = found
-        self.family, self.at = found.best[0], found.best[1:]
-        self._family_form(found)
+        self.found = sweep
+        self.family, self.at = sweep.best[0], sweep.best[1:]
+        self._family_form(sweep)
         await self._draw()
 
     async def _other(self, event: Any) -> None:
         self.which = event.value
         await self.show()
 
-    def _family_form(self, found: Swept) -> None:
+    def _family_form(self, sweep: Swept) -> None:
         self.families.clear()
         with self.families:
-            if len(found.families) > 1:
-                options = {i: name.replace("-", " ") for i, name in enumerate(found.families)}
+            if len(sweep.families) > 1:
+                options = {i: name.replace("-", " ") for i, name in enumerate(sweep.families)}
                 ui.select(options, value=self.family, label="Family", on_change=self._to_family).props(LOOK)
-            if (found.worth != found.gain)[~(found.worth != found.worth)].any():
+            if (sweep.worth != sweep.gain)[~(sweep.worth != sweep.worth)].any():
                 options = {"gain": "entropy reduction", "worth": "utility"}
                 ui.select(options, value=self.measure, label="Colour shows", on_change=self._to_measure).props(LOOK)
 
@@ -141,14 +141,14 @@ class Surface:
         await self._draw()
 
     async def _draw(self) -> None:
-        found = self.found
-        assert found is not None
+        sweep = self.found
+        assert sweep is not None
         self._surface()
         self.forms.clear()
         with self.forms:
-            amplitudes = {i: f"{value:.4g} {found.unit}" for i, value in enumerate(found.amplitude)}
-            periods = {i: f"{value:.4g} s" for i, value in enumerate(found.period)}
-            self.amplitude = ui.select(amplitudes, value=self.at[0], label=f"Amplitude of {found.control}").props(LOOK)
+            amplitudes = {i: f"{value:.4g} {sweep.unit}" for i, value in enumerate(sweep.amplitude)}
+            periods = {i: f"{value:.4g} s" for i, value in enumerate(sweep.period)}
+            self.amplitude = ui.select(amplitudes, value=self.at[0], label=f"Amplitude of {sweep.control}").props(LOOK)
             self.period = ui.select(periods, value=self.at[1], label="Period").props(LOOK)
             for form in (self.amplitude, self.period):
                 form.on_value_change(self._chosen)
@@ -187,8 +187,8 @@ class Surface:
         await self._look()
 
     async def _look(self) -> None:
-        found = self.found
-        assert found is not None
+        sweep = self.found
+        assert sweep is not None
         self.details.clear()
         answer = self.context.worker_pool.think(
             "look_at",
@@ -200,7 +200,7 @@ class Surface:
         )
         with self.details:
             shown = shown_as_written(dict(written_units(self.folder)))
-            markup(what_it_teaches(found, self.family, *self.at, shown))
+            markup(what_it_teaches(sweep, self.family, *self.at, shown))
             holder = ui.element("div")
         await fill(
             holder,
@@ -210,11 +210,11 @@ class Surface:
         )
 
     def _details(self, clicked: Clicked) -> None:
-        found, name = self.found, f"{self.which}_schedule.csv"
-        assert found is not None
+        sweep, name = self.found, f"{self.which}_schedule.csv"
+        assert sweep is not None
         markup(Markup("<p>{}</p>").format(clicked.words[:1].upper() + clicked.words[1:]))
         with ui.element("div").classes("figures"):
-            schedule_chart(clicked.time, clicked.control, found.control, found.unit)
+            schedule_chart(clicked.time, clicked.control, sweep.control, sweep.unit)
         rows = [[one.what, _kept(one.kept), one.room, one.reached, one.bound] for one in clicked.margins]
         head = ["limit", "kept?", "room left", "reached", "bound"]
         markup(
@@ -233,15 +233,15 @@ def legend_html(gain: np.ndarray) -> Markup:
     )
 
 
-def what_it_teaches(found: Swept, family: int, row: int, column: int, shown: Shown) -> Markup:
+def what_it_teaches(sweep: Swept, family: int, row: int, column: int, shown: Shown) -> Markup:
     """What a design promises: entropy reduction, and each standard deviation before and after, in the unit in which it is `shown`."""
-    gain = float(found.gain[family, row, column])
+    gain = float(sweep.gain[family, row, column])
     if math.isnan(gain):
         return Markup('<p class="alarm">▲ This design breaks a limit; nothing else was computed for it.</p>')
-    worth, length = float(found.worth[family, row, column]), float(found.length[family, row, column])
+    worth, length = float(sweep.worth[family, row, column]), float(sweep.length[family, row, column])
     lines = [f"entropy of the coefficients lowered by {short(gain)} nat"]
     lines += [f"utility {short(worth)}"] * (worth != gain)
-    lines += [f"trial of {short(length)} s", f"from {found.basis}"]
+    lines += [f"trial of {short(length)} s", f"from {sweep.basis}"]
     rows = [
         [
             name,
@@ -250,16 +250,16 @@ def what_it_teaches(found: Swept, family: int, row: int, column: int, shown: Sho
             unit_html(unit),
             percent(float(after) / before),
         ]
-        for name, before, after in zip(found.names, found.sd_before, found.final_sd[family, row, column], strict=True)
+        for name, before, after in zip(sweep.names, sweep.sd_before, sweep.final_sd[family, row, column], strict=True)
         for factor, unit in [shown(name, CoefficientName.parse(name).unit)]
     ]
-    edge = edge_words(len(found.amplitude), len(found.period), (row, column))
-    said = [*filter(None, [edge]), *found.safety, *found.prediction] if (family, row, column) == found.best else []
-    more = Markup("").join(Markup("<li>{}</li>").format(line) for line in said)
+    edge = edge_words(len(sweep.amplitude), len(sweep.period), (row, column))
+    sentences = [*filter(None, [edge]), *sweep.safety, *sweep.prediction] if (family, row, column) == sweep.best else []
+    more = Markup("").join(Markup("<li>{}</li>").format(line) for line in sentences)
     return Markup("<p>{}.</p>{}{}{}").format(
         "; ".join(lines)[:1].upper() + "; ".join(lines)[1:],
-        cautions_html(_untaught(found, found.final_sd[family, row, column])),
-        Markup('<ul class="findings">{}</ul>').format(more) if said else "",
+        cautions_html(_untaught(sweep, sweep.final_sd[family, row, column])),
+        Markup('<ul class="findings">{}</ul>').format(more) if sentences else "",
         table(
             ["coefficient", "sd before", "sd after", "unit", "after / before"],
             rows,
@@ -269,19 +269,19 @@ def what_it_teaches(found: Swept, family: int, row: int, column: int, shown: Sho
     )
 
 
-def _untaught(found: Swept, sd_after: np.ndarray) -> list[str]:
+def _untaught(sweep: Swept, sd_after: np.ndarray) -> list[str]:
     """Say about which coefficients a design says nothing, and what would; nothing where there is none such."""
     names = [
         name
-        for name, before, after in zip(found.names, found.sd_before, sd_after, strict=True)
+        for name, before, after in zip(sweep.names, sweep.sd_before, sd_after, strict=True)
         if after > UNTAUGHT * before
     ]
     if not names:
         return []
-    of = {name: {*CoefficientName.parse(name).signals} for name in found.names}
+    of = {name: {*CoefficientName.parse(name).signals} for name in sweep.names}
     wanted, moved = ({*chain(*(of[one] for one in some))} for some in (names, of.keys() - {*names}))
     signals = sorted(wanted - moved or wanted)
-    also = f" (`together` of [design] moves {listed(found.held)} as well)" if found.held else ""
+    also = f" (`together` of [design] moves {listed(sweep.held)} as well)" if sweep.held else ""
     them = "it" if len(names) == 1 else "them"
     words = f"the trial says nothing about {listed(names)}: no measurement changes with {them}"
     return [f"{words}. To learn about {them}, move {listed(signals)}{also}"]
@@ -301,16 +301,16 @@ class Limits:
         said: element for what is said; it stays when the form is built again.
     """
 
-    def __init__(self, context: AppContext, folder: Path, found: FormData, said: ui.element):
-        self.context, self.folder, self.said = context, folder, said
+    def __init__(self, context: AppContext, folder: Path, form: FormData, messages: ui.element):
+        self.context, self.folder, self.said = context, folder, messages
         self.seen = read_file(folder)
         self.fields: list[tuple[str, str, str, ui.input]] = []
-        for limit in found.limits:
+        for limit in form.limits:
             self._row(limit)
         self.rows = ui.element("div")
         with ui.element("div").classes("line"):
-            if found.spare:
-                self.spare = {one.name: one for one in found.spare}
+            if form.spare:
+                self.spare = {one.name: one for one in form.spare}
                 self.more = ui.select(list(self.spare), label="Limit another signal").props(f"{LOOK} clearable")
                 button("Add", self._add)
             button("Check and save", self._save, main=True)

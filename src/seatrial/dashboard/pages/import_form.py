@@ -79,8 +79,8 @@ class ImportForm:
         if kind in ("kept", "replaced"):
             self.form.set_options(self._logs(), value=words)
             await self._look()
-            said = "Kept as {}" if kind == "kept" else "Kept as {}, in the place of the earlier log of that name"
-            self.state.set_content(Markup(f'<p class="done">{said}</p>').format(words))
+            text = "Kept as {}" if kind == "kept" else "Kept as {}, in the place of the earlier log of that name"
+            self.state.set_content(Markup(f'<p class="done">{text}</p>').format(words))
         elif kind == "sending":
             if not self.is_shown:  # what stands there says what was wrong with another log
                 self.holder.clear()
@@ -103,11 +103,11 @@ class ImportForm:
         from seatrial.dashboard.logs import look_into
 
         path = self.context.campaign_paths.inside(self.folder, name)
-        found = await self.context.form_data(self.folder)
-        clocks = self.draft.clocks_of(name, (*found.fit, *found.predict))
-        return await asyncio.to_thread(look_into, str(path), name, found.channels, clocks), found
+        data = await self.context.form_data(self.folder)
+        clocks = self.draft.clocks_of(name, (*data.fit, *data.predict))
+        return await asyncio.to_thread(look_into, str(path), name, data.channels, clocks), data
 
-    def _show(self, name: str, log: Any, found: FormData, purpose: str | None = None) -> None:
+    def _show(self, name: str, log: Any, data: FormData, purpose: str | None = None) -> None:
         """Show what a log holds, and the form."""
         self.is_shown = True
         gone = self.draft.add(name, log, purpose)
@@ -127,11 +127,11 @@ class ImportForm:
                 markup(f"{len(log.columns)} columns")
             self.columns = name, markup(columns_of(self.draft, name))
         self._offer_run(name)
-        self._offer_purposes(name, log, found)
-        self._rows(found)
-        self._ends(found)
+        self._offer_purposes(name, log, data)
+        self._rows(data)
+        self._ends(data)
 
-    def _offer_purposes(self, name: str, log: Any, found: FormData) -> None:
+    def _offer_purposes(self, name: str, log: Any, data: FormData) -> None:
         """Offer what the log may be to the campaign; a choice that asks for another map begins it again."""
         if len(self.draft.purposes) < 2:
             return
@@ -143,7 +143,7 @@ class ImportForm:
                 return
             self.holder.clear()
             with self.holder:
-                self._show(name, log, found, purpose)
+                self._show(name, log, data, purpose)
 
         chosen = ui.select(self.draft.purposes, value=self.draft.purpose, label="This log is").props(LOOK)
         chosen.classes("wide").on_value_change(choose)
@@ -156,13 +156,13 @@ class ImportForm:
             return
 
         async def add(role: str) -> None:
-            said.clear()
+            messages.clear()
             try:
                 text = edits.with_further_run(self.folder, saved, run, role)
                 await self.context.worker_pool.think("check", str(self.folder), text)
                 write_file(self.folder, text, saved)
             except (SeatrialError, OSError) as error:
-                with said:
+                with messages:
                     say(error)
                 return
             self._begin_anew()
@@ -177,7 +177,7 @@ class ImportForm:
             with ui.element("div").classes("line"):
                 button("Add it, to fit", lambda: add("fit"))
                 button("Add it, held back to predict", lambda: add("predict"))
-        said = ui.element("div")
+        messages = ui.element("div")
 
     def _begin_anew(self) -> None:
         """Empty the form: what was previewed and chosen is saved."""
@@ -199,14 +199,14 @@ class ImportForm:
             offered = button("Import the records", go, main=True)
             ui.run_javascript(f"getElement({offered.id}).$el.focus()")
 
-    def _rows(self, found: FormData) -> None:
+    def _rows(self, data: FormData) -> None:
         draft, mapped = self.draft, self.draft.channels
         self.clocks, self.clock_rows = {}, ui.element("div")
         self._show_clocks()
         markup("<h3>Which column is which channel</h3>")
         self.rows = {
-            channel: ChannelRow(draft, channel, mapped.get(channel), channel in found.controls, self._set_channel)
-            for channel in dict.fromkeys((*found.channels, *mapped))
+            channel: ChannelRow(draft, channel, mapped.get(channel), channel in data.controls, self._set_channel)
+            for channel in dict.fromkeys((*data.channels, *mapped))
         }
         self.axis = OneAxis(self.context, draft, self._change, self._checked)
         self.axis.build()
@@ -218,10 +218,10 @@ class ImportForm:
         mapped, shown = {edits.identity_of(one) for one in files}, {}
         for log, looked in self.draft.logs.items():
             for name in looked.heads:
-                said = self.draft.file_of(log, name)
-                row = log, said.get("table")
-                if edits.identity_of(said) in mapped or not said["time"]["column"] or row in self.clocks:
-                    shown[row] = name, said
+                entry = self.draft.file_of(log, name)
+                row = log, entry.get("table")
+                if edits.identity_of(entry) in mapped or not entry["time"]["column"] or row in self.clocks:
+                    shown[row] = name, entry
         if list(shown) == list(self.clocks):
             return
         self.clock_rows.clear()
@@ -229,11 +229,11 @@ class ImportForm:
             if shown:
                 markup("<h3>Which column is the time</h3>")
             self.clocks = {
-                (log, table): ClockRow(self.draft, log, name, said, partial(self._set_time, log, name, table))
-                for (log, table), (name, said) in shown.items()
+                (log, table): ClockRow(self.draft, log, name, entry, partial(self._set_time, log, name, table))
+                for (log, table), (name, entry) in shown.items()
             }
 
-    def _ends(self, found: FormData) -> None:
+    def _ends(self, data: FormData) -> None:
         with ui.element("div").classes("line"):
             self.run = ui.input("Name of the run", value=self.draft.label).props(LOOK)
         self.replaced = markup("").props('role="status"')
@@ -245,7 +245,7 @@ class ImportForm:
             self.text = ui.textarea("Channel map, as it will stand in campaign.toml", value=self.draft.channel_map)
             self.text.props("outlined autogrow").classes("mono wide").style("width: 100%")
             self.text.on("blur", lambda: self._change(str(self.text.value)))
-        if found.simulated:
+        if data.simulated:
             words = "This campaign simulates its vehicle; with a log it no longer does: its [truth] becomes a comment."
             markup(Markup('<p class="note">{}</p>').format(words))
         button("Check and save this map", self._save, main=True)
@@ -302,19 +302,19 @@ class ImportForm:
         from seatrial.dashboard.logs import look_into
 
         path = self.context.campaign_paths.inside(self.folder, log)
-        found = await asyncio.to_thread(look_into, str(path), log, (), {name: column})
+        summary = await asyncio.to_thread(look_into, str(path), log, (), {name: column})
         there = self.draft.logs.get(log)
         if there is None or self.draft.file_of(log, name)["time"]["column"] != column:
             return
-        drawn = {one.name: one.picture for one in found.columns if one.table == name}
+        drawn = {one.name: one.picture for one in summary.columns if one.table == name}
         columns = tuple(
             one._replace(picture=drawn.get(one.name, "")) if one.table == name else one for one in there.columns
         )
-        self.draft.logs[log] = there._replace(columns=columns, axes={**there.axes, name: found.axes[name]})
+        self.draft.logs[log] = there._replace(columns=columns, axes={**there.axes, name: summary.axes[name]})
 
-    async def _checked(self, said: ui.element) -> str | None:
+    async def _checked(self, messages: ui.element) -> str | None:
         """The campaign file with this map, checked; None where something is wrong, which is said beside its channel."""
-        said.clear()
+        messages.clear()
         for row in (*self.rows.values(), *self.clocks.values()):
             row.complain("")
         without_unit = [row for row in self.rows.values() if row.lacks_unit]
@@ -332,7 +332,7 @@ class ImportForm:
                     return None
             if without_unit:
                 units = ", ".join(row.channel for row in without_unit)
-                with said:
+                with messages:
                     say(f"Nothing was written. See above which units are missing: {units}.")
                 return None
             text = self.draft.text()
@@ -348,7 +348,7 @@ class ImportForm:
             elif at is not None and at[1] in self.rows:
                 self.rows[at[1]].complain(beside(error), at[2])
             else:
-                with said:
+                with messages:
                     say(error)
             return None
         return text

@@ -39,8 +39,8 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
 
     async def look() -> None:
         nonlocal last
-        found = await asyncio.to_thread(last_look, folder)
-        html = _none(folder) if found is None else look_html(found, time.time())
+        latest = await asyncio.to_thread(last_look, folder)
+        html = _none(folder) if latest is None else look_html(latest, time.time())
         if html != last:
             last = html
             shown.set_content(html)
@@ -81,8 +81,8 @@ def _coefficient(one: Mapping[str, Any]) -> Markup:
     """Return a row: its value, how far it is from its goal, and whether the input teaches it."""
     mean, sd, goal = one["mean"], one["sd"], one["goal"]
     share = f" ({abs(sd / mean):.1%})" if mean else ""
-    said = [] if goal is None else [f"goal ± {goal:.2g}" + (": met" if sd <= goal else "")]
-    said += {True: ["excited"], False: ["not excited"]}.get(one["excited"], [])
+    notes = [] if goal is None else [f"goal ± {goal:.2g}" + (": met" if sd <= goal else "")]
+    notes += {True: ["excited"], False: ["not excited"]}.get(one["excited"], [])
     bar = Markup("")
     if goal is not None:
         words = f"{one['name']}: {min(goal / sd, 1.0):.0%} of the way to its goal" if sd > 0 else one["name"]
@@ -91,7 +91,7 @@ def _coefficient(one: Mapping[str, Any]) -> Markup:
     label = Markup("<label>{} <span>{:.4g} ± {:.2g} {}{}</span></label>").format(
         one["name"], mean, sd, one["unit"], share
     )
-    return Markup("<div>{}{}<small>{}</small></div>").format(label, bar, "; ".join(said))
+    return Markup("<div>{}{}<small>{}</small></div>").format(label, bar, "; ".join(notes))
 
 
 def _none(folder: Path) -> Markup:

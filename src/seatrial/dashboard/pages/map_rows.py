@@ -61,15 +61,15 @@ class ClockRow(MapRow):
         draft: MapDraft,
         log: str,
         name: str,
-        said: Mapping[str, Any],
+        entry: Mapping[str, Any],
         change: Callable[[str, str], Awaitable[None]],
     ):
-        self.change, time = change, said.get("time", {})
+        self.change, time = change, entry.get("time", {})
         columns = [one.name for one in draft.logs[log].columns if one.table == name]
         column, unit = str(time.get("column", "")), str(time.get("unit", "s"))
         options = {one: one or "choose" for one in dict.fromkeys(("", *columns, column))}
         units = list(dict.fromkeys((*TIME_UNITS, unit)))
-        place = " · ".join(filter(None, (Path(log).name, said.get("table"))))
+        place = " · ".join(filter(None, (Path(log).name, entry.get("table"))))
         with ui.element("div").classes("line channel"):
             self.column = ui.select(options, value=column, label=f"time of {place}: column", on_change=self._changed)
             self.unit = ui.select(units, value=unit, label=f"time of {place}: unit", on_change=self._changed)
@@ -101,27 +101,27 @@ class ChannelRow(MapRow):
         change: Callable[[str, Mapped | None], None],
     ):
         self.draft, self.channel, self.change, self.choices = draft, channel, change, draft.columns
-        said = there or {}
+        entry = there or {}
         options = {NONE: "not in a log"}
         for key, (log, one) in self.choices.items():
             options[key] = f"{one.name} · {log if len(draft.logs) > 1 else one.table}"
         value = NONE if there is None else self._key(there)
         if value == KEPT:
             options[KEPT] = KEPT
-        scale = float(said.get("scale", 1.0))
+        scale = float(entry.get("scale", 1.0))
         with ui.element("div").classes("line channel"):
             self.column = ui.select(options, value=value, label=f"{channel}: column", on_change=self._chosen)
             self.picture = markup("")
-            self.unit = ui.input("unit", value=str(said.get("unit", "")), on_change=self._changed)
+            self.unit = ui.input("unit", value=str(entry.get("unit", "")), on_change=self._changed)
             self.factor = ui.number("factor", value=abs(scale), on_change=self._changed)
             self.sign = ui.select({1: "+", -1: "− reversed"}, value=-1 if scale < 0 else 1, label="sign")
             self.offset = ui.number(
-                "offset, in the unit", value=float(said.get("offset", 0.0)), on_change=self._changed
+                "offset, in the unit", value=float(entry.get("offset", 0.0)), on_change=self._changed
             )
             fields = [self.column, self.unit, self.factor, self.sign, self.offset]
             self.between = None
             if is_control:
-                value = str(said.get("between") or "held")
+                value = str(entry.get("between") or "held")
                 self.between = ui.select(BETWEEN, value=value, label=f"{channel}: between samples").classes("between")
                 self.between.on_value_change(self._changed)
                 fields.append(self.between)

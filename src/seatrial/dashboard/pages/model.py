@@ -34,13 +34,13 @@ OF_ALL = ""
 
 async def build(context: AppContext, campaign: str, folder: Path) -> None:
     """Build the view."""
-    path, said = folder / CAMPAIGN, ui.element("div").classes("said")
+    path, messages = folder / CAMPAIGN, ui.element("div").classes("said")
     await keep_form(
         path,
         lambda: context.worker_pool.think("model_data", str(folder), files=[path]),
-        lambda found: ModelForm(context, campaign, folder, found, said),
+        lambda found: ModelForm(context, campaign, folder, found, messages),
     )
-    said.move(target_index=-1)
+    messages.move(target_index=-1)
 
 
 class ModelForm:
@@ -54,8 +54,8 @@ class ModelForm:
         said: element for what is said of the form as a whole; it stays when the form is built again.
     """
 
-    def __init__(self, context: AppContext, campaign: str, folder: Path, found: ModelData, said: ui.element):
-        self.context, self.campaign, self.folder, self.found, self.said = context, campaign, folder, found, said
+    def __init__(self, context: AppContext, campaign: str, folder: Path, data: ModelData, messages: ui.element):
+        self.context, self.campaign, self.folder, self.found, self.said = context, campaign, folder, data, messages
         self.seen = read_file(folder)
         words = "If the report says that residuals are correlated, choose the noise that it names; drifting is white noise on a slow error."
         with section("Noise of the residuals", words):
@@ -63,21 +63,21 @@ class ModelForm:
             self.needs: dict[str, RangeFields] = {}
             self.stated: dict[str, ui.html] = {}
             with ui.element("div").classes("line"):
-                self._noise(OF_ALL, "all sensors", found.residuals, KINDS)
-            if len(found.sensors) > 1 or any(one.residuals for one in found.sensors):
+                self._noise(OF_ALL, "all sensors", data.residuals, KINDS)
+            if len(data.sensors) > 1 or any(one.residuals for one in data.sensors):
                 with ui.element("div").classes("line"):
-                    for one in found.sensors:
+                    for one in data.sensors:
                         self._noise(one.name, one.name, one.residuals, {"": "as all sensors", **KINDS})
             self.needed = ui.element("div")
         words = "A coefficient's name is its equation: X_uabsu multiplies u|u|. What is out keeps its published value, or is zero."
         with section("Terms", words):
             self.rows: dict[str, TermRow] = {}
             self.terms = ui.element("div")
-            for role, names in (("always", found.always), ("optional", found.optional)):
+            for role, names in (("always", data.always), ("optional", data.optional)):
                 for name in names:
-                    self._row(name, role, found.priors.get(name, "from what is known of the vehicle"))
+                    self._row(name, role, data.priors.get(name, "from what is known of the vehicle"))
             with ui.element("div").classes("line"):
-                self.more = ui.input("Another term", placeholder="e.g. X_u", autocomplete=list(found.offered)).props(
+                self.more = ui.input("Another term", placeholder="e.g. X_u", autocomplete=list(data.offered)).props(
                     FIELD
                 )
                 self.more.on("keydown.enter", self._add)
@@ -86,7 +86,7 @@ class ModelForm:
         words = "If an alarm asks for longer chains, such as warm-up and draws twice as many: multiples of 100."
         with section("Size of the chains", words), ui.element("div").classes("line"):
             self.sizes = {
-                key: ui.input(SIZES[key], value=str(number)).props(FIELD) for key, number in found.sizes.items()
+                key: ui.input(SIZES[key], value=str(number)).props(FIELD) for key, number in data.sizes.items()
             }
         with ui.element("div").classes("line"):
             button("Check and save", self._save, main=True)
@@ -176,24 +176,22 @@ class ModelForm:
         Raises:
             InputError: a key that cannot be edited.
         """
-        found, wanted = self.found, self._wanted()
+        data, wanted = self.found, self._wanted()
         of_role = {
             role: [name for name, row in self.rows.items() if row.role.value == role] for role in ("always", "optional")
         }
-        stated = {OF_ALL: found.residuals, **{one.name: one.residuals for one in found.sensors}}
+        stated = {OF_ALL: data.residuals, **{one.name: one.residuals for one in data.sensors}}
         changed = {name: str(form.value) for name, form in self.noise.items() if form.value != stated[name]}
         text = with_noise(self.folder, self.seen, changed)
         sizes = {key: (form.value or "").strip() for key, form in self.sizes.items()}
-        text = with_sizes(
-            self.folder, text, {key: size for key, size in sizes.items() if size != str(found.sizes[key])}
-        )
+        text = with_sizes(self.folder, text, {key: size for key, size in sizes.items() if size != str(data.sizes[key])})
         text = with_terms(self.folder, text, of_role["always"], of_role["optional"])
-        of_noise = [prior.name for one in found.sensors for some in one.priors.values() for prior in some]
+        of_noise = [prior.name for one in data.sensors for some in one.priors.values() for prior in some]
         idle = [name for name in of_noise if name not in wanted]
         idle += [name for name, row in self.rows.items() if row.role.value == "out"]
         new = [one.said("log-uniform") for one in self.needs.values() if one.is_shown]
         new += [row.range.said() for row in self.rows.values() if row.range.is_shown and any(row.range.values)]
-        return with_priors(self.folder, text, new, [name for name in idle if name in found.priors])
+        return with_priors(self.folder, text, new, [name for name in idle if name in data.priors])
 
     async def _save(self) -> None:
         self.said.clear()
@@ -243,8 +241,8 @@ class ModelForm:
         elif parts[:1] == ["prior"] and parts[1] in self.needs:
             form = self.needs[parts[1]].fields["lower"]
         else:
-            place, _, said = str(error).partition("\n")
-            names = re.findall(r"\b[A-Z]_\w+", f"{' '.join(parts[1:])} {place.partition(', term ')[2]} {said}")
+            place, _, text = str(error).partition("\n")
+            names = re.findall(r"\b[A-Z]_\w+", f"{' '.join(parts[1:])} {place.partition(', term ')[2]} {text}")
             row = next((self.rows[name] for name in names if name in self.rows), None)
             if row is None:
                 return False

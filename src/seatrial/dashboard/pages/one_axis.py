@@ -69,9 +69,9 @@ class OneAxis:
 
     def refresh(self) -> None:
         """Show the clocks as the map has them; what was said of other clocks goes."""
-        if (found := self.draft.files) is None:
+        if (files := self.draft.files) is None:
             return
-        clocks = {identity_of(one): (one.get("time"), one.get("shift")) for one in found}
+        clocks = {identity_of(one): (one.get("time"), one.get("shift")) for one in files}
         if clocks != self.clocks:
             self._say("")
         self.clocks = clocks
@@ -140,10 +140,10 @@ class OneAxis:
             "comparing …",
         )
 
-    async def _lined_up(self, found: ClockShift, moves: tuple[str, str | None], differ: str) -> None:
-        self._shift(*moves, round(found.shift, 4))
-        said = Markup('<p class="done" role="status">{}</p>').format(lined_up_words(found, moves[0]))
-        markup(said + (Markup('<ul class="cautions"><li>{}</li></ul>').format(differ) if differ else ""))
+    async def _lined_up(self, shift: ClockShift, moves: tuple[str, str | None], differ: str) -> None:
+        self._shift(*moves, round(shift.shift, 4))
+        status = Markup('<p class="done" role="status">{}</p>').format(lined_up_words(shift, moves[0]))
+        markup(status + (Markup('<ul class="cautions"><li>{}</li></ul>').format(differ) if differ else ""))
         await self.show()
 
     def _differ(self, *keys: str) -> str:
@@ -156,7 +156,7 @@ class OneAxis:
         """Return the columns that are chosen to be compared, each with its log in the map: two, or fewer where they are not of two logs."""
         from seatrial.dashboard.logs import column_of
 
-        found = {}
+        chosen = {}
         for form in (self.kept, self.moved) if self.shifts else ():
             if form.value in self.draft.columns:
                 log, column = self.draft.columns[form.value]
@@ -166,8 +166,8 @@ class OneAxis:
                 )
                 identity = identity_of(file)
                 if identity in self.shifts:
-                    found[identity] = column_of(str(path), column.name, file, _seconds(file.get("shift")))
-        return list(found.items())
+                    chosen[identity] = column_of(str(path), column.name, file, _seconds(file.get("shift")))
+        return list(chosen.items())
 
     async def show(self) -> None:
         """Draw every channel of the map, by log."""
@@ -248,11 +248,11 @@ def shift_error(shift: float | None) -> str | None:
 
 def spans_of(about: AxisAbout) -> dict[str, tuple[float, float]]:
     """Return the first and last time of each log, s from the earliest."""
-    found: dict[str, tuple[float, float]] = {}
+    spans: dict[str, tuple[float, float]] = {}
     for log, (first, last) in zip(about.logs, about.spans, strict=True):
-        begin, end = found.get(log, (first, last))
-        found[log] = min(begin, first), max(end, last)
-    return found
+        begin, end = spans.get(log, (first, last))
+        spans[log] = min(begin, first), max(end, last)
+    return spans
 
 
 def span_words(about: AxisAbout) -> str:
@@ -291,19 +291,19 @@ def panels_of(about: AxisAbout) -> list[Panel]:
     return panels
 
 
-def lined_up_words(found: ClockShift, moved: str) -> str:
+def lined_up_words(shift: ClockShift, moved: str) -> str:
     """Say which shift of a log correlates best, and how sharp that is.
 
     Args:
-        found: the shift of its clock, s.
+        shift: the shift of its clock, s.
         moved: name of the log.
     """
-    words = f"Correlation {found.correlation:.3f} with {moved} shifted by {round(found.shift, 4):.13g} s."
-    words += f" Between {_ends(found.lower, found.upper)} s it is at least {BEST_SHARE:.0%} of that."
-    if found.correlation < 0:
+    words = f"Correlation {shift.correlation:.3f} with {moved} shifted by {round(shift.shift, 4):.13g} s."
+    words += f" Between {_ends(shift.lower, shift.upper)} s it is at least {BEST_SHARE:.0%} of that."
+    if shift.correlation < 0:
         words += " It is negative: one of the two columns is reversed."
-    if found.rival is not None:
-        apart = found.rival - found.shift
+    if shift.rival is not None:
+        apart = shift.rival - shift.shift
         side = "later" if apart > 0 else "earlier"
         words += f" {float(f'{abs(apart):.3g}'):.13g} s {side} fits almost as well, because the motion repeats: look at the picture."
     return words

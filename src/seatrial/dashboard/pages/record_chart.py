@@ -42,11 +42,11 @@ class RecordChart:
         self,
         context: AppContext,
         folder: Path,
-        found: FormData,
+        data: FormData,
         stored: list[str],
         start: Callable[[], Awaitable[None]],
     ):
-        self.context, self.folder, self.found, self.stored, self.start_import = context, folder, found, stored, start
+        self.context, self.folder, self.found, self.stored, self.start_import = context, folder, data, stored, start
         self.run, self.seen, self.is_whole = "", "", False
         self.predicted: dict[str, Mapping[str, np.ndarray]] = {}
 
@@ -82,20 +82,20 @@ class RecordChart:
         self.said.clear()
         with self.said:
             markup('<p class="waiting" role="status">predicting …</p>')
-        labels, run, found = tuple(event.value), self.run, {}
+        labels, run, chosen = tuple(event.value), self.run, {}
         words: list[str] = []
         for label in labels:
             files = [self.folder / CAMPAIGN, Store(self.folder).posterior(label), Store(self.folder).record(run)]
             try:
                 asked = self.context.worker_pool.think("candidate", str(self.folder), label, run, files=files)
-                found[label] = await asked
+                chosen[label] = await asked
             except (SeatrialError, OSError) as error:
                 words.append(str(error))
         self.said.clear()
         with self.said:
             for one in words:
                 say(one)
-        self.predicted = found
+        self.predicted = chosen
         await self._show()
 
     async def _show(self) -> None:
@@ -155,10 +155,10 @@ class RecordChart:
         pool, path = self.context.worker_pool, Store(self.folder).record(self.run)
         if self.is_whole:
             stamps = tuple(map(stamp, self._files()))
-            found = await pool.think("whole_log_view", str(self.folder), self.run, stamps, start, end, columns)
+            answer = await pool.think("whole_log_view", str(self.folder), self.run, stamps, start, end, columns)
         else:
-            found = await pool.view("record_view", path, start, end, columns, files=[path])
-        return {**found, **predicted_view(self.predicted, start, end, columns)}
+            answer = await pool.view("record_view", path, start, end, columns, files=[path])
+        return {**answer, **predicted_view(self.predicted, start, end, columns)}
 
     def _selected(self, start: float, end: float) -> None:
         self.start.value, self.end.value = float(f"{start:.6g}"), float(f"{end:.6g}")

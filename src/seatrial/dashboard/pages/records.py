@@ -46,14 +46,14 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
             return tuple(map(stamp, records())) or stamp(folder / CAMPAIGN)
 
         async def start() -> None:
-            await again(context, folder, said, live)
+            await again(context, folder, messages, live)
 
         await keep_current(ui.element("div"), seen, draw)
     with section(
         "Checks",
         "What seatrial check says: direction, size, delay, outliers, gaps, and which coefficients each record can determine.",
     ):
-        live, said = Live(context, folder, OF_RECORDS), ui.element("div")
+        live, messages = Live(context, folder, OF_RECORDS), ui.element("div")
 
         async def offer() -> None:
             def build_button(words: str) -> None:
@@ -64,7 +64,9 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
 
         with ui.element("div").classes("line"):
             button(
-                "Check the records", lambda: (begin(context, folder, said, "check"), live.look()), main=bool(records())
+                "Check the records",
+                lambda: (begin(context, folder, messages, "check"), live.look()),
+                main=bool(records()),
             )
             await keep_current(ui.element("div"), lambda: stamp(folder / CAMPAIGN), offer)
         await made_part(context, campaign, folder, OF_RECORDS)
@@ -86,19 +88,19 @@ def is_of_template(folder: Path) -> bool:
 async def _anew(context: AppContext, folder: Path) -> str:
     """Say how records are made again; nothing where the campaign has none, or cannot be read, which is said where they are shown."""
     with suppress(SeatrialError):
-        found = await context.form_data(folder)
-        return "Simulate again" if found.simulated else "Re-import" if found.imported else ""
+        data = await context.form_data(folder)
+        return "Simulate again" if data.simulated else "Re-import" if data.imported else ""
     return ""
 
 
-async def again(context: AppContext, folder: Path, said: ui.element, live: Any) -> None:
+async def again(context: AppContext, folder: Path, messages: ui.element, live: Any) -> None:
     """Import or simulate the records again, as the campaign says."""
-    said.clear()
+    messages.clear()
     try:
-        found = await context.form_data(folder)
+        data = await context.form_data(folder)
     except SeatrialError as error:
-        with said:
+        with messages:
             say(error)
         return
-    begin(context, folder, said, "simulate" if found.simulated else "import")
+    begin(context, folder, messages, "simulate" if data.simulated else "import")
     live.look()

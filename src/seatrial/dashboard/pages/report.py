@@ -39,8 +39,8 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
             _report_links(campaign, report.is_file())
 
         await keep_current(ui.element("div"), lambda: stamp(report), links)
-        said = ui.element("div")
-        button("Write the report again", lambda: begin(context, folder, said, "report"), main=not report.is_file())
+        messages = ui.element("div")
+        button("Write the report again", lambda: begin(context, folder, messages, "report"), main=not report.is_file())
     with section(
         "Export",
         "To a simulator or a vehicle: into export/ in the campaign's folder, listed under Files. Only what is possible is offered.",
@@ -114,14 +114,14 @@ class ExportForm:
                 )
 
                 def export() -> None:
-                    begin(self.context, self.folder, said, "export", *options_of(str(target.value), rest))
+                    begin(self.context, self.folder, messages, "export", *options_of(str(target.value), rest))
 
                 def unsupported() -> None:
                     terms.set_content(unsupported_html(possible[str(target.value)]))
 
                 button("Export", export, main=True)
                 target.on_value_change(unsupported)
-        said, terms = ui.element("div"), markup("").props('aria-live="polite"')
+        messages, terms = ui.element("div"), markup("").props('aria-live="polite"')
         if possible:
             unsupported()
         refused = [[TARGETS[option_of(one)], one.refusal] for one in targets if one.refusal]

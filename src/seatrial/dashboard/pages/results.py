@@ -128,8 +128,8 @@ async def _before_a_choice(context: AppContext, campaign: str, folder: Path) -> 
 
 def posteriors(store: Store) -> tuple[Path, ...]:
     """Return the stored posteriors, in the order of the structures' labels."""
-    found = store.posterior("any").parent.glob("*.nc")
-    return tuple(sorted(found, key=lambda path: (len(path.stem), path.stem)))
+    files = store.posterior("any").parent.glob("*.nc")
+    return tuple(sorted(files, key=lambda path: (len(path.stem), path.stem)))
 
 
 def next_html(words: Markup, stop: bool, campaign: str, store: Store) -> Markup:
@@ -154,9 +154,9 @@ _USABLE = "What failed, but not for the coefficients of the chosen model"
 
 def names_and_labels(summary: Summary) -> tuple[dict[str, str], dict[str, str]]:
     """Names of the structures by their terms, as the report has them, and the label of each parameter."""
-    said = " ".join((*summary.verdicts, *(term for one in summary.structures for term in one.terms)))
+    text = " ".join((*summary.verdicts, *(term for one in summary.structures for term in one.terms)))
     labels = {}
-    for term in set(_TERM.findall(said)):
+    for term in set(_TERM.findall(text)):
         with suppress(InputError):
             labels[term] = CoefficientName.parse(term).label
     labels |= {row.name: row.label for row in summary.coefficients}
@@ -215,22 +215,22 @@ def _averaged(row: StoredAverage, shown: Shown, bold: Markup) -> Markup:
     return pair if row.model_error_sd is None else pair + Markup(" <small>with model error</small>")
 
 
-def estimated_html(found: Sequence[EstimatedStructure]) -> Markup:
+def estimated_html(structures: Sequence[EstimatedStructure]) -> Markup:
     """Return the coefficients of each structure as they are before any structure is chosen, and once what makes a ± much wider.
 
     Args:
-        found: stored estimates.
+        structures: stored estimates.
     """
-    rows = Markup("").join(Markup("<li>{}</li>").format(sentence) for sentence in _causes(found))
+    rows = Markup("").join(Markup("<li>{}</li>").format(sentence) for sentence in _causes(structures))
     alarms = Markup("").join(
         Markup('<li class="alarm">{}</li>').format(sentence_about(f"{one.label}: {text}", {}, {}))
-        for one in found
+        for one in structures
         for text in one.alarms
     )
     return Markup("").join(
         [
             Markup('<h3>{}</h3><ul class="findings">{}</ul>').format(_TITLE["alarms"], alarms) if alarms else "",
-            *map(_of_structure, found),
+            *map(_of_structure, structures),
             Markup('<h3>Where the model error comes from</h3><ul class="findings">{}</ul>').format(rows)
             if rows
             else "",
@@ -238,11 +238,11 @@ def estimated_html(found: Sequence[EstimatedStructure]) -> Markup:
     )
 
 
-def _causes(found: Sequence[EstimatedStructure]) -> list[Markup]:
+def _causes(structures: Sequence[EstimatedStructure]) -> list[Markup]:
     """Return a sentence for each cause of a ± with model error, with the parameters and the structures in which it is the cause."""
-    labels = {row.name: row.label for one in found for row in one.values if row.label}
+    labels = {row.name: row.label for one in structures for row in one.values if row.label}
     causes: dict[Finding, dict[tuple[str, ...], list[str]]] = {}
-    for one in found:
+    for one in structures:
         for finding in one.findings:
             causes.setdefault(replace(finding, subject=()), {}).setdefault(finding.subject, []).append(one.label)
     findings = []
@@ -329,7 +329,7 @@ async def _fits(context: AppContext, store: Store) -> None:
         return
     holder = ui.element("div")
 
-    def build(found: Predictions) -> Any:
+    def build(predictions: Predictions) -> Any:
         rows = [
             [
                 fit.record + (" (held back)" if fit.held_back else ""),
@@ -339,7 +339,7 @@ async def _fits(context: AppContext, store: Store) -> None:
                 percent(fit.coverage) if fit.samples else "",
                 fit.finding,
             ]
-            for fit in found.fits
+            for fit in predictions.fits
         ] + [
             [
                 "held-back runs together",
@@ -349,15 +349,15 @@ async def _fits(context: AppContext, store: Store) -> None:
                 percent(one.coverage) if one.effective else "",
                 statement(one.verdict),
             ]
-            for one in found.pooled
+            for one in predictions.pooled
         ]
         head = ["run", "channel", "verdict", "explained", "inside 90 % band", "why"]
         markup(table(head, rows, "How well each record is predicted", stacks=True))
         pictures = ui.element("div")
         curves = {
-            (i, j): f"run {record}, {channel}{' (held back)' if record in found.held_back else ''}"
-            for i, record in enumerate(found.records)
-            for j, channel in enumerate(found.channels)
+            (i, j): f"run {record}, {channel}{' (held back)' if record in predictions.held_back else ''}"
+            for i, record in enumerate(predictions.records)
+            for j, channel in enumerate(predictions.channels)
         }
 
         async def show(at: tuple[int, int]) -> None:
@@ -392,8 +392,8 @@ async def _posteriors(
     named = markup("")
     holder = ui.element("div").classes("figures small")
 
-    def draw(found: tuple[Marginal, ...]) -> None:
-        for one in found:
+    def draw(marginals: tuple[Marginal, ...]) -> None:
+        for one in marginals:
             with ui.element("figure"):
                 markup(Markup("<figcaption>{} <small>{}</small></figcaption>").format(label_html(one.label), one.name))
                 marginal_chart(one)
@@ -417,13 +417,13 @@ def by_origin(chosen: Selection, summary: Summary) -> dict[str, list[str]]:
     ranked = sorted(chosen.inclusion, key=lambda term: -chosen.inclusion[term])
     counts = {term: sum(term in one.terms for one in summary.structures) for term in ranked}
     differ = [term for term in ranked if 0 < counts[term] < len(summary.structures)]
-    found = {
+    origins = {
         "Probability that the vehicle needs each term, by the simulated structures": differ,
         "Likewise by the screening alone: the simulated structures do not differ in these terms": [
             term for term in ranked if term not in differ
         ],
     }
-    return {title: terms for title, terms in found.items() if terms}
+    return {title: terms for title, terms in origins.items() if terms}
 
 
 async def _truth(context: AppContext, folder: Path) -> tuple[tuple[str, float], ...]:

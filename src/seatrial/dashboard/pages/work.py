@@ -132,10 +132,10 @@ def named_in(output: str, folder: Path) -> list[str]:
     return sorted(set(re.findall(re.escape(folder.as_posix()) + r"/([^\s;,]+\.(?:svg|csv|json))", output)))
 
 
-def begin(context: AppContext, folder: Path, said: ui.element, command: str, *options: str) -> bool:
+def begin(context: AppContext, folder: Path, messages: ui.element, command: str, *options: str) -> bool:
     """Start a command, or say in its place why that cannot be."""
-    said.clear()
-    with said:
+    messages.clear()
+    with messages:
         try:
             context.jobs.start(folder, command, *options)
         except (SeatrialError, OSError) as error:
