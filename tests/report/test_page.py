@@ -297,7 +297,7 @@ def test_the_terminal_says_which_value_to_quote(tmp_path, capsys):
         told = {row.name: row.model_error_sd or row.sd for row in outcome.summary.averaged}
         expected = [[name, f"{sd:.3g}"] for name, sd in told.items()] if quoted == "averaged" else []
         assert [list(row.groups()) for row in takewhile(bool, rows)] == expected
-        assert answer.told["result"]["quoted"] == quoted
+        assert answer.content["result"]["quoted"] == quoted
 
 
 def test_other_models_have_their_model_error_too(outcome):
