@@ -18,6 +18,7 @@ from seatrial.cli.answer import Answer
 from seatrial.cli.commands.loop import _tell_and_report
 from seatrial.core.findings import Finding
 from seatrial.messages.catalogue import ENTRIES
+from seatrial.messages.predictions import comparison_text
 from seatrial.messages.render import sentences
 from seatrial.report.drawing import digits_of, moments_of
 from seatrial.report.page import CONTENTS, render, write_report
@@ -417,7 +418,7 @@ def test_a_model_beside_simpler_ones(tmp_path, html):
 
 def test_the_headline_tells_a_model_that_is_beaten_from_one_that_fails(tmp_path):
     beaten = replace(alarmed(tmp_path), compared=make_compared(0.2))
-    alarms = (*beaten.summary.alarms, beaten.compared[0].sentence)
+    alarms = (*beaten.summary.alarms, comparison_text(beaten.compared[0]))
     beaten = replace(beaten, summary=replace(beaten.summary, alarms=alarms))
     assert answer(beaten).startswith(
         "Do not use this model: another predicts better. Held-back runs: a first-order lag of the controls predicts u better"
