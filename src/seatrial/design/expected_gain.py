@@ -272,16 +272,18 @@ def _explain(
         points = peak.z + jax.scipy.linalg.solve_triangular(factor, t.T, lower=True, trans=1).T
         shown = jax.vmap(partial(outputs_of, given_controls, belief, logged))(points)
         height = jax.vmap(lambda point, shown: _height(belief, shown, point, measured, noise))(points, shown)
-        d = t.shape[1]
-        power = 0.5 * (FREEDOM + d)
-        constant = lgamma(power) - lgamma(0.5 * FREEDOM) - 0.5 * d * log(FREEDOM * pi)
-        log_weight = (
-            height - (constant - power * jnp.log1p(jnp.sum(t**2, 1) / FREEDOM)) - jnp.sum(jnp.log(jnp.diag(factor)))
-        )
+        log_weight = height - _log_student(t) - jnp.sum(jnp.log(jnp.diag(factor)))
         return jnp.where(jnp.isnan(log_weight), -jnp.inf, log_weight)  # diverged: it cannot have made the data
 
     log_prior = jnp.sum(jax.vmap(partial(log_priors, belief))(z), 1)
     return log_prior, map_lanes(weigh, (peak, logged, measured, noise, t)), jax.vmap(about)(z, noise)
+
+
+def _log_student(t: Array) -> Array:
+    d = t.shape[1]
+    power = 0.5 * (FREEDOM + d)
+    constant = lgamma(power) - lgamma(0.5 * FREEDOM) - 0.5 * d * log(FREEDOM * pi)
+    return constant - power * jnp.log1p(jnp.sum(t**2, 1) / FREEDOM)
 
 
 def _height(belief: Belief, shown: Array, z: Array, measured: Array, noise: Array) -> Array:

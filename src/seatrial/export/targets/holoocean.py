@@ -238,12 +238,7 @@ class HoloOcean:
             )
         own = ", ".join(f"{key} = {value:g} {_UNITS[key]}" for key, value in _DEFAULTS.items() if key not in limits)
         changed += [f"HoloOcean's own actuators where the vehicle's are not known: {own}"] if own else []
-        # Where one limit either way, and one for all fins, is not the vehicle's.
-        known = {name: one for name, one in vehicle.actuators.items() if name in ("n", *_FINS)}
-        uneven = [name for name, one in known.items() if isfinite(one.upper - one.lower) and one.lower != -one.upper]
-        fins = {(one.time_constant, one.lower, one.upper) for name, one in known.items() if name in _FINS}
-        changed += [f"limits of {name} alike either way" for name in uneven]
-        changed += ["one lag and limit for all fins, the longest and the narrowest"] * (len(fins) > 1)
+        changed += _limit_changes(vehicle)
         return Carried(
             torpedo_motion(torpedo),
             tuple(lost),
@@ -381,6 +376,15 @@ def actuator_limits(vehicle: ExportedVehicle) -> dict[str, float]:
         "deltaMax_fin_deg": degrees(min((min(abs(one.lower), abs(one.upper)) for one in fins), default=inf)),
     }
     return {key: value for key, value in results.items() if 0 < value < inf}
+
+
+def _limit_changes(vehicle: ExportedVehicle) -> list[str]:
+    """Return where one limit either way, and one for all fins, is not the vehicle's."""
+    known = {name: one for name, one in vehicle.actuators.items() if name in ("n", *_FINS)}
+    uneven = [name for name, one in known.items() if isfinite(one.upper - one.lower) and one.lower != -one.upper]
+    fins = {(one.time_constant, one.lower, one.upper) for name, one in known.items() if name in _FINS}
+    results = [f"limits of {name} alike either way" for name in uneven]
+    return results + (["one lag and limit for all fins, the longest and the narrowest"] if len(fins) > 1 else [])
 
 
 def _actuators(vehicle: ExportedVehicle, limits: dict[str, float]) -> dict[str, Actuator]:
