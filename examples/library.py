@@ -44,7 +44,7 @@ def main() -> None:
     amplitudes, periods = np.linspace(100, 300, 5) * RPM, [5.0, 10.0, 15.0, 20.0]
     design = st.design_trial(full, draws, family, amplitudes, periods, NOISE, start=START, rates=RATES)
     print(f"next: {design}")
-    assert draws.complaints() == []
+    assert draws.findings() == []
     assert all(abs(draws[name].mean() - truth[name]) < 4 * draws[name].std() for name in draws.names)
     assert explained > 0.9
     assert all(design.sd_after[name] < sd for name, sd in design.sd_before.items())
