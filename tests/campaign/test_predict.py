@@ -91,8 +91,8 @@ def test_what_to_do_is_told_once_for_all_channels_and_runs():
     narrow = [fit(run, channel=channel, coverage=0.7, variance=2.5) for channel in ("u", "r") for run in ("a", "b")]
     (said,) = sentences(fit_complaints(narrow))
     assert said.endswith("is too small; likewise b; likewise r of a, b. Look for outliers or a missing term")
-    assert narrow[0].finding == narrow[0].reason
-    assert narrow[0].words == f"{narrow[0].reason}; {narrow[0].advice}"
+    assert narrow[0].finding == narrow[0].statement
+    assert narrow[0].reason == f"{narrow[0].statement}; {narrow[0].advice}"
 
 
 def test_where_a_run_leaves_the_fitted_range_is_told_once():

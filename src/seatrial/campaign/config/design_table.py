@@ -22,7 +22,7 @@ from seatrial.campaign.config.quantities import (
     without_effect,
 )
 from seatrial.campaign.config.toml import FileKeys
-from seatrial.core.errors import InputError, located, nearest, not_among
+from seatrial.core.errors import InputError, located, nearest
 from seatrial.core.signals import CONTROLS, is_thruster, signal_unit
 from seatrial.design.integrals import motion_signals
 from seatrial.design.motion_limits import MotionLimit
@@ -281,7 +281,12 @@ def read_design(
         )
     if table.relay is not None and table.relay.output not in channels:
         output = table.relay.output
-        raise not_among(keys.where("design.relay.output"), output, channels, found=f'"{output}", which is not measured')
+        raise InputError(
+            keys.where("design.relay.output"),
+            found=f'"{output}"',
+            expected="a measured channel: " + ", ".join(channels),
+            remedy=nearest(output, channels),
+        )
     family = _family(table, keys, commands, trim)
     return DesignSettings(
         family,
