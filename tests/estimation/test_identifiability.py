@@ -21,7 +21,13 @@ from seatrial.estimation.posterior.output_error import output_error
 from seatrial.estimation.posterior.posterior import Parameter
 from seatrial.estimation.priors import Normal, Uniform
 from seatrial.estimation.simulation.sensor_errors import Sensor
-from seatrial.messages.identifiability import identifiability_cautions, identifiability_lines, precision, what_separates
+from seatrial.messages.identifiability import (
+    identifiability_cautions,
+    identifiability_lines,
+    invisible_change,
+    precision,
+    what_separates,
+)
 from seatrial.numerics.integrate import rk4_step
 from seatrial.vehicles.hull import Hull
 from seatrial.vehicles.whole import whole_vehicle
@@ -519,10 +525,10 @@ def test_invisible_changes_are_the_null_space_in_few_parameters():
     assert found["a", "b"].steps == pytest.approx((2.0, -1.0))
     assert found["c", "d"].steps == pytest.approx((1.0, 1.0))
     assert found["c", "d"].is_scale
-    assert found["c", "d"].text == "c and d scale together: only their ratios are known"
-    assert found["a", "b"].text == "changing a by +2 % and b by -1 % leaves every measurement as it is"
+    assert invisible_change(found["c", "d"]) == "c and d scale together: only their ratios are known"
+    assert invisible_change(found["a", "b"]) == "changing a by +2 % and b by -1 % leaves every measurement as it is"
     prior = unknown._replace(relative=np.array([True, False, True, True]))
-    text = {item.names: item.text for item in null_combinations(rows.T @ rows, prior)}["a", "b"]
+    text = {item.names: invisible_change(item) for item in null_combinations(rows.T @ rows, prior)}["a", "b"]
     assert "b by -0.01 prior standard deviations" in text
     assert null_combinations(np.diag([1.0, 1e-3, 1e6, 1e-9]), unknown) == ()
 

@@ -22,9 +22,7 @@ from seatrial.core.argument_checks import (
 from seatrial.core.errors import InputError
 from seatrial.core.record import Channel, Provenance, Record, Role, make_record
 from seatrial.core.signals import ANGLES, OVER_EARTH, QUATERNION, RATES
-from seatrial.logs.align import align
 from seatrial.logs.axes import Axes
-from seatrial.logs.body_frame import to_body
 from seatrial.logs.log_table import read_log_table
 from seatrial.logs.measured_control import half_a_step_matters, looks_measured, mean_to_next, taken_as_measured
 from seatrial.logs.source import Between, Clock, ColumnMap, LogSource
@@ -111,6 +109,9 @@ def read_log(
     if cautions:
         table = read_log_table(replace(source, channels=maps))
         table = replace(table, cautions=(*table.cautions, *cautions))
+    from seatrial.logs.align import align  # these two use JAX, which a record from memory does not need
+    from seatrial.logs.body_frame import to_body
+
     tables = to_body([table], made | {name: roles[name] for name in channels if name not in (*OVER_EARTH, *QUATERNION)})
     return align(tables, step=step, start=start, end=end, label=path.stem if label is None else label)
 

@@ -65,7 +65,7 @@ def _structural(result: Identifiability) -> list[str]:
         return ["the data say nothing about any parameter: no channel was measured, or none depends on them"]
     lines = [f"{_untouched(name)} (structural); the stated value is the prior's" for name in result.untouched]
     return lines + [
-        f"one combination is invisible in these data whatever their length (structural): {_invisible(item)}; "
+        f"one combination is invisible in these data whatever their length (structural): {invisible_change(item)}; "
         f"{what_separates(item.names)}"
         for item in result.invisible
     ]
@@ -80,7 +80,8 @@ def _untouched(name: str) -> str:
     )
 
 
-def _invisible(item: Invisible) -> str:
+def invisible_change(item: Invisible) -> str:
+    """Return the words of a change of parameters that no measurement shows."""
     if item.is_scale and len(item.names) > 1:
         return f"{listed(item.names)} scale together: only their ratios are known"
     parts = [
