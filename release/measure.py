@@ -43,7 +43,7 @@ def main() -> None:
         path: ast.parse(path.read_text(encoding="utf-8"))
         for place in PLACES
         for path in sorted((ROOT / place).rglob("*.py"))
-        if "tests" not in path.parts
+        if "tests" not in path.relative_to(ROOT).parts
     }
     importers = find_importers(trees)
     single = {path: users for path, users in importers.items() if len(users) == 1}
@@ -59,7 +59,7 @@ def main() -> None:
         return
     texts = {path: path.read_text(encoding="utf-8") for path in trees}
     tests = [
-        path for place in TESTS for path in (ROOT / place).rglob("*.py") if place == "tests" or "tests" in path.parts
+        path for place in TESTS for path in (ROOT / place).rglob("*.py") if "tests" in path.relative_to(ROOT).parts
     ]
     functions = [node for tree in trees.values() for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
     print(f"files                              {len(trees):6d}")

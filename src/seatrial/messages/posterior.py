@@ -141,12 +141,18 @@ REMEDIES = {
         command=lambda values: (
             f"widen [prior.{{subject[0]}}]: its lower bound to {values['value'] / 10:.4g} {{unit}}, as the noise of "
             "{channel} is smaller"
-        )
+        ),
+        python=lambda values: (
+            f"give {{subject[0]}} a prior whose lower bound is {values['value'] / 10:.4g} {{unit}}, as the noise of {{channel}} is smaller"
+        ),
     ),
     "explain-channel": Remedy(
         command="the model misses {channel} by more than the sensor's noise can explain: check units, signs, the channel map, how the "
         'sensor is mounted, and {channel} for outliers (residuals = "heavy" tolerates them), then the other priors; widen this one, '
-        "[prior.{subject[0]}], only if {channel} is that noisy"
+        "[prior.{subject[0]}], only if {channel} is that noisy",
+        python="the model misses {channel} by more than the sensor's noise can explain: check units, signs, the channels read, how "
+        'the sensor is mounted, and {channel} for outliers (a sensor with noise="heavy" tolerates them), then the other priors; widen the '
+        "prior of {subject[0]} only if {channel} is that noisy",
     ),
     "check-record-first": Remedy(
         command=f"check {_WHAT_TO_CHECK} first: `seatrial check` compares the log with the model; widen the prior only if they are right",

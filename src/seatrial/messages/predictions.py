@@ -15,10 +15,9 @@ if TYPE_CHECKING:
     from seatrial.estimation.prediction.short_horizon import ShortHorizon
 
 WORSE_THAN_MEAN, WORSE_THAN_MEANS = "worse than the run's own mean", "worse than the runs' own means"
-CLEAR_ERRORS = (
-    2.6  # Standard errors from what uniform ranks have at which a shift or a spread of the ranks is spoken of
-)
-MUCH = 0.9  # Share explained from which on tenths of a per cent are said
+# Standard errors from what uniform ranks have at which a shift or a spread of the ranks is spoken of
+CLEAR_ERRORS = 2.6
+MUCH = 0.9  # Share explained from which on tenths of a per cent are shown
 FAR = 2.0  # Ratio of the CRPS from which one prediction is better by far
 ROUNDING = 1e-6  # Share of the furthest value below which the edge of the fitted range is zero but for rounding
 

@@ -14,9 +14,8 @@ if TYPE_CHECKING:
 
 MAX_ODD_SHARE = 0.01  # Share of draws without a motion above which a prior is to be mended
 WIDE = 4.0  # Factor between the ends of the 90 % range of the steady speed above which a prior is called wide
-STILL_RANGE = (
-    1e-9  # Range of a channel in all draws and over the whole trial, SI, below which the trial does not move it
-)
+# Range of a channel in all draws and over the whole trial, SI, below which the trial does not move it
+STILL_RANGE = 1e-9
 # Shares of the measured speeds inside the 90 % range above which the prior holds them, and below which it does not
 HELD_SHARE, HARDLY_SHARE = 0.8, 0.5
 

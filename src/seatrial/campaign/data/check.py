@@ -54,9 +54,8 @@ NO_CAUSE = ("not-excited", "rate-not-measured", "terms-alike", "limits-exceeded"
 # Standard deviation of a motion over its sensor's noise from which the part of a trial that has come tells its
 # direction
 MOVES = 2.0
-MAX_PRIOR_VEHICLES = (
-    32  # Vehicles drawn from the priors, beside the one at their means, to see whether they go the same way
-)
+# Vehicles drawn from the priors, beside the one at their means, to see whether they go the same way
+MAX_PRIOR_VEHICLES = 32
 
 
 @dataclass(frozen=True, eq=False)

@@ -30,9 +30,8 @@ WRONG_RMS, RIGHT_RMS = 2.2, 2.0
 # pushed against it
 PUSHED_SD = 3.0
 PUSHED_SECONDS = 10.0  # Seconds after which that is forgotten
-MIN_UNLIKE_SHARE = (
-    0.95  # Share of the vehicles drawn from what is believed whose speed at trim must be another than stated
-)
+# Share of the vehicles drawn from what is believed whose speed at trim must be another than stated
+MIN_UNLIKE_SHARE = 0.95
 AT_EDGE = 0.5  # Standard deviations from the edge of its prior within which a coefficient is named, where one is pushed
 MIN_INNOVATIONS = 50  # Innovations before which nothing is said of a goal
 SOON_SECONDS = 30.0  # Seconds to the goal for which no other input is worth a change

@@ -18,9 +18,8 @@ from seatrial.sampling.target import AT_ONCE, evaluate
 MIN_GAIN = 10.0
 # Gain beyond a bound, nats, from which a slip in the log or its map is likelier than a prior that is too narrow.
 HUGE_GAIN = 1000.0
-MAX_PRIOR_SDS = (
-    4.0  # Standard deviations from the middle of a prior without bounds beyond which it says the opposite of the data
-)
+# Standard deviations from the middle of a prior without bounds beyond which it says the opposite of the data
+MAX_PRIOR_SDS = 4.0
 # Least curvature of the likelihood, over that of each parameter alone, along which other parameters are followed.
 MIN_CURVATURE = 1e-9
 MIN_LOST_SHARE = 0.01  # Share of the prior without a finite likelihood of which a reader is told

@@ -21,9 +21,8 @@ from seatrial.estimation.simulation.simulator import CURRENT, Simulator
 
 HORIZON, MAX_RECORD_SHARE = 10.0, 0.1  # Longest horizon, s, and the share of a record that it is at most
 MIN_STEPS = 3  # Samples of a horizon, at least
-MIN_EXPLAINED = (
-    0.8  # Share of variance explained over short horizons from which on the model is right for as long as these
-)
+# Share of variance explained over short horizons from which on the model is right for as long as these
+MIN_EXPLAINED = 0.8
 MIN_GROWTH = 3.0  # Growth of a small error along a record from which on a vehicle leaves its course by itself
 
 
