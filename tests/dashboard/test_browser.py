@@ -504,21 +504,17 @@ def test_from_nothing_to_a_schedule_by_the_page_alone(tmp_path, page):
         page.goto(address)
         page.get_by_role("button", name="New campaign").click()
         page.get_by_label("Name", exact=True).fill("../boat")
-        noise = page.get_by_role("group", name="sensor").get_by_label("noise")
-        noise.fill("5 cm")
-        page.get_by_role("button", name="Begin", exact=True).click()
-        page.get_by_text('"5 cm" under "noise": expected a number, such as 0.05').wait_for()
-        noise.fill("0.05")
-        trim = page.get_by_role("group", name="control").get_by_label("trim")
-        trim.fill("1700")
+        noise = page.get_by_role("region", name="[sensors.u]").get_by_label("noise")
+        noise.fill("5 apples")
         page.get_by_role("button", name="Begin", exact=True).click()
         page.get_by_text("Nothing was written").wait_for()
         page.get_by_text("expected letters, digits").wait_for()
-        page.get_by_text("expected a trim inside the range").wait_for()
-        assert list(root.iterdir()) == []
-        assert trim.input_value() == "1700"
         page.get_by_label("Name", exact=True).fill("boat")
-        trim.fill("1200")
+        page.get_by_role("button", name="Begin", exact=True).click()
+        page.get_by_text('unknown unit "apples"').wait_for()
+        assert list(root.iterdir()) == []
+        assert noise.input_value() == "5 apples"
+        noise.fill("0.05 m/s")
         page.get_by_role("button", name="Show the campaign file").click()
         page.get_by_text("It can be used").wait_for()
         assert list(root.iterdir()) == []

@@ -68,7 +68,8 @@ class Start:
         self.fields.clear()
         with self.form:
             for table, group in groupby(questions, lambda one: one.key.rpartition(".")[0]):
-                with section(f"[{table}]"), ui.element("div").classes("line"):
+                with section(f"[{table}]") as part, ui.element("div").classes("line"):
+                    part.props["aria-label"] = f"[{table}]"  # labels such as `noise` stand in several tables
                     for question in group:
                         self._add(question)
 
