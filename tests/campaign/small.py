@@ -8,9 +8,10 @@ from pathlib import Path
 from seatrial.campaign.store.estimates import Known, KnownParameter, StoredCoefficient
 from seatrial.campaign.store.stored_result import Store, StoredResult
 from seatrial.campaign.store.structures import NextTrial, Summary
+from tests.campaigns import joined, priors, sensors, uniform, write_campaign
 
-SMALL = """
-[campaign]
+SMALL = joined(
+    """[campaign]
 name = "small"
 seed = 3
 
@@ -20,26 +21,15 @@ catalogue = "remus100_surge"
 [structure]
 always = ["X_uabsu", "T_nabsn"]
 optional = ["X_u"]
-
-[prior.X_u]
-distribution = "uniform"
-lower = -3.6
-upper = 1.2
-
-[prior.X_uabsu]
-distribution = "uniform"
-lower = -8.8
-upper = 0.0
-
-[prior.T_nabsn]
+""",
+    priors(X_u=uniform(-3.6, 1.2), X_uabsu=uniform(-8.8, 0.0)),
+    """[prior.T_nabsn]
 distribution = "uniform"
 lower = 2.0e-4
 upper = 12.0e-4
-
-[sensors.u]
-noise = "0.05 m/s"
-
-[limits.n]
+""",
+    sensors(u="0.05 m/s"),
+    """[limits.n]
 lower = "0 rpm"
 upper = "1500 rpm"
 
@@ -64,7 +54,8 @@ draws = 1000
 [selection]
 particles = 256
 repeats = 2
-"""
+""",
+)
 NO_X_U = (
     ('optional = ["X_u"]', "optional = []"),
     ('[prior.X_u]\ndistribution = "uniform"\nlower = -3.6\nupper = 1.2\n', ""),
@@ -75,12 +66,7 @@ NO_X_U = (
 
 def write_small(folder: Path, *replacements: tuple[str, str]) -> Path:
     """Write the small campaign into a folder, some of its text replaced."""
-    text = SMALL
-    for old, new in replacements:
-        assert old in text, old
-        text = text.replace(old, new)
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / "campaign.toml").write_text(text)
+    write_campaign(folder, SMALL, *replacements)
     return folder
 
 

@@ -11,12 +11,13 @@ from seatrial.campaign.inference.quick_estimates import posterior_modes
 from seatrial.core.errors import InputError
 from seatrial.estimation.posterior.first_guess import first_guess
 from seatrial.vehicles.simulate import simulate
+from tests.campaigns import joined, normal, priors, small_design, uniform
 
 INERTIA, WEIGHT = np.array([0.4, 0.6, 0.6]), 100.0
 TRUTH = {"K_p": -0.25, "M_q": -0.3, "N_r": -0.4, "z_b": -0.012}
 NOISE = {"rate": 0.004, "attitude": 0.01}
-CAMPAIGN = """
-[campaign]
+CAMPAIGN = joined(
+    """[campaign]
 name = "tumbling"
 seed = 1
 
@@ -28,28 +29,9 @@ fixed = { K_tau_K = 1.0, M_tau_M = 1.0, N_tau_N = 1.0 }
 
 [structure]
 always = ["K_p", "M_q", "N_r"]
-
-[prior.K_p]
-distribution = "uniform"
-lower = -1.0
-upper = 0.0
-
-[prior.M_q]
-distribution = "uniform"
-lower = -1.0
-upper = 0.0
-
-[prior.N_r]
-distribution = "uniform"
-lower = -1.0
-upper = 0.0
-
-[prior.z_b]
-distribution = "normal"
-mean = 0.0
-sd = 0.02
-
-[sensors]
+""",
+    priors(K_p=uniform(-1.0, 0.0), M_q=uniform(-1.0, 0.0), N_r=uniform(-1.0, 0.0), z_b=normal(0.0, 0.02)),
+    """[sensors]
 p = { noise = "0.004 rad/s" }
 q = { noise = "0.004 rad/s" }
 r = { noise = "0.004 rad/s" }
@@ -57,16 +39,9 @@ attitude = { noise = "0.01 rad" }
 
 [estimation]
 initial = "estimated"
-
-[design]
-control = "tau_M"
-duration = "30 s"
-active = "20 s"
-sample_time = "0.1 s"
-amplitude = { from = "0.5 N*m", to = "1 N*m", points = 2 }
-period = { from = "4 s", to = "8 s", points = 2 }
-
-[import]
+""",
+    small_design("tau_M", "0.5 N*m", "1 N*m"),
+    """[import]
 fit = ["log"]
 
 [[import.files]]
@@ -84,7 +59,8 @@ q_w = { column = "q_w", unit = "1" }
 q_x = { column = "q_x", unit = "1" }
 q_y = { column = "q_y", unit = "1" }
 q_z = { column = "q_z", unit = "1" }
-"""
+""",
+)
 
 
 def tumble(n=400, step=0.1, parts=10):

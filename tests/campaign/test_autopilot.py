@@ -27,6 +27,7 @@ from seatrial.design.loop_stability import GainChange
 from seatrial.design.motion_limits import MotionLimit
 from seatrial.design.safety import judge_safety
 from seatrial.manoeuvres.schedule import Schedule
+from tests.campaigns import write_campaign
 
 DEG = np.pi / 180
 REMUS = """
@@ -80,11 +81,7 @@ TRUTH = "[truth]\nY_uv = -28.6\nprocess_v = 0.01\nprocess_r = 0.01\n"
 
 
 def campaign(folder, *changes, more=TRUTH):
-    text = REMUS + more
-    for old, new in changes:
-        assert old in text, old
-        text = text.replace(old, new)
-    (folder / "campaign.toml").write_text(text)
+    write_campaign(folder, REMUS + more, *changes)
     return load_campaign(folder)
 
 

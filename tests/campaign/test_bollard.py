@@ -23,11 +23,12 @@ from seatrial.manoeuvres.schedule import schedule_of
 from seatrial.messages.identifiability import identifiability_cautions
 from seatrial.messages.render import remedy
 from tests.campaign.small import write_summary
+from tests.campaigns import MEASURED, import_log, joined, normal, priors, sensors, small_design, uniform, write_campaign
 
 MASS, STEP, LAG = 20.0, 0.1, 0.25
 GAIN, ASTERN, PER_VOLT, OFFSET, DEAD = 0.85, -0.06, 0.09, 1.7, 1.2
-VEHICLE = """
-[campaign]
+VEHICLE = joined(
+    """[campaign]
 name = "bollard"
 seed = 1
 
@@ -48,39 +49,20 @@ direction = [1, 0, 0]
 [[vehicle.thrusters]]
 place = ["-0.3 m", "-0.2 m", "0 m"]
 direction = [1, 0, 0]
-
-[prior.T_f]
-distribution = "normal"
-mean = 1.0
-sd = 0.3
-"""
-REST = """
-[structure]
+""",
+    priors(T_f=normal(1.0, 0.3)),
+)
+REST = joined(
+    """[structure]
 always = ["T_f", "T_absf", "T_fdV"]
-
-[prior.T_absf]
-distribution = "normal"
-mean = 0.0
-sd = 0.2
-
-[prior.T_fdV]
-distribution = "normal"
-mean = 0.0
-sd = 0.2
-
-[prior.bias_force_X]
-distribution = "normal"
-mean = 0.0
-sd = 5.0
-
-[sensors.force_X]
+""",
+    priors(T_absf=normal(0.0, 0.2), T_fdV=normal(0.0, 0.2), bias_force_X=normal(0.0, 5.0)),
+    """[sensors.force_X]
 noise = "0.3 N"
 bias = "shared"
-
-[estimation]
-initial = "measured"
-
-[design]
+""",
+    MEASURED,
+    """[design]
 control = "f_1"
 together = { f_2 = "20 N" }
 duration = "30 s"
@@ -88,18 +70,16 @@ active = "20 s"
 sample_time = "0.1 s"
 amplitude = { from = "10 N", to = "20 N", points = 2 }
 period = { from = "2 s", to = "8 s", points = 2 }
-
-[import]
-fit = ["log"]
-
-[[import.files]]
-path = "{run}.csv"
-time = { column = "t", unit = "s" }
-channels.f_1 = { column = "left", unit = "command" }
-channels.f_2 = { column = "right", unit = "command" }
-channels.V = { column = "battery", unit = "V" }
-channels.force_X = { column = "gauge", unit = "N" }
-"""
+""",
+    import_log(
+        "log",
+        "{run}.csv",
+        f_1=("left", "command"),
+        f_2=("right", "command"),
+        V=("battery", "V"),
+        force_X=("gauge", "N"),
+    ),
+)
 
 
 def late(command, lag=LAG):
@@ -124,11 +104,7 @@ def columns_of(command, volt):
 
 
 def campaign(folder, rows, *changes, head="t,left,right,battery,gauge", text=VEHICLE + REST):
-    for old, new in changes:
-        assert old in text, old
-        text = text.replace(old, new, 1)
-    folder.mkdir(exist_ok=True)
-    (folder / "campaign.toml").write_text(text)
+    write_campaign(folder, text, *changes, count=1)
     lines = (",".join(f"{x:.10g}" for x in (STEP * k, *row)) for k, row in enumerate(rows))
     (folder / "log.csv").write_text(f"{head}\n" + "\n".join(lines) + "\n")
     return load_campaign(folder)
@@ -295,49 +271,16 @@ def test_a_gauge_whose_offset_differs_between_trials_has_one_noise(tmp_path, pul
 # What the next campaign makes of it.
 
 ADDED, DRAG = -5.0, {"X_u": -9.0, "X_uabsu": -22.0}
-DRIVEN = """
-[structure]
+DRIVEN = joined(
+    """[structure]
 always = ["X_udot", "X_u", "X_uabsu", "T_f"]
-
-[prior.X_udot]
-distribution = "normal"
-mean = -6.0
-sd = 4.0
-
-[prior.X_u]
-distribution = "uniform"
-lower = -60.0
-upper = 0.0
-
-[prior.X_uabsu]
-distribution = "uniform"
-lower = -120.0
-upper = 0.0
-
-[sensors.u]
-noise = "0.01 m/s"
-
-[estimation]
-initial = "measured"
-
-[design]
-control = "f_1"
-duration = "30 s"
-active = "20 s"
-sample_time = "0.1 s"
-amplitude = { from = "5 N", to = "10 N", points = 2 }
-period = { from = "4 s", to = "8 s", points = 2 }
-
-[import]
-fit = ["log"]
-
-[[import.files]]
-path = "{run}.csv"
-time = { column = "t", unit = "s" }
-channels.f_1 = { column = "left", unit = "command" }
-channels.f_2 = { column = "right", unit = "command" }
-channels.u = { column = "u", unit = "m/s" }
-"""
+""",
+    priors(X_udot=normal(-6.0, 4.0), X_u=uniform(-60.0, 0.0), X_uabsu=uniform(-120.0, 0.0)),
+    sensors(u="0.01 m/s"),
+    MEASURED,
+    small_design("f_1", "5 N", "10 N"),
+    import_log("log", "{run}.csv", f_1=("left", "command"), f_2=("right", "command"), u=("u", "m/s")),
+)
 MOVES = ("moves = []", 'moves = ["u"]')
 ALONE = (VEHICLE[VEHICLE.index("[prior.T_f]") :], "")
 

@@ -12,9 +12,10 @@ from seatrial.campaign.data.check import check_records, record_doubts, step_caut
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.cli.main import app
 from seatrial.core.errors import NumericalError
+from tests.campaigns import MEASURED, joined, normal, priors, sensors
 
-CAMPAIGN = """
-[campaign]
+CAMPAIGN = joined(
+    """[campaign]
 name = "check"
 seed = 1
 
@@ -23,21 +24,10 @@ mass = "30 kg"
 
 [structure]
 always = ["X_tau_X", "X_uabsu"]
-
-[prior.X_tau_X]
-distribution = "normal"
-mean = 1.0
-sd = 0.2
-
-[prior.X_uabsu]
-distribution = "normal"
-mean = -6.0
-sd = 3.0
-
-[sensors.u]
-noise = "0.02 m/s"
-
-[design]
+""",
+    priors(X_tau_X=normal(1.0, 0.2), X_uabsu=normal(-6.0, 3.0)),
+    sensors(u="0.02 m/s"),
+    """[design]
 control = "tau_X"
 duration = "30 s"
 active = "20 s"
@@ -55,10 +45,9 @@ time = { column = "t", unit = "s" }
 [import.files.channels]
 tau_X = { column = "force", unit = "N" }
 u = { column = "speed", unit = "m/s", scale = SCALE }
-
-[estimation]
-initial = "measured"
-"""
+""",
+    MEASURED,
+)
 
 
 MUTE = CAMPAIGN.replace("mean = 1.0\nsd = 0.2", "mean = 0.0\nsd = 3.0").replace(

@@ -8,6 +8,7 @@ from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.inference.quick_estimates import posterior_modes
 from seatrial.core.errors import InputError
 from tests.campaign.test_misaligned import CAMPAIGN, SAMPLES, STEP, TRUTH, motion
+from tests.campaigns import write_campaign
 
 CURRENT = np.array([0.25, -0.15])
 OUTLIERS = 0.08
@@ -43,11 +44,7 @@ def write(folder, sensors, *changes):
         more += 'channels.x = { column = "x", unit = "m" }\nchannels.y = { column = "y", unit = "m" }\n'
     text = text[:a] + more + text[text.index("channels.r =") :]
     text = text.replace(own, sensors + "\n").replace("[import]\n", '[estimation]\ninitial = "estimated"\n\n[import]\n')
-    text = text.replace('moves = ["u", "v", "r"]', 'moves = ["u", "v", "r"]\ncurrent = true')
-    for old, new in changes:
-        assert old in text, old
-        text = text.replace(old, new)
-    (folder / "campaign.toml").write_text(text)
+    write_campaign(folder, text.replace('moves = ["u", "v", "r"]', 'moves = ["u", "v", "r"]\ncurrent = true'), *changes)
     return load_campaign(folder)
 
 

@@ -9,12 +9,13 @@ from seatrial.campaign.data.thruster_check import mirrored_thrusters
 from seatrial.campaign.inference.posterior import build_posterior, random_key
 from seatrial.core.errors import InputError
 from seatrial.estimation.posterior.mode import find_mode
+from tests.campaigns import joined, normal, priors, sensors
 
 MASS, ADDED, DRAG, NOISE, STEP, COUNT = 11.0, 14.0, -60.0, 0.01, 0.1, 300
 WEIGHTS = {"a": 2.0, "b": 6.0, "c": -3.0}
 """Net weight of each dive, N: ballast was changed between them."""
-CAMPAIGN = """
-[campaign]
+CAMPAIGN = joined(
+    """[campaign]
 name = "heave"
 seed = 2
 
@@ -42,21 +43,15 @@ always = ["Z_wabsw"]
 distribution = "half-normal"
 upper = 0.0
 scale = 100.0
-
-[prior.net_weight]
-distribution = "normal"
-mean = 0.0
-sd = 10.0
-
-[prior.spread_net_weight]
+""",
+    priors(net_weight=normal(0.0, 10.0)),
+    """[prior.spread_net_weight]
 distribution = "half-normal"
 lower = 0.0
 scale = 10.0
-
-[sensors.w]
-noise = "0.01 m/s"
-
-[estimation]
+""",
+    sensors(w="0.01 m/s"),
+    """[estimation]
 initial = "estimated"
 varying = ["net_weight"]
 
@@ -69,7 +64,8 @@ time = { column = "t", unit = "s" }
 channels.f_2 = { column = "port", unit = "N" }
 channels.f_3 = { column = "starboard", unit = "N" }
 channels.w = { column = "w", unit = "m/s" }
-"""
+""",
+)
 
 
 def write_heave(folder, text=CAMPAIGN):

@@ -15,6 +15,7 @@ from seatrial.estimation.simulation.mounts import Mount
 from seatrial.estimation.simulation.sensor_errors import Sensor
 from seatrial.estimation.simulation.simulator import Simulator, samples_remembered
 from seatrial.messages.identifiability import identifiability_cautions
+from tests.campaigns import write_campaign
 
 MASS, I_Z = 20.0, 1.5
 TRUTH = {"X_uabsu": -18.0, "Y_vabsv": -30.0, "N_r": -2.0}
@@ -129,11 +130,9 @@ def write_log(folder, wrong):
 def fitted(folder, wrong, sought, *changes, more=""):
     """Return mean and standard deviation of everything, by name, at the mode."""
     write_log(folder, wrong)
-    text = CAMPAIGN + more + "".join(f"\n[prior.{name}]\n{PRIORS[name]}\n" for name in sought)
-    for old, new in changes:
-        assert old in text
-        text = text.replace(old, new)
-    (folder / "campaign.toml").write_text(text)
+    write_campaign(
+        folder, CAMPAIGN + more + "".join(f"\n[prior.{name}]\n{PRIORS[name]}\n" for name in sought), *changes
+    )
     campaign = load_campaign(folder)
     (answer,) = posterior_modes(campaign, get_trials(campaign))
     assert answer.rows, answer.alarm

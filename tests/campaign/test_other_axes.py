@@ -10,9 +10,10 @@ from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.design.relay import design_relay_trial, relay_loop
 from seatrial.campaign.design.sweep import design_first
 from seatrial.core.errors import InputError
+from tests.campaigns import joined, normal, priors, write_campaign
 
-YAW = """
-[campaign]
+YAW = joined(
+    """[campaign]
 name = "yaw"
 seed = 3
 
@@ -24,18 +25,9 @@ u = "1.5 m/s"
 
 [structure]
 always = ["N_uur", "N_uudelta_r"]
-
-[prior.N_uur]
-distribution = "normal"
-mean = -0.5
-sd = 0.1
-
-[prior.N_uudelta_r]
-distribution = "normal"
-mean = -0.4
-sd = 0.05
-
-[sensors.r]
+""",
+    priors(N_uur=normal(-0.5, 0.1), N_uudelta_r=normal(-0.4, 0.05)),
+    """[sensors.r]
 noise = "0.3 deg/s"
 rate = "5 Hz"
 
@@ -64,15 +56,12 @@ threshold = { from = "2 deg/s", to = "6 deg/s", points = 2 }
 [truth]
 N_uur = -0.55
 N_uudelta_r = -0.35
-"""
+""",
+)
 
 
 def yaw(folder, *changes):
-    text = YAW
-    for old, new in changes:
-        assert old in text
-        text = text.replace(old, new)
-    (folder / "campaign.toml").write_text(text)
+    write_campaign(folder, YAW, *changes)
     return load_campaign(folder)
 
 

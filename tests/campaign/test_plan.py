@@ -18,6 +18,7 @@ from seatrial.core.errors import InputError
 from seatrial.estimation.simulation.sensor_errors import noise_name
 from seatrial.messages.designs import plan_lines
 from tests.campaign.small import write_small
+from tests.campaigns import joined, normal, priors
 
 POSSIBLE = (
     ("lower = -3.6\nupper = 1.2", "lower = -2.4\nupper = -0.6"),
@@ -128,8 +129,8 @@ def assert_inside(met, vehicles, found):
     assert low <= met <= high, (met / vehicles, found.chance)
 
 
-WHOLE = """
-[campaign]
+WHOLE = joined(
+    """[campaign]
 name = "whole"
 seed = 4
 
@@ -140,18 +141,9 @@ trim = { u = "1.5 m/s", n = "1500 rpm", delta_r = "0 deg", delta_s = "0 deg" }
 
 [structure]
 always = ["X_uabsu", "T_nabsn", "Y_uv", "N_uv", "N_ur", "N_uudelta_r", "Z_uw", "M_uw", "M_uq", "M_uudelta_s"]
-
-[prior.N_ur]
-distribution = "normal"
-mean = -6.0
-sd = 2.0
-
-[prior.M_uq]
-distribution = "normal"
-mean = -6.0
-sd = 2.0
-
-[sensors]
+""",
+    priors(N_ur=normal(-6.0, 2.0), M_uq=normal(-6.0, 2.0)),
+    """[sensors]
 u = { noise = "0.02 m/s" }
 v = { noise = "0.02 m/s" }
 w = { noise = "0.02 m/s" }
@@ -183,7 +175,8 @@ period = { from = "6 s", to = "18 s", points = 2 }
 [goal]
 sd = { X_uabsu = "3 %", N_uv = "6 %", N_ur = "6 %", M_uw = "6 %" }
 trials = 12
-"""
+""",
+)
 
 
 @pytest.mark.proof

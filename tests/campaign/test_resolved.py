@@ -37,6 +37,7 @@ from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.vehicles.catalogue import load_surge
 from tests.campaign.small import write_small
 from tests.campaign.yaw_campaign import write_yaw
+from tests.campaigns import write_campaign
 
 TRIALS = Trials((), (), "made up")
 KEYS = {
@@ -215,11 +216,7 @@ NUMBER = re.compile(r"(?<![\w.\[])\d+(?:\.\d+)?(?:e[+-]?\d+)?(?![\w.\]\"])")
 
 
 def with_shifts(folder):
-    text = (write_yaw(folder) / "campaign.toml").read_text()
-    for old, new in SHIFTED:
-        assert old in text
-        text = text.replace(old, new)
-    (folder / "campaign.toml").write_text(text)
+    write_campaign(folder, (write_yaw(folder) / "campaign.toml").read_text(), *SHIFTED)
 
 
 def example(folder, name, *logs):

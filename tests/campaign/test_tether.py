@@ -14,6 +14,7 @@ from seatrial.estimation.posterior.mode import find_mode
 from seatrial.messages.identifiability import identifiability_cautions
 from tests.campaign.small import write_small, write_summary
 from tests.campaign.test_thrusters import CAMPAIGN, INERTIA, MASS, PLACES, PUSHES, TRUTH, law
+from tests.campaigns import write_campaign
 
 POINT, DRAG = np.array([-0.6, 0.1]), {"tether_linear": 6.0, "tether_quadratic": 25.0}
 NOISE = 0.005
@@ -63,12 +64,7 @@ def log():
 
 
 def campaign(folder, *changes, log=None):
-    text = TOWED
-    for old, new in changes:
-        assert old in text
-        text = text.replace(old, new)
-    folder.mkdir(exist_ok=True)
-    (folder / "campaign.toml").write_text(text)
+    write_campaign(folder, TOWED, *changes)
     if log is not None:
         rows = [
             ",".join(f"{x:.8g}" for x in (0.1 * k, *c, *nu, 0.0)) for k, (c, nu) in enumerate(zip(*log, strict=True))

@@ -21,13 +21,14 @@ from seatrial.manoeuvres.family import Family
 from seatrial.manoeuvres.schedule import read_rows
 from seatrial.messages.identifiability import identifiability_cautions
 from seatrial.vehicles.thrusters import ThrustLaw
+from tests.campaigns import MEASURED, import_log, joined, normal, priors, sensors, small_design, uniform, write_campaign
 
 PLACES = np.array([[-0.3, 0.2], [-0.3, -0.2], [0.1, 0.0]])
 PUSHES = np.array([[1.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
 MASS, INERTIA, WORN = 20.0, 1.5, 0.7
 TRUTH = {"X_u": -12.0, "Y_v": -25.0, "N_r": -2.0}
-CAMPAIGN = """
-[campaign]
+CAMPAIGN = joined(
+    """[campaign]
 name = "three thrusters"
 seed = 1
 
@@ -56,61 +57,23 @@ direction = [0, 1, 0]
 
 [structure]
 always = ["X_u", "Y_v", "N_r"]
-
-[prior.X_u]
-distribution = "uniform"
-lower = -40.0
-upper = 0.0
-
-[prior.Y_v]
-distribution = "uniform"
-lower = -60.0
-upper = 0.0
-
-[prior.N_r]
-distribution = "uniform"
-lower = -8.0
-upper = 0.0
-
-[prior.gain_f_2]
-distribution = "normal"
-mean = 1.0
-sd = 0.3
-
-[sensors.u]
-noise = "0.005 m/s"
-
-[sensors.v]
-noise = "0.005 m/s"
-
-[sensors.r]
-noise = "0.005 rad/s"
-
-[estimation]
-initial = "measured"
-
-[design]
-control = "f_1"
-duration = "30 s"
-active = "20 s"
-sample_time = "0.1 s"
-amplitude = { from = "5 N", to = "10 N", points = 2 }
-period = { from = "4 s", to = "8 s", points = 2 }
-
-[import]
-fit = ["log"]
-
-[[import.files]]
-path = "{run}.csv"
-time = { column = "t", unit = "s" }
-channels.f_1 = { column = "pwm[0]", unit = "command" }
-channels.f_2 = { column = "pwm[1]", unit = "command" }
-channels.f_3 = { column = "pwm[2]", unit = "command" }
-channels.u = { column = "u", unit = "m/s" }
-channels.v = { column = "v", unit = "m/s" }
-channels.r = { column = "r", unit = "rad/s" }
-channels.psi = { column = "psi", unit = "rad" }
-"""
+""",
+    priors(X_u=uniform(-40.0, 0.0), Y_v=uniform(-60.0, 0.0), N_r=uniform(-8.0, 0.0), gain_f_2=normal(1.0, 0.3)),
+    sensors(u="0.005 m/s", v="0.005 m/s", r="0.005 rad/s"),
+    MEASURED,
+    small_design("f_1", "5 N", "10 N"),
+    import_log(
+        "log",
+        "{run}.csv",
+        f_1=("pwm[0]", "command"),
+        f_2=("pwm[1]", "command"),
+        f_3=("pwm[2]", "command"),
+        u=("u", "m/s"),
+        v=("v", "m/s"),
+        r=("r", "rad/s"),
+        psi=("psi", "rad"),
+    ),
+)
 
 
 def law(command):
@@ -142,12 +105,7 @@ def log():
 
 def campaign(folder, log, *changes):
     command, motion = log
-    text = CAMPAIGN
-    for old, new in changes:
-        assert old in text
-        text = text.replace(old, new, 1)
-    folder.mkdir(exist_ok=True)
-    (folder / "campaign.toml").write_text(text)
+    write_campaign(folder, CAMPAIGN, *changes, count=1)
     rows = [",".join(f"{x:.8g}" for x in (0.1 * k, *command[k], *motion[k], 0.0)) for k in range(len(command))]
     (folder / "log.csv").write_text("t,pwm[0],pwm[1],pwm[2],u,v,r,psi\n" + "\n".join(rows) + "\n")
     return load_campaign(folder)

@@ -11,6 +11,7 @@ from seatrial.campaign.store.stored_result import Store
 from seatrial.core.errors import InputError
 from seatrial.manoeuvres.family import design_words
 from seatrial.manoeuvres.schedule import read_rows
+from tests.campaigns import write_campaign
 
 RPM, DEG = np.pi / 30, np.pi / 180
 TRUTH = "\n[truth]\nY_uv = -28.6\nY_uudelta_r = 9.64\nN_uv = -24.0\nN_ur = -2.0\nN_uudelta_r = -6.15\n"
@@ -26,11 +27,7 @@ SMALL = (
 
 
 def campaign(folder, *changes):
-    text = template_text("steering") + TRUTH
-    for old, new in (*SMALL, *changes):
-        assert old in text, old
-        text = text.replace(old, new)
-    (folder / "campaign.toml").write_text(text)
+    write_campaign(folder, template_text("steering") + TRUTH, *SMALL, *changes)
     return load_campaign(folder)
 
 

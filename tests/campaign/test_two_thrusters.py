@@ -15,9 +15,10 @@ from seatrial.core.errors import InputError
 from seatrial.messages.render import statement
 from seatrial.vehicles.catalogue import load_vehicle, vehicle_names
 from seatrial.vehicles.hull import whole_hull
+from tests.campaigns import MEASURED, import_log, joined, priors, sensors, small_design, uniform, write_campaign
 
-CAMPAIGN = """
-[campaign]
+CAMPAIGN = joined(
+    """[campaign]
 name = "two thrusters"
 seed = 1
 
@@ -36,55 +37,13 @@ direction = [1, 0, 0]
 
 [structure]
 always = ["X_u", "X_uabsu", "N_r", "N_rabsr"]
-
-[prior.X_u]
-distribution = "uniform"
-lower = -20.0
-upper = 0.0
-
-[prior.X_uabsu]
-distribution = "uniform"
-lower = -60.0
-upper = 0.0
-
-[prior.N_r]
-distribution = "uniform"
-lower = -3.0
-upper = 0.0
-
-[prior.N_rabsr]
-distribution = "uniform"
-lower = -3.0
-upper = 0.0
-
-[sensors.u]
-noise = "0.01 m/s"
-
-[sensors.r]
-noise = "0.01 rad/s"
-
-[estimation]
-initial = "measured"
-
-[design]
-control = "f_1"
-duration = "30 s"
-active = "20 s"
-sample_time = "0.1 s"
-amplitude = { from = "5 N", to = "10 N", points = 2 }
-period = { from = "4 s", to = "8 s", points = 2 }
-
-[import]
-fit = ["log"]
-
-[[import.files]]
-path = "log.csv"
-time = { column = "t", unit = "s" }
-channels.f_1 = { column = "port", unit = "N" }
-channels.f_2 = { column = "starboard", unit = "N" }
-channels.u = { column = "u", unit = "m/s" }
-channels.r = { column = "r", unit = "rad/s" }
-"""
+""",
+    priors(X_u=uniform(-20.0, 0.0), X_uabsu=uniform(-60.0, 0.0), N_r=uniform(-3.0, 0.0), N_rabsr=uniform(-3.0, 0.0)),
+    sensors(u="0.01 m/s", r="0.01 rad/s"),
+    MEASURED,
+    small_design("f_1", "5 N", "10 N"),
+    import_log("log", "log.csv", f_1=("port", "N"), f_2=("starboard", "N"), u=("u", "m/s"), r=("r", "rad/s")),
+)
 SENSOR = '[sensors.r]\nnoise = "0.01 rad/s"\n'
 
 
@@ -102,11 +61,7 @@ def write(folder, *changes, late=0):
     shown = np.roll(np.array(motion), late, axis=0) + 0.01 * rng.normal(size=(len(motion), 2))
     columns = np.column_stack([0.1 * np.arange(len(port)), port, starboard, shown])
     np.savetxt(folder / "log.csv", columns, delimiter=",", header="t,port,starboard,u,r", comments="", fmt="%.8g")
-    text = CAMPAIGN
-    for old, new in changes:
-        assert old in text
-        text = text.replace(old, new)
-    (folder / "campaign.toml").write_text(text)
+    write_campaign(folder, CAMPAIGN, *changes)
 
 
 def judged(folder, *changes, late=0):

@@ -14,6 +14,7 @@ from seatrial.core.errors import InputError
 from seatrial.core.record import Channel, Provenance, make_record
 from seatrial.core.signals import signal_unit
 from tests.campaign.small import write_summary
+from tests.campaigns import joined, normal, priors, write_campaign
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 PITCH = """
@@ -62,8 +63,8 @@ M_uw = 22.0
 """
 OF_ALL = ("M_uw = 22.0\n", "M_uw = 22.0\nM_uudelta_s = -6.15\n")
 """Of a body by hand nothing is published, so that the truth has to name all."""
-BY_HAND = """
-name = "by hand"
+BY_HAND = joined(
+    """name = "by hand"
 mass = "30.48 kg"
 inertia = ["0.177 kg m^2", "3.45 kg m^2", "3.45 kg m^2"]
 centre_of_gravity = ["0 m", "0 m", "0.0196 m"]
@@ -85,25 +86,13 @@ Z_uudelta_s = -9.64
 M_wabsw = 3.18
 M_qabsq = -188.0
 M_uq = -2.0
-
-[prior.M_uw]
-distribution = "normal"
-mean = 24.0
-sd = 4.8
-
-[prior.M_uudelta_s]
-distribution = "normal"
-mean = -6.15
-sd = 1.23
-"""
+""",
+    priors(M_uw=normal(24.0, 4.8), M_uudelta_s=normal(-6.15, 1.23)),
+)
 
 
 def pitch(folder, *changes):
-    text = PITCH
-    for old, new in changes:
-        assert old in text
-        text = text.replace(old, new)
-    (folder / "campaign.toml").write_text(text)
+    write_campaign(folder, PITCH, *changes)
     return load_campaign(folder)
 
 
