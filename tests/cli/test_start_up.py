@@ -92,3 +92,12 @@ def test_an_edited_campaign_is_looked_at_anew(told):
     (told / "campaign.toml").write_text((told / "campaign.toml").read_text() + "\n# a thought\n")
     lines = "running._worked = lambda *_: running.Exit(4)\nprint(json.dumps(said('report', sys.argv[-1])))"
     assert fresh(lines, str(told))[0] == 4
+
+
+@pytest.mark.parametrize(("asked_for", "device"), [(None, "cpu"), ("cuda,cpu", "cuda,cpu")])
+def test_commands_compute_on_the_processor_unless_asked(monkeypatch, asked_for, device):
+    monkeypatch.delenv("JAX_PLATFORMS", raising=False)
+    if asked_for:
+        monkeypatch.setenv("JAX_PLATFORMS", asked_for)
+    show = "said('--version')\nimport os\nprint(json.dumps(os.environ['JAX_PLATFORMS']))"
+    assert fresh(show) == device

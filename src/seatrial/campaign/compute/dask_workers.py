@@ -27,6 +27,7 @@ from distributed.comm.core import CommClosedError
 from seatrial import __version__
 from seatrial.campaign.compute.workers import Done, OnProgress, Work, nobody
 from seatrial.compiled import engine
+from seatrial.compiled.batching import backend
 from seatrial.core.errors import InputError, NumericalError, SeatrialError, install_extra
 from seatrial.core.reporter import Reporter
 
@@ -371,10 +372,12 @@ PACKAGES = ("jax", "jaxlib", "jax-cuda12-plugin", "numpy", "scipy", "blackjax", 
 
 
 def environment() -> dict[str, str]:
-    """Versions and compiler settings; where they differ, results may."""
+    """Versions, compiler settings and the kind of device; where they differ, results may."""
     versions = {"seatrial": __version__, "Python": ".".join(platform.python_version_tuple()[:2])}
     versions |= {name: _version(name) for name in PACKAGES}
-    return versions | {name: os.environ.get(name, "") for name in ("XLA_FLAGS", "JAX_ENABLE_X64", "JAX_PLATFORMS")}
+    return (
+        versions | {name: os.environ.get(name, "") for name in ("XLA_FLAGS", "JAX_ENABLE_X64")} | {"device": backend()}
+    )
 
 
 def processor() -> str:
