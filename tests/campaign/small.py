@@ -96,6 +96,8 @@ def write_summary(
         known=Known("after", chosen, tuple(partners), (), ()),
         next_trial=NextTrial("", False, None),
         quoted="chosen",
+        inclusion={},
+        inclusion_error={},
         **dict.fromkeys(
             (
                 "structures",

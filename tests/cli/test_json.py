@@ -79,7 +79,7 @@ def test_every_command_has_its_document_and_a_place_on_the_page():
 
 
 def test_a_value_against_the_schema_is_found():
-    document = {"schema": 1, "seatrial": "0", "command": "init", "exit": 0, "error": None, "result": {"template": 3}}
+    document = {"schema": 2, "seatrial": "0", "command": "init", "exit": 0, "error": None, "result": {"template": 3}}
     document |= {"files": {}, "cautions": [], "alarms": ["a"], "more": 1}
     said = " ".join(faults(document, SCHEMA))
     assert "document has more" in said
@@ -135,7 +135,7 @@ def test_a_plan_is_of_the_trials_that_remain(ask, tmp_path):
     ask("simulate", folder)
     after = ask("plan", folder)[0]["result"]
     assert (before["basis"], after["basis"]) == ("the priors", "1 trial so far")
-    assert len(after["trials"]) < len(before["trials"])
+    assert len(after["steps"]) < len(before["steps"])
     assert json.loads((folder / "results" / "plan_1_schedule.json").read_text())["control"] == "n"
 
 
@@ -146,7 +146,7 @@ def test_every_command_of_a_campaign(ask, tmp_path):
     rows = (Store(folder).averaged.read_text()).splitlines()
     assert rows[0] == "name,unit,mean,sd,lower_95,upper_95,model_error_sd,model_error_cause,inclusion"
     by_name = {one["name"]: one for one in ran["averaged"]}
-    chosen = {one["name"]: one for one in ran["parameters"]}
+    chosen = {one["name"]: one for one in ran["coefficients"]}
     lone = [one for one in by_name.values() if one["inclusion"] < 1]
     assert {line.split(",")[0] for line in rows[1:]} == set(by_name) >= set(chosen)
     assert all(one["inclusion"] == pytest.approx(1.0) for one in by_name.values() if one not in lone)

@@ -3,12 +3,11 @@
 import csv
 import json
 from dataclasses import asdict, replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from seatrial.cli import results
+from seatrial.cli.answer import plain
 from seatrial.core.errors import InputError
 from seatrial.core.signals import RATES
 from seatrial.export.reading import read_exported
@@ -118,12 +117,9 @@ def test_model_error_and_averages_go_along_as_numbers(tmp_path):
     columns = ("model_error_sd", "averaged_mean", "averaged_sd", "averaged_model_error_sd", "source")
     assert [rows["X_uabsu"][name] for name in columns] == ["0.5", "-2.0", "0.6", "0.9", "estimated"]
     assert [rows["X_u"][name] for name in columns] == ["", "-0.5", "0.7", "", "in other models"]
-    printed = results.exported(SimpleNamespace(target="json", loss=(), estimated=estimated))
-    assert printed["coefficients"][0]["model_error_sd"] == 0.5
-    assert [(one["name"], one["unit"], one["mean"]) for one in printed["averaged"]] == [
-        ("X_uabsu", "kg/m", -2.0),
-        ("X_u", "kg/s", -0.5),
-    ]
+    printed = plain(estimated)
+    assert printed["model_error_sd"] == {"X_uabsu": 0.5}
+    assert [(one["name"], one["mean"]) for one in printed["averaged"]] == [("X_uabsu", -2.0), ("X_u", -0.5)]
     for part in (content["estimated"], *content["coefficients"]):
         for key in ("model_error_sd", "uncertainty", "quoted", "averaged"):
             part.pop(key, None)

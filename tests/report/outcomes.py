@@ -16,7 +16,7 @@ from seatrial.campaign.selection.runner_up import NEXT, change_words, contending
 from seatrial.campaign.store.cross_validation import OWN, Candidate, ChannelScores, CrossValidation
 from seatrial.campaign.store.estimates import Direction, Estimate, Known, KnownParameter, StoredCoefficient
 from seatrial.campaign.store.predictions import Fit, FittedBaselines
-from seatrial.campaign.store.structures import BestDesign, Contenders, NextTrial, Screened, Summary
+from seatrial.campaign.store.structures import Contenders, NextTrial, Screened, Summary
 from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.findings import Finding
@@ -114,6 +114,8 @@ def make_outcome(folder: Path, alarms: tuple[str, ...] = (), gain: float = 1.0) 
         terms=chosen.structure.terms,
         coefficients=tuple(_row(chosen, name) for name in chosen.names),
         structures=selection.rows,
+        inclusion=selection.inclusion,
+        inclusion_error=selection.inclusion_error,
         verdicts=selection.verdicts,
         cautions=(f"held-back run {HELD} is predicted poorly: 40% of the variance of u explained",),
         findings=(),
@@ -124,7 +126,9 @@ def make_outcome(folder: Path, alarms: tuple[str, ...] = (), gain: float = 1.0) 
         fits=fits,
         pooled=make_pooled(0.02),
         baselines=make_compared(0.02),
-        next_trial=NextTrial("", False, _best_design(next_design)),
+        next_trial=NextTrial(
+            "", False, replace(next_design.design(next_design.best), sd_after=dict.fromkeys(next_design.names, 0.01))
+        ),
         averaged=averaged_rows(estimates, selection),
         quoted=selection.quoted,
     )
@@ -416,11 +420,3 @@ def _designs(campaign: Campaign, gain: float) -> Designs:
     )
     names = ("X_tau_X", "X_u", "X_uabsu")
     return Designs((sweep,), {"chirp": "its periods are too long"}, "a posterior", names, np.full(3, 0.02))
-
-
-def _best_design(designs: Designs) -> BestDesign:
-    sweep, names = designs.best, designs.names
-    row, column = sweep.best
-    numbers = float(sweep.amplitude[row]), float(sweep.period[column]), float(sweep.gain[row, column])
-    sds = dict.fromkeys(names, 0.02), dict.fromkeys(names, 0.01)
-    return BestDesign(sweep.family.kind, "tau_X", "kg m/s^2", 0.0, *numbers, *sds)

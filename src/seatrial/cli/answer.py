@@ -1,7 +1,7 @@
 """What a command says: lines for people, or with `--json` one document on standard output, whatever the command.
 
 A command speaks through its `Answer`: `say` prints lines, `give` adds to the result that programs read, `wrote` names a file. Types of
-the results: `result_shapes.py`.
+the results: `result_schema.py`.
 """
 
 import json
@@ -21,7 +21,7 @@ from seatrial.core.errors import InputError, NumericalError, SeatrialError, file
 from seatrial.core.findings import Finding, Level, Message, accept
 from seatrial.core.visible import visible
 
-SCHEMA = 1  # Version of the documents that `--json` prints
+SCHEMA = 2  # Version of the documents that `--json` prints
 
 
 def echo(text: str = "", err: bool = False) -> None:

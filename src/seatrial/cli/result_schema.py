@@ -1,80 +1,102 @@
 """The documents that `--json` prints, one for each command, and their JSON Schema: `python -m seatrial.cli.result_schema` prints it.
 
-All numbers are in SI and radians; null stands where there is none. A document holds results as their families define them, and what
-commands put together of them (`result_shapes.py`). A key is added when a command finds more; none is renamed, removed or given another
-meaning without raising `SCHEMA` of `answer.py`.
+All numbers are in SI and radians; null stands where there is none. A document holds results as their families define them. Types that
+are written out here are what a command puts together of several, or a few numbers of a result that is long. A key is added when a command
+finds more; none is renamed, removed or given another meaning without raising `SCHEMA` of `answer.py`.
 """
 
 import json
-from dataclasses import dataclass
 from typing import Any
 
-from pydantic import computed_field
 from typing_extensions import TypedDict
 
-from seatrial.campaign.store.cross_validation import Candidate
+from seatrial.campaign.design.batch import PlannedBatch
+from seatrial.campaign.design.plan import Plan
+from seatrial.campaign.design.sensor_choice import SensorComparison
+from seatrial.campaign.prior.predictive import Believed
+from seatrial.campaign.store.cross_validation import CrossValidation
 from seatrial.campaign.store.designs import FreeTrial, RelayTrial, Searched
-from seatrial.campaign.store.estimates import KnownParameter, StoredCoefficient
+from seatrial.campaign.store.estimates import Estimate, Known, KnownParameter
 from seatrial.campaign.store.predictions import Fit
-from seatrial.campaign.store.structures import NestedPair, StoredAverage
+from seatrial.campaign.store.structures import BestDesign, NestedPair, Summary
 from seatrial.cli.answer import SCHEMA
-from seatrial.cli.result_shapes import (
-    Batch,
-    Benchmark,
-    Calibration,
-    CampaignSchema,
-    Check,
-    Criterion,
-    Design,
-    Explain,
-    Export,
-    FindingRow,
-    FirstValue,
-    Inclusion,
-    Init,
-    Next,
-    Plan,
-    Prior,
-    Problem,
-    Records,
-    Rehearsal,
-    SensorRow,
-    Tuning,
-    Vehicle,
-)
 from seatrial.core.serialise import schema_of
 from seatrial.design.utility_agreement import Agreement
 from seatrial.estimation.posterior.profile_result import Profiles
 from seatrial.estimation.prediction.baseline_comparison import Comparison
+from seatrial.export.target import MotionChange
+from seatrial.export.vehicle import CoefficientEstimates
 from seatrial.logs.guess import Guess
 from seatrial.logs.summary import ClockSummary, ColumnSummary
-from seatrial.messages.predictions import comparison_text
-from seatrial.selection.verdict import StructureRow
+from seatrial.selection.verdict import Selection
 
 Number = float | None
 
 
-@dataclass(frozen=True)
-class ComparisonRow(Comparison):  # noqa: D101 (its docstring is that of its base)
-    __doc__ = Comparison.__doc__
+class Problem(TypedDict):
+    """Why a command ended without a result; what is found, expected and to be done is empty where it is not known."""
 
-    @computed_field
-    @property
-    def sentence(self) -> str:
-        """What that means and what to do."""
-        return comparison_text(self)
+    message: str
+    where: str
+    found: str
+    expected: str
+    remedy: str
+
+
+class FindingRow(TypedDict):
+    """One finding: its code, level (pass, note, caution or alarm), what it concerns, numbers in SI, one sentence, and what to do."""
+
+    code: str
+    level: str
+    subject: list[str]
+    values: dict[str, object]
+    remedies: list[str]
+    message: str
+    remedy: str
+
+
+class Code(TypedDict):
+    """A code of a finding, and its title."""
+
+    code: str
+    title: str
+
+
+class Explain(TypedDict):
+    """`explain`: the codes that are listed or explained."""
+
+    codes: list[Code]
+
+
+class CampaignSchema(TypedDict):
+    """`schema`: the JSON Schema of a campaign file."""
+
+    campaign_schema: dict[str, object]
+
+
+class Named(TypedDict):
+    """A quantity by its name, and its SI unit."""
+
+    name: str
+    unit: str
+
+
+class FirstValue(Named):
+    """One number of a first answer, SI, found as `by` says; `model_error_sd` is that of `StoredCoefficient`, null of a regression."""
+
+    by: str
+    value: Number
+    sd: Number
+    model_error_sd: Number
+    model_error_cause: str
 
 
 class EstimatedStructure(TypedDict):
-    """One structure with its parameters; `model_error` says what the ± with model error is made of and how to get rid of it."""
+    """One structure by chains; `model_error` says what the ± with model error is made of and how to get rid of it."""
 
-    label: str
-    terms: list[str]
-    parameters: list[StoredCoefficient]
+    estimate: Estimate
     model_error: list[str]
-    log_evidence_laplace: Number
-    known: list[KnownParameter]
-    symmetry: list[str]
+    known: Known
     held_back: list[Fit]
 
 
@@ -90,7 +112,7 @@ class FirstStructure(TypedDict):
     symmetry: list[str]
 
 
-class Estimate(TypedDict, total=False):
+class Estimates(TypedDict, total=False):
     """`estimate`: `structures` by chains, `first_answers` with `--by mode` and `--by equation-error`.
 
     `taken_as_exact` says which inertias and forces all coefficients scale with.
@@ -100,7 +122,7 @@ class Estimate(TypedDict, total=False):
     taken_as_exact: str
     structures: list[EstimatedStructure]
     first_answers: list[FirstStructure]
-    baselines: list[ComparisonRow]
+    baselines: list[Comparison]
 
 
 class Table(TypedDict):
@@ -127,13 +149,14 @@ class Logs(TypedDict):
     logs: list[Log]
 
 
-class Select(TypedDict):
-    """`select`."""
+class Criterion(TypedDict):
+    """One criterion of one structure with its Monte Carlo error; `unit` says which way is better."""
 
-    chosen: str
-    structures: list[StructureRow]
-    inclusion: list[Inclusion]
-    verdicts: list[str]
+    structure: str
+    criterion: str
+    value: Number
+    error: Number
+    status: str
 
 
 class Criteria(TypedDict):
@@ -143,49 +166,206 @@ class Criteria(TypedDict):
     savage_dickey: list[NestedPair]
 
 
-class CrossValidate(TypedDict):
-    """`crossvalidate`."""
-
-    runs: list[str]
-    best: str
-    recommended: str | None
-    candidates: list[Candidate]
-
-
-class _Design(TypedDict):
-    designs: list[Design]
+class _Designs(TypedDict):
+    designs: list[BestDesign]
     refused: dict[str, str]
     coefficients: list[KnownParameter]
 
 
-class Designs(_Design, total=False):
+class Designs(_Designs, total=False):
     """`design`: the best of each family, the best of all first; then what its options asked for."""
 
     free_form: FreeTrial
     self_oscillation: RelayTrial
     searched: Searched
-    batch: Batch
-    sensors: list[SensorRow]
+    batch: PlannedBatch
+    sensors: SensorComparison
     rankings: list[Agreement]
 
 
-class Run(TypedDict):
-    """`run` and `report`: the chosen structure, what supports it, how it predicts, and what to run next.
+class ExpectedChannel(TypedDict):
+    """One channel, SI: the ends of its 90 % range over the trial, and the share of the measured values inside it."""
 
-    `quoted` says whose values to quote, with `model_error_sd` if it is not null: `chosen`, those of `parameters`, or `averaged`.
-    """
+    channel: str
+    unit: str
+    lowest: Number
+    highest: Number
+    measured_inside: Number
 
-    chosen: str
-    terms: list[str]
-    parameters: list[StoredCoefficient]
-    averaged: list[StoredAverage]
-    quoted: str
-    structures: list[StructureRow]
-    inclusion: list[Inclusion]
-    verdicts: list[str]
-    fits: list[Fit]
-    baselines: list[ComparisonRow]
-    next: Next
+
+class Prior(TypedDict):
+    """`prior`: steady speed, m/s, and time constant, s, by their 5, 50 and 95 % quantiles, null but for surge; shares of the draws."""
+
+    over: str
+    steady_speed: list[Number] | None
+    time_constant: list[Number] | None
+    diverging: Number
+    channels: list[ExpectedChannel]
+    priors: list[Believed]
+
+
+class Strategy(TypedDict):
+    """One way of choosing trials: how many it needs, its error, and the share of vehicles that met the goal after each."""
+
+    name: str
+    trials: Number
+    trials_error: Number
+    share_met: list[Number]
+    median_sd: list[list[Number]]
+
+
+class Rehearsal(TypedDict):
+    """`plan --vehicles N`: the trials that each strategy needed on vehicles drawn from the priors."""
+
+    vehicles: int
+    most: int
+    coefficients: list[str]
+    strategies: list[Strategy]
+
+
+class RecordRow(TypedDict):
+    """One record: its length, s, and its channels."""
+
+    label: str
+    held_back: bool
+    samples: int
+    duration: Number
+    controls: list[str]
+    measured: list[str]
+
+
+class Records(TypedDict):
+    """`simulate` and `import`."""
+
+    records: list[RecordRow]
+
+
+class Checked(TypedDict):
+    """One record and what was found about it."""
+
+    label: str
+    level: str
+    findings: list[FindingRow]
+
+
+class Check(TypedDict):
+    """`check`; no record where there is none yet."""
+
+    records: list[Checked]
+
+
+class Tuned(TypedDict):
+    """One record: normalised innovation squared with its band, and what to change."""
+
+    record: str
+    nis: Number
+    nis_band: list[Number]
+    changes: list[FindingRow]
+
+
+class Tuning(TypedDict):
+    """`tuning`."""
+
+    records: list[Tuned]
+
+
+class Calibration(TypedDict):
+    """`calibrate`: quantities whose ranks leave the band, p-value of each."""
+
+    structure: str
+    method: str
+    replicates: int
+    outside: list[str]
+    p_values: dict[str, Number]
+
+
+class Next(TypedDict):
+    """`next`: the trial to run, null to stop, and why."""
+
+    trial: BestDesign | None
+    advice: list[str]
+
+
+class Coefficient(Named):
+    """A coefficient of a published vehicle, SI."""
+
+    value: Number
+
+
+class VehiclePage(TypedDict):
+    """One published vehicle."""
+
+    name: str
+    title: str
+    mass: Number
+    moves: list[str]
+    controls: list[str]
+    coefficients: list[Coefficient]
+    notes: str
+
+
+class VehicleName(TypedDict):
+    """A name in the catalogue, and what it is."""
+
+    name: str
+    title: str
+
+
+class Vehicle(TypedDict, total=False):
+    """`vehicle`: all names, or the page of one."""
+
+    vehicles: list[VehicleName]
+    vehicle: VehiclePage
+
+
+class Init(TypedDict):
+    """`init`: the template, null where options or answers said what is known."""
+
+    template: str | None
+
+
+class Export(TypedDict, total=False):
+    """`export`: of a vehicle with its estimated coefficients and how far the target's motion leaves its own, or of a trial."""
+
+    target: str
+    estimated: CoefficientEstimates
+    loss: list[MotionChange]
+    trial: str
+    control: str
+
+
+class Scored(TypedDict):
+    """One method on one channel of all held-back runs, SI."""
+
+    method: str
+    task: str
+    channel: str
+    unit: str
+    runs: int
+    diverging: int
+    explained: Number
+    crps: Number
+    log_score: Number
+    coverage_90: Number
+
+
+class SetName(TypedDict):
+    """A set of public records."""
+
+    name: str
+    title: str
+    licence: str
+    get: str
+
+
+class Benchmark(TypedDict, total=False):
+    """`benchmark`: scores, or with `--list` the sets and methods."""
+
+    set: str
+    scores: list[Scored]
+    not_beaten: list[str]
+    sets: list[SetName]
+    methods: list[str]
 
 
 # Type of `result` in the document of each command.
@@ -200,17 +380,17 @@ RESULTS = {
     "simulate": Records,
     "inspect": Log | Logs,
     "import": Records,
-    "estimate": Estimate,
+    "estimate": Estimates,
     "profile": Profiles,
-    "select": Select,
+    "select": Selection,
     "criteria": Criteria,
-    "crossvalidate": CrossValidate,
+    "crossvalidate": CrossValidation,
     "check": Check,
     "tuning": Tuning,
     "calibrate": Calibration,
     "next": Next,
-    "report": Run,
-    "run": Run,
+    "report": Summary,
+    "run": Summary,
     "benchmark": Benchmark,
     "export": Export,
 }

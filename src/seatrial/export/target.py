@@ -5,6 +5,7 @@ An exporter is a frozen dataclass whose other fields are the target's options: d
 """
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import NamedTuple, Protocol
 
@@ -31,7 +32,8 @@ class Carried(NamedTuple):
     reversed: tuple[str, ...] = ()
 
 
-class MotionChange(NamedTuple):
+@dataclass(frozen=True)
+class MotionChange:
     """Largest difference of one velocity between the vehicle and the target's, and the range of the vehicle's own; SI."""
 
     rate: str

@@ -7,7 +7,6 @@ from the coefficients or None in the hull, never zero by default.
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from math import isclose
-from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -33,7 +32,8 @@ UNCERTAINTY = (
 SAME_MASS = 1e-3  # Difference of two masses, as a share, up to which they are the same vehicle's
 
 
-class AveragedCoefficient(NamedTuple):
+@dataclass(frozen=True)
+class AveragedCoefficient:
     """A coefficient averaged over all structures by their probabilities, SI; a structure without it counts as zero.
 
     `model_error_sd` is its standard deviation with model error, None where that is not larger by more than a half; `inclusion` the

@@ -114,7 +114,7 @@ def _row(item: "Believed", factor: float, unit: str, named: bool) -> tuple[str, 
 def _reach(item: "Believed", named: bool) -> str:
     if item.alone is None:
         return ""
-    channel, *ends = item.alone
+    channel, *ends = vars(item.alone).values()
     if np.isnan(ends).any():
         return "none"
     if ends[1] - ends[0] < STILL_RANGE:

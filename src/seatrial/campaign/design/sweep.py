@@ -20,11 +20,13 @@ from seatrial.campaign.design.utility import design_filter, prediction_lines
 from seatrial.campaign.store.designs import SweptDesigns, edge_words
 from seatrial.campaign.store.estimates import Drawn, Estimate, OfStructure
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
+from seatrial.campaign.store.structures import BestDesign
 from seatrial.compiled.batching import on_accelerator
 from seatrial.core.argument_checks import check_kind
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.reporter import SILENT, Progress, Reporter
 from seatrial.core.result_table import text_html
+from seatrial.core.signals import signal_unit
 from seatrial.design.limit_conflicts import remedy_of_any
 from seatrial.design.sweep import LANES, Sweep, sweep_family
 from seatrial.design.trial_plan import TrialPlan
@@ -226,6 +228,22 @@ class Designs:
         """The best of each family, and the families that have none."""
         lines = [f"{_words(sweep)}: {sweep.gain[sweep.best]:.2f} nat{self._worth(sweep)}" for sweep in self.sweeps]
         return lines + [f"{kind}: no design, {why}" for kind, why in self.refused.items()] + self.diverging()
+
+    def design(self, sweep: Sweep, at: tuple[int, int] | None = None) -> BestDesign:
+        """Return a design of a sweep by its place on the grid, the best if none is given."""
+        row, column = at or sweep.best
+        return BestDesign(
+            family=sweep.family.kind,
+            control=sweep.family.control,
+            unit=signal_unit(sweep.family.control),
+            trim=sweep.family.trim,
+            amplitude=float(sweep.amplitude[row]),
+            period=float(sweep.period[column]),
+            gain_nat=float(sweep.gain[row, column]),
+            worth=float(sweep.worth[row, column]),
+            sd_before=dict(zip(self.names, map(float, self.sd_before), strict=True)),
+            sd_after=dict(zip(self.names, map(float, sweep.final_sd[row, column]), strict=True)),
+        )
 
     @property
     def at_edge(self) -> str:

@@ -7,7 +7,7 @@ arXiv:2011.01808, section 2.4.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 from zlib import crc32
 
 import jax
@@ -276,7 +276,8 @@ N_DRAWS = 2000
 SHOWN_INSTANTS, SINGLE_MOTIONS = 600, 6  # Instants kept of each motion, at most; motions kept whole, to be drawn
 
 
-class Reach(NamedTuple):
+@dataclass(frozen=True)
+class Reach:
     """What one parameter does to a channel where it alone varies and the other parameters are at their medians.
 
     Attributes:

@@ -67,6 +67,11 @@ class Criteria:
     edges: np.ndarray
     refused: tuple[str, ...]
 
+    def values(self) -> dict[str, tuple[MonteCarloValue, str]]:
+        """Return each criterion with its Monte Carlo error, and what is wrong with it."""
+        deviance = {"DIC": (self.deviance.dic, ""), "BPIC": (self.deviance.bpic, "")}
+        return deviance | {name: (one.value, one.status) for name, one in self.predictive.items()}
+
 
 def stored_criteria(folder: Path, estimate: OfStructure) -> StoredResult[StoredCriteria]:
     """Return where the criteria of a structure are kept, and what they depend on."""

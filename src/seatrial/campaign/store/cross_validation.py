@@ -126,11 +126,13 @@ class CrossValidation:
         """Those under the campaign's own model of the error."""
         return [one for one in self.found if one.error_model == OWN]
 
+    @computed_field
     @property
     def best(self) -> Candidate:
         """The one that predicts runs left out best."""
         return max(self.found, key=lambda one: one.total)
 
+    @computed_field
     @property
     def recommended(self) -> Candidate | None:
         """The best where it is clearly better than the best under the campaign's own model of the error, else None."""

@@ -2,9 +2,10 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Annotated, Protocol
 
 import numpy as np
+from pydantic import Field, computed_field
 
 from seatrial.core.coefficients import is_coefficient
 from seatrial.core.dataset import Dataset
@@ -116,7 +117,7 @@ class Estimate:
     """
 
     structure: Structure
-    data: Dataset
+    data: Annotated[Dataset, Field(exclude=True)]
     alarms: tuple[str, ...] = ()
     cautions: tuple[Message, ...] = ()
     at_bounds: tuple[str, ...] = ()
@@ -148,6 +149,13 @@ class Estimate:
         lower, upper = array_stats.hdi(np.sort(self.draws([name])[:, 0]), prob=0.95)
         return float(lower), float(upper)
 
+    @computed_field
+    @property
+    def log_evidence_laplace(self) -> float:
+        """Log evidence by the Laplace approximation, nats."""
+        return float(self.data.attrs["laplace_log_evidence"])
+
+    @computed_field
     @property
     def parameters(self) -> tuple[StoredCoefficient, ...]:
         """Each parameter with its posterior and its prior, SI."""

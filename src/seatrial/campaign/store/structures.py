@@ -50,7 +50,7 @@ class StoredAverage:
 
 @dataclass(frozen=True)
 class BestDesign:
-    """The best design of the next trial, SI, and what it promises.
+    """The best design of a family, SI, and what it promises.
 
     Attributes:
         family: kind of the manoeuvre.
@@ -60,6 +60,7 @@ class BestDesign:
         amplitude: of the control about its trim.
         period: of the shape, s.
         gain_nat: entropy reduction of the coefficients.
+        worth: what makes it the best.
         sd_before: standard deviation of each coefficient before the trial.
         sd_after: expected after it.
     """
@@ -71,6 +72,7 @@ class BestDesign:
     amplitude: float
     period: float
     gain_nat: float
+    worth: float
     sd_before: dict[str, float]
     sd_after: dict[str, float]
 
@@ -112,6 +114,8 @@ class Summary:
         terms: its coefficients.
         coefficients: its parameters.
         structures: candidates.
+        inclusion: probability of each optional term.
+        inclusion_error: its Monte Carlo standard error.
         verdicts: which terms the data support, in words.
         cautions: what to know before using the numbers.
         findings: those of them that have codes, and accepted ones.
@@ -133,6 +137,8 @@ class Summary:
     terms: tuple[str, ...]
     coefficients: tuple[StoredCoefficient, ...]
     structures: tuple[StructureRow, ...]
+    inclusion: Mapping[str, float]
+    inclusion_error: Mapping[str, float]
     verdicts: tuple[str, ...]
     cautions: tuple[str, ...]
     findings: tuple[Message, ...]

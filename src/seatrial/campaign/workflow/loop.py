@@ -6,7 +6,6 @@ from typing import cast
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.check import record_doubts
 from seatrial.campaign.data.simulate import add_trial
-from seatrial.campaign.design.sweep import Designs
 from seatrial.campaign.inference.baselines import compare_with_baselines, comparison_cautions
 from seatrial.campaign.inference.coefficient_csv import averaged_rows
 from seatrial.campaign.inference.cross_validation import current_cross_validation
@@ -19,7 +18,7 @@ from seatrial.campaign.inference.judge_predictions import (
 )
 from seatrial.campaign.store.predictions import Predictions
 from seatrial.campaign.store.stored_result import seal_of
-from seatrial.campaign.store.structures import BestDesign, NextTrial, Summary
+from seatrial.campaign.store.structures import NextTrial, Summary
 from seatrial.campaign.workflow.next_trial import Proposal, propose
 from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.campaign.workflow.steps import LOOP, Workflow, stored_summary
@@ -28,7 +27,6 @@ from seatrial.core.argument_checks import check_kind
 from seatrial.core.errors import InputError
 from seatrial.core.findings import Finding, Message, accept
 from seatrial.core.reporter import SILENT, Reporter
-from seatrial.core.signals import signal_unit
 from seatrial.estimation.simulation.sensor_errors import noise_name
 from seatrial.messages.render import sentences
 
@@ -139,6 +137,8 @@ def summarise(outcome: Outcome) -> Summary:
         terms=chosen.structure.terms,
         coefficients=chosen.parameters,
         structures=selection.rows,
+        inclusion=selection.inclusion,
+        inclusion_error=selection.inclusion_error,
         verdicts=selection.verdicts,
         cautions=tuple(sentences(cautions)),
         findings=tuple(findings),
@@ -149,7 +149,7 @@ def summarise(outcome: Outcome) -> Summary:
         fits=outcome.fits,
         pooled=outcome.pooled,
         baselines=outcome.compared,
-        next_trial=NextTrial("", False, None if outcome.next is None else _best_design(outcome.next)),
+        next_trial=NextTrial("", False, None if outcome.next is None else outcome.next.design(outcome.next.best)),
         averaged=averaged_rows(outcome.estimates, selection),
         quoted=selection.quoted,
     )
@@ -163,20 +163,3 @@ def _fitted_noise(outcome: Outcome) -> list[float]:
         for channel, noise in nominal.items()
         if noise_name(channel) in chosen.names
     ]
-
-
-def _best_design(designs: Designs) -> BestDesign:
-    """The best design of the next trial in numbers, SI."""
-    sweep = designs.best
-    row, column = sweep.best
-    return BestDesign(
-        family=sweep.family.kind,
-        control=sweep.family.control,
-        unit=signal_unit(sweep.family.control),
-        trim=sweep.family.trim,
-        amplitude=float(sweep.amplitude[row]),
-        period=float(sweep.period[column]),
-        gain_nat=float(sweep.gain[row, column]),
-        sd_before=dict(zip(designs.names, map(float, designs.sd_before), strict=True)),
-        sd_after=dict(zip(designs.names, map(float, sweep.final_sd[row, column]), strict=True)),
-    )

@@ -6,7 +6,6 @@ from typing import Annotated, Any
 
 import typer
 
-from seatrial.cli import results
 from seatrial.cli.answer import Exit, current_answer
 from seatrial.cli.running import Quiet, watched
 
@@ -86,7 +85,20 @@ def _run(name: str | None, data: Path | None, out: Path, methods: str | None, re
     for text in result.beaten():
         answer.say(f"not beaten: {text}")
     answer.say("results: " + ", ".join(map(str, paths)))
-    answer.give(**results.scores(result))
+    keys = ("channel", "runs", "explained", "crps", "log_score", "coverage_90")
+    rows = [
+        {
+            "method": entry.method,
+            "task": task,
+            "unit": result.channels[score.channel],
+            "diverging": score.failed,
+            **{key: getattr(score, key) for key in keys},
+        }
+        for entry in result.entries
+        for task, channel_scores in entry.pooled.items()
+        for score in channel_scores
+    ]
+    answer.give(set=result.set.name, scores=rows, not_beaten=result.beaten())
     for path in paths:
         answer.name_file(path.name, path)
     return Exit.OK

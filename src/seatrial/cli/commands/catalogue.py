@@ -5,7 +5,6 @@ from typing import Annotated
 
 import typer
 
-from seatrial.cli import results
 from seatrial.cli.answer import current_answer
 
 
@@ -14,6 +13,7 @@ def vehicle(
     names: Annotated[bool, typer.Option("--names", help="List the names alone, one a line.")] = False,
 ) -> None:
     """List the published vehicles, or show one of them."""
+    from seatrial.core.coefficients import CoefficientName
     from seatrial.core.errors import InputError
     from seatrial.report.vehicle_page import vehicle_page
     from seatrial.vehicles.catalogue import load_vehicle, vehicle_names
@@ -27,8 +27,16 @@ def vehicle(
         answer.give(vehicles=[{"name": one, "title": title} for one, title in titles.items()])
     else:
         published = load_vehicle(name)
+        model, hull = published.build(), published.hull
+        coefficients = [
+            {"name": term, "unit": model.unit_of(CoefficientName.parse(term)), "value": value}
+            for term, value in {**published.coefficients, **hull.fixed}.items()
+        ]
         answer.say(vehicle_page(name, published).rstrip("\n"))
-        answer.give(vehicle=results.vehicle(name, published))
+        stated = {key: getattr(published, key) for key in ("moves", "controls", "notes")}
+        answer.give(
+            vehicle={"name": name, "title": hull.name, "mass": hull.mass, "coefficients": coefficients, **stated}
+        )
 
 
 def explain(

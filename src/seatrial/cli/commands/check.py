@@ -4,7 +4,6 @@ from typing import Annotated, Any
 
 import typer
 
-from seatrial.cli import results
 from seatrial.cli.running import Answer, Exit, Folder, Quiet, with_campaign
 from seatrial.sampling.names import DEFAULT, METHODS
 
@@ -22,6 +21,7 @@ def check(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
         from seatrial.campaign.data.thruster_check import thruster_lines
         from seatrial.campaign.prior.cautions import vehicle_cautions
         from seatrial.campaign.workflow.steps import Workflow
+        from seatrial.messages.render import row_of
         from seatrial.report.figure_files import write_check_picture
 
         trials = Workflow(campaign, reporter).get("trials")
@@ -34,7 +34,12 @@ def check(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
             answer.say(f"  raw plot: {picture}")
             answer.name_file(f"raw plot of {one.record.label}", picture)
         answer.say(summary_line(judged))
-        answer.give(**results.checked(judged))
+        answer.give(
+            records=[
+                {"label": one.record.label, "level": one.level, "findings": list(map(row_of, one.findings))}
+                for one in judged
+            ]
+        )
         for text in vehicle_cautions(campaign):
             answer.caution(text)
         return Exit.ALARMS if any(one.level == "alarm" for one in judged) else Exit.OK
@@ -65,6 +70,7 @@ def tuning(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
         from seatrial.campaign.inference.filter_tuning import WHERE, check_filter
         from seatrial.campaign.workflow.steps import Workflow
+        from seatrial.messages.render import row_of
 
         flow = Workflow(campaign, reporter)
         checks = check_filter(campaign, flow.get("full"), flow.get("trials"))
@@ -72,7 +78,17 @@ def tuning(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None
             answer.say(f"record {check.record.label}")
             answer.say("\n".join(check.lines()))
         answer.say(WHERE)
-        answer.give(**results.tuning(checks))
+        answer.give(
+            records=[
+                {
+                    "record": one.record.label,
+                    "nis": one.report.nis,
+                    "nis_band": one.report.nis_band,
+                    "changes": list(map(row_of, one.report.findings)),
+                }
+                for one in checks
+            ]
+        )
         return Exit.OK if all(check.tuned for check in checks) else Exit.ALARMS
 
     with_campaign(folder, quiet, work, context)
@@ -96,7 +112,13 @@ def calibrate(
 
         result = Workflow(campaign, reporter, replicates=replicates, method=method).get("calibration")
         answer.say("\n".join(result.lines()))
-        answer.give(**results.calibration(result))
+        answer.give(
+            structure=result.structure,
+            method=result.method,
+            replicates=result.ranks.shape[0],
+            outside=result.outside(),
+            p_values=dict(zip(result.names, result.p_values(), strict=True)),
+        )
         answer.wrote("picture", write_calibration_picture(campaign.folder, campaign.name, result))
         return Exit.ALARMS if result.outside() else Exit.OK
 

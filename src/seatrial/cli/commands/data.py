@@ -5,7 +5,6 @@ from typing import Annotated, Any
 
 import typer
 
-from seatrial.cli import results
 from seatrial.cli.running import Answer, Exit, Folder, Quiet, with_campaign
 
 
@@ -160,7 +159,20 @@ def _say_trials(answer: Answer, trials: Any, campaign: Any, accelerations: str |
         if followed := record.provenance.options.get("followed"):
             answer.say(f"  followed {followed}")
         answer.caution(*record_cautions(record))
-    answer.give(**results.records(trials))
+    answer.give(
+        records=[
+            {
+                "label": record.label,
+                "held_back": held_back,
+                "samples": record.time.size,
+                "duration": record.time[-1],
+                "controls": record.controls,
+                "measured": record.measured,
+            }
+            for held_back, records in ((False, trials.fit), (True, trials.predict))
+            for record in records
+        ]
+    )
     if accelerations is not None:
         _smooth(answer, campaign, trials, accelerations)
     return Exit.OK

@@ -6,7 +6,6 @@ from typing import Annotated, Any
 
 import typer
 
-from seatrial.cli import results
 from seatrial.cli.answer import Answer, Exit, current_answer
 from seatrial.cli.running import Quiet, watched
 
@@ -87,7 +86,7 @@ def _vehicle(
     here = Path(what) / "export" if is_folder else Path("export") / what
     folder = out or here / make_exporter(to, **options).name
     statement, paths = export_to(what, to, folder, structure=structure, rest=rest, **options)
-    _say(statement.lines, paths).give(**results.exported(statement))
+    _say(statement.lines, paths).give(target=statement.target, estimated=statement.estimated, loss=statement.loss)
     return Exit.ALARMS if statement.provenance.cautions else Exit.OK
 
 

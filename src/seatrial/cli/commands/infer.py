@@ -5,7 +5,6 @@ from typing import Annotated, Any
 
 import typer
 
-from seatrial.cli import results
 from seatrial.cli.running import Answer, Exit, Folder, Quiet, with_campaign
 
 
@@ -92,7 +91,7 @@ def select(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None
             answer.say(f"  {agreement_words(evidence)}")
         for verdict in selection.verdicts:
             answer.say(verdict)
-        answer.give(**results.selected(selection))
+        answer.give_result(selection)
         contenders = flow.get("contenders")
         if contenders is not None:
             answer.say("\n".join(contenders.lines(selection)))
@@ -143,7 +142,18 @@ def criteria(
             answer.say("Savage-Dickey, nats in favour of the term:")
         for pair in pairs:
             answer.say(f"  {pair.line}")
-        answer.give(**results.criteria(result, pairs))
+        rows = [
+            {
+                "structure": one.structure.label,
+                "criterion": name,
+                "value": value.value,
+                "error": value.error,
+                "status": status,
+            }
+            for one in result
+            for name, (value, status) in one.values().items()
+        ]
+        answer.give(criteria=rows, savage_dickey=pairs)
         alarms = [text for item in estimates for text in item.alarms]
         alarms += [f"evidence and Savage-Dickey do not agree about {pair.line}" for pair in pairs if not pair.agrees]
         return answer.finish(alarms, criteria_cautions(result))
@@ -159,7 +169,7 @@ def crossvalidate(context: typer.Context, folder: Folder, quiet: Quiet = False) 
 
         result = Workflow(campaign, reporter).get("cross_validation")
         answer.say("\n".join(result.lines()))
-        answer.give(**results.cross_validated(result))
+        answer.give_result(result)
         return answer.finish(result.alarms, result.complaints())
 
     with_campaign(folder, quiet, work, context)
@@ -187,8 +197,8 @@ def _by_chains(campaign: Any, reporter: Any, answer: Answer) -> Exit:
             answer.say(
                 f"  {name:<16} {numbers}{with_model_error(item.wider(name), item.model_error_causes.get(name, ''), factor)}"
             )
-        for line in (item.model_error, *map(sentence, item.model_error_findings)):
-            answer.say(f"  {line}")
+        words = [item.model_error, *map(sentence, item.model_error_findings)]
+        answer.say("\n".join(f"  {line}" for line in words))
         for name, label, mean, sd, si in item.own_values():
             factor, unit = campaign.shown(name, si)
             answer.say(f"  {name} in run {label:<8} {factor * mean:>9.5g} ± {factor * sd:<10.3g} {unit}")
@@ -198,14 +208,14 @@ def _by_chains(campaign: Any, reporter: Any, answer: Answer) -> Exit:
         known = known_after(flow.get("candidates"), item, trials)
         answer.say("\n".join(known.lines(campaign.shown)))
         verdicts += known.verdict
-        structures.append(results.estimated(item, held_back[-1], known))
+        structures.append({"estimate": item, "model_error": words, "known": known, "held_back": held_back[-1].fits})
     exact = taken_as_exact(campaign)
     if exact:
         answer.say(exact)
     answer.give(by=By.CHAINS, structures=structures, taken_as_exact=exact)
     answer.wrote("coefficients", write_coefficients(campaign.folder, estimates, campaign.shown))
     alarms = [f"{item.structure.label}: {text}" for item in estimates for text in item.alarms]
-    evidences = [float(item.data.attrs["laplace_log_evidence"]) for item in estimates]
+    evidences = [item.log_evidence_laplace for item in estimates]
     labels = [item.structure.label for item in estimates]
     unseen, doubts = _judge_unseen(answer, flow.get("baselines"), labels, evidences, held_back)
     doubts += held_back_cautions(campaign.imports, trials)
@@ -243,9 +253,7 @@ def _first_answers(campaign: Any, reporter: Any, answer: Answer, by: By, window:
     for one in answers:
         answer.say("\n".join(one.lines()))
     exact = taken_as_exact(campaign)
-    answer.give(
-        by=by, first_answers=[results.first_answer(one) for one in answers if not one.alarm], taken_as_exact=exact
-    )
+    answer.give(by=by, first_answers=[_first_answer(one) for one in answers if not one.alarm], taken_as_exact=exact)
     if exact:
         answer.say(exact)
     answer.say(MODE if by is By.MODE else REGRESSION)
@@ -262,6 +270,32 @@ def _first_answers(campaign: Any, reporter: Any, answer: Answer, by: By, window:
     )
     doubts += held_back_cautions(campaign.imports, trials) if by is By.MODE else []
     return answer.finish(alarms + unseen, [*doubts, *(text for one in answers for text in one.cautions)])
+
+
+def _first_answer(one: Any) -> dict[str, Any]:
+    """Return one structure at first sight, each number by its name."""
+    values = [
+        {
+            "name": name,
+            "unit": unit,
+            "by": way,
+            "value": value,
+            "sd": sd,
+            "model_error_sd": one.wider.get(name),
+            "model_error_cause": one.wider_causes.get(name, ""),
+        }
+        for name, unit, pairs in one.rows
+        for way, (value, sd) in zip(one.heads or ("mode",), pairs, strict=False)
+    ]
+    return {
+        "label": one.structure.label,
+        "terms": one.structure.terms,
+        "values": values,
+        "model_error": one.wider_words,
+        "log_evidence_laplace": one.log_evidence,
+        "held_back": () if one.held_back is None else one.held_back.fits,
+        "symmetry": one.symmetry,
+    }
 
 
 def _judge_unseen(
@@ -282,7 +316,7 @@ def _judge_unseen(
     which = labels[best] if len(labels) == 1 else f"{labels[best]}, the most probable"
     compared = compare_with_baselines(baselines, held_back[best].curves)
     lines = comparison_lines(baselines, compared)
-    answer.give(baselines=results.compared_rows(compared))
+    answer.give(baselines=compared)
     answer.say("\n".join([f"{which}, compared with baselines", *(f"  {line}" for line in lines)]))
     failed = held_back_alarms(held_back[best].fits, held_back[best].pooled)
     alarms = [f"{which}, {text}" for text in comparison_alarms(compared)] + [

@@ -7,7 +7,6 @@ from typing import Annotated, Any
 
 import typer
 
-from seatrial.cli import results
 from seatrial.cli.answer import Exit, current_answer
 from seatrial.cli.running import Quiet, watched
 
@@ -57,7 +56,18 @@ def inspect(
         maps = together.maps()
         printed = maps if map_ else ["\n".join(lines) for lines in together.lines()]
         answer.say("\n\n".join(text.rstrip("\n") for text in printed))
-        documents = [results.log(one, guessed) for one, guessed in zip(summaries, maps, strict=True)]
+        documents = [
+            {
+                "kind": one.kind,
+                "tables": [
+                    {"name": table.info.name, "rows": table.rows, "clocks": table.clocks, "columns": table.columns}
+                    for table in one.tables
+                ],
+                "guesses": one.guesses,
+                "map": guessed,
+            }
+            for one, guessed in zip(summaries, maps, strict=True)
+        ]
         answer.give(**(documents[0] if len(documents) == 1 else {"logs": documents}))
         return Exit.OK
 

@@ -5,7 +5,6 @@ from typing import Annotated, Any, NamedTuple
 
 import typer
 
-from seatrial.cli import results
 from seatrial.cli.running import Answer, Exit, Folder, Quiet, with_campaign
 
 
@@ -115,7 +114,12 @@ def next_trial(
             answer.wrote("schedule", path)
         if result.own is not None:
             answer.say("\n".join(result.own.lines(campaign.shown)))
-        answer.give(**results.next_trial(result.designs, proposal))
+        trial = proposal.trial
+        if trial is not None:
+            sweep = next(one for one in result.designs.sweeps if one.family.kind == trial.kind)
+            at = abs(sweep.amplitude - trial.amplitude).argmin(), abs(sweep.period - trial.period).argmin()
+            trial = result.designs.design(sweep, at)
+        answer.give(trial=trial, advice=proposal.words)
         return answer.finish(result.alarms, [*result.cautions, *(result.own.alarms if result.own else ())])
 
     with_campaign(folder, quiet, work, context if not execute else None)
@@ -200,7 +204,7 @@ def _tell_and_report(answer: Answer, outcome: Any, proposal: Any) -> Exit:
     for line in proposal.beside(summary.cautions).lines:
         answer.say(f"next: {line}")
     folder = outcome.campaign.folder
-    answer.give(**results.run(outcome, proposal))
+    answer.give_result(summary)
     answer.wrote("report", write_report(outcome))
     answer.wrote("coefficients", write_coefficients(folder, outcome.estimates, shown, outcome.selection))
     answer.wrote("averaged", write_averaged(folder, summary.averaged, shown))

@@ -7,7 +7,6 @@ from typing import Annotated, Any
 
 import typer
 
-from seatrial.cli import results
 from seatrial.cli.answer import Answer, Exit
 from seatrial.cli.running import Folder, Quiet, with_campaign
 
@@ -18,16 +17,42 @@ def prior(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
         from seatrial.campaign.prior.cautions import file_cautions
         from seatrial.campaign.workflow.steps import Workflow
+        from seatrial.core.signals import signal_unit
         from seatrial.messages.priors import prior_alarms, prior_cautions, prior_lines
         from seatrial.report.figure_files import write_prior_picture
 
         result = Workflow(campaign, reporter).get("prior")
         answer.say("\n".join(prior_lines(result, campaign.shown)))
-        answer.give(**results.prior(result))
+        settled = result.settled
+        answer.give(
+            over=result.over,
+            steady_speed=None if settled is None else _quantiles(settled.speed),
+            time_constant=None if settled is None else _quantiles(settled.time_constant),
+            diverging=float(result.diverged.mean()),
+            channels=[
+                {
+                    "channel": one.channel,
+                    "unit": signal_unit(one.channel),
+                    "lowest": float(one.bands[0].min()),
+                    "highest": float(one.bands[-1].max()),
+                    "measured_inside": one.held,
+                }
+                for one in result.channels
+            ],
+            priors=result.believed,
+        )
         answer.wrote("picture", write_prior_picture(campaign.folder, campaign.name, result))
         return answer.finish(prior_alarms(result), [*file_cautions(campaign), *prior_cautions(result)])
 
     with_campaign(folder, quiet, work, context)
+
+
+def _quantiles(values: Any) -> list[float | None]:
+    """Return the 5, 50 and 95 % quantiles of the values that are numbers; None three times where there are none."""
+    import numpy as np
+
+    there = values[np.isfinite(values)]
+    return [float(value) for value in np.quantile(there, (0.05, 0.5, 0.95))] if there.size else [None] * 3
 
 
 def design(
@@ -93,7 +118,8 @@ def design(
         own = flow.get("own")
         if own is not None:
             answer.say("\n".join((*own.lines(campaign.shown), *own_lines(campaign, campaign.design.own))))
-        answer.give(**results.designs(designs, promised))
+        best = list(map(designs.design, designs.sweeps))
+        answer.give(designs=best, refused=designs.refused, coefficients=promised.parameters)
         answer.name_file("schedule", Store(folder).schedule(Store(folder).design))
         options = {
             _free_form: free_form,
@@ -142,13 +168,24 @@ def plan(
 
             trials = Workflow(campaign, reporter, so_far=_so_far(campaign, reporter)).get("plan")
             answer.say("\n".join(plan_lines(trials)))
-            answer.give(**results.plan(trials))
+            answer.give_result(trials)
             return answer.finish([], [])
         from seatrial.report.figure_files import write_rehearsal_picture
 
         rehearsal = Workflow(campaign, reporter, vehicles=vehicles).get("rehearsal")
         answer.say("\n".join(rehearsal.lines()))
-        answer.give(**results.rehearsal(rehearsal))
+        strategies = [
+            {
+                "name": name,
+                "trials": rehearsal.trials_of(name).value,
+                "trials_error": rehearsal.trials_of(name).error,
+                "share_met": rehearsal.share_met(name)[0],
+                "median_sd": rehearsal.median_sd(name),
+            }
+            for name in rehearsal.strategies
+        ]
+        size = {key: getattr(rehearsal, key) for key in ("vehicles", "most", "coefficients")}
+        answer.give(**size, strategies=strategies)
         answer.wrote("picture", write_rehearsal_picture(campaign, rehearsal))
         return answer.finish(rehearsal.alarms(), [])
 
@@ -229,7 +266,7 @@ def _together(flow: Any, answer: Answer) -> list[str]:
     from seatrial.messages.designs import batch_lines
 
     result = flow.get("batch")
-    answer.give(batch=results.batch(result))
+    answer.give(batch=result)
     return batch_lines(result)
 
 
@@ -237,7 +274,7 @@ def _sensors(flow: Any, answer: Answer) -> list[str]:
     from seatrial.messages.designs import sensor_lines
 
     result = flow.get("sensors")
-    answer.give(sensors=results.sensor_rows(result))
+    answer.give(sensors=result)
     return sensor_lines(result)
 
 

@@ -106,7 +106,7 @@ def described(vehicle: ExportedVehicle) -> dict[str, Any]:
             "model_error_sd": [estimated.model_error_sd.get(name) for name in estimated.names],
             "uncertainty": UNCERTAINTY,
             "quoted": estimated.quoted,
-            "averaged": [{**one._asdict(), "unit": vehicle.unit(one.name)} for one in estimated.averaged],
+            "averaged": [{**vars(one), "unit": vehicle.unit(one.name)} for one in estimated.averaged],
             "units": [vehicle.unit(name) for name in estimated.names],
         },
         "matrices": {
