@@ -1,4 +1,7 @@
-"""Write the tables of docs/benchmark.md from results of `seatrial benchmark SET --out FOLDER`: `python docs/benchmark_tables.py FOLDER`."""
+"""Write the tables of docs/benchmark.md from results of `python -m benchmarks.public SET --out FOLDER`, of every set.
+
+Run `python docs/benchmark_tables.py FOLDER`.
+"""
 
 import json
 import sys

@@ -10,11 +10,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from seatrial.benchmark.methods import METHODS, choose
-from seatrial.benchmark.run import run_set
-from seatrial.benchmark.set_file import check_file, read_set, set_names
-from seatrial.benchmark.simulated import simulate
-from seatrial.benchmark.write import COLUMNS, lines, write_result
+from benchmarks.public.methods import METHODS, choose
+from benchmarks.public.run import run_set
+from benchmarks.public.set_file import check_file, read_set, set_names
+from benchmarks.public.simulated import simulate
+from benchmarks.public.write import COLUMNS, lines, write_result
 from seatrial.core.errors import InputError
 from tests.benchmark.small_set import SURGE, write_set
 
@@ -225,10 +225,10 @@ def test_a_method_of_a_library_that_is_not_there_says_so(tmp_path, monkeypatch):
 
 def test_a_method_sees_no_measurement_after_the_start_of_a_stretch(tmp_path):
     """What is measured later may change and the predictions stay."""
-    from seatrial.benchmark.method import Problem
-    from seatrial.benchmark.set_file import campaign_of
-    from seatrial.benchmark.simulated import make_records
-    from seatrial.benchmark.tasks import SHORT, stretches
+    from benchmarks.public.method import Problem
+    from benchmarks.public.set_file import campaign_of
+    from benchmarks.public.simulated import make_records
+    from benchmarks.public.tasks import SHORT, stretches
     from seatrial.campaign.data.import_logs import import_trials
     from seatrial.core.reporter import SILENT
 

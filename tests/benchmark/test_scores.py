@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import scipy
 
-from seatrial.benchmark.method import Problem, with_spread
-from seatrial.benchmark.run import chance_of
-from seatrial.benchmark.scores import binomial_range, pool, score_run
-from seatrial.benchmark.tasks import MOST_STEPS, RUN, SHORT, STEP, leads, stretches
+from benchmarks.public.method import Problem, with_spread
+from benchmarks.public.run import chance_of
+from benchmarks.public.scores import binomial_range, pool, score_run
+from benchmarks.public.tasks import MOST_STEPS, RUN, SHORT, STEP, leads, stretches
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.core.record import Channel, Provenance, make_record
 from seatrial.estimation.prediction.prediction_scores import DIVERGES

@@ -122,7 +122,11 @@ def test_pages_count_the_verdicts_and_name_the_paper_that_they_judge():
 
 WRITTEN = [ROOT / "Makefile", ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 STARTED = sorted(
-    {name for path in WRITTEN for name in re.findall(r"\bpython (-m studies\.\w+|\w+/[\w/]+\.py)", path.read_text())}
+    {
+        name
+        for path in WRITTEN
+        for name in re.findall(r"\bpython (-m (?:studies|benchmarks)[\w.]+|\w+/[\w/]+\.py)", path.read_text())
+    }
 )
 """Scripts of the pages, from the root of the repository."""
 MEASUREMENTS = """

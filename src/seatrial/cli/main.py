@@ -7,7 +7,6 @@ import typer
 from typer.core import TyperGroup
 
 from seatrial import __version__
-from seatrial.cli.commands.benchmark import benchmark
 from seatrial.cli.commands.catalogue import explain, schema, vehicle
 from seatrial.cli.commands.check import calibrate, check, tuning
 from seatrial.cli.commands.data import import_logs, simulate
@@ -60,7 +59,6 @@ COMMANDS = {
     "run": Command(run, "the whole loop, with the report"),
     "explain": Command(explain),
     "schema": Command(schema),
-    "benchmark": Command(benchmark),
     "export": Command(export, "the estimated vehicle as files for a simulator"),
 }
 # Former commands, and the command line that does their work now.

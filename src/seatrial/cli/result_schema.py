@@ -334,40 +334,6 @@ class Export(TypedDict, total=False):
     control: str
 
 
-class Scored(TypedDict):
-    """One method on one channel of all held-back runs, SI."""
-
-    method: str
-    task: str
-    channel: str
-    unit: str
-    runs: int
-    diverging: int
-    explained: Number
-    crps: Number
-    log_score: Number
-    coverage_90: Number
-
-
-class SetName(TypedDict):
-    """A set of public records."""
-
-    name: str
-    title: str
-    licence: str
-    get: str
-
-
-class Benchmark(TypedDict, total=False):
-    """`benchmark`: scores, or with `--list` the sets and methods."""
-
-    set: str
-    scores: list[Scored]
-    not_beaten: list[str]
-    sets: list[SetName]
-    methods: list[str]
-
-
 # Type of `result` in the document of each command.
 RESULTS = {
     "vehicle": Vehicle,
@@ -391,7 +357,6 @@ RESULTS = {
     "next": Next,
     "report": Summary,
     "run": Summary,
-    "benchmark": Benchmark,
     "export": Export,
 }
 

@@ -9,12 +9,12 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
+from benchmarks.public.method import Fitted, Method, Problem
+from benchmarks.public.scores import PooledScore, RunScore, pool, score_run
+from benchmarks.public.set_file import BenchmarkSet, campaign_of
+from benchmarks.public.simulated import make_records
+from benchmarks.public.tasks import TASKS, stretches
 from seatrial import __version__
-from seatrial.benchmark.method import Fitted, Method, Problem
-from seatrial.benchmark.scores import PooledScore, RunScore, pool, score_run
-from seatrial.benchmark.set_file import BenchmarkSet, campaign_of
-from seatrial.benchmark.simulated import make_records
-from seatrial.benchmark.tasks import TASKS, stretches
 from seatrial.campaign.data.import_logs import import_trials
 from seatrial.core.errors import InputError, SeatrialError
 from seatrial.core.reporter import SILENT, Reporter

@@ -18,8 +18,8 @@ from functools import lru_cache
 import jax
 import numpy as np
 
-from seatrial.benchmark.method import Fitted, Predicted, Problem
-from seatrial.benchmark.tasks import Stretch
+from benchmarks.public.method import Fitted, Predicted, Problem
+from benchmarks.public.tasks import Stretch
 from seatrial.campaign.compute.shared_work import Study
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.inference.cross_validation import best_campaign, cross_validate

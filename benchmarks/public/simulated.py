@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from seatrial.benchmark.set_file import BenchmarkSet
+from benchmarks.public.set_file import BenchmarkSet
 from seatrial.core.errors import InputError
 from seatrial.core.files import write_text
 from seatrial.core.units import quantity

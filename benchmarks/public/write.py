@@ -4,12 +4,12 @@ import csv
 import io
 from pathlib import Path
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
+from benchmarks.public.run import Entry, Result
+from benchmarks.public.scores import PooledScore
+from benchmarks.public.tasks import TASKS
 from seatrial import __version__
-from seatrial.benchmark.run import Entry, Result
-from seatrial.benchmark.scores import PooledScore
-from seatrial.benchmark.tasks import TASKS
 from seatrial.core.files import write_json, write_text
 from seatrial.core.visible import visible
 
@@ -93,7 +93,7 @@ def as_csv(result: Result) -> str:
 def as_page(result: Result) -> str:
     """Return one self-contained page."""
     environment = Environment(
-        loader=PackageLoader("seatrial.benchmark"),
+        loader=FileSystemLoader(Path(__file__).parent),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,

@@ -9,7 +9,6 @@ import hashlib
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
-from importlib.resources import files
 from pathlib import Path, PurePosixPath
 from typing import Annotated
 
@@ -26,6 +25,7 @@ from seatrial.campaign.store.stored_result import FILE_NAME
 from seatrial.core.errors import InputError, located, nearest
 from seatrial.core.files import depend_on, write_text
 
+SETS = Path(__file__).parent / "sets"
 _PIECE = 1 << 20
 _PLAIN = 200
 """Characters of a path."""
@@ -55,7 +55,7 @@ class SourceTable(Table):
 
 
 class MadeTable(Table):
-    """`[made]`: runs of the simulated vehicle of `seatrial.benchmark.simulated`, by name, with the seed of waves and noise.
+    """`[made]`: runs of the simulated vehicle of `benchmarks.public.simulated`, by name, with the seed of waves and noise.
 
     Each run has a `duration`, and the largest `thrust` and `rudder` of its steps.
     """
@@ -126,15 +126,15 @@ class BenchmarkSet:
 
 
 def set_names() -> tuple[str, ...]:
-    """Return the names of the sets that come with the package."""
-    return tuple(sorted(one.name.removesuffix(".toml") for one in _folder().iterdir() if one.name.endswith(".toml")))
+    """Return the names of the sets that are kept here."""
+    return tuple(sorted(one.stem for one in SETS.glob("*.toml")))
 
 
 def read_set(name: str) -> BenchmarkSet:
     """Read a set by its name, or from a file of one's own.
 
     Args:
-        name: of a set of the package, or the path of a set file, which ends in `.toml`.
+        name: of a set that is kept here, or the path of a set file, which ends in `.toml`.
 
     Raises:
         InputError: no such set; malformed TOML; an unknown or missing key; a path that leaves the data folder, or a file without a hash.
@@ -148,7 +148,7 @@ def read_set(name: str) -> BenchmarkSet:
                 expected="one of " + ", ".join(set_names()) + ", or the path of a set file",
                 remedy=nearest(name, set_names()),
             )
-        path = Path(str(_folder().joinpath(f"{name}.toml")))
+        path = SETS / f"{name}.toml"
     elif not path.is_file():
         raise InputError(
             str(path), found="no such file", expected="a set file", remedy="correct the path, or name a set of the list"
@@ -253,10 +253,6 @@ def check_file(benchmark_set: BenchmarkSet, data: Path, path: str) -> Path:
             remedy=f"get the file again in version {benchmark_set.source['version']}: {benchmark_set.source['get']}",
         )
     return place
-
-
-def _folder():
-    return files(__name__.rpartition(".")[0]).joinpath("sets")
 
 
 def _check_paths(file: SetFile, keys: FileKeys) -> None:

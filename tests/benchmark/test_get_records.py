@@ -1,17 +1,15 @@
 """The records of a set are taken from its commit, checked by their hash, and written as the campaign reads them."""
 
 import hashlib
-import importlib.util
 import subprocess
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
-from seatrial.benchmark.set_file import check_file, read_set
+from benchmarks.public.get_records import get
+from benchmarks.public.set_file import check_file, read_set
 from tests.benchmark.small_set import write_set
 
-SCRIPT = Path(__file__).parents[1] / "examples" / "get_records.py"
 CONTENT = "t,tau_X,u\n0,0,1\n"
 
 
@@ -21,9 +19,6 @@ def _git(folder, *words):
 
 
 def test_files_of_a_commit_are_written_and_a_wrong_hash_is_refused(tmp_path):
-    spec = importlib.util.spec_from_file_location("get_records", SCRIPT)
-    records = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(records)
     repository = tmp_path / "repository"
     (repository / "deep" / "within").mkdir(parents=True)
     (repository / "deep" / "a.csv").write_text("another file of that name\n")
@@ -37,7 +32,7 @@ def test_files_of_a_commit_are_written_and_a_wrong_hash_is_refused(tmp_path):
         files={"surge/a.csv": hashlib.sha256(CONTENT.encode()).hexdigest()},
         source={"version": f"commit {commit}"},
     )
-    assert records.get(found, tmp_path / "data", str(repository)) == 1
+    assert get(found, tmp_path / "data", str(repository)) == 1
     assert check_file(found, tmp_path / "data", "surge/a.csv").name == "a.csv.gz"
     with pytest.raises(SystemExit, match=r"has no a\.csv with SHA-256 0"):
-        records.get(replace(found, files={"surge/a.csv": "0" * 64}), tmp_path / "data", str(repository))
+        get(replace(found, files={"surge/a.csv": "0" * 64}), tmp_path / "data", str(repository))

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import scipy
 
-from seatrial.benchmark.method import Fitted, Problem, with_spread
-from seatrial.benchmark.tasks import SHORT, Stretch, stretches
+from benchmarks.public.method import Fitted, Problem, with_spread
+from benchmarks.public.tasks import SHORT, Stretch, stretches
 from seatrial.core.errors import InputError
 from seatrial.core.record import Record
 

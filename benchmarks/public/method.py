@@ -11,7 +11,7 @@ from typing import Protocol
 import numpy as np
 from jaxtyping import Float
 
-from seatrial.benchmark.tasks import Stretch, leads
+from benchmarks.public.tasks import Stretch, leads
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.core.record import Record

@@ -1,4 +1,4 @@
-"""All methods of the benchmark, by name. To add one, write a function that fits it (`seatrial.benchmark.method`) and add a line here."""
+"""All methods of the benchmark, by name. To add one, write a function that fits it (`benchmarks.public.method`) and add a line here."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -6,10 +6,10 @@ from functools import partial
 
 import numpy as np
 
-from seatrial.benchmark.method import Fitted, Method, Problem, with_spread
-from seatrial.benchmark.ours import fit_chosen, fit_ours
-from seatrial.benchmark.peers import fit_n4sid, fit_sindy
-from seatrial.benchmark.tasks import Stretch
+from benchmarks.public.method import Fitted, Method, Problem, with_spread
+from benchmarks.public.ours import fit_chosen, fit_ours
+from benchmarks.public.peers import fit_n4sid, fit_sindy
+from benchmarks.public.tasks import Stretch
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.record import Record
 from seatrial.estimation.prediction.acceleration_baseline import acceleration_baseline

@@ -1,4 +1,4 @@
-"""Get the public records of the examples and the benchmark: `python examples/get_records.py FOLDER [SET ...]`.
+"""Get the public records of the examples and the benchmark: `python -m benchmarks.public.get_records FOLDER [SET ...]`.
 
 Each set names a repository, a commit, a licence and the SHA-256 of every file. The files are taken from that commit by `git`, checked,
 and written below FOLDER: compressed, but for NumPy archives. Afterwards: `export SEATRIAL_DATA=FOLDER`.
@@ -12,7 +12,7 @@ import sys
 import tempfile
 from pathlib import Path, PurePosixPath
 
-from seatrial.benchmark.set_file import BenchmarkSet, read_set, set_names
+from benchmarks.public.set_file import BenchmarkSet, read_set, set_names
 
 
 def main() -> None:
@@ -20,7 +20,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Get the public records of the examples and the benchmark.")
     parser.add_argument("folder", type=Path, help="where the records go; becomes SEATRIAL_DATA")
     parser.add_argument(
-        "sets", nargs="*", help="names of sets, as `seatrial benchmark --list` prints them; all if none"
+        "sets", nargs="*", help="names of sets, as `python -m benchmarks.public --list` prints them; all if none"
     )
     options = parser.parse_args()
     for name in options.sets or set_names():
