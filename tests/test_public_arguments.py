@@ -4,6 +4,7 @@ import re
 from dataclasses import replace
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -112,6 +113,14 @@ def test_what_has_no_part_in_a_motion_may_stand_among_the_values():
         ({"start_sd": {"u": -1.0}}, r'start_sd\["u"\]'),
         ({"own": "sigma_u"}, r'own\n.*\n.*\n.*\["sigma_u"\]'),
         ({"sensors": "u"}, "sensors"),
+        ({"priors": {"T_nabsn": PRIORS["T_nabsn"], "sigma_u": PRIORS["sigma_u"]}}, r"a prior of X_uabsu \(kg/m\)"),
+        ({"priors": PRIORS | {"X_uu": PRIORS["X_uabsu"]}}, '"X_uu", which nothing uses'),
+        (
+            {"priors": PRIORS | {"tau_u": PRIORS["sigma_u"]}},
+            r'make it Sensor\("u", noise="coloured"\), or leave tau_u out',
+        ),
+        ({"sensors": ["v"]}, 'channel "v"'),
+        ({"own": ["bias_u"]}, '"bias_u", which nothing uses'),
     ],
 )
 def test_make_posterior(record, changes, message):
@@ -148,6 +157,10 @@ def test_make_posterior(record, changes, message):
             'units\n.*"b", which',
         ),
         (lambda: st.posterior_of_density(lambda v: v["a"], {"a": st.Normal(0.0, 1.0)}, {"a": 3}), r'units\["a"\]'),
+        *[
+            (lambda prior=prior: st.posterior_of_density(lambda v: -(v["a"] ** 2), {"a": prior}), r'priors\["a"\]')
+            for prior in (st.Uniform(jnp.array(1.0), -5.0), st.Normal(jnp.array(np.nan), 1.0), st.Uniform, 1.0)
+        ],
     ],
 )
 def test_settings_and_parts(make, message):
@@ -159,6 +172,8 @@ def test_settings_and_parts(make, message):
     [
         (lambda p: st.sample(p, st.ChainSettings()), "settings="),
         (lambda p: st.sample(p, "mcmc"), "independence-metropolis"),
+        (lambda p: st.sample(p, "nutz"), 'did you mean "nuts"'),
+        (lambda p: st.sample(p, "tempered-smc", st.ChainSettings()), "SMCSettings"),
         (lambda p: st.sample(p, None), "method"),
         (lambda p: st.sample(p, settings=100), "ChainSettings"),
         (lambda p: st.sample(None), "posterior"),
@@ -211,6 +226,8 @@ DESIGN = {
         ({"model": VEHICLE}, "a VehicleModel"),
         ({"belief": None}, "belief"),
         ({"belief": {"X_uabsu": 1.0}}, "belief"),
+        ({"belief": {"T_nabsn": PRIORS["T_nabsn"]}}, "none of X_uabsu"),
+        ({"families": st.Family("delta_r", 0.0, duration=12.0, active=10.0, sample_time=0.1)}, "a value of n"),
         ({"families": []}, "families"),
         ({"families": "doublet"}, "families"),
         ({"amplitude": 20.0}, "amplitude"),

@@ -115,10 +115,6 @@ def test_interval_is_that_of_a_bootstrap_written_out():
     assert found == pytest.approx(np.quantile(again, [0.025, 0.975]), abs=0.03)
 
 
-def test_five_designs_are_enough():
-    assert one(np.arange(5.0), np.arange(5.0)).correlation == pytest.approx(1.0)
-
-
 def test_an_interval_wants_half_of_the_resamples():
     spread = np.linspace(0.2, 0.8, RESAMPLES // 2)
     assert _interval(spread, 0.5, 30) == pytest.approx((0.215, 0.785))

@@ -1,6 +1,5 @@
 """Free-form designs: derivatives, exhaustive search over binary inputs, limits at every sample, and the golden problem."""
 
-from dataclasses import replace
 from itertools import product
 
 import jax.numpy as jnp
@@ -17,7 +16,6 @@ from seatrial.design.free_form_objective import (
     worst_course,
     worst_course_slope,
 )
-from seatrial.design.free_form_optimise import doublets, gentled
 from seatrial.design.free_form_problem import FreeFormProblem, check_problem
 from seatrial.design.motion_limits import MotionLimit
 from seatrial.design.sweep import LANES
@@ -212,30 +210,6 @@ def test_same_seed_same_design_and_what_is_said():
     assert "of 4 starts end within" in one.status
 
 
-def test_best_doublet_is_the_best_of_all_whole_ones():
-    """Every half period, number and first side that fit eight levels, written out."""
-    found = {tuple(row) for row in doublets(8, -1.0, 1.0)}
-    expected = set()
-    for half, count in [(1, 1), (1, 2), (1, 3), (1, 4), (2, 1), (2, 2), (3, 1), (4, 1)]:
-        signs = ([1.0] * half + [-1.0] * half) * count
-        signs += [0.0] * (8 - len(signs))
-        expected |= {tuple(signs), tuple(-s + 0.0 for s in signs)}
-    assert found == expected
-
-
-def test_starts_are_brought_inside_near_by():
-    """A full swing in one edge becomes two half swings about trim; what is inside stays as it is."""
-    form = SteppedInput("n", N0, 60.0, 1.0, 57.0, 19, edge=1.0)
-    problem = surge_problem(form, limits=Limits(LIMITS.lower, LIMITS.upper, rate=200 * RPM))
-    swing = np.concatenate([np.full(9, 1.0), np.full(10, -1.0)])
-    inside = gentled(problem, swing)
-    rows, most = problem.linear()
-    assert (rows @ inside <= most + 1e-9).all()
-    np.testing.assert_allclose(inside[[8, 9]], [0.5, -0.5], atol=1e-6)
-    np.testing.assert_allclose(inside[:8], 1.0, atol=1e-6)
-    np.testing.assert_allclose(gentled(problem, 0.5 * inside), 0.5 * inside, atol=1e-12)
-
-
 def test_golden_free_form_beats_the_doublets_by_the_golden_margin():
     """60 intervals, 6 000 samples: 12.14 was the best of four local searches, 10.9 and 11.75 doublets of 10 and 20 s."""
     problem = surge_problem(SteppedInput("n", N0, 60.0, 0.0, 60.0, 60), n=6000)
@@ -265,31 +239,6 @@ def test_golden_standard_deviations_of_the_doubted_term():
     assert sd[0] < 0.13
 
 
-IMPOSSIBLE = [
-    ({"limits": Limits(80.0, 90.0)}, r"lower limit 80 above trim 78\.5398 by 1\.46018"),
-    ({"limits": Limits(60.0, 70.0)}, r"trim 78\.5398 above upper limit 70 by 8\.53982"),
-    ({"limits": Limits(60.0, None)}, "upper limit None"),
-    ({"limits": Limits(60.0, 90.0, rate=10.0)}, "edges of 3 s for the full swing of 30"),
-    ({"motion": (MotionLimit("u", upper=1.5),)}, r"trim breaks the upper bound 1\.5 m/s of u by 0\.0418615"),
-    ({"motion": (MotionLimit("u", lower=1.6),)}, r"trim breaks the lower bound 1\.6 m/s of u by 0\.0581385"),
-    ({"motion": (MotionLimit("distance", upper=90.0),)}, r"trim breaks the upper bound 90 m of distance by 2\.51169"),
-    ({"cost": COST, "budget": 600.0}, "trim breaks the budget of 600 J by 65 "),
-    ({"budget": 600.0}, "a cost and a finite budget"),
-    ({"motion": (MotionLimit("w", upper=1.5),)}, "states: u"),
-    ({"risk": 1.0}, "below 1"),
-    ({"points": np.zeros((1, 2))}, r"points \(P, 3\)"),
-    ({"prior_cov": np.zeros((3, 3))}, "positive definite"),
-    ({"form": SteppedInput("tau", N0, 60.0, 0.0, 60.0, 20)}, "one of n"),
-    ({"form": SteppedInput("n", N0, 50.0, 0.0, 50.0, 20)}, "60 s of the plan"),
-]
-
-
-@pytest.mark.parametrize(("change", "message"), IMPOSSIBLE)
-def test_limits_that_admit_nothing(change, message):
-    with pytest.raises(InputError, match=message):
-        check_problem(replace(surge_problem(), **change))
-
-
 def test_bounds_that_trim_breaks_for_too_many_draws():
     draws = np.tile(POINTS[0], (10, 1))
     draws[:3, 2] *= 1.5
@@ -297,9 +246,3 @@ def test_bounds_that_trim_breaks_for_too_many_draws():
     check_problem(surge_problem(draws=draws, motion=bound, risk=0.3))
     with pytest.raises(InputError, match="3 of 10 draws break a bound, 2 may"):
         check_problem(surge_problem(draws=draws, motion=bound, risk=0.2))
-
-
-@pytest.mark.parametrize("levels", [np.zeros(3), np.full(20, np.nan)])
-def test_impossible_start(levels):
-    with pytest.raises(InputError, match="20 finite levels"):
-        design_free_form(surge_problem(), 0, {"mine": levels})

@@ -1,6 +1,5 @@
 from dataclasses import replace
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -9,21 +8,17 @@ from seatrial.core.errors import InputError, NumericalError
 from seatrial.design.relay_sweep import RelaySweep, sweep_relay
 from seatrial.filters.extended import ExtendedKalmanFilter
 from seatrial.filters.square_root import SquareRootUnscentedKalmanFilter
-from seatrial.manoeuvres.family import Family
 from seatrial.manoeuvres.manoeuvre import Limits
-from seatrial.manoeuvres.relay import RelayFamily, run_relay
+from seatrial.manoeuvres.relay import RelayFamily
 from seatrial.numerics.gaussian import independent
 from seatrial.numerics.state_space import StateSpace
-from seatrial.vehicles.simulate import simulate
-from tests.cases import N0, RPM, THRUST, U0, X_U, X_UU, paper_model, surge_rate
+from tests.cases import N0, RPM, THRUST, U0, X_U, X_UU, surge_rate
 from tests.design.test_sweep import BELIEF_SD, PROCESS_SD, paper_space
-from tests.estimation_cases import SIGMA, THRUST_UNIT
 from tests.filters.textbook import Problem, extended, unscented
 
 TRUTH = np.array([U0, X_U, X_UU, THRUST])
 SHORT = RelayFamily((("n", N0),), "n", "u", U0, duration=15.0, sample_time=0.1)
 AMPLITUDES, THRESHOLDS = np.array([100.0, 200.0]) * RPM, np.array([0.1, 0.3])
-MINUTE = RelayFamily((("n", N0),), "n", "u", U0, duration=60.0, sample_time=0.01)
 FAST = ExtendedKalmanFilter()
 
 
@@ -137,52 +132,6 @@ def test_motion_that_diverges():
     runaway = np.array([U0, X_U, 60.0, THRUST])
     with pytest.raises(NumericalError, match=r"first at amplitude.*threshold.*narrow the priors"):
         sweep_relay(paper_space(BELIEF_SD, runaway), SHORT, AMPLITUDES, THRESHOLDS, method=FAST)
-
-
-def half_log_det(control):
-    """Output-error information of u alone about (X_u, X_uabsu, 100 T), sd 0.0757 m/s, by forward sensitivities."""
-    model, step = paper_model(), np.full(control.shape[0], 0.01)
-
-    def speed(params):
-        named = {"X_u": params[0], "X_uabsu": params[1], "T_nabsn": params[2] * THRUST_UNIT}
-        return simulate(model, named, control, step, jnp.array([U0]))[:, 0]
-
-    sensitivity = jax.jacfwd(speed)(jnp.array([X_U, X_UU, 100 * THRUST])) / SIGMA
-    return 0.5 * float(jnp.linalg.slogdet(sensitivity.T @ sensitivity)[1])
-
-
-@pytest.mark.proof
-@pytest.mark.parametrize(("period", "golden"), [(10.0, 10.9), (20.0, 11.75)])
-def test_golden_information_of_doublets(period, golden):
-    doublet = Family("n", N0, duration=60.0, active=40.0, sample_time=0.01)
-    control = np.asarray(doublet.signal(200 * RPM, period, doublet.time()))
-    assert half_log_det(control[:, None]) == pytest.approx(golden, abs=0.02)
-
-
-@pytest.mark.proof
-@pytest.mark.parametrize(("rpm", "golden", "oscillates"), [(200, 11.3, True), (100, 3.3, False), (150, 4.4, False)])
-def test_golden_information_of_self_oscillation(rpm, golden, oscillates):
-    """Relay from the first sample to the last, threshold 0.35 m/s: below some 155 rpm it is never reached."""
-    run = run_relay(paper_space(), MINUTE, rpm * RPM, 0.35, TRUTH)
-    assert (run.switches >= 2) == oscillates
-    assert half_log_det(run.control) == pytest.approx(golden, abs=0.05)
-
-
-@pytest.mark.proof
-def test_surface_over_amplitude_and_threshold():
-    """Where it oscillates more amplitude always helps; without oscillation at least 3 nats are lost."""
-    space, amplitudes, thresholds = (
-        paper_space(mean=TRUTH * [1, 0.75, 0.75, 0.75]),
-        np.linspace(100, 200, 6) * RPM,
-        np.array([0.1, 0.2, 0.3, 0.35, 0.4, 0.5]),
-    )
-    sweep = sweep_relay(space, MINUTE, amplitudes, thresholds, truth=TRUTH)
-    linear = sweep_relay(space, MINUTE, amplitudes, thresholds, method=FAST, truth=TRUTH)
-    assert np.array_equal(sweep.switches, linear.switches)
-    assert np.abs(sweep.gain - linear.gain)[sweep.oscillates].max() < 0.05
-    reachable = sweep.oscillates[:-1] & sweep.oscillates[1:]
-    assert (np.diff(sweep.gain, axis=0)[reachable] > 0).all()
-    assert (sweep.gain[~sweep.oscillates].max()) < sweep.gain[sweep.oscillates].min() - 3
 
 
 def test_peak_speed_is_that_of_the_first_state_of_several():

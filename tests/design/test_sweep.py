@@ -173,26 +173,6 @@ def test_best_design_as_a_manoeuvre():
     assert np.allclose(control, 2 * np.pi * naive_doublets(time, AMPLITUDES[row] / RPM, PERIODS[column], 10.0))
 
 
-def peaks(x):
-    return [i for i in range(1, len(x) - 1) if x[i - 1] < x[i] > x[i + 1]]
-
-
-@pytest.mark.proof
-@pytest.mark.parametrize(("active", "ridges"), [(40.0, [8, 10, 13]), (20.0, [6, 10]), (58.0, [9, 11, 14, 19])])
-def test_golden_surface(active, ridges):
-    """20 x 20 designs: more amplitude is always better; at 200 rpm ridges stand where one more doublet just fits."""
-    family = Family("n", N0, duration=60.0, active=active, sample_time=0.01)
-    periods = np.arange(1.0, 21.0)
-    sweep = sweep_family(
-        paper_space(mean=TRUTH * [1, 0.75, 0.75, 0.75]), family, np.linspace(100, 200, 20) * RPM, periods, truth=TRUTH
-    )
-    assert (np.diff(sweep.gain, axis=0) > 0).all()
-    assert [periods[i] for i in peaks(sweep.gain[-1])] == ridges
-    if active == 40:
-        assert sweep.best == (19, 19)
-        assert sweep.gain.min() == sweep.gain[0, 0] == pytest.approx(21.582, abs=1e-3)
-
-
 LINEAR_FAMILY = Family("c", 1.0, duration=12.0, active=10.0, sample_time=0.5, ramp=1.0)
 
 

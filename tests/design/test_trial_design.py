@@ -80,13 +80,6 @@ def test_draws_are_a_belief_too():
     assert design(belief=draws).gain == pytest.approx(design().gain, rel=0.05)
 
 
-def test_what_is_missing_is_said():
-    with pytest.raises(st.InputError, match="none of X_uabsu"):
-        design(belief={"T_nabsn": PRIORS["T_nabsn"]})
-    with pytest.raises(st.InputError, match="a value of n"):
-        design(families=st.Family("delta_r", 0.0, duration=20.0, active=16.0, sample_time=0.1))
-
-
 def test_a_family_without_a_design_inside_the_limits_is_refused_by_name(found):
     high = replace(FAMILY, trim=1300 * RPM, kind="step")
     limits = Limits(upper=1390 * RPM)

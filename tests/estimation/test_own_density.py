@@ -131,10 +131,3 @@ def test_what_is_no_number_counts_as_impossible():
     posterior = st.posterior_of_density(lambda p: jnp.log(p["a"]) - 2 * p["a"], {"a": st.Normal(0.5, 1.0)})
     assert float(posterior.log_likelihood(jnp.array([-3.0]))) == -np.inf
     assert st.find_mode(posterior).by_name["a"] > 0
-
-
-def test_settings_of_another_method_are_refused(posterior):
-    with pytest.raises(st.InputError, match="SMCSettings"):
-        st.sample(posterior, "tempered-smc", st.ChainSettings())
-    with pytest.raises(st.InputError, match='did you mean "nuts"'):
-        st.sample(posterior, "nutz")

@@ -124,9 +124,6 @@ def total_of(agent):
 def test_holoocean_refuses_what_is_no_torpedo():
     with pytest.raises(InputError, match="8 thrusters"):
         HoloOcean().check(published("bluerov2_heavy"))
-    high = published()
-    with pytest.raises(InputError, match="below that of buoyancy"):
-        HoloOcean().check(replace(high, hull=replace(high.hull, centre_of_gravity=(0.0, 0.0, -0.01))))
 
 
 def test_holoocean_has_the_vehicle_s_actuators_or_says_that_they_are_its_own():

@@ -179,21 +179,6 @@ def test_every_lag_rate_and_limit_is_carried_or_named(name):
         assert ("limits" in line) == ((there.lower, there.upper) != (own.lower, own.upper)), line
 
 
-def test_a_lagging_actuator_follows_as_the_vehicle_s_own_does():
-    actuators = {"n": Actuator(0.5, -3.0, 3.0, 4.0)}
-
-    def motion(nu, phi, theta, controls):
-        return np.array([controls["n"], 0.0, 0.0, 0.0, 0.0, 0.0])
-
-    found = manoeuvre.simulate(motion, actuators, lambda t: {"n": 9.0 * (t >= 1.0)}, np.zeros(8), 4.0, 0.01)
-    actual, speed = 0.0, 0.0
-    for i in range(40000):
-        wanted = 3.0 if i >= 10000 else 0.0
-        speed += 1e-4 * actual
-        actual += 1e-4 * min(max((wanted - actual) / 0.5, -4.0), 4.0)
-    assert found[-1, 0] == pytest.approx(speed, rel=1e-3)
-
-
 @pytest.mark.proof
 def test_the_loss_in_a_current_is_stated_where_the_campaign_has_one(monkeypatch):
     monkeypatch.setattr(manoeuvre, "DURATION", 20.0)

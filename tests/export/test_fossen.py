@@ -51,16 +51,23 @@ def ran(vehicle, tmp_path, rows=(), steps=()):
     return json.loads(done.stdout)
 
 
+def in_a_wake():
+    """A propeller whose thrust falls with its inflow, behind a hull that slows it and that it pulls back."""
+    vehicle = with_terms(published(), T_nabsn=6e-4, T_nu=-2e-3)
+    return replace(vehicle, hull=replace(vehicle.hull, wake=0.25, thrust_deduction=0.15))
+
+
 @pytest.mark.parametrize(
     "name",
     [
         "rich",
         "commanded",
+        "wake",
         *(pytest.param(name, marks=pytest.mark.proof) for name in ("remus100_prestero", "bluerov2_heavy")),
     ],
 )
 def test_accelerations_are_ours(name, tmp_path):
-    made = {"rich": rich, "commanded": commanded}
+    made = {"rich": rich, "commanded": commanded, "wake": in_a_wake}
     vehicle = made[name]() if name in made else published(name)
     nu, phi, theta, controls = states(vehicle)
     order = controls_of(vehicle)
@@ -94,22 +101,6 @@ def test_a_step_holds_limits_lags_and_current(tmp_path):
     rate = np.linalg.solve(vehicle.rigid_mass + vehicle.added_mass, force)[:, 0]
     rate[:2] += [nu[5] * water[1], -nu[5] * water[0]]
     np.testing.assert_allclose(after, np.array(nu) + 0.02 * rate, rtol=1e-10)
-
-
-def test_thrust_feels_wake_and_deduction(tmp_path):
-    """A propeller whose thrust falls with its inflow, behind a hull that slows it and that it pulls back."""
-    vehicle = with_terms(published(), T_nabsn=6e-4, T_nu=-2e-3)
-    vehicle = replace(vehicle, hull=replace(vehicle.hull, wake=0.25, thrust_deduction=0.15))
-    nu, phi, theta, controls = states(vehicle, count=20)
-    signs = {"delta_r": -1.0, "n": 30 / np.pi}
-    columns = [controls[key] * signs.get(key, 1.0) for key in controls_of(vehicle)]
-    rows = [
-        [[0, 0, 0, float(phi[i]), float(theta[i]), 0.3], nu[:, i].tolist(), [float(c[i]) for c in columns]]
-        for i in range(20)
-    ]
-    out = ran(vehicle, tmp_path, rows)
-    mass = vehicle.rigid_mass + vehicle.added_mass
-    assert_equal(mass @ np.array(out["rates"]).T, own_force(vehicle, nu, phi, theta, controls))
 
 
 def test_limits_in_the_simulator_s_units():

@@ -8,6 +8,7 @@ import pytest
 from seatrial.core.errors import InputError
 from seatrial.export.targets.gz import Gz
 from tests.export.cases import (
+    FLIPPED,
     SIGN,
     assert_equal,
     cross,
@@ -264,11 +265,16 @@ def test_box_displaces_the_vehicle_s_volume_and_reaches_what_stands_apart():
     assert size[0] == pytest.approx(max(2 * reach, np.prod(size) ** (1 / 3)))
 
 
-def test_limits_of_fins_turn_with_their_joints():
+@pytest.mark.parametrize(
+    ("vehicle", "contrary"),
+    [(rich(), ()), (with_terms(rich(), **FLIPPED), ("delta_r", "delta_s"))],
+    ids=["ours", "contrary"],
+)
+def test_limits_of_fins_turn_with_their_joints(vehicle, contrary):
     """Joints turn by the right hand about axes to starboard and down; limits of commands that turn otherwise change ends and sign."""
-    vehicle = rich()
     asked = {name: (vehicle.actuators[name].lower, vehicle.actuators[name].upper) for name in ("delta_r", "delta_s")}
     reversed_ = Gz().carries(vehicle).reversed
+    assert reversed_ == contrary
     model = simulated(vehicle).model
     for name, (lower, upper) in asked.items():
         joint = next(one for one in model.findall("joint") if one.get("name") == f"{name}_joint")

@@ -2,7 +2,6 @@
 
 import json
 import sys
-from dataclasses import replace
 from types import ModuleType
 from xml.etree import ElementTree
 
@@ -16,7 +15,6 @@ from seatrial.export.motion import motion_of
 from seatrial.export.reading import read_exported
 from seatrial.export.targets.fossen import controls_of
 from seatrial.export.write import EXPORTERS, make_exporter
-from seatrial.vehicles.actuators import Actuator
 from seatrial.vehicles.catalogue import load_vehicle, vehicle_names
 from seatrial.vehicles.control_signs import push_of, sense_of
 from tests.export.cases import FLIPPED, SIGN, published, with_terms, written
@@ -198,16 +196,3 @@ def test_a_vehicle_that_follows_the_convention_is_contrary_to_none():
     assert contrary_to(VEHICLES["remus100_hall_anstee"], convention) == ()
     assert contrary_to(VEHICLES["flipped"], convention) == ("delta_r", "delta_s")
     assert contrary_to(VEHICLES["remus100_surge"], convention) == ()
-
-
-def test_a_turned_control_has_its_limits_turned():
-    """From -0.1 to 0.3 rad of ours are from -0.3 to 0.1 of the target's."""
-    limits = {"delta_r": Actuator(0.0, -0.1, 0.3)}
-    turned = replace(VEHICLES["flipped"], actuators=limits)
-    limit = ElementTree.fromstring(written(make_exporter("gz"), turned)["model.sdf"]).find(
-        ".//joint[@name='delta_r_joint']/axis/limit"
-    )
-    assert [limit.findtext(key) for key in ("lower", "upper")] == ["-0.3", "0.1"]
-    ((_, text),) = written(make_exporter("fossen"), replace(VEHICLES["remus100_hall_anstee"], actuators=limits)).items()
-    assert "self.lower = np.array([-0.3, " in text
-    assert "self.upper = np.array([0.1, " in text

@@ -99,17 +99,6 @@ def test_bytes_changed(tmp_path_factory, name):
     check()
 
 
-@pytest.mark.proof
-@pytest.mark.parametrize("name", SAFE)
-def test_many_bytes_changed(tmp_path_factory, name):
-    @given(EDITS)
-    @settings(max_examples=60)
-    def check(edits):
-        read_or_refuse(damaged(tmp_path_factory.getbasetemp(), name, edit(edits)))
-
-    check()
-
-
 def cut(share):
     return lambda data: data[: int(share * len(data))]
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from seatrial.core.errors import InputError
 from seatrial.logs.align import align
 from seatrial.logs.log_table import read_log_table
-from tests.logs.log_cases import GOOD, source, written
+from tests.logs.log_cases import source, written
 
 NAMES = ("run.csv", "run.csv.gz", "run.tsv")
 CELLS = st.sampled_from(
@@ -87,10 +87,3 @@ def test_random_text(tmp_path_factory, content):
 def test_tables_of_awkward_cells(tmp_path_factory, rows, blank, clock, unit):
     text = "\n".join((" " if blank == "whitespace" else ",").join(row) for row in [["t", "rpm", "speed"], *rows])
     read_or_refuse(tmp_path_factory.getbasetemp(), text, delimiter=blank, clock=clock, time_unit=unit)
-
-
-@given(at=st.integers(0, len(GOOD) - 1), junk=st.binary(min_size=1, max_size=3))
-@settings(max_examples=150)
-def test_a_good_log_with_a_few_bytes_changed(tmp_path_factory, at, junk):
-    good = GOOD.encode()
-    read_or_refuse(tmp_path_factory.getbasetemp(), good[:at] + junk + good[at + len(junk) :])

@@ -240,6 +240,19 @@ NAMES = {
     "pitch_rate_mrad_s": ("q", "rad/s", 0.001),
     "depth_cm": ("z", "cm", 1.0),
     "yaw_moment_n_m": ("tau_N", "N*m", 1.0),
+    # Autopilots in a text: of all messages in one table, the message before the field, or of one, its name that of the file.
+    "vehicle_attitude.q[0]": ("q_w", "1", 1.0),
+    "vehicle_attitude_0.q[3]": ("q_z", "1", 1.0),
+    "vehicle_attitude/q.01": ("q_x", "1", 1.0),
+    "vehicle_angular_velocity.xyz[1]": ("q", "rad/s", 1.0),
+    "vehicle_local_position.x": ("x", "m", 1.0),
+    "vehicle_local_position.vx": ("v_north", "m/s", 1.0),
+    "IMU[0].GyrX": ("p", "rad/s", 1.0),
+    "ATT.Roll": ("phi", "deg", 1.0),
+    "CTUN.Alt": ("z", "m", -1.0),
+    "LOCAL_POSITION_NED.vz": ("v_down", "m/s", 1.0),
+    "dvl_speed_mps": ("u", "m/s", 1.0),
+    "gyro.z": ("r", "rad/s", 1.0),
 }
 
 
@@ -552,30 +565,6 @@ def test_a_map_names_the_columns_that_nothing_uses(tmp_path):
     assert "battery" not in said, "it never moves"
     assert [*tomllib.loads(said)["import"]["files"][0]["channels"]] == ["u"]
     assert "wind" not in inspect_log(path).as_toml(["u"])
-
-
-# Names of autopilots in a text: of all messages in one table, the message before the field, or of one, its name that of the file.
-MESSAGES = {
-    "vehicle_attitude.q[0]": ("q_w", "1", 1.0),
-    "vehicle_attitude_0.q[3]": ("q_z", "1", 1.0),
-    "vehicle_attitude/q.01": ("q_x", "1", 1.0),
-    "vehicle_angular_velocity.xyz[1]": ("q", "rad/s", 1.0),
-    "vehicle_local_position.x": ("x", "m", 1.0),
-    "vehicle_local_position.vx": ("v_north", "m/s", 1.0),
-    "IMU[0].GyrX": ("p", "rad/s", 1.0),
-    "ATT.Roll": ("phi", "deg", 1.0),
-    "CTUN.Alt": ("z", "m", -1.0),
-    "LOCAL_POSITION_NED.vz": ("v_down", "m/s", 1.0),
-    "dvl_speed_mps": ("u", "m/s", 1.0),
-    "gyro.z": ("r", "rad/s", 1.0),
-}
-
-
-@pytest.mark.parametrize("name", MESSAGES)
-def test_messages_of_autopilots_in_a_text_are_known(tmp_path, name):
-    text = f"time,{name}\n" + "".join(f"{0.1 * k:.1f},{0.01 * k}\n" for k in range(20))
-    found = inspect_log(written(tmp_path, text)).guesses
-    assert [(guess.channel, guess.unit, guess.scale) for guess in found] == [MESSAGES[name]]
 
 
 @pytest.mark.parametrize(

@@ -87,29 +87,3 @@ def test_trim_astern():
 def test_no_trim(params):
     with pytest.raises(InputError, match="drag that balances the thrust"):
         trim_speed(paper_model(), params, [N0])
-
-
-@pytest.mark.parametrize(
-    ("hull", "terms", "message"),
-    [
-        (Hull("a", -3.0), ["X_u"], "mass\n.*-3.0"),
-        (Hull("a", 0.0), ["X_u"], "above 0"),
-        (Hull("a", float("nan")), ["X_u"], "above 0"),
-        (Hull("a", 30.0, thrust_deduction=1.0), ["X_u"], "thrust_deduction"),
-        (Hull("a", 30.0, thrust_deduction=-0.1), ["X_u"], "thrust_deduction"),
-        (Hull("a", 30.0), ["X_u", "Y_v"], "term Y_v\n.*the model has no sway"),
-        (Hull("a", 30.0), ["X_uabsv"], "X_uabsv, which has no part in the motion: v is zero"),
-        (Hull("a", 30.0), ["X_du3"], 'no trim value of "u"'),
-        (Hull("a", 30.0), ["X_u2", "X_absuabsu"], "the same regressor as X_u2"),
-        (Hull("a", 30.0), ["X_u", "X_u"], "the same regressor as X_u"),
-        (Hull("a", 30.0, fixed={"X_uu": -1.0}), ["X_u2"], "the same regressor"),
-        (Hull("a", 30.0), ["X_ux"], "character 4"),
-        (Hull("a", 30.0, fixed={"X_ux": 1.0}), ["X_u"], "character 4"),
-        (Hull("a", 30.0, fixed={"X_udot": 40.0}), ["X_u"], "mass matrix"),
-        (Hull("a", 30.0, fixed={"X_u": float("nan")}), ["X_uu"], "X_u"),
-        *[(Hull("a", 30.0), ["X_u", term], term) for term in ("X_udot2", "X_udotu", "X_absudot", "T_udot")],
-    ],
-)
-def test_unphysical_or_malformed(hull, terms, message):
-    with pytest.raises(InputError, match=message):
-        whole_vehicle(hull, terms, moves=("u",))

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from scipy.signal import TransferFunction, step
 
-from seatrial.core.errors import InputError
 from seatrial.vehicles.catalogue import load_vehicle
 from seatrial.vehicles.hull import whole_hull
 from seatrial.vehicles.linearise import Trim, linearise, trim
@@ -71,19 +70,6 @@ def test_a_steady_turn_for_given_controls():
     assert rate[11] == pytest.approx(np.linalg.norm(state[3:6]) * np.sign(rate[11]))
 
 
-@pytest.mark.parametrize(
-    ("held", "words"),
-    [
-        ({"u": 1.0}, "as many as controls, 3"),
-        ({"u": 1.0, "r": 0.0, "depth": 1.0}, '"depth" held'),
-        ({"u": 1.5, "zdot": 9.0, "r": 0.0}, "rates that do not vanish"),
-    ],
-)
-def test_no_steady_motion(held, words):
-    with pytest.raises(InputError, match=words):
-        steady_motion(WHOLE, REMUS.coefficients, held)
-
-
 def test_nomoto_is_the_step_response_of_the_linear_ship():
     found = nomoto(SHIP, STABLE, STRAIGHT)
     a, b = (np.asarray(x) for x in linearise(SHIP, STABLE, *STRAIGHT))
@@ -94,8 +80,3 @@ def test_nomoto_is_the_step_response_of_the_linear_ship():
     states = simulate(SHIP, STABLE, control, np.full(501, 0.01), np.zeros(2))
     assert np.abs(np.asarray(states)[::10, 1] * 1e6 - response).max() < 1e-5 * abs(found.K)
     assert pytest.approx(np.real(found.T1 + found.T2) - found.T3) == found.T
-
-
-def test_steering_needs_sway_yaw_and_rudder():
-    with pytest.raises(InputError, match="states v and r"):
-        nomoto(MODEL, ENTRY.coefficients, trim(MODEL, ENTRY.coefficients, n=120.0))

@@ -17,6 +17,7 @@ DIAGONAL = {"X_udot": -1.0, "Y_vdot": -20.0, "Z_wdot": -20.0, "K_pdot": -0.1, "M
     ("changes", "words"),
     [
         ({"mass": -3.0}, "mass\n"),
+        ({"mass": 0.0}, "above 0"),
         ({"mass": float("nan")}, "mass\n"),
         ({"inertia": (0.2, float("inf"), 3.0)}, "inertia y"),
         ({"inertia": (0.2, 3.0, -1.0)}, "inertia z"),
@@ -26,8 +27,10 @@ DIAGONAL = {"X_udot": -1.0, "Y_vdot": -20.0, "Z_wdot": -20.0, "K_pdot": -0.1, "M
         ({"inertia": (None, 3.0, None), "centre_of_gravity": (0.5, 0.0, 0.0)}, "check the centre of gravity"),
         ({"buoyancy": -1.0}, "buoyancy"),
         ({"thrust_deduction": 1.0}, "thrust_deduction"),
+        ({"thrust_deduction": -0.1}, "thrust_deduction"),
         ({"wake": 1.2}, "wake"),
         ({"fixed": {"Y_v": float("nan")}}, "Y_v"),
+        ({"fixed": {"X_ux": 1.0}}, "character 4"),
         ({"trim": {"u": float("inf")}}, 'trim\\["u"\\]'),
         ({"fixed": {"Y_rdot": 1.93, "N_vdot": -1.93}}, "the added mass of an ideal fluid is symmetric"),
     ],
@@ -47,11 +50,15 @@ def test_measured_added_mass_need_not_be_symmetric():
     [
         (["Y_ux"], {}, "character 4"),
         (["Y_v", "Y_v"], {}, "the same regressor"),
+        (["X_u2", "X_absuabsu"], {}, "the same regressor as X_u2"),
+        (["X_u2"], {"fixed": {"X_uu": -1.0}}, "the same regressor"),
+        ([], {"fixed": {"M_qdot": 4.0}}, "positive definite"),
         (["X_du2"], {}, 'no trim value of "u"'),
         (["N_uudr"], {}, "for the rudder write N_uudelta_r"),
         (["Q_nabsn"], {}, "write K_nabsn"),
         (["Y_vdot2"], {}, "an added mass such as"),
         (["Y_vdotu"], {}, "an added mass such as"),
+        (["X_absudot"], {}, "an added mass such as"),
         (["T_udot"], {}, "an added mass such as"),
         (["Y_v"], {"moves": ("u",)}, r"axis Y does not move(.|\n)*vehicle\.terms\(moves\) gives"),
         (["X_vr"], {"moves": ("u", "r")}, "v is zero"),
@@ -73,7 +80,8 @@ def test_measured_added_mass_need_not_be_symmetric():
     ],
 )
 def test_impossible_vehicles(terms, options, words):
-    hull = whole_hull("a", 30.0, INERTIA, fixed=DIAGONAL)
+    options = dict(options)
+    hull = whole_hull("a", 30.0, INERTIA, fixed=DIAGONAL | options.pop("fixed", {}))
     with pytest.raises(InputError, match=words):
         whole_vehicle(hull, terms, **options)
 

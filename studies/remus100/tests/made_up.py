@@ -1,7 +1,7 @@
-"""Made-up results of every part, such that each claim holds as the paper makes it; tests change them until it does not."""
+"""Made-up results of every part, such that each claim holds as the paper makes it and figures are quick to draw; tests change them."""
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -10,7 +10,8 @@ import xarray as xr
 
 from studies.remus100.designs import PERIODS
 from studies.remus100.iteration import FITS
-from studies.remus100.study import Study
+from studies.remus100.registry import ENTRIES
+from studies.remus100.study import Item, Number, Sizes, Study
 from studies.remus100.tests.studies import TINY, A
 from studies.remus100.vehicle_file import NAMES, Reading
 from tests.cases import RPM
@@ -18,6 +19,17 @@ from tests.cases import RPM
 PRINTED = np.array([-1.21, -2.93, 6.28])
 SD = np.array([0.4, 0.2, 0.1])
 DOUBTED = (*NAMES, "X_du3")
+FILTERS = ("EKF", "UKF", "SRUKF", "SRUKF-C")
+METHODS = ("importance sampling", "bridge sampling")
+VERDICTS = ("reproduced", "reproduced in shape", "differs", "cannot hold")
+
+
+def trial(time: np.ndarray) -> dict[str, tuple]:
+    """A propeller that steps to both sides of its trim, and two channels seen through noise."""
+    true = np.column_stack([1.5 + 0.1 * np.sin(time), 0.1 * np.cos(time)])
+    noise = 0.1 * np.random.default_rng(3).normal(size=true.shape)
+    both = ("time", "channel")
+    return {"n": ("time", A.trim + 20 * np.sign(np.sin(time))), "true": (both, true), "measured": (both, true + noise)}
 
 
 def filters() -> xr.Dataset:
@@ -25,7 +37,7 @@ def filters() -> xr.Dataset:
     kind, seeds, time = ("filter",), 40, np.arange(1500) * 0.01
     draws = SD * np.random.default_rng(0).normal(size=(seeds, 3))
     falling = np.multiply.outer(1 / (0.05 + time), SD)
-    true = np.column_stack([1.5 + 0 * time, 0 * time])
+    shown = trial(time)
     clipped = np.zeros((4, 1500))
     clipped[3, :50] = 1
     return xr.Dataset(
@@ -41,12 +53,16 @@ def filters() -> xr.Dataset:
             "failures": (kind, [0, 1, 0, 0]),
             "smallest_sd": (kind, [1e-3] * 4),
             "sd": (("filter", "time", "coefficient"), np.tile(falling, (4, 1, 1))),
-            "u": (("filter", "time"), np.tile(true[:, 0], (4, 1))),
-            "true": (("time", "channel"), true),
+            "mean": (("filter", "time", "coefficient"), PRINTED + np.tile(falling, (4, 1, 1))),
+            "u": (("filter", "time"), np.tile(shown["true"][1][:, 0], (4, 1))),
+            "udot": (("filter", "time"), np.tile(shown["true"][1][:, 1], (4, 1))),
             "seconds": (kind, [0.01, 0.02, 0.03, 0.03]),
+            **shown,
         },
         {
-            "filter": ["EKF", "UKF", "SRUKF", "SRUKF-C"],
+            "filter": list(FILTERS),
+            "channel": ["u", "udot"],
+            "seed": np.arange(seeds),
             "coefficient": list(NAMES),
             "mark": np.arange(1.0, 16.0),
             "time": time,
@@ -63,6 +79,7 @@ def tuning() -> xr.Dataset:
         {
             **dict.fromkeys(names, (("change", "seed", "coefficient"), size)),
             "residual": (("change", "seed"), 1 / size[..., 0]),
+            "state_error": (("change", "seed"), size[..., 0]),
             "noise": ("channel", [0.101, 0.099]),
             "noise_error": ("channel", [0.001, 0.001]),
         },
@@ -85,17 +102,26 @@ def chosen_doublet() -> xr.Dataset:
     """Standard deviations that fall until 41 s."""
     time = np.arange(6000) * 0.01
     sd = np.multiply.outer(1 / (1 + np.minimum(time, 41)), SD)
-    return xr.Dataset({"sd": (("time", "coefficient"), sd)}, {"time": time, "coefficient": list(NAMES)})
+    shown, every = trial(time), ("time", "coefficient")
+    estimates = {name: ("time", shown["true"][1][:, i]) for i, name in enumerate(("u", "udot"))}
+    return xr.Dataset(
+        {"sd": (every, sd), "mean": (every, PRINTED + sd), **estimates, **shown},
+        {"time": time, "coefficient": list(NAMES), "channel": ["u", "udot"]},
+    )
 
 
 def relay() -> xr.Dataset:
-    """One design that oscillates, one that does not."""
+    """Designs that oscillate, and as many that do not."""
+    time = 0.1 * np.arange(150)
     return xr.Dataset(
         {
-            "gain": (("amplitude", "threshold"), [[25.0, 23.0]]),
-            "switches": (("amplitude", "threshold"), [[9, 1]]),
+            "gain": (("amplitude", "threshold"), [[25.0, 23.0], [18.0, 17.0]]),
+            "switches": (("amplitude", "threshold"), [[9, 1], [9, 1]]),
+            "n": ("time", A.trim + 20 * np.sign(np.sin(time))),
+            "u": ("time", 1.5 + 0.2 * np.sin(time)),
         },
-        attrs={"best_amplitude": 200 * RPM, "best_threshold": 0.4},
+        {"amplitude": [200 * RPM, 100 * RPM], "threshold": [0.4, 0.5], "time": time},
+        {"best_amplitude": 200 * RPM, "best_threshold": 0.4},
     )
 
 
@@ -107,6 +133,7 @@ def iteration() -> xr.Dataset:
         {
             "alone": (("design", "coefficient"), table[:2]),
             "both": (("design", "coefficient"), table[1:]),
+            "first_sd": ("coefficient", np.full(4, 6.5)),
             "full_sd": (("fit", "coefficient"), table),
             "reduced_sd": (("fit", "coefficient"), table),
             "probability": ("fit", [0.3, 0.2, 0.02]),
@@ -121,12 +148,23 @@ def chain(sd: float, names: tuple[str, ...], seconds: float = 10.0) -> xr.Datase
     names, rng = (*names, "sigma_u"), np.random.default_rng(1)
     ones = np.ones(len(names))
     truth = np.array([*PRINTED, *([0.1] if "X_du3" in names else []), 0.0757])
-    columns = {"mean": truth + sd, "truth": truth, "sd": sd * ones, "mcse": 0.01 * sd * ones, "r_hat": 1.001 * ones}
+    draws = truth + sd * rng.normal(size=(4, 500, len(names)))
+    ends = {"hpd_low": truth - 2 * sd, "hpd_high": truth + 2 * sd}
+    columns = ends | {
+        "mean": truth + sd,
+        "truth": truth,
+        "sd": sd * ones,
+        "mcse": 0.01 * sd * ones,
+        "r_hat": 1.001 * ones,
+    }
     return xr.Dataset(
         {
             **{name: ("parameter", column) for name, column in columns.items()},
             "ess": ("parameter", 10_000 * ones),
-            "draws": (("chain", "draw", "parameter"), truth + sd * rng.normal(size=(4, 500, len(names)))),
+            "draws": (("chain", "draw", "parameter"), draws),
+            "trace": (("iteration", "parameter"), draws[0, :101]),
+            "raw_acf": (("lag", "parameter"), np.ones((201, len(names)))),
+            "geweke_start": ("interval", 100.0 * np.arange(20)),
             "geweke": (("interval", "parameter"), np.tile(0.5 * ones, (20, 1))),
             "printed_geweke": (("interval", "parameter"), np.tile(0.1 * ones, (20, 1))),
             "acf": (("lag", "parameter"), np.multiply.outer(0.5 ** np.arange(201), ones)),
@@ -136,7 +174,12 @@ def chain(sd: float, names: tuple[str, ...], seconds: float = 10.0) -> xr.Datase
             "criterion_value": ("criterion", [-1000.0, -996.0, 4.0, -1004.0, -1000.0, -1000.0]),
             "criterion_error": ("criterion", [0.1] * 6),
         },
-        {"parameter": list(names), "criterion": ["DIC", "BPIC", "p_D", "Dbar", "WAIC", "PSIS-LOO"]},
+        {
+            "parameter": list(names),
+            "criterion": ["DIC", "BPIC", "p_D", "Dbar", "WAIC", "PSIS-LOO"],
+            "iteration": 100 * np.arange(101),
+            "lag": np.arange(201),
+        },
     )
 
 
@@ -183,7 +226,7 @@ def evidence(p: float) -> xr.Dataset:
             "wide_log_value": ((), 6950.0),
             "wide_error": ((), 0.01),
         },
-        {"method": ["importance sampling", "bridge sampling"], "model": ["M-0", "M-1"]},
+        {"method": list(METHODS), "model": ["M-0", "M-1"]},
     )
 
 
@@ -263,6 +306,11 @@ BUILD: dict[str, Callable[[], xr.Dataset]] = {
 Change = Callable[[xr.Dataset], xr.Dataset]
 
 
+def change(name: str, function: Callable[[np.ndarray], np.ndarray]) -> Change:
+    """Replace one variable by a function of its values."""
+    return lambda data: data.assign({name: (data[name].dims, function(data[name].values.copy()))})
+
+
 class InMemory(Study):
     """A study that keeps nothing on disk."""
 
@@ -270,7 +318,21 @@ class InMemory(Study):
         return self.parts[name](self)
 
 
-def made_up_study(changes: Mapping[str, Change] | None = None, reading: Reading = A) -> Study:
+def make_items(keys: Sequence[str] = tuple(ENTRIES)) -> list[Item]:
+    """One made-up item for each key, all verdicts among them."""
+    numbers = (Number("rms error of X_u [m/s^2]", -1.21, -1.1243, 0.0026), Number("share", None, 0.25))
+    reasons = [f"reason {i}; more of X_uabsu" if i % 4 else "" for i in range(len(keys))]
+    return [
+        Item(key, f"Title of {key}", VERDICTS[i % 4], reasons[i], numbers, {"seed": i}) for i, key in enumerate(keys)
+    ]
+
+
+def made_up_study(
+    changes: Mapping[str, Change] | None = None,
+    reading: Reading = A,
+    folder: Path = Path("nowhere"),
+    sizes: Sizes = TINY,
+) -> Study:
     """A study whose parts are made up, some of them changed."""
     changed = changes or {}
 
@@ -278,4 +340,4 @@ def made_up_study(changes: Mapping[str, Change] | None = None, reading: Reading 
         return changed[name](BUILD[name]()) if name in changed else BUILD[name]()
 
     parts = {name: lambda _, name=name: part(name) for name in BUILD}
-    return InMemory(Path("nowhere"), reading, TINY, parts)
+    return InMemory(folder, reading, sizes, parts)

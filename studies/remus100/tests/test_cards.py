@@ -5,7 +5,7 @@ import pytest
 from seatrial.report.numbers import plain, typeset
 from studies.remus100.page import MAX_TABLE_ROWS, card, settings_rows
 from studies.remus100.study import Item, Number
-from studies.remus100.tests.page_studies import A
+from studies.remus100.tests.studies import A
 
 
 def printed(*numbers: Number, **settings):

@@ -7,18 +7,13 @@ import numpy as np
 import pytest
 
 from studies.remus100.registry import ENTRIES, PAPER_ONLY, chosen_items
-from studies.remus100.tests.made_up import BUILD, PRINTED, SD, evidence, made_up_study, sweep
+from studies.remus100.tests.made_up import BUILD, PRINTED, SD, change, evidence, made_up_study, sweep
 from studies.remus100.tests.test_reading import OWN, write
 from studies.remus100.vehicle_file import read_vehicle
 
 SHAPE, DIFFERS, NO = "reproduced in shape", "differs", "cannot hold"
 SETTLED = ("figure-5",)
 """What needs no data: a drawing of the model itself."""
-
-
-def change(name, function):
-    """Replace one variable by a function of its values."""
-    return lambda data: data.assign({name: (data[name].dims, function(data[name].values.copy()))})
 
 
 def put(name, index, value):

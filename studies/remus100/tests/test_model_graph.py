@@ -5,7 +5,7 @@ import pytest
 from seatrial.core.coefficients import CoefficientName
 from studies.remus100.model_graph import model_graph
 from studies.remus100.panels import printed_unit
-from studies.remus100.tests.page_studies import A
+from studies.remus100.tests.studies import A
 from studies.remus100.trial import paper_posterior, paper_trial, wide
 
 

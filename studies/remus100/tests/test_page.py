@@ -9,7 +9,8 @@ from studies.remus100.figures import FIGURES
 from studies.remus100.page import SECTIONS, SIZES, write_paper
 from studies.remus100.registry import ENTRIES, PAPER_ONLY
 from studies.remus100.study import FULL, QUICK, Sizes
-from studies.remus100.tests.page_studies import A, make_items, make_study
+from studies.remus100.tests.made_up import made_up_study, make_items
+from studies.remus100.tests.studies import A
 from studies.remus100.vehicle_file import Reading, VehicleFile
 from tests.report.test_page import Page
 
@@ -20,7 +21,7 @@ EVIL = "<script>alert(1)</script> & <b>AUV</b>"
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory):
-    return make_study(tmp_path_factory.mktemp("paper"))
+    return made_up_study(folder=tmp_path_factory.mktemp("paper"), sizes=QUICK)
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +35,7 @@ def page(html):
 
 
 def rendered(folder, keys, reading=A, **sizes) -> str:
-    study = make_study(folder, reading)
+    study = made_up_study(reading=reading, folder=folder, sizes=QUICK)
     return write_paper(replace(study, **sizes), make_items(keys)).read_text(encoding="utf-8")
 
 
@@ -138,7 +139,9 @@ def test_another_vehicle_reproduces_nothing(tmp_path):
         replace(item, numbers=tuple(replace(number, printed=None, error=0.0) for number in item.numbers))
         for item in make_items(keys)
     ]
-    html = write_paper(make_study(tmp_path, another()), items).read_text(encoding="utf-8")
+    html = write_paper(made_up_study(reading=another(), folder=tmp_path, sizes=QUICK), items).read_text(
+        encoding="utf-8"
+    )
     body = html[html.index("<body>") :]
     assert not re.search(r"reproduced?\b", re.sub(r'class="[^"]*"', "", body), re.IGNORECASE)
     assert "holds in shape" in body
