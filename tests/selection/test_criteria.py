@@ -8,15 +8,8 @@ from scipy import stats
 
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.estimation.priors import Uniform
-from seatrial.selection.criteria import (
-    MonteCarloValue,
-    PredictiveCriterion,
-    compare,
-    deviance_criteria,
-    mean_error,
-    psis_loo,
-    waic,
-)
+from seatrial.selection.criteria import deviance_criteria, mean_error, psis_loo, waic
+from seatrial.selection.criterion import MonteCarloValue, PredictiveCriterion, compare
 from tests.estimation_cases import linear_gaussian, posterior
 
 

@@ -9,7 +9,8 @@ from scipy import stats
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.estimation.posterior.mode import find_mode
 from seatrial.estimation.priors import LogUniform, Normal
-from seatrial.selection.criteria import aic, bic, compare, maximise_likelihood
+from seatrial.selection.criteria import aic, bic, maximise_likelihood
+from seatrial.selection.criterion import compare
 from tests.estimation_cases import linear_gaussian, posterior
 
 

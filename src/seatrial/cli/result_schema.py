@@ -18,7 +18,7 @@ from seatrial.campaign.store.cross_validation import CrossValidation
 from seatrial.campaign.store.designs import FreeTrial, RelayTrial, Searched
 from seatrial.campaign.store.estimates import Estimate, Known, KnownParameter
 from seatrial.campaign.store.predictions import Fit
-from seatrial.campaign.store.structures import BestDesign, NestedPair, Summary
+from seatrial.campaign.store.structures import BestDesign, Summary
 from seatrial.cli.answer import SCHEMA
 from seatrial.core.serialise import schema_of
 from seatrial.design.utility_agreement import Agreement
@@ -28,6 +28,7 @@ from seatrial.export.target import MotionChange
 from seatrial.export.vehicle import CoefficientEstimates
 from seatrial.logs.guess import Guess
 from seatrial.logs.summary import ClockSummary, ColumnSummary
+from seatrial.selection.criterion import NestedPair
 from seatrial.selection.verdict import Selection
 
 Number = float | None

@@ -8,7 +8,6 @@ Lower is better. Their absolute values mean nothing: compare differences with th
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import partial
 from typing import Literal, NamedTuple
 
@@ -25,61 +24,13 @@ from seatrial.core.errors import InputError, NumericalError
 from seatrial.estimation.posterior.mode import Mode
 from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.sampling.target import LANES
+from seatrial.selection.criterion import DevianceCriteria, MonteCarloValue, PredictiveCriterion, sum_error
 from seatrial.selection.importance import MAX_K_HAT
 
 # Variance of a point's log density above which its WAIC term is not to be trusted (Vehtari, Gelman and Gabry 2017).
 MAX_POINT_VARIANCE = 0.4
-# Difference below which its error is itself unreliable: 4 nats (Sivula, Magnusson and Vehtari 2020).
-SMALL_DIFFERENCE = 8.0
 _BATCHES = 20
 _CHUNK_SIZE = 500  # Measurements handled at once: their temporary copies stay small
-
-
-class MonteCarloValue(NamedTuple):
-    """A number and its Monte Carlo standard error."""
-
-    value: float
-    error: float
-
-
-class DevianceCriteria(NamedTuple):
-    """Criteria from the posterior mean of the deviance; p_D counts the parameters the data determine."""
-
-    mean_deviance: MonteCarloValue
-    p_d: MonteCarloValue
-    dic: MonteCarloValue
-    bpic: MonteCarloValue
-
-
-@dataclass(frozen=True, eq=False)
-class PredictiveCriterion:
-    """Estimate of how badly new data would be predicted.
-
-    Attributes:
-        method: which criterion.
-        value: the criterion with its Monte Carlo error.
-        std_error: its standard error over the measurements, as if they were a sample of possible ones.
-        effective: number of parameters, an effective one for WAIC and PSIS-LOO; NaN for leave-future-out, which needs none.
-        pointwise: contribution of each measurement, or of each block for leave-future-out, shape (n,).
-        k_hat: tail index of the importance weights of each, shape (n,); empty where there are none.
-        status: empty if healthy, else what is wrong in words.
-    """
-
-    method: Literal["WAIC", "PSIS-LOO", "AIC", "BIC", "leave-future-out"]
-    value: MonteCarloValue
-    std_error: float
-    effective: float
-    pointwise: Float[np.ndarray, " n"]
-    k_hat: Float[np.ndarray, " k"]
-    status: str
-
-
-class Comparison(NamedTuple):
-    """Difference of a criterion between two models, first minus second, its standard error and what follows."""
-
-    delta: float
-    std_error: float
-    verdict: str
 
 
 def deviance_criteria(posterior: Posterior, draws: Float[np.ndarray, "chains draws d"]) -> DevianceCriteria:
@@ -155,40 +106,12 @@ def psis_loo(log_likelihood: Float[np.ndarray, "chains draws n"]) -> PredictiveC
     return _summed("PSIS-LOO", -2 * elpd, error, float((np.concatenate(density) - elpd).sum()), k_hat, status)
 
 
-def compare(one: PredictiveCriterion, other: PredictiveCriterion) -> Comparison:
-    """Return the difference of two models on the same measurements, its error from the pointwise differences.
-
-    Raises:
-        InputError: different criteria or different numbers of measurements.
-    """
-    if one.method != other.method or one.pointwise.shape != other.pointwise.shape:
-        raise InputError(
-            "comparison of two models",
-            found=f"{one.method} of {one.pointwise.size} measurements and {other.method} of {other.pointwise.size}",
-            expected="the same criterion of the same measurements",
-            remedy="compute both from the same records and channels",
-        )
-    difference = one.pointwise - other.pointwise
-    delta = float(difference.sum())
-    std_error = float(np.hypot(sum_error(difference), np.hypot(one.value.error, other.value.error)))
-    if abs(delta) < max(SMALL_DIFFERENCE, 2 * std_error):
-        verdict = "the two models predict equally well as far as these data can tell"
-    else:
-        verdict = f"the {'first' if delta < 0 else 'second'} model predicts better"
-    return Comparison(delta, std_error, f"{verdict}: {one.method} differs by {delta:+.1f} ± {std_error:.1f}")
-
-
 def mean_error(series: Float[np.ndarray, "chains draws"]) -> float:
     """Standard error of the mean of correlated draws, by the spread of about 20 batch means, or one for each chain if these are more."""
     chains, n = series.shape
     pieces = max(1, min(-(-_BATCHES // chains), n // 4))
     means = series[:, n % pieces :].reshape(chains * pieces, -1).mean(1)
     return float(means.std(ddof=1) / np.sqrt(means.size))
-
-
-def sum_error(pointwise: Float[np.ndarray, " n"]) -> float:
-    """Return the standard error of the sum of contributions, as if they were a sample of possible ones."""
-    return float(np.sqrt(pointwise.size) * pointwise.std(ddof=1))
 
 
 @program

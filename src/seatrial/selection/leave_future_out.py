@@ -25,14 +25,8 @@ from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.record import Record
 from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.sampling.diagnostics import MIN_ESS
-from seatrial.selection.criteria import (
-    Comparison,
-    MonteCarloValue,
-    PredictiveCriterion,
-    compare,
-    deviances,
-    sum_error,
-)
+from seatrial.selection.criteria import deviances
+from seatrial.selection.criterion import Comparison, MonteCarloValue, PredictiveCriterion, compare, sum_error
 from seatrial.selection.importance import MAX_K_HAT, ImportanceSettings, importance_sample
 
 Past = Callable[[float], Posterior]  # Posterior given what was measured before a time, s; always of the same parameters

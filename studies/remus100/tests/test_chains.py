@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from seatrial.selection.criteria import MonteCarloValue, PredictiveCriterion, compare
+from seatrial.selection.criterion import MonteCarloValue, PredictiveCriterion, compare
 from studies.remus100.tests.studies import TINY, study
 from tests.cases import THRUST, U0, X_U, X_UU, naive_rk4, surge_rate
 from tests.estimation_cases import SIGMA, golden_motion, golden_noise, naive_doublets, naive_speed

@@ -20,10 +20,11 @@ from seatrial.campaign.store.designs import FreeTrial, Measures, RelayTrial, Sea
 from seatrial.campaign.store.estimates import Estimate, Known
 from seatrial.campaign.store.predictions import FittedBaselines, Predictions
 from seatrial.campaign.store.stored_result import Result, Store, read_result
-from seatrial.campaign.store.structures import Contenders, Screened, StoredCriteria, StoredMode, Summary
+from seatrial.campaign.store.structures import Contenders, Screened, StoredMode, Summary
 from seatrial.core.dataset import Dataset
 from seatrial.core.record import Record
 from seatrial.estimation.posterior.profile_result import Profiles
+from seatrial.selection.criterion import Criteria
 from seatrial.selection.verdict import Selection
 
 
@@ -63,8 +64,8 @@ class Results:
     posterior = Reader(Estimate, lambda store: store.posterior, "estimate")
     selection = Reader(Selection, lambda store: store.selection, "select")
     contenders = Reader(Contenders, lambda store: store.contenders, "select")
-    criteria = Reader(StoredCriteria, lambda store: store.criteria, "criteria")
-    future = Reader(StoredCriteria, lambda store: store.future, "criteria")
+    criteria = Reader(Criteria, lambda store: store.criteria, "criteria")
+    future = Reader(Criteria, lambda store: store.future, "criteria")
     cross_validation = Reader(CrossValidation, lambda store: store.cross_validation, "crossvalidate")
     known = Reader(Known, lambda store: store.known, "estimate")
     profiles = Reader(Profiles, lambda store: store.profiles, "profile")

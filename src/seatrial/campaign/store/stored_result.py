@@ -79,8 +79,8 @@ class Store:
     known_design = ResultFile("known/design.json")  # what the best design would tell
     known = LabelledFile("known/{}.json")  # what the data tell about each parameter of one structure
     profiles = LabelledFile("profiles/{}.json")  # profile likelihoods of one structure's parameters
-    criteria = LabelledFile("criteria/{}.nc")  # information criteria of one structure
-    future = LabelledFile("criteria/{}-future.nc")  # leave-future-out of one structure
+    criteria = LabelledFile("criteria/{}.json")  # information criteria of one structure
+    future = LabelledFile("criteria/{}-future.json")  # leave-future-out of one structure
     cross_validation = ResultFile(
         "cross_validation.json"
     )  # how well each structure and model of the error predicts runs left out

@@ -2,11 +2,9 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Literal
 
 import numpy as np
-from jaxtyping import Float
-from pydantic import computed_field
 
 from seatrial import __version__
 from seatrial.campaign.store.estimates import Known, StoredCoefficient
@@ -341,75 +339,6 @@ def undecided_words(selection: Selection) -> str:
     if not doubtful:
         return f"these data decide about every optional term{unless}"
     return f"not decided: {', '.join(doubtful)}; in brackets the probability that it is needed{unless}"
-
-
-@dataclass(frozen=True, eq=False)
-class StoredCriteria:
-    """Information criteria of one structure, or its leave-future-out, as deviances.
-
-    Attributes:
-        methods: which criteria there are.
-        value: of each.
-        error: its Monte Carlo error.
-        std_error: its standard error over the measurements.
-        effective: number of parameters, NaN where it needs none.
-        pointwise: contribution of each measurement, or of each block of time.
-        k_hat: tail index of the importance weights of each, NaN where there are none.
-        status: empty if healthy, else what is wrong in words.
-        refused: why other criteria do not exist; empty if they do.
-        deviance: those of the deviance with their errors.
-    """
-
-    methods: Annotated[tuple[str, ...], "method"]
-    value: Float[np.ndarray, " method"]
-    error: Float[np.ndarray, " method"]
-    std_error: Float[np.ndarray, " method"]
-    effective: Float[np.ndarray, " method"]
-    pointwise: Float[np.ndarray, "method point"]
-    k_hat: Float[np.ndarray, "method point"]
-    status: tuple[str, ...]
-    refused: str
-    deviance: tuple[tuple[float, float], ...] = ()
-
-
-@dataclass(frozen=True)
-class NestedPair:
-    """Log Bayes factor of a term between two nested structures by Savage-Dickey, and by their evidences if these are there.
-
-    Attributes:
-        term: the term.
-        larger: label of the structure that has it.
-        smaller: label of the one that has not.
-        value: log Z(larger) - log Z(smaller), nats; NaN where there is none.
-        error: its standard error.
-        evidence: the same from evidences, with its error; None where these have not been computed.
-        status: empty if healthy.
-    """
-
-    term: str
-    larger: str
-    smaller: str
-    value: float
-    error: float
-    evidence: tuple[float, float] | None
-    status: str
-
-    @computed_field
-    @property
-    def agrees(self) -> bool:
-        """Whether both ways give the same number, as far as their errors tell; true where one is missing."""
-        if self.evidence is None or self.status or not np.isfinite(self.value):
-            return True
-        return abs(self.value - self.evidence[0]) <= max(3 * float(np.hypot(self.error, self.evidence[1])), 0.2)
-
-    @property
-    def line(self) -> str:
-        """The pair in words."""
-        head = f"{self.term}, {self.larger} against {self.smaller}: "
-        value = f"log Bayes factor {self.value:+.2f} ± {self.error:.2f}" if np.isfinite(self.value) else "none"
-        by = "" if self.evidence is None else f"; by evidence {self.evidence[0]:+.2f} ± {self.evidence[1]:.2f}"
-        agreed = "" if self.evidence is None or self.status else ", agreed" if self.agrees else ", NOT agreed"
-        return head + value + by + agreed + (f"; {self.status}" if self.status else "")
 
 
 @dataclass(frozen=True)

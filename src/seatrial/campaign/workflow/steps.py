@@ -462,7 +462,10 @@ OTHER_STEPS = (
     Step("rehearsal", ("campaign", "vehicles", "reporter"), _rehearsal, "rehearsal.nc"),
     Step("profiles", ("campaign", "trials", "parameters", "reporter"), _profiles, "profiles/*.json"),
     Step(
-        "criteria", ("candidates", "estimates", "trials", "from_time", "block", "reporter"), _criteria, "criteria/*.nc"
+        "criteria",
+        ("candidates", "estimates", "trials", "from_time", "block", "reporter"),
+        _criteria,
+        "criteria/*.json",
     ),
     Step("cross_validation", ("candidates", "trials", "reporter"), _cross_validation, "cross_validation.json"),
     Step("calibration", ("campaign", "trials", "replicates", "method", "reporter"), _calibration, "calibration-*.nc"),

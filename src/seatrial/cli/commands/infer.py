@@ -127,9 +127,10 @@ def criteria(
     """Compare structures by AIC, BIC, WAIC and others."""
 
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
-        from seatrial.campaign.selection.criteria import criteria_cautions, criteria_lines, future_edges, nested_pairs
+        from seatrial.campaign.selection.criteria import future_edges, nested_pairs
         from seatrial.campaign.selection.evidence import current_selection
         from seatrial.campaign.workflow.steps import Workflow
+        from seatrial.messages.criteria import criteria_cautions, criteria_lines, pair_line
 
         lengths = {"from_time": _seconds(first, "--first"), "block": _seconds(block, "--block")}
         flow = Workflow(campaign, reporter, **lengths)
@@ -141,7 +142,7 @@ def criteria(
         if pairs:
             answer.say("Savage-Dickey, nats in favour of the term:")
         for pair in pairs:
-            answer.say(f"  {pair.line}")
+            answer.say(f"  {pair_line(pair)}")
         rows = [
             {
                 "structure": one.structure.label,
@@ -155,7 +156,9 @@ def criteria(
         ]
         answer.give(criteria=rows, savage_dickey=pairs)
         alarms = [text for item in estimates for text in item.alarms]
-        alarms += [f"evidence and Savage-Dickey do not agree about {pair.line}" for pair in pairs if not pair.agrees]
+        alarms += [
+            f"evidence and Savage-Dickey do not agree about {pair_line(pair)}" for pair in pairs if not pair.agrees
+        ]
         return answer.finish(alarms, criteria_cautions(result))
 
     with_campaign(folder, quiet, work, context)
