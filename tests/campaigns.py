@@ -15,6 +15,11 @@ def uniform(lower: float, upper: float) -> str:
     return f'distribution = "uniform"\nlower = {lower}\nupper = {upper}'
 
 
+def log_uniform(lower: float, upper: float) -> str:
+    """Return the keys of a log-uniform prior."""
+    return f'distribution = "log-uniform"\nlower = {lower}\nupper = {upper}'
+
+
 def normal(mean: float, sd: float) -> str:
     """Return the keys of a normal prior."""
     return f'distribution = "normal"\nmean = {mean}\nsd = {sd}'

@@ -35,7 +35,7 @@ def said(folder, **other):
     return recall(Store(folder).answer("report"), key(folder, **other))
 
 
-def test_nothing_has_changed(told):
+def test_answer_is_recalled_while_no_file_changes(told):
     assert said(told) == ["as it was"]
     os.utime(told / "log.csv", (1, 1))
     assert said(told) == ["as it was"]

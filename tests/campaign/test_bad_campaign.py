@@ -140,7 +140,7 @@ ACTUATORS = {
 }
 
 
-def test_an_actuator_of_nothing(tmp_path):
+def test_actuator_without_keys_or_control_is_refused(tmp_path):
     for name, keys, found in (("delta_x", 'lag = "1 s"', '"delta_x"'), ("delta_s", "", "a table without keys")):
         with pytest.raises(InputError) as caught:
             pitch(tmp_path, ("[structure]", f"[vehicle.actuators.{name}]\n{keys}\n[structure]"))

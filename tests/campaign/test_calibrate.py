@@ -88,11 +88,12 @@ def test_a_posterior_that_is_too_narrow_is_caught(small, monkeypatch):
     assert "so the sampling is not the cause of the uneven ranks" in said
 
 
-def test_unknown_method(small):
+def test_unknown_sampler_is_refused_with_the_nearest(small):
     with pytest.raises(InputError, match="adaptive-metropolis"):
         calibrate(*small, 24, "adaptive-metropolus")
 
 
+@pytest.mark.proof
 def test_truths_that_cannot_be_simulated_are_drawn_again(small):
     campaign, trials = small
     posterior = module.Study(campaign, trials.fit).posterior(campaign.structures[0])

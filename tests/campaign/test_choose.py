@@ -55,6 +55,7 @@ def test_a_structure_that_is_hopelessly_behind_is_given_up(tmp_path, monkeypatch
     assert (found.alarms, found.chosen) == ((), 0)
 
 
+@pytest.mark.proof
 def test_a_structure_is_no_lower_than_one_that_it_contains(tmp_path, monkeypatch):
     """Only the structure without X_u is told of the narrow peak, 40 nats high; by itself the full one ends at a bound of X_u."""
 

@@ -85,24 +85,9 @@ def test_a_mistake_is_named_with_its_remedy(tmp_path, name):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["campaign.toml"]
 
 
-def test_a_folder_without_a_campaign_names_init(tmp_path):
-    with pytest.raises(InputError, match="seatrial init"):
-        load_campaign(tmp_path)
-
-
 @pytest.mark.parametrize("template", TEMPLATES)
 def test_templates_are_valid_and_never_overwrite(tmp_path, template):
     init_campaign(tmp_path / "new", template)
     load_campaign(tmp_path / "new")
     with pytest.raises(InputError, match="a campaign already"):
         init_campaign(tmp_path / "new", template)
-
-
-def test_quantities_become_si(tmp_path):
-    campaign = load_campaign(write_small(tmp_path))
-    amplitude, period = campaign.design.grid()
-    assert amplitude[-1] == pytest.approx(200 * 2 * 3.141592653589793 / 60, rel=1e-15)
-    assert period.tolist() == pytest.approx([2, 8, 14, 20])
-    assert campaign.limits.upper == pytest.approx(157.07963267948966)
-    assert campaign.limits.rate is None
-    assert campaign.family.trim == 125.0

@@ -68,7 +68,7 @@ def test_differences_are_paired_by_run():
     assert (apart.delta, apart.std_error) == pytest.approx((9.0, np.sqrt(3.0)))
 
 
-def test_recommendation():
+def test_clearly_better_error_model_is_recommended_with_its_lines():
     lines = ("[estimation]", 'residuals = "coloured"', "[prior.tau_u]", 'distribution = "log-uniform"', "lower = 0.05")
     slow = candidate("M-0", (40.0, 42.0, 41.0), -60.0, (0.02, 0.02, 0.02), "coloured", lines)
     said = "\n".join(found(LIKELY, slow).lines())
@@ -85,7 +85,7 @@ def test_what_was_refused_is_told_and_not_scored():
     assert len(all_of.rows()) == 1
 
 
-def test_as_json():
+def test_cross_validation_survives_json():
     both = found(LIKELY, BETTER)
     again = from_plain(CrossValidation, to_plain(both))
     assert again == both

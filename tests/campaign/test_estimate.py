@@ -20,7 +20,7 @@ PRIORS = {
 }
 
 
-def test_prior_densities():
+def test_stored_prior_curves_match_scipy():
     target = posterior({name: prior for name, (prior, _) in PRIORS.items()}, lambda values, data: 0.0)
     curves = prior_curves(target)
     for name, (_, law) in PRIORS.items():
@@ -46,9 +46,8 @@ def estimate_at_a_bound(folder, chains, warmup, draws):
     return estimate.data
 
 
-@pytest.mark.parametrize(
-    ("chains", "draws", "made"), [pytest.param(4, 100, 400, marks=pytest.mark.proof), (8, 200, 400)]
-)
+@pytest.mark.proof
+@pytest.mark.parametrize(("chains", "draws", "made"), [(4, 100, 400), (8, 200, 400)])
 def test_chains_go_on_while_they_disagree_up_to_four_times_what_was_asked_for(tmp_path, chains, draws, made):
     data = estimate_at_a_bound(tmp_path, chains, 300, draws)
     assert data["draws"].values.shape[:2] == (chains, made)

@@ -9,14 +9,11 @@ from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.config.named_files import folders_outside
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.data.simulate import Scheduled, add_trial, ask_for, record_keys
-from seatrial.campaign.design.batch import plan_together
 from seatrial.campaign.design.evaluate_schedule import evaluate_own_schedule, evaluate_schedule_after
-from seatrial.campaign.design.free_form import design_free_trial
 from seatrial.campaign.design.schedule import find_schedules, write_schedule
 from seatrial.campaign.design.sweep import design_first, design_next_by_mode
 from seatrial.campaign.inference.quick_estimates import best_mode, posterior_modes
 from seatrial.campaign.store.stored_result import Store
-from seatrial.campaign.workflow.loop import run_loop
 from seatrial.campaign.workflow.next_trial import propose_by_mode
 from seatrial.cli.running import Exit
 from seatrial.core.display_units import shown_as_written
@@ -270,26 +267,3 @@ def test_what_goes_out_of_several_controls_is_said(tmp_path):
         read_trial(made.folder, "own")
     asked = Scheduled("both", "mine.csv", both)
     assert asked.as_plain()["controls"].keys() == {"n", "delta_r"}
-
-
-@pytest.mark.proof
-@pytest.mark.parametrize("kind", ["own", "free_form", "batch"])
-def test_the_whole_loop_with_chains_on_designs_as_they_are_found(tmp_path, kind):
-    """Each kind as the product designs it, then chains, evidence and the next trial; the truth lies within the bands."""
-    made = campaign(tmp_path, ('lower = "0 rpm"\nupper = "1500 rpm"', 'lower = "900 rpm"\nupper = "1500 rpm"'))
-    if kind == "free_form":
-        design_free_trial(made, 6)
-    elif kind == "batch":
-        plan_together(made, 2)
-    if kind != "own":
-        ask_for(made, kind, None, alone=True)
-    outcome = run_loop(made)
-    for name, true in TRUTH.items():
-        row = outcome.chosen.data.sel(parameter=name)
-        assert abs(float(row["mean"]) - true) < 4 * float(row["sd"])
-    assert outcome.next.basis == "the posterior of M-0"
-    assert outcome.summary.next_trial.best.gain_nat < outcome.first.best.gain[outcome.first.best.best]
-    by_mode = best_mode(posterior_modes(made, outcome.trials))
-    quick = design_next_by_mode(made, by_mode.drawn)
-    np.testing.assert_allclose(quick.sd_before, outcome.next.sd_before, rtol=0.2)
-    np.testing.assert_allclose(np.nanmax(quick.best.gain), np.nanmax(outcome.next.best.gain), atol=0.15)

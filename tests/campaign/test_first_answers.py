@@ -77,40 +77,6 @@ def test_beside_a_second_standard_deviation_stands_what_makes_it_and_below_how_t
     assert remedy.endswith("a force X_u. See `seatrial select`, as other structures have this force")
 
 
-DISTURBED = (
-    ("[estimation]\n", '[estimation]\nlikelihood = "filter-error"\n'),
-    (
-        "[truth]",
-        """[prior.disturbance_X]
-distribution = "log-uniform"
-lower = 0.01
-upper = 10.0
-
-[prior.disturbance_time_X]
-distribution = "log-uniform"
-lower = 0.1
-upper = 30.0
-
-[truth]""",
-    ),
-)
-
-
-@pytest.mark.proof
-def test_a_disturbance_is_found_small_where_there_is_none(tmp_path):
-    """The vehicle moves as the model says: coefficients are as near the truth as ever, and the force is a part of the drag of 9 N."""
-    campaign = load_campaign(write_small(tmp_path, *NO_X_U, *DISTURBED))
-    trials = get_trials(campaign)
-    (answer,) = posterior_modes(campaign, replace(trials, predict=(replace(trials.fit[0], label="2"),)))
-    assert max(apart(campaign, answer, 0)) < 4
-    found = {name: (unit, pairs[0][0]) for name, unit, pairs in answer.rows}
-    assert list(found) == ["X_uabsu", "T_nabsn", "sigma_u", "disturbance_X", "disturbance_time_X"]
-    assert found["disturbance_X"][0] == "kg m/s^2"
-    assert found["disturbance_X"][1] < 1.0
-    assert answer.held_back is not None
-    assert answer.held_back.fits[0].coverage > 0.8
-
-
 def test_a_structure_that_lacks_a_needed_term_ends_nothing(tmp_path):
     """Without X_u the data want X_uabsu = -3.7, beyond the bound of its prior; with it they are content, and its evidence tells."""
     strict = ("lower = -8.8", "lower = -3.2"), ('noise = "0.05 m/s"', 'noise = "0.002 m/s"')

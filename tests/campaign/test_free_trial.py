@@ -5,7 +5,6 @@ import pytest
 
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.design.free_form import design_free_trial
-from seatrial.core.errors import InputError
 from seatrial.core.reporter import SilentReporter
 from tests.campaign.test_designs import NARROW
 
@@ -53,8 +52,3 @@ def test_levels_closer_than_the_ramp_are_joined_by_straight_lines_and_it_is_said
     time, value = np.loadtxt(schedule, delimiter=",", skiprows=1).T
     joined = np.interp(time, 1.0 + 2.5 * np.arange(10), np.array([125.0, *found.levels, 125.0]) * 30 / np.pi)
     assert value == pytest.approx(joined, abs=0.05 * np.ptp(value))
-
-
-def test_a_control_without_bounds_is_refused(tmp_path):
-    with pytest.raises(InputError, match="a free form goes as far as it may"):
-        design_free_trial(campaign(tmp_path, 'lower = "0 rpm"\n', ""), 6)

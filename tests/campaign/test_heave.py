@@ -96,6 +96,7 @@ def test_a_column_of_a_thruster_that_cannot_act_may_be_mapped(tmp_path):
     assert {"f_2", "f_3"} <= {*get_trials(campaign).fit[0].controls}
 
 
+@pytest.mark.proof
 def test_the_net_weight_of_each_dive(tmp_path):
     campaign = write_heave(tmp_path)
     posterior = build_posterior(campaign, campaign.full, get_trials(campaign).fit)

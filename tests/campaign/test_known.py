@@ -94,7 +94,7 @@ def test_what_is_sharp_by_itself_is_not_called_known_only_in_combination():
     assert known.verdict == ()
 
 
-def test_it_survives_the_disk():
+def test_identifiability_survives_json():
     without_derivatives = judged(np.full((9, 3), np.nan))[0]
     assert without_derivatives.directions == ()
     for known in (judged(regressors())[0], without_derivatives):

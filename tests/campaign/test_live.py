@@ -33,7 +33,7 @@ from tests.campaign.small import NO_X_U, write_small
 from tests.cases import RPM
 
 TRUTH = {"X_uabsu": -2.93, "T_nabsn": 6.28e-4}
-STEP, MASS, DEDUCTION = 0.1, 31.4, 0.1
+STEP, DEDUCTION = 0.1, 0.1
 IMPORT = """
 [import]
 fit = ["1"]
@@ -486,86 +486,6 @@ def test_mavlink_over_udp_from_a_real_sender(tmp_path):
         port = taken.getsockname()[1]
         with pytest.raises(InputError, match="cannot be listened to"):
             MavlinkUdp("127.0.0.1", port, ())
-
-
-def hour_over_mavlink(folder, n, u):
-    """Send every sample from a real sender over the loopback, no faster than it is taken, with the vehicle's own clock."""
-    mavutil = pytest.importorskip("pymavlink.mavutil")
-    rows = (
-        ("SERVO_OUTPUT_RAW", "n", "servo1_raw", "rpm", "time_usec", "us"),
-        ("LOCAL_POSITION_NED", "u", "vx", "m/s", "time_boot_ms", "ms"),
-    )
-    tables = IMPORT.split("[[import.files]]")[0] + "".join(
-        f'[[import.files]]\npath = "{{run}}.tlog"\ntable = "{table}"\ntime = {{ column = "{stamp}", unit = "{clock}" }}\n'
-        f'channels.{name} = {{ column = "{column}", unit = "{unit}" }}\n'
-        for table, name, column, unit, stamp, clock in rows
-    )
-    session = Session(write_campaign(folder, more=tables), "udp")
-    stream = MavlinkUdp("127.0.0.1", 0, {row[0] for row in rows})
-    sender = mavutil.mavlink_connection(
-        f"udpout:127.0.0.1:{stream.socket.getsockname()[1]}", dialect="ardupilotmega", source_system=1
-    )
-    sent = 0
-    while session.samples < 2 * len(n):
-        while sent < len(n) and 2 * sent - session.samples < 100:
-            sender.mav.servo_output_raw_send(int(sent * STEP * 1e6), 0, round(n[sent] / RPM), *[0] * 7)
-            sender.mav.local_position_ned_send(round(sent * STEP * 1e3), 0, 0, 0, u[sent], 0, 0)
-            sent += 1
-        before = session.samples
-        session.take(stream.read(1.0))
-        assert session.samples > before, (session.samples, sent)
-    sender.close()
-    stream.close()
-    return session
-
-
-def hour_of_text(folder, n, u, source):
-    """Send every sample as a log that grows, or through a pipe."""
-    session = Session(write_campaign(folder), "text")
-    rows = [f"{k * STEP:.1f},{one:.6f},{speed:.6f}\n" for k, (one, speed) in enumerate(zip(n, u, strict=True))]
-    if source == "log":
-        path = folder / "log.csv"
-        with path.open("w") as log:
-            stream = GrowingText(path)
-            for first in range(0, len(rows), 100):
-                log.write(("t,n,u\n" if first == 0 else "") + "".join(rows[first : first + 100]))
-                log.flush()
-                while session.samples < min(first + 100, len(rows)):
-                    session.take(stream.read(1.0))
-        stream.close()
-        return session
-    ours, theirs = os.pipe()
-
-    def write():
-        with os.fdopen(theirs, "w") as pipe:
-            pipe.write("t,n,u\n" + "".join(rows))
-
-    thread = threading.Thread(target=write)
-    thread.start()
-    stream = PipedText(ours)
-    while (piece := stream.read(1.0)) is not None:
-        session.take(piece)
-    thread.join()
-    os.close(ours)
-    return session
-
-
-@pytest.mark.proof
-def test_an_hour_at_speed_is_the_same_from_mavlink_a_growing_log_and_a_pipe(tmp_path):
-    n, u = trial(36_000, seed=4)
-    n = np.round(n / RPM) * RPM  # what a servo message holds
-    found = {
-        "mavlink": hour_over_mavlink(tmp_path / "m", n, u),
-        "log": hour_of_text(tmp_path / "l", n, u, "log"),
-        "pipe": hour_of_text(tmp_path / "p", n, u, "pipe"),
-    }
-    looks = {name: session.look() for name, session in found.items()}
-    assert (found["log"].samples, found["pipe"].samples, found["mavlink"].samples) == (36_000, 36_000, 72_000)
-    for name, look in looks.items():
-        assert look.time == pytest.approx(3599.9)
-        for one, other in zip(look.coefficients, looks["log"].coefficients, strict=True):
-            assert one.mean == pytest.approx(other.mean, abs=0.05 * other.sd), name
-            assert abs(one.mean - TRUTH[one.name]) < 3.3 * one.sd, name
 
 
 def test_the_next_segment_is_the_one_that_meets_the_goal_soonest(campaign):

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import subprocess
 
 import jax
@@ -20,13 +21,7 @@ from seatrial.core.errors import InputError
 from seatrial.core.files import watching_files
 from seatrial.core.reporter import SilentReporter
 from seatrial.report.page import write_report
-from tests.campaign.small import NO_X_U, SMALL, hearing_of_files, write_small
-
-
-@pytest.fixture(scope="module")
-def finished(tmp_path_factory):
-    folder = write_small(tmp_path_factory.mktemp("loop") / "small")
-    return folder, run_loop(load_campaign(folder), SilentReporter())
+from tests.campaign.small import NO_X_U, SMALL, hearing_of_files
 
 
 def test_truth_is_inside_the_stated_uncertainty(finished):
@@ -138,9 +133,9 @@ def test_an_edited_key_recomputes_what_depends_on_it(finished, tmp_path):
     assert changed == {"selection.json"}
 
 
-def write_log_campaign(folder, record, design):
-    """Write a campaign on the log of a record, with or without a [design]; return its text."""
-    text = SMALL[: SMALL.index("[truth]" if design else "[design]")] + SMALL[SMALL.index("[estimation]") :]
+def log_campaign(folder, record):
+    """Write a campaign on the log of a record."""
+    text = SMALL[: SMALL.index("[truth]")] + SMALL[SMALL.index("[estimation]") :]
     for old, new in NO_X_U[:2]:
         text = text.replace(old, new)
     rows = [
@@ -150,38 +145,50 @@ def write_log_campaign(folder, record, design):
     channels = 'channels = { n = { column = "n", unit = "rad/s" }, u = { column = "u", unit = "m/s" } }'
     text += f'[import]\nfit = ["1"]\n[[import.files]]\npath = "log.csv"\ntime = {{ column = "t", unit = "s" }}\n{channels}\n'
     (folder / "campaign.toml").write_text(text)
-    return text
+    return load_campaign(folder)
 
 
-def test_a_log_for_which_nothing_was_designed_is_fitted_and_the_next_trial_designed(tmp_path, finished):
-    write_log_campaign(tmp_path, xr.load_dataset(Store(finished[0]).record("trial"), engine="h5netcdf"), design=True)
-    campaign = load_campaign(tmp_path)
-    outcome = run_loop(campaign, SilentReporter())
-    assert outcome.first is outcome.promised is None
-    assert outcome.summary.next_trial.best.gain_nat > 0
-    write_report(outcome)
-    assert {step.name: step.state for step in standing(tmp_path)}["report"] == "current"
-    design_first(campaign)
-    assert {step.name: step.state for step in standing(tmp_path)}["report"] == "stale"
-
-
-def test_what_was_found_is_kept_where_no_next_trial_is_allowed(tmp_path, finished, monkeypatch, capsys):
-    """No trial of 30 s stays within a metre: an alarm for who asks which trial is next, unless the goal is met without one."""
+@pytest.fixture(scope="module")
+def logged(finished, tmp_path_factory):
+    """A campaign on a log, after its whole loop."""
     record = xr.load_dataset(Store(finished[0]).record("trial"), engine="h5netcdf")
-    text = write_log_campaign(tmp_path, record, design=True)
-    (tmp_path / "campaign.toml").write_text(text + '[limits.distance]\nupper = "1 m"\n')
-    outcome = run_loop(load_campaign(tmp_path), SilentReporter())
+    return run_loop(log_campaign(tmp_path_factory.mktemp("logged"), record), SilentReporter())
+
+
+@pytest.fixture
+def log_folder(logged, tmp_path):
+    """A copy of it, whose posterior stays current whatever is designed."""
+    shutil.copytree(logged.campaign.folder, tmp_path, dirs_exist_ok=True)
+    return tmp_path
+
+
+def test_a_log_for_which_nothing_was_designed_is_fitted_and_the_next_trial_designed(logged):
+    folder = logged.campaign.folder
+    assert logged.first is logged.promised is None
+    assert logged.summary.next_trial.best.gain_nat > 0
+    write_report(logged)
+    assert {step.name: step.state for step in standing(folder)}["report"] == "current"
+    design_first(logged.campaign)
+    assert {step.name: step.state for step in standing(folder)}["report"] == "stale"
+    Store(folder).design.unlink()
+
+
+def test_what_was_found_is_kept_where_no_next_trial_is_allowed(log_folder, monkeypatch, capsys):
+    """No trial of 30 s stays within a metre: an alarm for who asks which trial is next, unless the goal is met without one."""
+    with (log_folder / "campaign.toml").open("a") as file:
+        file.write('[limits.distance]\nupper = "1 m"\n')
+    outcome = run_loop(load_campaign(log_folder), SilentReporter())
     assert outcome.next is None
     words = outcome.summary.next_trial.words
     assert words.startswith("no trial is proposed: ")
     assert "distance travelled at most 1 m" in words
     assert outcome.summary.alarms == ()
     assert "distance travelled at most 1 m" in write_report(outcome).read_text()
-    assert _next_of(tmp_path, monkeypatch) == Exit.ALARMS
+    assert _next_of(log_folder, monkeypatch) == Exit.ALARMS
     assert "distance travelled at most 1 m" in capsys.readouterr().out
-    with (tmp_path / "campaign.toml").open("a") as file:
+    with (log_folder / "campaign.toml").open("a") as file:
         file.write('[goal]\nsd = { X_uabsu = "90 %" }\n')
-    assert _next_of(tmp_path, monkeypatch) == Exit.OK
+    assert _next_of(log_folder, monkeypatch) == Exit.OK
 
 
 def _next_of(folder, monkeypatch):
@@ -192,17 +199,19 @@ def _next_of(folder, monkeypatch):
     return ended.value.code
 
 
-def test_a_log_is_fitted_and_reported_without_a_design(tmp_path, finished):
+def test_a_log_is_fitted_and_reported_without_a_design(log_folder):
     """What designs a trial is refused with the key to add; a campaign without logs needs it."""
-    record = xr.load_dataset(Store(finished[0]).record("trial"), engine="h5netcdf")
-    text = write_log_campaign(tmp_path, record, design=False)
-    campaign = load_campaign(tmp_path)
+    path = log_folder / "campaign.toml"
+    text = path.read_text()
+    text = text[: text.index("[design]")] + text[text.index("[estimation]") :]
+    path.write_text(text)
+    campaign = load_campaign(log_folder)
     outcome = run_loop(campaign, SilentReporter())
     assert outcome.summary.next_trial.best is None
     assert "add [design] to the campaign" in outcome.summary.next_trial.words
     assert "The next trial" not in write_report(outcome).read_text()
     with pytest.raises(InputError, match=r"key design\n"):
         design_first(campaign)
-    (tmp_path / "campaign.toml").write_text(text[: text.index("[import]")])
+    path.write_text(text[: text.index("[import]")])
     with pytest.raises(InputError, match='control = "n"'):
-        load_campaign(tmp_path)
+        load_campaign(log_folder)

@@ -98,20 +98,6 @@ def test_structures_are_told_apart_by_the_design_that_moves_most(tmp_path):
     assert found.best[0] == found.amplitude.size - 1
 
 
-def test_a_trial_is_ended_when_that_pays(tmp_path):
-    """Without a way back it ends soon after the input has taught; half an hour of it lets the trial run on."""
-    lengths = []
-    for turnaround in ("0 s", "1800 s"):
-        folder = tmp_path / turnaround.split()[0]
-        folder.mkdir()
-        found = design_first(asked(folder, f'utility = "fisher-d"\nper = "second"\nturnaround = "{turnaround}"'))
-        assert "nat/s" in found.lines()[0]
-        assert "ended after" in found.lines()[0]
-        lengths.append(found.best.length[found.best.best])
-        assert found.best.best_manoeuvre().duration == lengths[-1]
-    assert lengths[0] < 0.7 * lengths[1]
-
-
 def test_what_is_said_of_a_trial_that_is_ended_is_of_that_trial(tmp_path):
     """Gain, standard deviations, safety and what is known after it: by a plan of that many samples and no more."""
     limited = PREDICTION + "\n[limits.distance]\nupper = '43 m'\n"

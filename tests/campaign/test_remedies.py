@@ -110,7 +110,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("name", WRONG)
-def test_a_file_that_is_refused(tmp_path, name):
+def test_followed_remedy_makes_a_refused_file_usable(tmp_path, name):
     text, steps = WRONG[name]
     for told, edit in steps:
         error = load(tmp_path, text)
@@ -316,7 +316,7 @@ def doubts(folder, text, log):
 
 
 @pytest.mark.parametrize("name", CHECKED)
-def test_a_finding_of_check(tmp_path, name):
+def test_followed_remedy_removes_the_finding_of_check(tmp_path, name):
     """It is there, its remedy is the one that is followed, and it is gone, without another in its place."""
     text, log, check, told, edit = CHECKED[name]
     before = doubts(tmp_path, text, log)

@@ -258,7 +258,7 @@ def nearby(text):
 
 @pytest.mark.parametrize(
     "name",
-    [pytest.param(one, marks=[pytest.mark.thorough] if one in ("six degrees", "thrusters") else []) for one in FILES],
+    [pytest.param(one, marks=[pytest.mark.proof] if one in ("six degrees", "thrusters") else []) for one in FILES],
 )
 def test_the_smallest_step_of_every_number_of_a_file_makes_a_result_stale(tmp_path, name):
     FILES[name](tmp_path)

@@ -12,16 +12,9 @@ from seatrial import plot
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.store.results import Results
 from seatrial.campaign.store.stored_result import Store, stamp_of, write_stamped_json
-from seatrial.campaign.workflow.loop import run_loop
 from seatrial.campaign.workflow.steps import LOOP, STEPS, Workflow
 from seatrial.core.errors import InputError
 from tests.campaign.small import write_small, write_summary
-
-
-@pytest.fixture(scope="module")
-def finished(tmp_path_factory):
-    folder = write_small(tmp_path_factory.mktemp("results") / "small")
-    return folder, run_loop(load_campaign(folder))
 
 
 def test_reading_imports_neither_jax_nor_xarray(finished):

@@ -134,7 +134,7 @@ def test_rules_that_contradict_each_other_name_both_and_the_file(tmp_path):
     assert "always X_uabsu" in str(refused.value)
 
 
-def test_what_cannot_be_screened(tmp_path):
+def test_campaign_without_optional_terms_is_not_screened(tmp_path):
     alone = load_campaign(
         write_small(
             tmp_path / "alone",

@@ -12,7 +12,6 @@ from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.inference import posterior as posteriors
 from seatrial.campaign.inference.posterior import build_posterior, shared_model
 from seatrial.campaign.inference.quick_estimates import posterior_modes
-from seatrial.estimation.posterior.information import likelihood_information
 from seatrial.estimation.posterior.mode import find_mode
 from seatrial.estimation.posterior.noncentred import coupled, uncouple
 from seatrial.estimation.posterior.posterior import named_draws
@@ -70,22 +69,6 @@ def test_density_is_that_of_its_own_and_standard_normal_in_what_is_absent(study,
     np.testing.assert_allclose(drawn.values[0], np.asarray(own.constrain(z))[:, order], rtol=1e-12)
     assert drawn.names == shared.present_names
     assert drawn.z.shape[-1] == own.dim
-
-
-@pytest.mark.parametrize("index", [1, 3])
-@pytest.mark.proof
-def test_mode_and_its_normal_approximation_are_those_of_its_own(study, index):
-    own, shared, order = pair(study, index)
-    ours, theirs = find_mode(own, KEY), find_mode(shared, KEY).only(shared.places)
-    assert theirs.names == shared.present_names
-    assert theirs.log_density == pytest.approx(ours.log_density, abs=1e-7)
-    assert theirs.log_evidence == pytest.approx(ours.log_evidence, abs=1e-4)
-    np.testing.assert_allclose(theirs.values, ours.values[order], atol=1e-4 * ours.sd.max())
-    np.testing.assert_allclose(theirs.cov, ours.cov[np.ix_(order, order)], rtol=1e-3, atol=1e-6)
-    information, same = (likelihood_information(one, at.values) for one, at in ((own, ours), (shared, theirs)))
-    np.testing.assert_allclose(
-        same, information[np.ix_(order, order)], rtol=1e-3, atol=1e-3 * np.abs(information).max()
-    )
 
 
 @pytest.mark.proof

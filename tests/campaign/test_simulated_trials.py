@@ -286,7 +286,7 @@ def test_a_record_is_drawn_by_its_label(tmp_path):
         ("[truth]", "[truth]\ndrift_u = 0.1", r"truth.drift_u[^$]*no drift_time_u"),
     ],
 )
-def test_truths_that_cannot_be(tmp_path, old, new, match):
+def test_impossible_truth_is_refused_by_key(tmp_path, old, new, match):
     with pytest.raises(InputError, match=match):
         campaign(tmp_path, (old, new))
 

@@ -5,7 +5,6 @@ import pytest
 
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import get_trials
-from seatrial.campaign.inference.estimate import estimate_all
 from seatrial.campaign.inference.filter_tuning import check_filter
 from seatrial.core.errors import InputError
 from tests.campaign.small import write_small
@@ -13,12 +12,10 @@ from tests.campaign.small import write_small
 DRIFT = "\n[filter]\nprocess_noise = { u = "
 
 
-@pytest.fixture(scope="module")
-def small(tmp_path_factory):
-    """Folder of the small campaign, and the estimate of its full structure, of which the filter takes the delay."""
-    folder = write_small(tmp_path_factory.mktemp("tuning") / "small")
-    campaign = load_campaign(folder)
-    return folder, estimate_all(campaign, get_trials(campaign))[0]
+@pytest.fixture
+def small(tmp_path, finished):
+    """A folder of its own, and the estimate of the full structure of the small campaign, of which the filter takes the delay."""
+    return tmp_path, finished[1].estimates[0]
 
 
 def check(small, *replacements):

@@ -28,6 +28,16 @@ class Told:
         return told
 
 
+def begun(**seconds):
+    """A run of steps that took these seconds before, in its first step."""
+    for step, taken in seconds.items():
+        learn(step, taken)
+    told = Told()
+    run = WholeRun(told, list(seconds))
+    run.begin(next(iter(seconds)))
+    return told, run
+
+
 @pytest.fixture
 def clock(monkeypatch, tmp_path):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
@@ -38,11 +48,7 @@ def clock(monkeypatch, tmp_path):
 
 def test_steps_that_took_no_time_before_end_in_no_error(clock):
     """As `first` and `promised` of a campaign that designs nothing."""
-    learn("first", 0.0)
-    learn("promised", 0.0)
-    told = Told()
-    run = WholeRun(told, ["first", "promised"])
-    run.begin("first")
+    told, run = begun(first=0.0, promised=0.0)
     clock[0] = 2.0
     run.end()
     run.begin("promised")
@@ -98,11 +104,7 @@ def test_a_step_is_as_slow_as_those_before_it(clock, tmp_path):
 
 def test_a_step_that_is_far_longer_than_it_was_says_so(clock):
     """10 s were expected; after 100 s its four bars are a quarter full: 300 s remain, of which what was expected takes away a little."""
-    learn("selection", 10.0)
-    learn("next", 10.0)
-    told = Told()
-    run = WholeRun(told, ["selection", "next"])
-    run.begin("selection")
+    told, run = begun(selection=10.0, next=10.0)
     bars = [run.progress(f"evidence M-{i}") for i in range(4)]
     clock[0] = 100.0
     bars[0](1, 1)
@@ -112,11 +114,7 @@ def test_a_step_that_is_far_longer_than_it_was_says_so(clock):
 
 def test_the_bar_waits_for_a_piece_that_came_late(clock):
     """Two pieces are over after 5 s; a third, of which nobody knew, moves from 1 % at 10 s to 5 % at 50 s: the bar waits."""
-    learn("selection", 10.0)
-    learn("next", 10.0)
-    told = Told()
-    run = WholeRun(told, ["selection", "next"])
-    run.begin("selection")
+    told, run = begun(selection=10.0, next=10.0)
     bars = [run.progress(f"evidence M-{i}") for i in range(2)]
     clock[0] = 5.0
     for bar in bars:
@@ -167,11 +165,7 @@ def test_a_whole_run_takes_no_less_than_its_running_part(clock):
 
 def test_the_remaining_time_never_stands_still(clock):
     """A step of 5 s that reports nothing takes 60 s: every second the time is another one, and it is more than the 10 s that follow."""
-    learn("filter", 5.0)
-    learn("next", 10.0)
-    told = Told()
-    run = WholeRun(told, ["filter", "next"])
-    run.begin("filter")
+    told, run = begun(filter=5.0, next=10.0)
     for second in range(1, 61):
         clock[0] = float(second)
         run.show()

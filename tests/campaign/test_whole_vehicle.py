@@ -11,8 +11,6 @@ from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.design.relay import design_relay_trial
 from seatrial.campaign.design.sweep import design_first
 from seatrial.core.errors import InputError
-from seatrial.core.record import Channel, Provenance, make_record
-from seatrial.core.signals import signal_unit
 from tests.campaign.small import write_summary
 from tests.campaigns import joined, normal, priors, write_campaign
 
@@ -214,23 +212,3 @@ def test_a_quaternion_is_no_unknown_start(tmp_path):
     assert campaign.state_trim(campaign.model(campaign.full))[-4:] == (1.0, 0.0, 0.0, 0.0)
     with pytest.raises(InputError, match=r"estimation\.initial(.|\n)*attitude as a quaternion"):
         pitch(tmp_path, *changes, ("[truth]", '[estimation]\ninitial = "estimated"\n\n[truth]'))
-
-
-def test_a_heading_over_full_turns_needs_euler_angles(tmp_path):
-    from seatrial.campaign.inference.posterior import build_likelihood
-
-    changes = [
-        ('moves = ["w", "q"]', 'moves = ["v", "w", "p", "q", "r"]\nattitude = "quaternion"'),
-        ("[sensors.theta]", '[sensors.psi]\nnoise = "0.2 deg"\n\n[sensors.theta]'),
-        ('u = "1.54 m/s"', 'u = "1.54 m/s"\ndelta_r = "0 deg"'),
-    ]
-    campaign = pitch(tmp_path, *changes)
-    model, time = campaign.model(campaign.full), np.arange(60) / 10.0
-    columns = {name: np.zeros(60) for name in model.controls} | {"u": np.full(60, 1.54)}
-    channels = [Channel(name, signal_unit(name), "control") for name in columns]
-    for name in ("q", "theta", "psi"):
-        columns[name] = 0.7 * time if name == "psi" else 0.01 * np.sin(time)
-        channels.append(Channel(name, signal_unit(name), "measurement"))
-    record = make_record(time, columns, tuple(channels), Provenance("turns.csv", "0" * 64), "1")
-    with pytest.raises(InputError, match=r'(?s)channel "psi".*237 deg.*attitude = "euler"'):
-        build_likelihood(campaign, model, [record])

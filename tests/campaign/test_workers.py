@@ -212,7 +212,7 @@ def test_where_is_one_setting_and_the_environment_overrides_it(small, monkeypatc
         ("slurm", "", "key compute.slurm", "walltime"),
     ],
 )
-def test_settings_that_are_none(small, monkeypatch, written, asked, where, words):
+def test_impossible_workers_are_refused_with_their_setting(small, monkeypatch, written, asked, where, words):
     monkeypatch.setenv(place.VARIABLE, asked)
     with pytest.raises(InputError, match=words) as caught:
         place.workers_of(with_compute(small, workers=written))
@@ -279,7 +279,7 @@ def test_the_job_that_slurm_is_given():
         assert option in script
 
 
-def test_without_slurm(monkeypatch):
+def test_missing_sbatch_is_reported(monkeypatch):
     monkeypatch.setenv("PATH", "")
     with pytest.raises(InputError, match="no command sbatch"):
         submit_jobs(SLURM)

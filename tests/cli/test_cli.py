@@ -64,13 +64,6 @@ def test_a_folder_that_is_no_campaign(monkeypatch, capsys, tmp_path, command):
     assert results(tmp_path) == []
 
 
-def test_init_never_overwrites(monkeypatch, capsys, tmp_path):
-    assert run(monkeypatch, capsys, "init", tmp_path / "new")[0] == Exit.OK
-    code, _, err = run(monkeypatch, capsys, "init", tmp_path / "new")
-    assert code == Exit.BAD_INPUT
-    assert "a campaign already" in err
-
-
 REFUSED = {
     "no feasible design": (
         "design",
@@ -132,16 +125,6 @@ channels.n = { column = "rpm", unit = "rpm" }
     for word in ("log_1.csv", '"speed"', "sped", "remedy"):
         assert word in err
     assert results(tmp_path) == ["campaign.toml", "log_1.csv"]
-
-
-def test_piped_progress_is_one_line_for_each_piece_of_work(monkeypatch):
-    said = io.StringIO()
-    monkeypatch.setattr(sys, "stderr", said)
-    report = ConsoleReporter().progress("estimate M-1")
-    for done in (0, 500, 1000, 1000):
-        report(done, 1000)
-    assert said.getvalue().count("\n") == 1
-    assert said.getvalue().startswith("estimate M-1: done in 0.0 s")
 
 
 def test_a_whole_run_prints_the_remaining_time_that_it_is_given(monkeypatch):

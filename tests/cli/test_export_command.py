@@ -58,7 +58,7 @@ def test_a_published_vehicle_by_name(monkeypatch, capsys, tmp_path):
     assert "<uniform_fluid_density>1000.0<" in (made / "world.sdf").read_text()
 
 
-def test_a_campaign(monkeypatch, capsys, tmp_path):
+def test_campaign_is_exported_as_json_and_to_a_simulator(monkeypatch, capsys, tmp_path):
     finished(tmp_path / "c")
     code, out, err = run(monkeypatch, capsys, "export", "c", "--to", "json", "--out", "elsewhere")
     assert (code, err) == (Exit.OK, "")

@@ -3,7 +3,6 @@
 import json
 import re
 from pathlib import Path
-from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -59,7 +58,7 @@ def write_slow(folder):
     np.savetxt(folder / "log_1.csv", rows, delimiter=",", header="t,u,n", comments="", fmt="%.6f")
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_a_slow_error_fitted_as_white_is_an_alarm_of_select_and_its_remedy_works_as_written(
     monkeypatch, capsys, tmp_path
 ):
@@ -98,29 +97,3 @@ def test_modes_and_chains_of_every_structure(monkeypatch, capsys, tmp_path):
     assert code == Exit.OK, err
     assert out.count("strongest correlation") == 2
     assert "known/M-1.json" in " ".join(results(tmp_path))
-
-
-@pytest.mark.proof
-def test_profiles_evidence_and_criteria_are_told_and_kept(monkeypatch, capsys, tmp_path):
-    write_small(tmp_path)
-    code, out, err = run(monkeypatch, capsys, "profile", tmp_path, "--parameter", "X_u", "-q")
-    assert code == Exit.OK, err
-    assert out.startswith("structure M-0, with every term")
-    assert "\nX_u: 95 % interval" in out
-    ElementTree.fromstring((tmp_path / "profile.svg").read_text())
-    code, out, err = run(monkeypatch, capsys, "select", tmp_path, "-q")
-    assert code == Exit.OK, err
-    assert out.count("by importance sampling, with which tempered SMC") == 2
-    code, out, err = run(monkeypatch, capsys, "criteria", tmp_path, "--first", "10 s", "--block", "1 s", "-q")
-    assert code == Exit.OK, err
-    for word in (
-        "PSIS-LOO",
-        "leave-future-out",
-        "k-hat",
-        "beyond 8",
-        "X_u, M-0 against M-1: none; by evidence",
-    ):
-        assert word in out
-    before = {path: (tmp_path / path).stat().st_mtime_ns for path in results(tmp_path)}
-    assert run(monkeypatch, capsys, "criteria", tmp_path, "--first", "10 s", "--block", "1 s", "-q")[1] == out
-    assert before == {path: (tmp_path / path).stat().st_mtime_ns for path in results(tmp_path)}

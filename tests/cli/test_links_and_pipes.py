@@ -174,7 +174,7 @@ def test_a_file_that_is_begun_is_new(tmp_path):
 COMMANDS = (["run"], ["prior"], ["check"], ["criteria"], ["export", "--to", "json"], ["export", "--trial"])
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 @pytest.mark.parametrize("put", [link, pipe])
 def test_no_command_writes_through_a_link_or_waits_for_a_pipe(tmp_path, finished, put):
     """Every file that these commands make is a link to a file outside, or a pipe, when they run again."""

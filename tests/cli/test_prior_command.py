@@ -33,11 +33,3 @@ def test_priors_that_are_no_vehicle_end_in_an_alarm(monkeypatch, capsys, tmp_pat
     assert "alarm: most draws from the prior" in err
     assert "dissipative = true" in err
     assert "prior.svg" in out
-
-
-def test_an_impossible_prior_is_refused(monkeypatch, capsys, tmp_path):
-    write_small(tmp_path, ("lower = -3.6\nupper = 1.2", "lower = 40.0\nupper = 60.0\ndissipative = true"))
-    code, out, err = run(monkeypatch, capsys, "prior", tmp_path, "--quiet")
-    assert (code, out) == (Exit.BAD_INPUT, "")
-    assert "prior.X_u.dissipative" in err
-    assert results(tmp_path) == ["campaign.toml"]

@@ -153,12 +153,6 @@ def test_a_run_of_any_name_is_cut_and_cut_again(tmp_path, run):
     assert twice.count("[import.trim.") == 1
 
 
-def test_a_new_map_keeps_what_is_said_of_every_run(tmp_path):
-    old = '[import]\nfit = ["a"]\nstep = "0.1 s"\nsplit = "60 s"\n\n[import.trim.a]\nend = "9 s"\n\n[[import.files]]\npath = "a.csv"\n'
-    table = tomllib.loads(with_map(tmp_path, old, "b", '[[import.files]]\npath = "b.csv"\nchannels = {}\n'))["import"]
-    assert table == {"fit": ["b"], "step": "0.1 s", "split": "60 s", "files": [{"path": "b.csv", "channels": {}}]}
-
-
 @pytest.mark.parametrize(
     "channel_map",
     [

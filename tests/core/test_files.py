@@ -52,7 +52,7 @@ def test_json_that_others_cannot_read_is_refused(tmp_path, value):
     assert not list(tmp_path.iterdir())
 
 
-def test_json(tmp_path):
+def test_json_round_trip_keeps_letters_and_nulls(tmp_path):
     write_json(tmp_path / "a.json", {"Δu": [1, 2.5, None]})
     assert json.loads((tmp_path / "a.json").read_bytes()) == {"Δu": [1, 2.5, None]}
 
@@ -65,7 +65,7 @@ def test_a_path_that_is_no_utf_8_is_written_and_read_again(tmp_path):
     assert Path(json.loads(path.read_bytes())["file"]) == path
 
 
-def test_hashes(tmp_path):
+def test_hashes_match_hashlib_and_ignore_the_order_of_keys(tmp_path):
     path = tmp_path / "a.bin"
     path.write_bytes(bytes(range(256)) * 5000)
     assert sha256_of(path) == hashlib.sha256(path.read_bytes()).hexdigest()

@@ -24,7 +24,7 @@ def test_entropy_of_a_marginal(start):
     assert np.array_equal(marginal.mean, BATCH.mean[:, start:])
 
 
-def test_independent():
+def test_independent_gaussian_has_a_diagonal_covariance():
     gaussian = independent([1, 2], [3, 0.5])
     assert gaussian.mean.dtype == np.float64
     assert np.array_equal(gaussian.cov, np.diag([9.0, 0.25]))

@@ -42,15 +42,6 @@ print(data.time.dtype, float(data.time[0]), int(data.u.isnull().sum()))
     assert result.stdout.strip() == "['n', 'u', 'udot'] ('time',) m/s control\nfloat64 1000000000.0 30"
 
 
-@pytest.mark.parametrize("share", [0.0, 0.001, 0.3, 0.7, 0.999])
-def test_truncated_file(path, share):
-    whole = path.read_bytes()
-    path.write_bytes(whole[: int(share * len(whole))])
-    with pytest.raises(InputError, match="cannot be read as NetCDF") as caught:
-        read_record(path)
-    assert caught.value.where == str(path)
-
-
 def test_file_of_another_kind(tmp_path):
     path = tmp_path / "trial.nc"
     path.write_text("time,u\n0,1\n")

@@ -21,7 +21,7 @@ def naive(time, values, columns):
 
 @pytest.mark.parametrize("even", [True, False])
 @pytest.mark.parametrize("block", [100, 1000, 10**6])
-def test_as_column_by_column(monkeypatch, even, block):
+def test_envelopes_match_a_loop_over_columns(monkeypatch, even, block):
     monkeypatch.setattr(thinning, "BLOCK", block)
     rng = np.random.default_rng(1)
     time = np.arange(5000) * 0.1 if even else np.sort(rng.uniform(0, 500, 5000) ** 1.3)

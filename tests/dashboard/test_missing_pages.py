@@ -30,7 +30,7 @@ def test_where_there_is_nothing_a_page_says_so_and_leads_back(tmp_path):
         assert "<script>x" not in httpx.get(f"{address}%3Cscript%3Ex", timeout=60).text
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_names_turn_no_page_around(tmp_path):
     """A mark that turns the text around it stands in the address only, in the name of a folder and in its campaign's."""
     name = "bo\u202eat"

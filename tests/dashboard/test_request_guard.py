@@ -61,7 +61,7 @@ def test_a_name_made_to_point_here_is_refused(host):
     assert ask(HERE, host=host).status_code == 421
 
 
-def test_two_hosts_are_none():
+def test_request_with_two_hosts_is_refused():
     scope = {
         "type": "http",
         "method": "GET",
@@ -192,7 +192,7 @@ def test_a_token_is_demanded_anywhere_but_on_loopback():
         token_for("0.0.0.0", "short")
 
 
-def test_small_parts():
+def test_tokens_names_and_origins_are_compared_exactly():
     assert not same("", "")
     assert same("a", "a")
     assert not same("ä", "a")

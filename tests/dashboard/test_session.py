@@ -164,7 +164,7 @@ def test_a_process_without_work_ends_with_the_one_that_started_it(tmp_path):
     until(lambda: not os.path.exists(f"/proc/{child}"), 30)
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_a_command_at_work_outlives_the_process_that_started_it(tmp_path):
     folder = write_small(tmp_path / "boat", *NO_X_U)
     command = [sys.executable, "-c", PARENT, str(folder), "works", str(tmp_path / "child")]

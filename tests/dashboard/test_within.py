@@ -41,7 +41,7 @@ def test_the_server_leaves_the_loggers_of_others_alone(tmp_path, monkeypatch):
     assert foreign not in closed
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_neither_a_page_nor_a_command_reads_a_curve_outside(tmp_path, monkeypatch):
     monkeypatch.setenv(VARIABLE, "")
     (tmp_path / "secret.txt").write_text("the secret\n1,2\n3,4\n")

@@ -296,6 +296,7 @@ def test_the_bold_value_is_the_one_that_the_rule_names(tmp_path):
     assert bold_values(alarm) == []
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_terminal_says_which_value_to_quote(tmp_path, capsys):
     made = make_outcome(tmp_path)
     for p, quoted in (((0.6, 0.3, 0.1, 0.0), "averaged"), ((1.0, 0.0, 0.0, 0.0), "chosen")):
@@ -418,12 +419,14 @@ def test_a_design_is_judged_before_the_data(tmp_path):
     assert "Expected before the trial" not in render(outcome)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_campaign_in_which_nothing_was_scored_says_so(tmp_path):
     html = render(replace(make_outcome(tmp_path), fits=(), compared=(), pooled=()))
     assert "No measurement could be compared" in html
 
 
-def test_a_model_beside_simpler_ones(tmp_path, html):
+@pytest.mark.usefixtures("undrawn")
+def test_a_model_beside_simpler_ones(html, tmp_path):
     said = html[html.index('id="fit"') : html.index('id="next"')]
     assert "the model predicts u better than every baseline" in said
     table = said[said.index("<summary>Comparison with simpler models") :]
