@@ -37,6 +37,7 @@ from seatrial.estimation.posterior.record_posterior import make_posterior as mak
 from seatrial.estimation.posterior.sample_posterior import NestedSettings as NestedSettings
 from seatrial.estimation.posterior.sample_posterior import sample as sample
 from seatrial.estimation.posterior.simulated_record import simulate as simulate
+from seatrial.estimation.posterior.simulated_record import simulate_motion as simulate_motion
 from seatrial.estimation.prediction.prediction import Prediction as Prediction
 from seatrial.estimation.prediction.prediction import predict as predict
 from seatrial.estimation.priors import (
@@ -88,6 +89,8 @@ from seatrial.vehicles.catalogue import (
 from seatrial.vehicles.catalogue import (
     vehicle_names as vehicle_names,
 )
+from seatrial.vehicles.model import VehicleModel as VehicleModel
+from seatrial.vehicles.model import make_model as make_model
 
 __all__: list[str]
 __version__: str

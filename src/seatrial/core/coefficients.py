@@ -19,6 +19,7 @@ from typing import Any
 from seatrial.core.argument_checks import check_kind
 from seatrial.core.errors import InputError
 from seatrial.core.signals import FORCE, MOMENT, RATES, SIGNALS, Dimension
+from seatrial.core.units import si_powers
 
 AXES: dict[str, tuple[Dimension, str]] = {
     "X": (FORCE, "surge force"),
@@ -78,6 +79,7 @@ class CoefficientName:
     axis: str
     factors: tuple[Factor, ...] = field(compare=False)
     key: tuple = field(repr=False)
+    own_dimension: Dimension | None = field(default=None, compare=False, repr=False)
 
     @classmethod
     def parse(cls, text: str) -> "CoefficientName":
@@ -98,6 +100,16 @@ class CoefficientName:
         factors = () if rest == "0" else _factors(text, rest, offset=len(axis) + 1)
         return cls(text, axis, factors, _key(factors))
 
+    @classmethod
+    def own(cls, text: str, unit: str) -> "CoefficientName":
+        """Return the name of a coefficient whose regressor only its model's equation shows.
+
+        Args:
+            text: no name of the grammar, for example `drag`.
+            unit: SI, for example `1/m`.
+        """
+        return cls(text, "", (), (text,), Dimension(**si_powers(unit, f'coefficient "{text}", unit')))
+
     @property
     def is_added_mass(self) -> bool:
         """Whether the regressor is an acceleration, so that the term belongs with the inertia."""
@@ -106,6 +118,8 @@ class CoefficientName:
     @cached_property
     def dimension(self) -> Dimension:
         """Exact dimension: that of the axis over that of the regressor."""
+        if self.own_dimension is not None:
+            return self.own_dimension
         result = AXES[self.axis][0]
         for factor in self.factors:
             result = result.times(factor.dimension, -1)
@@ -118,7 +132,9 @@ class CoefficientName:
 
     @property
     def label(self) -> str:
-        """LaTeX, without dollar signs, for example `X_{u|u|}`."""
+        """LaTeX, without dollar signs, for example `X_{u|u|}`; words of an own name upright."""
+        if self.own_dimension is not None:
+            return rf"\mathrm{{{self.text}}}".replace("_", r"\_")
         return f"{self.axis}_{{{''.join(factor.label for factor in self.factors) or '0'}}}"
 
     @property

@@ -6,6 +6,9 @@ A unit is kept as integer exponents of (kg, m, s, rad, V), so that the unit of a
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from seatrial.core.errors import InputError
+from seatrial.core.units import si_powers
+
 
 class Dimension(NamedTuple):
     """Integer exponents of the base units; angles count, so that rad/s is not 1/s, and so does a battery's voltage."""
@@ -87,6 +90,8 @@ PROPULSION = ("n", "tau_X")  # Controls that drive a vehicle ahead, and hold its
 OVER_EARTH = ("v_north", "v_east", "v_down")
 ACTUAL = "_act"  # Ending of an actuator's state, where the bare name is the command: `n_act` follows `n`
 SET = "_set"  # Ending of a set-point of an autopilot: `psi_set` is the heading that it is told to hold
+# Signals of models with an equation of their own, which is why a process has one list: records and plots know only names.
+_OWN_SIGNALS: dict[str, Dimension] = {}
 RATES = ("u", "v", "w", "p", "q", "r")
 SPEEDS = dict(zip("XYZKMN", RATES, strict=True))  # Velocity along or about each axis, by its force or moment
 # Signals whose time derivative may be written, as in `X_udot`.
@@ -108,6 +113,35 @@ def signal_unit(name: str) -> str:
     if base != name and (base not in SIGNALS or base in (*RATES, *ANGLES)):
         return str(_dimension(base).times(Dimension(s=-1)))
     return str(_dimension(name))
+
+
+def declare_signal(name: str, unit: str) -> None:
+    """Let records, tables and plots know a signal of a model with an equation of its own.
+
+    Args:
+        name: of a state or control; one that seatrial has must have its unit.
+        unit: SI, for example `m/s`.
+
+    Raises:
+        InputError: an unknown unit, one that is not of SI, or another than the signal has already.
+    """
+    if not name.isidentifier() or name.endswith(("dot", ACTUAL, SET)):
+        raise InputError(
+            f'signal "{name}"',
+            found="a name that cannot be one of a signal",
+            expected=f"letters, digits and underscores, without the endings dot, {ACTUAL} and {SET}",
+            remedy="choose another name",
+        )
+    known, dimension = is_signal(name), Dimension(**si_powers(unit, f'signal "{name}", unit'))
+    if known and signal_unit(name) != str(dimension):
+        raise InputError(
+            f'signal "{name}", unit',
+            found=unit,
+            expected=f"{signal_unit(name)}, as {'declared before' if name in _OWN_SIGNALS else 'seatrial has it'}",
+            remedy="convert the equation to that unit, or choose another name",
+        )
+    if not known:
+        _OWN_SIGNALS[name] = dimension
 
 
 def signal_label(name: str) -> str:
@@ -157,7 +191,7 @@ def _dimension(name: str) -> Dimension:
             return dimension
     if is_thruster(base):
         return ANGULAR_RATE if base[0] == "n" else FORCE
-    return SIGNALS[base].dimension
+    return _OWN_SIGNALS[base] if base in _OWN_SIGNALS else SIGNALS[base].dimension
 
 
 def _power(name: str, exponent: int) -> str:

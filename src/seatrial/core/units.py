@@ -114,6 +114,24 @@ def to_si(value: float, unit: str, expected_unit: str, where: str) -> float:
     return float(value) * (source.factor / target.factor)
 
 
+def si_powers(unit: str, where: str) -> dict[str, int]:
+    """Return the powers of kg, m, s, rad and V whose product a unit is, for example `{"m": 1, "s": -1}` for `m/s`.
+
+    Raises:
+        InputError: unknown unit, or one that is not of SI, such as `rpm`.
+    """
+    parsed = _parse(unit, "m/s", where)
+    if parsed.factor != 1.0:
+        raise InputError(
+            where,
+            found=f'unit "{unit}", which is {parsed.factor:g} units of SI',
+            expected="a unit of SI: a product of kg, m, s, rad, V, N",
+            remedy="write the equation in SI, and convert where numbers are read and printed",
+        )
+    symbols = {dimension: symbol for name, symbol, *_ in _DEFINITIONS if (dimension := _DIMENSIONS.get(name))}
+    return {symbols[dimension]: power for dimension, power in parsed.powers}
+
+
 def quantity(text: str | float, expected_unit: str, where: str) -> float:
     """Read a quantity such as `"200 rpm"` into SI; a bare number is accepted only where a plain number is expected.
 

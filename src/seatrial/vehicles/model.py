@@ -6,9 +6,11 @@ from functools import lru_cache, wraps
 from threading import RLock
 from typing import Any, ParamSpec
 
-from seatrial.core.coefficients import CoefficientName
+from seatrial.core.coefficients import CoefficientName, is_coefficient
+from seatrial.core.errors import InputError
 from seatrial.core.result_table import text_html
-from seatrial.core.signals import signal_unit
+from seatrial.core.signals import declare_signal, signal_unit
+from seatrial.core.units import to_si
 
 Params = Mapping[str, Any]  # Value of every free coefficient by name, SI; scalars, or arrays under vmap
 ROTATIONS = ("K", "M", "N")  # Axes about which a vehicle turns
@@ -113,6 +115,55 @@ class VehicleModel:
         if channel in self.outputs:
             return self.outputs[channel](params, state, control)
         return self.derivative(params, state, control)[self.states.index(channel.removesuffix("dot"))]
+
+
+def make_model(
+    name: str,
+    derivative: Derivative,
+    states: Mapping[str, str],
+    controls: Mapping[str, str],
+    coefficients: Mapping[str, str],
+) -> VehicleModel:
+    """Make a model of an equation of motion of your own.
+
+    Args:
+        name: short name.
+        derivative: `derivative(params, state, control)` returns the rate of each state in SI, as a tuple. `params` has a number for each
+            coefficient by name; `state` and `control` are tuples in the orders below. Write it with `jax.numpy`.
+        states: SI unit of each state by name. Names that seatrial has (`u`, `r`, `z`) have its units; others are your own.
+        controls: SI unit of each control by name, likewise.
+        coefficients: SI unit of each coefficient by name; a name of the grammar (`X_u`) has its unit.
+
+    Raises:
+        InputError: a unit that is unknown, not of SI or not that of its name; an equation that takes something else from `params`, or
+            returns another number of rates than there are states.
+    """
+    for signal, unit in (*states.items(), *controls.items()):
+        declare_signal(signal, unit)
+    names = tuple(
+        CoefficientName.parse(text) if is_coefficient(text) else CoefficientName.own(text, unit)
+        for text, unit in coefficients.items()
+    )
+    for term, unit in zip(names, coefficients.values(), strict=True):
+        to_si(1.0, unit, term.unit, f'coefficient "{term}", unit')
+    where = f'model "{name}", derivative'
+    try:
+        rates = derivative(dict.fromkeys(coefficients, 1.0), (1.0,) * len(states), (1.0,) * len(controls))
+    except KeyError as missing:
+        raise InputError(
+            where,
+            found=f"params[{missing}], which is no coefficient",
+            expected=f"one of {', '.join(coefficients) or 'none'}",
+            remedy="add it to `coefficients`, with its unit",
+        ) from missing
+    if not isinstance(rates, tuple) or len(rates) != len(states):
+        raise InputError(
+            where,
+            found=f"{len(rates)} rates" if isinstance(rates, tuple) else type(rates).__name__,
+            expected=f"a tuple of {len(states)} rates, one for each of {', '.join(states)}",
+            remedy="return them in the order of `states`",
+        )
+    return VehicleModel(name, tuple(states), tuple(controls), names, (), False, derivative)
 
 
 Parts = ParamSpec("Parts")

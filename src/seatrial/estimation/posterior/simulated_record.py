@@ -2,10 +2,14 @@
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from math import inf
+from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 
 from seatrial.compiled.engine import check_precision
 from seatrial.core.argument_checks import check_kind, check_known, check_number, check_numbers, check_text
@@ -30,6 +34,7 @@ from seatrial.estimation.simulation.simulator import CURRENT
 from seatrial.estimation.simulation.starts import start_of
 from seatrial.manoeuvres.schedule import Schedule
 from seatrial.vehicles.model import VehicleModel
+from seatrial.vehicles.simulate import simulate as motion
 
 
 def simulate(
@@ -87,6 +92,42 @@ def simulate(
         columns[sensor.channel] = np.where(present > 0, shown, np.nan)
     stated = {"values": values, "start": dict(start or {}), "rates": dict(rates or {})}
     return make_record(time, columns, blank.channels, Provenance(SIMULATED, sha256_of_json(stated), stated), label)
+
+
+def simulate_motion(
+    model: VehicleModel, params: Mapping[str, Any], record: Record, start: Mapping[str, float] | None = None
+) -> dict[str, Float[Array, " n"]]:
+    """Compute the motion under the controls of a record, without noise, for a likelihood of your own.
+
+    JAX can trace, differentiate and batch it in `params`.
+
+    Args:
+        model: vehicle.
+        params: value of each coefficient by name, SI.
+        record: trial; its n times and controls are used, and its first measurements where `start` states nothing.
+        start: state at the first sample, signal name to SI value; it is not a part of what JAX traces.
+
+    Returns:
+        each state and each output of the vehicle at the times of the record, SI.
+
+    Raises:
+        InputError: a control that the record lacks, or a velocity of which nothing says where it starts.
+    """
+    check_precision()
+    check_model(model)
+    if missing := [name for name in model.controls if name not in record.controls]:
+        raise InputError(
+            f'record "{record.label}"',
+            found=f"the controls {', '.join(record.controls)}",
+            expected=f"{missing[0]} among them, which drives the vehicle",
+            remedy="add it to the record, held at one value if it did not act",
+        )
+    control = jnp.asarray(np.column_stack([record.channel(name) for name in model.controls]))
+    step = np.diff(record.time, append=record.time[-1])
+    states = motion(model, params, control, jnp.asarray(step), jnp.asarray(start_of(model, record, start)))
+    columns, held = tuple(states.T), tuple(control.T)
+    outputs = {name: jax.vmap(partial(view, params))(columns, held) for name, view in model.outputs.items()}
+    return dict(zip(model.states, columns, strict=True)) | outputs
 
 
 def _control(schedule: Schedule, name: str) -> np.ndarray:
