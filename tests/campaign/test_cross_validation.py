@@ -12,24 +12,31 @@ from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.cross_validation import best_campaign, cross_validate, current_cross_validation
 from seatrial.campaign.inference.error_models import error_models, scale_of, with_error_model
 from seatrial.campaign.inference.posterior import build_posterior
-from seatrial.campaign.store.cross_validation import (
-    OWN,
-    Candidate,
-    ChannelScores,
-    CrossValidation,
-    gap,
-)
 from seatrial.core.errors import InputError, NumericalError
+from seatrial.core.findings import Finding
 from seatrial.core.serialise import from_plain, to_plain
+from seatrial.estimation.prediction.pooled_coverage import pooled_verdict
+from seatrial.estimation.prediction.prediction_scores import unscored
+from seatrial.messages.cross_validation import complaints, cross_validation_lines, disagreement, rows
+from seatrial.selection.cross_validation import OWN, Candidate, CrossValidation, LeaveOneRunOut, LeftOutRun, gap
+from seatrial.selection.structures import Structure
 from tests.campaign.small import write_small
 
 
 def candidate(label, elpd, evidence, crps, error=OWN, lines=()):
     """One structure of three runs."""
-    scores = ChannelScores("u", tuple(crps), 0.9, 0.5, 0.88, "pass", "88% of u lies inside the 90 % band")
-    counted = {"errors": (0.1,) * 3, "k_hat": (0.2, 0.3, 0.1), "refitted": (False,) * 3}
-    named = Candidate(label, ("X_u", label), error, "words", tuple(lines))
-    return replace(named, elpd=tuple(elpd), log_evidence=evidence, channels=(scores,), **counted)
+    runs = tuple(
+        LeftOutRun(name, value, 0.1, 0.2, False, {"u": replace(unscored(100, ""), crps=score, coverage=0.88)})
+        for name, value, score in zip("abc", elpd, crps, strict=False)
+    )
+    left = LeaveOneRunOut(runs, {"u": pooled_verdict([], "u")}, evidence, "")
+    return Candidate(Structure(label, ("X_u", label)), error, "words", tuple(lines), left)
+
+
+def with_elpd(one, elpd):
+    """The same candidate with other scores of its runs."""
+    runs = tuple(replace(run, elpd=value) for run, value in zip(one.result.runs, elpd, strict=True))
+    return replace(one, left=replace(one.result, runs=runs))
 
 
 LIKELY = candidate("M-0", (10.0, 11.0, 12.0), -100.0, (0.020, 0.021, 0.022))
@@ -42,15 +49,15 @@ def found(*candidates):
 
 def test_disagreement_is_said_first():
     both = found(LIKELY, BETTER)
-    first = both.lines()[0]
-    assert first == both.alarms[0]
+    first = cross_validation_lines(both)[0]
+    assert first == disagreement(both)
     assert "evidence and held-back score disagree: M-0 (X_u M-0) has probability 0.982" in first
     assert "M-1 predicts runs left out better by 32.0 ± 1.0 nats" in first
 
 
 def test_disagreement_by_crps_alone():
     closer = candidate("M-1", (10.0, 11.0, 12.5), -104.0, (0.010, 0.012, 0.011))
-    said = found(LIKELY, closer).disagreement()
+    said = disagreement(found(LIKELY, closer))
     assert "simulates u of runs left out more closely" in said
     assert "nats" not in said
 
@@ -59,30 +66,30 @@ def test_within_two_standard_errors_nothing_is_claimed():
     """Ten nats that one run alone gives are ten standard errors of nothing."""
     lucky = candidate("M-1", (20.0, 11.0, 12.0), -104.0, (0.020, 0.021, 0.022))
     close = found(LIKELY, lucky)
-    assert not close.alarms
-    assert "with 3 runs this may be chance" in close.lines()[0]
+    assert not disagreement(close)
+    assert "with 3 runs this may be chance" in cross_validation_lines(close)[0]
 
 
 def test_differences_are_paired_by_run():
-    apart = gap(candidate("M-1", (3.0, 5.0, 4.0), 0.0, (1.0,)), candidate("M-0", (1.0, 1.0, 1.0), 0.0, (1.0,)))
+    apart = gap(candidate("M-1", (3.0, 5.0, 4.0), 0.0, (1.0,) * 3), candidate("M-0", (1.0,) * 3, 0.0, (1.0,) * 3))
     assert (apart.delta, apart.std_error) == pytest.approx((9.0, np.sqrt(3.0)))
 
 
 def test_clearly_better_error_model_is_recommended_with_its_lines():
     lines = ("[estimation]", 'residuals = "coloured"', "[prior.tau_u]", 'distribution = "log-uniform"', "lower = 0.05")
     slow = candidate("M-0", (40.0, 42.0, 41.0), -60.0, (0.02, 0.02, 0.02), "coloured", lines)
-    said = "\n".join(found(LIKELY, slow).lines())
+    said = "\n".join(cross_validation_lines(found(LIKELY, slow)))
     assert found(LIKELY, slow).recommended is slow
     assert "    residuals" in said
     assert "not stated, so derived from the size of the data" in said
-    assert found(LIKELY, replace(slow, elpd=(10.1, 11.2, 12.1))).recommended is None
+    assert found(LIKELY, with_elpd(slow, (10.1, 11.2, 12.1))).recommended is None
 
 
 def test_what_was_refused_is_told_and_not_scored():
-    none = replace(Candidate("M-0", ("X_u",), "process noise", "words", ("[estimation]",)), refused="a lag")
+    none = Candidate(Structure("M-0", ("X_u",)), "process noise", "words", ("[estimation]",), refused="a lag")
     all_of = found(LIKELY, none)
-    assert all_of.complaints() == ["M-0, process noise: a lag"]
-    assert len(all_of.rows()) == 1
+    assert complaints(all_of) == ["M-0, process noise: a lag"]
+    assert len(rows(all_of)) == 1
 
 
 def test_cross_validation_survives_json():
@@ -92,10 +99,13 @@ def test_cross_validation_survives_json():
     assert np.isclose(again.probability(LIKELY), 1 / (1 + np.exp(-4.0)))
 
 
-@pytest.mark.parametrize(("level", "kind"), [("fail", "fail"), ("pass", "pass")])
-def test_bands_are_judged(level, kind):
-    judged = replace(LIKELY, channels=(replace(LIKELY.channels[0], level=level),))
-    assert f"each run left out in turn: {kind};" in found(judged).lines()[1]
+@pytest.mark.parametrize(
+    ("code", "level", "kind"), [("runs-diverge", "alarm", "fail"), ("runs-not-measured", "note", "unjudged")]
+)
+def test_bands_are_judged(code, level, kind):
+    bands = replace(LIKELY.result.bands["u"], verdict=Finding(code, level, ("u",)))
+    judged = replace(LIKELY, left=replace(LIKELY.result, bands={"u": bands}))
+    assert f"each run left out in turn: {kind};" in cross_validation_lines(found(judged))[1]
 
 
 RPM = 2 * np.pi / 60
@@ -149,18 +159,18 @@ def test_the_best_campaign_has_one_structure_and_another_error_model_only_where_
     campaign, trials = load_campaign(write_small(tmp_path)), three_runs()
     coefficients = (("X_u", -1.2, 0.3), ("X_uabsu", -2.9, 0.2), ("T_nabsn", 6e-4, 1e-5))
     likely, better = (
-        replace(one, terms=structure.terms, coefficients=coefficients)
+        replace(one, structure=Structure(one.structure.label, structure.terms), coefficients=coefficients)
         for one, structure in zip((LIKELY, BETTER), campaign.structures, strict=True)
     )
     stated = best_campaign(campaign, trials, found(likely, better))
     assert [one.label for one in stated.structures] == ["M-1"]
     assert stated.estimation == campaign.estimation
-    slow = replace(likely, error_model="coloured", elpd=(40.0, 42.0, 41.0))
+    slow = with_elpd(replace(likely, error_model="coloured"), (40.0, 42.0, 41.0))
     changed = best_campaign(campaign, trials, found(likely, better, slow))
     assert [one.label for one in changed.structures] == ["M-0"]
     assert changed.estimation.residuals == "coloured"
     assert "tau_u" in changed.priors
-    chance = replace(slow, elpd=(20.1, 22.1, 23.1))
+    chance = with_elpd(slow, (20.1, 22.1, 23.1))
     assert best_campaign(campaign, trials, found(likely, better, chance)).estimation == campaign.estimation
     with pytest.raises(NumericalError, match="no mode"):
         best_campaign(campaign, trials, found(replace(likely, refused="no mode")))
@@ -181,8 +191,8 @@ def test_white_noise_recommends_nothing_else(tmp_path):
         "all vary by run",
     }
     assert made.recommended is None
-    assert not made.alarms
-    assert max(one.k_hat[0] for one in made.own) < 0.7
+    assert not disagreement(made)
+    assert max(one.result.k_hat for one in made.own) < 0.7
     again = current_cross_validation(campaign, three_runs())
     assert again is not None
     assert again.candidates == made.candidates

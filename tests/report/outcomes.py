@@ -13,7 +13,6 @@ from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.design.sweep import Designs
 from seatrial.campaign.inference.coefficient_csv import averaged_rows
 from seatrial.campaign.selection.runner_up import NEXT, change_words, contending
-from seatrial.campaign.store.cross_validation import OWN, Candidate, ChannelScores, CrossValidation
 from seatrial.campaign.store.estimates import Direction, Estimate, Known, KnownParameter, StoredCoefficient
 from seatrial.campaign.store.predictions import Fit, FittedBaselines
 from seatrial.campaign.store.structures import Contenders, NextTrial, Screened, Summary
@@ -26,6 +25,7 @@ from seatrial.estimation.prediction.baseline_comparison import Comparison, Predi
 from seatrial.estimation.prediction.fit_verdict import judge_fit
 from seatrial.estimation.prediction.pooled_coverage import Pooled, pooled_verdict, run_residuals
 from seatrial.estimation.prediction.prediction_scores import Score, unscored
+from seatrial.selection.cross_validation import OWN, Candidate, CrossValidation, LeaveOneRunOut, LeftOutRun
 from seatrial.selection.structures import Structure
 from seatrial.selection.verdict import Evidence, Selection, select
 
@@ -160,10 +160,13 @@ def make_cross_validation() -> CrossValidation:
     """Two structures of which the evidence prefers the one that predicts runs left out worse."""
     candidates = []
     for label, evidence, size in (("M-0", -100.0, 1.0), ("M-1", -104.0, 20.0)):
-        scores = ChannelScores("u", (0.02, 0.02, 0.02), 0.9, 0.5, 0.7, "fail", f"70% of u lies inside {EVIL}")
-        one = Candidate(label, ("X_u",), OWN, "the campaign's own", (), log_evidence=evidence, channels=(scores,))
-        numbers = {"elpd": (size, size + 1.0, size + 1.5), "errors": (0.1,) * 3, "k_hat": (0.2,) * 3}
-        candidates.append(replace(one, **numbers))
+        scores = {"u": replace(unscored(100, ""), crps=0.02, coverage_50=0.5, coverage=0.7)}
+        runs = (
+            LeftOutRun(name, size + more, 0.1, 0.2, False, scores)
+            for name, more in zip("abc", (0.0, 1.0, 1.5), strict=True)
+        )
+        left = LeaveOneRunOut(tuple(runs), {pooled.channel: pooled for pooled in make_pooled(0.5)}, evidence, "")
+        candidates.append(Candidate(Structure(label, ("X_u",)), OWN, "the campaign's own", (), left))
     return CrossValidation(("a", "b", "c"), tuple(candidates), ())
 
 

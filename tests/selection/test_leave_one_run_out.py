@@ -21,7 +21,7 @@ from seatrial.estimation.prediction.posterior_by_run import (
 from seatrial.estimation.priors import Normal
 from seatrial.sampling.target import evaluate
 from seatrial.selection import leave_one_run_out as module
-from seatrial.selection.leave_one_run_out import leave_one_run_out, mean_score
+from seatrial.selection.leave_one_run_out import leave_one_run_out
 from tests.selection.run_cases import exact_left_out, linear_runs, posterior_of_runs
 
 KEY = jax.random.key(3)
@@ -117,7 +117,7 @@ def test_without_own_parameters():
 
 def test_bands_and_scores():
     assert found().bands["u"].runs == 5
-    assert mean_score(found(), "u", "coverage") == pytest.approx(0.9, abs=0.08)
+    assert found().mean_score("u", "coverage") == pytest.approx(0.9, abs=0.08)
     assert found().bands["u"].level in ("pass", "unjudged")
 
 

@@ -14,7 +14,6 @@ from seatrial.campaign.design.batch import PlannedBatch
 from seatrial.campaign.design.plan import Plan
 from seatrial.campaign.design.sensor_choice import SensorComparison
 from seatrial.campaign.prior.predictive import Believed
-from seatrial.campaign.store.cross_validation import CrossValidation
 from seatrial.campaign.store.designs import FreeTrial, RelayTrial, Searched
 from seatrial.campaign.store.estimates import Estimate, Known, KnownParameter
 from seatrial.campaign.store.predictions import Fit
@@ -29,6 +28,7 @@ from seatrial.export.vehicle import CoefficientEstimates
 from seatrial.logs.guess import Guess
 from seatrial.logs.summary import ClockSummary, ColumnSummary
 from seatrial.selection.criterion import NestedPair
+from seatrial.selection.cross_validation import CrossValidation
 from seatrial.selection.verdict import Selection
 
 Number = float | None

@@ -13,7 +13,6 @@ two models are compared run by run.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import jax
@@ -25,7 +24,7 @@ from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.reporter import Progress, no_progress
 from seatrial.estimation.posterior.mode import Mode, find_mode, maximise
 from seatrial.estimation.posterior.posterior import Posterior, as_key
-from seatrial.estimation.prediction.pooled_coverage import Pooled, pooled_verdict
+from seatrial.estimation.prediction.pooled_coverage import pooled_verdict
 from seatrial.estimation.prediction.posterior_by_run import (
     RunExpansion,
     RunPosteriors,
@@ -36,7 +35,7 @@ from seatrial.estimation.prediction.posterior_by_run import (
     split_runs,
     weigh_runs,
 )
-from seatrial.estimation.prediction.prediction_scores import Score
+from seatrial.selection.cross_validation import LeaveOneRunOut, LeftOutRun
 from seatrial.selection.importance import MAX_K_HAT, ProposalComponent, Weights, draw_mixture, log_mixture, refit
 
 MIN_RUNS = 3  # Runs below which what is left after one is taken out says too little: of two, a single other run
@@ -48,72 +47,6 @@ PREDICTION_DRAWS = 200  # Draws by which a run that was left out is predicted
 MAX_STEPS = 12
 MISSING_TAIL_INDEX = 10.0  # Tail index that is stated where so few draws carry all weight that none can be found
 MIN_PRECISION = 1.0  # Least precision of a proposal: that of the prior in the coordinates in which it is drawn
-
-
-@dataclass(frozen=True)
-class LeftOutRun:
-    """One run as the others predict it.
-
-    Attributes:
-        label: of the run.
-        elpd: log p(y_r | y_-r), nats: of all its measurements together.
-        error: its Monte Carlo standard error.
-        k_hat: tail index of the weights; above 0.7 they are not to be trusted.
-        refitted: whether the mode of the others had to be found.
-        scores: of each channel in free simulation, by name.
-    """
-
-    label: str
-    elpd: float
-    error: float
-    k_hat: float
-    refitted: bool
-    scores: dict[str, Score]
-
-
-@dataclass(frozen=True)
-class LeaveOneRunOut:
-    """All runs, each predicted from the others.
-
-    Attributes:
-        runs: one for each.
-        bands: whether the stated bands hold on all runs together, each left out in turn, by channel.
-        log_evidence: of the joint posterior, by the same draws.
-        status: empty if healthy, else what is wrong in words.
-    """
-
-    runs: tuple[LeftOutRun, ...]
-    bands: dict[str, Pooled]
-    log_evidence: float
-    status: str
-
-    @property
-    def elpd(self) -> float:
-        """Sum over runs, nats; higher is better."""
-        return sum(run.elpd for run in self.runs)
-
-    @property
-    def std_error(self) -> float:
-        """Standard error of the sum, the runs being a sample of possible ones."""
-        return float(np.sqrt(len(self.runs)) * np.std([run.elpd for run in self.runs], ddof=1))
-
-    @property
-    def k_hat(self) -> float:
-        """Worst of all runs."""
-        return max(run.k_hat for run in self.runs)
-
-
-def mean_score(result: LeaveOneRunOut, channel: str, name: str) -> float:
-    """Return the mean of a score of one channel over all runs, each run by its number of samples.
-
-    Args:
-        result: of `leave_one_run_out`.
-        channel: measured channel.
-        name: of the score, an attribute of `Score`.
-    """
-    scores = [run.scores[channel] for run in result.runs]
-    samples = np.array([one.samples for one in scores], float)
-    return float(samples @ [getattr(one, name) for one in scores] / samples.sum())
 
 
 def leave_one_run_out(

@@ -15,13 +15,12 @@ from seatrial.campaign.inference.error_models import ErrorModel, Scale, error_mo
 from seatrial.campaign.inference.estimate import estimate_key
 from seatrial.campaign.inference.modes import structure_modes
 from seatrial.campaign.inference.posterior import random_key, widest
-from seatrial.campaign.store.cross_validation import OWN, SMALL, Candidate, ChannelScores, CrossValidation, gap
 from seatrial.campaign.store.estimates import HasKey
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.reporter import SILENT, Progress, Reporter
-from seatrial.messages.render import sentence
-from seatrial.selection.leave_one_run_out import MIN_RUNS, LeaveOneRunOut, leave_one_run_out, mean_score
+from seatrial.selection.cross_validation import OWN, SMALL, Candidate, CrossValidation, gap
+from seatrial.selection.leave_one_run_out import MIN_RUNS, leave_one_run_out
 from seatrial.selection.structures import Structure
 
 MOST = 3  # Structures at most for which other models of the error are tried
@@ -31,7 +30,7 @@ STATED = ErrorModel(OWN, "the campaign's own")
 def stored_cross_validation(campaign: Campaign, trials: HasKey) -> StoredResult[CrossValidation]:
     """Return where the result is kept, as far as it is there, and what it depends on."""
     keys = {one.label: estimate_key(campaign, one, trials) for one in campaign.structures}
-    path, key = Store(campaign.folder).cross_validation, key_of("cross-validation", keys)
+    path, key = Store(campaign.folder).cross_validation, key_of("runs left out", keys)
     return StoredResult(path, key, CrossValidation, f"seatrial crossvalidate {campaign.folder}")
 
 
@@ -96,11 +95,11 @@ def best_campaign(campaign: Campaign, trials: Trials, found: CrossValidation) ->
     """
     if not found.own:
         raise NumericalError("; ".join(one.refused for one in found.candidates))
-    best = found.recommended or max(found.own, key=lambda one: one.total)
+    best = found.recommended or found.own_best
     study, contending = Study(campaign, trials.fit), _contending(campaign.structures, found.candidates)
     others = error_models(campaign, widest(contending), _scale(study, contending, found.candidates))
     error = next(one for one in (STATED, *others) if one.name == best.error_model)
-    return _changed(campaign, [one for one in contending if one.label == best.structure], error)
+    return _changed(campaign, [one for one in contending if one.label == best.structure.label], error)
 
 
 def current_cross_validation(campaign: Campaign, trials: HasKey) -> CrossValidation | None:
@@ -122,7 +121,7 @@ def _compute(
     study: Study, work: Sequence[tuple[Structure, ErrorModel]], found: list[Candidate], keep: Any, reporter: Reporter
 ) -> None:
     """Compute what is missing, and keep all that is there after each."""
-    there = {(one.structure, one.error_model) for one in found}
+    there = {(one.structure.label, one.error_model) for one in found}
     missing = [(structure, error) for structure, error in work if (structure.label, error.name) not in there]
     for place, (structure, error) in enumerate(missing, 1):
         title = f"leave one run out, {error.name}, structure {place} of {len(missing)}: {structure.label}"
@@ -132,9 +131,7 @@ def _compute(
 
 def _candidate(study: Study, structure: Structure, error: ErrorModel, progress: Progress) -> Candidate:
     campaign = study.campaign
-    named = Candidate(
-        structure.label, structure.terms, error.name, error.words, tuple(error.lines()) if error.estimation else ()
-    )
+    named = Candidate(structure, error.name, error.words, tuple(error.lines()) if error.estimation else ())
     try:
         posterior = study.posterior(structure)
         mode = study.once("modes", lambda: structure_modes(study))[structure]
@@ -152,14 +149,8 @@ def _candidate(study: Study, structure: Structure, error: ErrorModel, progress: 
     coefficients = [one for one in zip(own.names, own.values, own.sd, strict=True) if one[0] in structure.terms]
     return replace(
         named,
-        elpd=tuple(run.elpd for run in left.runs),
-        errors=tuple(run.error for run in left.runs),
-        k_hat=tuple(run.k_hat for run in left.runs),
-        refitted=tuple(run.refitted for run in left.runs),
-        log_evidence=left.log_evidence,
-        channels=_channels(left),
+        left=left,
         coefficients=tuple((name, float(value), float(sd)) for name, value, sd in coefficients),
-        status=left.status,
     )
 
 
@@ -168,30 +159,17 @@ def _changed(campaign: Campaign, structures: Sequence[Structure], error: ErrorMo
     return replace(with_error_model(campaign, widest(structures), error), shortlist=tuple(structures))
 
 
-def _channels(left: LeaveOneRunOut) -> tuple[ChannelScores, ...]:
-    return tuple(
-        ChannelScores(
-            name,
-            tuple(run.scores[name].crps for run in left.runs),
-            mean_score(left, name, "explained"),
-            mean_score(left, name, "coverage_50"),
-            mean_score(left, name, "coverage"),
-            bands.level,
-            sentence(bands.verdict),
-        )
-        for name, bands in left.bands.items()
-    )
-
-
 def _contending(structures: Sequence[Structure], found: Sequence[Candidate]) -> list[Structure]:
     """Return the structures for which other models of the error are tried: the best by score and by evidence, and what is not apart."""
     own = [one for one in found if one.error_model == OWN and not one.refused]
     if not own:
         return []
     best = max(own, key=lambda one: one.total)
-    likely = max(own, key=lambda one: one.log_evidence)
+    likely = max(own, key=lambda one: one.result.log_evidence)
     close = [one for one in own if not gap(best, one).is_clear(SMALL)]
-    labels = list(dict.fromkeys(one.structure for one in (best, likely, *sorted(close, key=lambda one: -one.total))))
+    labels = list(
+        dict.fromkeys(one.structure.label for one in (best, likely, *sorted(close, key=lambda one: -one.total)))
+    )
     by_label = {one.label: one for one in structures}
     return [by_label[label] for label in labels[:MOST]]
 
@@ -199,9 +177,9 @@ def _contending(structures: Sequence[Structure], found: Sequence[Candidate]) -> 
 def _scale(study: Study, structures: Sequence[Structure], found: Sequence[Candidate]) -> Scale:
     """Return how large things are, each coefficient as the first structure has it that has it at all."""
     labels = [one.label for one in structures]
-    own = [one for one in found if one.error_model == OWN and one.structure in labels]
+    own = [one for one in found if one.error_model == OWN and one.structure.label in labels]
     coefficients = {}
-    for one in sorted(own, key=lambda one: labels.index(one.structure)):
+    for one in sorted(own, key=lambda one: labels.index(one.structure.label)):
         coefficients = {name: (value, sd) for name, value, sd in one.coefficients} | coefficients
     model = study.campaign.model(widest(structures))
     return scale_of(model, study.records, coefficients, {name: value for name, (value, _) in coefficients.items()})

@@ -15,7 +15,6 @@ from typing import Generic
 
 from seatrial.campaign.rehearsal.result import Rehearsal
 from seatrial.campaign.store.calibration import Calibrated
-from seatrial.campaign.store.cross_validation import CrossValidation
 from seatrial.campaign.store.designs import FreeTrial, Measures, RelayTrial, Searched, SweptDesigns
 from seatrial.campaign.store.estimates import Estimate, Known
 from seatrial.campaign.store.predictions import FittedBaselines, Predictions
@@ -25,6 +24,7 @@ from seatrial.core.dataset import Dataset
 from seatrial.core.record import Record
 from seatrial.estimation.posterior.profile_result import Profiles
 from seatrial.selection.criterion import Criteria
+from seatrial.selection.cross_validation import CrossValidation
 from seatrial.selection.verdict import Selection
 
 

@@ -28,6 +28,7 @@ from seatrial.core.errors import InputError
 from seatrial.core.findings import Finding, Message, accept
 from seatrial.core.reporter import SILENT, Reporter
 from seatrial.estimation.simulation.sensor_errors import noise_name
+from seatrial.messages.cross_validation import complaints
 from seatrial.messages.render import sentences
 
 OF_NEXT_TRIAL = ("next", "contenders")  # Steps without which all that was found so far still holds
@@ -123,7 +124,7 @@ def summarise(outcome: Outcome) -> Summary:
     cautions += [*chosen.left_out, *chosen.cautions, *outcome.known.cautions]
     cautions += selection.cautions
     cautions += [] if outcome.contenders is None else outcome.contenders.cautions(selection)
-    cautions += [] if outcome.cross_validation is None else outcome.cross_validation.complaints()
+    cautions += [] if outcome.cross_validation is None else complaints(outcome.cross_validation)
     cautions += [text for record in records for text in record_doubts(campaign, record)]
     cautions += held_back_cautions(campaign.imports, outcome.trials)
     cautions += filter_complaints(outcome.filter, _fitted_noise(outcome))

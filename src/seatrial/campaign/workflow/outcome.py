@@ -8,7 +8,6 @@ from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.design.sweep import Designs
 from seatrial.campaign.inference.baselines import comparison_alarms
 from seatrial.campaign.inference.judge_predictions import disowned, held_back_alarms
-from seatrial.campaign.store.cross_validation import CrossValidation
 from seatrial.campaign.store.estimates import Estimate, Known
 from seatrial.campaign.store.predictions import Fit, FittedBaselines
 from seatrial.campaign.store.structures import Contenders, Screened, Summary
@@ -16,7 +15,9 @@ from seatrial.core.dataset import Dataset
 from seatrial.core.findings import Finding
 from seatrial.estimation.prediction.baseline_comparison import Comparison
 from seatrial.estimation.prediction.pooled_coverage import Pooled
+from seatrial.messages.cross_validation import disagreement
 from seatrial.messages.render import sentences
+from seatrial.selection.cross_validation import CrossValidation
 from seatrial.selection.verdict import DECIDED, Selection
 
 
@@ -122,8 +123,8 @@ class Outcome:
     @property
     def choice_alarms(self) -> list[str]:
         """Why the choice of the structure is not to be relied on: evidences, and predictions of runs that were left out."""
-        left_out = [] if self.cross_validation is None else self.cross_validation.alarms
-        return [*self.selection.alarms, *left_out]
+        left_out = "" if self.cross_validation is None else disagreement(self.cross_validation)
+        return [*self.selection.alarms, *filter(None, [left_out])]
 
     def _chains_of_others(self, *, in_question: bool) -> list[str]:
         probability = dict(

@@ -169,11 +169,12 @@ def crossvalidate(context: typer.Context, folder: Folder, quiet: Quiet = False) 
 
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
         from seatrial.campaign.workflow.steps import Workflow
+        from seatrial.messages.cross_validation import complaints, cross_validation_lines, disagreement
 
         result = Workflow(campaign, reporter).get("cross_validation")
-        answer.say("\n".join(result.lines()))
+        answer.say("\n".join(cross_validation_lines(result)))
         answer.give_result(result)
-        return answer.finish(result.alarms, result.complaints())
+        return answer.finish([*filter(None, [disagreement(result)])], complaints(result))
 
     with_campaign(folder, quiet, work, context)
 

@@ -8,6 +8,7 @@ from seatrial.campaign.selection.evidence import agreement_counts
 from seatrial.campaign.store.estimates import Estimate
 from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.estimation.regression.row_fit import SCREENING
+from seatrial.messages.cross_validation import complaints, disagreement, headline, heads, rows
 from seatrial.report.drawing import (
     digits_of,
     draw,
@@ -118,11 +119,11 @@ def _left_out(outcome: Outcome) -> dict[str, Any]:
     result = outcome.cross_validation
     if result is None:
         return {}
-    texts, alarms = (*result.headline(), *result.complaints()), result.alarms
+    texts, alarm = (*headline(result), *complaints(result)), disagreement(result)
     return {
-        "findings": [finding_of(outcome, text) | ({"kind": "alarm"} if text in alarms else {}) for text in texts],
+        "findings": [finding_of(outcome, text) | ({"kind": "alarm"} if text == alarm else {}) for text in texts],
         "lines": [] if result.recommended is None else list(result.recommended.lines),
-        "heads": result.heads(),
-        "rows": [[sentence_of(outcome, row[0]).rstrip("."), *row[1:]] for row in result.rows()],
+        "heads": heads(result),
+        "rows": [[sentence_of(outcome, row[0]).rstrip("."), *row[1:]] for row in rows(result)],
         "runs": len(result.runs),
     }
