@@ -10,10 +10,10 @@ from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.inference import calibration as module
 from seatrial.campaign.inference.calibration import calibrate
-from seatrial.campaign.store.calibration import Calibrated
 from seatrial.campaign.store.stored_result import Store
 from seatrial.core.errors import InputError
-from seatrial.estimation.diagnostics.calibration import DRAWS
+from seatrial.estimation.diagnostics.calibration import DRAWS, Calibration
+from seatrial.messages.predictions import calibration_report, mixing_words
 from seatrial.report.figure_files import write_calibration_picture
 from tests.campaign.small import write_small
 
@@ -36,12 +36,12 @@ def test_ranks_of_every_parameter(found, small):
     assert found.names == ("X_uabsu", "T_nabsn", "X_u", "sigma_u", "log-likelihood")
     assert found.ranks.shape == (24, 5)
     assert found.outside() == ()
-    assert found.lines()[-1].startswith(
+    assert calibration_report(found)[-1].startswith(
         "calibrated: the ranks lie inside the band that holds all 5 quantities with 99 %"
     )
     assert found.health.shape == (24, 4)
     assert np.isnan(found.health).all(0).tolist() == [False, False, False, True]
-    assert "the draws mixed well in all 24 replicates (R-hat up to 1.0" in found.lines()[-2]
+    assert "the draws mixed well in all 24 replicates (R-hat up to 1.0" in calibration_report(found)[-2]
     assert write_calibration_picture(small[0].folder, small[0].name, found).read_text().lstrip().startswith("<?xml")
 
 
@@ -83,7 +83,7 @@ def test_a_posterior_that_is_too_narrow_is_caught(small, monkeypatch):
     spoilt = calibrate(campaign, trials, 32, METHOD)
     Store(campaign.folder).calibration(METHOD).unlink()
     assert {"X_uabsu", "T_nabsn", "X_u"} <= set(spoilt.outside())
-    said = " ".join(spoilt.lines())
+    said = " ".join(calibration_report(spoilt))
     assert "the posterior is overconfident" in said
     assert "so the sampling is not the cause of the uneven ranks" in said
 
@@ -107,7 +107,7 @@ def spoken(health, ranks=None):
     """What is said of the sampling in a calibration of one quantity whose replicates have these diagnostics."""
     health = np.asarray(health, float)
     ranks = np.arange(len(health))[:, None] % (DRAWS + 1) if ranks is None else ranks
-    return Calibrated(("a",), ranks, "given", "M-0", 0.0, health).mixing_words()
+    return mixing_words(Calibration(("a",), ranks, "given", "M-0", 0.0, health))
 
 
 GOOD = (1.01, 800.0, 0.0, np.nan)

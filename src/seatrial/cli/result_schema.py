@@ -270,7 +270,7 @@ class Tuning(TypedDict):
     records: list[Tuned]
 
 
-class Calibration(TypedDict):
+class Calibrated(TypedDict):
     """`calibrate`: quantities whose ranks leave the band, p-value of each."""
 
     structure: str
@@ -354,7 +354,7 @@ RESULTS = {
     "crossvalidate": CrossValidation,
     "check": Check,
     "tuning": Tuning,
-    "calibrate": Calibration,
+    "calibrate": Calibrated,
     "next": Next,
     "report": Summary,
     "run": Summary,

@@ -17,6 +17,15 @@ if TYPE_CHECKING:
 WORSE_THAN_MEAN, WORSE_THAN_MEANS = "worse than the run's own mean", "worse than the runs' own means"
 # Standard errors from what uniform ranks have at which a shift or a spread of the ranks is spoken of
 CLEAR_ERRORS = 2.6
+MANY_REFUSED = 0.05  # Share of the prior beyond which a reader is told
+MANY_POOR = 0.02  # Share of the replicates that did not mix well from which on they may be why ranks are uneven
+# How the worst of each diagnostic of the replicates is said.
+WORST_MIXING = (
+    ("R-hat up to {:.2f}", np.max),
+    ("{:.0f} effective draws at least", np.min),
+    ("{:.2%} of transitions diverged at most", np.max),
+    ("{:.0%} of the moves made at least", np.min),
+)
 MUCH = 0.9  # Share explained from which on tenths of a per cent are shown
 FAR = 2.0  # Ratio of the CRPS from which one prediction is better by far
 ROUNDING = 1e-6  # Share of the furthest value below which the edge of the fitted range is zero but for rounding
@@ -179,6 +188,43 @@ def calibration_lines(calibration: "Calibration") -> list[str]:
         lines.append(f"both are for the worst of {k} quantities, however they are correlated")
     columns = dict(zip(calibration.names, calibration.ranks.T, strict=True))
     return lines + [f"{name}: {shape_of_ranks(columns[name])}" for name in calibration.outside()]
+
+
+def calibration_report(calibration: "Calibration") -> list[str]:
+    """Return `calibration_lines`, whether the draws mixed, and whether the stated uncertainty is calibrated."""
+    outside, k = calibration.outside(), len(calibration.names)
+    band = f"the band that holds {'it' if k == 1 else f'all {k} quantities'} with 99 % probability"
+    verdict = (
+        f"calibrated: the ranks lie inside {band}"
+        if not outside
+        else f"not calibrated: the ranks of {', '.join(outside)} leave {band}"
+    )
+    lines = [*calibration_lines(calibration), mixing_words(calibration)]
+    if calibration.refused > MANY_REFUSED:
+        lines.append(
+            f"{calibration.refused:.0%} of the prior could not be simulated and was drawn again; `seatrial prior` shows why"
+        )
+    return [*lines, f"{verdict} (structure {calibration.structure}, {calibration.method})"]
+
+
+def mixing_words(calibration: "Calibration") -> str:
+    """Say whether the draws themselves may be why ranks are uneven, by the method's own diagnostics."""
+    poor, r = calibration.poor(), len(calibration.health)
+    worst = [
+        text.format(extreme(column[~np.isnan(column)]))
+        for (text, extreme), column in zip(WORST_MIXING, calibration.health.T, strict=True)
+        if not np.isnan(column).all()
+    ]
+    numbers = ", ".join(worst)
+    if not poor.any():
+        end = ": so the sampling is not the cause of the uneven ranks" if calibration.outside() else ""
+        return f"the draws mixed well in all {r} replicates ({numbers}){end}"
+    sentence = f"the draws mixed poorly in {poor.sum()} of {r} replicates ({numbers})"
+    if poor.mean() < MANY_POOR:
+        return f"{sentence}: too few to cause uneven ranks"
+    return (
+        f"{sentence}: this may be the cause of uneven ranks, not the posterior; try another method, or narrower priors"
+    )
 
 
 def shape_of_ranks(ranks: np.ndarray) -> str:

@@ -12,13 +12,13 @@ from seatrial.campaign.data.accelerations import RATE, SmoothedChannel
 from seatrial.campaign.design.relay import relay_loop
 from seatrial.campaign.prior.predictive import PriorPredictive
 from seatrial.campaign.rehearsal.result import Rehearsal
-from seatrial.campaign.store.calibration import Calibrated
 from seatrial.campaign.store.designs import RelayTrial
 from seatrial.campaign.store.structures import Contenders, Screened
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import shown_unit
 from seatrial.core.files import write_text
 from seatrial.core.record import Record
+from seatrial.estimation.diagnostics.calibration import Calibration
 from seatrial.estimation.posterior.profile_result import Profiles
 from seatrial.messages.priors import prior_summary
 from seatrial.report.drawing import draw_svg, prior_panels, prior_spreads, signal_axis, signal_symbol
@@ -59,11 +59,11 @@ def write_accelerations_picture(folder: Path, record: Record, channels: Sequence
 # The picture of a calibration: a stand-alone SVG in the campaign's folder.
 
 
-def write_calibration_picture(folder: Path, name: str, result: Calibrated) -> Path:
+def write_calibration_picture(folder: Path, name: str, result: Calibration) -> Path:
     """Write `calibration-METHOD.svg`, atomically, and return its path."""
     path = folder / f"calibration-{result.method}.svg"
     words = (
-        f"{name}: {len(result.ranks)} truths from the priors, result again by {result.method}; "
+        f"{name}: {len(result.ranks)} truths from the priors, estimated again by {result.method}; "
         f"pale bands hold all {len(result.names)} in 99 % of cases"
     )
     with own_settings():

@@ -16,14 +16,13 @@ from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.estimate import estimate_key
 from seatrial.campaign.inference.posterior import random_key
-from seatrial.campaign.store.calibration import Calibrated
 from seatrial.campaign.store.estimates import HasKey
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of, load_checkpoint, save_checkpoint
 from seatrial.compiled.batching import map_lanes
 from seatrial.compiled.programs import program
 from seatrial.core.errors import NumericalError
 from seatrial.core.reporter import SILENT, Progress, Reporter
-from seatrial.estimation.diagnostics.calibration import ranks_of, spread_evenly
+from seatrial.estimation.diagnostics.calibration import Calibration, ranks_of, spread_evenly
 from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.estimation.posterior.replicate import replicate
 from seatrial.estimation.posterior.sample_posterior import Draw, find_method
@@ -34,11 +33,11 @@ TRIES = 200  # Draws from the prior until one can be simulated
 LIKELIHOOD = "log-likelihood"
 
 
-def stored_calibration(campaign: Campaign, trials: HasKey, replicates: int, method: str) -> StoredResult[Calibrated]:
+def stored_calibration(campaign: Campaign, trials: HasKey, replicates: int, method: str) -> StoredResult[Calibration]:
     """Return where the ranks of a calibration are kept, and what they depend on."""
     key = key_of(_key(estimate_key(campaign, campaign.full, trials), method), replicates)
     return StoredResult(
-        Store(campaign.folder).calibration(method), key, Calibrated, f"seatrial calibrate {campaign.folder}"
+        Store(campaign.folder).calibration(method), key, Calibration, f"seatrial calibrate {campaign.folder}"
     )
 
 
@@ -49,7 +48,7 @@ def _key(estimate: str, method: str) -> str:
 
 def calibrate(
     campaign: Campaign, trials: Trials, replicates: int, method: str, reporter: Reporter = SILENT
-) -> Calibrated:
+) -> Calibration:
     """Draw parameters from the priors, data from them over the fitted records' own inputs, and rank the truth in each posterior.
 
     The full structure is calibrated. Resumes from what an interrupted run has done.
@@ -68,7 +67,7 @@ def calibrate(
     structure, _ = campaign.full, find_method(method)
     checkpoint = Store(campaign.folder).checkpoint(f"calibration-{method}")
 
-    def run() -> Calibrated:
+    def run() -> Calibration:
         workers, study = workers_of(campaign, reporter), Study(campaign, trials.fit, method)
         names = study.posterior(structure).names
         progress = reporter.progress(f"calibrate {structure.label} by {method}")
@@ -77,7 +76,7 @@ def calibrate(
         arrays = replicated.arrays(range(replicates))
         refused = 1.0 - replicates / float(arrays["tries"].sum())
         quantities = (*names, LIKELIHOOD)
-        return Calibrated(quantities, arrays["rank"], method, structure.label, refused, arrays["health"])
+        return Calibration(quantities, arrays["rank"], method, structure.label, refused, arrays["health"])
 
     kept = stored_calibration(campaign, trials, replicates, method)
     return kept.read_or_make(run, lambda: checkpoint.unlink(missing_ok=True))

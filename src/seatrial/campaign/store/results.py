@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Generic
 
 from seatrial.campaign.rehearsal.result import Rehearsal
-from seatrial.campaign.store.calibration import Calibrated
 from seatrial.campaign.store.designs import FreeTrial, Measures, RelayTrial, Searched, SweptDesigns
 from seatrial.campaign.store.estimates import Estimate, Known
 from seatrial.campaign.store.predictions import FittedBaselines, Predictions
@@ -22,6 +21,7 @@ from seatrial.campaign.store.stored_result import Result, Store, read_result
 from seatrial.campaign.store.structures import Contenders, Screened, StoredMode, Summary
 from seatrial.core.dataset import Dataset
 from seatrial.core.record import Record
+from seatrial.estimation.diagnostics.calibration import Calibration
 from seatrial.estimation.posterior.profile_result import Profiles
 from seatrial.selection.criterion import Criteria
 from seatrial.selection.cross_validation import CrossValidation
@@ -69,7 +69,7 @@ class Results:
     cross_validation = Reader(CrossValidation, lambda store: store.cross_validation, "crossvalidate")
     known = Reader(Known, lambda store: store.known, "estimate")
     profiles = Reader(Profiles, lambda store: store.profiles, "profile")
-    calibration = Reader(Calibrated, lambda store: store.calibration, "calibrate")
+    calibration = Reader(Calibration, lambda store: store.calibration, "calibrate")
     predictions = Reader(Predictions, lambda store: store.predictions, "run")
     baselines = Reader(FittedBaselines, lambda store: store.baselines, "run")
     filter = Reader(Dataset, lambda store: store.filter, "run")

@@ -108,10 +108,11 @@ def calibrate(
 
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
         from seatrial.campaign.workflow.steps import Workflow
+        from seatrial.messages.predictions import calibration_report
         from seatrial.report.figure_files import write_calibration_picture
 
         result = Workflow(campaign, reporter, replicates=replicates, method=method).get("calibration")
-        answer.say("\n".join(result.lines()))
+        answer.say("\n".join(calibration_report(result)))
         answer.give(
             structure=result.structure,
             method=result.method,

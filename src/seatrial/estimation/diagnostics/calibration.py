@@ -7,18 +7,22 @@ distance of their distribution from the diagonal, against a band that holds all 
 the k-th part of the allowance (Bonferroni), whatever their ranks have to do with each other.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Annotated
 
 import numpy as np
 import scipy
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 DRAWS = 99  # Posterior draws that a rank is taken among: ranks run from 0 to 99
 BINS = 20
 FALSE_ALARMS = 0.01  # Share of right posteriors of which any quantity is called uneven
 RANK_SHARES = np.arange(1, DRAWS + 1) / (DRAWS + 1)
+# What a replicate's draws have at most and at least where they mixed well. Ranks are among 99 draws; of 32 short
+# chains 99 effective draws are 1.5 in each half, the means of which then differ so much that R-hat is 1.3, where
+# nothing is wrong with them.
+REPLICATE_MAX_R_HAT, REPLICATE_MIN_ESS, REPLICATE_MIN_MOVED = 1.3, DRAWS, 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,10 +32,30 @@ class Calibration:
     Attributes:
         names: quantities: parameters, and the log-likelihood.
         ranks: of the true value among `DRAWS` posterior draws.
+        method: how posteriors were drawn.
+        structure: label of the structure.
+        refused: share of the prior's draws that could not be simulated, and were drawn again.
+        health: of each replicate: R-hat, effective sample size, share of divergent transitions, share of moves made, NaN where the
+            method has no such number.
     """
 
     names: Annotated[tuple[str, ...], "quantity"]
     ranks: Int[np.ndarray, "replicate quantity"]
+    method: str = ""
+    structure: str = ""
+    refused: float = 0.0
+    health: Float[np.ndarray, "replicate diagnostic"] = field(default_factory=lambda: np.empty((0, 4)))
+
+    def poor(self) -> Bool[np.ndarray, " r"]:
+        """Return which replicates have draws that did not mix well, by the method's own diagnostics."""
+        r_hat, ess, diverged, moved = self.health.T
+        return (
+            (r_hat > REPLICATE_MAX_R_HAT)
+            | (ess < REPLICATE_MIN_ESS)
+            | (diverged > 0.0)
+            | (moved < REPLICATE_MIN_MOVED)
+            | np.isnan(self.health).all(1)
+        )
 
     def counts(self) -> Int[np.ndarray, "k bins"]:
         """Return the histogram of each quantity's ranks."""
