@@ -1,4 +1,4 @@
-"""A coefficient is shown in the unit in which its prior is written: in the terminal, the tables, the report and the dashboard."""
+"""A coefficient is shown in the unit in which its prior is written: in the terminal, the tables and the report."""
 
 import csv
 import re
@@ -9,8 +9,6 @@ from seatrial.campaign.store.results import Results
 from seatrial.campaign.store.stored_result import Store
 from seatrial.cli.campaign_text import written_units
 from seatrial.core.display_units import shown_as_written
-from seatrial.dashboard.pages.results import coefficients
-from seatrial.dashboard.result_plots import marginals
 from seatrial.report.numbers import with_sd
 from tests.campaign.small import NO_X_U, write_small
 from tests.cli.test_cli import run
@@ -42,14 +40,6 @@ def test_value_and_unit_agree_wherever_they_stand(monkeypatch, capsys, tmp_path)
         assert line["unit"] == UNIT
         assert float(line["mean"]) == pytest.approx(mean, rel=1e-9)
         assert float(line["sd"]) == pytest.approx(sd, rel=1e-9)
-    shown = shown_as_written(dict(written))
-    page = coefficients(Results(store.folder).summary(), shown)
-    assert with_sd(mean, sd) in page
-    (one,) = (one for one in marginals((("M-0", store.posterior("M-0")),), (), written) if one.name == "T_nabsn")
-    assert one.unit == UNIT
-    assert one.mean * 10.0**one.exponent == pytest.approx(mean, rel=1e-9)
-    area = (one.density["M-0"] * (one.edges[1:] - one.edges[:-1])).sum()
-    assert area == pytest.approx(1.0, abs=0.01)
     report = (folder / "report.html").read_text()
     assert with_sd(mean, sd) in report
     assert "N/(rev/s)<sup>2</sup>" in report

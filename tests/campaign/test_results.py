@@ -21,13 +21,13 @@ def test_reading_imports_neither_jax_nor_xarray(finished):
     folder, _ = finished
     script = (
         "import sys; from pathlib import Path; from seatrial.campaign.store.results import Results\n"
-        "from seatrial.dashboard.result_plots import marginals\n"
+        "from seatrial.dashboard.result_plots import estimated\n"
         f"found = Results(Path({str(folder)!r}))\n"
         "label = found.summary().chosen\n"
         "found.design(), found.next_design(), found.record('trial'), found.screening(), found.contenders(), found.filter()\n"
         "found.posterior(label).own_values, found.known(label)\n"
         "found.predictions(), found.selection()\n"
-        f"marginals(((label, Path({str(folder)!r}, 'results', 'posterior', label + '.nc')),), (), ())\n"
+        f"estimated((Path({str(folder)!r}, 'results', 'posterior', label + '.nc'),), ())\n"
         "print({'jax', 'xarray'} & {*sys.modules})"
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)

@@ -5,16 +5,15 @@ import os
 import re
 from contextlib import nullcontext
 from dataclasses import replace
+from html import unescape
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
-from markupsafe import Markup
 
 from seatrial.campaign.store.stored_result import Store
-from seatrial.campaign.store.structures import QUOTED, StoredAverage, StoredCoefficient, StoredMode
+from seatrial.campaign.store.structures import BestDesign, NextTrial, StoredMode
 from seatrial.core.display_units import shown_as_written
 from seatrial.core.errors import InputError
 from seatrial.core.findings import Finding
@@ -34,9 +33,12 @@ from seatrial.dashboard.pages.one_axis import (
     span_words,
 )
 from seatrial.dashboard.pages.record_chart import RecordChart, ends_errors
-from seatrial.dashboard.pages.results import coefficients, estimated_html, next_html, of_mode
+from seatrial.dashboard.pages.results import estimated_html, next_links, of_mode
+from seatrial.dashboard.result_plots import report_sections
 from seatrial.dashboard.view_models import AxisAbout, EstimatedStructure, EstimatedValue, Swept, beside
 from seatrial.logs.clock_shift import ClockShift
+from seatrial.report.page import CONTENTS, write_report
+from tests.report.outcomes import make_outcome
 
 
 def test_after_stop_no_link_leads_to_the_next_trial(tmp_path):
@@ -44,10 +46,44 @@ def test_after_stop_no_link_leads_to_the_next_trial(tmp_path):
     schedule = store.schedule(store.next_design)
     schedule.parent.mkdir(parents=True)
     schedule.write_text("time_s,n_rpm\n")
-    run = next_html(Markup("run a doublet"), False, "boat", store)
-    assert run.count("href=") == 2
-    stop = next_html(Markup("stop: the goal is met"), True, "boat", store)
-    assert stop == "<p>stop: the goal is met</p>"
+    best = BestDesign("doublet", "n", "rad/s", 0.0, 10.0, 5.0, 1.0, 1.0, {}, {})
+    assert next_links("boat", store, NextTrial("run a doublet", False, best)).count("href=") == 2
+    assert next_links("boat", store, NextTrial("stop: the goal is met", True, best)) == ""
+
+
+def test_the_sections_of_a_report_are_shown_as_they_are_written(tmp_path):
+    path = write_report(make_outcome(tmp_path, alarms=("chains disagree",)))
+    sections = report_sections(path)
+    assert list(sections) == ["answer", *CONTENTS]
+    html = unescape(path.read_text())
+    for section in sections.values():
+        assert not {*re.findall(r">([^<>]+)<", unescape(section))} - {*re.findall(r">([^<>]+)<", html)}
+    assert sum(section.count("<use ") for section in sections.values()) == html.count("<use ")
+    assert sum(section.count("<path ") for section in sections.values()) == html.count("<path ")
+
+
+@pytest.mark.parametrize(
+    ("foreign", "refused"),
+    [
+        ("<script>alert(1)</script>", "<script>"),
+        ('<p onclick="alert(1)">', "<p> with onclick=alert(1)"),
+        ('<a href="javascript:alert(1)">', "<a> with href=javascript:alert(1)"),
+        ('<img src="data:,">', "<img> with src=data:,"),
+        ('<p style="background: url(//elsewhere)">', "<p> with style=background: url(//elsewhere)"),
+        ('<p style="background: u\\72l(//elsewhere)">', "<p> with style="),
+        ("<style>body { display: none }</style>", "<style>"),
+        ("<p></ul>", "</ul> within <p>"),
+    ],
+)
+def test_a_report_with_foreign_markup_is_not_shown(tmp_path, foreign, refused):
+    path = tmp_path / "report.html"
+    path.write_text(f'<script>outside()</script><section id="summary">{foreign}</section>')
+    with pytest.raises(InputError, match=re.escape(refused)):
+        report_sections(path)
+    path.write_text('<section id="summary"><p>&lt;script&gt;alert(1)&lt;/script&gt;<!-- <script> --></p></section>')
+    assert report_sections(path) == {
+        "summary": '<section id="summary"><p>&lt;script&gt;alert(1)&lt;/script&gt;</p></section>'
+    }
 
 
 def test_grey_is_explained_where_a_design_breaks_a_limit():
@@ -133,55 +169,6 @@ def test_estimates_stand_by_structure_before_a_model_is_chosen():
     assert "Xu|u| and sigma_u in M-2: most of the ± with model error is from a delay of the actuators. Give" in said
     assert html.count("most of the ± with model error") == 2
     assert html.index("Do not use these numbers yet") < html.index("<caption>")
-
-
-def test_what_is_left_of_a_prior_has_two_digits_however_little_that_is():
-    numbers = dict.fromkeys(list(StoredCoefficient.__dataclass_fields__)[3:], 0.0)
-    numbers |= {"mean": -3.0, "model_error_sd": None}
-    rows = [
-        StoredCoefficient(f"X_{i}", "kg/m", "X_{u}", **{**numbers, "sd": sd, "prior_sd": 10.0})
-        for i, sd in enumerate((0.031, 0.99, 6.3))
-    ]
-    summary: Any = SimpleNamespace(
-        coefficients=rows, chosen="M-0", terms=("X_u",), averaged=(), quoted="chosen", usable=True
-    )
-    html = coefficients(summary, shown_as_written({}))
-    assert re.findall(r'data-head="sd / prior sd">([^<]*)<', html) == ["0.31 %", "9.9 %", "63 %"]
-
-
-@pytest.mark.parametrize(
-    ("quoted", "usable", "bold"),
-    [
-        ("chosen", True, ["−2.73 ± 0.26", "6.1 ± 1.0"]),
-        ("averaged", True, ["−2.88 ± 0.70", "5.0 ± 2.0", "1.0 ± 3.0"]),
-        ("averaged", False, []),
-        ("", True, []),
-    ],
-)
-def test_the_value_to_quote_is_the_only_bold_one(quoted, usable, bold):
-    """With model error where that is larger: 0.26 of the chosen model, 0.7 of the average; in the unit of the prior."""
-    numbers = dict.fromkeys(list(StoredCoefficient.__dataclass_fields__)[3:], 0.0) | {"model_error_cause": "X_u3"}
-    rows = [
-        StoredCoefficient(name, "kg/m", "X_{u}", **{**numbers, "mean": m, "sd": sd, "model_error_sd": wider})
-        for name, m, sd, wider in (("X_u", -2730.0, 110.0, 260.0), ("X_v", 6100.0, 1000.0, None))
-    ]
-    averages = [
-        StoredAverage(name, "kg/m", "X_{u}", m, sd, 0.0, 0.0, wider, "", inclusion)
-        for name, m, sd, wider, inclusion in (
-            ("X_u", -2880.0, 410.0, 700.0, 1.0),
-            ("X_v", 5000.0, 2000.0, None, 1.0),
-            ("X_w", 1000.0, 3000.0, None, 0.3),
-            ("X_r", 1000.0, 3000.0, None, 0.001),
-        )
-    ]
-    summary: Any = SimpleNamespace(
-        coefficients=rows, chosen="M-0", terms=("X_u",), averaged=averages, quoted=quoted, usable=usable
-    )
-    html = str(coefficients(summary, shown_as_written(dict.fromkeys(("X_u", "X_v", "X_w"), "t/m"))))
-    said, table = html[: html.index("<table")], html[html.index("<table") :]
-    assert re.findall("<strong>(.*?)</strong>", table) == bold
-    assert ("the value to quote" in said) == bool(bold)
-    assert not bold or QUOTED[quoted] in said
 
 
 def test_a_stored_mode_is_shown_with_its_model_error_in_the_unit_of_its_prior():

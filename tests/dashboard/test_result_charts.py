@@ -1,4 +1,4 @@
-"""What charts of results show: histograms that are densities, windows of predictions, axes that hold their bars, no foreign markup."""
+"""What charts of results show: windows of predictions, axes that hold their bars, no foreign markup."""
 
 import json
 from types import SimpleNamespace
@@ -14,13 +14,11 @@ from seatrial.campaign.store.stored_result import StoredResult
 from seatrial.campaign.store.structures import StoredCoefficient
 from seatrial.core.dataset import Dataset
 from seatrial.core.dataset_file import write_dataset
-from seatrial.core.display_units import shown_as_written
 from seatrial.core.errors import InputError
 from seatrial.dashboard import model_queries, prediction_views, result_charts, result_plots
 from seatrial.dashboard.charts import Curve, Panel, TimeChart, _series, legend_lines
 from seatrial.dashboard.downsample import Envelope
 from seatrial.dashboard.pages.compare import is_of_vehicle, joint_difference, shared_sides, side_by_side
-from seatrial.dashboard.pages.results import by_origin
 from seatrial.dashboard.view_models import FitAbout, Swept
 from seatrial.selection.structures import Structure
 from tests.export.finished import finished
@@ -32,61 +30,12 @@ def shown(monkeypatch):
     monkeypatch.setattr(result_charts, "chart", lambda options, title, height: options)
 
 
-def estimate(names, mean, sd, seed):
-    z = np.random.default_rng(seed).normal(size=(4, 5000, len(names)))
-    mean, sd = np.array(mean), np.array(sd)
-    at = mean[:, None] + sd[:, None] * np.linspace(-4, 4, 41)
-    each = "parameter"
-    return xr.Dataset(
-        {
-            "draws": (("chain", "draw", each), mean + sd * z),
-            **{name: (each, values) for name, values in {"mean": mean, "mode": mean, "laplace_sd": sd}.items()},
-            "prior_lower": (each, at[:, 0]),
-            "prior_upper": (each, at[:, -1]),
-            "prior_value": ((each, "point"), at),
-            "prior_density": ((each, "point"), np.full_like(at, 1 / 8) / sd[:, None]),
-            "label": (each, names),
-            "unit": (each, ["kg/m"] * len(names)),
-        },
-        coords={each: names},
-    )
-
-
-def test_posteriors_are_densities_in_the_unit_of_their_axis():
-    names, sd = ["X_uabsu", "T_nabsn"], [0.1, 2e-5]
-    data = {"M-0": estimate(names, [-2.9, 6.3e-4], sd, 0), "M-1": estimate(names[1:], [6.4e-4], sd[1:], 1)}
-    found = result_plots._marginal("T_nabsn", data, {"T_nabsn": 6.35e-4}, shown_as_written({}))
-    width = found.edges[1] - found.edges[0]
-    assert found.exponent == -4
-    assert list(found.density) == ["M-0", "M-1"]
-    assert found.truth == pytest.approx(6.35)
-    assert found.density["M-0"].sum() * width == pytest.approx(1.0, abs=0.002)  # all but the outermost draws
-    assert np.trapezoid(found.normal, found.grid) == pytest.approx(1.0, abs=0.01)
-    assert found.interval == pytest.approx((6.3 - 1.96 * 0.2, 6.3 + 1.96 * 0.2), abs=0.02)
-    inside = np.abs(found.grid - 6.3) < 0.5
-    assert found.prior[inside] == pytest.approx(1 / 8 / 0.2, rel=1e-6)
-
-
-def test_the_legend_of_posteriors_has_as_many_lines_as_it_needs(shown):
-    data = {f"M-{i}": estimate(["X_u"], [-2.9], [0.1], i) for i in range(4)}
-    one = result_plots._marginal("X_u", data, {}, shown_as_written({}))
-    options = result_charts.marginal_chart(one)
-    names = [line["name"] for line in options["series"]]
-    assert names == ["M-0", "prior", "normal approximation", "M-1", "M-2", "M-3"]
-    assert "type" not in options["legend"]
-    assert options["grid"]["top"] == 24 + 20 * legend_lines(names, result_charts.NARROWEST) == 84
-    alone = result_charts.marginal_chart(one._replace(density={"M-0": one.density["M-0"]}))
-    assert (alone["legend"]["show"], alone["grid"]["top"]) == (False, 24)
-
-
 def test_a_posterior_with_other_fields_is_said_in_words(tmp_path):
-    data = Dataset.of(estimate(["X_u"], [-2.9], [0.1], 0).drop_vars("unit"))
+    data = Dataset({"mean": ("parameter", np.array([-2.9]))}, {"parameter": ["X_u"]})
     StoredResult(tmp_path / "M-0.nc", "key", Estimate).write(Estimate(Structure("M-0", ("X_u",)), data))
     with pytest.raises(InputError, match="a result with other fields") as said:
         result_plots.estimated((tmp_path / "M-0.nc",), ())
     assert "seatrial run" in said.value.remedy
-    with pytest.raises(InputError, match="a result with other fields"):
-        result_plots.marginals((("M-0", tmp_path / "M-0.nc"),), (), ())
 
 
 def test_a_held_control_is_drawn_as_steps_however_many_samples_a_column_has():
@@ -199,15 +148,6 @@ def test_only_targets_that_can_hold_the_vehicle_are_offered(tmp_path):
     assert any("K_nabsn" in term for term in whole["gz"].unsupported)
     trials = [one for one in model_queries.export_targets(folder, "") if one.is_trial]
     assert all("no schedule" in one.refusal for one in trials)
-
-
-def test_probabilities_of_the_screening_stand_apart_from_those_of_simulated_structures():
-    selection = SimpleNamespace(inclusion={"X_u": 0.96, "X_u3": 0.11, "T_un": 0.24, "X_0": 0.3})
-    structures = (("X_u",), ("X_u", "T_un"), ("X_u", "X_0"))
-    summary = SimpleNamespace(structures=tuple(SimpleNamespace(terms=terms) for terms in structures))
-    simulated, screened = by_origin(selection, summary).values()
-    assert simulated == ["X_0", "T_un"]
-    assert screened == ["X_u", "X_u3"]
 
 
 def test_a_legend_has_as_many_lines_as_its_width_needs():

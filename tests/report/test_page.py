@@ -212,7 +212,7 @@ def test_alarms_of_other_models_leave_the_values_of_the_chosen_one(tmp_path):
     assert "Do not use" not in html
     assert "Another model is not reliable: 1 health check failed." in html
     assert "its values may be used" in html
-    assert '<p class="answer">' in html
+    assert '<p class="answer" id=' in html
     html = render(alarmed(tmp_path, "the evidence of M-1 is not reliable: repeats differ by 3.6 nats"))
     assert "The choice of the model is not reliable: 1 health check failed." in html
 

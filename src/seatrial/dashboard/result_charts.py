@@ -1,4 +1,4 @@
-"""Charts of results: designs, posteriors, probabilities, predictions with their residuals, and two campaigns side by side."""
+"""Charts of results: designs, predictions with their residuals, and two campaigns side by side."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -13,7 +13,6 @@ from nicegui import ui
 from seatrial.core.normal import Z90
 from seatrial.dashboard.app_context import AppContext
 from seatrial.dashboard.charts import (
-    DASHES,
     SYMBOLS,
     Curve,
     Panel,
@@ -22,19 +21,14 @@ from seatrial.dashboard.charts import (
     chart,
     colour,
     faint,
-    legend_lines,
     tooltip,
 )
-from seatrial.dashboard.view_models import FitAbout, Marginal, Swept
+from seatrial.dashboard.view_models import FitAbout, Swept
 from seatrial.report.figures.style import unit_label
 
 CHOSEN = "chosen design"
 VIRIDIS = ("#440154", "#414487", "#2a788e", "#22a884", "#7ad151", "#fde725")
 """Ends and stops of the map of colours of the design surface, the same in every theme."""
-LONG = 20
-"""Letters of a name beside a bar, in a line, on a telephone."""
-NARROWEST = 250
-"""Pixels of the narrowest chart of a posterior: 16 rem less its margins."""
 WHEEL = [{"type": "inside", "filterMode": "none"}]
 _NUMBERS = "const digits = (value) => String(Number(Number(value).toPrecision(4)));"
 _SHORTENED = "(name) => name.length > 20 ? name.slice(0, 9) + '…' + name.slice(-10) : name"
@@ -166,77 +160,6 @@ def schedule_chart(time: np.ndarray, control: np.ndarray, name: str, unit: str) 
         ],
     }
     return chart(options, f"Control {name} of the design over time", 240)
-
-
-def marginal_chart(one: Marginal) -> ui.echart:
-    """Draw the posterior of one parameter, beside its prior, and the posteriors of other structures over it."""
-    chosen, *others = one.density
-    series = [
-        _stairs(chosen, one.edges, one.density[chosen], "blue", filled=True),
-        _curve("prior", one.grid, one.prior, "muted", "dashed"),
-        _curve("normal approximation", one.grid, one.normal, "ink", "solid"),
-    ]
-    for index, label in enumerate(others):
-        shade = ("orange", "purple", "dots")[index % 3]
-        series.append(_stairs(label, one.edges, one.density[label], shade))
-    series[0]["markArea"] = {
-        "silent": True,
-        "itemStyle": {"color": faint("blue", 12)},
-        "data": [[{"xAxis": one.interval[0]}, {"xAxis": one.interval[1]}]],
-    }
-    if one.truth is not None:
-        series[0]["markLine"] = {
-            "silent": True,
-            "symbol": "none",
-            "label": {"formatter": "true", "color": colour("ink")},
-            "lineStyle": {"color": colour("purple"), "type": "dotted", "width": 2},
-            "data": [{"xAxis": one.truth}],
-        }
-    top = max(float(np.nanmax(curve)) for curve in (*one.density.values(), one.prior, one.normal) if np.size(curve))
-    unit = unit_label(one.name, one.unit, one.exponent)
-    ends = {"min": float(one.edges[0]), "max": float(one.edges[-1])}
-    along = axis(unit, nameLocation="middle", nameGap=26, splitNumber=4, **ends)
-    along["axisLabel"] |= {"showMinLabel": False, "showMaxLabel": False}
-    above = 20 * legend_lines([line["name"] for line in series], NARROWEST) if others else 0
-    options = {
-        "grid": {"left": 12, "right": 12, "top": 24 + above, "bottom": 46},
-        "xAxis": along,
-        "yAxis": {"type": "value", "show": False, "min": 0, "max": 1.1 * top},
-        "legend": {"show": bool(others), "top": 0, "itemGap": 10, "textStyle": {"color": colour("ink")}},
-        "tooltip": tooltip(_HOVER),
-        "dataZoom": WHEEL,
-        "series": series,
-    }
-    return chart(options, f"Posterior of {one.name}", 220 + above)
-
-
-class Probability(NamedTuple):
-    """A bar: what it is of, its probability, and the standard error of that."""
-
-    label: str
-    share: float
-    error: float
-
-
-def probability_chart(bars: Sequence[Probability], title: str) -> ui.echart:
-    """Draw probabilities as bars with one standard error, the first on top."""
-    rows, is_long = [one.label for one in bars], any(len(one.label) > LONG for one in bars)
-    broken = {"yAxis": {"axisLabel": {"width": 7 * LONG, "overflow": "break", "lineHeight": 14}}}
-    words = [f"{escape(one.label)}: {one.share:.3f} ± {one.error:.2g}" for one in bars]
-    whiskers = [[i, max(0.0, one.share - one.error), min(1.0, one.share + one.error), 0] for i, one in enumerate(bars)]
-    share = [{"value": one.share, "name": text} for one, text in zip(bars, words, strict=True)]
-    options = {
-        "grid": {"left": 36, "right": 20, "top": 10, "bottom": 44, "containLabel": True},
-        "xAxis": axis("probability", nameLocation="middle", nameGap=26, min=0, max=1),
-        "yAxis": {**_categories(rows, ""), "inverse": True},
-        "tooltip": {**tooltip(_AT_POINT), "trigger": "item"},
-        "media": [{"query": {"maxWidth": 520}, "option": broken}] if is_long else [],
-        "series": [
-            {"type": "bar", "data": share, "color": colour("blue"), "barMaxWidth": 18},
-            _whiskers(whiskers, "ink"),
-        ],
-    }
-    return chart(options, title, 90 + (46 if is_long else 30) * len(bars))
 
 
 class Side(NamedTuple):
@@ -389,20 +312,6 @@ def _whiskers(rows: list[list[Any]], shade: str) -> dict[str, Any]:
         "color": colour(shade),
         "silent": True,
     }
-
-
-def _stairs(name: str, edges: np.ndarray, density: np.ndarray, shade: str, filled: bool = False) -> dict[str, Any]:
-    points = [*zip(edges.tolist(), density.tolist(), strict=False), (float(edges[-1]), 0.0)]
-    area = {"areaStyle": {"color": faint(shade, 45)}} if filled else {}
-    line = {"width": 0 if filled else 1.5, "type": DASHES.get(shade, "solid")}
-    common = {"type": "line", "name": name, "step": "end", "showSymbol": False, "color": colour(shade)}
-    return {**common, "lineStyle": line, "data": [list(point) for point in points], **area}
-
-
-def _curve(name: str, x: np.ndarray, y: np.ndarray, shade: str, dash: str) -> dict[str, Any]:
-    line = {"type": dash, "width": 1.4, "color": colour(shade)}
-    data = [[float(a), float(f"{b:.5g}")] for a, b in zip(x, y, strict=True)]
-    return {"type": "line", "name": name, "showSymbol": False, "color": colour(shade), "lineStyle": line, "data": data}
 
 
 def _words_of_cell(sweep: Swept, family: int, row: int, column: int, value: float, what: str) -> str:

@@ -1,10 +1,12 @@
-"""Curves of stored results for charts, from the files alone: nothing here knows a vehicle, so nothing heavy is imported."""
+"""Stored results for pages, from the files alone: nothing here knows a vehicle, so nothing heavy is imported."""
 
+import re
 import tempfile
-from collections.abc import Mapping
+from html.parser import HTMLParser
 from pathlib import Path
 
 import numpy as np
+from markupsafe import escape
 
 from seatrial.campaign.store.designs import SweptDesigns
 from seatrial.campaign.store.estimates import Estimate
@@ -12,13 +14,21 @@ from seatrial.campaign.store.stored_result import decoding, read_result
 from seatrial.core.dataset import Dataset
 from seatrial.core.dataset_file import open_dataset, write_dataset
 from seatrial.core.display_units import Shown, shown_as_written, shown_unit
-from seatrial.core.normal import normal_density
-from seatrial.dashboard.view_models import EstimatedStructure, EstimatedValue, Marginal, Swept
-from seatrial.report.figures.style import power_of_ten
+from seatrial.core.errors import InputError
+from seatrial.dashboard.view_models import EstimatedStructure, EstimatedValue, Swept
 
-MOST_LISTED = 12
-BINS, POINTS = 60, 161
-"""Bins of a histogram of draws, and points of the curves beside it."""
+# All that a report is made of: nothing of this runs, loads or sends anything.
+_TAG = re.compile(
+    "a|abbr|br|clippath|code|dd|defs|desc|details|div|dl|dt|figcaption|figure|g|h2|h3|i|li|ol|p|path|pattern|pre|rect|section|small|span"
+    "|strong|sub|summary|sup|svg|table|tbody|td|text|th|thead|title|tr|tspan|ul|use"
+)
+_ATTRIBUTE = re.compile(
+    "aria-[a-z]+|class|clip-path|colspan|d|data-head|fill|focusable|height|href|id|patternunits|role|scope|style|tabindex|title|transform"
+    "|viewbox|width|x|xlink:href|y"
+)
+STYLES = ("clip-path", "fill", "style")
+# A style that leads out of the page, or hides where it leads.
+_OUTWARD = re.compile(r"url\((?!#)|\\", re.IGNORECASE)
 
 
 def ready() -> bool:
@@ -95,60 +105,64 @@ def _estimated(estimate: Estimate, shown: Shown) -> EstimatedStructure:
     )
 
 
-def marginals(
-    paths: tuple[tuple[str, Path], ...],
-    truth: tuple[tuple[str, float], ...],
-    written: tuple[tuple[str, str], ...],
-    most: int = MOST_LISTED,
-) -> tuple[Marginal, ...]:
-    """Read the posterior of each parameter of the first structure, beside those of the other structures that have it.
+def report_sections(path: Path) -> dict[str, str]:
+    """Read the answer of a report and its sections, by id.
 
-    Args:
-        paths: label and posterior of each structure, the chosen one first.
-        truth: of a simulated vehicle, by name, SI.
-        written: units in which priors are written, by name.
-        most: parameters.
+    The file may have come with a campaign from anybody, and a page of the dashboard may run scripts: so each tag is read, and written
+    again with its text escaped.
 
     Raises:
-        InputError: missing or damaged.
+        InputError: no report, or one that holds something else than reports do.
     """
-    data = {label: read_result(Estimate, path, "seatrial estimate").data for label, path in paths}
-    chosen, *_ = data.values()
-    shown = shown_as_written(dict(written))
-    with decoding(paths[0][1].parent, "seatrial run"):
-        return tuple(_marginal(str(name), data, dict(truth), shown) for name in chosen["parameter"].values[:most])
+    reader = _Sections(path)
+    try:
+        reader.feed(path.read_text(encoding="utf-8", errors="replace"))
+    except FileNotFoundError:
+        raise reader.refusal("no report") from None
+    return {name: "".join(parts) for name, parts in reader.sections.items()}
 
 
-def _marginal(name: str, data: Mapping[str, Dataset], truth: Mapping[str, float], shown: Shown) -> Marginal:
-    rows = {label: one.sel(parameter=name) for label, one in data.items() if name in one["parameter"].values}
-    row = next(iter(rows.values()))
-    draws = {label: one["draws"].values.ravel() for label, one in rows.items()}
-    ends = [np.quantile(one, [0.0005, 0.9995]) for one in draws.values()]
-    low, high = min(float(one[0]) for one in ends), max(float(one[1]) for one in ends)
-    if (true := truth.get(name)) is not None:
-        low, high = min(low, true), max(high, true)
-    low, high = low - 0.05 * (high - low), high + 0.05 * (high - low)
-    factor, unit = shown(name, str(row["unit"].item()))
-    exponent = power_of_ten(factor * low, factor * high)
-    scale = 10.0**exponent / factor
-    edges, grid = np.linspace(low, high, BINS + 1), np.linspace(low, high, POINTS)
-    inside = (grid >= float(row["prior_lower"])) & (grid <= float(row["prior_upper"]))
-    prior = np.where(inside, np.interp(grid, row["prior_value"].values, row["prior_density"].values), 0.0)
-    interval = np.quantile(next(iter(draws.values())), [0.025, 0.975]) / scale
-    return Marginal(
-        name,
-        str(row["label"].item()),
-        unit,
-        exponent,
-        edges / scale,
-        {
-            label: np.histogram(one, edges)[0] / (one.size * (edges[1] - edges[0])) * scale
-            for label, one in draws.items()
-        },
-        grid / scale,
-        prior * scale,
-        normal_density(grid, float(row["mode"]), float(row["laplace_sd"])) * scale,
-        float(row["mean"]) / scale,
-        (float(interval[0]), float(interval[1])),
-        None if true is None else true / scale,
-    )
+class _Sections(HTMLParser):
+    """Collects the parts of a report that are shown elsewhere."""
+
+    def __init__(self, path: Path):
+        super().__init__()
+        self.path, self.sections, self.within = path, {}, []
+
+    def refusal(self, found: str) -> InputError:
+        """Return why the file is not shown."""
+        remedy = "write it again under Report and export"
+        return InputError(str(self.path), found=found, expected="the report of this campaign", remedy=remedy)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        """Begin a part, or go on with one."""
+        texts = {key: value or "" for key, value in attrs}
+        if not self.within:
+            if tag != "section" and texts.get("id") != "answer":
+                return
+            self.sections[texts.get("id", "")] = []
+        for key, text in texts.items():
+            leads_out = not text.startswith("#") if key.endswith("href") else key in STYLES and _OUTWARD.search(text)
+            if not _ATTRIBUTE.fullmatch(key) or leads_out:
+                raise self.refusal(f"<{tag}> with {key}={text[:40]}")
+        if not _TAG.fullmatch(tag):
+            raise self.refusal(f"<{tag}>")
+        self._write("".join([f"<{tag}", *(f' {key}="{escape(text)}"' for key, text in texts.items()), ">"]))
+        if tag != "br":
+            self.within.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        """End what was begun last."""
+        if self.within and tag != "br":
+            if self.within[-1] != tag:
+                raise self.refusal(f"</{tag}> within <{self.within[-1]}>")
+            self._write(f"</{tag}>")
+            self.within.pop()
+
+    def handle_data(self, data: str) -> None:
+        """Write text."""
+        if self.within:
+            self._write(str(escape(data)))
+
+    def _write(self, text: str) -> None:
+        next(reversed(self.sections.values())).append(text)

@@ -45,6 +45,7 @@ from seatrial.dashboard.request_guard import GuardedApp, RequestGuard, is_loopba
 from seatrial.dashboard.throttling import Throttle, punctual
 from seatrial.dashboard.view_models import words_of
 from seatrial.report.figures.style import PALETTE
+from seatrial.report.html import render_html
 
 UPLOAD_HERE, UPLOAD_FROM_ELSEWHERE = 8 << 30, 512 << 20
 """Bytes of an upload, at most: by whoever sits at this machine, and over the network."""
@@ -169,7 +170,8 @@ _FAVICON = (
 def _add_files(app: FastAPI, context: AppContext, guard: RequestGuard) -> None:
     style = (Path(__file__).parent / "style.css").read_text(encoding="utf-8")
     light, dark = ("; ".join(f"--{name}: {pair[i]}" for name, pair in PALETTE.items()) for i in (0, 1))
-    style = f':root {{ {light}; }}\n:root[data-theme="dark"] {{ {dark}; }}\n{style}'
+    of_report = render_html("style.css")
+    style = f':root {{ {light}; }}\n:root[data-theme="dark"] {{ {dark}; }}\n{style}\n.report {{\n{of_report}}}\n'
 
     @app.get("/style.css")
     async def _style() -> Response:

@@ -129,38 +129,6 @@ class EstimatedStructure(NamedTuple):
     alarms: tuple[str, ...] = ()
 
 
-class Marginal(NamedTuple):
-    """Posterior of one parameter by each structure that has it, in units of 10^`exponent` of the unit in which it is shown.
-
-    Attributes:
-        name: of the parameter.
-        label: in LaTeX.
-        unit: in which it is shown.
-        exponent: of ten, pulled out of all numbers.
-        edges: of the bins of the histograms, shape (b + 1,).
-        density: histogram of the draws by each structure's label, the chosen one first; shape (b,) each.
-        grid: points of the curves, shape (n,).
-        prior: density there.
-        normal: density of the normal approximation there.
-        mean: of the chosen structure.
-        interval: its 95 % interval.
-        truth: of a simulated vehicle; None where it is unknown.
-    """
-
-    name: str
-    label: str
-    unit: str
-    exponent: int
-    edges: np.ndarray
-    density: dict[str, np.ndarray]
-    grid: np.ndarray
-    prior: np.ndarray
-    normal: np.ndarray
-    mean: float
-    interval: tuple[float, float]
-    truth: float | None
-
-
 class Swept(NamedTuple):
     """A stored sweep, for the forms beside its picture; numbers in the units in which they are shown, NaN where a limit is broken."""
 

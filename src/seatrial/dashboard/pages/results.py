@@ -1,8 +1,6 @@
-"""What the data say: coefficients, fit and residuals, posteriors, probabilities of models, and the next trial."""
+"""What the data say: the sections of the report, with each fit as a chart that zooms; before a model is chosen, the estimates."""
 
-import re
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -11,37 +9,23 @@ from typing import Any
 from markupsafe import Markup
 from nicegui import ui
 
-from seatrial.campaign.store.estimates import StoredCoefficient
 from seatrial.campaign.store.predictions import Predictions
 from seatrial.campaign.store.results import Results
 from seatrial.campaign.store.stored_result import Store
-from seatrial.campaign.store.structures import (
-    QUOTED,
-    RARE,
-    StoredAverage,
-    StoredMode,
-    Summary,
-)
+from seatrial.campaign.store.structures import NextTrial, StoredMode
 from seatrial.cli.campaign_text import written_units
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import Shown, listed, shown_as_written
-from seatrial.core.errors import InputError, SeatrialError
+from seatrial.core.errors import SeatrialError
 from seatrial.core.findings import Finding
 from seatrial.dashboard.app_context import AppContext, change_of, fill, keep_current, markup, say
 from seatrial.dashboard.page_layout import LOOK, link, links_html, section, table
-from seatrial.dashboard.result_charts import Probability, fit_charts, marginal_chart, probability_chart
-from seatrial.dashboard.view_models import EstimatedStructure, EstimatedValue, Marginal
+from seatrial.dashboard.result_charts import fit_charts
+from seatrial.dashboard.view_models import EstimatedStructure, EstimatedValue
 from seatrial.dashboard.worker_pool import stamp
-from seatrial.messages.predictions import explained_text
-from seatrial.messages.render import sentence, statement
-from seatrial.report.labels import label_html, name_html, sentence_about
-from seatrial.report.numbers import Digits, percent, probability, short, times_ten, typeset, unit_html, with_sd
-from seatrial.selection.structures import Structure, structure_names
-from seatrial.selection.verdict import Selection
-
-MOST = 12
-CANDIDATES = 4
-"""Structures over one plot, at most: the chosen one and the most probable others."""
+from seatrial.messages.render import sentence
+from seatrial.report.labels import label_html, sentence_about
+from seatrial.report.numbers import short, unit_html, with_sd
 
 
 async def build(context: AppContext, campaign: str, folder: Path) -> None:
@@ -49,54 +33,53 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
     store = Store(folder)
 
     def seen() -> Any:
-        """What is shown: the finished run, else the estimates that there are."""
-        others = () if store.summary.exists() else (store.mode, *posteriors(store))
-        return tuple(map(stamp, (store.summary, *others)))
+        """What is shown: the report of the finished run, else the estimates that there are."""
+        made = (store.summary, store.report) if store.summary.exists() else (store.mode, *posteriors(store))
+        return tuple(map(stamp, made))
 
-    await keep_current(ui.element("div"), seen, partial(_results, context, campaign, folder))
+    async def show() -> None:
+        await (_results if store.summary.exists() else _before_a_choice)(context, campaign, folder)
+
+    await keep_current(ui.element("div"), seen, show)
 
 
 async def _results(context: AppContext, campaign: str, folder: Path) -> None:
+    """Show the report section by section, whatever has changed since it was written."""
     store = Store(folder)
-    try:
-        summary = Results(folder).summary()
-    except (SeatrialError, OSError) as error:
-        if store.summary.exists():
-            say(error)
-        else:
-            await _before_a_choice(context, campaign, folder)
-        return
-    names, labels = names_and_labels(summary)
-    shown = shown_as_written(dict(written_units(folder)))
-    with section(summary.name):
-        await _currency(context, campaign, folder)
-        for kind in ("alarms", "verdicts", "cautions"):
-            if getattr(summary, kind):
-                marks = Markup("").join(
-                    Markup('<li class="{}">{}</li>').format(
-                        "alarm" if kind == "alarms" else "", sentence_about(text, names, labels)
-                    )
-                    for text in getattr(summary, kind)
-                )
-                title = _USABLE if kind == "alarms" and summary.usable else _TITLE[kind]
-                markup(Markup('<h3>{}</h3><ul class="findings">{}</ul>').format(title, marks))
-        if summary.alarms or summary.cautions:
+    await _currency(context, campaign, folder)
+    asked = context.worker_pool.draw("report_sections", store.report, files=[store.report])
+    shown = partial(_sections, context, campaign, folder)
+    await fill(ui.element("div"), asked, shown, "reading the report …")
+
+
+async def _sections(context: AppContext, campaign: str, folder: Path, sections: dict[str, str]) -> None:
+    store = Store(folder)
+    for name, html in sections.items():
+        with ui.element("div").classes("report"):
+            markup(html)
+        if name == "summary":
             markup(links_html([(link("model", campaign), "Change the noise or the terms")]))
-        markup(coefficients(summary, shown))
-    with section(
-        "Fit and residuals",
-        "Raw data, downsampled, spikes kept; line and 90 % band: predicted from the inputs alone. Wheel, drag or buttons zoom.",
-    ):
-        await _fits(context, store)
-    truth = await _truth(context, folder)
-    words = "Filled: draws; pale: 95 % interval. Dashed: prior. Thin line: normal approximation."
-    with section("Posteriors", words + " Dotted: the truth of the simulated vehicle." * bool(truth)):
-        await _posteriors(context, folder, summary, truth)
-    with section("Models and terms"):
-        _models(store, summary)
-    with section("The next trial"):
-        words = sentence_about(summary.next_trial.words, names, labels)
-        markup(next_html(words, summary.next_trial.stop or summary.next_trial.best is None, campaign, store))
+        elif name == "fit":
+            with section(
+                "Fit and residuals over time",
+                "Raw data, downsampled, spikes kept; line and 90 % band: predicted from the inputs alone. Wheel, drag or buttons zoom.",
+            ):
+                await _fits(context, store)
+        elif name == "next":
+            try:
+                markup(next_links(campaign, store, Results(folder).summary().next_trial))
+            except (SeatrialError, OSError) as error:
+                say(error)
+
+
+def next_links(campaign: str, store: Store, trial: NextTrial) -> Markup:
+    """Return links to the next trial; nothing where it is better not run."""
+    if trial.stop or trial.best is None:
+        return Markup("")
+    links = [(link("design", campaign), "Look at it on the design surface")]
+    if store.schedule(store.next_design).is_file():
+        links.append((link("download", campaign, file="results/next_schedule.csv"), "Download its schedule (CSV)"))
+    return links_html(links)
 
 
 async def _before_a_choice(context: AppContext, campaign: str, folder: Path) -> None:
@@ -132,89 +115,6 @@ def posteriors(store: Store) -> tuple[Path, ...]:
     return tuple(sorted(files, key=lambda path: (len(path.stem), path.stem)))
 
 
-def next_html(words: Markup, stop: bool, campaign: str, store: Store) -> Markup:
-    """Say what to do next, with links to the next trial unless it is better not run."""
-    links = [(link("design", campaign), "Look at it on the design surface")]
-    if store.schedule(store.next_design).is_file():
-        links.append((link("download", campaign, file="results/next_schedule.csv"), "Download its schedule (CSV)"))
-    return Markup("<p>{}</p>{}").format(words, "" if stop else links_html(links))
-
-
-_TERM = re.compile(r"\b[A-Z]_\w+")
-_TITLE = {
-    "alarms": "Do not use these numbers yet",
-    "verdicts": "What the data say",
-    "cautions": "What to know before using them",
-}
-
-_BOLD, _PLAIN = Markup("<strong>{}</strong>"), Markup("{}")
-_WITHIN, _WITH_ERROR = "mean ± sd, within the model", "with model error"
-_USABLE = "What failed, but not for the coefficients of the chosen model"
-
-
-def names_and_labels(summary: Summary) -> tuple[dict[str, str], dict[str, str]]:
-    """Names of the structures by their terms, as the report has them, and the label of each parameter."""
-    text = " ".join((*summary.verdicts, *(term for one in summary.structures for term in one.terms)))
-    labels = {}
-    for term in set(_TERM.findall(text)):
-        with suppress(InputError):
-            labels[term] = CoefficientName.parse(term).label
-    labels |= {row.name: row.label for row in summary.coefficients}
-    return structure_names([Structure(one.label, one.terms) for one in summary.structures]), labels
-
-
-def coefficients(summary: Summary, shown: Shown) -> Markup:
-    """The table of coefficients of the chosen structure, in the units in which they are `shown`; with model error where that makes a ±
-    much wider. The value to quote is bold; if that is the average, coefficients that the structure lacks have a row too.
-    """
-    wider = any(row.model_error_sd is not None for row in summary.coefficients)
-    is_averaged = summary.quoted == "averaged"
-    is_quoted, averages = summary.usable and bool(summary.quoted), {row.name: row for row in summary.averaged}
-    bold = _BOLD if is_quoted else _PLAIN
-    rows = []
-    for row in (one.in_unit(*shown(one.name, one.unit)) for one in summary.coefficients):
-        own, average = Markup(with_sd(row.mean, row.sd)), averages.pop(row.name, None)
-        more = _wider(row.model_error_sd, row.model_error_cause)
-        if not is_averaged and row.model_error_sd is None:
-            own = bold.format(own)
-        elif not is_averaged:
-            quoted = bold.format(with_sd(row.mean, row.model_error_sd))
-            more = Markup("{} <small>{}</small>").format(quoted, row.model_error_cause)
-        mean = "" if average is None else _averaged(average, shown, bold)
-        shrunk = percent(row.sd / row.prior_sd) if row.prior_sd else ""
-        cells = [
-            own,
-            *[more] * wider,
-            *[mean] * is_averaged,
-            interval(row),
-            short(row.prior_sd),
-            unit_html(row.unit),
-            shrunk,
-        ]
-        rows.append([_named(row.label, row.name), *cells])
-    for one in averages.values() if is_averaged else ():
-        if one.inclusion >= RARE:
-            unit = unit_html(shown(one.name, one.unit)[1])
-            cells = ["not in it", *[""] * wider, _averaged(one, shown, bold), "", "", unit, ""]
-            rows.append([_named(one.label, one.name), *cells])
-    head = ["parameter", _WITHIN, *[_WITH_ERROR] * wider, *["averaged over all models"] * is_averaged]
-    head += ["95 % interval, within the model", "prior sd", "unit", "sd / prior sd"]
-    words = Markup("<p><strong>Bold: the value to quote.</strong> It is {}.</p>").format(QUOTED.get(summary.quoted, ""))
-    caption = f"Parameters of {summary.chosen}: {' '.join(summary.terms)}"
-    return (words if is_quoted else Markup("")) + table(head, rows, caption, stacks=True)
-
-
-def _named(label: str, name: str) -> Markup:
-    return label_html(label) + Markup(" <small>{}</small>").format(name)
-
-
-def _averaged(row: StoredAverage, shown: Shown, bold: Markup) -> Markup:
-    """Return an averaged value with the ± that counts: with model error if that is larger."""
-    factor = shown(row.name, row.unit)[0]
-    pair = bold.format(with_sd(factor * row.mean, factor * (row.model_error_sd or row.sd)))
-    return pair if row.model_error_sd is None else pair + Markup(" <small>with model error</small>")
-
-
 def estimated_html(structures: Sequence[EstimatedStructure]) -> Markup:
     """Return the coefficients of each structure as they are before any structure is chosen, and once what makes a ± much wider.
 
@@ -229,7 +129,9 @@ def estimated_html(structures: Sequence[EstimatedStructure]) -> Markup:
     )
     return Markup("").join(
         [
-            Markup('<h3>{}</h3><ul class="findings">{}</ul>').format(_TITLE["alarms"], alarms) if alarms else "",
+            Markup('<h3>Do not use these numbers yet</h3><ul class="findings">{}</ul>').format(alarms)
+            if alarms
+            else "",
             *map(_of_structure, structures),
             Markup('<h3>Where the model error comes from</h3><ul class="findings">{}</ul>').format(rows)
             if rows
@@ -253,17 +155,13 @@ def _causes(structures: Sequence[EstimatedStructure]) -> list[Markup]:
 
 
 def _of_structure(one: EstimatedStructure) -> Markup:
-    wider = any(row.wider is not None for row in one.values)
-    cells = [
-        [
-            _named(row.label, row.name),
-            with_sd(row.mean, row.sd),
-            *([_wider(row.wider, row.cause)] if wider else []),
-            unit_html(row.unit),
-        ]
-        for row in one.values
-    ]
-    head = ["parameter", _WITHIN, *([_WITH_ERROR] if wider else []), "unit"]
+    is_wider = any(row.wider is not None for row in one.values)
+    cells = []
+    for row in one.values:
+        name = label_html(row.label) + Markup(" <small>{}</small>").format(row.name)
+        wider = "" if row.wider is None else Markup("± {} <small>{}</small>").format(short(row.wider), row.cause)
+        cells.append([name, with_sd(row.mean, row.sd), *[wider] * is_wider, unit_html(row.unit)])
+    head = ["parameter", "mean ± sd, within the model", *["with model error"] * is_wider, "unit"]
     return table(head, cells, f"Parameters of {one.label}: {' '.join(one.terms)}", stacks=True)
 
 
@@ -279,24 +177,13 @@ def of_mode(mode: StoredMode, shown: Shown) -> EstimatedStructure:
     return EstimatedStructure("the most probable structure", mode.terms, tuple(values))
 
 
-def _wider(sd: float | None, cause: str) -> str | Markup:
-    return "" if sd is None else Markup("± {} <small>{}</small>").format(short(sd), cause)
-
-
-def interval(row: StoredCoefficient) -> str:
-    """The 95 % interval, with the digits and the power of ten of the mean: `(5.87 to 6.30) × 10⁻⁴`."""
-    digits = Digits.of(row.mean, row.sd)
-    ends = f"{digits.bare(row.lower_95)} to {digits.bare(row.upper_95)}"
-    return f"({ends}){times_ten(digits.exponent)}" if digits.exponent else ends
-
-
 async def _currency(context: AppContext, campaign: str, folder: Path) -> None:
     """Say so where the results no longer belong to the campaign file, or where others are being made."""
 
     def build(steps: Any) -> None:
         # The design of the first trial is not made again once the trial was run, and no result depends on it.
-        told = [one for one in steps if one.name not in ("report", "design")]
-        old, missing = ([one.name for one in told if one.state == state] for state in ("stale", "missing"))
+        shown = [one for one in steps if one.name != "design"]
+        old, missing = ([one.name for one in shown if one.state == state] for state in ("stale", "missing"))
         if context.jobs.look(folder).running:
             words = '<p class="note" role="status">A command is running. These are the earlier results; the page updates itself.</p>'
             markup(words)
@@ -330,141 +217,22 @@ async def _fits(context: AppContext, store: Store) -> None:
     holder = ui.element("div")
 
     def build(predictions: Predictions) -> Any:
-        rows = [
-            [
-                fit.record + (" (held back)" if fit.held_back else ""),
-                fit.channel,
-                Markup('<span class="verdict {}">{}</span>').format(fit.level, fit.level),
-                typeset(explained_text(fit.explained)) if not fit.missing else "",
-                percent(fit.coverage) if fit.samples else "",
-                fit.finding,
-            ]
-            for fit in predictions.fits
-        ] + [
-            [
-                "held-back runs together",
-                one.channel,
-                Markup('<span class="verdict {}">{}</span>').format(one.level, one.level),
-                typeset(explained_text(one.explained, one.runs)),
-                percent(one.coverage) if one.effective else "",
-                statement(one.verdict),
-            ]
-            for one in predictions.pooled
-        ]
-        head = ["run", "channel", "verdict", "explained", "inside 90 % band", "why"]
-        markup(table(head, rows, "How well each record is predicted", stacks=True))
-        pictures = ui.element("div")
         curves = {
-            (i, j): f"run {record}, {channel}{' (held back)' if record in predictions.held_back else ''}"
+            f"{i}/{j}": f"run {record}, {channel}{' (held back)' if record in predictions.held_back else ''}"
             for i, record in enumerate(predictions.records)
             for j, channel in enumerate(predictions.channels)
         }
 
-        async def show(at: tuple[int, int]) -> None:
+        async def show(which: str) -> None:
             pictures.clear()
-            asked = context.worker_pool.predict("fit_about", path, *at, files=[path])
-            await fill(pictures, asked, lambda about: fit_charts(context, path, *at, about), "reading …")
+            record, channel = map(int, which.split("/"))
+            asked = context.worker_pool.predict("fit_about", path, record, channel, files=[path])
+            await fill(pictures, asked, lambda about: fit_charts(context, path, record, channel, about), "reading …")
 
         if len(curves) > 1:
-            names = {f"{i}/{j}": words for (i, j), words in curves.items()}
-            form = ui.select(names, value="0/0", label="Record and channel").props(LOOK).classes("wide")
-            form.move(target_index=1)
-
-            async def changed() -> None:
-                i, _, j = str(form.value).partition("/")
-                await show((int(i), int(j)))
-
-            form.on_value_change(changed)
-        return show((0, 0))
+            form = ui.select(curves, value="0/0", label="Record and channel").props(LOOK).classes("wide")
+            form.on_value_change(lambda event: show(event.value))
+        pictures = ui.element("div")
+        return show("0/0")
 
     await fill(holder, context.worker_pool.predict("predicted", path, files=[path]), build)
-
-
-async def _posteriors(
-    context: AppContext, folder: Path, summary: Summary, truth: tuple[tuple[str, float], ...]
-) -> None:
-    """Draw the posterior of every parameter of the chosen structure, and if wanted those of the other candidates over it."""
-    store, terms = Store(folder), {one.label: " ".join(one.terms) for one in summary.structures}
-    ranked = sorted(summary.structures, key=lambda one: (one.label != summary.chosen, -one.probability))
-    paths = tuple((one.label, store.posterior(one.label)) for one in ranked if store.posterior(one.label).is_file())
-    candidates = paths[:CANDIDATES]
-    over = ui.checkbox("Other candidate structures over them") if len(candidates) > 1 else None
-    named = markup("")
-    holder = ui.element("div").classes("figures small")
-
-    def draw(marginals: tuple[Marginal, ...]) -> None:
-        for one in marginals:
-            with ui.element("figure"):
-                markup(Markup("<figcaption>{} <small>{}</small></figcaption>").format(label_html(one.label), one.name))
-                marginal_chart(one)
-
-    async def show() -> None:
-        holder.clear()
-        wanted = candidates if over is not None and over.value else candidates[:1]
-        files = [path for _, path in wanted]
-        words = Markup("; ").join(f"{label}: {terms[label]}" for label, _ in wanted)
-        named.set_content(Markup('<p class="note">{}</p>').format(words) if wanted[1:] else "")
-        asked = context.worker_pool.draw("marginals", wanted, truth, written_units(folder), files=files)
-        await fill(holder, asked, draw)
-
-    if over is not None:
-        over.on_value_change(show)
-    await show()
-
-
-def by_origin(chosen: Selection, summary: Summary) -> dict[str, list[str]]:
-    """Optional terms, the most probable first, by what their probability comes from: simulated structures differ in them, or not."""
-    ranked = sorted(chosen.inclusion, key=lambda term: -chosen.inclusion[term])
-    counts = {term: sum(term in one.terms for one in summary.structures) for term in ranked}
-    differ = [term for term in ranked if 0 < counts[term] < len(summary.structures)]
-    origins = {
-        "Probability that the vehicle needs each term, by the simulated structures": differ,
-        "Likewise by the screening alone: the simulated structures do not differ in these terms": [
-            term for term in ranked if term not in differ
-        ],
-    }
-    return {title: terms for title, terms in origins.items() if terms}
-
-
-async def _truth(context: AppContext, folder: Path) -> tuple[tuple[str, float], ...]:
-    """True values of a simulated vehicle, as the campaign file has them."""
-    from seatrial.campaign.config.toml import toml_content
-    from seatrial.cli.campaign_text import read_file
-
-    try:
-        content = toml_content(folder, read_file(folder))
-        return tuple((str(k), float(v)) for k, v in content.get("truth", {}).items()) if "import" not in content else ()
-    except (SeatrialError, OSError, ValueError, TypeError, AttributeError):
-        return ()
-
-
-def _models(store: Store, summary: Summary) -> None:
-    names, labels = names_and_labels(summary)
-    ranked = sorted(summary.structures, key=lambda one: (-one.probability, -one.log_evidence))
-    if len(ranked) > 1:
-        with ui.element("div").classes("figures"):
-            bars = [Probability(names[one.label], one.probability, one.probability_error) for one in ranked[:MOST]]
-            with ui.element("figure"):
-                probability_chart(bars, "Probability of each model, with one standard error")
-                markup("<figcaption>Probability of each model, with one standard error.</figcaption>")
-            try:
-                chosen = Results(store.folder).selection()
-            except (SeatrialError, OSError):
-                chosen = None
-            if chosen is not None:
-                for title, terms in by_origin(chosen, summary).items():
-                    bars = [Probability(term, chosen.inclusion[term], chosen.inclusion_error[term]) for term in terms]
-                    with ui.element("figure"):
-                        probability_chart(bars, title)
-                        markup(Markup("<figcaption>{}.</figcaption>").format(title))
-    rows = [
-        [
-            name_html(names[one.label], labels) + (" (chosen)" if one.label == summary.chosen else ""),
-            f"{one.label}: {' '.join(one.terms)}",
-            probability(one.probability, one.probability_error),
-            f"{one.log_evidence:.2f} ± {max(one.log_evidence_error, 0.01):.2f}",
-            sentence_about(one.status, names, labels) if one.status else "",
-        ]
-        for one in ranked
-    ]
-    markup(table(["model", "terms", "probability", "log evidence", "note"], rows, "Models", left=2, stacks=True))
