@@ -27,7 +27,7 @@ def test_reading_imports_neither_jax_nor_xarray(finished):
         "found.design(), found.next_design(), found.record('trial'), found.screening(), found.contenders(), found.filter()\n"
         "found.posterior(label).own_values, found.known(label)\n"
         "found.predictions(), found.selection()\n"
-        f"estimated((Path({str(folder)!r}, 'results', 'posterior', label + '.nc'),), ())\n"
+        f"estimated((Path({str(folder)!r}, 'results', 'posterior', label + '.nc'),))\n"
         "print({'jax', 'xarray'} & {*sys.modules})"
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)

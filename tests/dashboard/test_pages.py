@@ -4,7 +4,6 @@ import asyncio
 import os
 import re
 from contextlib import nullcontext
-from dataclasses import replace
 from html import unescape
 from pathlib import Path
 from types import SimpleNamespace
@@ -16,7 +15,6 @@ from seatrial.campaign.store.stored_result import Store
 from seatrial.campaign.store.structures import BestDesign, NextTrial, StoredMode
 from seatrial.core.display_units import shown_as_written
 from seatrial.core.errors import InputError
-from seatrial.core.findings import Finding
 from seatrial.dashboard.app_context import fill
 from seatrial.dashboard.jobs import Jobs, log_of
 from seatrial.dashboard.logs import Column, Looked
@@ -35,7 +33,7 @@ from seatrial.dashboard.pages.one_axis import (
 from seatrial.dashboard.pages.record_chart import RecordChart, ends_errors
 from seatrial.dashboard.pages.results import estimated_html, next_links, of_mode
 from seatrial.dashboard.result_plots import report_sections
-from seatrial.dashboard.view_models import AxisAbout, EstimatedStructure, EstimatedValue, Swept, beside
+from seatrial.dashboard.view_models import AxisAbout, EstimatedStructure, Swept, beside
 from seatrial.logs.clock_shift import ClockShift
 from seatrial.report.page import CONTENTS, write_report
 from tests.report.outcomes import make_outcome
@@ -138,25 +136,19 @@ def test_an_error_beside_its_field_names_no_line_of_the_file():
 
 
 def test_estimates_stand_by_structure_before_a_model_is_chosen():
-    force = Finding("model-error-wide", "note", ("X_uabsu",), {"effects": (("force", "X_u"),)}, ("see-selection",))
-    delay = Finding(
-        "model-error-wide", "note", ("X_uabsu", "sigma_u"), {"effects": (("delay", ""),)}, ("delay-of-actuators",)
-    )
-    both = replace(force, subject=("X_u", "X_uabsu"))
+    remark = "X_uabsu: most of the ± with model error is from a force X_u"
     found = (
-        EstimatedStructure("M-0", ("X_u",), (EstimatedValue("X_u", "X_{u}", "kg/s", -1.25, 0.23, None, ""),)),
+        EstimatedStructure("M-0", ("X_u",), (("X_u", "X_{u}", "kg/s", -1.25, 0.23, None, ""),)),
         EstimatedStructure(
             "M-1",
             ("X_uabsu",),
-            (EstimatedValue("X_uabsu", "X_{u|u|}", "kg/m", -3.92, 0.13, 0.478, "a force X_u"),),
-            (force,),
+            (("X_uabsu", "X_{u|u|}", "kg/m", -3.92, 0.13, 0.478, "a force X_u"),),
             ("R-hat of X_uabsu is 1.2",),
+            (remark,),
         ),
-        EstimatedStructure("M-2", ("X_uabsu",), (), (force, delay)),
-        EstimatedStructure("M-3", ("X_u", "X_uabsu"), (), (both,)),
     )
-    html = estimated_html(found)
-    first, second, *_ = html.split("<caption>")[1:]
+    html = estimated_html(found, shown_as_written({}))
+    first, second = html.split("<caption>")[1:]
     assert first.startswith("Parameters of M-0: X_u<")
     assert "−1.25 ± 0.23" in first
     assert "with model error" not in first
@@ -164,11 +156,8 @@ def test_estimates_stand_by_structure_before_a_model_is_chosen():
     assert "± 0.478 <small>a force X_u</small>" in second
     assert '<th scope="col">mean ± sd, within the model' in second
     assert '<td data-head="with model error">± 0.478' in second  # on a narrow screen, where the head is above each cell
-    said = re.sub("<[^>]*>", "", html).split("Where the model error comes from")[1]
-    assert "Xu|u| in M-1 and M-2; Xu and Xu|u| in M-3: most of the ± with model error is from a force Xu. See" in said
-    assert "Xu|u| and sigma_u in M-2: most of the ± with model error is from a delay of the actuators. Give" in said
-    assert html.count("most of the ± with model error") == 2
-    assert html.index("Do not use these numbers yet") < html.index("<caption>")
+    assert "Xu|u|: most of the ± with model error is from a force X_u." in re.sub("<[^>]*>", "", second)
+    assert html.index("Do not use these numbers yet") < html.index("M-1: R-hat of") < html.index("<caption>")
 
 
 def test_a_stored_mode_is_shown_with_its_model_error_in_the_unit_of_its_prior():
@@ -179,7 +168,7 @@ def test_a_stored_mode_is_shown_with_its_model_error_in_the_unit_of_its_prior():
         {"X_u": "kg/s", "sigma_u": "m/s"},
         {"X_u": (0.5, "a force X_uabsu")},
     )
-    html = estimated_html([of_mode(mode, shown_as_written({"X_u": "t/s", "sigma_u": "cm/s"}))])
+    html = estimated_html([of_mode(mode)], shown_as_written({"X_u": "t/s", "sigma_u": "cm/s"}))
     assert "± 5.00 × 10⁻⁴ <small>a force X_uabsu</small>" in html
     assert "2.00 ± 0.10" in html
     assert "cm/s" in html

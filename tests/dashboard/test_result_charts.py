@@ -18,7 +18,7 @@ from seatrial.core.errors import InputError
 from seatrial.dashboard import model_queries, prediction_views, result_charts, result_plots
 from seatrial.dashboard.charts import Curve, Panel, TimeChart, _series, legend_lines
 from seatrial.dashboard.downsample import Envelope
-from seatrial.dashboard.pages.compare import is_of_vehicle, joint_difference, shared_sides, side_by_side
+from seatrial.dashboard.pages.compare import joint_difference, side_by_side
 from seatrial.dashboard.view_models import FitAbout, Swept
 from seatrial.selection.structures import Structure
 from tests.export.finished import finished
@@ -34,8 +34,8 @@ def test_a_posterior_with_other_fields_is_said_in_words(tmp_path):
     data = Dataset({"mean": ("parameter", np.array([-2.9]))}, {"parameter": ["X_u"]})
     StoredResult(tmp_path / "M-0.nc", "key", Estimate).write(Estimate(Structure("M-0", ("X_u",)), data))
     with pytest.raises(InputError, match="a result with other fields") as said:
-        result_plots.estimated((tmp_path / "M-0.nc",), ())
-    assert "seatrial run" in said.value.remedy
+        result_plots.estimated((tmp_path / "M-0.nc",))
+    assert "seatrial estimate" in said.value.remedy
 
 
 def test_a_held_control_is_drawn_as_steps_however_many_samples_a_column_has():
@@ -88,34 +88,16 @@ def test_the_surface_leaves_out_what_breaks_a_limit_and_shows_no_foreign_markup(
     assert options["series"][1]["data"] == [[1, 1]]
 
 
-def test_noise_of_two_campaigns_is_no_contradiction():
-    blank = dict.fromkeys(list(StoredCoefficient.__dataclass_fields__)[3:], 0.0) | {"model_error_sd": None}
+def test_two_campaigns_differ_by_their_joint_standard_deviation_with_model_error():
+    blank = dict.fromkeys(list(StoredCoefficient.__dataclass_fields__)[3:], 0.0)
 
-    def side(mean, noise, unit="kg/s", wider=None):
-        rows = (("X_u", mean, 0.1, unit, wider), ("sigma_u", noise, 0.001, "m/s", None))
-        return SimpleNamespace(
-            coefficients=tuple(
-                StoredCoefficient(n, u, "", **{**blank, "mean": m, "sd": s, "model_error_sd": w})
-                for n, m, s, u, w in rows
-            )
-        )
+    def row(mean, unit="kg/s", wider=None):
+        return StoredCoefficient("X_u", unit, "", **{**blank, "mean": mean, "sd": 0.1, "model_error_sd": wider})
 
-    ours, theirs = side(-1.0, 0.05), side(-1.5, 0.08)
-    (found,) = shared_sides(ours, theirs)
-    apart = joint_difference(ours.coefficients[0], theirs.coefficients[0])
-    assert found.name == "X_u"
-    assert found.at == pytest.approx((0.0, -apart))
-    assert apart == pytest.approx(0.5 / np.hypot(0.1, 0.1))
-    wide = side(
-        -1.5, 0.08, wider=0.4
-    )  # its ± with model error: 1.2 joint standard deviations, where 3.5 would contradict
-    assert joint_difference(ours.coefficients[0], wide.coefficients[0]) == pytest.approx(0.5 / np.hypot(0.1, 0.4))
-    (found,) = shared_sides(ours, wide)
-    assert found.sd == pytest.approx((0.1 / np.hypot(0.1, 0.4), 0.4 / np.hypot(0.1, 0.4)))
-    per_mass = side(-1.5, 0.08, "1/s")  # of a campaign whose mass is unknown
-    assert shared_sides(ours, per_mass) == []
-    assert joint_difference(ours.coefficients[0], per_mass.coefficients[0]) is None
-    assert not any(map(is_of_vehicle, ("sigma_u", "bias_u", "lag_u", "current[1]", "u_0[run 1]")))
+    ours = row(-1.0)
+    assert joint_difference(ours, row(-1.5)) == pytest.approx(0.5 / np.hypot(0.1, 0.1))  # 3.5: a contradiction
+    assert joint_difference(ours, row(-1.5, wider=0.4)) == pytest.approx(0.5 / np.hypot(0.1, 0.4))  # 1.2
+    assert joint_difference(ours, row(-1.5, "1/s")) is None  # of a campaign whose mass is unknown
 
 
 def test_compare_prints_why_a_probability_means_nothing():

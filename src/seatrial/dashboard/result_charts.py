@@ -1,10 +1,10 @@
-"""Charts of results: designs, predictions with their residuals, and two campaigns side by side."""
+"""Charts of results: designs, and predictions with their residuals."""
 
 from collections.abc import Sequence
 from functools import partial
 from math import isfinite
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from markupsafe import escape
@@ -13,7 +13,6 @@ from nicegui import ui
 from seatrial.core.normal import Z90
 from seatrial.dashboard.app_context import AppContext
 from seatrial.dashboard.charts import (
-    SYMBOLS,
     Curve,
     Panel,
     TimeChart,
@@ -31,17 +30,7 @@ VIRIDIS = ("#440154", "#414487", "#2a788e", "#22a884", "#7ad151", "#fde725")
 """Ends and stops of the map of colours of the design surface, the same in every theme."""
 WHEEL = [{"type": "inside", "filterMode": "none"}]
 _NUMBERS = "const digits = (value) => String(Number(Number(value).toPrecision(4)));"
-_SHORTENED = "(name) => name.length > 20 ? name.slice(0, 9) + '…' + name.slice(-10) : name"
-"""A name in a legend, so that two of them fit beside each other on a telephone."""
 _AT_POINT = f"""(one) => {{ {_NUMBERS} return one.value && one.value.length > 3 ? one.value[3] : one.name; }}"""
-_WHISKER = """(params, api) => {
-  const [low, high] = [1, 2].map((end) => api.coord([api.value(end), api.value(0)])), half = 5;
-  for (const end of [low, high]) end[1] += api.value(3);
-  const style = { stroke: api.visual("color"), lineWidth: 2, fill: "none" };
-  return { type: "path", style, shape: { pathData: `M${low[0]},${low[1] - half}v${2 * half}M${low[0]},${low[1]}H${high[0]}`
-    + `M${high[0]},${high[1] - half}v${2 * half}` } };
-}"""
-"""A bar in a row from one value to another, with ends, so many pixels below the middle of the row."""
 _HOVER = f"""(all) => {{ {_NUMBERS} const plain = (text) => text.replace(/[&<>"]/g, (c) => "&#" + c.charCodeAt(0) + ";");
   const rows = all.map((one) => one.marker + plain(one.seriesName) + ": " + digits(one.value[1]));
   return [digits(all[0].axisValue), ...rows].join("<br>"); }}"""
@@ -162,45 +151,6 @@ def schedule_chart(time: np.ndarray, control: np.ndarray, name: str, unit: str) 
     return chart(options, f"Control {name} of the design over time", 240)
 
 
-class Side(NamedTuple):
-    """One parameter of two campaigns: its name, and for each the distance from the first's mean and its own sd, in joint sd."""
-
-    name: str
-    at: tuple[float, float]
-    sd: tuple[float, float]
-
-
-def sides_chart(sides: Sequence[Side], names: tuple[str, str]) -> ui.echart:
-    """Draw the parameters of two campaigns side by side: means and 95 % intervals, in joint standard deviations."""
-    series: list[dict[str, Any]] = []
-    marks = "circle", SYMBOLS["orange"]
-    for which, (name, shade, shift) in enumerate(zip(names, ("blue", "orange"), (-6, 6), strict=True)):
-        ends, points = [], []
-        for i, one in enumerate(sides):
-            at, sd = one.at[which], one.sd[which]
-            ends.append([i, at - 1.96 * sd, at + 1.96 * sd, shift])
-            points.append([at, i, 0, f"{escape(name)}, {escape(one.name)}: {at:.2f} ± {sd:.2f}"])
-        dots = {"type": "scatter", "data": points, "symbolSize": 9, "symbolOffset": [0, shift], "symbol": marks[which]}
-        series += [{**_whiskers(ends, shade), "name": name}, {**dots, "name": name, "color": colour(shade)}]
-    options = {
-        "grid": {"left": 10, "right": 20, "top": 34, "bottom": 44, "containLabel": True},
-        "xAxis": axis(
-            "distance from the first, joint sd; lines: 95 % intervals", nameLocation="middle", nameGap=26, scale=True
-        ),
-        "yAxis": {**_categories([one.name for one in sides], ""), "inverse": True},
-        "legend": {
-            "top": 0,
-            "textStyle": {"color": colour("ink")},
-            ":formatter": _SHORTENED,
-            "data": [{"name": name, "icon": mark} for name, mark in zip(names, marks, strict=True)],
-        },
-        "tooltip": {**tooltip(_AT_POINT), "trigger": "item"},
-        "dataZoom": WHEEL,
-        "series": series,
-    }
-    return chart(options, "Parameters of both campaigns, means and 95 % intervals", 110 + 34 * len(sides))
-
-
 async def fit_charts(context: AppContext, path: Path, index: int, channel: int, about: FitAbout) -> None:
     """Draw one channel of one record beside its prediction, its residuals below, and their autocorrelation."""
     ask = partial(context.worker_pool.predict, "fit_view", path, index, channel, files=[path])
@@ -299,18 +249,6 @@ def _mark(name: str, at: Sequence[float | None], symbol: str, size: int, hollow:
         "symbolSize": size,
         "itemStyle": style,
         "z": 5,
-    }
-
-
-def _whiskers(rows: list[list[Any]], shade: str) -> dict[str, Any]:
-    encode = {"x": [1, 2], "y": 0}
-    return {
-        "type": "custom",
-        ":renderItem": _WHISKER,
-        "data": rows,
-        "encode": encode,
-        "color": colour(shade),
-        "silent": True,
     }
 
 

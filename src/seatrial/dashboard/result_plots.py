@@ -13,9 +13,10 @@ from seatrial.campaign.store.estimates import Estimate
 from seatrial.campaign.store.stored_result import decoding, read_result
 from seatrial.core.dataset import Dataset
 from seatrial.core.dataset_file import open_dataset, write_dataset
-from seatrial.core.display_units import Shown, shown_as_written, shown_unit
+from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError
-from seatrial.dashboard.view_models import EstimatedStructure, EstimatedValue, Swept
+from seatrial.dashboard.view_models import EstimatedStructure, Swept
+from seatrial.messages.render import sentences
 
 # All that a report is made of: nothing of this runs, loads or sends anything.
 _TAG = re.compile(
@@ -71,38 +72,24 @@ def swept(path: Path) -> Swept:
     )
 
 
-def estimated(paths: tuple[Path, ...], written: tuple[tuple[str, str], ...]) -> tuple[EstimatedStructure, ...]:
-    """Read the coefficients of stored posteriors.
-
-    Args:
-        paths: posterior of each structure.
-        written: units in which priors are written, by name.
+def estimated(paths: tuple[Path, ...]) -> tuple[EstimatedStructure, ...]:
+    """Read the parameters of stored posteriors, one file for each structure.
 
     Raises:
         InputError: missing or damaged.
     """
-    shown, structures = shown_as_written(dict(written)), []
+    structures = []
     for path in paths:
-        with decoding(path, "seatrial run"):
-            structures.append(_estimated(read_result(Estimate, path, "seatrial estimate"), shown))
+        estimate = read_result(Estimate, path, "seatrial estimate")
+        with decoding(path, "seatrial estimate"):
+            columns = (estimate.data[name].values.tolist() for name in ("label", "unit", "mean", "sd"))
+            rows = tuple(
+                (name, *row, estimate.wider(name), estimate.wider_cause(name))
+                for name, *row in zip(estimate.names, *columns, strict=True)
+            )
+        structure, remarks = estimate.structure, sentences(estimate.model_error_findings)
+        structures.append(EstimatedStructure(structure.label, structure.terms, rows, estimate.alarms, tuple(remarks)))
     return tuple(structures)
-
-
-def _estimated(estimate: Estimate, shown: Shown) -> EstimatedStructure:
-    values = []
-    for name in estimate.names:
-        row, wider = estimate.data.sel(parameter=name), estimate.wider(name)
-        factor, unit = shown(name, str(row["unit"].item()))
-        mean, sd = factor * float(row["mean"]), factor * float(row["sd"])
-        more = None if wider is None else factor * wider
-        values.append(EstimatedValue(name, str(row["label"].item()), unit, mean, sd, more, estimate.wider_cause(name)))
-    return EstimatedStructure(
-        estimate.structure.label,
-        estimate.structure.terms,
-        tuple(values),
-        estimate.model_error_findings,
-        tuple(estimate.alarms),
-    )
 
 
 def report_sections(path: Path) -> dict[str, str]:

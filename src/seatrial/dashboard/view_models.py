@@ -6,7 +6,6 @@ from typing import NamedTuple
 import numpy as np
 
 from seatrial.core.errors import InputError, SeatrialError, file_error
-from seatrial.core.findings import Finding
 
 
 def plain_error(error: SeatrialError | OSError) -> SeatrialError:
@@ -96,37 +95,23 @@ class FitAbout(NamedTuple):
     white: float
 
 
-class EstimatedValue(NamedTuple):
-    """A parameter of one structure: its name, label in LaTeX, and numbers in the unit in which it is shown.
-
-    `wider` is the standard deviation that survives an error of the model, None where it is not much larger; `cause` what makes most of it.
-    """
-
-    name: str
-    label: str
-    unit: str
-    mean: float
-    sd: float
-    wider: float | None
-    cause: str
-
-
 class EstimatedStructure(NamedTuple):
-    """Coefficients of one structure before any structure is chosen.
+    """Parameters of one structure before any structure is chosen.
 
     Attributes:
         label: of the structure.
         terms: names of its coefficients.
-        values: of every parameter.
-        findings: what makes most of a standard deviation with model error that is much larger, and how to get rid of it.
+        rows: of each parameter its name, LaTeX label, SI unit, mean, standard deviation, that with model error (None where it is not much
+            larger), and what makes most of it.
         alarms: why the draws are not to be used.
+        remarks: what makes most of the ± with model error, and how to get rid of it.
     """
 
     label: str
     terms: tuple[str, ...]
-    values: tuple[EstimatedValue, ...]
-    findings: tuple[Finding, ...] = ()
+    rows: tuple[tuple[str, str, str, float, float, float | None, str], ...]
     alarms: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
 
 
 class Swept(NamedTuple):

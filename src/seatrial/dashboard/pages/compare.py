@@ -4,7 +4,7 @@ Each sd is the one with model error if that is larger: two models that are wrong
 """
 
 from dataclasses import replace
-from math import hypot
+from math import hypot, nan
 from pathlib import Path
 
 from markupsafe import Markup
@@ -15,12 +15,11 @@ from seatrial.campaign.store.results import Results
 from seatrial.campaign.store.stored_result import Store
 from seatrial.campaign.store.structures import Summary
 from seatrial.cli.campaign_text import written_units
-from seatrial.core.coefficients import CoefficientName
+from seatrial.core.coefficients import is_coefficient
 from seatrial.core.display_units import shown_as_written
-from seatrial.core.errors import InputError, SeatrialError
+from seatrial.core.errors import SeatrialError
 from seatrial.dashboard.app_context import AppContext, markup, say
 from seatrial.dashboard.page_layout import LOOK, link, section, table
-from seatrial.dashboard.result_charts import Side, sides_chart
 from seatrial.report.labels import label_html
 from seatrial.report.numbers import decimals, unit_html, with_sd
 
@@ -66,10 +65,7 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
                     )
                     for one in (ours, theirs)
                 )
-                names = campaign if campaign != "." else folder.name, str(form.value)
-                if shared := shared_sides(ours, theirs):
-                    sides_chart(shared, names)
-                markup(side_by_side(ours, theirs, *names))
+                markup(side_by_side(ours, theirs, campaign if campaign != "." else folder.name, str(form.value)))
 
         form.on_value_change(show)
         show()
@@ -93,66 +89,38 @@ def nothing_beside(others: list[str], root: Path) -> Markup:
     return Markup(words).format(root, listed, more)
 
 
-def shared_sides(ours: Summary, theirs: Summary) -> list[Side]:
-    """Coefficients of the vehicle that both campaigns estimate, in joint standard deviations from ours."""
-    other, sides = {row.name: row for row in theirs.coefficients}, []
-    for row in ours.coefficients:
-        apart = joint_difference(row, other.get(row.name))
-        if apart is not None and is_of_vehicle(row.name):
-            own, others = row.judged_sd, other[row.name].judged_sd
-            joint = hypot(own, others)
-            sides.append(Side(row.name, (0.0, -apart), (own / joint, others / joint)))
-    return sides
-
-
-def is_of_vehicle(name: str) -> bool:
-    """Whether a parameter is a coefficient of the vehicle, not one of a sensor, a run or the water."""
-    try:
-        CoefficientName.parse(name)
-    except InputError:
-        return False
-    return True
-
-
 def side_by_side(ours: Summary, theirs: Summary, here: str, there: str) -> Markup:
     """The tables of two summaries."""
     rows: dict[bool, list[list[str | Markup]]] = {True: [], False: []}
     tables = [{row.name: row for row in one.coefficients} for one in (ours, theirs)]
     for name in dict.fromkeys([*tables[0], *tables[1]]):
-        a, b = (one.get(name) for one in tables)
-        known = a or b
-        assert known is not None
-        name_cell = label_html(known.label) + Markup(" <small>{}</small>").format(name)
-        units = dict.fromkeys(one.unit for one in (a, b) if one is not None)
-        values = [_value(a), _value(b), Markup(", ").join(map(unit_html, units))]
-        is_judged = is_of_vehicle(name)
-        rows[is_judged].append(
-            [name_cell, _judged(joint_difference(a, b)), *values] if is_judged else [name_cell, *values]
-        )
-    head, doubted = [here, there, "unit"], ours.choice_alarms or theirs.choice_alarms
-    bests = [summary.next_trial.best for summary in (ours, theirs)]
+        pair = [one.get(name) for one in tables]
+        known = [one for one in pair if one is not None]
+        cells = ["not in its model" if one is None else with_sd(one.mean, one.judged_sd) for one in pair]
+        unit = Markup(", ").join(map(unit_html, dict.fromkeys(one.unit for one in known)))
+        named = label_html(known[0].label) + Markup(" <small>{}</small>").format(name)
+        judged = [_judged(joint_difference(*pair))] * is_coefficient(name)
+        rows[is_coefficient(name)].append([named, *judged, *cells, unit])
+    head, summaries = [here, there, "unit"], (ours, theirs)
+    shares = [{one.label: one.probability for one in summary.structures} for summary in summaries]
+    bests = [summary.next_trial.best for summary in summaries]
+    doubts = [["alarms about it", *("; ".join(one.choice_alarms) for one in summaries)]]
     facts = [
-        ["model", _model(ours), _model(theirs)],
-        ["probability of it", *(_probability(one) for one in (ours, theirs))],
-        *([["alarms about it", *("; ".join(one.choice_alarms) for one in (ours, theirs))]] if doubted else []),
+        ["model", *(f"{one.chosen}: {' '.join(one.terms)}" for one in summaries)],
+        ["probability of it", *(decimals(s.get(one.chosen, nan), 2) for s, one in zip(shares, summaries, strict=True))],
+        *doubts * any(one.choice_alarms for one in summaries),
         [
             "information of the next trial",
             *("none is designed" if best is None else f"{best.gain_nat:.2f} nat" for best in bests),
         ],
-        ["alarms", *(str(len(one.alarms)) for one in (ours, theirs))],
-        ["cautions", *(str(len(one.cautions)) for one in (ours, theirs))],
+        ["alarms", *(str(len(one.alarms)) for one in summaries)],
+        ["cautions", *(str(len(one.cautions)) for one in summaries)],
     ]
-    return Markup("").join(
-        [
-            table(
-                ["coefficient", "difference, joint sd", *head], rows[True], "Coefficients of the vehicle", stacks=True
-            ),
-            table(["parameter", *head], rows[False], "Of sensors, runs and water", stacks=True)
-            if rows[False]
-            else Markup(""),
-            table(["of the whole", here, there], [list(row) for row in facts], "In all", left=3, stacks=True),
-        ]
-    )
+    vehicle = ["coefficient", "difference, joint sd", *head]
+    html = table(vehicle, rows[True], "Coefficients of the vehicle", stacks=True)
+    if rows[False]:
+        html += table(["parameter", *head], rows[False], "Of sensors, runs and water", stacks=True)
+    return html + table(["of the whole", here, there], [list(row) for row in facts], "In all", left=3, stacks=True)
 
 
 def _judged(apart: float | None) -> str | Markup:
@@ -171,16 +139,3 @@ def joint_difference(a: StoredCoefficient | None, b: StoredCoefficient | None) -
         return None
     joint = hypot(a.judged_sd, b.judged_sd)
     return (a.mean - b.mean) / joint if joint > 0 else None
-
-
-def _value(row: StoredCoefficient | None) -> str:
-    return "not in its model" if row is None else with_sd(row.mean, row.judged_sd)
-
-
-def _model(summary: Summary) -> str:
-    return f"{summary.chosen}: {' '.join(summary.terms)}"
-
-
-def _probability(summary: Summary) -> str:
-    value = next((one.probability for one in summary.structures if one.label == summary.chosen), float("nan"))
-    return decimals(value, 2)

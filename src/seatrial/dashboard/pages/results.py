@@ -1,7 +1,6 @@
 """What the data say: the sections of the report, with each fit as a chart that zooms; before a model is chosen, the estimates."""
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -15,16 +14,14 @@ from seatrial.campaign.store.stored_result import Store
 from seatrial.campaign.store.structures import NextTrial, StoredMode
 from seatrial.cli.campaign_text import written_units
 from seatrial.core.coefficients import CoefficientName
-from seatrial.core.display_units import Shown, listed, shown_as_written
+from seatrial.core.display_units import Shown, shown_as_written
 from seatrial.core.errors import SeatrialError
-from seatrial.core.findings import Finding
 from seatrial.dashboard.app_context import AppContext, change_of, fill, keep_current, markup, say
 from seatrial.dashboard.page_layout import LOOK, link, links_html, section, table
 from seatrial.dashboard.result_charts import fit_charts
-from seatrial.dashboard.view_models import EstimatedStructure, EstimatedValue
+from seatrial.dashboard.view_models import EstimatedStructure
 from seatrial.dashboard.worker_pool import stamp
-from seatrial.messages.render import sentence
-from seatrial.report.labels import label_html, sentence_about
+from seatrial.report.labels import label_html, sentence_html
 from seatrial.report.numbers import short, unit_html, with_sd
 
 
@@ -84,7 +81,7 @@ def next_links(campaign: str, store: Store, trial: NextTrial) -> Markup:
 
 async def _before_a_choice(context: AppContext, campaign: str, folder: Path) -> None:
     """Show what `estimate` has found, while no structure is chosen."""
-    store, units = Store(folder), written_units(folder)
+    store, shown = Store(folder), shown_as_written(dict(written_units(folder)))
     chains, run = posteriors(store), link("run", campaign)
     with section("No model is chosen yet" if chains or store.mode.is_file() else "No results yet"):
         if not chains and not store.mode.is_file():
@@ -94,8 +91,8 @@ async def _before_a_choice(context: AppContext, campaign: str, folder: Path) -> 
         markup(Markup(words + '<a href="{}">Run</a>.</p>').format(run))
         await _currency(context, campaign, folder)
         if chains:
-            asked = context.worker_pool.draw("estimated", chains, units, files=chains)
-            await fill(ui.element("div"), asked, lambda found: markup(estimated_html(found)), "reading …")
+            asked = context.worker_pool.draw("estimated", chains, files=chains)
+            await fill(ui.element("div"), asked, lambda found: markup(estimated_html(found, shown)), "reading …")
             return
         try:
             mode = Results(folder).mode()
@@ -106,7 +103,7 @@ async def _before_a_choice(context: AppContext, campaign: str, folder: Path) -> 
             '<p class="note">Kept of <code>estimate --by mode</code>: the most probable structure. It is a normal approximation, '
             'which is not checked. The command prints all structures on <a href="{}">Run</a>.</p>'
         )
-        markup(Markup(words).format(run) + estimated_html([of_mode(mode, shown_as_written(dict(units)))]))
+        markup(Markup(words).format(run) + estimated_html([of_mode(mode)], shown))
 
 
 def posteriors(store: Store) -> tuple[Path, ...]:
@@ -115,66 +112,37 @@ def posteriors(store: Store) -> tuple[Path, ...]:
     return tuple(sorted(files, key=lambda path: (len(path.stem), path.stem)))
 
 
-def estimated_html(structures: Sequence[EstimatedStructure]) -> Markup:
-    """Return the coefficients of each structure as they are before any structure is chosen, and once what makes a ± much wider.
-
-    Args:
-        structures: stored estimates.
-    """
-    rows = Markup("").join(Markup("<li>{}</li>").format(sentence) for sentence in _causes(structures))
-    alarms = Markup("").join(
-        Markup('<li class="alarm">{}</li>').format(sentence_about(f"{one.label}: {text}", {}, {}))
-        for one in structures
-        for text in one.alarms
+def estimated_html(structures: Sequence[EstimatedStructure], shown: Shown) -> Markup:
+    """Return the parameters of each structure as they are before any is chosen, in the units in which they are `shown`."""
+    html = _findings(
+        "Do not use these numbers yet", [f"{one.label}: {text}" for one in structures for text in one.alarms]
     )
-    return Markup("").join(
-        [
-            Markup('<h3>Do not use these numbers yet</h3><ul class="findings">{}</ul>').format(alarms)
-            if alarms
-            else "",
-            *map(_of_structure, structures),
-            Markup('<h3>Where the model error comes from</h3><ul class="findings">{}</ul>').format(rows)
-            if rows
-            else "",
-        ]
-    )
-
-
-def _causes(structures: Sequence[EstimatedStructure]) -> list[Markup]:
-    """Return a sentence for each cause of a ± with model error, with the parameters and the structures in which it is the cause."""
-    labels = {row.name: row.label for one in structures for row in one.values if row.label}
-    causes: dict[Finding, dict[tuple[str, ...], list[str]]] = {}
     for one in structures:
-        for finding in one.findings:
-            causes.setdefault(replace(finding, subject=()), {}).setdefault(finding.subject, []).append(one.label)
-    findings = []
-    for cause, whose in causes.items():
-        parts = [f"{listed(names)} in {listed(list(dict.fromkeys(inside)))}" for names, inside in whose.items()]
-        findings.append(replace(cause, subject=("; ".join(parts),)))
-    return [sentence_about(sentence(one), {}, labels) for one in findings]
+        is_wider, rows, labels = any(row[5] is not None for row in one.rows), [], {}
+        for name, label, si, mean, sd, wider, cause in one.rows:
+            factor, unit = shown(name, si)
+            labels |= {name: label} if label else {}
+            more = "" if wider is None else Markup("± {} <small>{}</small>").format(short(factor * wider), cause)
+            named = label_html(label) + Markup(" <small>{}</small>").format(name)
+            rows.append([named, with_sd(factor * mean, factor * sd), *[more] * is_wider, unit_html(unit)])
+        head = ["parameter", "mean ± sd, within the model", *["with model error"] * is_wider, "unit"]
+        html += table(head, rows, f"Parameters of {one.label}: {' '.join(one.terms)}", stacks=True)
+        html += _findings("Where the model error comes from", one.remarks, labels)
+    return html
 
 
-def _of_structure(one: EstimatedStructure) -> Markup:
-    is_wider = any(row.wider is not None for row in one.values)
-    cells = []
-    for row in one.values:
-        name = label_html(row.label) + Markup(" <small>{}</small>").format(row.name)
-        wider = "" if row.wider is None else Markup("± {} <small>{}</small>").format(short(row.wider), row.cause)
-        cells.append([name, with_sd(row.mean, row.sd), *[wider] * is_wider, unit_html(row.unit)])
-    head = ["parameter", "mean ± sd, within the model", *["with model error"] * is_wider, "unit"]
-    return table(head, cells, f"Parameters of {one.label}: {' '.join(one.terms)}", stacks=True)
+def _findings(title: str, texts: Sequence[str], labels: Mapping[str, str] | None = None) -> Markup:
+    rows = Markup("").join(Markup("<li>{}</li>").format(sentence_html(text, labels or {})) for text in texts)
+    return Markup('<h3>{}</h3><ul class="findings">{}</ul>').format(title, rows) if texts else Markup("")
 
 
-def of_mode(mode: StoredMode, shown: Shown) -> EstimatedStructure:
-    """Return the stored posterior mode of the most probable structure, in the units in which its parameters are `shown`."""
-    values = []
-    for name, (value, sd) in mode.found.items():
-        factor, unit = shown(name, mode.units.get(name, ""))
-        wider, cause = mode.wider.get(name, (None, ""))
-        more = None if wider is None else factor * wider
+def of_mode(mode: StoredMode) -> EstimatedStructure:
+    """Return the stored posterior mode of the most probable structure."""
+    rows = []
+    for name, moments in mode.found.items():
         label = CoefficientName.parse(name).label if name in mode.terms else ""
-        values.append(EstimatedValue(name, label, unit, factor * value, factor * sd, more, cause))
-    return EstimatedStructure("the most probable structure", mode.terms, tuple(values))
+        rows.append((name, label, mode.units.get(name, ""), *moments, *mode.wider.get(name, (None, ""))))
+    return EstimatedStructure("the most probable structure", mode.terms, tuple(rows))
 
 
 async def _currency(context: AppContext, campaign: str, folder: Path) -> None:
