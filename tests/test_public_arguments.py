@@ -369,6 +369,7 @@ LOG = {"channels": {"n": ("prop", "rpm"), "u": ("speed", "m/s")}, "controls": ["
         ({"channels": {}}, "channels"),
         ({"controls": "n"}, r'\["n"\]'),
         ({"controls": None}, "controls"),
+        ({"controls": ["delta_r"]}, "map the control to a column"),
         ({"step": "0.1 s"}, "step"),
         ({"step": 0.0}, "step"),
         ({"start": np.nan}, "start"),

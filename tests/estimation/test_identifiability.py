@@ -110,15 +110,6 @@ def test_golden_fit():
     assert information[3, 3] == pytest.approx(2 * 6000 / mode.values[3] ** 2, rel=1e-3)
 
 
-def test_draws_give_the_covariance():
-    target = golden_posterior("M-1")
-    mode = find_mode(target, KEY)
-    cov = identifiability_of_fit(target, mode).correlation * np.outer(mode.sd, mode.sd)
-    draws = np.random.default_rng(0).multivariate_normal(mode.values, 4 * cov, 20_000)
-    found = identifiability_of_fit(target, mode, draws)
-    assert found.sd == pytest.approx(2 * mode.sd, rel=0.03)
-
-
 def test_coloured_information_is_that_of_the_dense_covariance():
     """S^T C^-1 S with C the covariance of an Ornstein-Uhlenbeck process at the times measured, gaps included."""
     time = np.arange(120) * 0.1
@@ -330,23 +321,17 @@ def test_expected_covariance_is_that_of_both_informations():
     assert found.correlation * np.outer(found.sd, found.sd) == pytest.approx(expected, rel=1e-12)
 
 
-def test_thrust_and_drag_are_separated_without_the_propeller():
-    assert what_separates(("X_u", "T_nabsn")) == (
-        "fix the thrust by a bollard pull, or add a coast-down with the propeller stopped"
-    )
-    assert "bollard" not in what_separates(("T_nabsn", "T_n"))
-    assert what_separates(("T_f", "dead_f", "lag_f")) == "use steps from small to large thrust"
-
-
 def test_covariance_of_a_fit_has_the_signs_of_the_information():
-    """Drag is negative and thrust positive; with wide priors the posterior's correlations are those of the inverse information."""
+    """Drag is negative, thrust positive, priors wide: correlations are those of the information, and draws have their own."""
     target = golden_posterior("M-1")
     mode = find_mode(target, KEY)
     inverse = np.linalg.inv(likelihood_information(target, mode.values)[:3, :3])
     sd = np.sqrt(np.diag(inverse))
-    assert identifiability_of_fit(target, mode).correlation[:3, :3] == pytest.approx(
-        inverse / np.outer(sd, sd), abs=0.02
-    )
+    fit = identifiability_of_fit(target, mode)
+    assert fit.correlation[:3, :3] == pytest.approx(inverse / np.outer(sd, sd), abs=0.02)
+    cov = fit.correlation * np.outer(mode.sd, mode.sd)
+    draws = np.random.default_rng(0).multivariate_normal(mode.values, 4 * cov, 20_000)
+    assert identifiability_of_fit(target, mode, draws).sd == pytest.approx(2 * mode.sd, rel=0.03)
 
 
 def test_expansion_of_a_density_of_ones_own_is_exact():
@@ -509,6 +494,9 @@ def test_shares_and_lists_in_words():
         (("T_f", "T_fabsf"), "a trial with larger commanded thrusts, and one with smaller commanded thrusts"),
         (("sigma_u", "tau_u"), "a longer record"),
         (("sigma_u", "X_u"), "fix one of them"),
+        (("T_nabsn", "T_n"), "larger propeller speeds"),
+        (("T_f", "dead_f", "lag_f"), "use steps from small to large thrust"),
+        (("X_u", "T_nabsn"), "fix the thrust by a bollard pull, or add a coast-down with the propeller stopped"),
     ],
 )
 def test_what_would_tell_parameters_apart(names, words):

@@ -314,7 +314,10 @@ def test_a_lag_whose_place_a_delay_has_taken_is_not_named(seed):
 
 @pytest.mark.parametrize(
     ("noise", "cubic", "seed"),
-    [("white", 1.5, 1), ("drifting", 1.0, 1), pytest.param("coloured", 0.7, 2, marks=pytest.mark.proof)],
+    [
+        ("white", 1.5, 1),
+        *(pytest.param(*case, marks=pytest.mark.proof) for case in (("drifting", 1.0, 1), ("coloured", 0.7, 2))),
+    ],
 )
 def test_a_cubic_drag_is_found(noise, cubic, seed):
     """A noise with a memory takes up what is missing: nothing is found, or a constant force, as long as it stays as it was fitted."""

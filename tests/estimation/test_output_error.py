@@ -162,14 +162,6 @@ def test_delay(delay):
     assert found == pytest.approx(expected, abs=1e-8)
 
 
-def test_delay_of_whole_samples_is_a_shift():
-    late = np.concatenate([np.full(3, REV[0]), REV[:-3]])
-    record = trial(EVEN)
-    naive = residuals(record, rev=late)
-    found = log_likelihood([record], {**VALUES, "delay": 0.3}, delay=True)
-    assert found == pytest.approx(white(naive["u"], 0.05) + white(naive["udot"], 0.02), abs=1e-8)
-
-
 def test_delay_needs_an_even_step():
     with pytest.raises(InputError, match="uniform step") as caught:
         output_error(paper_model(), [trial()], ["u"], [(U0,)], delay=True)

@@ -52,23 +52,6 @@ def test_a_channel_of_the_wrong_sign():
     assert (finding.code, finding.level, finding.remedies) == ("direction-reversed", "alarm", ("reverse-sign",))
 
 
-@pytest.mark.parametrize(
-    ("factor", "level", "error"),
-    [
-        (180 / np.pi, "alarm", "degrees"),
-        (2.5 * 180 / np.pi, "alarm", "degrees"),
-        (np.pi / 30, "caution", "rpm"),
-        (0.2, "caution", "revolutions"),
-        (1000.0, "alarm", None),
-    ],
-)
-def test_a_channel_in_another_unit(factor, level, error):
-    """A vehicle may move up to three times as far as the one that is expected: the unit is named all the same."""
-    found = check_motion("r", TIME, factor * (EXPECTED + NOISE), EXPECTED, ALIKE)
-    assert levels(found)["size-unlike"] == level
-    assert errors_of(found) == ([error] if error else [])
-
-
 @pytest.mark.parametrize(("factor", "error"), [(60.0, "rpm for rev/s"), (30 / np.pi, "rpm")])
 def test_nobody_counts_a_propeller_in_degrees(factor, error):
     assert unit_errors(("n",), factor)["errors"] == ((error, ("n",)),)
@@ -128,15 +111,6 @@ def test_a_control_that_stays_within_a_thirtieth_of_its_limits():
 def test_a_delay_that_a_slower_vehicle_of_the_priors_explains_is_not_told():
     slower = np.vstack([EXPECTED, np.roll(EXPECTED, 5)])
     assert "clock-shift" not in levels(check_motion("u", TIME, np.roll(EXPECTED, 5) + NOISE, EXPECTED, slower))
-
-
-@pytest.mark.parametrize(("steps", "level"), [(5, "caution"), (-5, "caution"), (-15, "caution"), (0, None)])
-def test_a_response_that_is_late_or_early(steps, level):
-    found = check_motion("u", TIME, np.roll(EXPECTED, steps) + NOISE, EXPECTED, ALIKE)
-    assert levels(found).get("clock-shift") == level
-    lag, correlation = best_lag(np.roll(EXPECTED, steps), EXPECTED, 20)
-    assert lag == steps
-    assert correlation > 0.99
 
 
 def test_a_motion_that_is_not_that_of_the_commands():
@@ -210,12 +184,6 @@ def test_whether_priors_say_a_direction():
     assert says_direction(0.0 * EXPECTED, still, 0.01)
 
 
-def test_coefficients_that_a_record_cannot_tell():
-    found = check_excitation(["X_u", "X_uabsu"], np.array([1.0, 2.0]), np.array([0.1, 1.9]))
-    assert [finding.level for finding in found] == ["pass", "caution"]
-    assert found[1].values["remaining"] == pytest.approx(0.95)
-
-
 @pytest.mark.parametrize(
     ("names", "u", "pairs"),
     [
@@ -250,6 +218,7 @@ def test_scatter_of_white_noise_is_its_standard_deviation():
         ("r", 1 / 3.2, "caution", "revolutions"),
         ("r", 1.05 * 2 * np.pi, "caution", "revolutions"),
         ("r", 0.9 * 30 / np.pi, "caution", "rpm"),
+        ("r", np.pi / 30, "caution", "rpm"),
         ("r", 2.3 * 30 / np.pi, "caution", "rpm"),
         ("r", 0.45 * 180 / np.pi, "caution", "degrees"),
         ("r", 0.55 * 180 / np.pi, "alarm", "degrees"),

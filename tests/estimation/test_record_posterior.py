@@ -260,7 +260,7 @@ def test_constants_are_those_that_the_vehicle_was_built_with():
         st.simulate(MODEL, given | {"X_udot": -0.94}, SCHEDULE, ["u"], start=START)
 
 
-@pytest.mark.thorough
+@pytest.mark.proof
 def test_compare_says_that_a_slow_error_was_taken_as_white_and_its_remedy_works(monkeypatch):
     """Evidences are given. White 0.1 with slow 0.03 m/s over 5 s at 10 Hz, of which the neighbours' correlation is 0.08."""
     from seatrial.selection import compare

@@ -79,7 +79,7 @@ def test_no_file(tmp_path):
         read_log_table(source(tmp_path / "folder.csv"))
 
 
-CELLS = {
+TEXTS = {
     "word": (edited(5, "0.3,603,fast,ok"), ("row 5", 'column "speed"', "'fast'", "a number")),
     "truth": ("t,rpm,speed\n" + "".join(f"{k},1,True\n" for k in range(4)), ("row 2", "'True'")),
     "decimal comma": (edited(5, '0.3,603,"1,03",ok'), ("row 5", "'1,03'", "point")),
@@ -107,27 +107,16 @@ CELLS = {
     "repeated stamp": (edited(5, "0.2,603,1.03,ok"), ('column "t", row 5', "same time stamp", "drop_repeated")),
     "backwards": (edited(5, "0.1,603,1.03,ok"), ('column "t", row 5', "backwards")),
     "repeated after a blank line": (edited(5, "\n0.2,603,1.03,ok"), ("row 6", "same time stamp")),
-}
-
-
-@pytest.mark.parametrize("case", CELLS)
-def test_bad_cells_and_rows(tmp_path, case):
-    text, parts = CELLS[case]
-    with refusal("run.csv", *parts):
-        read_log_table(source(written(tmp_path, text)))
-
-
-HEADERS = {
-    "misspelt": (GOOD.replace("speed", "Speed"), ('column "speed"', '"Speed"?')),
-    "missing": (GOOD.replace("speed", "zz"), ('column "speed"', "one of the 4", "t, rpm, zz, remark")),
-    "repeated": (GOOD.replace("remark", "speed"), ('column "speed"', "positions 3, 4", "names")),
+    "misspelt header": (GOOD.replace("speed", "Speed"), ('column "speed"', '"Speed"?')),
+    "missing header": (GOOD.replace("speed", "zz"), ('column "speed"', "one of the 4", "t, rpm, zz, remark")),
+    "repeated header": (GOOD.replace("remark", "speed"), ('column "speed"', "positions 3, 4", "names")),
     "no header": (GOOD.replace(",ok", "").split("\n", 1)[1], ('column "t"', "no header", "column_1")),
 }
 
 
-@pytest.mark.parametrize("case", HEADERS)
-def test_bad_headers(tmp_path, case):
-    text, parts = HEADERS[case]
+@pytest.mark.parametrize("case", TEXTS)
+def test_bad_cells_rows_and_headers(tmp_path, case):
+    text, parts = TEXTS[case]
     with refusal("run.csv", *parts):
         read_log_table(source(written(tmp_path, text)))
 

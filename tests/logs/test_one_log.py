@@ -54,11 +54,6 @@ def test_velocities_over_the_earth_are_turned(tmp_path):
     np.testing.assert_allclose(record.channel("v"), 0.0, atol=2e-3)
 
 
-def test_a_control_without_a_column_is_refused(log):
-    with pytest.raises(st.InputError, match="map the control to a column"):
-        st.read_log(log, MAP, ["delta_r"], time=("t", "s"))
-
-
 def test_a_hole_is_among_the_cautions_and_told_in_print(tmp_path):
     stamps = np.delete(0.1 * np.arange(200), slice(100, 140))
     path = tmp_path / "run8.csv"

@@ -65,6 +65,7 @@ def test_two_far_modes_leave_it_to_the_walk_and_jump_all_the_same():
     assert right.mean((0, 1)) == pytest.approx(0.7, abs=4 * error.max())
 
 
+@pytest.mark.proof
 def test_tails_heavier_than_the_fresh_draws_own():
     """Student's t of 3 degrees of freedom: quantiles, not moments, since the draws' tails are lighter than the target's."""
     target = posterior({"a": Normal(0.0, 100.0)}, lambda values, data: _t3(values["a"]))

@@ -84,7 +84,9 @@ def test_box_and_region_of_zero_likelihood_against_quadrature(name):
     assert_moments(values, *exact)
 
 
-@each
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.proof] * (name == "nuts")) for name in SAMPLERS]
+)
 def test_run_stored_and_restored_after_every_block_gives_the_same_bits(name, tmp_path):
     target, sampler = linear_gaussian(2).posterior, SAMPLERS[name]
     starts = starts_of(target, SHORT.chains)

@@ -79,7 +79,7 @@ def test_no_draw_can_be_simulated():
         sample_tempered_smc(target, KEY, SMCSettings())
 
 
-@pytest.mark.parametrize("share", [0.5, 0.02])
+@pytest.mark.parametrize("share", [pytest.param(0.5, marks=pytest.mark.proof), 0.02])
 def test_evidence_where_a_part_of_the_prior_cannot_be_simulated(share):
     """Under a standard normal prior exp(-a^2 / 2) above a bound alone: the posterior is a normal one, cut off there."""
     bound = stats.norm.isf(share)

@@ -98,7 +98,7 @@ def designed(model):
         record_drawn,
         mode,
         designed,
-        pytest.param(drawn_and_predicted, marks=pytest.mark.thorough),
+        pytest.param(drawn_and_predicted, marks=pytest.mark.proof),
     ],
 )
 def test_each_has_its_own_answer(path):

@@ -26,12 +26,6 @@ def test_all_structures_against_the_naive_twin(prior):
     agree(all_subsets(stats, prior, NAMES[:8]), naive_all(prior, phi, y))
 
 
-@pytest.mark.proof
-def test_ten_terms_against_the_naive_twin():
-    phi, y, stats = problem(10)
-    agree(all_subsets(stats, some_prior(10), NAMES[:10], top=1024), naive_all(some_prior(10), phi, y))
-
-
 @pytest.mark.parametrize("k", [1, 2, 5])
 def test_few_terms(k):
     phi, y, stats = problem(k)
@@ -46,16 +40,6 @@ def test_prefixes_certain_terms_and_unequal_odds(prior):
     for always in ((), (2,), (1, 6)):
         found = all_subsets(stats, prior, NAMES[:8], always=[NAMES[i] for i in always], inclusion=tuple(chance))
         agree(found, naive_all(prior, phi, y, always, chance=chance))
-
-
-def test_prefixes_agree_with_one_batch(monkeypatch):
-    _, _, stats = problem(11)
-    split = all_subsets(stats, some_prior(11), NAMES[:11])
-    monkeypatch.setattr(engine, "BLOCK_LEVELS", 11)
-    whole = all_subsets(stats, some_prior(11), NAMES[:11])
-    np.testing.assert_array_equal(split.structures, whole.structures)
-    for name in ("log_evidence", "probability", "inclusion", "joint", "mean", "within", "between"):
-        np.testing.assert_allclose(getattr(split, name), getattr(whole, name), rtol=1e-9, atol=1e-12)
 
 
 def test_threads_change_nothing():
@@ -133,8 +117,9 @@ def test_prediction_adds_within_and_between():
     np.testing.assert_allclose(predicted.within**2, found.probability @ variances)
     np.testing.assert_allclose(predicted.between**2, found.probability @ (means - mean) ** 2)
     np.testing.assert_allclose(predicted.total, np.hypot(predicted.within, predicted.between))
-    with pytest.raises(InputError, match="column for each term"):
-        found.predict(phi[:, :3])
+    for wrong in (phi[:, :3], np.ones((2, 7)), np.ones(6)):
+        with pytest.raises(InputError, match=r"\(m, 6\)(.|\n)*column for each term"):
+            found.predict(wrong)
 
 
 def test_terms_are_recovered_and_named():
@@ -222,13 +207,6 @@ def test_bad_question(options, said):
 def test_bad_names(names, said):
     with pytest.raises(InputError, match=said):
         all_subsets(problem(4)[2], some_prior(4), names)
-
-
-def test_too_many_terms():
-    stats = problem(26, n=100)[2]
-    names = [f"t{i}" for i in range(26)]
-    with pytest.raises(InputError, match="26 optional terms of 26, 2\\^26 structures"):
-        all_subsets(stats, some_prior(26), names)
 
 
 def test_bad_rows():
