@@ -2,13 +2,11 @@
 
 import jax.numpy as jnp
 import numpy as np
-import pytest
 
 from seatrial.filters.run import run_filter
 from seatrial.filters.square_root import SquareRootUnscentedKalmanFilter
 from seatrial.numerics.gaussian import independent
 from seatrial.numerics.state_space import StateSpace
-from tests.filters.surge_trial import surge_space, surge_trial
 
 N = 40
 STEP, NO_CONTROL = np.ones(N), np.zeros((N, 0))
@@ -56,15 +54,3 @@ def test_points_never_leave_the_bounds():
 def test_without_bounds_the_same_trial_fails_loudly():
     trace = run_filter(SquareRootUnscentedKalmanFilter(), SPACE, NO_CONTROL, flow(), STEP)
     assert int(trace.failures) > 0
-
-
-@pytest.mark.proof
-def test_wide_bounds_change_nothing():
-    control, measurement, step = surge_trial()
-    free = run_filter(SquareRootUnscentedKalmanFilter(), surge_space(), control, measurement, step)
-    wide = SquareRootUnscentedKalmanFilter(bounds=((-1e6, 1e6),) * 3)
-    trace = run_filter(wide, surge_space(), control, measurement, step)
-    assert not trace.clipped.any()
-    assert np.allclose(trace.means, free.means, rtol=1e-8)
-    assert np.allclose(trace.sds, free.sds, rtol=1e-8)
-    assert float(trace.log_likelihood) == pytest.approx(float(free.log_likelihood), rel=1e-9)
