@@ -37,13 +37,13 @@ def surge_record(seed, sd=SIGMA):
 
 
 @cache
-def surge_trial(width, overlap=True):
-    return weak_trials([surge_record(0)], SURGE, width, overlap)[0]
+def surge_trial(width):
+    return weak_trials([surge_record(0)], SURGE, width)[0]
 
 
-def noisy_surge(width, seed, sd=SIGMA, overlap=True):
+def noisy_surge(width, seed, sd=SIGMA):
     """Trial of the golden motion with fresh noise, its windows computed once."""
-    trial = surge_trial(width, overlap)
+    trial = surge_trial(width)
     noise = sd * np.random.default_rng(seed).normal(size=exact_speed().size)
     return replace(trial, signals={**trial.signals, "u": exact_speed() + noise})
 

@@ -136,25 +136,6 @@ def test_white_innovations_are_not_complained_of_and_others_are():
     assert "not white" in " ".join(smooth(time, swaying).complaints)
 
 
-def test_outliers_and_a_wrong_noise_are_told():
-    rng = np.random.default_rng(6)
-    time = 0.05 * np.arange(600)
-    _, _, y = wandering(rng, time, 500.0, 0.02)
-    assert "times as large" in " ".join(smooth(time, y, 0.002, time_scale=0.1).complaints)
-    y[::60] += 1.0
-    assert "outliers" in " ".join(smooth(time, y).complaints)
-
-
-def test_an_offset_and_a_slope_change_nothing_but_themselves():
-    rng = np.random.default_rng(7)
-    time, missing = irregular(rng)
-    _, _, y = wandering(rng, time, 30.0, 0.04)
-    y[missing] = np.nan
-    plain, moved = smooth(time, y), smooth(time + 1e4, 1e3 + 5.0 * time + y)
-    assert moved.rate == pytest.approx(5.0 + plain.rate, abs=1e-6)
-    assert moved.rate_sd == pytest.approx(plain.rate_sd, rel=1e-5)
-
-
 @pytest.mark.parametrize(
     ("values", "options", "told"),
     [

@@ -75,15 +75,6 @@ def test_without_noise_there_is_nothing_to_say():
     assert found.status == ""
 
 
-def test_smoothed_accelerations_follow_a_cubic_exactly():
-    time = np.arange(200) * 0.05
-    cubic = np.poly1d([0.002, -0.03, 0.2, 1.0])
-    smoothed = smoothed_accelerations(MODEL, make_trial(time, np.full(200, 12.0), u=cubic(time)), 1.0)
-    inside = time[10:-10]
-    assert smoothed.speed == pytest.approx(cubic(inside), abs=1e-10)
-    assert smoothed.acceleration == pytest.approx(cubic.deriv()(inside), abs=1e-9)
-
-
 def test_smoothed_speeds_of_a_noisy_trial():
     found = fit_equation_error(MODEL, [smoothed_accelerations(MODEL, trial(SIGMA), 1.0)])
     assert np.all(np.abs(found.values - TRUE) < 4 * found.sd)

@@ -90,17 +90,6 @@ def test_density_is_that_of_the_posterior_times_the_volume(problem):
 
 
 @pytest.mark.proof
-def test_given_the_spread_nothing_is_correlated(problem):
-    """The curvature about any values of z_mu and d, the spread held, is the identity in these coordinates for a normal hierarchy."""
-    posterior, _, target, _ = problem
-    inside = [0, 3, 4, 5]
-    curvature = jax.jit(jax.hessian(lambda x: target.log_prior(x) + target.log_likelihood(x)))
-    for spread in (-2.0, 0.0, 1.0):
-        hessian = curvature(jnp.zeros(posterior.dim).at[1].set(spread))
-        assert -np.asarray(hessian)[np.ix_(inside, inside)] == pytest.approx(np.eye(4), abs=1e-6)
-
-
-@pytest.mark.proof
 def test_chains_against_quadrature(problem):
     """In its own coordinates the same run has R-hat of 1.2 and more; bounds are 5 Monte Carlo standard errors."""
     posterior, _, target, there = problem
