@@ -7,7 +7,7 @@ import pytest
 from seatrial.campaign.config import toml as toml_file
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import import_trials
-from seatrial.cli.toml_edit import set_key
+from seatrial.cli.toml_edit import with_values
 from seatrial.core.errors import InputError
 from tests.campaign.small import SMALL, write_small
 from tests.campaign.test_whole_vehicle import pitch
@@ -91,7 +91,7 @@ def test_a_file_that_cannot_be_read_is_named_with_its_line(tmp_path, name):
     assert error.where.endswith(f"campaign.toml:{line}")
     assert word in f"{error.found} {error.expected} {error.remedy}"
     with pytest.raises(InputError):  # as the editor of single keys reads it
-        set_key(text, "campaign", "seed", 4)
+        with_values(text, {("campaign", "seed"): 4})
 
 
 @pytest.mark.parametrize("name", SLIPS)

@@ -9,7 +9,7 @@ from seatrial.campaign.config.load import check_text, load_campaign
 from seatrial.campaign.config.templates import template_text
 from seatrial.cli.commands import init as asked
 from seatrial.cli.main import app
-from seatrial.cli.questions import answered, questions, with_priors
+from seatrial.cli.questions import answered, questions
 from seatrial.cli.running import Exit
 from seatrial.core.errors import InputError
 from tests.cli.test_cli import run
@@ -59,7 +59,6 @@ def test_each_term_has_a_prior_to_ask_for():
     keys = {one.key for one in questions(text)}
     assert {"prior.X_uu.lower", "prior.X_udu.upper"} <= keys
     assert not any(key.startswith("prior.X_u.") for key in keys)
-    assert with_priors(text) == text
 
 
 def test_in_a_terminal_it_asks_and_asks_again(monkeypatch, tmp_path):

@@ -13,16 +13,23 @@ from seatrial.dashboard.map_draft import MapDraft
 from tests.campaign.small import write_small
 
 
+def begun(folder, start, answers=()):
+    """Return the text of a new campaign "my boat"."""
+    text, _ = thinking.beginning(str(folder), start)
+    return thinking.edited(str(folder), text, (*answers, ("campaign.name", "my boat")))[0]
+
+
 def test_a_form_that_makes_no_campaign_is_refused_and_nothing_is_written(tmp_path):
     with pytest.raises(InputError, match=r"key limits\.n"):
-        thinking.begun(str(tmp_path), "my boat", "design", (("limits.n.lower", "1700 rpm"),))
+        begun(tmp_path, "design", (("limits.n.lower", "1700 rpm"),))
     with pytest.raises(InputError, match="no such template"):
-        thinking.begun(str(tmp_path), "my boat", "../design", ())
+        begun(tmp_path, "../design")
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_form_asks_for_the_prior_of_each_term(tmp_path):
-    keys = {one.key for one in thinking.asked(str(tmp_path), "design", (("structure.optional", "X_uu"),))}
+    text, _ = thinking.beginning(str(tmp_path), "design")
+    keys = {one.key for one in thinking.asked(text, (("structure.optional", "X_uu"),))}
     assert {"prior.X_uu.lower", "prior.X_uabsu.lower", "vehicle.mass"} <= keys
     assert "prior.X_u.lower" not in keys
 
@@ -31,31 +38,19 @@ def test_a_template_begins_a_campaign_of_the_given_name(tmp_path):
     pytest.importorskip("nicegui")
     from seatrial.dashboard.pages.records import is_of_template
 
-    text, _ = thinking.begun(str(tmp_path), "my boat", "log", ())
+    text = begun(tmp_path, "log")
     (tmp_path / "campaign.toml").write_text(text)
     assert is_of_template(tmp_path)  # whose numbers are said to be examples
-    text, _ = thinking.begun(str(tmp_path), "my boat", "remus100", ())
+    text = begun(tmp_path, "remus100")
     (tmp_path / "campaign.toml").write_text(text)
     assert load_campaign(tmp_path).name == "my boat"
     assert not is_of_template(tmp_path)
 
 
-def test_every_control_may_have_a_rate_in_the_form_of_limits(tmp_path):
-    text, _ = thinking.begun(str(tmp_path), "my boat", "steering", ())
-    (tmp_path / "campaign.toml").write_text(text)
-    limits = tomllib.loads(text)["limits"]
-    asked = thinking.form_data(str(tmp_path))
-    rows = {one.name: one for one in (*asked.limits, *asked.spare)}
-    assert rows["delta_r"].rate == limits["delta_r"]["rate"]
-    assert {name for name, one in rows.items() if one.has_rate} == {*asked.controls}
-    assert [one.name for one in asked.limits] == [asked.control, *(one for one in limits if one != asked.control)]
-    assert not {one.name for one in asked.spare} & {*limits}
-
-
 def test_a_log_is_looked_into_and_mapped_before_there_is_an_import(tmp_path):
-    from seatrial.dashboard.edits import Mapped, with_channel, with_map
+    from seatrial.dashboard.channel_map import Mapped, with_channel, with_map
 
-    text, _ = thinking.begun(str(tmp_path), "my boat", "design", ())
+    text = begun(tmp_path, "design")
     (tmp_path / "campaign.toml").write_text(text)
     (tmp_path / "dive.csv").write_text(
         "time_s,speed,rpm\n" + "".join(f"{0.1 * i:.1f},1.5,{900 + i}\n" for i in range(99))
@@ -65,14 +60,14 @@ def test_a_log_is_looked_into_and_mapped_before_there_is_an_import(tmp_path):
     found = look_into(str(tmp_path / "dive.csv"), "dive.csv", asked.channels)
     assert [(one.name, one.spread) for one in found.columns][1:] == [("speed", "1.5 to 1.5"), ("rpm", "900 to 998")]
     assert all(one.picture.startswith("M") for one in found.columns[1:])
-    channel_map = ""
+    channel_map = []
     for one in found.guesses:
         mapped = Mapped(found.heads[one.table], one.column, one.unit, one.scale, 0.0)
         channel_map = with_channel(channel_map, one.channel, mapped)
     mapped = with_map(tmp_path, text, "dive", channel_map)
     thinking.check(str(tmp_path), mapped)
     assert tomllib.loads(mapped)["import"]["files"][0]["channels"]["n"]["unit"] == "rpm"
-    assert 'channels.n = { column = "rpm"' in mapped
+    assert 'channels.n = {column = "rpm"' in mapped
     assert "# [import]" in mapped
 
 
@@ -92,71 +87,57 @@ def test_small_pictures_are_over_the_rows_until_a_clock_is_known_and_then_over_t
 
     found, across = drawn({})
     draft = MapDraft(tmp_path, logs={"dive.csv": found})
-    assert found.heads["rows"].count('column = ""') == 1
+    assert found.heads["rows"]["time"]["column"] == ""
     assert axis_words(draft, "dive.csv", "rows") == "over rows 1 to 200"
     assert "over rows 1 to 200</small>" in columns_of(draft, "dive.csv")
     assert max(np.diff(across)) < 2  # of 100: a row after the other
     draft.logs["dive.csv"], across = drawn({None: "Zeit"})
-    draft.channel_map = (
-        '[[import.files]]\npath = "dive.csv"\ntime = { column = "Zeit", unit = "ms" }\n'
-        'channels.n = { column = "rpm", unit = "rpm" }\n'
-    )
+    of_time, of_n = {"column": "Zeit", "unit": "ms"}, {"column": "rpm", "unit": "rpm"}
+    draft.files = [{"path": "dive.csv", "time": of_time, "channels": {"n": of_n}}]
     assert axis_words(draft, "dive.csv", "rows") == "over 299 s of Zeit"  # as the map says, not as the log was guessed
     assert max(np.diff(across)) == pytest.approx(100 / 3, abs=2)  # the hole of a third of the time
     assert drawn({None: "no such column"})[0].axes["rows"].clock == ""
 
 
 def test_a_channel_changes_and_all_else_of_the_map_is_kept():
-    from seatrial.dashboard.edits import Mapped, channels_of, with_channel
+    from seatrial.dashboard.channel_map import Mapped, channels_of, with_channel
 
-    before = """
-[[import.files]]
-path = "a.csv"
-clock = "even"
-channels.n = { column = "rpm", unit = "rpm", own = 3 }
-channels.tau_X = { sum = "0.1 'left one' - 0.1 right", unit = "N", offset = 2 }
-"""
-    head = '[[import.files]]\npath = "b.csv"\ntime = { column = "t", unit = "s" }\n'
-    after = with_channel(before, "n", Mapped('[[import.files]]\npath = "a.csv"', "rps", "Hz", -2.0, 1.5))
-    spaced = '[[import.files]]\npath = "a.csv"\nchannels.n = { column = "rpm", unit = "rpm" }  # guess\n'
-    measured = Mapped('[[import.files]]\npath = "a.csv"', "rpm", "rpm", 1.0, 0.0, "line")
-    longer = with_channel(spaced, "n", measured)
-    assert longer == spaced.replace(" }  # guess", ', between = "line" }')
-    assert with_channel(longer, "n", measured._replace(scale=-1.0)) == longer.replace(" }", ", scale = -1.0 }")
-    lined = with_channel(after, "n", Mapped('[[import.files]]\npath = "a.csv"', "rps", "Hz", -2.0, 1.5, "line"))
+    before = [
+        {
+            "path": "a.csv",
+            "clock": "even",
+            "channels": {
+                "n": {"column": "rpm", "unit": "rpm", "own": 3},
+                "tau_X": {"sum": "0.1 'left one' - 0.1 right", "unit": "N", "offset": 2},
+            },
+        }
+    ]
+    a, b = {"path": "a.csv"}, {"path": "b.csv", "time": {"column": "t", "unit": "s"}}
+    after = with_channel(before, "n", Mapped(a, "rps", "Hz", -2.0, 1.5))
+    lined = with_channel(after, "n", Mapped(a, "rps", "Hz", -2.0, 1.5, "line"))
     assert channels_of(lined)["n"]["between"] == "line"
-    held = Mapped('[[import.files]]\npath = "a.csv"', "rps", "Hz", -2.0, 1.5, "held")
+    held = Mapped(a, "rps", "Hz", -2.0, 1.5, "held")
     assert channels_of(with_channel(lined, "n", held))["n"]["between"] == "held"
     assert "between" not in channels_of(with_channel(after, "n", held))["n"]
-    after = with_channel(after, "u", Mapped(head, "speed", "m/s", 1.0, 0.0))
-    files = tomllib.loads(after)["import"]["files"]
-    assert files[0] == {
-        "path": "a.csv",
-        "clock": "even",
-        "channels": {
-            "n": {"column": "rps", "unit": "Hz", "own": 3, "scale": -2.0, "offset": 1.5},
-            "tau_X": {"sum": "0.1 'left one' - 0.1 right", "unit": "N", "offset": 2},
-        },
-    }
-    assert files[1] == {
-        "path": "b.csv",
-        "time": {"column": "t", "unit": "s"},
-        "channels": {"u": {"column": "speed", "unit": "m/s"}},
-    }
-    moved = with_channel(after, "u", Mapped('[[import.files]]\npath = "a.csv"', "v", "kn", 1.0, 0.0))
+    after = with_channel(after, "u", Mapped(b, "speed", "m/s", 1.0, 0.0))
+    n = {"column": "rps", "unit": "Hz", "own": 3, "scale": -2.0, "offset": 1.5}
+    assert after[0] == {**before[0], "channels": {**before[0]["channels"], "n": n}}
+    assert after[1] == {**b, "channels": {"u": {"column": "speed", "unit": "m/s"}}}
+    moved = with_channel(after, "u", Mapped(a, "v", "kn", 1.0, 0.0))
     assert channels_of(moved)["u"] == {"column": "v", "unit": "kn", "path": "a.csv", "table": None}
-    assert len(tomllib.loads(moved)["import"]["files"]) == 1
+    assert len(moved) == 1
     assert "u" not in channels_of(with_channel(moved, "u", None))
-    kept = with_channel(before, "tau_X", Mapped('[[import.files]]\npath = "a.csv"', "", "kN", 1.0, 0.0))
+    kept = with_channel(before, "tau_X", Mapped(a, "", "kN", 1.0, 0.0))
     assert channels_of(kept)["tau_X"]["sum"] == "0.1 'left one' - 0.1 right"
+    assert before[0]["channels"]["n"]["column"] == "rpm"
 
 
 def test_another_map_of_a_run_leaves_runs_and_ends_as_they_are(tmp_path):
-    from seatrial.dashboard.edits import with_map
+    from seatrial.dashboard.channel_map import with_map
 
     kept = 'fit = ["a", "b"]\npredict = ["c"]\nstep = "0.1 s"\n[import.trim.b]\nstart = "2 s"\n'
     text = f'[import]\n{kept}[[import.files]]\npath = "{{run}}.csv"\nchannels.u = {{ column = "v", unit = "kn" }}\n'
-    new = '[[import.files]]\npath = "{run}.csv"\nchannels.u = { column = "v", unit = "m/s" }\n'
+    new = [{"path": "{run}.csv", "channels": {"u": {"column": "v", "unit": "m/s"}}}]
     found = tomllib.loads(with_map(tmp_path, text, "b", new))["import"]
     assert found.pop("files")[0]["channels"]["u"]["unit"] == "m/s"
     assert found == {"fit": ["a", "b"], "predict": ["c"], "step": "0.1 s", "trim": {"b": {"start": "2 s"}}}
@@ -201,21 +182,19 @@ def comments(text):
 
 
 def test_comments_of_other_tables_and_unknown_keys_survive_every_edit_of_the_form(tmp_path):
-    from seatrial.dashboard.edits import Mapped, channel_map_of, with_channel, with_map, with_shift
+    from seatrial.dashboard.channel_map import Mapped, files_of, with_channel, with_map, with_shift
 
-    there = channel_map_of(COMMENTED)
-    assert there.startswith("# the motor\n[[import.files]]")
-    assert with_map(tmp_path, COMMENTED.replace("[truth]\nX_u = -3.0", "[known]\nX_u = 3"), "a", there) == (
-        COMMENTED.replace("[truth]\nX_u = -3.0", "[known]\nX_u = 3")
-    )
-    edited = with_channel(there, "n", Mapped('[[import.files]]\npath = "a.csv"', "rps", "Hz", -1.0, 0.0))
-    edited = with_channel(edited, "r", Mapped('[[import.files]]\npath = "b.csv"', "yaw", "rad/s", 1.0, 0.0))
-    edited = with_channel(edited, "psi", Mapped('[[import.files]]\npath = "b.csv"', "head", "deg", 1.0, 0.0))
+    files, a, b = files_of(COMMENTED), {"path": "a.csv"}, {"path": "b.csv"}
+    known = COMMENTED.replace("[truth]\nX_u = -3.0", "[known]\nX_u = 3")
+    assert with_map(tmp_path, known, "a", files) == known
+    edited = with_channel(files, "n", Mapped(a, "rps", "Hz", -1.0, 0.0))
+    edited = with_channel(edited, "r", Mapped(b, "yaw", "rad/s", 1.0, 0.0))
+    edited = with_channel(edited, "psi", Mapped(b, "head", "deg", 1.0, 0.0))
     edited = with_shift(edited, "b.csv", None, 12.5)
-    assert comments(edited) == []
     text = with_map(tmp_path, COMMENTED, "a", edited)
-    kept = [one for one in comments(COMMENTED) if one not in comments(there)]
-    assert [one.removeprefix("X_u = -3.0  # ") for one in comments(text) if one != "[truth]"] == kept
+    of_others = {"of the whole file", "of the import", "the best run", "a key of somebody's own", "why this step"}
+    of_others |= {"cuts", "after the dive", "the end", "asked for by the owner", "[truth]", "X_u = -3.0"}
+    assert of_others <= {*comments(text)}
     found, expected = tomllib.loads(text), tomllib.loads(COMMENTED)
     expected.pop("truth")
     first, second = expected["import"]["files"]
@@ -229,32 +208,27 @@ def test_comments_of_other_tables_and_unknown_keys_survive_every_edit_of_the_for
     assert with_shift(edited, "b.csv", None, 0.0) == with_shift(
         with_shift(edited, "b.csv", None, 3.0), "b.csv", None, 0
     )
-    assert 'path = "b.csv"\nshift = "12.5 s"\n' in edited
 
-    other = with_map(
-        tmp_path, COMMENTED, "c", '[[import.files]]\npath = "c.csv"\nchannels.u = { column = "u", unit = "m/s" }\n'
-    )
+    other = with_map(tmp_path, COMMENTED, "c", [{"path": "c.csv", "channels": {"u": {"column": "u", "unit": "m/s"}}}])
     new = tomllib.loads(other)
     assert new["import"]["fit"] == ["c"]
     assert (new["import"]["own"], new["import"]["step"]) == (3, "0.1 s")
     assert "trim" not in new["import"]
-    assert {"of the import", "a key of somebody's own", "asked for by the owner"} <= set(comments(other))
-    assert '# start = "2 s"  # after the dive' in other
+    assert {"of the import", "a key of somebody's own", "asked for by the owner", 'start = "2 s"'} <= {*comments(other)}
 
 
 def test_an_import_that_is_written_in_one_line_is_left_to_a_text_editor(tmp_path):
-    from seatrial.core.errors import InputError
-    from seatrial.dashboard.edits import with_map
+    from seatrial.dashboard.channel_map import with_map
 
     text = 'import = { fit = ["a"], files = [{ path = "a.csv", channels = {} }] }\n'
     with pytest.raises(InputError, match="cannot be edited where it stands"):
-        with_map(tmp_path, text, "a", '[[import.files]]\npath = "c.csv"\nchannels = {}\n')
+        with_map(tmp_path, text, "a", [{"path": "c.csv", "channels": {}}])
 
 
 def test_a_log_whose_time_has_a_strange_name_is_mapped_once_its_column_is_chosen(tmp_path):
-    from seatrial.dashboard.edits import Mapped, with_channel, with_map, with_time
+    from seatrial.dashboard.channel_map import Mapped, with_channel, with_map, with_time
 
-    text, _ = thinking.begun(str(tmp_path), "my boat", "design", ())
+    text = begun(tmp_path, "design")
     (tmp_path / "campaign.toml").write_text(text)
     stamps = [100 * (i - (i == 50)) for i in range(99)]
     (tmp_path / "dive.csv").write_text("Zeit;Fahrt\n" + "".join(f"{t};{1.5 + 0.0001 * t}\n" for t in stamps))
@@ -262,24 +236,23 @@ def test_a_log_whose_time_has_a_strange_name_is_mapped_once_its_column_is_chosen
     assert found.guesses == ()
     assert [(one.name, one.spread) for one in found.columns] == [("Zeit", "0 to 9800"), ("Fahrt", "1.5 to 2.48")]
     head = found.heads["rows"]
-    assert tomllib.loads(head)["import"]["files"] == [{"path": "dive.csv", "time": {"column": "", "unit": "s"}}]
+    assert head == {"path": "dive.csv", "time": {"column": "", "unit": "s"}}
     with pytest.raises(InputError, match="no column of a log"):
-        with_map(tmp_path, text, "dive", "\n")
-    one = with_channel("", "u", Mapped(head, "Fahrt", "kn", 1.0, 0.0)) + "# by the diver\n"
-    timed = with_time(one, "dive.csv", None, "Zeit", "ms")
-    (file,) = tomllib.loads(timed)["import"]["files"]
+        with_map(tmp_path, text, "dive", [])
+    one = with_channel([], "u", Mapped(head, "Fahrt", "kn", 1.0, 0.0))
+    (file,) = with_time(one, "dive.csv", None, "Zeit", "ms")
     assert file == {
         "path": "dive.csv",
         "time": {"column": "Zeit", "unit": "ms"},
         "channels": {"u": {"column": "Fahrt", "unit": "kn"}},
     }
     assert with_time(one, "other.csv", None, "Zeit", "ms") == one
-    bare = '[[import.files]]\npath = "dive.csv"\nchannels.u = { column = "Fahrt", unit = "kn" }\n'
-    assert tomllib.loads(with_time(bare, "dive.csv", None, "Zeit", "ms"))["import"]["files"] == [file]
+    bare = [{"path": "dive.csv", "channels": {"u": {"column": "Fahrt", "unit": "kn"}}}]
+    assert with_time(bare, "dive.csv", None, "Zeit", "ms") == [file]
 
 
 def test_a_second_log_with_the_same_columns_becomes_another_run(tmp_path):
-    from seatrial.dashboard.edits import FurtherRun, further_run, with_further_run
+    from seatrial.dashboard.channel_map import FurtherRun, further_run, with_further_run
 
     text = (
         '[import]\nfit = ["run_a"]  # the first\n\n[[import.files]]\npath = "logs/run_a.csv"  # of the logger\n'
@@ -303,22 +276,22 @@ def test_a_second_log_with_the_same_columns_becomes_another_run(tmp_path):
 
 
 def test_a_run_gets_a_map_of_its_own_and_the_others_keep_theirs(tmp_path):
-    from seatrial.dashboard.edits import map_of_run, runs_reading, with_own_map
+    from seatrial.dashboard.channel_map import files_of, map_of_run, runs_reading, with_own_map
 
     text = (
         '[import]\nfit = ["1"]  # the first\n\n[[import.files]]\npath = "log_1.csv"  # of the logger\n'
         'channels.u = { column = "speed", unit = "kn" }\n'
     )
-    own = '[[import.files]]\npath = "log_2.csv"\nchannels.u = { column = "v", unit = "m/s" }  # ours\n'
+    own = [{"path": "log_2.csv", "channels": {"u": {"column": "v", "unit": "m/s"}}}]
     both = with_own_map(tmp_path, text, "log_2", "fit", own)
     found = tomllib.loads(both)["import"]
     assert found["fit"] == ["1", "log_2"]
     assert [(one["path"], one["runs"]) for one in found["files"]] == [("log_1.csv", ["1"]), ("log_2.csv", ["log_2"])]
     assert "the first" in comments(both)
     assert runs_reading(both, "log_2.csv") == ("log_2",)
-    mine, others = map_of_run("\n".join(both.splitlines()[2:]), "log_2")
-    assert ("log_2.csv" in mine, "log_1.csv" in mine, "log_1.csv" in others) == (True, False, True)
-    third = with_own_map(tmp_path, both, "log_3", "predict", own.replace("log_2", "log_3"))
+    mine, others = map_of_run(files_of(both), "log_2")
+    assert ([one["path"] for one in mine], [one["path"] for one in others]) == (["log_2.csv"], ["log_1.csv"])
+    third = with_own_map(tmp_path, both, "log_3", "predict", [{**own[0], "path": "log_3.csv"}])
     found = tomllib.loads(third)["import"]
     assert (found["fit"], found["predict"]) == (["1", "log_2"], ["log_3"])
     assert [one["runs"] for one in found["files"]] == [["1"], ["log_2"], ["log_3"]]
@@ -330,12 +303,13 @@ def test_a_run_gets_a_map_of_its_own_and_the_others_keep_theirs(tmp_path):
         ("log_{run}.csv", ["1", "3"]),
         ("log_2.csv", ["2"]),
     ]
-    again = tomllib.loads(with_own_map(tmp_path, both, "log_2", "fit", own.replace("m/s", "cm/s")))["import"]["files"]
+    own[0]["channels"]["u"]["unit"] = "cm/s"
+    again = files_of(with_own_map(tmp_path, both, "log_2", "fit", own))
     assert [one["channels"]["u"]["unit"] for one in again] == ["kn", "cm/s"]  # one of log_2, the newer
 
 
 def test_a_log_takes_the_place_of_one_of_which_it_has_every_column_or_channel(tmp_path):
-    from seatrial.dashboard.edits import channels_of, files_of, with_newer_log
+    from seatrial.dashboard.channel_map import channels_of, with_newer_log
 
     names = {
         "again.csv": "time_s,speed,rpm,yaw",
@@ -347,25 +321,22 @@ def test_a_log_takes_the_place_of_one_of_which_it_has_every_column_or_channel(tm
         rows = [",".join([f"{0.1 * k:.1f}", *[str(900 + k)] * head.count(",")]) for k in range(30)]
         (tmp_path / name).write_text("\n".join([head, *rows]) + "\n")
         looked[name] = look_into(str(tmp_path / name), name, ("u", "n"))
-    before = (
-        '[[import.files]]\npath = "run_a.csv"\ntime = { column = "time_s", unit = "s" }\n'
-        'channels.u = { column = "speed", unit = "cm/s", scale = -1.0 }\n'
-        'channels.n = { sum = "0.5 rpm + 0.5 rpm", unit = "rpm" }\n'
-    )
+    u, n = {"column": "speed", "unit": "cm/s", "scale": -1.0}, {"sum": "0.5 rpm + 0.5 rpm", "unit": "rpm"}
+    time = {"column": "time_s", "unit": "s"}
+    before = [{"path": "run_a.csv", "time": time, "channels": {"u": u, "n": n}}]
     after, gone = with_newer_log(before, "again.csv", looked["again.csv"], ("a",))
-    assert (after, gone) == (before.replace("run_a", "again"), ("run_a.csv",))
+    assert (after, gone) == ([{**before[0], "path": "again.csv"}], ("run_a.csv",))
     assert with_newer_log(after, "again.csv", looked["again.csv"], ("a",)) == (after, ())
     after, gone = with_newer_log(before, "other.csv", looked["other.csv"], ())
     assert (channels_of(after), gone) == ({}, ("run_a.csv",))
     assert with_newer_log(before, "half.csv", looked["half.csv"], ()) == (before, ())
-    of_runs = before.replace("run_a", "{run}")
+    of_runs = [{**before[0], "path": "{run}.csv"}]
     assert with_newer_log(of_runs, "again.csv", looked["again.csv"], ("again",)) == (of_runs, ())
-    two = before.replace('channels.n = { sum = "0.5 rpm + 0.5 rpm", unit = "rpm" }\n', "") + (
-        '\n[[import.files]]\npath = "motor.csv"\nchannels.n = { column = "rpm", unit = "rpm" }\n'
-    )
+    motor = {"path": "motor.csv", "channels": {"n": {"column": "rpm", "unit": "rpm"}}}
+    two = [{**before[0], "channels": {"u": u}}, motor]
     after, gone = with_newer_log(two, "again.csv", looked["again.csv"], ())
     assert gone == ("run_a.csv", "motor.csv")
-    assert [(one["path"], [*one["channels"]]) for one in files_of(after)] == [("again.csv", ["u"])]
+    assert [(one["path"], [*one["channels"]]) for one in after] == [("again.csv", ["u"])]
 
 
 def test_a_log_is_what_its_columns_and_the_campaign_say(tmp_path):
@@ -393,10 +364,10 @@ def test_a_log_is_what_its_columns_and_the_campaign_say(tmp_path):
     }
     there = drafted("run_a.csv")
     assert there.named("run_a.csv") == "run_{run}.csv"
-    assert there.is_saved(there.channel_map)
-    assert not there.is_saved(there.channel_map.replace("m/s", "kn"))
+    assert there.is_saved(there.files)
+    assert not there.is_saved([{**there.files[0], "clock": "even"}])
     there.label = "another run"
-    assert not there.is_saved(there.channel_map)
+    assert not there.is_saved(there.files)
     assert drafted("run_b.csv").replaced() == "Saving gives run b this map in the place of that of run_b.csv."
     assert drafted("motor.csv").replaced() == ""
     only = drafted("dive.csv", "instead")
@@ -443,7 +414,7 @@ channels.n = { column = "Schraube", unit = "rpm" }  # of the propeller
     elif touch == "name":
         draft.label = "the second"
     elif touch == "channel":
-        draft.channel_map = draft.channel_map.replace('"kn"', '"m/s"')
+        draft.files = [{**draft.files[0], "clock": "even"}]
     add(draft, "drive_b.csv")
     assert list(draft.logs) == ["nav_b.csv", "drive_b.csv"]
     assert draft.dropped == ()
@@ -480,19 +451,19 @@ def test_a_log_that_lacks_nothing_is_a_run_of_its_own_beside_one_that_nobody_cha
 
 
 def test_the_placeholders_of_a_template_are_no_map(tmp_path):
-    text, _ = thinking.begun(str(tmp_path), "my boat", "log", ())
+    text = begun(tmp_path, "log")
     (tmp_path / "campaign.toml").write_text(text)
     rows = "".join(f"{100 * i};{0.1 * i:.1f}\n" for i in range(30))
     (tmp_path / "nav day 2.csv").write_text("time_s;prop_rpm\n" + rows)  # no column seems to be the speed
     draft = MapDraft(tmp_path)
     draft.add("nav day 2.csv", look_into(str(tmp_path / "nav day 2.csv"), "nav day 2.csv", ("n", "u")))
     assert draft.channels.keys() == {"n"}
-    assert "COLUMN" not in draft.channel_map
+    assert "COLUMN" not in str(draft.files)
     assert draft.label == "nav_day_2"
 
 
 def test_two_logs_are_lined_up_and_drawn_by_a_map_that_is_not_saved(tmp_path):
-    from seatrial.dashboard.edits import files_of, with_map, with_shift
+    from seatrial.dashboard.channel_map import with_map, with_shift
     from seatrial.dashboard.logs import column_of, line_up
 
     folder = write_small(tmp_path / "boat")
@@ -506,18 +477,15 @@ def test_two_logs_are_lined_up_and_drawn_by_a_map_that_is_not_saved(tmp_path):
         rows = "".join(f"{t + late:.1f},{v:.5f},{r:.5f}\n" for t, v, r in zip(time, values, turn, strict=True))
         (folder / f"{name}.csv").write_text(f"time_s,{column},yaw\n{rows}")
     looked = {name: look_into(str(folder / f"{name}.csv"), f"{name}.csv", ()) for name in ("motor", "doppler")}
-    ends = [
-        column_of(str(folder / f"{name}.csv"), "yaw", files_of(one.heads["rows"])[0], 0.0)
-        for name, one in looked.items()
-    ]
+    ends = [column_of(str(folder / f"{name}.csv"), "yaw", one.heads["rows"], 0.0) for name, one in looked.items()]
     found = line_up(*ends)
     assert found.shift == pytest.approx(-900.0, abs=1e-3)
     assert found.correlation == pytest.approx(1.0, abs=1e-3)
 
-    channel_map = (
-        '[[import.files]]\npath = "motor.csv"\nchannels.n = { column = "rpm", unit = "rpm" }\n\n'
-        '[[import.files]]\npath = "doppler.csv"\nchannels.u = { column = "speed", unit = "m/s" }\n'
-    )
+    channel_map = [
+        {"path": "motor.csv", "channels": {"n": {"column": "rpm", "unit": "rpm"}}},
+        {"path": "doppler.csv", "channels": {"u": {"column": "speed", "unit": "m/s"}}},
+    ]
     lined = with_shift(channel_map, "doppler.csv", None, found.shift)
     apart, together = (with_map(folder, before, "dive", one) for one in (channel_map, lined))
     about = thinking.axis_about(str(folder), apart, "dive", ())
@@ -535,6 +503,6 @@ def test_two_logs_are_lined_up_and_drawn_by_a_map_that_is_not_saved(tmp_path):
     np.testing.assert_allclose(seen["u"].least, 1.5 + 0.1 * turn[there], atol=1e-4)
     np.testing.assert_allclose(seen["n"].greatest, 1200 + 50 * turn[there], atol=1e-2)
     assert (folder / "campaign.toml").read_text() == before
-    bad = with_map(folder, before, "dive", channel_map.replace('"motor.csv"', '"motor.csv"\nshift = "3 kg"'))
+    bad = with_map(folder, before, "dive", [{**channel_map[0], "shift": "3 kg"}])
     with pytest.raises(InputError, match=r"import\.files\[0\]\.shift"):
         thinking.check(str(folder), bad)

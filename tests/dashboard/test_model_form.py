@@ -1,80 +1,99 @@
-"""The form of the model writes noise, terms and priors into the campaign file; comments and what it does not know stay."""
+"""The form of the model asks for terms, priors, noise and chains, and writes the answers; comments and what it does not know stay."""
 
 import tomllib
 
 import pytest
 
 from seatrial.core.errors import InputError
-from seatrial.dashboard.model_edits import Range, with_noise, with_priors, with_sizes, with_terms
-from seatrial.dashboard.model_queries import check, model_data
+from seatrial.dashboard.model_queries import asked_of_model, edited, limits_form, model_form
 from tests.campaign.small import SMALL, write_small
 
-COMMENTED = SMALL.replace(
-    'always = ["X_uabsu", "T_nabsn"]\noptional = ["X_u"]',
-    'always = [\n  "X_uabsu",  # drag\n  # of the propeller\n  "T_nabsn",\n]\noptional = ["X_u"]  # to be seen',
-).replace("[estimation]\n", "# the fit\n[estimation]\n")
-TAU = Range("tau_u", "0.05", "10", "", "log-uniform")
+COMMENTED = SMALL.replace("[estimation]\n", "# the fit\n[estimation]\n")
 
 
-def test_coloured_noise_and_back(tmp_path):
-    text = with_noise(tmp_path, COMMENTED, {"": "coloured"})
-    with pytest.raises(InputError, match=r"a prior of tau_u, SI unit s"):
-        check(str(tmp_path), text)
-    text = with_priors(tmp_path, text, [TAU], [])
-    check(str(tmp_path), text)
-    assert tomllib.loads(text)["prior"]["tau_u"] == {"distribution": "log-uniform", "lower": 0.05, "upper": 10.0}
+def test_questions_have_meanings_choices_and_defaults(tmp_path):
+    text, questions = model_form(str(write_small(tmp_path)))
+    assert text == (tmp_path / "campaign.toml").read_text()
+    of = {one.key: one for one in questions}
+    assert of["structure.always"].value == "X_uabsu, T_nabsn"
+    residuals = of["estimation.residuals"]
+    assert (residuals.value, residuals.default, residuals.choices[1]) == ("", "white", "coloured")
+    assert "](" not in residuals.meaning
+    assert of["prior.X_u.lower"].value == "-3.6"
+    assert of["prior.X_u.unit"].value == ""
+
+
+@pytest.mark.parametrize(
+    ("kind", "priors"), [("coloured", ["tau_u"]), ("heavy", []), ("drifting", ["drift_u", "drift_time_u"])]
+)
+def test_noise_gets_the_priors_that_it_needs_and_loses_them_again(tmp_path, kind, priors):
+    text, _ = edited(str(tmp_path), COMMENTED, (("estimation.residuals", kind),))
+    added = tomllib.loads(text)["prior"].keys() - tomllib.loads(COMMENTED)["prior"].keys()
+    assert added == {*priors}
     assert all(f"{line}\n" in text for line in COMMENTED.splitlines())
-
-    text = with_noise(tmp_path, text, {"": "white"})
-    with pytest.raises(InputError, match=r"remove \[prior.tau_u\], of coloured residuals: those of u are white"):
-        check(str(tmp_path), text)
-    text = with_priors(tmp_path, text, [], ["tau_u"])
-    check(str(tmp_path), text)
-    assert "# [prior.tau_u]\n# distribution" in text
+    keys = {one.key for one in asked_of_model(COMMENTED, (("estimation.residuals", kind),))}
+    assert {f"prior.{name}.upper" for name in priors} <= keys
+    text, _ = edited(str(tmp_path), text, (("estimation.residuals", "white"),))
+    assert not {*priors} & tomllib.loads(text)["prior"].keys()
+    assert all(f"# [prior.{name}]\n" in text for name in priors)
 
 
 def test_the_noise_of_one_sensor(tmp_path):
-    text = with_noise(tmp_path, COMMENTED, {"u": "heavy"})
+    text, _ = edited(str(tmp_path), COMMENTED, (("sensors.u.residuals", "heavy"),))
     assert tomllib.loads(text)["sensors"]["u"]["residuals"] == "heavy"
-    assert with_noise(tmp_path, text, {"u": ""}).split() == COMMENTED.split()
+    assert edited(str(tmp_path), text, (("sensors.u.residuals", ""),))[0].split() == COMMENTED.split()
 
 
 def test_the_size_of_the_chains(tmp_path):
-    text = with_sizes(tmp_path, COMMENTED, {"warmup": "1000", "draws": "3000"})
-    found = tomllib.loads(text)["estimation"]
-    assert (found["warmup"], found["draws"]) == (1000, 3000)
-    with pytest.raises(InputError, match="a whole number"):
-        with_sizes(tmp_path, COMMENTED, {"draws": "many"})
-    with pytest.raises(InputError, match="multiple of 100"):
-        check(str(tmp_path), with_sizes(tmp_path, COMMENTED, {"draws": "1050"}))
+    text, _ = edited(str(tmp_path), COMMENTED, (("estimation.warmup", "1000"), ("estimation.draws", "3000")))
+    chains = tomllib.loads(text)["estimation"]
+    assert (chains["warmup"], chains["draws"]) == (1000, 3000)
+    for typed, words in (("many", "integer"), ("1050", "multiple of 100")):
+        with pytest.raises(InputError, match=words) as caught:
+            edited(str(tmp_path), COMMENTED, (("estimation.draws", typed),))
+        assert "key estimation.draws" in caught.value.where
 
 
-def test_terms_change_their_places_and_comments_stay(tmp_path):
-    text = with_terms(tmp_path, COMMENTED, ["X_uabsu", "T_nabsn", "X_u"], ["X_uu"])
-    text = with_priors(tmp_path, text, [Range("X_uu", "-1", "0", "g/cm")], [])
-    (said,) = check(str(tmp_path), text)
-    assert said.startswith("X_uabsu and X_uu differ only where u changes its sign")
+def test_terms_change_their_places_and_new_ones_get_priors(tmp_path):
+    answers = (
+        ("structure.always", "X_uabsu, T_nabsn, X_u"),
+        ("structure.optional", "X_uu"),
+        ("prior.X_uu.lower", "-2"),
+        ("prior.X_uu.unit", "g/cm"),
+    )
+    text, (caution,) = edited(str(tmp_path), COMMENTED, answers)
+    assert caution.startswith("X_uabsu and X_uu differ only where u changes its sign")
     content = tomllib.loads(text)
     assert content["structure"] == {"always": ["X_uabsu", "T_nabsn", "X_u"], "optional": ["X_uu"]}
-    assert content["prior"]["X_uu"] == {"distribution": "uniform", "lower": -1.0, "upper": 0.0, "unit": "g/cm"}
-    for comment in ("# drag", "# of the propeller", "# to be seen", "# the fit"):
-        assert comment in text
+    assert content["prior"]["X_uu"] == {"distribution": "uniform", "lower": -2, "upper": 0.0, "unit": "g/cm"}
+    assert "# the fit" in text
+    with pytest.raises(InputError, match="X_foo"):
+        edited(str(tmp_path), COMMENTED, (("structure.optional", "X_foo"),))
 
 
-@pytest.mark.parametrize(("lower", "found"), [("", "nothing"), ("-1,5", '"-1,5"'), ("inf", '"inf"')])
-def test_an_end_that_is_no_number_is_refused(tmp_path, lower, found):
-    with pytest.raises(InputError) as caught:
-        with_priors(tmp_path, COMMENTED, [Range("X_uu", lower, "0", "")], [])
-    assert (caught.value.where, caught.value.found) == ("prior.X_uu.lower", found)
+def test_a_distribution_is_chosen_and_its_numbers_are_asked_for():
+    keys = {one.key for one in asked_of_model(COMMENTED, (("prior.X_u.distribution", "normal"),))}
+    assert {"prior.X_u.mean", "prior.X_u.sd"} <= keys
+    keys = {one.key for one in asked_of_model(COMMENTED, (("prior.X_u.distribution", ""),))}
+    assert not any(key.startswith("prior.X_u.") for key in keys)
 
 
-def test_what_each_kind_of_noise_needs_is_known(tmp_path):
-    found = model_data(str(write_small(tmp_path)))
-    assert (found.residuals, found.always, found.optional) == ("white", ("X_uabsu", "T_nabsn"), ("X_u",))
-    assert found.priors["X_u"] == "uniform, lower -3.6, upper 1.2"
-    (sensor,) = found.sensors
-    needed = {kind: [one.name for one in some if one.is_needed] for kind, some in sensor.priors.items()}
-    assert needed == {"white": [], "coloured": ["tau_u"], "heavy": [], "drifting": ["drift_u", "drift_time_u"]}
-    for kind, some in sensor.priors.items():
-        new = [Range(one.name, one.lower, one.upper, "", "log-uniform") for one in some if one.is_needed]
-        check(str(tmp_path), with_priors(tmp_path, with_noise(tmp_path, SMALL, {"": kind}), new, []))
+@pytest.mark.parametrize(("lower", "words"), [("-1,5", "number"), ("inf", "inf")])
+def test_an_end_that_is_no_number_is_refused(tmp_path, lower, words):
+    with pytest.raises(InputError, match=words) as caught:
+        edited(str(tmp_path), COMMENTED, (("prior.X_u.lower", lower),))
+    assert "prior.X_u.lower" in caught.value.where
+
+
+def test_every_signal_may_be_limited_and_controls_may_have_a_rate(tmp_path):
+    text, questions = limits_form(str(write_small(tmp_path)))
+    of = {one.key: one for one in questions}
+    assert of["limits.n.upper"].value == "1500 rpm"
+    assert of["limits.n.rate"].default.startswith("none; such as 1 rpm/s")
+    assert "limits.u.rate" not in of
+    assert of["limits.u.upper"].default == "none; such as 1 m/s"
+    new, _ = edited(str(tmp_path), text, (("limits.n.upper", "1400 rpm"), ("limits.u.upper", "3 m/s")))
+    limits = tomllib.loads(new)["limits"]
+    assert (limits["n"]["upper"], limits["u"]) == ("1400 rpm", {"upper": "3 m/s"})
+    with pytest.raises(InputError, match=r"key limits\.n\.upper"):
+        edited(str(tmp_path), text, (("limits.n.upper", "1500 kg"),))

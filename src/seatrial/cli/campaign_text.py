@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from seatrial.cli.toml_edit import dotted, set_key
+from seatrial.cli.toml_edit import with_values
 from seatrial.core.errors import InputError, SeatrialError
 from seatrial.core.files import write_text
 
@@ -44,11 +44,9 @@ def with_trim(folder: Path, text: str, run: str | None, start: str | None, end: 
     Raises:
         InputError: a key that cannot be edited.
     """
-    place, table = str(folder / CAMPAIGN), "import" if run is None else dotted("import", "trim", run)
-    for key, value in (("start", start), ("end", end)):
-        if value is not None:
-            text = set_key(text, table, key, value, place)
-    return text
+    table = ("import",) if run is None else ("import", "trim", run)
+    ends = {(*table, key): value for key, value in (("start", start), ("end", end)) if value is not None}
+    return with_values(text, ends, str(folder / CAMPAIGN))
 
 
 def write_file(folder: Path, text: str, seen: str) -> None:

@@ -1,27 +1,32 @@
-"""A new campaign by questions: every value of a template is one, with the meaning that its key has in the schema.
+"""The values of a campaign file as questions: each has the meaning, the choices and the default that its key has in the schema.
 
-The terminal and the page ask the same questions; the answers take the place of the values, and the comments of the template stay.
+The terminal and the forms of the pages ask the same questions; the answers take the place of the values, and comments stay.
 """
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from math import inf
+from pathlib import Path
+from types import NoneType, UnionType
+from typing import Any, Literal, NamedTuple, get_args, get_origin
 
 from seatrial.campaign.config.schema import CampaignFile
-from seatrial.campaign.config.toml import field_at, toml_content
-from seatrial.cli.toml_edit import sections_of, set_key
+from seatrial.campaign.config.templates import example_of
+from seatrial.campaign.config.toml import field_at, parse_toml, toml_content
+from seatrial.cli.toml_edit import Key, with_values
 from seatrial.core.coefficients import CoefficientName
-from seatrial.core.errors import InputError
-from seatrial.core.units import to_si
+from seatrial.core.signals import QUATERNION
+from seatrial.core.usual_priors import DRIFT_TIMES, SIZES, TIMES
 
 _NOT_ASKED = ("seed", "distribution")  # Keys whose value nobody has to think about at the beginning
-_NUMBER = re.compile(r"\s*[-+\d.eE]+")
-_PRIOR = """
-[prior.{name}]
-distribution = "uniform"
-lower = {lower}
-upper = {upper}
-"""
+CHANGING = (
+    "always",
+    "optional",
+    "residuals",
+    "distribution",
+    "catalogue",
+)  # Keys whose values add questions and remove others
 
 
 class Question(NamedTuple):
@@ -29,21 +34,52 @@ class Question(NamedTuple):
 
     Attributes:
         key: with dots, such as `sensors.u.noise`.
-        value: as it is typed, without quotes; the parts of a list are separated by commas.
+        value: as it is typed, without quotes; the parts of a list are separated by commas. Empty for a key that the file lacks.
         meaning: of the key.
+        choices: the only values that it may have; none where it may have others.
+        default: the value of a key that the file lacks; empty where there is none.
     """
 
     key: str
     value: str
     meaning: str
+    choices: tuple[str, ...] = ()
+    default: str = ""
 
 
-def questions(text: str) -> tuple[Question, ...]:
-    """Return the questions of a campaign file, in its order."""
-    return tuple(
-        Question(".".join(path), _typed(value), field.description or "")
-        for path, value in _values((), toml_content("the template", text))
-        if path[-1] not in _NOT_ASKED and (field := field_at(CampaignFile, path)) is not None
+def questions(text: str, tables: Mapping[str, Iterable[str]] | None = None) -> tuple[Question, ...]:
+    """Return the questions of a campaign file, in its order.
+
+    Args:
+        text: of the file.
+        tables: the tables to ask for, by name, and keys that are asked for even if the table lacks them; all that the file states if None.
+    """
+    content = toml_content("the campaign", text)
+    if tables is None:
+        values = {path: value for path, value in _values((), content) if path[-1] not in _NOT_ASKED}
+    else:
+        values = {}
+        for table, keys in tables.items():
+            path, here = tuple(table.split(".")), content
+            for part in path:
+                here = here.get(part, {})
+            values |= dict.fromkeys((*path, key) for key in keys) | dict(_values(path, here))
+    return tuple(_question(path, value) for path, value in values.items() if field_at(CampaignFile, path) is not None)
+
+
+def _question(path: Key, value: Any) -> Question:
+    field: Any = field_at(CampaignFile, path)
+    kinds = get_args(field.annotation) if isinstance(field.annotation, UnionType) else (field.annotation,)
+    kinds = [kind for kind in kinds if kind is not NoneType]
+    choices = [one for kind in kinds for one in ((True, False) if kind is bool else get_args(kind))]
+    is_closed = all(kind is bool or get_origin(kind) is Literal for kind in kinds)
+    has_default = not field.is_required() and field.default not in (None, (), {}, inf)
+    return Question(
+        ".".join(path),
+        "" if value is None else _typed(value),
+        re.sub(r"\[(.*?)\]\(.*?\)", r"\1", field.description or ""),
+        tuple(map(_typed, choices)) if is_closed else (),
+        _typed(field.default) if has_default else "",
     )
 
 
@@ -52,20 +88,28 @@ def answered(text: str, answers: Mapping[str, str]) -> str:
 
     Args:
         text: of the file.
-        answers: by key, as they are typed; a key that is not there any more is passed over.
+        answers: by key, as they are typed; an empty one removes the key, and one of a prior that is not there any more is passed over.
 
     Raises:
-        InputError: an answer of another kind than the value before, or a name that is no coefficient.
+        InputError: a value that its key cannot have, or a name that is no coefficient.
     """
+    before = toml_content("the campaign", text)
+    stated = dict(_values((), before))
+    values = {}
     for key, answer in answers.items():
-        *table, last = key.split(".")
-        values = {".".join(path): value for path, value in _values((), toml_content("the campaign", text))}
-        if key in values and answer.strip() != _typed(values[key]):
-            value = (
-                _read(answer.strip(), values[key], key) if answer.strip() else None
-            )  # an empty answer removes the key
-            text = set_key(text, ".".join(table), last, value)
-    return with_priors(text)
+        path, answer = tuple(key.split(".")), answer.strip()
+        if answer != _typed(stated.get(path, "")):
+            values[path] = _read(answer, stated.get(path), path) if answer else None
+    of_priors = {path: value for path, value in values.items() if path[0] == "prior"}
+    edited = with_values(text, {path: value for path, value in values.items() if path not in of_priors})
+    edited = with_priors(before, edited)
+    priors = toml_content("the campaign", edited).get("prior", {})
+    for path, value in of_priors.items():
+        if path[1] in priors:  # one without a distribution goes
+            is_removed = path[2] == "distribution" and value is None
+            edited = with_values(edited, {path[:2] if is_removed else path: value})
+    parse_toml(Path("the campaign"), edited, CampaignFile, example_of)
+    return edited
 
 
 def key_at(where: str, keys: Sequence[str]) -> str | None:
@@ -74,29 +118,50 @@ def key_at(where: str, keys: Sequence[str]) -> str | None:
     return next((key for key in keys if named and f"{key}.".startswith(f"{named[1]}.")), None)
 
 
-def with_priors(text: str) -> str:
-    """Return a campaign file in which each term has a prior, and each prior a term; a new one has a range to be corrected."""
-    content = toml_content("the campaign", text)
-    structure = content.get("structure", {})
-    terms = [*structure.get("always", ()), *structure.get("optional", ())]
-    if "published_prior_sd" in content.get("vehicle", {}):
-        return text
-    sections = sections_of(text)
-    gone = {f"prior.{name}" for name in content.get("prior", {}) if name not in terms}
-    last = max((at for at, one in enumerate(sections) if one.name.startswith(("structure", "prior."))), default=-1)
-    parts = []
-    for at, one in enumerate(sections):
-        if one.name not in gone:
-            parts.append(one.text)
-        if at == last:
-            for name in terms:
-                if name not in content.get("prior", {}):
-                    lower, upper = (0.0, 1.0) if CoefficientName.parse(name).axis == "T" else (-1.0, 0.0)
-                    parts.append(_PRIOR.format(name=name, lower=lower, upper=upper).lstrip("\n") + "\n")
-    return "".join(parts)
+def with_priors(before: Mapping[str, Any], text: str) -> str:
+    """Return a campaign file with priors of what was added to it, as ranges to be corrected, and without those of what was removed.
+
+    Args:
+        before: content of the file without the changes.
+        text: of the file with them.
+    """
+    after = toml_content("the campaign", text)
+    old, new, stated = _priors_of(before), _priors_of(after), after.get("prior", {})
+    values = {("prior", name): table for name, table in new.items() if name not in old and name not in stated}
+    values |= {("prior", name): None for name in old if name not in new and name in stated}
+    return with_values(text, values)
 
 
-def _values(path: tuple[str, ...], content: Any) -> Iterator[tuple[tuple[str, ...], Any]]:
+def _priors_of(content: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """Return a usual prior of all for which a campaign file has to state one: its terms, and the noise of its sensors."""
+    from seatrial.estimation.simulation.sensor_errors import correlation_name, drift_name, drift_time_name
+    from seatrial.vehicles.catalogue import load_surge, load_vehicle, surge_names
+
+    vehicle, structure = content.get("vehicle", {}), content.get("structure", {})
+    published: dict[str, float] = {}
+    if "published_prior_sd" in vehicle and "catalogue" in vehicle:
+        name = vehicle["catalogue"]
+        entry = load_surge(name) if name in surge_names() else load_vehicle(name)
+        published = {**entry.hull.fixed, **entry.coefficients}
+    ranges: dict[str, tuple[str, tuple[float, float]]] = {}
+    for name in (*structure.get("always", ()), *structure.get("optional", ())):
+        if name not in published:
+            ranges[name] = "uniform", ((0.0, 1.0) if CoefficientName.parse(name).axis == "T" else (-1.0, 0.0))
+    for sensor, table in content.get("sensors", {}).items():
+        kind = table.get("residuals", content.get("estimation", {}).get("residuals"))
+        for channel in QUATERNION if sensor == "attitude" else (sensor,):
+            if kind == "coloured":
+                ranges[correlation_name(channel)] = "log-uniform", TIMES
+            elif kind == "drifting":
+                ranges[drift_name(channel)] = "log-uniform", SIZES
+                ranges[drift_time_name(channel)] = "log-uniform", DRIFT_TIMES
+    return {
+        name: {"distribution": distribution, "lower": lower, "upper": upper}
+        for name, (distribution, (lower, upper)) in ranges.items()
+    }
+
+
+def _values(path: Key, content: Any) -> Iterator[tuple[Key, Any]]:
     """Yield each value below a table, with its path."""
     if isinstance(content, dict):
         for key, inside in content.items():
@@ -106,27 +171,21 @@ def _values(path: tuple[str, ...], content: Any) -> Iterator[tuple[tuple[str, ..
 
 
 def _typed(value: Any) -> str:
-    if isinstance(value, list):
+    if isinstance(value, list | tuple):
         return ", ".join(map(_typed, value))
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
-def _read(answer: str, before: Any, key: str) -> Any:
-    """Read an answer as a value of the kind that it replaces: a quantity is one of the same dimension."""
-    if isinstance(before, list):
-        return [one.strip() for one in answer.split(",") if one.strip()]
-    if isinstance(before, bool):
-        if answer not in ("true", "false"):
-            raise InputError(key, found=f'"{answer}"', expected="true or false", remedy="write one of them")
+def _read(answer: str, before: Any, path: Key) -> Any:
+    """Read an answer: text where text stood, else a number or a truth value where it is one; whether it may be is for the schema."""
+    field = field_at(CampaignFile, path)
+    if isinstance(before, list) or (before is None and field is not None and get_origin(field.annotation) is tuple):
+        example = before[0] if before else None
+        return [_read(one.strip(), example, ()) for one in answer.split(",") if one.strip()]
+    if isinstance(before, str):
+        return answer
+    if answer in ("true", "false"):
         return answer == "true"
-    if isinstance(before, int | float):
-        try:
-            return type(before)(answer) if isinstance(before, int) and answer.isdigit() else float(answer)
-        except ValueError:
-            raise InputError(key, found=f'"{answer}"', expected="a number", remedy=f"for example {before}") from None
-    if (number := _NUMBER.match(before)) and (unit := before[number.end() :].strip()) and answer != "unknown":
-        typed = _NUMBER.match(answer)
-        if typed is None:
-            raise InputError(key, found=f'"{answer}"', expected="a number and a unit", remedy=f'for example "{before}"')
-        to_si(1.0, answer[typed.end() :].strip() or "1", unit, key)
+    with suppress(ValueError):
+        return int(answer) if re.fullmatch(r"[-+]?\d+", answer) and not isinstance(before, float) else float(answer)
     return answer

@@ -1,173 +1,164 @@
-"""Change one key of a TOML file and leave everything else as its author wrote it: comments, order, spaces.
+"""Replace values and tables of a TOML file: everything else stays as its author wrote it, comments and order included.
 
-tomlkit edits the text; then old and new text are parsed by the standard library and must differ in that key alone.
+tomlkit edits the text; then old and new text are parsed by the standard library and must differ in these places alone.
 """
 
-import copy
 import json
 import re
-import tomllib
-from collections.abc import Iterator, MutableMapping, Sequence
-from contextlib import suppress
-from typing import Any, NamedTuple
+from collections.abc import Mapping
+from typing import Any
 
 from seatrial.campaign.config.toml import toml_content
 from seatrial.core.errors import InputError
 
-_BARE = re.compile(r"[A-Za-z0-9_-]+")
-Value = str | float | bool | Sequence[str] | None
+Key = tuple[str, ...]  # A key below the tables that contain it, such as ("limits", "n", "upper")
 
 
-class Section(NamedTuple):
-    """A table as it stands in a file: its name as `dotted` writes it, empty for what is above the first, and its lines with the comments
-    right above it.
-    """
-
-    name: str
-    text: str
-
-
-def sections_of(text: str) -> list[Section]:
-    """Divide a TOML file into its tables; their texts joined are the file."""
-    sections, name, lines = [], "", []
-    for line in text.splitlines(keepends=True):
-        if path := _path_of(line):
-            above = len(lines)
-            while above and lines[above - 1].lstrip().startswith("#"):
-                above -= 1
-            sections.append(Section(name, "".join(lines[:above])))
-            name, lines = dotted(*path), lines[above:]
-        lines.append(line)
-    return [*sections, Section(name, "".join(lines))]
-
-
-def dotted(*path: str) -> str:
-    """Return the name of a table as TOML writes it, such as `import.trim."day 1"`."""
-    return ".".join(one if _BARE.fullmatch(one) else json.dumps(one, ensure_ascii=False) for one in path)
-
-
-def _path_of(header: str) -> list[str]:
-    """Return the parts of the name of a table that a line begins; none where it begins none."""
-    content: Any = {}
-    if header.lstrip().startswith("["):
-        with suppress(tomllib.TOMLDecodeError):
-            content = tomllib.loads(header)
-    path = []
-    while content:
-        ((name, inside),) = content.items()
-        path.append(name)
-        content = inside[0] if isinstance(inside, list) else inside
-    return path
-
-
-def set_key(text: str, table: str, key: str, value: Value, where: str = "the file") -> str:
-    """Set a key of a table, or remove it.
+def with_values(text: str, values: Mapping[Key, Any], where: str = "the file") -> str:
+    """Return the text of a TOML file with other values.
 
     Args:
         text: of the file.
-        table: its name as `dotted` writes it, such as `limits.n`; made at the end of the file where it is missing.
-        key: bare key; a new one stands right below the last of its table, above comments that follow it.
-        value: string, number, truth value or strings; None removes the key.
+        values: by key; one that is missing is added to its table. A table or an array of tables is replaced whole. None removes the key;
+            a table that is removed stays as a comment at the end of the file.
         where: file, for errors.
 
     Raises:
-        InputError: text that is not TOML, or that has something else in the place of the table.
+        InputError: text that is not TOML, or that has something else in the place of a table.
     """
+    import tomlkit
     from tomlkit.exceptions import TOMLKitError
 
-    before = toml_content(where, text)
-    wanted, path = copy.deepcopy(before), _path_of(f"[{table}]")
+    wanted, edited, removed = toml_content(where, text), text, ""
     try:
-        _put(wanted, path, key, value)
-        if _exact(wanted) == _exact(before) or (value is None and not _has(before, path)):
-            return text
-        for edited in _edits(text, table, key, value, before):
-            if text.count("\n") == text.count("\r\n") > 0:
-                edited = re.sub(r"(?<!\r)\n", "\r\n", edited)
-            with suppress(InputError):
-                if _exact(toml_content(where, edited)) == _exact(wanted):
-                    return edited
+        for key, value in values.items():
+            before = _put(wanted, key, value)
+            if _exact(before) == _exact(value):
+                continue
+            document = tomlkit.parse(edited)
+            _replace(document, key, value)
+            edited = tomlkit.dumps(document)
+            if value is None and isinstance(before, dict):
+                for name in reversed(key):
+                    before = {name: before}
+                removed += "\n" + "".join(f"# {line}\n" for line in tomlkit.dumps(before).splitlines() if line)
+        edited = edited.rstrip() + "\n" + removed if removed else edited
+        if text.count("\n") == text.count("\r\n") > 0:
+            edited = re.sub(r"(?<!\r)\n", "\r\n", edited)
+        if _exact(toml_content(where, edited)) == _exact(wanted):
+            return edited
     except (TOMLKitError, TypeError, AttributeError, InputError):  # something that is no table is in its way
         pass
     raise InputError(
-        f"{where}, key {table}.{key}",
+        f"{where}, key {'.'.join(next(iter(values), ('',)))}",
         found="a key that cannot be edited where it stands",
-        expected=f"a line `{key} = …` under [{table}]",
+        expected="each table under a header of its own",
         remedy="edit the file in a text editor",
     )
 
 
-def _edits(text: str, table: str, key: str, value: Value, before: Any) -> Iterator[str]:
-    """Yield texts with the key set, the first wanted first; a line within a string may look like a table, so each has to be read again."""
+def written_tables(name: str, tables: list[dict[str, Any]]) -> str:
+    """Return an array of tables as TOML writes it; a table of tables within has a line for each."""
     import tomlkit
 
-    path, line = _path_of(f"[{table}]"), f"{key} = {written(value)}\n" if value is not None else ""
-    if not _has(before, path):
-        yield f"{_ended(text)}\n[{table}]\n{line}"
-        return
-    if not _has(before, [*path, key]):
-        at = 0
-        for one in sections_of(text):
-            if one.name == table:
-                lines = one.text.splitlines(keepends=True)
-                while not lines[-1].strip() or lines[-1].lstrip().startswith("#"):
-                    lines.pop()
-                end = at + len("".join(lines))
-                yield _ended(text[:end]) + line + text[end:]
-            at += len(one.text)
-    document = tomlkit.parse(text)
-    _put(document, path, key, value)
-    yield tomlkit.dumps(document)
+    first, *others = reversed(name.split("."))
+    content: Any = {first: _item(tables)} if tables else {}
+    for one in others:
+        content = {one: content}
+    return tomlkit.dumps(content)
 
 
-def _ended(text: str) -> str:
-    """Text whose last line is ended."""
-    return text if not text or text.endswith("\n") else text + "\n"
-
-
-def comment_out(text: str, table: str) -> str:
-    """Turn a table, and tables below it, into comments; the rest stays as it is."""
-    lines = []
-    for one in sections_of(text):
-        is_below = f"{one.name}.".startswith(f"{table}.")
-        lines += [
-            f"# {line}" if is_below and line.strip() and not line.lstrip().startswith("#") else line
-            for line in one.text.splitlines(keepends=True)
-        ]
-    return "".join(lines)
-
-
-def written(value: Value) -> str:
-    """A value as TOML writes it."""
-    import tomlkit
-
-    return tomlkit.item(value).as_string()
-
-
-def _has(content: Any, path: Sequence[str]) -> bool:
-    for name in path:
-        if not isinstance(content, dict) or name not in content:
-            return False
-        content = content[name]
-    return True
-
-
-def _put(content: MutableMapping[str, Any], path: Sequence[str], key: str, value: Any) -> None:
-    """Put a value into parsed content, or take it out."""
-    for name in path:
-        content = content.setdefault(name, {})
-    there = content.get(key)
+def _put(content: Any, key: Key, value: Any) -> Any:
+    """Put a value into parsed content, or take it out; returns the value before."""
+    *tables, name = key
+    for table in tables:
+        if table not in content and value is None:
+            return None
+        content = content.setdefault(table, {})
+    before = content.get(name)
     if value is None:
-        content.pop(key, None)
-    elif isinstance(there, list) and isinstance(value, list):  # in its place, so that comments between its lines stay
-        for one in [one for one in there if one not in value]:
-            there.remove(one)
-        for one in [one for one in value if one not in there]:
-            there.append(one)
+        content.pop(name, None)
     else:
-        content[key] = value
+        content[name] = value
+    return before
+
+
+def _replace(document: Any, key: Key, value: Any) -> None:
+    """Put a value into a document of tomlkit, or take it out; comments that follow its table stay above what follows them."""
+    from tomlkit.container import OutOfOrderTableProxy
+
+    content, path, place = document, list(key), (document.body, 0)
+    while path[0] in content:
+        if isinstance(content, OutOfOrderTableProxy):  # its tables stand apart, in no common list
+            _put(document, key, _item(value))
+            return
+        body = content.body if content is document else content.value.body
+        at = next(i for i, (name, _) in enumerate(body) if name is not None and name.key == path[0])
+        above = _end(body[at - 1][1]) if at else None
+        place = (body, at) if at and above is None else (above, len(above)) if above is not None else place
+        if len(path) == 1:
+            break
+        content = content[path.pop(0)]
+    name = path[0]
+    end, after = _end(content.get(name, content)), []
+    while end and end[-1][0] is None:
+        after.insert(0, end.pop())
+    if value is None:
+        del content[name]
+        place[0][place[1] : place[1]] = after
+        return
+    value = _item(value)
+    for part in reversed(path[1:]):
+        value = {part: value}
+    content[name] = value
+    (_end(content[name]) or _end(content) or []).extend(after)
+
+
+def _end(item: Any) -> list[Any] | None:
+    """Return the list of tomlkit at the end of which the comments below a table stand; None for a value."""
+    from tomlkit.container import Container
+    from tomlkit.items import AoT, Table
+
+    if isinstance(item, AoT):
+        item = item.body[-1]
+    if not isinstance(item, Container | Table):
+        return None
+    body = item.body if isinstance(item, Container) else item.value.body
+    inner = _end(body[-1][1]) if body else None
+    return body if inner is None else inner
+
+
+def _item(value: Any) -> Any:
+    """Return a value for tomlkit: an array of tables with a line for every value."""
+    import tomlkit
+
+    if not (isinstance(value, list) and value and all(isinstance(one, dict) for one in value)):
+        return value
+    tables = tomlkit.aot()
+    for one in value:
+        table = tomlkit.table()
+        for name, inside in one.items():
+            is_of_tables = (
+                isinstance(inside, dict) and inside and all(isinstance(part, dict) for part in inside.values())
+            )
+            parts = {(name, key): part for key, part in inside.items()} if is_of_tables else {(name,): inside}
+            for path, part in parts.items():
+                table.append(tomlkit.key(path), _inline(part))
+        tables.append(table)
+    return tables
+
+
+def _inline(value: Any) -> Any:
+    """Return a value for tomlkit that stands in one line."""
+    import tomlkit
+
+    if not isinstance(value, dict):
+        return value
+    table = tomlkit.inline_table()
+    table.update({name: _inline(inside) for name, inside in value.items()})
+    return table
 
 
 def _exact(content: Any) -> str:
-    """Content as text that also tells 1 from 1.0 and NaN from NaN."""
+    """Return content as text that also distinguishes 1 from 1.0 and NaN from NaN."""
     return json.dumps(content, sort_keys=True, default=repr)

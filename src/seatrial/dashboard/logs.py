@@ -13,8 +13,8 @@ from seatrial.cli.campaign_text import read_file
 from seatrial.core.errors import InputError, SeatrialError
 from seatrial.core.files import atomic_path
 from seatrial.core.processes import apart
-from seatrial.dashboard import edits
 from seatrial.dashboard.campaign_paths import upload_name
+from seatrial.dashboard.channel_map import is_named, typed_map
 from seatrial.dashboard.view_models import plain_error
 from seatrial.logs.clock_shift import ClockShift, Samples, shift_between
 from seatrial.logs.formats.registry import FORMATS, stream
@@ -92,7 +92,7 @@ async def receive(
         raise InputError(str(place), found="a link", expected="a folder of the campaign", remedy="make it a folder")
     path, relative = place / name, f"{FOLDER}/{name}"
     is_there = path.exists() or path.is_symlink()
-    if is_there and (path.is_symlink() or edits.is_named(read_file(folder), relative)):
+    if is_there and (path.is_symlink() or is_named(read_file(folder), relative)):
         raise InputError(
             f'file "{relative}"',
             found="a link of that name" if path.is_symlink() else "a log of that name, which the campaign reads",
@@ -202,7 +202,7 @@ class Looked(NamedTuple):
     tables: tuple[str, ...]
     columns: tuple[Column, ...]
     guesses: tuple[Guessed, ...]
-    heads: dict[str, str]
+    heads: dict[str, dict[str, Any]]
     remarks: tuple[str, ...]
     axes: dict[str, PictureAxis]
     quantities: dict[tuple[str, str], str]
@@ -280,7 +280,8 @@ def samples_of(column: LogColumn) -> tuple[Decimal, Samples]:
 
 def _look(path: str, relative: str, only: tuple[str, ...], clocks: Mapping[str | None, str]) -> Looked:
     summary = inspect_log(Path(path))
-    heads = {one.info.name: summary.head_toml(one, relative) for one in summary.tables if not one.info.trouble}
+    tables = [one for one in summary.tables if not one.info.trouble]
+    heads = {one.info.name: typed_map(summary.head_toml(one, relative))[0] for one in tables}
     guesses = tuple(
         Guessed(one.channel, one.table, one.column, one.unit, one.scale, one.reason, one.between or "")
         for one in best(summary.guesses, only)

@@ -1,22 +1,19 @@
 """Questions that need the vehicle and so the whole package; answered in the thinking process."""
 
 import tempfile
-from contextlib import suppress
-from dataclasses import replace
+from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, NamedTuple, get_args
+from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.load import check_text, load_campaign
-from seatrial.campaign.config.quantities import Residuals
-from seatrial.campaign.config.sensor_table import ATTITUDE
+from seatrial.campaign.config.priors import numbers_of
 from seatrial.campaign.config.templates import template_text
 from seatrial.campaign.config.toml import toml_content
-from seatrial.campaign.config.truth import true_coefficients
 from seatrial.campaign.config.vehicle_campaign import vehicle_campaign_text
 from seatrial.campaign.data.import_logs import Trials, read_tables, read_untrimmed
 from seatrial.campaign.data.simulate import chosen_of
@@ -31,22 +28,18 @@ from seatrial.campaign.store.designs import SweptDesigns
 from seatrial.campaign.store.results import Results
 from seatrial.campaign.store.stored_result import Store, read_result
 from seatrial.campaign.workflow.status import standing
-from seatrial.cli.campaign_text import CAMPAIGN
+from seatrial.cli.campaign_text import CAMPAIGN, read_file
 from seatrial.cli.questions import Question, answered, questions
-from seatrial.cli.toml_edit import set_key
 from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError
 from seatrial.core.normal import Z90
 from seatrial.core.record import Record
 from seatrial.core.record_file import read_record
-from seatrial.core.signals import QUATERNION, RATES
+from seatrial.core.signals import RATES
 from seatrial.core.units import quantity
-from seatrial.core.usual_priors import DRIFT_TIMES, SIZES, TIMES
 from seatrial.dashboard import result_plots as drawings
 from seatrial.dashboard.downsample import Envelope, Load
-from seatrial.dashboard.edits import BOUNDS
 from seatrial.dashboard.logs import LogColumn, samples_of
-from seatrial.dashboard.model_edits import Range, with_priors, with_terms
 from seatrial.dashboard.record_views import Index, about, index_of, origin_of, view_of
 from seatrial.dashboard.view_models import (
     COMPARED,
@@ -54,19 +47,13 @@ from seatrial.dashboard.view_models import (
     Clicked,
     ExportTarget,
     FormData,
-    Limit,
     Margin,
-    ModelData,
-    NoisePrior,
     RecordAbout,
-    SensorNoise,
     Stage,
 )
 from seatrial.design.integrals import motion_signals
 from seatrial.design.safety import judge_safety
 from seatrial.design.sweep import Sweep
-from seatrial.estimation.posterior.unknowns import Unknown, unknowns_of_sensor
-from seatrial.estimation.simulation.sensor_errors import correlation_name, drift_name, drift_time_name
 from seatrial.export.from_campaign import of_campaign
 from seatrial.export.target import Exporter
 from seatrial.export.trials.trial import read_trial
@@ -82,20 +69,9 @@ from seatrial.vehicles.catalogue import load_vehicle, vehicle_names
 MOST_PREDICTED = 100_000
 """Samples of a record that are predicted while somebody waits, at most: 200 draws are simulated over each."""
 
-COMMON_TERMS = (
-    "X_u",
-    "X_uabsu",
-    "T_nabsn",
-    "X_udot",
-    "Y_v",
-    "Y_vabsv",
-    "N_r",
-    "N_rabsr",
-    "N_uv",
-    "N_ur",
-    "N_uudelta_r",
-)
-"""Names that are offered while one types; any other that has a meaning may be typed too."""
+OF_CHAINS = ("initial", "residuals", "sampler", "chains", "warmup", "draws", "thin")
+"""Keys of `[estimation]` that need nothing else in the file."""
+Answers = tuple[tuple[str, str], ...]  # As they are typed, by key
 
 
 def steps(folder: str) -> tuple[Stage, ...]:
@@ -165,109 +141,77 @@ def _export_target(exporter: Exporter, vehicle: ExportedVehicle) -> ExportTarget
 def form_data(folder: str) -> FormData:
     """Read a campaign for the forms."""
     campaign = load_campaign(folder)
-    model, imports = campaign.model(campaign.full), campaign.imports
-    control = model.controls[0] if campaign.trial_design is None else campaign.family.control
-    commands = (*model.controls, *campaign.autopilot.trim)
-    stated = toml_content(campaign.path, campaign.text).get("limits", {})
-    limits = [
-        Limit(
-            name,
-            shown_unit(name)[1],
-            *(str(stated.get(name, {}).get(key, "")) for key in BOUNDS),
-            has_rate=name in commands,
-        )
-        for name in dict.fromkeys((control, *stated, *commands, *motion_signals(model)))
-    ]
-    is_shown = {control, *stated}
-    shown = true_coefficients(campaign, model)
+    controls, imports = campaign.model(campaign.full).controls, campaign.imports
     return FormData(
-        campaign.name,
         imports is not None,
         campaign.is_simulated,
-        control,
-        (*model.controls, *campaign.channels),
-        tuple(model.controls),
-        tuple(one for one in limits if one.name in is_shown),
-        tuple(one for one in limits if one.name not in is_shown),
-        tuple(shown.items()) if campaign.is_simulated else (),
+        (*controls, *campaign.channels),
+        tuple(controls),
         () if imports is None else imports.fit,
         () if imports is None else imports.predict,
     )
 
 
-def model_data(folder: str) -> ModelData:
-    """Read a campaign for the form of its model."""
+def limits_form(folder: str) -> tuple[str, tuple[Question, ...]]:
+    """Return the text of a campaign file, and questions about the limits of every signal that may have some, stated ones first."""
     campaign = load_campaign(folder)
-    file = toml_content(campaign.path, campaign.text)
-    structure = file["structure"]
-    terms = *structure.get("always", ()), *structure.get("optional", ())
-    published = tuple(campaign.vehicle.published)
-    return ModelData(
-        campaign.estimation.residuals,
-        tuple(_sensor_noise(campaign, name, table) for name, table in file["sensors"].items()),
-        tuple(structure.get("always", ())),
-        tuple(structure.get("optional", ())),
-        {name: _prior_words(table) for name, table in file.get("prior", {}).items()},
-        published,
-        tuple(dict.fromkeys(term for term in (*published, *COMMON_TERMS) if term not in terms)),
-        {key: getattr(campaign.estimation, key) for key in ("warmup", "draws")},
+    model = campaign.model(campaign.full)
+    control = model.controls[0] if campaign.trial_design is None else campaign.family.control
+    commands, stated = (*model.controls, *campaign.autopilot.trim), toml_content(campaign.path, campaign.text)
+    names = dict.fromkeys((control, *stated.get("limits", {}), *commands, *motion_signals(model)))
+    bounds = {f"limits.{name}": ("lower", "upper", "rate")[: 3 if name in commands else 2] for name in names}
+    units = {f"limits.{name}": shown_unit(name)[1] for name in names}
+    return campaign.text, tuple(
+        one._replace(default=f"none; such as 1 {units[table]}{'/s' * (key == 'rate')}")
+        for one in questions(campaign.text, bounds)
+        for table, _, key in [one.key.rpartition(".")]
     )
 
 
-def _sensor_noise(campaign: Campaign, name: str, table: dict[str, Any]) -> SensorNoise:
-    """Say what each kind of noise of a sensor needs; one of the whole attitude has a channel for each part of the quaternion."""
-    channels, unknown = QUATERNION if name == ATTITUDE else (name,), {}
-    for kind in get_args(Residuals):
-        sensors = [replace(one, noise=kind) for one in campaign.sensor_models if one.channel in channels]
-        unknown[kind] = tuple(
-            _noise_prior(one, sensor.channel)
-            for sensor in sensors
-            for one in unknowns_of_sensor(sensor, campaign.noise[sensor.channel])
-        )
-    return SensorNoise(name, str(table.get("residuals", "")), unknown)
+def model_form(folder: str) -> tuple[str, tuple[Question, ...]]:
+    """Return the text of a campaign file, and the questions about its terms, priors, noise and chains."""
+    text = read_file(Path(folder))
+    return text, asked_of_model(text, ())
 
 
-def _noise_prior(one: Unknown, channel: str) -> NoisePrior:
-    means = {
-        correlation_name(channel): f"correlation time of the errors of {channel} [s]",
-        drift_name(channel): f"size of the slow error of {channel} [{one.unit}]",
-        drift_time_name(channel): f"correlation time of the slow error of {channel} [s]",
-    }
-    lower, upper = SIZES if one.unit != "s" else DRIFT_TIMES if one.name == drift_time_name(channel) else TIMES
-    return NoisePrior(one.name, means.get(one.name, one.name), one.unit, str(lower), str(upper), one.default is None)
+def asked_of_model(text: str, answers: Answers) -> tuple[Question, ...]:
+    """Return the questions about the model of a campaign file that some answers leave; errors as `edited`."""
+    text = answered(text, dict(answers))
+    content = toml_content(CAMPAIGN, text)
+    tables: dict[str, Sequence[str]] = {"structure": ("always", "optional", "rules")}
+    for name, prior in content.get("prior", {}).items():
+        tables[f"prior.{name}"] = ("distribution", *numbers_of(prior.get("distribution")), "unit")
+    tables |= {f"sensors.{name}": ("residuals",) for name in content.get("sensors", {})}
+    return questions(text, {**tables, "estimation": OF_CHAINS})
 
 
-def _prior_words(table: dict[str, Any]) -> str:
-    numbers = [
-        f"{key} {value:g}" for key, value in table.items() if isinstance(value, int | float) and key != "dissipative"
-    ]
-    return f"{table.get('distribution', '')}, {', '.join(numbers)} {table.get('unit', '')}".strip()
-
-
-def begun(folder: str, name: str, start: str, answers: tuple[tuple[str, str], ...]) -> tuple[str, tuple[str, ...]]:
-    """Return the text of a new campaign's file, checked, and what to know about it though it can be used.
+def beginning(folder: str, start: str) -> tuple[str, tuple[Question, ...]]:
+    """Return the file of a template or of a published vehicle, and the questions about it.
 
     Args:
         folder: where it is to stand.
-        name: of the campaign.
         start: template or published vehicle.
-        answers: to its questions, by key.
 
     Raises:
-        InputError: no such template, or a campaign that cannot be used.
+        InputError: no such template.
     """
-    text = set_key(answered(beginning(folder, start), dict(answers)), "campaign", "name", name)
+    text = vehicle_campaign_text(Path(folder), start) if start in vehicle_names() else template_text(start)
+    return text, questions(text)
+
+
+def asked(text: str, answers: Answers) -> tuple[Question, ...]:
+    """Return the questions about a new campaign that some answers leave; errors as `edited`."""
+    return questions(answered(text, dict(answers)))
+
+
+def edited(folder: str, text: str, answers: Answers) -> tuple[str, tuple[str, ...]]:
+    """Return the text of a campaign file with other values, checked, and what to know about it though it can be used.
+
+    Raises:
+        InputError: what is wrong with it.
+    """
+    text = answered(text, dict(answers))
     return text, check(folder, text)
-
-
-def beginning(folder: str, start: str) -> str:
-    """Return the file of a template or of a published vehicle, before any answer; errors as `begun`."""
-    return vehicle_campaign_text(Path(folder), start) if start in vehicle_names() else template_text(start)
-
-
-def asked(folder: str, start: str, answers: tuple[tuple[str, str], ...]) -> tuple[Question, ...]:
-    """Return the questions about a new campaign that some answers leave; errors as `begun`."""
-    return questions(answered(beginning(folder, start), dict(answers)))
 
 
 def check(folder: str, text: str) -> tuple[str, ...]:
@@ -286,25 +230,6 @@ def channels_without_column(folder: str, text: str) -> dict[str, str]:
         InputError: what is wrong with it.
     """
     return unmapped(check_text(Path(folder), text))
-
-
-def check_term(folder: str, text: str, term: str) -> None:
-    """Check that the model of a campaign file may have one more term, left to the data or always in.
-
-    Raises:
-        InputError: why it may not.
-    """
-    place, content = Path(folder), toml_content(Path(folder) / CAMPAIGN, text)
-    always, optional = (list(content["structure"].get(role, ())) for role in ("always", "optional"))
-    if term not in content.get("prior", {}):
-        text = with_priors(place, text, [Range(term, "-1", "0", "")], [])
-    try:
-        check_text(place, with_terms(place, text, always, [*optional, term]))
-    except InputError as error:
-        with suppress(InputError):
-            check_text(place, with_terms(place, text, [*always, term], optional))
-            return
-        raise error from None
 
 
 def cautions(folder: str) -> tuple[str, ...]:

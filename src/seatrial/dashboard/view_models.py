@@ -1,6 +1,5 @@
 """What the two working processes answer with: plain tuples, so that the server can take them without what made them."""
 
-from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -138,68 +137,16 @@ class Swept(NamedTuple):
     """Controls that stay at trim unless `together` moves them."""
 
 
-class Limit(NamedTuple):
-    """A row of the form of limits: signal, unit in which it is shown, bounds as written, and whether it may have a rate."""
-
-    name: str
-    unit: str
-    lower: str
-    upper: str
-    rate: str
-    has_rate: bool
-
-
 class FormData(NamedTuple):
     """What the forms need to know of a campaign."""
 
-    name: str
     imported: bool
     simulated: bool
-    control: str
     channels: tuple[str, ...]
     controls: tuple[str, ...]
     """Those of them that drive the vehicle."""
-    limits: tuple[Limit, ...]
-    spare: tuple[Limit, ...]
-    """Signals that may be limited and are not."""
-    truth: tuple[tuple[str, float], ...]
     fit: tuple[str, ...]
     predict: tuple[str, ...]
-
-
-class NoisePrior(NamedTuple):
-    """A prior that a kind of noise has: its name, what it is, SI unit, ends that suit many vehicles, and whether the file must state it."""
-
-    name: str
-    words: str
-    unit: str
-    lower: str
-    upper: str
-    is_needed: bool
-
-
-class SensorNoise(NamedTuple):
-    """A sensor: the kind of its noise as the file states it, empty where it states none, and the priors that each kind has."""
-
-    name: str
-    residuals: str
-    priors: Mapping[str, tuple[NoisePrior, ...]]
-
-
-class ModelData(NamedTuple):
-    """What the form of the model needs to know: noise and terms as the file states them, and its priors in words, by name."""
-
-    residuals: str
-    sensors: tuple[SensorNoise, ...]
-    always: tuple[str, ...]
-    optional: tuple[str, ...]
-    priors: Mapping[str, str]
-    published: tuple[str, ...]
-    """Terms that have a published value."""
-    offered: tuple[str, ...]
-    """Names of further terms."""
-    sizes: Mapping[str, int]
-    """Size of the chains, by key of `[estimation]`."""
 
 
 class ExportTarget(NamedTuple):

@@ -52,6 +52,13 @@ _KINDS: dict[str, tuple[tuple[str, ...], int, Callable[..., Prior]]] = {
     ),
 }
 
+
+def numbers_of(distribution: object) -> tuple[str, ...]:
+    """Return the keys of numbers that a prior of a distribution may have; none of one that is no distribution."""
+    needed, bounds, _ = _KINDS.get(str(distribution), ((), 0, None))
+    return (*needed, *_BOUNDS) if bounds else needed
+
+
 # Names of parameters of the noise of a channel, and the residuals that have them.
 _OF_NOISE: dict[Callable[[str], str], Residuals] = {
     correlation_name: "coloured",

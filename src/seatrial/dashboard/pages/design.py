@@ -12,16 +12,16 @@ from nicegui import ui
 
 from seatrial.campaign.store.designs import edge_words
 from seatrial.campaign.store.stored_result import Store
-from seatrial.cli.campaign_text import CAMPAIGN, read_file, write_file, written_units
+from seatrial.cli.campaign_text import CAMPAIGN, written_units
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import Shown, listed, shown_as_written
 from seatrial.core.errors import SeatrialError
 from seatrial.dashboard.app_context import AppContext, cautions_html, fill, keep_current, keep_form, markup, say
-from seatrial.dashboard.edits import BOUNDS, with_limit
 from seatrial.dashboard.page_layout import LOOK, button, section, table
 from seatrial.dashboard.pages.work import Live, begin, made_part
 from seatrial.dashboard.result_charts import mark_chosen, schedule_chart, surface_chart
-from seatrial.dashboard.view_models import Clicked, FormData, Limit, Swept
+from seatrial.dashboard.table_form import TableForm
+from seatrial.dashboard.view_models import Clicked, Swept
 from seatrial.dashboard.worker_pool import stamp
 from seatrial.report.numbers import percent, short, unit_html
 
@@ -61,12 +61,17 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
         "Limits",
         "Edits are checked as a whole, then written into campaign.toml; comments and order stay. An empty field is no limit.",
     ):
-        proposal_area = ui.element("div")
-        await keep_form(
-            folder / CAMPAIGN,
-            lambda: context.form_data(folder),
-            lambda found: Limits(context, folder, found, proposal_area),
-        )
+        messages_of_limits = ui.element("div")
+        saved = '<p class="done" role="status">Saved in campaign.toml. What was designed before is stale now: run the design.</p>'
+
+        def make(answer: Any) -> TableForm:
+            text, questions = answer
+            form = TableForm(context, text, questions, messages_of_limits)
+            form.offer_save(folder, Markup(saved))
+            return form
+
+        path = folder / CAMPAIGN
+        await keep_form(path, lambda: context.worker_pool.think("limits_form", str(folder), files=[path]), make)
 
 
 async def _cautions(context: AppContext, folder: Path) -> None:
@@ -289,72 +294,3 @@ def _untaught(sweep: Swept, sd_after: np.ndarray) -> list[str]:
 
 def _kept(kept: bool) -> Markup:
     return Markup('<span class="verdict {}">{}</span>').format("pass" if kept else "fail", "kept" if kept else "broken")
-
-
-class Limits:
-    """The form of limits: text with units, as the file has them.
-
-    Args:
-        context: what is served.
-        folder: of the campaign.
-        found: what the file says.
-        said: element for what is said; it stays when the form is built again.
-    """
-
-    def __init__(self, context: AppContext, folder: Path, form: FormData, messages: ui.element):
-        self.context, self.folder, self.said = context, folder, messages
-        self.seen = read_file(folder)
-        self.fields: list[tuple[str, str, str, ui.input]] = []
-        for limit in form.limits:
-            self._row(limit)
-        self.rows = ui.element("div")
-        with ui.element("div").classes("line"):
-            if form.spare:
-                self.spare = {one.name: one for one in form.spare}
-                self.more = ui.select(list(self.spare), label="Limit another signal").props(f"{LOOK} clearable")
-                button("Add", self._add)
-            button("Check and save", self._save, main=True)
-
-    def _row(self, limit: Limit) -> None:
-        with ui.element("div").classes("line"):
-            for bound in BOUNDS if limit.has_rate else BOUNDS[:2]:
-                unit = f"{limit.unit}/s" if bound == "rate" else limit.unit
-                value = getattr(limit, bound)
-                form = ui.input(f"{limit.name}: {bound}", value=value, placeholder=f"none; such as 1 {unit}").props(
-                    "outlined stack-label hide-bottom-space"
-                )
-                self.fields.append((limit.name, bound, value, form))
-
-    def _add(self) -> None:
-        name = self.more.value
-        if name and all(one != name for one, *_ in self.fields):
-            with self.rows:
-                self._row(self.spare[name])
-
-    @property
-    def is_edited(self) -> bool:
-        """Whether something was typed that is not saved."""
-        return any((form.value or "").strip() != before for _, _, before, form in self.fields)
-
-    async def _save(self) -> None:
-        self.said.clear()
-        text, changed = self.seen, 0
-        with self.said:
-            try:
-                for name, bound, before, form in self.fields:
-                    if (form.value or "").strip() != before:
-                        text, changed = with_limit(self.folder, text, name, bound, form.value or ""), changed + 1
-                if not changed:
-                    markup("<p>Nothing was changed.</p>")
-                    return
-                cautions = await self.context.worker_pool.think("check", str(self.folder), text)
-                write_file(self.folder, text, self.seen)
-            except (SeatrialError, OSError) as error:
-                say(error)
-                return
-            self.seen = text
-            self.fields = [(name, bound, (form.value or "").strip(), form) for name, bound, _, form in self.fields]
-            markup(
-                '<p class="done" role="status">Saved in campaign.toml. What was designed before is stale now: run the design.</p>'
-            )
-            markup(cautions_html(cautions))

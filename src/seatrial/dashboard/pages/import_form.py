@@ -11,13 +11,14 @@ from urllib.parse import urlencode
 from markupsafe import Markup
 from nicegui import ui
 
-from seatrial.campaign.config.toml import toml_content
-from seatrial.cli.campaign_text import CAMPAIGN, write_file
+from seatrial.cli.campaign_text import write_file
+from seatrial.cli.toml_edit import written_tables
 from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import SeatrialError
-from seatrial.dashboard import edits
+from seatrial.dashboard import channel_map
 from seatrial.dashboard.app_context import AppContext, error_html, fill, markup, say
 from seatrial.dashboard.campaign_paths import logs_of
+from seatrial.dashboard.channel_map import File, Mapped
 from seatrial.dashboard.map_draft import MapDraft
 from seatrial.dashboard.page_layout import LOOK, button
 from seatrial.dashboard.pages.map_rows import ChannelRow, ClockRow, columns_of
@@ -158,7 +159,7 @@ class ImportForm:
         async def add(role: str) -> None:
             messages.clear()
             try:
-                text = edits.with_further_run(self.folder, saved, run, role)
+                text = channel_map.with_further_run(self.folder, saved, run, role)
                 await self.context.worker_pool.think("check", str(self.folder), text)
                 write_file(self.folder, text, saved)
             except (SeatrialError, OSError) as error:
@@ -213,14 +214,12 @@ class ImportForm:
 
     def _show_clocks(self) -> None:
         """Show the column of time of each table that the map names, and of each that has none by its name; what is shown stays."""
-        if (files := self.draft.files) is None:
-            return
-        mapped, shown = {edits.identity_of(one) for one in files}, {}
+        mapped, shown = {channel_map.identity_of(one) for one in self.draft.files}, {}
         for log, looked in self.draft.logs.items():
             for name in looked.heads:
                 entry = self.draft.file_of(log, name)
                 row = log, entry.get("table")
-                if edits.identity_of(entry) in mapped or not entry["time"]["column"] or row in self.clocks:
+                if channel_map.identity_of(entry) in mapped or not entry["time"]["column"] or row in self.clocks:
                     shown[row] = name, entry
         if list(shown) == list(self.clocks):
             return
@@ -241,10 +240,12 @@ class ImportForm:
         self._say_replaced()
         with ui.element("details"):
             with ui.element("summary"):
-                markup("The same as TOML: comments and further keys, such as sums of columns, are kept")
-            self.text = ui.textarea("Channel map, as it will stand in campaign.toml", value=self.draft.channel_map)
+                markup("The same as TOML: further keys, such as sums of columns, are kept")
+            self.text = ui.textarea(
+                "Channel map, as it will stand in campaign.toml", value=written_tables("import.files", self.draft.files)
+            )
             self.text.props("outlined autogrow").classes("mono wide").style("width: 100%")
-            self.text.on("blur", lambda: self._change(str(self.text.value)))
+            self.text.on("blur", self._typed)
         if data.simulated:
             words = "This campaign simulates its vehicle; with a log it no longer does: its [truth] becomes a comment."
             markup(Markup('<p class="note">{}</p>').format(words))
@@ -257,35 +258,40 @@ class ImportForm:
 
     def _say_replaced(self) -> None:
         """Say what saving does to the runs and logs that the campaign file names."""
-        try:
-            words = self.draft.replaced()
-        except SeatrialError:  # said where the map is edited
-            words = ""
+        words = self.draft.replaced()
         self.replaced.set_content(Markup('<p class="note">{}</p>').format(words) if words else Markup(""))
 
-    def _change(self, channel_map: str) -> None:
-        if channel_map != self.draft.channel_map:
+    def _typed(self) -> None:
+        """Take the map as somebody typed it, or show what is wrong with it."""
+        self.text.error = None
+        try:
+            files = channel_map.typed_map(str(self.text.value))
+        except SeatrialError as error:
+            self.text.error = str(error)
+            return
+        self._change(files)
+
+    def _change(self, files: list[File]) -> None:
+        if files != self.draft.files:
             self.said.clear()
-        self.draft.channel_map = self.text.value = channel_map
+            self.text.value, self.text.error = written_tables("import.files", files), None
+        self.draft.files = files
         self._say_replaced()
         self._show_clocks()
         self.axis.refresh()
 
-    def _set_channel(self, name: str, mapped: edits.Mapped | None) -> None:
+    def _set_channel(self, name: str, mapped: Mapped | None) -> None:
         """Change one channel of the map, and the text that shows it."""
-        try:
-            self._change(edits.with_channel(self.draft.channel_map, name, mapped))
-        except SeatrialError as error:
-            self.rows[name].complain(beside(error))
+        self._change(channel_map.with_channel(self.draft.files, name, mapped))
 
     async def _set_time(self, log: str, name: str, table: str | None, column: str, unit: str) -> None:
         """Change the column of time of one table of a log: in the map, for channels that are yet to be mapped, and under the pictures."""
         draft, before = self.draft, self.draft.file_of(log, name)["time"]["column"]
         try:
             heads = draft.logs[log].heads
-            head = edits.with_time(heads[name], log, table, column, unit)
+            (head,) = channel_map.with_time([heads[name]], log, table, column, unit)
             draft.logs[log] = draft.logs[log]._replace(heads={**heads, name: head})
-            self._change(edits.with_time(draft.channel_map, draft.named(log), table, column, unit))
+            self._change(channel_map.with_time(draft.files, draft.named(log), table, column, unit))
             if column != before:
                 await self._redraw(log, name, column)
         except (SeatrialError, OSError) as error:
@@ -322,11 +328,14 @@ class ImportForm:
             row.complain(f'Write the unit of {row.channel}, such as "{shown_unit(row.channel)[1]}".', "unit")
         identities: list[Any] = []
         text = ""
+        if self.text.error:
+            with messages:
+                say("Nothing was written. See above what is wrong with the map as TOML.")
+            return None
         try:
-            files = edits.files_of(self.draft.channel_map)
             run = self.draft.reader or "{run}"
-            identities = [(edits.path_of(one, run), one.get("table")) for one in files]
-            for one, identity in zip(files, identities, strict=True):
+            identities = [(channel_map.path_of(one, run), one.get("table")) for one in self.draft.files]
+            for one, identity in zip(self.draft.files, identities, strict=True):
                 if not one.get("time", {}).get("column", "-") and identity in self.clocks:
                     self.clocks[identity].complain("Choose the column of the time stamps, and its unit.", "column")
                     return None
@@ -339,7 +348,7 @@ class ImportForm:
             await self.context.worker_pool.think("check", str(self.folder), text)
         except (SeatrialError, OSError) as error:
             file = re.search(r"files\[(\d+)\]\.time(?:\.(\w+))?", str(error))
-            before = len(edits.files_of(edits.channel_map_of(text))) - len(identities)  # those of other runs
+            before = len(channel_map.files_of(text)) - len(identities)  # those of other runs
             at_clock = -1 if file is None else int(file[1]) - before
             clock = self.clocks.get(identities[at_clock]) if 0 <= at_clock < len(identities) else None
             at = re.search(r"channels\.([A-Za-z0-9_]+)(?:\.(\w+))?", str(error))
@@ -363,7 +372,7 @@ class ImportForm:
             with self.said:
                 say(error)
             return
-        imports = toml_content(CAMPAIGN, text)["import"]
+        imports = channel_map.imports_of(text)
         held_back = f"; held back to predict: {', '.join(imports['predict'])}" if imports.get("predict") else ""
         words = (
             f"Saved in campaign.toml. To fit: {', '.join(imports['fit'])}{held_back}. "

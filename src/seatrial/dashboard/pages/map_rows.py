@@ -9,7 +9,7 @@ from nicegui import ui
 
 from seatrial.core.units import to_si
 from seatrial.dashboard.app_context import markup, say
-from seatrial.dashboard.edits import Mapped
+from seatrial.dashboard.channel_map import Mapped
 from seatrial.dashboard.map_draft import MapDraft
 from seatrial.dashboard.page_layout import LOOK, table
 from seatrial.logs.formats.protocol import TIME_UNITS

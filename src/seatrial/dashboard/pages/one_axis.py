@@ -13,9 +13,9 @@ from nicegui import ui
 from seatrial.core.errors import SeatrialError
 from seatrial.core.units import quantity
 from seatrial.dashboard.app_context import AppContext, fill, markup, say
+from seatrial.dashboard.channel_map import File, identity_of, path_of, with_shift
 from seatrial.dashboard.charts import Curve, Panel, TimeChart
 from seatrial.dashboard.downsample import Envelope
-from seatrial.dashboard.edits import files_of, identity_of, path_of, with_shift
 from seatrial.dashboard.map_draft import MapDraft
 from seatrial.dashboard.page_layout import LOOK, button
 from seatrial.dashboard.view_models import COMPARED, AxisAbout
@@ -48,7 +48,7 @@ class OneAxis:
         self,
         context: AppContext,
         draft: MapDraft,
-        change: Callable[[str], None],
+        change: Callable[[list[File]], None],
         check: Callable[[ui.element], Awaitable[str | None]],
     ):
         self.context, self.draft, self.change, self.check = context, draft, change, check
@@ -56,7 +56,8 @@ class OneAxis:
         self.clocks: dict[tuple[str, str | None], tuple[Any, Any]] = {}
         self.is_shown = False
         self.note: ui.html | None = None
-        self.drawn, self.spans = "", ""
+        self.drawn: list[File] = []
+        self.spans = ""
 
     def build(self) -> None:
         """Build the form."""
@@ -69,9 +70,7 @@ class OneAxis:
 
     def refresh(self) -> None:
         """Show the clocks as the map has them; what was said of other clocks goes."""
-        if (files := self.draft.files) is None:
-            return
-        clocks = {identity_of(one): (one.get("time"), one.get("shift")) for one in files}
+        clocks = {identity_of(one): (one.get("time"), one.get("shift")) for one in self.draft.files}
         if clocks != self.clocks:
             self._say("")
         self.clocks = clocks
@@ -113,12 +112,8 @@ class OneAxis:
 
     def _shift(self, path: str, table: str | None, shift: float) -> bool:
         """Put a shift into the map; returns whether that changed it."""
-        before = self.draft.channel_map
-        try:
-            after = with_shift(before, path, table, shift)
-        except SeatrialError as error:
-            self._say(error)
-            return False
+        before = self.draft.files
+        after = with_shift(before, path, table, shift)
         if after != before:
             self.change(after)
         return after != before
@@ -177,13 +172,13 @@ class OneAxis:
         self.is_shown = True
         asked = self._question(text)
         about = self.context.worker_pool.think("axis_about", *asked)
-        channel_map = self.draft.channel_map
-        await fill(self.holder, about, lambda found: self._draw(found, channel_map, asked), "reading …")
+        files = self.draft.files
+        await fill(self.holder, about, lambda found: self._draw(found, files, asked), "reading …")
 
     def _question(self, text: str) -> tuple:
         """Return what is asked of the logs of the map: by which campaign file, and which columns are compared."""
         folder, run = self.draft.folder, self.draft.label
-        paths = [folder / path_of(one, run) for one in files_of(self.draft.channel_map)]
+        paths = [folder / path_of(one, run) for one in self.draft.files]
         compared = tuple(column for _, column in self._chosen())
         return str(folder), text, run, tuple(map(stamp, paths)), compared if len(compared) == 2 else ()
 
@@ -198,12 +193,12 @@ class OneAxis:
         about = await self.context.worker_pool.think("axis_about", *self._question(text))
         return "" if about.overlaps else _apart_words(about)
 
-    async def _draw(self, about: AxisAbout, channel_map: str, asked: tuple) -> None:
+    async def _draw(self, about: AxisAbout, files: list[File], asked: tuple) -> None:
         if not about.overlaps:
             markup(Markup('<p class="alarm">▲ {}</p>').format(_apart_words(about)))
             button("Let them begin together", lambda: self._begin_together(asked[2], about))
             return
-        self.drawn, self.spans = channel_map, span_words(about)
+        self.drawn, self.spans = files, span_words(about)
         self.note = markup("")
         self.tell()
         await TimeChart(

@@ -1,0 +1,155 @@
+"""A form of tables of a campaign file: a field for each value, with the meaning, the choices and the default that the schema has."""
+
+from collections.abc import Awaitable, Callable, Mapping, Sequence
+from contextlib import nullcontext
+from functools import partial
+from itertools import groupby
+from pathlib import Path
+
+from markupsafe import Markup
+from nicegui import ui
+
+from seatrial.cli.campaign_text import write_file
+from seatrial.cli.questions import CHANGING, Question, key_at
+from seatrial.core.errors import InputError, SeatrialError
+from seatrial.dashboard.app_context import AppContext, cautions_html, markup, say
+from seatrial.dashboard.page_layout import button, section
+from seatrial.dashboard.view_models import beside
+
+LOOK = "outlined dense options-dense stack-label hide-bottom-space no-error-icon"
+_TO_THE_FIRST = 'document.querySelector(".q-field--error")?.scrollIntoView({ block: "center" })'
+"""Shows the first field that is wrong: the button may stand far below it."""
+
+Answers = tuple[tuple[str, str], ...]  # As they are typed, by key
+
+
+class TableForm:
+    """Fields for values of a campaign file; nothing is written before the whole file was checked.
+
+    Args:
+        context: what is served.
+        text: of the file.
+        questions: about its values.
+        ask: for the questions that some answers leave; None where no answer changes them.
+        notes: beside the names of tables.
+        messages: element for what concerns the form as a whole; it may stay when the form is built again.
+    """
+
+    def __init__(
+        self,
+        context: AppContext,
+        text: str,
+        questions: Sequence[Question],
+        messages: ui.element,
+        ask: Callable[[Answers], Awaitable[Sequence[Question]]] | None = None,
+        notes: Mapping[str, str] | None = None,
+    ):
+        self.context, self.text, self.messages, self.ask, self.notes = context, text, messages, ask, notes or {}
+        self.answers: dict[str, str] = {}
+        self.fields: dict[str, ui.input | ui.select] = {}
+        self.place = ui.element("div")
+        self._build(questions)
+
+    def _build(self, questions: Sequence[Question]) -> None:
+        """Show a field for each value, a line for each table; tables without any value come last, folded."""
+        self.place.clear()
+        self.fields.clear()
+        self.stated = {one.key: one.value for one in questions}
+        tables = {name: list(group) for name, group in groupby(questions, lambda one: one.key.rpartition(".")[0])}
+        with self.place:
+            for name, lines in groupby(tables.values(), lambda group: group[0].key.partition(".")[0]):
+                lines = list(lines)
+                is_empty = [not any(one.value for one in line) for line in lines]
+                with section(f"[{name}]", self.notes.get(name, "")) if len(tables) > 1 else nullcontext():
+                    for line in (line for line, empty in zip(lines, is_empty, strict=True) if not empty):
+                        self._line(line)
+                    if any(is_empty):
+                        with ui.element("details"):
+                            with ui.element("summary"):
+                                markup("Others")
+                            for line in (line for line, empty in zip(lines, is_empty, strict=True) if empty):
+                                self._line(line)
+
+    def _line(self, questions: Sequence[Question]) -> None:
+        with ui.element("div").classes("line"):
+            for question in questions:
+                *tables, name = question.key.split(".")
+                label = f"{tables[-1]}: {name}" if len(tables) > 1 else name
+                if question.choices:
+                    options = {"": f"not stated: {question.default}" if question.default else "not stated"}
+                    options |= {one: one for one in question.choices}
+                    field = ui.select(options, value=question.value, label=label)
+                    field.on_value_change(partial(self._left, question.key))
+                else:
+                    field = ui.input(label, value=question.value, placeholder=question.default)
+                    field.on("blur", partial(self._left, question.key))
+                self.fields[question.key] = field.props(LOOK).tooltip(question.meaning)
+
+    async def _left(self, key: str) -> None:
+        """Forget what was wrong with a value; one such as a list of terms adds questions and removes others."""
+        if key not in self.fields:
+            return
+        self.fields[key].error = None
+        value = str(self.fields[key].value or "")
+        if self.ask is None or value == self.stated[key] or key.rpartition(".")[2] not in CHANGING:
+            return
+        try:
+            self._build(await self.ask(self.changes()))
+        except (SeatrialError, OSError) as error:
+            self.complain(error)
+
+    @property
+    def is_edited(self) -> bool:
+        """Whether something was chosen or typed that is not saved."""
+        return bool(self.changes())
+
+    def changes(self) -> Answers:
+        """Return all answers that differ from what the file says."""
+        now = {key: str(field.value or "").strip() for key, field in self.fields.items()}
+        self.answers |= {key: value for key, value in now.items() if key in self.answers or value != self.stated[key]}
+        return tuple(self.answers.items())
+
+    def complain(self, error: SeatrialError | OSError | str) -> None:
+        """Show what is wrong beside the field that it is about, else with the form."""
+        key = key_at(error.where, list(self.fields)) if isinstance(error, InputError) else None
+        if key is not None:
+            self.fields[key].error = beside(error)
+            error = "Some fields are wrong: see the messages beside them. Nothing was written."
+        self.messages.clear()
+        with self.messages:
+            say(error)
+            ui.run_javascript(_TO_THE_FIRST)
+
+    async def checked(self, folder: Path, more: Answers = ()) -> tuple[str, tuple[str, ...]] | None:
+        """Check the file with the answers; returns its text and what to know about it, or None where something is wrong, which is shown."""
+        self.messages.clear()
+        for field in self.fields.values():
+            field.error = None
+        try:
+            return await self.context.worker_pool.think("edited", str(folder), self.text, (*self.changes(), *more))
+        except (SeatrialError, OSError) as error:
+            self.complain(error)
+        return None
+
+    def offer_save(self, folder: Path, saved: Markup) -> None:
+        """Build the button that writes a campaign file that is there; `saved` says what comes next."""
+
+        async def save() -> None:
+            edited = await self.checked(folder)
+            if edited is None:
+                return
+            text, cautions = edited
+            try:
+                if text != self.text:
+                    write_file(folder, text, self.text)
+            except (SeatrialError, OSError) as error:
+                self.complain(error)
+                return
+            with self.messages:
+                markup(saved if text != self.text else '<p class="note" role="status">Nothing was changed.</p>')
+                markup(cautions_html(cautions))
+            self.text, self.answers = text, {}
+            self.stated |= {key: str(field.value or "").strip() for key, field in self.fields.items()}
+
+        with ui.element("div").classes("line"):
+            button("Check and save", save, main=True)
