@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from seatrial.campaign.config.import_table import Imports
+from seatrial.campaign.config.import_table import ImportTable
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.inference.judge_predictions import (
@@ -129,7 +129,7 @@ def test_two_runs_of_the_same_input_are_told(known):
 def test_one_run_that_is_fitted_leaves_the_bands_unjudged(known):
     campaign, trials, _ = known
     for fit, remedy in ((("1",), "record another run, and name it in `predict`"), (("1", "2"), "move a run from fit")):
-        imported = replace(campaign, imports=Imports(fit, (), ()))
+        imported = replace(campaign, imports=ImportTable.model_construct(fit=fit, files=()))
         (said,) = held_back_cautions(imported.imports, replace(trials, predict=()))
         assert "it is not known whether the stated bands hold" in said
         assert remedy in said

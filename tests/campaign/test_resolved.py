@@ -14,7 +14,7 @@ import pytest
 import seatrial
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.design_table import DesignSettings
-from seatrial.campaign.config.import_table import Imports, LogColumn, LogFile
+from seatrial.campaign.config.import_table import ImportTable, LogColumn, LogFile
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.config.schema import ComputeTable, EstimationTable, Goal, SelectionTable, StructureTable
 from seatrial.campaign.config.sensor_table import SensorTable
@@ -157,8 +157,8 @@ def test_what_a_log_is_told_twice_is_no_part_of_its_key():
     plain, stated = (LogFile(path="log.csv", channels={"u": column}, **one) for one in ({}, {"encoding": "utf-8"}))
     assert key_of(plain) == key_of(stated)
     assert key_of(plain) != key_of(plain.model_copy(update={"skip_rows": 1}))
-    assert trials_key(Imports(("1",), (), (plain,)), ["a"]) != trials_key(
-        Imports(("1",), (), (plain,), split=5.0), ["a"]
+    assert trials_key(ImportTable.model_construct(fit=("1",), files=(plain,)), ["a"]) != trials_key(
+        ImportTable.model_construct(fit=("1",), files=(plain,), split=5.0), ["a"]
     )
 
 

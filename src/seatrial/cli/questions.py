@@ -9,7 +9,7 @@ from contextlib import suppress
 from math import inf
 from pathlib import Path
 from types import NoneType, UnionType
-from typing import Any, Literal, NamedTuple, get_args, get_origin
+from typing import Any, Literal, NamedTuple, Union, get_args, get_origin
 
 from seatrial.campaign.config.schema import CampaignFile
 from seatrial.campaign.config.templates import example_of
@@ -69,7 +69,8 @@ def questions(text: str, tables: Mapping[str, Iterable[str]] | None = None) -> t
 
 def _question(path: Key, value: Any) -> Question:
     field: Any = field_at(CampaignFile, path)
-    kinds = get_args(field.annotation) if isinstance(field.annotation, UnionType) else (field.annotation,)
+    is_union = get_origin(field.annotation) in (Union, UnionType)
+    kinds = get_args(field.annotation) if is_union else (field.annotation,)
     kinds = [kind for kind in kinds if kind is not NoneType]
     choices = [one for kind in kinds for one in ((True, False) if kind is bool else get_args(kind))]
     is_closed = all(kind is bool or get_origin(kind) is Literal for kind in kinds)
@@ -108,13 +109,13 @@ def answered(text: str, answers: Mapping[str, str]) -> str:
         if path[1] in priors:  # one without a distribution goes
             is_removed = path[2] == "distribution" and value is None
             edited = with_values(edited, {path[:2] if is_removed else path: value})
-    parse_toml(Path("the campaign"), edited, CampaignFile, example_of)
+    parse_toml(Path("campaign.toml"), edited, CampaignFile, example_of)
     return edited
 
 
 def key_at(where: str, keys: Sequence[str]) -> str | None:
     """Return which of some keys an error of the whole file is about; None if it names none of them."""
-    named = re.search(r"(?:, key |^)([\w.]+)", where)
+    named = re.search(r"(?:.*, key |^)([\w.]+)", where)
     return next((key for key in keys if named and f"{key}.".startswith(f"{named[1]}.")), None)
 
 

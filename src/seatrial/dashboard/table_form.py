@@ -56,17 +56,18 @@ class TableForm:
         self.fields.clear()
         self.stated = {one.key: one.value for one in questions}
         tables = {name: list(group) for name, group in groupby(questions, lambda one: one.key.rpartition(".")[0])}
+        has_sections = len({name.partition(".")[0] for name in tables}) > 1
         with self.place:
             for name, lines in groupby(tables.values(), lambda group: group[0].key.partition(".")[0]):
                 lines = list(lines)
                 is_empty = [not any(one.value for one in line) for line in lines]
-                with section(f"[{name}]", self.notes.get(name, "")) if len(tables) > 1 else nullcontext():
+                with section(f"[{name}]", self.notes.get(name, "")) if has_sections else nullcontext():
                     for line in (line for line, empty in zip(lines, is_empty, strict=True) if not empty):
                         self._line(line)
                     if any(is_empty):
                         with ui.element("details"):
                             with ui.element("summary"):
-                                markup("Others")
+                                markup("Not stated")
                             for line in (line for line, empty in zip(lines, is_empty, strict=True) if empty):
                                 self._line(line)
 
@@ -96,7 +97,7 @@ class TableForm:
         try:
             self._build(await self.ask(self.changes()))
         except (SeatrialError, OSError) as error:
-            self.complain(error)
+            self.fields[key].error = beside(error)
 
     @property
     def is_edited(self) -> bool:

@@ -12,7 +12,7 @@ import numpy as np
 from seatrial.campaign.config.assumed_unknowns import assumed_unknowns, no_unknown_prior
 from seatrial.campaign.config.autopilot_table import AutopilotSettings
 from seatrial.campaign.config.design_table import DesignSettings, PowerTable
-from seatrial.campaign.config.import_table import Imports
+from seatrial.campaign.config.import_table import ImportTable
 from seatrial.campaign.config.quantities import Residuals
 from seatrial.campaign.config.schema import (
     ComputeTable,
@@ -99,7 +99,7 @@ class Campaign:
     goal: Goal | None = None
     plan: PlanTable = PlanTable()
     truth: Mapping[str, float] = field(default_factory=dict)
-    imports: Imports | None = None
+    imports: ImportTable | None = None
     process_noise: Mapping[str, float] = field(default_factory=dict)
     estimation: EstimationTable = EstimationTable()
     selection: SelectionTable = SelectionTable()

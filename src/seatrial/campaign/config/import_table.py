@@ -1,15 +1,23 @@
 """Reads `[import]`: runs, and how their logs become records; everything is checked that can be without opening a log."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import combinations
 from math import inf
 from posixpath import normpath
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
-from seatrial.campaign.config.quantities import Seconds, Several, Table, Unit
+from seatrial.campaign.config.quantities import (
+    Seconds,
+    Several,
+    Table,
+    Unit,
+    refused,
+    refusing,
+    without_effect,
+)
 from seatrial.campaign.config.toml import FileKeys
 from seatrial.core.errors import InputError, nearest, not_among
 from seatrial.core.signals import is_thruster, signal_unit
@@ -28,6 +36,12 @@ class TimeTable(Table):
 
     column: str = Field(description="name of the column of time")
     unit: str | None = Field(default=None, description="its unit; not needed if the log states it")
+
+    @model_validator(mode="after")
+    def _check_unit(self) -> Self:
+        with refusing("unit"):
+            to_si(1.0, self.unit or "s", "s", "")
+        return self
 
 
 class ColumnTable(Table):
@@ -115,6 +129,14 @@ class FileTable(Table):
         description="names of all columns, for a text file without a header; if not given, `column_1`, `column_2`, …",
     )
 
+    @model_validator(mode="after")
+    def _check_header(self) -> Self:
+        if self.names is not None and "header_rows" in self.model_fields_set:
+            raise without_effect(
+                "header_rows", "`names` says that the file has no header", "remove it, or remove names"
+            )
+        return self
+
 
 class KeepTable(Table):
     """`[[import.keep]]`: conditions on a log of the trial that a run must meet: `when = "armed == 1 and voltage > 14.5"`.
@@ -135,6 +157,12 @@ class KeepTable(Table):
     delimiter: str | None = Field(
         default=None, description="character between the cells of a text file, or `whitespace`"
     )
+
+    @model_validator(mode="after")
+    def _check_condition(self) -> Self:
+        with refusing("when"):
+            parse_condition(self.when, "")
+        return self
 
 
 class TrimTable(Table):
@@ -177,6 +205,98 @@ class ImportTable(Table):
     )
     files: Several[FileTable] = Field(min_length=1, description="the logs, `[[import.files]]`, one or more")
 
+    @property
+    def runs(self) -> tuple[str, ...]:
+        """All runs, those that are fitted first."""
+        return (*self.fit, *self.predict)
+
+    def of(self, run: str) -> dict[int, Any]:
+        """Return the logs of one run, by their places in `files`."""
+        return {index: file for index, file in enumerate(self.files) if not file.runs or run in file.runs}
+
+    def ends(self, run: str) -> dict[str, float]:
+        """Return where a run starts and ends, s from where its logs overlap, as far as anything is said."""
+        own = self.trim.get(run, TrimTable())
+        ends = {"start": (own.start, self.start), "end": (own.end, self.end)}
+        return {name: value for name, pair in ends.items() for value in [one for one in pair if one is not None][:1]}
+
+    @model_validator(mode="after")
+    def _check_runs(self) -> Self:
+        if len(set(self.runs)) < len(self.runs):
+            raise refused(
+                "a run named twice in fit and predict",
+                "each run once",
+                "a run that was fitted cannot also be a test of prediction",
+                key="predict" if self.predict else "fit",
+            )
+        for run in self.runs:
+            if not (0 < len(run) <= LONGEST and run.isprintable()) or set(run) & set("/\\") or run.startswith("."):
+                raise refused(
+                    f"run {run[: 2 * LONGEST]!r}",
+                    f"a plain name of at most {LONGEST} characters",
+                    "it becomes a file name: use letters and digits",
+                    key="fit" if run in self.fit else "predict",
+                )
+        named = [(run, f"trim.{run}") for run in self.trim]
+        named += [(run, f"files[{index}].runs") for index, file in enumerate(self.files) for run in file.runs or ()]
+        for run, key in named:
+            with refusing(key):
+                if run not in self.runs:
+                    raise not_among("", run, self.runs, found=f'run "{run}"')
+        for run in self.runs:
+            if not self.of(run):
+                raise refused(
+                    f'no log of run "{run}": `runs` of each names others',
+                    "one [[import.files]] or more for each run",
+                    f'add "{run}" to `runs` of its logs, or leave `runs` out of logs that every run has',
+                    key="files",
+                )
+        return self
+
+    @model_validator(mode="after")
+    def _check_ends(self) -> Self:
+        for run in self.runs:
+            ends, own = self.ends(run), self.trim.get(run, TrimTable())
+            for name, value in ends.items():
+                if value < 0 or (name == "end" and value <= ends.get("start", 0.0)):
+                    after = f", with a start at {ends['start']:g} s" if name == "end" and "start" in ends else ""
+                    raise refused(
+                        f"{value:g} s{after}",
+                        "0 s or more, and an end after the start",
+                        "count from the beginning of the record",
+                        key=name if getattr(own, name) is None else f"trim.{run}.{name}",
+                    )
+        return self
+
+    @model_validator(mode="after")
+    def _check_counted_once(self) -> Self:
+        """Check that no two runs are the same part of the same logs, which would count one trial twice."""
+        read = {run: self._what_is_read(run) for run in self.runs}
+        for one, other in combinations(self.runs, 2):
+            (start, end), (other_start, other_end) = (
+                (ends.get("start", 0.0), ends.get("end", inf)) for ends in (self.ends(one), self.ends(other))
+            )
+            if read[one] == read[other] and start < other_end and other_start < end:
+                paths = dict.fromkeys(file.path for file in self.of(one).values())
+                raise refused(
+                    f'runs "{one}" and "{other}", which both read {", ".join(paths)} over the same time: one trial counted twice',
+                    "a log, or a part of a log, for each run",
+                    "write {run} in the path where the names of the logs differ by it; or an [[import.files]] for each log, with "
+                    f'runs = ["{one}"] and runs = ["{other}"]; or give each run its own part, by start and end under [import.trim.{other}]',
+                    key=f"files[{next(iter(self.of(other)))}].path",
+                )
+        return self
+
+    def _what_is_read(self, run: str) -> frozenset[object]:
+        """Return what makes the record of a run beside its start and end: its columns, and the files that cut it."""
+        cut_by = [self.schedule or "", *(rule.path for rule in self.keep)]
+        columns = [
+            (normpath(file.path.replace("{run}", run)), file.table, name, column.sum or column.column)
+            for file in self.of(run).values()
+            for name, column in file.channels.items()
+        ]
+        return frozenset([*(("cut", normpath(path.replace("{run}", run))) for path in cut_by if path), *columns])
+
 
 @dataclass(frozen=True)
 class LogColumn:
@@ -208,49 +328,15 @@ class LogFile(FileTable):
         return tuple(name for name in LAYOUT if name in self.model_fields_set)
 
 
-@dataclass(frozen=True)
-class Imports:
-    """Runs, and how their logs become records.
-
-    Attributes:
-        fit: runs that are fitted jointly.
-        predict: runs that are only predicted.
-        files: logs of each run.
-        step: between samples, s; None for that of the logs.
-        split: length of the pieces into which a run is cut, s; None to leave it whole.
-        ends: of each run, where it starts and ends, s from where its logs overlap, as far as anything is said.
-        own_ends: runs whose ends are stated for themselves.
-        schedule: table that was commanded, with `{run}` in place of the run's label; None where that is not known.
-        keep: conditions to whose longest common stretch every run is cut.
-    """
-
-    fit: tuple[str, ...]
-    predict: tuple[str, ...]
-    files: tuple[LogFile, ...]
-    step: float | None = None
-    split: float | None = None
-    ends: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    own_ends: tuple[str, ...] = ()
-    schedule: str | None = None
-    keep: tuple[KeepTable, ...] = ()
-
-    @property
-    def runs(self) -> tuple[str, ...]:
-        """All runs, those that are fitted first."""
-        return (*self.fit, *self.predict)
-
-    def of(self, run: str) -> dict[int, LogFile]:
-        """Return the logs of one run, by their places in `files`."""
-        return {index: file for index, file in enumerate(self.files) if not file.runs or run in file.runs}
-
-
 COMMAND = "command"  # Unit of a column that a law of thrust is for
 LONGEST = 80  # Characters of a run's name
 LAYOUT = ("delimiter", "encoding", "header_rows", "names", "skip_rows")  # Keys of `[[import.files]]` for text alone
 
 
-def read_imports(table: ImportTable, keys: FileKeys, known: Sequence[str], laws: Mapping[str, ThrustLaw]) -> Imports:
-    """Read what is imported.
+def read_imports(
+    table: ImportTable, keys: FileKeys, known: Sequence[str], laws: Mapping[str, ThrustLaw]
+) -> ImportTable:
+    """Return what is imported, with logs whose commands have the laws that make thrust of them.
 
     Args:
         table: as written.
@@ -259,134 +345,16 @@ def read_imports(table: ImportTable, keys: FileKeys, known: Sequence[str], laws:
         laws: of thrust, by control.
 
     Raises:
-        InputError: a channel or unit that is none, a scale of zero, times that are not positive, or a key without effect.
+        InputError: a channel or unit that is none, a scale of zero, or a command without a law.
     """
-    runs = (*table.fit, *table.predict)
-    if len(set(runs)) < len(runs):
-        raise InputError(
-            keys.where("import.predict" if table.predict else "import.fit"),
-            found="a run named twice in fit and predict",
-            expected="each run once",
-            remedy="a run that was fitted cannot also be a test of prediction",
-        )
-    for run in runs:
-        if not (0 < len(run) <= LONGEST and run.isprintable()) or set(run) & set("/\\") or run.startswith("."):
-            raise InputError(
-                keys.where("import.fit" if run in table.fit else "import.predict"),
-                found=f"run {run[: 2 * LONGEST]!r}",
-                expected=f"a plain name of at most {LONGEST} characters",
-                remedy="it becomes a file name: use letters and digits",
-            )
-    ends = {run: _ends(table, keys, run) for run in runs}
-    files = tuple(_file(file, keys, f"import.files[{index}]", known, laws) for index, file in enumerate(table.files))
-    named = [(run, f"import.trim.{run}") for run in table.trim]
-    named += [(run, f"import.files[{index}].runs") for index, file in enumerate(files) for run in file.runs or ()]
-    for run, key in named:
-        if run not in runs:
-            raise not_among(keys.where(key), run, runs, found=f'run "{run}"')
-    for index, one in enumerate(table.keep):
-        key = f"import.keep[{index}]"
-        if one.time is not None and one.time.unit is not None:
-            to_si(1.0, one.time.unit, "s", keys.where(f"{key}.time.unit"))
-        parse_condition(one.when, keys.where(f"{key}.when"))
-    imports = Imports(
-        tuple(table.fit),
-        tuple(table.predict),
-        files,
-        table.step,
-        table.split,
-        ends,
-        tuple(table.trim),
-        table.schedule,
-        table.keep,
-    )
-    for run in runs if files else ():
-        if not imports.of(run):
-            raise InputError(
-                keys.where("import.files"),
-                found=f'no log of run "{run}": `runs` of each names others',
-                expected="one [[import.files]] or more for each run",
-                remedy=f'add "{run}" to `runs` of its logs, or leave `runs` out of logs that every run has',
-            )
-    if files:
-        _check_counted_once(imports, keys)
-    return imports
-
-
-def _check_counted_once(imports: Imports, keys: FileKeys) -> None:
-    """Check that no two runs are the same part of the same logs, which would count one trial twice.
-
-    Raises:
-        InputError: two runs with the same columns of the same files, over times that overlap.
-    """
-    read = {run: _what_is_read(imports, run) for run in imports.runs}
-    for one, other in combinations(imports.runs, 2):
-        (start, end), (other_start, other_end) = (
-            (imports.ends[run].get("start", 0.0), imports.ends[run].get("end", inf)) for run in (one, other)
-        )
-        if read[one] == read[other] and start < other_end and other_start < end:
-            paths = dict.fromkeys(file.path for file in imports.of(one).values())
-            raise InputError(
-                keys.where(f"import.files[{next(iter(imports.of(other)))}].path"),
-                found=f'runs "{one}" and "{other}", which both read {", ".join(paths)} over the same time: one trial counted twice',
-                expected="a log, or a part of a log, for each run",
-                remedy="write {run} in the path where the names of the logs differ by it; or an [[import.files]] for each log, with "
-                f'runs = ["{one}"] and runs = ["{other}"]; or give each run its own part, by start and end under [import.trim.{other}]',
-            )
-
-
-def _what_is_read(imports: Imports, run: str) -> frozenset[object]:
-    """Return what makes the record of a run beside its start and end: its columns, and the files that cut it."""
-    cut_by = [imports.schedule or "", *(rule.path for rule in imports.keep)]
-    return frozenset(
-        [
-            *(("cut", normpath(path.replace("{run}", run))) for path in cut_by if path),
-            *(
-                (normpath(file.path.replace("{run}", run)), file.table, name, column.column)
-                for file in imports.of(run).values()
-                for name, column in file.channels.items()
-            ),
-        ]
-    )
-
-
-def _ends(table: ImportTable, keys: FileKeys, run: str) -> dict[str, float]:
-    """Where a run begins and ends, s, as far as anything is said of it.
-
-    Raises:
-        InputError: before the beginning of the record, or an end that is not after the start.
-    """
-    ends: dict[str, float] = {}
-    for name in ("start", "end"):
-        own = getattr(table.trim.get(run), name, None)
-        value, key = (getattr(table, name), f"import.{name}") if own is None else (own, f"import.trim.{run}.{name}")
-        if value is not None:
-            ends[name] = value
-            if ends[name] < 0 or (name == "end" and ends[name] <= ends.get("start", 0.0)):
-                raise InputError(
-                    keys.where(key),
-                    found=f"{value:g} s"
-                    + (f", with a start at {ends['start']:g} s" if name == "end" and "start" in ends else ""),
-                    expected="0 s or more, and an end after the start",
-                    remedy="count from the beginning of the record",
-                )
-    return ends
-
-
-def _file(file: FileTable, keys: FileKeys, key: str, known: Sequence[str], laws: Mapping[str, ThrustLaw]) -> LogFile:
-    if file.time is not None and file.time.unit is not None:
-        to_si(1.0, file.time.unit, "s", keys.where(f"{key}.time.unit"))
-    if file.names is not None and "header_rows" in file.model_fields_set:
-        raise InputError(
-            keys.where(f"{key}.header_rows"),
-            found="a key without effect: `names` says that the file has no header",
-            expected="one of the two",
-            remedy="remove it, or remove names",
-        )
-    columns = {
-        name: _column(name, one, keys, f"{key}.channels.{name}", known, laws) for name, one in file.channels.items()
-    }
-    return LogFile.model_construct(file.model_fields_set, **{**dict(file), "channels": columns})
+    files = []
+    for index, file in enumerate(table.files):
+        columns = {
+            name: _column(name, one, keys, f"import.files[{index}].channels.{name}", known, laws)
+            for name, one in file.channels.items()
+        }
+        files.append(LogFile.model_construct(file.model_fields_set, **{**dict(file), "channels": columns}))
+    return table.model_copy(update={"files": tuple(files)})
 
 
 def _column(

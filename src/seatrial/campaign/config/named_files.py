@@ -9,7 +9,7 @@ import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from seatrial.campaign.config.import_table import Imports
+from seatrial.campaign.config.import_table import ImportTable
 from seatrial.core.errors import InputError
 
 VARIABLE = "SEATRIAL_WITHIN"
@@ -76,7 +76,7 @@ def place_of(folder: Path, written: str, where: str, run: str, limits: Sequence[
     )
 
 
-def named_in(priors_from: Sequence[str], imports: Imports | None) -> Iterator[tuple[str, str, str]]:
+def named_in(priors_from: Sequence[str], imports: ImportTable | None) -> Iterator[tuple[str, str, str]]:
     """Key, text and run of the earlier campaigns and logs that a campaign names."""
     for item in priors_from:
         yield "vehicle.priors_from", item, ""
@@ -97,7 +97,7 @@ def named_in(priors_from: Sequence[str], imports: Imports | None) -> Iterator[tu
 
 
 def folders_outside(
-    folder: Path, priors_from: Sequence[str], imports: Imports | None, others: Sequence[Path] = ()
+    folder: Path, priors_from: Sequence[str], imports: ImportTable | None, others: Sequence[Path] = ()
 ) -> list[str]:
     """Folders outside a campaign's own from which it reads files, and earlier campaigns; what is missing is left out.
 

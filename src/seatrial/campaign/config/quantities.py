@@ -4,7 +4,8 @@ Some units depend on a name: the noise of `[sensors.u]` has that of u. Such name
 word that stands in braces in the units that follow them: `Unit("{channel}")`.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from math import inf
 from typing import Annotated, Any, Literal, TypeVar
@@ -45,6 +46,15 @@ def refused(found: str, expected: str, remedy: str, key: str = "") -> PydanticCu
         "{found}; expected {expected}; {remedy}",
         {"found": found, "expected": expected, "remedy": remedy, "key": key},
     )
+
+
+@contextmanager
+def refusing(key: str = "") -> Iterator[None]:
+    """Turn an error of the block into that of a value or of a key of a table."""
+    try:
+        yield
+    except InputError as error:
+        raise refused(error.found, error.expected, error.remedy, key) from None
 
 
 def without_effect(key: str, because: str, remedy: str = "remove it") -> PydanticCustomError:
@@ -93,10 +103,8 @@ class Unit:
         unit = self.symbol_of(info.context)
         if unit is None:
             return 0.0  # of a name that is no signal, which whoever knows the vehicle refuses
-        try:
+        with refusing():
             number = quantity(value, unit, "")
-        except InputError as error:
-            raise refused(error.found, error.expected, error.remedy) from None
         if number != 0 and not SMALLEST <= abs(number) <= LARGEST:
             raise refused(
                 f'"{value}", which is {number:.3g} {unit}',

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from seatrial.campaign.config.campaign import Campaign
-from seatrial.campaign.config.import_table import Imports, LogColumn, LogFile
+from seatrial.campaign.config.import_table import ImportTable, LogColumn, LogFile
 from seatrial.campaign.config.named_files import find
 from seatrial.campaign.data.no_record import no_record
 from seatrial.campaign.data.rebuilt_controls import with_rebuilt_controls
@@ -110,7 +110,7 @@ def import_trials(campaign: Campaign, reporter: Reporter = SILENT) -> Trials:
     return Trials(fit, predict, trials_key(imports, keys))
 
 
-def trials_key(imports: Imports, records: list[str]) -> str:
+def trials_key(imports: ImportTable, records: list[str]) -> str:
     """Key of all imported trials from those of their records."""
     return key_of("import", records, imports.fit, imports.split)
 
@@ -139,7 +139,7 @@ def read_tables(campaign: Campaign, run: str) -> list[LogTable]:
 
 
 def stored_record(
-    campaign: Campaign, imports: Imports, run: str, hash_of: Callable[[Path], str] = hash_of_log
+    campaign: Campaign, imports: ImportTable, run: str, hash_of: Callable[[Path], str] = hash_of_log
 ) -> StoredResult[Record]:
     """Return where the record of one run is kept, and what it depends on; of its files no more is read than `hash_of` does.
 
@@ -150,18 +150,18 @@ def stored_record(
     return StoredResult(Store(campaign.folder).record(run), key, Record)
 
 
-def _import_run(campaign: Campaign, imports: Imports, run: str) -> tuple[Record, str]:
+def _import_run(campaign: Campaign, imports: ImportTable, run: str) -> tuple[Record, str]:
     kept = stored_record(campaign, imports, run)
 
     def read_files() -> Record:
         with located(campaign.where("import")):
-            aligned = _with_late_end(imports, run, _aligned(campaign, imports, run, imports.ends.get(run, {})))
+            aligned = _with_late_end(imports, run, _aligned(campaign, imports, run, imports.ends(run)))
         return with_rebuilt_controls(campaign, aligned)
 
     return kept.read_or_make(read_files), kept.key
 
 
-def _aligned(campaign: Campaign, imports: Imports, run: str, ends: Mapping[str, float]) -> Record:
+def _aligned(campaign: Campaign, imports: ImportTable, run: str, ends: Mapping[str, float]) -> Record:
     """Read the files of a run, and put them on one axis between its ends: where none are stated, those of what was commanded."""
     tables = _tables(campaign, imports, run)
     if imports.keep:
@@ -200,10 +200,10 @@ def available_of(trials: Trials) -> dict[str, float]:
     return available
 
 
-def _with_late_end(imports: Imports, run: str, record: Record) -> Record:
+def _with_late_end(imports: ImportTable, run: str, record: Record) -> Record:
     """Return a record with a caution where the end that is stated for this run lies after its files end."""
-    options, end = record.provenance.options, imports.ends.get(run, {}).get("end", 0.0)
-    if run not in imports.own_ends or imports.keep or not is_beyond(end, options["available"]):
+    options, end = record.provenance.options, imports.ends(run).get("end", 0.0)
+    if run not in imports.trim or imports.keep or not is_beyond(end, options["available"]):
         return record
     caution = (
         f'its files end at {options["available"]:.6g} s, before its end = "{end:g} s": it ends with them; '
@@ -218,7 +218,7 @@ def _unchecked(tables: Sequence[LogTable]) -> list[LogTable]:
     return [replace(table, curved={}) for table in tables]
 
 
-def _kept(folder: Path, where: Callable[[str], str], imports: Imports, run: str, whole: Record) -> dict[str, float]:
+def _kept(folder: Path, where: Callable[[str], str], imports: ImportTable, run: str, whole: Record) -> dict[str, float]:
     """Return where the longest stretch of a record begins and ends in which every condition holds, s from the beginning of the record.
 
     Raises:
@@ -245,18 +245,18 @@ def _kept(folder: Path, where: Callable[[str], str], imports: Imports, run: str,
     return {"start": first, "end": last}
 
 
-def _keep_paths(folder: Path, where: Callable[[str], str], imports: Imports, run: str) -> list[Path]:
+def _keep_paths(folder: Path, where: Callable[[str], str], imports: ImportTable, run: str) -> list[Path]:
     return [
         find(folder, rule.path, where(f"import.keep[{index}].path"), run) for index, rule in enumerate(imports.keep)
     ]
 
 
-def _commanded(folder: Path, where: Callable[[str], str], imports: Imports, run: str) -> Path:
+def _commanded(folder: Path, where: Callable[[str], str], imports: ImportTable, run: str) -> Path:
     """Schedule of a run that names one."""
     return find(folder, imports.schedule or "", where("import.schedule"), run)
 
 
-def _tables(campaign: Campaign, imports: Imports, run: str) -> list[LogTable]:
+def _tables(campaign: Campaign, imports: ImportTable, run: str) -> list[LogTable]:
     """Read the files of a run, with velocities along the body."""
     logs, roles = [], signal_roles(campaign.model(campaign.full), campaign.autopilot.trim)
     for (index, file), path in zip(
@@ -271,7 +271,7 @@ def _tables(campaign: Campaign, imports: Imports, run: str) -> list[LogTable]:
 
 
 @contextmanager
-def _of_several_runs(imports: Imports, file: LogFile, run: str) -> Iterator[None]:
+def _of_several_runs(imports: ImportTable, file: LogFile, run: str) -> Iterator[None]:
     """Where a column is missing, say that the map is that of other runs too, before somebody corrects it for one run alone."""
     try:
         yield
@@ -309,13 +309,13 @@ def _without_idle(table: LogTable, wanted: Sequence[str]) -> LogTable:
     )
 
 
-def _located(folder: Path, where: Callable[[str], str], imports: Imports, run: str) -> list[Path]:
+def _located(folder: Path, where: Callable[[str], str], imports: ImportTable, run: str) -> list[Path]:
     return [
         find(folder, file.path, where(f"import.files[{index}].path"), run) for index, file in imports.of(run).items()
     ]
 
 
-def _key(campaign: Campaign, imports: Imports, run: str, hash_of: Callable[[Path], str]) -> str:
+def _key(campaign: Campaign, imports: ImportTable, run: str, hash_of: Callable[[Path], str]) -> str:
     files = imports.of(run)
     curves = [
         _curve(campaign.folder, campaign.where, index, name, column.curve)
@@ -332,7 +332,7 @@ def _key(campaign: Campaign, imports: Imports, run: str, hash_of: Callable[[Path
     keep = [hash_of(path) for path in _keep_paths(campaign.folder, campaign.where, imports, run)]
     kept = (keep, imports.keep) if keep else ()
     kept += (campaign.pilot(campaign.model(campaign.full).controls),) if campaign.autopilot.loops else ()
-    return key_of("record", run, hashes, imports.step, [*files.values()], imports.ends.get(run, {}), *sent, *kept)
+    return key_of("record", run, hashes, imports.step, [*files.values()], imports.ends(run), *sent, *kept)
 
 
 def _curve(folder: Path, where: Callable[[str], str], index: int, name: str, written: str) -> Path:

@@ -2,7 +2,7 @@
 
 from seatrial.campaign.config.autopilot_table import AutopilotSettings
 from seatrial.campaign.config.campaign import Campaign
-from seatrial.campaign.config.import_table import Imports
+from seatrial.campaign.config.import_table import ImportTable
 from seatrial.core.errors import InputError
 from seatrial.core.signals import ANGLES, OVER_EARTH, QUATERNION
 
@@ -42,7 +42,7 @@ def check_mapped(campaign: Campaign) -> None:
         )
 
 
-def _given(autopilot: AutopilotSettings, imports: Imports, run: str) -> set[str]:
+def _given(autopilot: AutopilotSettings, imports: ImportTable, run: str) -> set[str]:
     """Return the channels that the record of a run has after the import."""
     given = {name for file in imports.of(run).values() for name in file.channels}
     for some, others in ((QUATERNION, ANGLES), (ANGLES, QUATERNION)):

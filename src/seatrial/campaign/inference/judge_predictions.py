@@ -9,7 +9,7 @@ import jax
 import numpy as np
 
 from seatrial.campaign.config.campaign import Campaign
-from seatrial.campaign.config.import_table import Imports
+from seatrial.campaign.config.import_table import ImportTable
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.posterior import build_likelihood, build_parameters, first_sd, random_key, shared_model
 from seatrial.campaign.store.estimates import Drawn, Estimate, HasKey, OfStructure
@@ -211,7 +211,7 @@ def disowned(fits: Sequence[Fit]) -> str:
     )
 
 
-def held_back_cautions(imports: Imports | None, trials: Trials) -> list[str]:
+def held_back_cautions(imports: ImportTable | None, trials: Trials) -> list[str]:
     """What held-back records cannot show: nothing where all imported ones were fitted, little where they repeat an input."""
     if imports is not None and not trials.predict:
         return [
@@ -226,7 +226,7 @@ def held_back_cautions(imports: Imports | None, trials: Trials) -> list[str]:
     ]
 
 
-def hold_back_words(imports: Imports) -> str:
+def hold_back_words(imports: ImportTable) -> str:
     """Say how to hold a run back: the only one that is fitted cannot be moved."""
     if len(imports.fit) > 1:
         return "move a run from fit to predict in [import]"

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from seatrial.campaign.config.campaign import Campaign
-from seatrial.campaign.config.import_table import Imports
+from seatrial.campaign.config.import_table import ImportTable
 from seatrial.campaign.data.import_logs import log_source, signal_roles
 from seatrial.campaign.live.sources import Piece
 from seatrial.core.errors import InputError
@@ -183,7 +183,7 @@ class Channels:
         return {name: value for name, value in values.items() if name in self.roles}
 
 
-def lined_controls(imports: Imports | None) -> set[str]:
+def lined_controls(imports: ImportTable | None) -> set[str]:
     """Return the controls that change along a straight line from one sample to the next, by `between = "line"`."""
     files = () if imports is None else imports.files
     return {name for file in files for name, column in file.channels.items() if column.between == "line"}

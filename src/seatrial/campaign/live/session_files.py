@@ -10,7 +10,7 @@ from typing import Any
 import tomlkit
 
 from seatrial.campaign.config.campaign import Campaign
-from seatrial.campaign.config.import_table import Imports
+from seatrial.campaign.config.import_table import ImportTable
 from seatrial.campaign.live.channels import lined_controls
 from seatrial.core.errors import InputError
 from seatrial.core.files import begin_file, read_bytes, write_json
@@ -104,7 +104,7 @@ def last_look(folder: Path) -> dict[str, Any] | None:
     return content if isinstance(content, dict) and content.keys() >= LOOK else None
 
 
-def import_lines(imports: Imports | None, model: VehicleModel, channels: tuple[str, ...], run: str) -> str:
+def import_lines(imports: ImportTable | None, model: VehicleModel, channels: tuple[str, ...], run: str) -> str:
     """Return the lines of a campaign file that import a session."""
     lined = lined_controls(imports)
     lines = [

@@ -11,7 +11,7 @@ import numpy as np
 import scipy
 
 from seatrial.campaign.config.campaign import Campaign
-from seatrial.campaign.config.import_table import Imports
+from seatrial.campaign.config.import_table import ImportTable
 from seatrial.campaign.config.schema import Goal
 from seatrial.campaign.data.simulate import Chosen, chosen_of
 from seatrial.campaign.design.residual_noise import noise_words
@@ -127,7 +127,7 @@ def _weighed(outcome: Outcome, standing: tuple[str, ...]) -> Proposal:
     return _most_informative(outcome.next, _known(outcome), _noise(outcome), standing, counting, _within(outcome))
 
 
-def before_stop(imports: Imports | None, goal: Goal | None, is_tested: bool) -> list[str]:
+def before_stop(imports: ImportTable | None, goal: Goal | None, is_tested: bool) -> list[str]:
     """Return what is missing before a goal that is met is a reason to stop.
 
     Args:

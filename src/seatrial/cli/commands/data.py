@@ -124,7 +124,7 @@ def _trim(campaign: Any, run: str | None, start: str | None, end: str | None, re
     seen = read_file(campaign.folder)
     text = with_trim(campaign.folder, seen, run, start, end)
     trials = import_trials(check_text(campaign.folder, text), reporter)
-    others = () if run is not None else campaign.imports.own_ends
+    others = () if run is not None else tuple(campaign.imports.trim)
     lengths = {one: length for one, length in available_of(trials).items() if run in (None, one) and one not in others}
     short = {one: length for one, length in lengths.items() if end is not None and is_beyond(seconds[-1], length)}
     runs = ", ".join(f"run {one} at {length:.6g} s" for one, length in short.items())
