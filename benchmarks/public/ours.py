@@ -37,9 +37,9 @@ from seatrial.core.errors import NumericalError
 from seatrial.core.record import Record
 from seatrial.estimation.posterior.filter_error import FilterError
 from seatrial.estimation.posterior.mode import find_mode
-from seatrial.estimation.posterior.output_error import OutputError, initial_name
+from seatrial.estimation.posterior.output_error import ANY_TRIAL, OutputError, initial_name
 from seatrial.estimation.posterior.replicate import motions
-from seatrial.estimation.prediction.prediction import ANY, noise_sd, slow_noise, spread_rows
+from seatrial.estimation.prediction.prediction import noise_sd, slow_noise, spread_rows
 from seatrial.estimation.priors import Normal
 from seatrial.estimation.simulation.delayed_control import delay_control
 from seatrial.estimation.simulation.starts import first_measured, level_start
@@ -125,7 +125,7 @@ class Ours:
         count = RUN_DRAWS if len(simulated) == 1 else STRETCH_DRAWS
         known = dict(zip(self.drawn.names, spread_rows(self.drawn.draws(), count).T, strict=True))
         campaign, model = self.campaign, self.campaign.model(self.drawn.structure)
-        likelihood, _ = build_likelihood(campaign, model, [replace(_piece(record, simulated[0]), label=ANY)])
+        likelihood, _ = build_likelihood(campaign, model, [replace(_piece(record, simulated[0]), label=ANY_TRIAL)])
         values, starts = self._values(record, simulated, known)
         control = _late_controls(record, model.controls, values.get("delay"), len(next(iter(known.values()))))
         key = random_key(campaign.seed, f"benchmark {record.label}")
@@ -168,9 +168,9 @@ class Ours:
         """Parameters by name, shape (draws,), those of each stretch's start (stretches, draws); and measured starts (stretches, states)."""
         campaign, model = self.campaign, self.campaign.model(self.drawn.structure)
         starts = np.array([self._start(record, stretch) for stretch in stretches])
-        anonymous = replace(_piece(record, stretches[0]), label=ANY)
+        anonymous = replace(_piece(record, stretches[0]), label=ANY_TRIAL)
         key, count = random_key(campaign.seed, f"benchmark values {record.label}"), len(next(iter(known.values())))
-        at_start = {initial_name(state, ANY): index for index, state in enumerate(model.states)}
+        at_start = {initial_name(state, ANY_TRIAL): index for index, state in enumerate(model.states)}
         values = {}
         for index, parameter in enumerate(build_parameters(campaign, model, [anonymous])):
             name = parameter.name

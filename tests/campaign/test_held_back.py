@@ -12,7 +12,6 @@ from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.inference.judge_predictions import (
     _predict,
-    _score,
     _setting,
     _unseen,
     fit_complaints,
@@ -21,6 +20,8 @@ from seatrial.campaign.inference.judge_predictions import (
     predict_held_back,
     residual_doubt,
 )
+from seatrial.estimation.posterior.filter_error import FilterError
+from seatrial.filters.extended import extended_filter
 from seatrial.vehicles.simulate import simulate
 from tests.campaign.small import NO_X_U, write_small
 
@@ -98,10 +99,10 @@ def test_process_noise_that_correlates_a_free_simulation_is_no_finding(known):
     campaign, _, drawn = known
     record = run(known, "2", WAVE, 3)
     slow = replace(record, measurement=record.measurement + 0.05 * np.sin(0.3 * record.time)[:, None])
-    piece = _predict(campaign, drawn, slow)
-    assert not piece["filtered"]
-    assert _score(piece, 0).white < 1e-6
-    found = _score({**piece, "filtered": True}, 0)
+    predicted = _predict(campaign, drawn, slow)
+    assert predicted.score("u").white < 1e-6
+    filtered = FilterError(predicted.likelihood.output, (0.05,), extended_filter(1))
+    found = replace(predicted, likelihood=filtered).score("u")
     assert (found.white, found.sd_factor) == (1.0, 1.0)
 
 
@@ -158,15 +159,17 @@ def test_what_the_campaign_has_is_not_said_to_be_missing(known):
 def test_states_that_no_sensor_shows_are_named_where_a_run_is_lost(known):
     _, trials, _ = known
     simulator = SimpleNamespace(model=SimpleNamespace(states=("u", "v", "r")))
-    said = _unseen({"output": SimpleNamespace(simulator=simulator)}, trials.fit[0])
+    said = _unseen(SimpleNamespace(likelihood=simulator, record=trials.fit[0]))
     assert said.endswith("not measured: v and r")
     simulator.model.states = ("u",)
-    assert _unseen({"output": SimpleNamespace(simulator=simulator)}, trials.fit[0]) == ""
+    assert _unseen(SimpleNamespace(likelihood=simulator, record=trials.fit[0])) == ""
 
 
 def test_states_of_actuators_are_named_by_what_they_are():
     """Eight thrusters with a lag have eight states that no log holds."""
     states = ("u", "theta", *(f"f_{number}_act" for number in range(1, 9)))
-    piece = {"output": SimpleNamespace(simulator=SimpleNamespace(model=SimpleNamespace(states=states)))}
-    said = _unseen(piece, SimpleNamespace(measured=("u",)))  # pyright: ignore[reportArgumentType]
+    predicted = SimpleNamespace(
+        likelihood=SimpleNamespace(model=SimpleNamespace(states=states)), record=SimpleNamespace(measured=("u",))
+    )
+    said = _unseen(predicted)  # pyright: ignore[reportArgumentType]
     assert said.endswith("not measured: theta and what the actuators with a lag have reached")

@@ -3,15 +3,14 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import jax
 import numpy as np
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.import_table import ImportTable
 from seatrial.campaign.data.import_logs import Trials
-from seatrial.campaign.inference.posterior import build_likelihood, build_parameters, first_sd, random_key, shared_model
+from seatrial.campaign.inference.posterior import first_sd, initial_state, posterior_of_one, random_key
 from seatrial.campaign.store.estimates import Drawn, Estimate, HasKey, OfStructure
 from seatrial.campaign.store.predictions import Fit, Predictions
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
@@ -20,8 +19,6 @@ from seatrial.core.display_units import listed
 from seatrial.core.findings import Finding, Message
 from seatrial.core.record import Record
 from seatrial.core.signals import ACTUAL
-from seatrial.estimation.posterior.filter_error import FilterError
-from seatrial.estimation.posterior.output_error import OutputError, initial_name
 from seatrial.estimation.prediction.fit_verdict import (
     LEVELS,
     POOR,
@@ -33,32 +30,15 @@ from seatrial.estimation.prediction.fit_verdict import (
 from seatrial.estimation.prediction.fitted_range import outside_fitted
 from seatrial.estimation.prediction.pooled_coverage import (
     Pooled,
-    motion_products,
     pooled_verdict,
     run_residuals,
     shared_motion,
     without_numbers,
 )
-from seatrial.estimation.prediction.prediction import (
-    ANY,
-    key_of_values,
-    noise_sd,
-    outputs_of_draws,
-    slow_noise,
-    spread_rows,
-    within_bounds,
-)
-from seatrial.estimation.prediction.prediction_scores import (
-    DIVERGES,
-    Score,
-    integrated_correlation,
-    new_residuals,
-    score_channel,
-)
+from seatrial.estimation.prediction.prediction import Prediction, predict
+from seatrial.estimation.prediction.prediction_scores import DIVERGES, integrated_correlation, new_residuals
 from seatrial.estimation.prediction.short_horizon import ShortHorizon, short_horizons
-from seatrial.estimation.priors import Normal
 from seatrial.estimation.simulation.sensor_errors import Noise
-from seatrial.estimation.simulation.trial_data import TrialData
 from seatrial.messages.predictions import explained_short, horizon_text, outside_text
 from seatrial.messages.render import sentence
 from seatrial.selection.structures import Structure
@@ -77,13 +57,9 @@ class HeldBack(NamedTuple):
 
 def predict_held_back(campaign: Campaign, drawn: Drawn, trials: Trials) -> HeldBack:
     """Predict the records that were not fitted; nothing is stored."""
-    pieces, setting = [_predict(campaign, drawn, record) for record in trials.predict], _setting(campaign)
-    fits = [
-        fit
-        for record, piece in zip(trials.predict, pieces, strict=True)
-        for fit in _fits(setting, record, piece, trials.fit)
-    ]
-    return HeldBack(tuple(fits), _pooled(setting, pieces, fits), tuple(pieces))
+    predicted, setting = [_predict(campaign, drawn, record) for record in trials.predict], _setting(campaign)
+    fits = [fit for one in predicted for fit in _fits(setting, one, trials.fit)]
+    return HeldBack(tuple(fits), _pooled(setting, predicted, fits), tuple(map(_curves, predicted)))
 
 
 def held_back_curves(predictions: Predictions) -> tuple[dict[str, np.ndarray], ...]:
@@ -108,19 +84,18 @@ def predict_all(campaign: Campaign, estimate: Estimate, trials: Trials) -> Predi
 
     def predict() -> Predictions:
         records, count, setting = [*trials.fit, *trials.predict], len(trials.fit), _setting(campaign)
-        pieces = [_predict(campaign, estimate, record) for record in records]
-        fits = _fitted(setting, trials, pieces[:count])
-        for record, piece in zip(trials.predict, pieces[count:], strict=True):
-            fits += _fits(setting, record, piece, trials.fit)
-        predicted = HeldBack(tuple(fits), _pooled(setting, pieces[count:], fits), tuple(pieces))
-        return predictions_of(campaign.channels, estimate.structure, records, trials.predict, predicted)
+        predicted = [_predict(campaign, estimate, record) for record in records]
+        fits = _fitted(setting, predicted[:count])
+        fits += [fit for one in predicted[count:] for fit in _fits(setting, one, trials.fit)]
+        held_back = HeldBack(tuple(fits), _pooled(setting, predicted[count:], fits), tuple(map(_curves, predicted)))
+        return predictions_of(campaign.channels, estimate.structure, records, trials.predict, held_back)
 
     return stored_predictions(campaign.folder, estimate, trials).read_or_make(predict)
 
 
 def residual_doubt(campaign: Campaign, drawn: Drawn, trials: Trials) -> str:
     """Say why the residuals of the fitted records are not the noise that is modelled; empty where they may be. Nothing is stored."""
-    return disowned(_fitted(_setting(campaign), trials, [_predict(campaign, drawn, record) for record in trials.fit]))
+    return disowned(_fitted(_setting(campaign), [_predict(campaign, drawn, record) for record in trials.fit]))
 
 
 def predictions_of(
@@ -256,62 +231,18 @@ def _finding(group: Sequence[Fit]) -> Finding:
     )
 
 
-def _predict(campaign: Campaign, drawn: Drawn, record: Record) -> dict[str, Any]:
-    """Motion under many draws; what only other trials know, such as this one's own bias, is drawn from its prior."""
-    model = shared_model(campaign, drawn.structure)
-    table = spread_rows(drawn.draws(), N_DRAWS)
-    known = dict(zip(drawn.names, table.T, strict=True))
-    # Under one label for all records, so that records of one length share compiled code.
-    anonymous = replace(record, label=ANY)
-    likelihood, data = build_likelihood(campaign, model, [anonymous])
-    key = random_key(campaign.seed, f"predict {record.label}")
-    starts = {initial_name(state, ANY): first_sd(campaign.noise, state) for state in model.states}
-    values = {}
-    priors = {one.name: one.prior for one in build_parameters(campaign, campaign.model(drawn.structure), [anonymous])}
-    for index, parameter in enumerate(build_parameters(campaign, model, [anonymous])):
-        if parameter.name not in priors:
-            values[parameter.name] = np.zeros(len(table))
-            continue
-        name, prior = parameter.name.replace(f"[{ANY}]", f"[{record.label}]"), parameter.prior
-        if name in known:
-            values[parameter.name] = known[name]
-            continue
-        if parameter.name in starts:
-            prior = Normal(prior.mean, starts[parameter.name])
-        own = jax.random.fold_in(key_of_values(key, len(table)), index)
-        values[parameter.name] = within_bounds(parameter.name, prior.draw(own, (len(table),)), known, priors, own)
-    outputs = _outputs(likelihood, values, data, key, record)
-    free = outputs if isinstance(likelihood, OutputError) else _outputs(likelihood.output, values, data, key, record)
-    noise = np.column_stack([noise_sd(sensor, values) for sensor in campaign.sensor_models])
-    noise = np.sqrt((noise**2).mean(axis=0))
-    motion = outputs.std(axis=0)
-    sd = np.hypot(motion, noise)
-    measured = np.column_stack([record.channel(channel) for channel in campaign.channels])
-    return {
-        "time": record.time,
-        "measured": measured,
-        "mean": outputs.mean(axis=0),
-        "motion_sd": motion,
-        "sd": sd,
-        "noise": noise,
-        "slow": [slow_noise(sensor, values) for sensor in campaign.sensor_models],
-        "coefficient_sd": free.std(axis=0),
-        "products": motion_products(outputs, sd, measured),
-        "output": likelihood if isinstance(likelihood, OutputError) else likelihood.output,
-        "filtered": not isinstance(likelihood, OutputError),
-        "values": {name: float(np.mean(column)) for name, column in values.items()},
-    }
-
-
-def _outputs(
-    likelihood: OutputError | FilterError,
-    values: Mapping[str, np.ndarray],
-    data: TrialData,
-    key: jax.Array,
-    record: Record,
-) -> np.ndarray:
-    """Simulate under every draw; of filter error's `output` without the pushes of process noise. Shape (draws, n, m)."""
-    return np.asarray(outputs_of_draws(likelihood)(values, data, key))[:, : record.time.size]
+def _predict(campaign: Campaign, drawn: Drawn, record: Record) -> Prediction:
+    posterior = posterior_of_one(campaign, drawn.structure, record)
+    model = posterior.likelihood.model
+    return predict(
+        posterior,
+        dict(zip(drawn.names, drawn.draws().T, strict=True)),
+        record,
+        start=initial_state(campaign, model, record),
+        first_sd={state: first_sd(campaign.noise, state) for state in model.states},
+        n=N_DRAWS,
+        key=random_key(campaign.seed, f"predict {record.label}"),
+    )
 
 
 class _Setting(NamedTuple):
@@ -347,13 +278,11 @@ def _setting(campaign: Campaign) -> _Setting:
     return _Setting(noise, bool(campaign.autopilot.loops), lacks, for_short)
 
 
-def _fits(
-    setting: _Setting, record: Record, piece: Mapping[str, Any], fitted: Sequence[Record] | None = None
-) -> list[Fit]:
+def _fits(setting: _Setting, predicted: Prediction, fitted: Sequence[Record] | None = None) -> list[Fit]:
     """Every channel of one record, scored and judged; `fitted` are those that were, if the record was not."""
-    held_back = fitted is not None
+    held_back, record = fitted is not None, predicted.record
     outside = () if fitted is None else tuple(map(outside_text, outside_fitted(fitted, record)))
-    scores = {channel: _score(piece, column) for column, channel in enumerate(setting.noise)}
+    scores = {channel: predicted.score(channel) for channel in setting.noise}
     # A whole record is lost where it is not predicted, though there is motion to predict.
     lost = [
         channel
@@ -363,13 +292,13 @@ def _fits(
     ]
     ahead: dict[str, ShortHorizon] = {}
     if lost:  # from states measured along the way; nothing where they are not measured
-        output: OutputError = piece["output"]
-        own = {name: float(column[0]) for name, column in output.apart(piece["values"]).items()}
-        ahead = short_horizons(output.simulator, {**piece["values"], **own}, record, output.starts_over_ground) or {}
+        output, values = predicted.likelihood.output, predicted.values
+        own = {name: float(column[0]) for name, column in output.apart(values).items()}
+        ahead = short_horizons(output.simulator, {**values, **own}, record, output.starts_over_ground) or {}
     fits = []
     for channel, score in scores.items():
         near = ahead.get(channel) if channel in lost else None
-        words = horizon_text(near, channel) if near is not None else _unseen(piece, record) if channel in lost else ""
+        words = horizon_text(near, channel) if near is not None else _unseen(predicted) if channel in lost else ""
         remedies = setting.for_short if near is not None and near.is_good else ()
         if near is not None and near.leaves:
             values = {"words": words, "horizon": near.horizon}
@@ -384,18 +313,18 @@ def _fits(
     return fits
 
 
-def _fitted(setting: _Setting, trials: Trials, pieces: Sequence[Mapping[str, Any]]) -> list[Fit]:
+def _fitted(setting: _Setting, predicted: Sequence[Prediction]) -> list[Fit]:
     """Every channel of the fitted records, scored and judged.
 
     A correlation that each record alone is too short to show, and all together show, is a finding about each.
     """
-    fits = [fit for record, piece in zip(trials.fit, pieces, strict=True) for fit in _fits(setting, record, piece)]
+    fits = [fit for one in predicted for fit in _fits(setting, one)]
     for column, (channel, noise) in enumerate(setting.noise.items()):
         of = channel, False, noise, setting.has_feedback
         own = [at for at, fit in enumerate(fits) if fit.channel == channel]
-        if len(own) < 2 or pieces[0]["filtered"] or any(check_residuals(fits[at], *of) for at in own):
+        if len(own) < 2 or predicted[0].is_filtered or any(check_residuals(fits[at], *of) for at in own):
             continue
-        together = integrated_correlation([_new_residuals(piece, column) for piece in pieces])
+        together = integrated_correlation([_new_residuals(one, column) for one in predicted])
         for at in own:
             score = replace(fits[at], white=together.p_value, sd_factor=together.sd_factor)
             verdict = check_residuals(score, *of)
@@ -404,52 +333,44 @@ def _fitted(setting: _Setting, trials: Trials, pieces: Sequence[Mapping[str, Any
     return fits
 
 
-def _new_residuals(piece: Mapping[str, Any], column: int) -> tuple[np.ndarray, np.ndarray]:
+def _new_residuals(predicted: Prediction, column: int) -> tuple[np.ndarray, np.ndarray]:
     """Return when a channel was measured, s, and what is new in its normalised residuals."""
-    there = np.isfinite(piece["measured"][:, column]) & np.isfinite(piece["mean"][:, column])
-    time, measured, mean, sd = (piece[name][there] for name in ("time", "measured", "mean", "sd"))
-    return time, new_residuals(time, (measured - mean)[:, column] / sd[:, column], piece["slow"][column])
+    curves = _curves(predicted)
+    present = np.isfinite(curves["measured"][:, column]) & np.isfinite(curves["mean"][:, column])
+    time, measured, mean, sd = (curves[name][present] for name in ("time", "measured", "mean", "sd"))
+    return time, new_residuals(time, (measured - mean)[:, column] / sd[:, column], predicted.slow[column])
 
 
-def _score(piece: Mapping[str, Any], column: int) -> Score:
-    score = score_channel(
-        piece["time"],
-        *(piece[name][:, column] for name in ("measured", "mean", "motion_sd")),
-        noise_sd=float(piece["noise"][column]),
-        slow=piece["slow"][column],
-        coefficient_sd=piece["coefficient_sd"][:, column],
-        shared=shared_motion([piece["products"][column]]),
-    )
-    # Process noise correlates the residuals of a free simulation, also where it is right; `filter_complaints` tests the innovations.
-    return replace(score, white=1.0, sd_factor=1.0) if piece["filtered"] else score
+def _curves(predicted: Prediction) -> dict[str, np.ndarray]:
+    return {name: getattr(predicted, name) for name in CURVES}
 
 
-def _unseen(piece: Mapping[str, Any], record: Record) -> str:
+def _unseen(predicted: Prediction) -> str:
     """Say which states would have to be measured for scores over short horizons; empty where all are."""
-    unseen = [name for name in piece["output"].simulator.model.states if name not in record.measured]
+    unseen = [name for name in predicted.likelihood.model.states if name not in predicted.record.measured]
     if any(name.endswith(ACTUAL) for name in unseen):
         unseen = [*(name for name in unseen if not name.endswith(ACTUAL)), "what the actuators with a lag have reached"]
     words = "it has no scores over short horizons, which begin at measured states; not measured:"
     return f"{words} {listed(unseen)}" if unseen else ""
 
 
-def _pooled(setting: _Setting, pieces: Sequence[Mapping[str, Any]], fits: Sequence[Fit]) -> tuple[Pooled, ...]:
+def _pooled(setting: _Setting, predicted: Sequence[Prediction], fits: Sequence[Fit]) -> tuple[Pooled, ...]:
     """Every channel of all held-back records together, but for those in which the vehicle leaves its course by itself."""
     pooled = []
-    for column, channel in enumerate(setting.noise if pieces else ()):
+    for column, channel in enumerate(setting.noise if predicted else ()):
         own = [fit for fit in fits if fit.held_back and fit.channel == channel]
-        kept = [piece for piece, fit in zip(pieces, own, strict=True) if fit.verdict.code != "course-left"]
+        kept = [one for one, fit in zip(predicted, own, strict=True) if fit.verdict.code != "course-left"]
         if not kept:
-            pooled.append(without_numbers(Finding("runs-leave-course", "note", (channel,)), len(pieces)))
+            pooled.append(without_numbers(Finding("runs-leave-course", "note", (channel,)), len(predicted)))
             continue
         runs = [
             run_residuals(
-                piece["time"],
-                *(piece[name][:, column] for name in ("measured", "mean", "motion_sd")),
-                noise_sd=float(piece["noise"][column]),
+                one.time,
+                *(columns[:, column] for columns in (one.measured, one.mean, one.motion_sd)),
+                noise_sd=float(one.noise_sd[column]),
             )
-            for piece in kept
+            for one in kept
         ]
-        shared = shared_motion([piece["products"][column] for piece in kept])
+        shared = shared_motion([one.products[column] for one in kept])
         pooled.append(pooled_verdict(runs, channel, shared, setting.lacks[channel]))
     return tuple(pooled)

@@ -157,6 +157,20 @@ def build_likelihood(
         )
 
 
+def posterior_of_one(campaign: Campaign, structure: Structure, record: Record) -> Posterior:
+    """Return the posterior of one trial, of which parameters, priors and simulation are used, as one of all structures.
+
+    Not by `build_posterior`, which asks for two trials where coefficients vary between them, and for measurements.
+    """
+    model = shared_model(campaign, structure)
+    parameters = build_parameters(campaign, model, [record])
+    names = {one.name for one in build_parameters(campaign, campaign.model(structure), [record])}
+    present = np.array([float(one.name in names) for one in parameters])
+    return Posterior(
+        parameters, *build_likelihood(campaign, model, [record]), present=None if present.all() else present
+    )
+
+
 def _check_turns(model: VehicleModel, records: Sequence[Record], channels: Sequence[str]) -> None:
     """Refuse angles of sensors beyond half a turn where the attitude is a quaternion, whose angles never are."""
     if not set(QUATERNION) <= set(model.states):

@@ -15,14 +15,14 @@ from jaxtyping import Array, Float
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.true_vehicle import simulated_vehicle
-from seatrial.campaign.inference.posterior import build_likelihood, build_parameters, build_posterior
+from seatrial.campaign.inference.posterior import build_posterior, posterior_of_one
 from seatrial.compiled.programs import program
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.record import Channel, Provenance, Record, make_record
 from seatrial.core.signals import signal_unit
 from seatrial.design.sweep import in_blocks
 from seatrial.design.trial_plan import TrialPlan
-from seatrial.estimation.posterior.output_error import OutputError, initial_name
+from seatrial.estimation.posterior.output_error import initial_name
 from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.estimation.posterior.replicate import replicate
 from seatrial.estimation.simulation.sensor_errors import noise_name
@@ -130,7 +130,7 @@ def _run_through_autopilot(
 ) -> dict[str, Float[np.ndarray, " n"]]:
     """Return controls, set-points and measurements of a trial that runs through the autopilot."""
     likelihood = posterior.likelihood
-    output = likelihood if isinstance(likelihood, OutputError) else likelihood.output
+    output = likelihood.output
     here = {name.removesuffix(f"[{TRIAL_LABEL}]"): value for name, value in values.items()}
     start, trim = tuple(_trim(campaign)), campaign.control_trim(output.model)
     vehicle = simulated_vehicle(campaign, output.simulator, here, start, trim)
@@ -175,10 +175,7 @@ def joint_posterior(campaign: Campaign, records: Sequence[Record], most: int) ->
 
 
 def _posterior_of_one(campaign: Campaign, commands: Mapping[str, np.ndarray]) -> Posterior:
-    """Posterior of one trial whose sensors show zero: what of it is used are parameters, priors and the simulation.
-
-    Not by `build_posterior`, which asks for two trials where coefficients vary between them.
-    """
+    """Posterior of one trial whose sensors show zero."""
     time = campaign.family.time()
     nothing = np.where(campaign.measured_mask(time) > 0, 0.0, np.nan)
     columns = {**commands, **dict(zip(campaign.channels, nothing.T, strict=True))}
@@ -190,8 +187,7 @@ def _posterior_of_one(campaign: Campaign, commands: Mapping[str, np.ndarray]) ->
         Provenance("rehearsed", ""),
         TRIAL_LABEL,
     )
-    model = campaign.model(campaign.full)
-    return Posterior(build_parameters(campaign, model, [blank]), *build_likelihood(campaign, model, [blank]))
+    return posterior_of_one(campaign, campaign.full, blank)
 
 
 def _columns(campaign: Campaign, control: Float[np.ndarray, "n c"]) -> dict[str, Float[np.ndarray, " n"]]:

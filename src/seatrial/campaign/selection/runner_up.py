@@ -26,7 +26,6 @@ from seatrial.core.errors import NumericalError
 from seatrial.core.reporter import SILENT, Reporter
 from seatrial.core.signals import GAUGE_CHANNELS, RATES
 from seatrial.design.sweep import Sweep, in_blocks
-from seatrial.estimation.posterior.filter_error import FilterError
 from seatrial.estimation.posterior.output_error import OutputError
 from seatrial.estimation.prediction.prediction import noise_sd, slow_noise
 from seatrial.estimation.simulation.sensor_errors import Sensor
@@ -295,7 +294,7 @@ def _follow(
 
 def _output(campaign: Campaign, estimate: Estimate, trials: Trials) -> tuple[OutputError, TrialData]:
     likelihood, data = build_likelihood(campaign, campaign.model(estimate.structure), trials.fit)
-    return (likelihood.output if isinstance(likelihood, FilterError) else likelihood), data
+    return likelihood.output, data
 
 
 def _of_new_trial(estimate: Estimate, own: Sequence[str]) -> Mapping[str, np.ndarray]:

@@ -211,8 +211,7 @@ def _compared(
     # Which parameters are those of the sensors' noise. Their curvature in a piece grows with the squares of its
     # residuals. One piece can have more of it than all together, and the step without that piece would be far too
     # long: of these parameters, and across to the others, H_i is 0 in d_i.
-    output = posterior.likelihood.output if isinstance(posterior.likelihood, FilterError) else posterior.likelihood
-    noise = np.isin(posterior.names, list(output.noise_parameters))
+    noise = np.isin(posterior.names, list(posterior.likelihood.output.noise_parameters))
     curvatures = np.where(noise[:, None] | noise, 0.0, -hessians)
     wide = np.diag(jackknife(precision, scores, curvatures, prior, -there.bend))[shared]
     narrow = np.diag(_solve(precision, np.eye(posterior.dim)))[shared]
@@ -258,9 +257,8 @@ def _time_of_one(posterior: Posterior, mode: Mode) -> float:
     """Return the longest time, of all channels, that one independent residual of the simulation at the mode takes, s."""
     longest = 0.0
     for one, at in zip((runs := split_runs(posterior)).runs, map(runs.places, range(len(runs.runs))), strict=True):
-        output = one.likelihood.output if isinstance(one.likelihood, FilterError) else one.likelihood
         values = {name: np.array([value]) for name, value in zip(one.names, mode.values[at], strict=True)}
-        shown = np.asarray(outputs_of_draws(output)(values, one.data, seeded_key(0)))[0]
+        shown = np.asarray(outputs_of_draws(one.likelihood.output)(values, one.data, seeded_key(0)))[0]
         time = one.data.time[0]
         for i, channel in enumerate(one.data.channels):
             here = np.asarray(channel.present)[0] > 0

@@ -8,7 +8,7 @@ sure of itself; where there is none of it, the two agree.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -80,6 +80,10 @@ class FilterError:
         trials = (self.output.apart(values), data, self.output.starts(values, data))
         total, _ = jax.lax.scan(add, jnp.zeros(()), trials)
         return jnp.where(jnp.isfinite(total), total, -jnp.inf)
+
+    def of_any_trial(self) -> "FilterError":
+        """Return the likelihood of one trial, labelled `ANY_TRIAL`."""
+        return replace(self, output=self.output.of_any_trial())
 
     def _trial(self, values: dict[str, Any], trial: TrialData, start: Array) -> Any:
         control = jnp.stack(self.output.simulator.delayed(values, trial.control, trial.step), -1)

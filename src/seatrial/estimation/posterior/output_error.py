@@ -10,7 +10,7 @@ a common value: `X_u` is then X_u + spread_X_u dev_X_u[label], a hierarchical mo
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import gcd
 from typing import Any
 
@@ -37,6 +37,7 @@ from seatrial.vehicles.model import VehicleModel
 
 # What each of four parts of a unit quaternion counts: its error has three directions, those along the sphere.
 QUATERNION_SHARE = 0.75
+ANY_TRIAL = "any"  # Label that stands for every trial's, so that trials of one length share compiled code
 BLOCK = 256  # Samples of a block at most: few enough for the cache
 
 
@@ -64,6 +65,11 @@ class OutputError:
     def model(self) -> VehicleModel:
         """Vehicle."""
         return self.simulator.model
+
+    @property
+    def output(self) -> "OutputError":
+        """Return the deterministic part, which of this likelihood is all; see `FilterError.output`."""
+        return self
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -98,6 +104,10 @@ class OutputError:
         else:
             total, _ = jax.lax.scan(add, jnp.zeros(()), trials)
         return jnp.where(jnp.isfinite(total), total, -jnp.inf)
+
+    def of_any_trial(self) -> "OutputError":
+        """Return the likelihood of one trial, labelled `ANY_TRIAL`."""
+        return replace(self, labels=(ANY_TRIAL,))
 
     def apart(self, values: Mapping[str, Any]) -> dict[str, Float[Array, " trials"]]:
         """Return the values that differ between trials, by name."""

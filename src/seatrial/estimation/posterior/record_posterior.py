@@ -87,7 +87,7 @@ def make_posterior(
     sizes = {name: priors[name].mean if name in priors else np.nan for name in stated}
     sizes |= {noise_name(state): sd for state, sd in (start_sd or {}).items()}
     free = f"{model.states[0]}_0" in stated
-    starts = _starts(model, records, start, free)
+    starts = starts_of(model, records, start, free)
     if starts_over_ground is None:
         starts_over_ground = start is None or (isinstance(start, Mapping) and "u" not in start)
     likelihood, data = likelihood_of(
@@ -135,12 +135,17 @@ def parameters_of(
     return tuple(_parameters(unknown, priors, labels, own))
 
 
-def _starts(
+def starts_of(
     model: VehicleModel,
     records: Sequence[Record],
     start: Mapping[str, float] | Sequence[Sequence[float]] | None,
     free: bool,
 ) -> list[tuple[float, ...]]:
+    """Return the state at the first sample of each record, SI; `start` as that of `make_posterior`.
+
+    Raises:
+        InputError: a state that is no number, or a velocity of which nothing says where it starts, unless it is `free`.
+    """
     if start is None or isinstance(start, Mapping):
         return [start_of(model, record, start, free) for record in records]
     given = check_sequence(start, "start", 'write for example {"u": 1.5}')

@@ -34,7 +34,7 @@ def replicate(
         data: trials whose controls, times, gaps and initial states are kept.
         key: random key.
     """
-    output = likelihood if isinstance(likelihood, OutputError) else likelihood.output
+    output = likelihood.output
     keys = jax.random.split(key, 2)
     shown = motions(likelihood, values, data, keys[0])
     noise_keys = jax.random.split(keys[1], (len(output.labels), len(data.channels)))
@@ -69,7 +69,7 @@ def motions(
     likelihood: OutputError | FilterError, values: Mapping[str, Any], data: TrialData, key: jax.Array
 ) -> Float[Array, "trials n m"]:
     """What the sensors would show without their noise; process noise is drawn where there is any. Arguments as `replicate`."""
-    output = likelihood if isinstance(likelihood, OutputError) else likelihood.output
+    output = likelihood.output
 
     def of_trial(apart: dict[str, Array], trial: TrialData, start: Array, key: jax.Array) -> Array:
         here = {**values, **apart}

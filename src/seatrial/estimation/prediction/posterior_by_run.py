@@ -12,7 +12,7 @@ the parameters that it knows of and not along those of the others.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -27,16 +27,15 @@ from seatrial.core.errors import InputError
 from seatrial.estimation.posterior.filter_error import FilterError
 from seatrial.estimation.posterior.mode import Mode, expand_prior
 from seatrial.estimation.posterior.output_error import OutputError
-from seatrial.estimation.posterior.posterior import Parameter, Posterior, check_posterior
+from seatrial.estimation.posterior.posterior import Posterior, check_posterior
 from seatrial.estimation.posterior.slopes import likelihood_slopes
 from seatrial.estimation.prediction.pooled_coverage import RunResiduals, run_residuals
 from seatrial.estimation.prediction.prediction import (
-    ANY,
     noise_sd,
+    of_any_trial,
     outputs_of_draws,
-    prior_of_unseen,
     slow_noise,
-    within_bounds,
+    values_of_draws,
 )
 from seatrial.estimation.prediction.prediction_scores import Score, score_channel
 from seatrial.sampling.target import AT_ONCE, LANES
@@ -133,7 +132,13 @@ def split_runs(posterior: Posterior) -> RunPosteriors:
     shared = np.array([i for i, label in enumerate(of) if not label], int)
     own = np.array([[i for i, other in enumerate(of) if other == label] for label in likelihood.labels], int)
     runs = tuple(
-        _of_run(posterior, run, np.concatenate([shared, places]).astype(int)) for run, places in enumerate(own)
+        of_any_trial(
+            posterior,
+            label,
+            np.concatenate([shared, own[run]]).astype(int),
+            jax.tree.map(lambda x, run=run: x[run : run + 1], posterior.data),
+        )
+        for run, label in enumerate(likelihood.labels)
     )
     return RunPosteriors(posterior, runs, shared, own.reshape(len(runs), -1))
 
@@ -227,20 +232,13 @@ def predict_run(
     z = np.concatenate([shared, np.zeros((n, runs.own.shape[1]))], 1)
     table = np.asarray(one.constrain(z))
     known = {parameter.name: table[:, i] for i, parameter in enumerate(one.parameters[:k])}
-    priors = {parameter.name: parameter.prior for parameter in one.parameters[:k]}
-    first = dict(zip(one.likelihood.model.states, np.asarray(one.data.initial)[0], strict=True))
-    values: dict[str, Any] = dict(known)
-    for index, parameter in enumerate(one.parameters[k:], k):
-        here = one.present is None or one.present[index] > 0
-        its = jax.random.fold_in(key, index)
-        drawn = prior_of_unseen(parameter, first, known).draw(its, (n,))
-        values[parameter.name] = within_bounds(parameter.name, drawn, known, priors, its) if here else np.zeros(n)
+    values = values_of_draws(one, known, key)
     shown = np.asarray(outputs_of_draws(one.likelihood)(values, one.data, key))
-    output = one.likelihood if isinstance(one.likelihood, OutputError) else one.likelihood.output
+    sensors = one.likelihood.output.simulator.sensors
     step = np.asarray(one.data.step)[0]
     time = np.concatenate([[0.0], np.cumsum(step)[:-1]])
     result = {}
-    for i, (sensor, channel) in enumerate(zip(output.simulator.sensors, one.data.channels, strict=True)):
+    for i, (sensor, channel) in enumerate(zip(sensors, one.data.channels, strict=True)):
         at = np.asarray(channel.present)[0] > 0
         motion = shown[:, at, i]
         columns = (time[at], np.asarray(channel.measured)[0][at], motion.mean(0), motion.std(0))
@@ -250,25 +248,6 @@ def predict_run(
             score_channel(*columns, noise_sd=noise, slow=slow), run_residuals(*columns, noise_sd=noise)
         )
     return result
-
-
-def _of_run(posterior: Posterior, run: int, places: Int[np.ndarray, " km"]) -> Posterior:
-    """Return the posterior of one run, under a label that all runs share so that they share compiled code."""
-    likelihood = posterior.likelihood
-    label = f"[{likelihood.labels[run]}]"
-    output = likelihood.output if isinstance(likelihood, FilterError) else likelihood
-    anonymous = replace(output, labels=(ANY,))
-    return Posterior(
-        tuple(_renamed(posterior.parameters[i], label) for i in places),
-        replace(likelihood, output=anonymous) if isinstance(likelihood, FilterError) else anonymous,
-        jax.tree.map(lambda x: x[run : run + 1], posterior.data),
-        present=None if posterior.present is None else posterior.present[places],
-    )
-
-
-def _renamed(parameter: Parameter, label: str) -> Parameter:
-    name = parameter.name.replace(label, f"[{ANY}]")
-    return replace(parameter, name=name, label=parameter.label.replace(label, f"[{ANY}]"))
 
 
 def _at_draws(function: Any, z: Float[np.ndarray, "n d"]) -> Any:

@@ -1,6 +1,6 @@
 """What a record should show by draws of a posterior: its motion in free simulation, from its inputs alone, and the noise of its sensors."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from scipy.special import ndtr, ndtri
 
 from seatrial.compiled.programs import program
@@ -18,9 +18,11 @@ from seatrial.core.record import Record
 from seatrial.core.result_table import table_html, table_text
 from seatrial.core.signals import signal_unit
 from seatrial.estimation.posterior.filter_error import FilterError
-from seatrial.estimation.posterior.output_error import OutputError, is_deviation, of_deviation, spread_name
+from seatrial.estimation.posterior.output_error import ANY_TRIAL, OutputError, is_deviation, of_deviation, spread_name
 from seatrial.estimation.posterior.posterior import Parameter, Posterior, as_key, check_posterior
+from seatrial.estimation.posterior.record_posterior import starts_of
 from seatrial.estimation.posterior.replicate import motions, replicate
+from seatrial.estimation.prediction.pooled_coverage import MotionProducts, motion_products, shared_motion
 from seatrial.estimation.prediction.prediction_scores import Score, SlowNoise, score_channel
 from seatrial.estimation.priors import Normal, Prior
 from seatrial.estimation.simulation.sensor_errors import (
@@ -31,14 +33,11 @@ from seatrial.estimation.simulation.sensor_errors import (
     drift_time_name,
     noise_name,
 )
-from seatrial.estimation.simulation.starts import start_of
 from seatrial.estimation.simulation.trial_data import TrialData, stack_trials
 from seatrial.sampling.run import Draws
 
 if TYPE_CHECKING:
     from pandas import DataFrame
-
-ANY = "any"  # Label that stands for every record's, so that records of one length share compiled code
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +51,10 @@ class Prediction:
         motion_sd: standard deviation of the motion, for the parameters are uncertain, SI, shape (n, m).
         noise_sd: of each sensor's noise, SI, shape (m,).
         slow: what is slow in each sensor's noise; None where it is white.
+        coefficient_sd: the part of `motion_sd` that is not process noise, SI, shape (n, m).
+        products: of each channel, what `shared_motion` needs of the motions under all draws.
+        likelihood: that simulated.
+        values: mean of each parameter, SI, those of the trial alone under the label `ANY_TRIAL`.
     """
 
     record: Record
@@ -60,6 +63,25 @@ class Prediction:
     motion_sd: Float[np.ndarray, "n m"]
     noise_sd: Float[np.ndarray, " m"]
     slow: tuple[SlowNoise | None, ...]
+    coefficient_sd: Float[np.ndarray, "n m"]
+    products: tuple[MotionProducts, ...]
+    likelihood: OutputError | FilterError
+    values: Mapping[str, float]
+
+    @property
+    def time(self) -> Float[np.ndarray, " n"]:
+        """Times of the record, s."""
+        return self.record.time
+
+    @property
+    def measured(self) -> Float[np.ndarray, "n m"]:
+        """Measurements of the record, SI, NaN where there is none."""
+        return np.column_stack([self.record.channel(name) for name in self.channels])
+
+    @property
+    def is_filtered(self) -> bool:
+        """Whether process noise was drawn."""
+        return isinstance(self.likelihood, FilterError)
 
     @property
     def sd(self) -> Float[np.ndarray, "n m"]:
@@ -104,22 +126,27 @@ class Prediction:
                 remedy="only channels of the posterior's sensors are predicted",
             )
         at = self.channels.index(channel)
-        return score_channel(
+        score = score_channel(
             self.record.time,
             self.record.channel(channel),
             self.mean[:, at],
             self.motion_sd[:, at],
             noise_sd=float(self.noise_sd[at]),
             slow=self.slow[at],
+            coefficient_sd=self.coefficient_sd[:, at],
+            shared=shared_motion([self.products[at]]),
         )
+        # Process noise correlates the residuals of a free simulation, also where it is right; the innovations of the filter test it.
+        return replace(score, white=1.0, sd_factor=1.0) if self.is_filtered else score
 
 
 def predict(
     posterior: Posterior,
-    draws: Draws,
+    draws: Draws | Mapping[str, Float[np.ndarray, " draws"]],
     record: Record,
     *,
-    start: Mapping[str, float] | None = None,
+    start: Mapping[str, float] | Sequence[float] | None = None,
+    first_sd: Mapping[str, float] | None = None,
     n: int = 200,
     key: jax.Array | int = 0,
 ) -> Prediction:
@@ -127,9 +154,12 @@ def predict(
 
     Args:
         posterior: of the records that were fitted.
-        draws: of it.
+        draws: of it; or those of each parameter by name, SI.
         record: one of these, or another one. What only its own trial would tell, such as its own bias, is drawn from its prior.
-        start: state at the first sample, as far as it is known better than by its first measurement; signal name to SI value.
+        start: state at the first sample, as far as it is known better than by its first measurement; signal name to SI value. Or the
+            whole state, SI, in the order of the states of the vehicle.
+        first_sd: how well each state is known at the start of a record that was not fitted, where starts are unknown, SI; where not
+            given, as well as its sensor measures it.
         n: draws that are simulated, at most.
         key: random key, or a seed.
 
@@ -139,17 +169,29 @@ def predict(
     Raises:
         InputError: a posterior of no records, draws of another one, or a control, channel or start that the record lacks.
     """
-    alone, data, values = _ready(posterior, draws, record, start, n, as_key(key))
-    shown = np.asarray(outputs_of_draws(alone)(values, data, as_key(key)))[:, : record.time.size]
-    sensors = _sensors(posterior)
-    noise = np.column_stack([noise_sd(sensor, values) for sensor in sensors])
+    key = as_key(key)
+    alone, values = _ready(posterior, draws, record, start, first_sd, n, key)
+
+    def simulated(likelihood: OutputError | FilterError) -> np.ndarray:
+        return np.asarray(outputs_of_draws(likelihood)(values, alone.data, key))[:, : record.time.size]
+
+    likelihood = alone.likelihood
+    outputs = simulated(likelihood)
+    motion_sd = outputs.std(axis=0)
+    sensors = likelihood.output.simulator.sensors
+    noise = np.sqrt((np.column_stack([noise_sd(sensor, values) for sensor in sensors]) ** 2).mean(axis=0))
+    measured = np.column_stack([record.channel(name) for name in likelihood.channels])
     return Prediction(
         record,
-        posterior.likelihood.channels,
-        shown.mean(axis=0),
-        shown.std(axis=0),
-        np.sqrt((noise**2).mean(axis=0)),
+        likelihood.channels,
+        outputs.mean(axis=0),
+        motion_sd,
+        noise,
         tuple(slow_noise(sensor, values) for sensor in sensors),
+        motion_sd if likelihood is likelihood.output else simulated(likelihood.output).std(axis=0),
+        tuple(motion_products(outputs, np.hypot(motion_sd, noise), measured)),
+        likelihood,
+        {name: float(np.mean(column)) for name, column in values.items()},
     )
 
 
@@ -169,8 +211,9 @@ def replicate_record(
     Returns:
         measurements of every channel at the times of the record, SI; 0 where the record has none.
     """
-    alone, data, values = _ready(posterior, draws, record, start, n, as_key(key))
-    return np.asarray(replicates_of_draws(alone)(values, data, as_key(key)))[:, : record.time.size]
+    key = as_key(key)
+    alone, values = _ready(posterior, draws, record, start, None, n, key)
+    return np.asarray(replicates_of_draws(alone.likelihood)(values, alone.data, key))[:, : record.time.size]
 
 
 def spread_rows(draws: Float[np.ndarray, "draws d"], most: int) -> Float[np.ndarray, "kept d"]:
@@ -232,22 +275,19 @@ def replicates_of_draws(likelihood: OutputError | FilterError):
     return of_draws
 
 
-def key_of_values(key: jax.Array, draws: int) -> jax.Array:
-    """Return the key of what a trial's own values are drawn with, beside those of `outputs_of_draws` for so many draws."""
-    return jax.random.split(key, 1 + draws)[0]
-
-
-def _sensors(posterior: Posterior) -> tuple[Sensor, ...]:
-    likelihood = posterior.likelihood
-    return (likelihood if isinstance(likelihood, OutputError) else likelihood.output).simulator.sensors
-
-
 def _ready(
-    posterior: Posterior, draws: Draws, record: Record, start: Mapping[str, float] | None, n: int, key: jax.Array
-) -> tuple[OutputError | FilterError, TrialData, dict[str, jax.Array]]:
-    """Return the likelihood of one record, its data, and the values of n draws of the posterior by name."""
+    posterior: Posterior,
+    draws: Draws | Mapping[str, np.ndarray],
+    record: Record,
+    start: Mapping[str, float] | Sequence[float] | None,
+    first_sd: Mapping[str, float] | None,
+    n: int,
+    key: jax.Array,
+) -> tuple[Posterior, dict[str, np.ndarray]]:
+    """Return the posterior of one record, and the values of n draws of it by name."""
     check_posterior(posterior)
-    check_kind(draws, Draws, "draws", "draw them with `sample`")
+    if not isinstance(draws, Mapping):
+        check_kind(draws, Draws, "draws", "draw them with `sample`")
     check_kind(record, Record, "record", "read it with `read_log`, or make it with `make_record` or `simulate`")
     check_count(n, "n", remedy="simulate a hundred draws or more")
     likelihood = posterior.likelihood
@@ -258,49 +298,75 @@ def _ready(
             expected="a posterior of records, of `make_posterior`",
             remedy="simulate with the draws themselves",
         )
-    if draws.names != posterior.names:
+    table = draws if isinstance(draws, Mapping) else dict(zip(draws.names, draws.array().T, strict=True))
+    shared = [name for name in posterior.present_names if "[" not in name]
+    if (not isinstance(draws, Mapping) and draws.names != posterior.names) or not set(shared) <= set(table):
         raise InputError(
             "draws",
-            found=", ".join(draws.names),
+            found=", ".join(table),
             expected="the parameters of the posterior: " + ", ".join(posterior.names),
             remedy="give the draws that were taken of this posterior",
         )
-    output = likelihood if isinstance(likelihood, OutputError) else likelihood.output
-    first = start_of(likelihood.model, record, start, output.free_initial)
-    data = stack_trials([record], likelihood.model, likelihood.channels, [first])
-    table = spread_rows(draws.array(), n)
-    known = dict(zip(draws.names, table.T, strict=True))
-    starts = dict(zip(likelihood.model.states, first, strict=True))
-    values = _values_of(posterior, record.label, starts, known, key)
-    anonymous = replace(output, labels=(ANY,))
-    return anonymous if isinstance(likelihood, OutputError) else replace(likelihood, output=anonymous), data, values
+    own = record.label if record.label in likelihood.labels else likelihood.labels[0]
+    places = np.array([i for i, name in enumerate(posterior.names) if "[" not in name or name.endswith(f"[{own}]")])
+    stated = start if start is None or isinstance(start, Mapping) else [start]
+    starts = starts_of(likelihood.model, [record], stated, likelihood.output.free_initial)
+    data = stack_trials([record], likelihood.model, likelihood.channels, starts)
+    known = {
+        name.replace(f"[{record.label}]", f"[{ANY_TRIAL}]"): spread_rows(column, n)
+        for name, column in table.items()
+        if "[" not in name or name.endswith(f"[{record.label}]")
+    }
+    count = len(next(iter(known.values())))
+    alone = of_any_trial(posterior, own, places, data)
+    # Beside the keys of `outputs_of_draws`.
+    return alone, values_of_draws(alone, known, jax.random.split(key, 1 + count)[0], first_sd)
 
 
-def _values_of(
-    posterior: Posterior, label: str, first: Mapping[str, float], known: Mapping[str, np.ndarray], key: jax.Array
-) -> dict[str, jax.Array]:
-    """Return the values of every parameter under each draw, those of one trial under the label `ANY`."""
-    labels, count = posterior.likelihood.labels, len(next(iter(known.values())))
-    own = label if label in labels else labels[0]
-    values, priors = {}, {parameter.name: parameter.prior for parameter in posterior.parameters}
-    for index, parameter in enumerate(posterior.parameters):
-        name, is_own = _anonymous(parameter.name, own)
-        if name is None:
+def of_any_trial(posterior: Posterior, label: str, places: Int[np.ndarray, " k"], data: TrialData) -> Posterior:
+    """Return a posterior of one trial alone, labelled `ANY_TRIAL`.
+
+    Args:
+        posterior: of several.
+        label: of the trial.
+        places: of its k parameters among all.
+        data: its own.
+    """
+
+    def renamed(parameter: Parameter) -> Parameter:
+        name, shown = (text.replace(f"[{label}]", f"[{ANY_TRIAL}]") for text in (parameter.name, parameter.label))
+        return replace(parameter, name=name, label=shown)
+
+    present = None if posterior.present is None else posterior.present[places]
+    parameters = tuple(renamed(posterior.parameters[i]) for i in places)
+    return Posterior(parameters, posterior.likelihood.of_any_trial(), data, present=present)
+
+
+def values_of_draws(
+    alone: Posterior,
+    known: Mapping[str, Float[np.ndarray, " draws"]],
+    key: jax.Array,
+    first_sd: Mapping[str, float] | None = None,
+) -> dict[str, Float[np.ndarray, " draws"]]:
+    """Return the values of every parameter of one trial under each draw: as known, else from its prior; 0 of what is absent.
+
+    Args:
+        alone: of `of_any_trial`.
+        known: draws by name, of all parameters at least that are not the trial's own.
+        key: random key.
+        first_sd: see `predict`.
+    """
+    count, values = len(next(iter(known.values()))), {}
+    first = dict(zip(alone.likelihood.model.states, np.asarray(alone.data.initial)[0], strict=True))
+    priors = {parameter.name: parameter.prior for parameter in alone.present_parameters}
+    for index, parameter in enumerate(alone.parameters):
+        name = parameter.name
+        if name in known or name not in priors:
+            values[name] = known.get(name, np.zeros(count))
             continue
-        if is_own and own != label:
-            prior, its = prior_of_unseen(parameter, first, known), jax.random.fold_in(key_of_values(key, count), index)
-            values[name] = within_bounds(name, prior.draw(its, (count,)), known, priors, its)
-        else:
-            values[name] = known[parameter.name]
+        prior, own = _prior_of_unseen(parameter, first, known, first_sd or {}), jax.random.fold_in(key, index)
+        values[name] = within_bounds(name, prior.draw(own, (count,)), known, priors, own)
     return values
-
-
-def _anonymous(name: str, label: str) -> tuple[str | None, bool]:
-    """Return the name of a parameter under the label `ANY`, None if it is another trial's, and whether it is one trial's."""
-    base, bracket, of = name.partition("[")
-    if not bracket:
-        return name, False
-    return (f"{base}[{ANY}]" if of == f"{label}]" else None), True
 
 
 def within_bounds(
@@ -328,15 +394,13 @@ def within_bounds(
     return np.where(inside, drawn, ndtri(low + share * (high - low)))
 
 
-def prior_of_unseen(parameter: Parameter, first: Mapping[str, float], known: Mapping[str, np.ndarray]) -> Any:
-    """Return the prior of the own parameter of a trial that was not fitted; an initial state lies about its first measurement.
-
-    Args:
-        parameter: of that trial alone, by a name that ends in its label.
-        first: its first measurement of each state, SI.
-        known: draws of all trials' parameters by name, of which the noise says how near to it the state is.
-    """
+def _prior_of_unseen(
+    parameter: Parameter, first: Mapping[str, float], known: Mapping[str, np.ndarray], first_sd: Mapping[str, float]
+) -> Prior:
+    """Return the prior of the own parameter of a trial that was not fitted; an initial state lies about its first measurement."""
     state, _, _ = parameter.name.partition("_0[")
+    if state in first and state in first_sd:
+        return Normal(float(first[state]), first_sd[state])
     if state in first and noise_name(state) in known:
-        return Normal(first[state], float(np.mean(known[noise_name(state)])))
+        return Normal(float(first[state]), float(np.mean(known[noise_name(state)])))
     return parameter.prior
