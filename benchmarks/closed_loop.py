@@ -21,11 +21,10 @@ from scipy.stats import binom, norm
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.load import check_text
-from seatrial.campaign.design.evaluate import plan_of
-from seatrial.campaign.design.prior_state_space import prior_draws
-from seatrial.campaign.inference.posterior import random_key
+from seatrial.campaign.design.problem import plan_of, prior_draws
 from seatrial.campaign.rehearsal.run import known_after, rehearse
 from seatrial.campaign.rehearsal.vehicles import draw_vehicle, run_trial
+from seatrial.compiled.random_keys import random_key
 from seatrial.design.fisher_utilities import find_criterion
 from seatrial.design.motion_limits import MotionLimit
 from seatrial.design.robust import information_table

@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from seatrial.campaign.config.load import check_text
-from seatrial.campaign.design.prior_state_space import prior_draws
+from seatrial.campaign.design.problem import prior_draws
 from seatrial.campaign.live.channels import Arrival
 from seatrial.campaign.live.session import Session
 from seatrial.compiled import engine

@@ -7,7 +7,7 @@ import numpy as np
 import xarray as xr
 
 from seatrial.campaign.config.load import load_campaign
-from seatrial.campaign.design.sensor_choice import sensor_table
+from seatrial.campaign.design.searches import sensor_table
 from seatrial.campaign.design.sweep import design_first
 from seatrial.core.dataset_file import open_dataset
 from seatrial.core.files import write_text

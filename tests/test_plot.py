@@ -139,9 +139,10 @@ def test_axes_of_ones_own_are_drawn_into_and_returned():
 
 def test_a_design_and_a_selection_are_pictures_tables_and_cells(fitted):
     *_, model, family = fitted
-    design = st.design_trial(
+    problem = st.make_design_problem(
         model, made_draws(), family, np.array([50.0, 100.0]) * RPM, [2.0, 4.0], {"u": 0.02}, start={"u": 1.5}
     )
+    design = st.design_trial(problem)
     surface = st.plot.entropy_surface(design)
     assert (surface.get_xlabel(), surface.get_ylabel()) == ("period [s]", "amplitude [rpm]")
     star = next(line for line in surface.lines if line.get_label() == "best design")

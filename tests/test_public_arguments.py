@@ -248,7 +248,7 @@ DESIGN = {
     ],
 )
 def test_design_trial(changes, message):
-    refused(message, st.design_trial, **{**DESIGN, **changes})
+    refused(message, st.make_design_problem, **{**DESIGN, **changes})
 
 
 @pytest.mark.parametrize("name", ["sigma_u", "tau_u", "lag_u", "drift_u", "drift_time_u", "dof_u", "delay"])
@@ -452,7 +452,7 @@ def test_what_is_no_table_prints_itself_in_words(posterior, record):
         lambda p: st.simulate(MODEL, TRUTH, SCHEDULE, ["u"]),
         lambda p: st.predict(p, None, None),
         lambda p: st.profile_likelihood(p, None),
-        lambda p: st.design_trial(**DESIGN),
+        lambda p: st.make_design_problem(**DESIGN),
     ],
 )
 def test_single_precision_switched_on_later_is_refused(posterior, call):

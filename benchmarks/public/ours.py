@@ -23,16 +23,11 @@ from benchmarks.public.tasks import Stretch
 from seatrial.campaign.compute.shared_work import Study
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.inference.cross_validation import best_campaign, cross_validate
-from seatrial.campaign.inference.posterior import (
-    build_likelihood,
-    build_parameters,
-    first_sd,
-    initial_state,
-    random_key,
-)
+from seatrial.campaign.inference.posterior import build_likelihood, build_parameters, first_sd, initial_state
 from seatrial.campaign.inference.quick_estimates import NormalPosterior, draw_about_mode
 from seatrial.compiled.batching import bucket_length
 from seatrial.compiled.programs import program
+from seatrial.compiled.random_keys import random_key
 from seatrial.core.errors import NumericalError
 from seatrial.core.record import Record
 from seatrial.estimation.posterior.filter_error import FilterError

@@ -26,8 +26,13 @@ from seatrial.core.errors import (
 from seatrial.core.record import Channel as Channel
 from seatrial.core.record import Provenance as Provenance
 from seatrial.core.record import Record as Record
+from seatrial.design.batch import BatchSearch as BatchSearch
+from seatrial.design.free_form import FreeFormSearch as FreeFormSearch
+from seatrial.design.global_search import GlobalSearch as GlobalSearch
+from seatrial.design.relay_sweep import RelaySearch as RelaySearch
 from seatrial.design.trial_design import TrialDesign as TrialDesign
 from seatrial.design.trial_design import design_trial as design_trial
+from seatrial.design.trial_design import make_design_problem as make_design_problem
 from seatrial.estimation.posterior.mode import Mode as Mode
 from seatrial.estimation.posterior.mode import find_mode as find_mode
 from seatrial.estimation.posterior.posterior import Posterior as Posterior

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from seatrial.campaign.design.sweep import Designs
 from seatrial.campaign.prior.predictive import PriorPredictive
 from seatrial.campaign.store.estimates import Estimate
 from seatrial.campaign.workflow.outcome import Outcome
@@ -241,9 +240,7 @@ def traces(result: Draws | Estimate | Outcome, names: Sequence[str] | None = Non
     return _array(axes)
 
 
-def entropy_surface(
-    result: TrialDesign | Designs | Sweep | Outcome, *, family: str | None = None, ax: "Place" = None
-) -> "Axes":
+def entropy_surface(result: TrialDesign | Sweep | Outcome, *, family: str | None = None, ax: "Place" = None) -> "Axes":
     """Draw how much every design of one family would tell, over period and amplitude; the best is the star.
 
     Args:
@@ -256,11 +253,10 @@ def entropy_surface(
     """
     asked = result.next if isinstance(result, Outcome) else result
     remedy = "call `design_trial`, or give the campaign a [design]"
-    swept = check_kind(asked, (TrialDesign, Designs, Sweep), "result", remedy)
+    swept = check_kind(asked, (TrialDesign, Sweep), "result", remedy)
     sweeps = (swept,) if isinstance(swept, Sweep) else swept.sweeps
     known = {sweep.family.kind: sweep for sweep in reversed(sweeps)}
-    best = swept.best if isinstance(swept, Designs) else sweeps[0]
-    sweep = best if family is None else known[check_choice(family, tuple(known), "family")]
+    sweep = sweeps[0] if family is None else known[check_choice(family, tuple(known), "family")]
     thin = min(sweep.gain.shape) < 2
     (axes,) = _column(ax, [170.0 if thin else 190.0], right=8 if thin else 78)
     factor, unit = shown_unit(sweep.family.control)

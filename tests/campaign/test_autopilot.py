@@ -11,19 +11,17 @@ from seatrial.campaign.data.import_logs import import_trials
 from seatrial.campaign.data.rebuilt_controls import with_rebuilt_controls
 from seatrial.campaign.data.simulate import Scheduled, run_trial
 from seatrial.campaign.data.true_vehicle import _pushes, true_vehicle
-from seatrial.campaign.design.check_autopilot import _advice, check_autopilot
-from seatrial.campaign.design.compare_utilities import check_comparison
-from seatrial.campaign.design.evaluate import plan_of
-from seatrial.campaign.design.free_form import check_free_trial
-from seatrial.campaign.design.prior_state_space import prior_draws
-from seatrial.campaign.design.relay import check_relay
+from seatrial.campaign.design.problem import design_problem, plan_of, prior_draws
+from seatrial.campaign.design.searches import relay_search
 from seatrial.campaign.design.sweep import design_first
 from seatrial.campaign.inference.quick_estimates import posterior_modes
 from seatrial.campaign.rehearsal.run import rehearse
 from seatrial.core.errors import InputError
 from seatrial.core.record import make_record
 from seatrial.core.reporter import SILENT
-from seatrial.design.loop_stability import GainChange
+from seatrial.design.free_form import FreeFormSearch
+from seatrial.design.loop_stability import GainChange, _advice, check_autopilot
+from seatrial.design.measures import MeasureSearch
 from seatrial.design.motion_limits import MotionLimit
 from seatrial.design.safety import judge_safety
 from seatrial.manoeuvres.schedule import Schedule
@@ -109,23 +107,27 @@ def test_what_cannot_be_is_told_by_its_key(tmp_path, old, new, said):
         campaign(tmp_path, (old, new))
 
 
+def check(search):
+    return lambda campaign: search.check(design_problem(campaign))
+
+
 @pytest.mark.parametrize(
-    ("old", "new", "check", "said"),
+    ("old", "new", "checked", "said"),
     [
-        ("", "", check_relay, r"key autopilot.psi[^$]*--self-oscillation[^$]*same actuators"),
-        ("", "", check_comparison, r"key prior.process_v[^$]*process noise, with --compare"),
-        ("", "", check_free_trial, r"key limits.psi_set[^$]*a free form goes as far as it may"),
+        ("", "", relay_search, r"key autopilot.psi[^$]*self-oscillating test[^$]*same actuators"),
+        ("", "", check(MeasureSearch(5)), r"key prior.process_v[^$]*process noise, with a comparison"),
+        ("", "", check(FreeFormSearch(4)), r"key limits.psi_set[^$]*a free form goes as far as it may"),
         (
             "[design]",
             '[design]\ntogether = { delta_r = "2 deg" }',
-            check_free_trial,
+            check(FreeFormSearch(4)),
             r"key design.together[^$]*delta_r beside psi_set",
         ),
     ],
 )
-def test_designs_that_an_autopilot_does_not_allow(tmp_path, old, new, check, said):
+def test_designs_that_an_autopilot_does_not_allow(tmp_path, old, new, checked, said):
     with pytest.raises(InputError, match=said):
-        check(campaign(tmp_path, *([(old, new)] if old else [])))
+        checked(campaign(tmp_path, *([(old, new)] if old else [])))
 
 
 def test_the_log_holds_what_the_autopilot_made_of_what_the_sensors_showed(tmp_path):
@@ -213,12 +215,11 @@ def test_safety_is_that_of_each_closed_loop(tmp_path):
 
 def test_an_autopilot_that_is_too_weak_is_refused_in_words_to_act_on(tmp_path):
     made = campaign(tmp_path, ('kd = "3 rad s/rad"', 'kd = "0.6 rad s/rad"'))
-    model = made.model(made.full)
     with pytest.raises(
         InputError,
         match=r"% of the vehicles [^$]*yaw \(heading\)[^$]*double kd \(derivative gain\) of \[autopilot.psi\]",
     ):
-        check_autopilot(made, model, prior_draws(made, model), SILENT)
+        check_autopilot(design_problem(made), SILENT)
 
 
 def test_an_autopilot_that_no_change_of_one_gain_mends_is_at_fault_and_not_the_priors():

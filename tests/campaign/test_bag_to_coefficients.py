@@ -12,7 +12,8 @@ from scipy import stats
 
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import get_trials
-from seatrial.campaign.inference.posterior import build_posterior, random_key
+from seatrial.campaign.inference.posterior import build_posterior
+from seatrial.compiled.random_keys import random_key
 from seatrial.estimation.posterior.mode import find_mode
 
 pytestmark = pytest.mark.proof

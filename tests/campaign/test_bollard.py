@@ -12,10 +12,11 @@ from seatrial.campaign.data.check import check_records
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.data.thruster_check import thruster_lines
 from seatrial.campaign.design.sweep import design_first
-from seatrial.campaign.inference.posterior import build_posterior, initial_state, random_key
+from seatrial.campaign.inference.posterior import build_posterior, initial_state
 from seatrial.campaign.prior.predictive import speeds
 from seatrial.campaign.selection.runner_up import leading_channel, noise_of
 from seatrial.cli.main import app
+from seatrial.compiled.random_keys import random_key
 from seatrial.core.errors import InputError
 from seatrial.estimation.posterior.mode import find_mode
 from seatrial.manoeuvres.schedule import schedule_of

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from seatrial.campaign.config.load import load_campaign
-from seatrial.campaign.design.compare_utilities import compare_measures
+from seatrial.campaign.design.searches import compare_measures
 from seatrial.campaign.design.sweep import design_first
 from seatrial.campaign.store.stored_result import Store
 from seatrial.core.errors import InputError

@@ -9,8 +9,11 @@ from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.config.named_files import folders_outside
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.data.simulate import Scheduled, add_trial, ask_for, record_keys
-from seatrial.campaign.design.evaluate_schedule import evaluate_own_schedule, evaluate_schedule_after
 from seatrial.campaign.design.schedule import find_schedules, write_schedule
+from seatrial.campaign.design.searches import (
+    evaluate_own_schedule,
+    evaluate_schedule_after,
+)
 from seatrial.campaign.design.sweep import design_first, design_next_by_mode
 from seatrial.campaign.inference.quick_estimates import best_mode, posterior_modes
 from seatrial.campaign.store.stored_result import Store

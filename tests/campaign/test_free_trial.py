@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from seatrial.campaign.config.load import load_campaign
-from seatrial.campaign.design.free_form import design_free_trial
+from seatrial.campaign.design.searches import design_free_trial
 from seatrial.core.reporter import SilentReporter
 from tests.campaign.test_designs import NARROW
 

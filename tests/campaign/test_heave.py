@@ -6,7 +6,8 @@ import pytest
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.data.thruster_check import mirrored_thrusters
-from seatrial.campaign.inference.posterior import build_posterior, random_key
+from seatrial.campaign.inference.posterior import build_posterior
+from seatrial.compiled.random_keys import random_key
 from seatrial.core.errors import InputError
 from seatrial.estimation.posterior.mode import find_mode
 from tests.campaigns import joined, normal, priors, sensors

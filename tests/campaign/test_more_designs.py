@@ -4,16 +4,18 @@ import numpy as np
 import pytest
 
 from seatrial.campaign.config.load import load_campaign
-from seatrial.campaign.design.batch import plan_together
-from seatrial.campaign.design.compare_utilities import compare_measures
-from seatrial.campaign.design.free_form import design_free_trial
-from seatrial.campaign.design.global_search import search_design
-from seatrial.campaign.design.prior_state_space import prior_draws
-from seatrial.campaign.design.sensor_choice import sensor_table
+from seatrial.campaign.design.problem import prior_draws
+from seatrial.campaign.design.searches import (
+    compare_measures,
+    design_free_trial,
+    plan_together,
+    search_design,
+    sensor_table,
+)
 from seatrial.campaign.design.sweep import design_first
-from seatrial.campaign.store.designs import edge_words
 from seatrial.campaign.store.stored_result import Store
 from seatrial.core.errors import InputError
+from seatrial.design.results import edge_words
 from seatrial.design.safety import judge_safety
 from seatrial.design.trial_plan import plan_trial
 from seatrial.messages.designs import batch_lines, search_lines, sensor_lines

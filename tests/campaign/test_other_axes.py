@@ -7,7 +7,8 @@ import pytest
 
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import get_trials
-from seatrial.campaign.design.relay import design_relay_trial, relay_loop
+from seatrial.campaign.design.problem import design_problem
+from seatrial.campaign.design.searches import design_relay_trial, relay_search
 from seatrial.campaign.design.sweep import design_first
 from seatrial.core.errors import InputError
 from tests.campaigns import joined, normal, priors, write_campaign
@@ -100,7 +101,8 @@ def test_the_relay_is_closed_on_every_vehicle_by_itself(tmp_path):
 def test_the_loop_against_plain_steps_of_the_exact_solution(tmp_path):
     """r' = a r + b delta, held from sample to sample, has an exact step; without noise the relay sees r every other sample."""
     campaign = yaw(tmp_path)
-    loop, h, a, b = relay_loop(campaign), 0.1, -0.55 * 1.5**2, -0.35 * 1.5**2
+    loop = relay_search(campaign).loop(design_problem(campaign))
+    h, a, b = 0.1, -0.55 * 1.5**2, -0.35 * 1.5**2
     amplitude, threshold, n = np.deg2rad(12.5), np.deg2rad(4.0), 200
     measured = np.arange(n) % 2 == 0
     noise = np.where(measured, 0.0, np.nan)[None]

@@ -9,9 +9,8 @@ from scipy.optimize import least_squares
 from scipy.stats import binom
 
 from seatrial.campaign.config.load import load_campaign
-from seatrial.campaign.design.evaluate import plan_of
 from seatrial.campaign.design.plan import goal_of, plan_trials
-from seatrial.campaign.design.prior_state_space import prior_draws
+from seatrial.campaign.design.problem import plan_of, prior_draws
 from seatrial.campaign.rehearsal.run import known_after
 from seatrial.campaign.rehearsal.vehicles import Vehicle, run_trial
 from seatrial.core.errors import InputError

@@ -3,8 +3,9 @@
 import pytest
 
 from seatrial.campaign.data.import_logs import get_trials
-from seatrial.campaign.inference.posterior import build_posterior, random_key
+from seatrial.campaign.inference.posterior import build_posterior
 from seatrial.campaign.selection.screening import screening_of, with_shortlist
+from seatrial.compiled.random_keys import random_key
 from seatrial.estimation.posterior.mode import find_mode
 from seatrial.selection.structures import Structure
 from tests.campaign.test_thrusters import CAMPAIGN, campaign, log  # noqa: F401

@@ -20,11 +20,8 @@ from seatrial.campaign.data.simulate import (
     run_trial,
 )
 from seatrial.campaign.data.true_vehicle import true_vehicle
-from seatrial.campaign.design.batch import plan_together
-from seatrial.campaign.design.free_form import design_free_trial
-from seatrial.campaign.design.global_search import search_design
-from seatrial.campaign.design.relay import design_relay_trial
 from seatrial.campaign.design.schedule import write_schedule
+from seatrial.campaign.design.searches import design_free_trial, design_relay_trial, plan_together, search_design
 from seatrial.campaign.store.stored_result import Store
 from seatrial.cli.main import app
 from seatrial.core.errors import InputError

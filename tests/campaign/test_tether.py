@@ -6,7 +6,8 @@ import pytest
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.data.true_vehicle import true_vehicle
-from seatrial.campaign.inference.posterior import build_posterior, initial_state, random_key
+from seatrial.campaign.inference.posterior import build_posterior, initial_state
+from seatrial.compiled.random_keys import random_key
 from seatrial.core.errors import InputError
 from seatrial.estimation.diagnostics.identifiability import identifiability_of_fit
 from seatrial.estimation.posterior.first_guess import first_guess

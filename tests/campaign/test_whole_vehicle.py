@@ -8,7 +8,7 @@ from scipy import stats
 
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import get_trials
-from seatrial.campaign.design.relay import design_relay_trial
+from seatrial.campaign.design.searches import design_relay_trial
 from seatrial.campaign.design.sweep import design_first
 from seatrial.core.errors import InputError
 from tests.campaign.small import write_summary

@@ -1,15 +1,12 @@
 """The best next trial by priors or draws: that of the sweep it rests on, and better known than before."""
 
 from dataclasses import replace
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
 
 import seatrial as st
 from seatrial.design.sweep import sweep_family
-from seatrial.design.trial_design import _measured, _trim
 from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.numerics.gaussian import Gaussian
 from seatrial.vehicles.discretise import discretise
@@ -22,8 +19,12 @@ GRID = np.array([100.0, 250.0]) * RPM, [4.0, 8.0]
 
 
 def design(**more):
-    asked = {"belief": PRIORS, "families": FAMILY, "start": {"u": 1.5}} | more
-    return st.design_trial(MODEL, asked.pop("belief"), asked.pop("families"), *GRID, {"u": 0.05}, **asked)
+    return st.design_trial(problem(**more))
+
+
+def problem(**more):
+    asked = {"belief": PRIORS, "families": FAMILY, "start": {"u": 1.5}, "noise": {"u": 0.05}} | more
+    return st.make_design_problem(MODEL, asked.pop("belief"), asked.pop("families"), *GRID, asked.pop("noise"), **asked)
 
 
 @pytest.fixture(scope="module")
@@ -96,15 +97,15 @@ def test_a_family_without_a_design_inside_the_limits_is_refused_by_name(found):
 
 def test_sensors_give_every_so_many_samples():
     """At 10 samples a second: all without a rate or at a higher one, every third at three a second."""
-    mask = _measured(FAMILY, {"u": 0.1, "udot": 0.2, "n": 0.3}, {"udot": 3.0, "n": 40.0})
+    asked = replace(problem(), noise={"u": 0.1, "udot": 0.2, "n": 0.3}, rates={"udot": 3.0, "n": 40.0})
+    mask = asked.measured(FAMILY.time().size, FAMILY.sample_time)
     assert mask.shape == (200, 3)
     assert mask[:, [0, 2]].all()
     np.testing.assert_array_equal(np.flatnonzero(mask[:, 1]), np.arange(0, 200, 3))
 
 
 def test_controls_that_are_not_driven_are_held(found):
-    model: Any = SimpleNamespace(controls=("delta_r", "n"))
-    trim = _trim(model, FAMILY, {"delta_r": 0.1, "n": 5.0})
+    trim = replace(problem(), trim={"delta_r": 0.1, "n": 5.0}).trim_of(FAMILY)
     assert trim == (("delta_r", 0.1), ("n", 1200 * RPM))
     schedule = replace(found, sweeps=(replace(found.sweeps[0], trim=trim),)).schedule
     np.testing.assert_array_equal(schedule.controls["n"], found.schedule.controls["n"])

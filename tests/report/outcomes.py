@@ -10,7 +10,6 @@ import xarray as xr
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import Trials
-from seatrial.campaign.design.sweep import Designs
 from seatrial.campaign.inference.coefficient_csv import averaged_rows
 from seatrial.campaign.selection.runner_up import NEXT, change_words, contending
 from seatrial.campaign.store.estimates import Direction, Estimate, Known, KnownParameter, StoredCoefficient
@@ -21,6 +20,7 @@ from seatrial.core.coefficients import CoefficientName
 from seatrial.core.findings import Finding
 from seatrial.core.record import Channel, Provenance, Record, make_record
 from seatrial.design.sweep import Sweep
+from seatrial.design.trial_design import TrialDesign
 from seatrial.estimation.prediction.baseline_comparison import Comparison, Predicted, Run, compare
 from seatrial.estimation.prediction.fit_verdict import judge_fit
 from seatrial.estimation.prediction.pooled_coverage import Pooled, pooled_verdict, run_residuals
@@ -407,7 +407,7 @@ def _predictions(campaign: Campaign, trials: Trials) -> xr.Dataset:
     )
 
 
-def _designs(campaign: Campaign, gain: float) -> Designs:
+def _designs(campaign: Campaign, gain: float) -> TrialDesign:
     amplitude, period = campaign.design.grid()
     values = gain * np.linspace(0.5, 1.0, amplitude.size * period.size).reshape(amplitude.size, period.size)
     values[amplitude > 20.0] = np.nan
@@ -422,4 +422,10 @@ def _designs(campaign: Campaign, gain: float) -> Designs:
         ((campaign.family.control, campaign.family.trim),),
     )
     names = ("X_tau_X", "X_u", "X_uabsu")
-    return Designs((sweep,), {"chirp": "its periods are too long"}, "a posterior", names, np.full(3, 0.02))
+    return TrialDesign(
+        (sweep,),
+        {"chirp": "its periods are too long"},
+        dict.fromkeys(names, 0.02),
+        {name: campaign.units[name] for name in names},
+        basis="a posterior",
+    )

@@ -85,8 +85,8 @@ def drawn_and_predicted(model):
 
 def designed(model):
     priors = {name: PRIORS[name] for name in TERMS}
-    found = st.design_trial(model, priors, FAMILY, [10.0, 20.0], [4.0, 8.0], {"u": 0.02}, start={"u": 1.0})
-    return list(found.sd_after.values())
+    asked = st.make_design_problem(model, priors, FAMILY, [10.0, 20.0], [4.0, 8.0], {"u": 0.02}, start={"u": 1.0})
+    return list(st.design_trial(asked).sd_after.values())
 
 
 @pytest.mark.parametrize(

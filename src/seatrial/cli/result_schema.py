@@ -10,16 +10,16 @@ from typing import Any
 
 from typing_extensions import TypedDict
 
-from seatrial.campaign.design.batch import PlannedBatch
 from seatrial.campaign.design.plan import Plan
-from seatrial.campaign.design.sensor_choice import SensorComparison
 from seatrial.campaign.prior.predictive import Believed
-from seatrial.campaign.store.designs import FreeTrial, RelayTrial, Searched
 from seatrial.campaign.store.estimates import Estimate, Known, KnownParameter
 from seatrial.campaign.store.predictions import Fit
-from seatrial.campaign.store.structures import BestDesign, Summary
+from seatrial.campaign.store.structures import Summary
 from seatrial.cli.answer import SCHEMA
 from seatrial.core.serialise import schema_of
+from seatrial.design.batch import PlannedBatch
+from seatrial.design.results import BestDesign, FreeTrial, RelayTrial, Searched
+from seatrial.design.sensor_choice import SensorComparison
 from seatrial.design.utility_agreement import Agreement
 from seatrial.estimation.posterior.profile_result import Profiles
 from seatrial.estimation.prediction.baseline_comparison import Comparison

@@ -3,6 +3,8 @@
 The generator is Threefry-2x32 with 20 rounds: Salmon, Moraes, Dror and Shaw, Parallel random numbers: as easy as 1, 2, 3, SC11, 2011.
 """
 
+import zlib
+
 import jax
 import numpy as np
 
@@ -22,6 +24,11 @@ def seeded_key(seed: int, *numbers: int) -> jax.Array:
     for number in numbers:
         key = _threefry(key, (0, number & WORD))
     return jax.random.wrap_key_data(np.array(key, np.uint32), impl="threefry2x32")
+
+
+def random_key(seed: int, purpose: str) -> jax.Array:
+    """Return the random key of one piece of work, from a seed and the work's name."""
+    return seeded_key(seed, zlib.crc32(purpose.encode()))
 
 
 def fold_in(key: jax.Array, number: int) -> jax.Array:

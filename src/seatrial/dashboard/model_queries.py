@@ -18,13 +18,11 @@ from seatrial.campaign.config.vehicle_campaign import vehicle_campaign_text
 from seatrial.campaign.data.import_logs import Trials, read_tables, read_untrimmed
 from seatrial.campaign.data.simulate import chosen_of
 from seatrial.campaign.data.unmapped import unmapped
-from seatrial.campaign.design.evaluate import plan_as_run, plan_of
-from seatrial.campaign.design.prior_state_space import prior_draws
+from seatrial.campaign.design.problem import plan_of, prior_draws
 from seatrial.campaign.design.schedule import write_schedule
 from seatrial.campaign.design.sweep import designs_of
 from seatrial.campaign.inference.judge_predictions import predict_held_back
 from seatrial.campaign.prior.cautions import file_cautions
-from seatrial.campaign.store.designs import SweptDesigns
 from seatrial.campaign.store.results import Results
 from seatrial.campaign.store.stored_result import Store, read_result
 from seatrial.campaign.workflow.status import standing
@@ -52,8 +50,10 @@ from seatrial.dashboard.view_models import (
     Stage,
 )
 from seatrial.design.integrals import motion_signals
+from seatrial.design.results import SweptDesigns
 from seatrial.design.safety import judge_safety
 from seatrial.design.sweep import Sweep
+from seatrial.design.trial_design import plan_as_run
 from seatrial.export.from_campaign import of_campaign
 from seatrial.export.target import Exporter
 from seatrial.export.trials.trial import read_trial

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 from markupsafe import escape
 
-from seatrial.campaign.store.designs import SweptDesigns
 from seatrial.campaign.store.estimates import Estimate
 from seatrial.campaign.store.stored_result import decoding, read_result
 from seatrial.core.dataset import Dataset
@@ -16,6 +15,7 @@ from seatrial.core.dataset_file import open_dataset, write_dataset
 from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError
 from seatrial.dashboard.view_models import EstimatedStructure, Swept
+from seatrial.design.results import SweptDesigns
 from seatrial.messages.render import sentences
 
 # All that a report is made of: nothing of this runs, loads or sends anything.

@@ -6,13 +6,24 @@ then exchanged one by one while that helps (Fedorov, Theory of Optimal Experimen
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 from jaxtyping import Float
+from pydantic import Field
+
+from seatrial.core.reporter import Reporter
+from seatrial.design.design_problem import DesignProblem, check_whole_trials
+from seatrial.design.robust import information_table
+from seatrial.design.trial_design import TrialDesign, design_trial
+from seatrial.manoeuvres.family import design_words
+from seatrial.manoeuvres.manoeuvre import Manoeuvre
 
 Utility = Callable[[np.ndarray], np.ndarray]
 """Utilities, shape (..., S), of information matrices, shape (..., S, k, k)."""
 EXCHANGE_ROUNDS = 20  # Exchanges of every trial, at most
+DESIGNS_AT_ONCE = 64  # Designs whose information is computed between two reports of progress
 
 
 @dataclass(frozen=True)
@@ -71,3 +82,56 @@ def _in_order(
         base = base + information[order[-1]]
         reached.append(float(np.asarray(utility(base)).mean()))
     return tuple(order), tuple(reached)
+
+
+@dataclass(frozen=True, eq=False)
+class PlannedBatch:
+    """Trials of one problem planned together.
+
+    Attributes:
+        words: each trial, in the order of what it adds.
+        found: what they are worth.
+        manoeuvres: one for each.
+        unit: of the utility.
+        schedules: file of each, where they are written.
+    """
+
+    words: tuple[str, ...]
+    found: Batch
+    manoeuvres: Annotated[tuple[Manoeuvre, ...], Field(exclude=True)]
+    unit: str
+    schedules: tuple[Path, ...] = ()
+
+
+@dataclass(frozen=True)
+class BatchSearch:
+    """So many trials among all designs inside the limits, weighed as one alone is; see `Search`."""
+
+    trials: int
+
+    def check(self, problem: DesignProblem) -> None:
+        """Check that a trial counts as a whole, before any work."""
+        check_whole_trials(problem.per, problem.place, "trials that are planned together")
+
+    def find(self, problem: DesignProblem, beside: TrialDesign | None, reporter: Reporter) -> PlannedBatch:
+        """See `Search`."""
+        self.check(problem)
+        places, information = [], []
+        few = problem.few(problem.draws)
+        sweeps = [(sweep, *sweep.inside()) for sweep in (beside or design_trial(problem, reporter=reporter)).sweeps]
+        total, done = sum(rows.size for _, rows, _, _ in sweeps), 0
+        report = reporter.progress(f"information of {total} design{'s' * (total != 1)}")
+        for sweep, rows, columns, controls in sweeps:
+            places += [(sweep, int(i), int(j)) for i, j in zip(rows, columns, strict=True)]
+            for start in range(0, len(controls), DESIGNS_AT_ONCE):
+                report(done + start, total)
+                some = controls[start : start + DESIGNS_AT_ONCE]
+                information.append(information_table(problem.plan(sweep.family), some, few))
+            done += len(controls)
+        report(total, total)
+        criterion = problem.criterion(problem.draws)
+        batch = plan_batch(np.concatenate(information), lambda one: np.asarray(criterion(one)), self.trials)
+        chosen = [places[index] for index in batch.designs]
+        settings = [(sweep.family, float(sweep.amplitude[i]), float(sweep.period[j])) for sweep, i, j in chosen]
+        words, manoeuvres = (design_words(*one) for one in settings), (one[0].manoeuvre(*one[1:]) for one in settings)
+        return PlannedBatch(tuple(words), batch, tuple(manoeuvres), problem.utility_unit)

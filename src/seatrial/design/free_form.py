@@ -9,18 +9,30 @@ input bounded in amplitude is mostly at its bounds, so that levels are then exch
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from math import inf
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
+from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError
-from seatrial.core.reporter import Progress, no_progress
+from seatrial.core.reporter import Progress, Reporter, no_progress
+from seatrial.design.design_problem import DesignProblem, check_whole_trials
+from seatrial.design.fisher_utilities import find_criterion
 from seatrial.design.free_form_optimise import ROUNDING, Climb, gentled, ready_starts
 from seatrial.design.free_form_problem import FreeFormProblem, check_problem
+from seatrial.design.prior_belief import prior_cov
+from seatrial.design.results import FreeTrial
+from seatrial.design.robust import utility_table
+from seatrial.design.trial_design import TrialDesign, design_trial
+from seatrial.manoeuvres.free_form import SteppedInput, nearest_levels
 from seatrial.manoeuvres.manoeuvre import Manoeuvre
 
 ACTIVE_SHARE = 1e-3  # A limit is active when less than this share of its room is left
+UTILITY_POINTS = 4  # Draws of the priors over which the utility is averaged
+SAFE_DRAWS = 64  # Draws for which limits of the motion hold during the search; judged on fresh ones afterwards
+RISK_SHARE = 0.75  # Share of the risk allowed that the search takes: the rest is for what draws it has not seen
 EQUAL_GAIN = 0.05  # Designs this close in nats are as good as each other: five per cent of one standard deviation
 
 
@@ -217,3 +229,97 @@ def _status(best: ClimbOutcome, outcomes: tuple[ClimbOutcome, ...]) -> str:
     if stopped:
         messages.append(f"the gradient search had not settled from {', '.join(stopped)}: more steps may help")
     return "; ".join(messages)
+
+
+@dataclass(frozen=True)
+class FreeFormSearch:
+    """So many levels of equal length, over the active time of the families; see `Search`."""
+
+    levels: int
+
+    def check(self, problem: DesignProblem) -> None:
+        """Check that a problem has what a free form needs, before any work.
+
+        Raises:
+            InputError: several controls that move together, designs that are counted by the second or joule, a control without both bounds.
+        """
+        family, limits = problem.family, problem.driven
+        if family.beside:
+            raise InputError(
+                problem.place("design.together"),
+                found=f"{', '.join(one.control for one in family.beside)} beside {family.control}, with a free form",
+                expected="one control or set-point: its levels alone are searched",
+                remedy="leave out `together` or the free form",
+            )
+        check_whole_trials(problem.per, problem.place, "a free form")
+        if None in (limits.lower, limits.upper) or inf in (abs(limits.lower or 0.0), abs(limits.upper or 0.0)):
+            unit = shown_unit(family.control)[1]
+            raise InputError(
+                problem.place(f"limits.{family.control}"),
+                found="a bound that is missing",
+                expected="lower and upper: a free form goes as far as it may",
+                remedy=f'for example lower = "800 {unit}"',
+            )
+
+    def find(self, problem: DesignProblem, beside: TrialDesign | None, reporter: Reporter) -> FreeTrial:
+        """See `Search`."""
+        self.check(problem)
+        form, plan, cov = self._form(problem), problem.plan(), prior_cov(problem.belief)
+        draws = problem.draws_for("draws of the free form")
+        best = (beside or design_trial(problem, reporter=reporter)).best
+        family = best.best_manoeuvre()
+        search = FreeFormProblem(
+            plan,
+            form,
+            problem.driven,
+            draws[:UTILITY_POINTS],
+            cov,
+            dict(problem.trim_of(problem.family)),
+            motion=problem.motion,
+            draws=draws[:SAFE_DRAWS],
+            risk=RISK_SHARE * (1.0 - problem.probability),
+        )
+        random, bounds = np.random.default_rng(problem.seed), (problem.driven.lower, problem.driven.upper)
+        near = nearest_levels(form, *family.sample(best.family.sample_time))
+        starts = {f"the best {family.name}": near}
+        starts |= {f"random levels {i + 1}": random.choice(np.array(bounds, float), form.size) for i in range(2)}
+        progress = reporter.progress("free-form design")
+        optimum = design_free_form(search, problem.seed, starts, progress=progress)
+        controls = np.stack([_commands(problem, plan.commands, one) for one in (optimum.manoeuvre, family)])
+        # Both by the same measure, on draws that had no part in the search.
+        fresh = draws[SAFE_DRAWS : SAFE_DRAWS + 64]
+        judged = utility_table(plan, controls, fresh, find_criterion("fisher-d", cov)).mean
+        return FreeTrial(
+            tuple(map(float, optimum.levels)),
+            float(judged[0]),
+            float(judged[1]),
+            family.name,
+            float(optimum.at_bounds),
+            optimum.active,
+            problem.safety_lines(plan, controls[0], draws[len(draws) // 2 :]),
+            tuple((one.name, float(one.before), float(one.utility)) for one in optimum.outcomes),
+            optimum.status,
+        )
+
+    def manoeuvre(self, problem: DesignProblem, trial: FreeTrial) -> Manoeuvre:
+        """Return what was found as it is run."""
+        return self._form(problem).manoeuvre(np.array(trial.levels))
+
+    def edge(self, problem: DesignProblem) -> float:
+        """Return the time that each change of level takes, s: the ramp of the families, or the whole interval where that is shorter."""
+        return self._form(problem).edge
+
+    def _form(self, problem: DesignProblem) -> SteppedInput:
+        """Levels over the active time of the families, and the way back to trim after it, or before the end of the trial."""
+        family = problem.family
+        active = min(family.active, family.duration - family.start - family.ramp)
+        times = family.duration, family.start, active
+        edge = min(family.ramp, active / self.levels)
+        return SteppedInput(family.control, family.trim, *times, self.levels, edge)
+
+
+def _commands(problem: DesignProblem, names: tuple[str, ...], manoeuvre: Manoeuvre) -> Float[np.ndarray, "n c"]:
+    """Return every command of a trial, SI: all but the one that is driven at trim."""
+    _, driven = manoeuvre.sample(problem.family.sample_time)
+    held = {**dict(problem.trim_of(problem.family)), problem.family.control: driven}
+    return np.column_stack([np.broadcast_to(held[name], driven.shape) for name in names])

@@ -11,11 +11,19 @@ import numpy as np
 from jaxtyping import Float
 
 from seatrial.core.errors import InputError
-from seatrial.core.reporter import Progress, no_progress
+from seatrial.core.reporter import Progress, Reporter, no_progress
+from seatrial.design.design_problem import DesignProblem, check_whole_trials
+from seatrial.design.results import POPULATION, Searched
+from seatrial.design.robust import utility_table
+from seatrial.design.safety import judge_safety
+from seatrial.design.sweep import all_controls, inside_limits
+from seatrial.design.trial_design import TrialDesign, design_trial
+from seatrial.design.trial_plan import TrialPlan
+from seatrial.manoeuvres.family import Family, design_words
+from seatrial.manoeuvres.manoeuvre import Manoeuvre
 
 BatchedUtility = Callable[[np.ndarray], np.ndarray]
 """Utilities, shape (P,), of settings, shape (P, s); NaN where a design is not allowed."""
-POPULATION = 16  # Designs that are evaluated at once
 FIRST_SD = 0.3  # Of the first population, as a share of the box
 
 
@@ -135,3 +143,117 @@ def _check(lower: np.ndarray, upper: np.ndarray, budget: int, population: int) -
     ):
         if not holds:
             raise InputError(f"global search, {what}", found=result, expected=expected, remedy="correct this setting")
+
+
+@dataclass(frozen=True)
+class GlobalSearch:
+    """The best amplitude and period between the points of the grid, of every family; see `Search`.
+
+    Where the grid goes by the entropy of the filter it goes by the D criterion.
+
+    Attributes:
+        budget: designs to evaluate in all.
+    """
+
+    budget: int
+
+    def check(self, problem: DesignProblem) -> None:
+        """Check that there is something to search in, and enough to search it, before any work.
+
+        Raises:
+            InputError: a grid of one amplitude or period, too small a budget, or designs that are counted by the second or joule.
+        """
+        check_whole_trials(problem.per, problem.place, "a global search")
+        for name, low, high in zip(("amplitude", "period"), *_box(problem), strict=True):
+            if not low < high:
+                raise InputError(
+                    problem.place(f"design.{name}"),
+                    found="one value",
+                    expected="a range to search in",
+                    remedy="give `from` below `to`, or leave out the global search",
+                )
+        if self.budget < (fewest := POPULATION * len(problem.families)):
+            raise InputError(
+                "global search",
+                found=f"{self.budget} design{'s' * (self.budget != 1)}",
+                expected=f"at least {fewest}: populations of {POPULATION} in each family",
+                remedy=f"ask for some {20 * fewest}",
+            )
+
+    def find(self, problem: DesignProblem, beside: TrialDesign | None, reporter: Reporter) -> Searched:
+        """See `Search`."""
+        self.check(problem)
+        best, count = (beside or design_trial(problem, reporter=reporter)).best, len(problem.families)
+        choosing = problem.draws[: len(problem.draws) // 2]
+        optima, refused = [], []
+        for family in problem.families:
+            plan = problem.plan(family)
+            worth, progress = (
+                _worth_of(problem, plan, family, choosing),
+                reporter.progress(f"global search: {family.words}"),
+            )
+            try:
+                optimum = search_globally(worth, *_box(problem), self.budget // count, problem.seed, progress=progress)
+                optima.append((family, plan, optimum))
+            except InputError as error:
+                if "allowed" not in error.found:
+                    raise
+                refused.append(family.words)
+        if not optima:
+            raise InputError(
+                problem.place("design"),
+                found=f"{self.budget} designs, none of them inside the limits",
+                expected="some that are",
+                remedy="widen the limits, or the ranges of amplitude and period",
+            )
+        family, plan, optimum = max(optima, key=lambda one: one[2].utility)
+        at = optimum.settings
+        control = all_controls(family, problem.trim_of(family), *(x[None] for x in at))[0]
+        controls = np.stack([control, best.best_controls()])
+        # On draws that had no part in the search, by their mean: of the worst of few draws little can be said.
+        fresh = problem.fresh
+        utility, beside_it = utility_table(plan, controls, problem.few(fresh), problem.criterion(fresh)).mean
+        row, column = best.best
+        return Searched(
+            family.kind,
+            float(at[0]),
+            float(at[1]),
+            float(utility),
+            float(beside_it),
+            design_words(best.family, float(best.amplitude[row]), float(best.period[column])),
+            self.budget // count // POPULATION * POPULATION * count,
+            optimum.settled,
+            problem.safety_lines(plan, control, fresh),
+            tuple(refused),
+            problem.unit,
+            self.budget,
+        )
+
+    def manoeuvre(self, problem: DesignProblem, design: Searched) -> Manoeuvre:
+        """Return what was found as it is run."""
+        family = next(one for one in problem.families if one.kind == design.kind)
+        return family.manoeuvre(design.amplitude, design.period)
+
+
+def _box(problem: DesignProblem) -> tuple[np.ndarray, np.ndarray]:
+    """Least and largest amplitude and period of the grid."""
+    amplitude, period = problem.amplitudes, problem.periods
+    return np.array([amplitude[0], period[0]]), np.array([amplitude[-1], period[-1]])
+
+
+def _worth_of(problem: DesignProblem, plan: TrialPlan, family: Family, draws: np.ndarray) -> BatchedUtility:
+    """Utility of designs by amplitude and period; NaN where one does not fit or may leave the limits."""
+    criterion, few, trim = problem.criterion(draws), problem.few(draws), problem.trim_of(family)
+    resting = [value for _, value in trim]
+
+    def worth(settings: np.ndarray) -> np.ndarray:
+        controls = all_controls(family, trim, settings[:, 0], settings[:, 1])
+        allowed = family.fits(settings[:, 1]) & inside_limits(family, controls, trim, problem.limits)
+        if problem.motion:
+            # Designs that are refused stand in with the trim, which is quick to judge and not looked at.
+            held = np.where(allowed[:, None, None], controls, resting)
+            allowed &= judge_safety(plan, held, draws, problem.motion, problem.probability).allowed
+        table = utility_table(plan, np.where(allowed[:, None, None], controls, resting), few, criterion)
+        return np.where(allowed, table.worst() if problem.over == "worst" else table.mean, np.nan)
+
+    return worth

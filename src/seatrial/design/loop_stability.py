@@ -17,6 +17,9 @@ from jaxtyping import Array, Bool, Float
 
 from seatrial.compiled.programs import program
 from seatrial.core.errors import InputError
+from seatrial.core.reporter import Reporter
+from seatrial.core.signals import ACTUAL
+from seatrial.design.design_problem import DesignProblem
 from seatrial.design.sweep import in_blocks
 from seatrial.design.trial_plan import TrialPlan
 from seatrial.estimation.posterior.information import fed_back
@@ -25,6 +28,17 @@ from seatrial.manoeuvres.pilot import Moment, close_loop
 from seatrial.numerics.integrate import rk4_for_slopes
 from seatrial.vehicles.simulate import move_by
 
+VEHICLES = 200  # Draws that are looked at
+# Share of unstable vehicles from which the autopilot is at fault, and not what is believed of the vehicle
+NEARLY_ALL = 0.9
+# What moves, in words, by the state that takes the largest part
+AXIS_WORDS = {
+    **dict.fromkeys(("u", "x"), "surge (speed)"),
+    **dict.fromkeys(("v", "r", "psi", "y"), "yaw (heading)"),
+    **dict.fromkeys(("w", "z"), "heave (depth)"),
+    **dict.fromkeys(("q", "theta"), "pitch"),
+    **dict.fromkeys(("p", "phi"), "roll"),
+}
 FACTORS = (-1.0, 0.5, 2.0)  # By which gains are tried: turned round, halved, doubled
 
 
@@ -157,3 +171,54 @@ def _linearised(plan: TrialPlan, pilot: Autopilot, cycles: int, trim: Array, dra
         return slope(first, later), slope(last, later)
 
     return jax.vmap(one)(draws)
+
+
+# Before anything is designed: whether the autopilot holds what is believed possible, and if not, the change that helps.
+
+
+def check_autopilot(problem: DesignProblem, reporter: Reporter) -> None:
+    """Check that the autopilot keeps vehicles stable with the probability with which limits are kept; tells it where some are not.
+
+    Raises:
+        InputError: too many vehicles that are unstable under the autopilot.
+    """
+    if problem.autopilot is None:
+        return
+    few, plan = problem.draws[:VEHICLES], problem.plan()
+    trim = np.array([value for _, value in problem.trim_of(problem.family)])
+    growth = loop_growth(plan, trim, few)
+    lost = growth.unstable
+    if not lost.any():
+        return
+    share, probability = float(lost.mean()), problem.probability
+    states, counts = np.unique(growth.state[lost], return_counts=True)
+    state = problem.model.states[int(states[counts.argmax()])]
+    axis = AXIS_WORDS.get(state, f"the actuator {state.removesuffix(ACTUAL)}")
+    doubling = float(np.log(2) / np.median(growth.rate[lost]))
+    finding = f"{share:.0%} of the vehicles that the priors allow are unstable under the autopilot, most in {axis}" + (
+        f": a small motion there doubles in {doubling:.2g} s" if doubling > 0 else ": they run away"
+    )
+    remedy = _advice(best_gain_change(plan, trim, few), share)
+    if share > 1.0 - probability:
+        raise InputError(
+            problem.place(f"autopilot.{problem.autopilot.loops[0].holds}"),
+            found=finding,
+            expected=f"an autopilot that holds {probability:.0%} of them",
+            remedy=remedy,
+        )
+    reporter.say(f"caution: {finding}; {remedy}")
+
+
+def _advice(change: GainChange | None, share: float) -> str:
+    """Return what to do where a share of the vehicles is unstable."""
+    if change is None or change.unstable > NEARLY_ALL:
+        helps = "no gain alone, turned round, halved or doubled, helps"
+        if share > NEARLY_ALL:
+            return (
+                "the autopilot is unstable for the vehicle itself, whatever its priors: check the signs of its gains and of what it "
+                f"drives, and tune it on calm water first; {helps}"
+            )
+        return f"{helps}: narrow the priors, or tune the autopilot on calm water first"
+    verb = "turn the sign of" if change.factor < 0 else "halve" if change.factor < 1 else "double"
+    gains = " and ".join(f"{gain} ({GAINS[gain]} gain)" for gain in change.gains)
+    return f"{verb} {gains} of [autopilot.{change.holds}]: {change.unstable:.0%} remain unstable then"

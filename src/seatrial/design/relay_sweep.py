@@ -1,6 +1,7 @@
-"""Sweep of self-oscillating tests over control amplitude and threshold: the entropy reduction of every design, in step."""
+"""The self-oscillating test: a sweep over amplitude and threshold, and its loop closed on every vehicle that is believed possible."""
 
 from dataclasses import dataclass
+from math import inf
 
 import jax
 import jax.numpy as jnp
@@ -8,14 +9,26 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from seatrial.compiled.programs import program
+from seatrial.compiled.random_keys import random_key
+from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError, NumericalError
+from seatrial.core.reporter import Reporter
+from seatrial.core.signals import QUATERNION
+from seatrial.design.design_problem import UTILITY_DRAWS, DesignProblem, check_whole_trials
 from seatrial.design.entropy import entropy_reduction
+from seatrial.design.fisher_utilities import find_criterion
+from seatrial.design.prior_belief import prior_cov
+from seatrial.design.results import RelayTrial
+from seatrial.design.robust import utility_table
+from seatrial.design.safety import judge_runs, probability_at_least
 from seatrial.design.sweep import in_blocks
+from seatrial.design.trial_design import TrialDesign, design_trial
+from seatrial.design.trial_plan import TrialPlan
 from seatrial.filters.belief import Filter
 from seatrial.filters.run import summarise_filter
 from seatrial.filters.square_root import unscented_filter
-from seatrial.manoeuvres.manoeuvre import Limits
-from seatrial.manoeuvres.relay import RelayFamily, check_family, run_relay
+from seatrial.manoeuvres.manoeuvre import Limits, Manoeuvre
+from seatrial.manoeuvres.relay import RelayFamily, RelayRun, check_family, oscillation, replay, run_relay
 from seatrial.numerics.state_space import StateSpace
 
 
@@ -173,3 +186,249 @@ def _predict(
         return gain, peak, summary.final.sd[space.n_dynamic :], run.switches, run.reached, summary.failures
 
     return jax.vmap(one)(amplitudes, thresholds)
+
+
+# The search: the most informative of these tests that surely oscillates and keeps the limits, each vehicle's loop closed by itself.
+
+# Thresholds that are proposed, as shares of what a step of the control by its least amplitude comes to
+PROPOSED_SHARES = (0.2, 0.8)
+CONFIDENCE = 0.95  # Of the claim that a test oscillates inside the limits with the probability asked for
+RANGE_QUANTILES = (0.05, 0.5, 0.95)  # Quantiles over the vehicles that the priors allow
+
+
+@dataclass(frozen=True, eq=False)
+class RelayLoop:
+    """A relay and the vehicle that is believed in.
+
+    Attributes:
+        family: what is switched and fed back.
+        space: state space of the belief; coefficients in units of `scales`.
+        scales: SI, shape (k,).
+        plan: of the trials.
+    """
+
+    family: RelayFamily
+    space: StateSpace
+    scales: np.ndarray
+    plan: TrialPlan
+
+    def runs(self, amplitude: float, threshold: float, draws: np.ndarray, noise: np.ndarray) -> list[np.ndarray]:
+        """Controls and outputs fed back of one design with every draw, shapes (S, n, c) and (S, n)."""
+        d = self.space.n_dynamic
+        starts = np.hstack([np.tile(self.space.initial.mean[:d], (len(draws), 1)), draws / self.scales])
+        at = self.space.outputs.index(self.family.output)
+
+        def run(start: Array, error: Array) -> tuple[Array, Array]:
+            runs = _closed(self.family, self.space, amplitude, threshold, start, error)
+            return runs.control, runs.outputs[..., at]
+
+        return in_blocks(run, starts, noise)
+
+    def foreseen(self, amplitude: float, threshold: float) -> tuple[Manoeuvre, Float[np.ndarray, " n"]]:
+        """One design at the mean of the belief with a perfect sensor, and its output, SI."""
+        run = run_relay(self.space, self.family, amplitude, threshold, self.space.initial.mean)
+        at = self.space.outputs.index(self.family.output)
+        return replay(self.family, amplitude, threshold, run), np.asarray(run.outputs)[:, at]
+
+
+@dataclass(frozen=True)
+class RelaySearch:
+    """The amplitude of the grid and the threshold of a self-oscillating test; see `Search`.
+
+    Attributes:
+        output: measured channel that is fed back.
+        thresholds: distances from its trim at which the control is reversed, SI.
+    """
+
+    output: str
+    thresholds: tuple[float, ...]
+
+    def check(self, problem: DesignProblem) -> None:
+        """Check that a problem has trials in which a relay may act, before any work.
+
+        Raises:
+            InputError: designs that are counted by the second, or trials through an autopilot.
+        """
+        check_whole_trials(problem.per, problem.place, "a self-oscillating test", joules=True)
+        if problem.autopilot is not None:
+            raise InputError(
+                problem.place(f"autopilot.{problem.autopilot.loops[0].holds}"),
+                found="trials through an autopilot, with a self-oscillating test, a loop that would fight the autopilot over the same "
+                "actuators",
+                expected="trials that act on the controls themselves",
+                remedy="leave out the self-oscillating test; families, free forms and global searches run through the autopilot",
+            )
+
+    def loop(self, problem: DesignProblem) -> RelayLoop:
+        """Return the loop on what is believed.
+
+        Raises:
+            InputError: as `check`, or an output that does not answer the control.
+        """
+        self.check(problem)
+        shared, plan, trim = problem.family, problem.plan(), problem.trim_of(problem.family)
+        space, scales = problem.space(shared)
+        trimmed = dict(zip(problem.model.states, problem.start, strict=True)).get(self.output, 0.0)
+        rate = problem.driven.rate
+        family = RelayFamily(
+            trim,
+            shared.control,
+            self.output,
+            trimmed,
+            shared.duration,
+            shared.sample_time,
+            shared.start,
+            shared.active,
+            self._effect(problem, plan, trimmed),
+            inf if rate is None else rate,
+        )
+        return RelayLoop(family, space, scales, plan)
+
+    def find(self, problem: DesignProblem, beside: TrialDesign | None, reporter: Reporter) -> RelayTrial:
+        """See `Search`."""
+        loop, thresholds = self.loop(problem), np.array(self.thresholds)
+        draws = problem.draws_for("draws of the self-oscillation")
+        noise, half = self._noise(problem, len(draws)), len(draws) // 2
+        mask = problem.measured(len(noise[0]), problem.family.sample_time)
+        sweep = sweep_relay(
+            loop.space, loop.family, problem.amplitudes, thresholds, problem.driven, measured=mask, noise=noise[0]
+        )
+        row, column, passed_over = _sure_best(problem, loop, sweep, draws[:half], noise[:half], reporter)
+        chosen = float(problem.amplitudes[row]), float(thresholds[column])
+        fresh, errors = draws[half:], noise[half:]
+        controls, outputs = loop.runs(*chosen, fresh, errors)
+        safety: tuple[str, ...] = ()
+        if problem.motion:
+            safety = tuple(judge_runs(loop.plan, controls, fresh, problem.motion, problem.probability).words(0))
+        shown = oscillation(loop.family, outputs, outputs + errors, chosen[1])
+        oscillates = shown.reversals >= 2
+        best = (beside or design_trial(problem, reporter=reporter)).best
+        utility, of_best = _judged(loop, prior_cov(problem.belief), fresh, controls, best.best_controls())
+        return RelayTrial(
+            loop.family.control,
+            loop.family.output,
+            *chosen,
+            loop.family.effect,
+            float(sweep.gain[row, column]),
+            utility,
+            of_best,
+            best.family.words,
+            float(oscillates.mean()),
+            _quantiles(shown.reversals[oscillates].astype(float)),
+            _quantiles(shown.period[oscillates]),
+            _quantiles(shown.first_overshoot[oscillates]),
+            _quantiles(shown.second_overshoot[oscillates]),
+            passed_over,
+            safety,
+        )
+
+    def _noise(self, problem: DesignProblem, count: int) -> Float[np.ndarray, "S n"]:
+        """Noise of the output that is fed back in so many runs, SI, NaN where it is not measured."""
+        time, at = problem.family.time(), list(problem.noise).index(self.output)
+        mask = problem.measured(time.size, problem.family.sample_time)
+        drawn = jax.random.normal(random_key(problem.seed, "noise of the output fed back"), (count, len(mask)))
+        return np.where(mask[:, at] > 0, problem.noise[self.output] * np.asarray(drawn), np.nan)
+
+    def _effect(self, problem: DesignProblem, plan: TrialPlan, trimmed: float) -> float:
+        """Sign of the output's answer to a step of the control, where it first is half of what it comes to."""
+        at = plan.channels.index(self.output)
+        weight = np.asarray(plan.weight)[:, at]
+        answer = _outputs(problem, plan)[weight > 0, at] / weight[weight > 0] - trimmed
+        most = np.abs(answer).max()
+        if not most > 1e-9:
+            raise InputError(
+                problem.place("design.relay.output"),
+                found=f"{self.output}, which {problem.family.control} does not move at the prior means",
+                expected="an output that answers the control",
+                remedy="feed another output back, or drive another control",
+            )
+        return float(np.sign(answer[np.argmax(np.abs(answer) >= 0.5 * most)]))
+
+
+def proposed_output(problem: DesignProblem) -> tuple[str, float] | None:
+    """Return the channel that answers the control most beside its noise, and by how much, SI; None where no channel may be fed back."""
+    plan = problem.plan()
+    names = [name for name in plan.channels if name not in QUATERNION]
+    if not names:
+        return None
+    answer = np.abs(_outputs(problem, plan) - _outputs(problem, plan, 0.0)).max(0)
+    answer = np.where(np.isfinite(answer), answer, 0.0)
+    name = max(names, key=lambda one: answer[plan.channels.index(one)])
+    return name, max(float(answer[plan.channels.index(name)]), 10.0) * problem.noise[name]
+
+
+def _outputs(problem: DesignProblem, plan: TrialPlan, share: float = 1.0) -> Float[np.ndarray, "n m"]:
+    """Every output over its noise, 0 where it is not measured, after a step of the control by a share of the least amplitude."""
+    trim = problem.trim_of(problem.family)
+    control = np.tile([value for _, value in trim], (plan.step.shape[0], 1))
+    control[:, [name for name, _ in trim].index(problem.family.control)] += share * problem.amplitudes[0]
+    return np.asarray(plan.outputs(np.asarray(problem.normal.mean), control))
+
+
+def _closed(
+    family: RelayFamily, space: StateSpace, amplitude: float, threshold: float, starts: Array, errors: Array
+) -> RelayRun:
+    settings = np.asarray(amplitude, float), np.asarray(threshold, float)
+    return jax.vmap(lambda start, error: run_relay(space, family, *settings, start, error))(starts, errors)
+
+
+def _sure_best(
+    problem: DesignProblem, loop: RelayLoop, sweep: RelaySweep, draws: np.ndarray, noise: np.ndarray, reporter: Reporter
+) -> tuple[int, int, int]:
+    """The most informative design that surely oscillates and keeps the limits, each vehicle's loop closed by itself.
+
+    Returns:
+        row, column, and how many more informative designs were passed over.
+    """
+    gain, probability = np.where(sweep.oscillates, sweep.gain, np.nan), problem.probability
+    order = [int(i) for i in np.argsort(-gain, axis=None) if np.isfinite(gain.ravel()[i])]
+    report, most = reporter.progress("self-oscillation"), (-1.0, "")
+    for tried, place in enumerate(order):
+        row, column = divmod(place, gain.shape[1])
+        report(tried, len(order))
+        threshold = float(sweep.threshold[column])
+        controls, outputs = loop.runs(float(sweep.amplitude[row]), threshold, draws, noise)
+        turns = oscillation(loop.family, outputs, outputs + noise, threshold).reversals >= 2
+        kept, words = turns, f"oscillates in {turns.mean():.0%} of the vehicles"
+        if problem.motion:
+            safety = judge_runs(loop.plan, controls, draws, problem.motion, probability)
+            kept, words = turns & safety.held[0].all(1), "; ".join((words, *safety.words(0)))
+        if probability_at_least(kept.sum(), len(draws), CONFIDENCE) >= probability:
+            report(len(order), len(order))
+            return row, column, tried
+        (c, c_unit), (y, y_unit) = shown_unit(loop.family.control), shown_unit(loop.family.output)
+        design = f"±{sweep.amplitude[row] * c:.4g} {c_unit} reversed at ±{threshold * y:.4g} {y_unit}"
+        most = max(most, (float(kept.mean()), f"{design}, {words}"))
+    raise InputError(
+        problem.place("design.relay"),
+        found=f"{len(order)} of {sweep.gain.size} designs of the grid oscillate at the prior means"
+        f", none of them with the required probability; the best, {most[1]}",
+        expected=f"one at least that oscillates inside every limit with probability {probability:g}",
+        remedy="lower the thresholds, lengthen the trial, narrow priors that let a vehicle hardly answer the control, or widen the limits",
+    )
+
+
+def _judged(
+    loop: RelayLoop, cov: np.ndarray, draws: np.ndarray, controls: np.ndarray, family: np.ndarray
+) -> tuple[float, float]:
+    """Both by the same measure: the test with each draw's own control, the family with one for all."""
+    criterion, few = find_criterion("fisher-d", cov), slice(UTILITY_DRAWS)
+    (information,) = in_blocks(
+        lambda control, values: (_information(loop.plan, control, values),), controls[few], draws[few]
+    )
+    beside = utility_table(loop.plan, family[None], draws[few], criterion).mean[0]
+    return float(np.mean(np.asarray(criterion(information)))), float(beside)
+
+
+def _quantiles(values: np.ndarray) -> tuple[float, ...]:
+    finite = values[np.isfinite(values)]
+    return (
+        tuple(map(float, np.quantile(finite, RANGE_QUANTILES)))
+        if finite.size
+        else (float("nan"),) * len(RANGE_QUANTILES)
+    )
+
+
+@program
+def _information(plan: TrialPlan, controls: Array, values: Array) -> Array:
+    return jax.vmap(lambda control, point: plan.information(point, control))(controls, values)

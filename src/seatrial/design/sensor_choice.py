@@ -1,10 +1,10 @@
-"""What sensors are worth in one trial: the information with each at other rates or without it, from one simulation.
+"""Are the sensors enough? What each is worth in one trial at other rates, with half its noise and without it, from one simulation.
 
 Information adds up over samples and channels, F = sum_j sum_k s_jk s_jk^T / sigma_j^2, so that a sensor at a lower rate is a part
 of the sum and one with other noise a multiple of it.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import jax
@@ -13,9 +13,15 @@ from jaxtyping import Array, Float
 
 from seatrial.compiled.programs import program
 from seatrial.core.errors import NumericalError
-from seatrial.design.fisher_utilities import Criterion
+from seatrial.core.reporter import Reporter
+from seatrial.core.signals import signal_unit
+from seatrial.design.design_problem import UTILITY_DRAWS, DesignProblem, covariance
+from seatrial.design.fisher_utilities import Criterion, find_criterion
 from seatrial.design.sweep import in_blocks
+from seatrial.design.trial_design import TrialDesign, design_trial
 from seatrial.design.trial_plan import TrialPlan
+
+TRIED_RATES = (0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)  # Hz; those up to the sample rate are tried
 
 
 @dataclass(frozen=True)
@@ -87,3 +93,70 @@ def sensor_worth(
 @program
 def _slopes(plan: TrialPlan, control: Array, values: Array) -> Array:
     return jax.vmap(lambda point: jax.jacfwd(plan.outputs)(point, control))(values)
+
+
+@dataclass(frozen=True, eq=False)
+class SensorComparison:
+    """What the best design would teach with other sensors.
+
+    Attributes:
+        names: coefficients.
+        units: SI unit of each.
+        rows: each choice in words, and what it is worth; the first is as the campaign says.
+        mean: of each before the trial, SI.
+        meets: whether each row meets the standard deviations of a goal; empty where nobody asks.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    rows: tuple[tuple[str, SensorWorth], ...]
+    mean: tuple[float, ...]
+    meets: tuple[bool, ...] = ()
+
+
+@dataclass(frozen=True)
+class SensorSearch:
+    """Other sensors on the best design of the families, over draws of what is believed; see `Search`."""
+
+    def find(self, problem: DesignProblem, beside: TrialDesign | None, reporter: Reporter) -> SensorComparison:
+        """See `Search`."""
+        best = (beside or design_trial(problem, reporter=reporter)).best
+        controls, step = best.best_controls(), best.family.sample_time
+        plan = problem.plan_of(len(controls), step, every_sample=True)
+        choices = _choices(problem.noise, problem.measured(problem.family.time().size, step), step)
+        draws = problem.draws
+        cov, few = covariance(draws), draws[:UTILITY_DRAWS]
+        worths = sensor_worth(plan, controls, few, cov, find_criterion("fisher-d", cov), [one for _, one in choices])
+        rows = tuple((words, worth) for (words, _), worth in zip(choices, worths, strict=True))
+        units = tuple(problem.model.unit_of(term) for term in problem.model.coefficients)
+        return SensorComparison(plan.names, units, rows, tuple(map(float, draws.mean(0))))
+
+
+def _choices(noise: Mapping[str, float], mask: Float[np.ndarray, "n m"], step: float) -> list[tuple[str, SensorChoice]]:
+    """The sensors as they are, and each changed by itself.
+
+    Args:
+        noise: of each channel, SI.
+        mask: 1 where it is measured.
+        step: s.
+    """
+    every = tuple(round(len(mask) / column.sum()) for column in mask.T)
+    ones = (1.0,) * len(every)
+    rates = (f"{channel} at {1.0 / (samples * step):.3g} Hz" for channel, samples in zip(noise, every, strict=True))
+    choices = [(f"as they are: {', '.join(rates)}", SensorChoice(every, ones))]
+    for i, channel in enumerate(noise):
+        for rate in TRIED_RATES:
+            samples = round(1.0 / (rate * step))
+            if samples >= 1 and samples != every[i] and abs(samples * rate * step - 1.0) < 0.01:
+                choices.append((f"{channel} at {rate:g} Hz", SensorChoice(_with(every, i, samples), ones)))
+        better = noise[channel] / 2
+        choices.append(
+            (f"{channel} of noise {better:.3g} {signal_unit(channel)}", SensorChoice(every, _with(ones, i, 0.5)))
+        )
+        if len(every) > 1:
+            choices.append((f"without {channel}", SensorChoice(_with(every, i, 0), ones)))
+    return choices
+
+
+def _with(values: tuple, place: int, value: float) -> tuple:
+    return (*values[:place], value, *values[place + 1 :])

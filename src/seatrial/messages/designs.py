@@ -4,15 +4,15 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from seatrial.core.coefficients import AXES
-from seatrial.design.global_search import POPULATION
 from seatrial.design.goal_plan import MAX_TRIALS, Stage
+from seatrial.design.results import POPULATION
 from seatrial.manoeuvres.family import Family, design_words
 
 if TYPE_CHECKING:
-    from seatrial.campaign.design.batch import PlannedBatch
     from seatrial.campaign.design.plan import Plan
-    from seatrial.campaign.design.sensor_choice import SensorComparison
-    from seatrial.campaign.store.designs import Searched
+    from seatrial.design.batch import PlannedBatch
+    from seatrial.design.results import Searched
+    from seatrial.design.sensor_choice import SensorComparison
 
 
 def plan_lines(plan: "Plan") -> list[str]:

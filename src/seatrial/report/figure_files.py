@@ -9,15 +9,16 @@ from markupsafe import escape
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.accelerations import RATE, SmoothedChannel
-from seatrial.campaign.design.relay import relay_loop
+from seatrial.campaign.design.problem import design_problem
+from seatrial.campaign.design.searches import relay_search
 from seatrial.campaign.prior.predictive import PriorPredictive
 from seatrial.campaign.rehearsal.result import Rehearsal
-from seatrial.campaign.store.designs import RelayTrial
 from seatrial.campaign.store.structures import Contenders, Screened
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import shown_unit
 from seatrial.core.files import write_text
 from seatrial.core.record import Record
+from seatrial.design.results import RelayTrial
 from seatrial.estimation.diagnostics.calibration import Calibration
 from seatrial.estimation.posterior.profile_result import Profiles
 from seatrial.messages.priors import prior_summary
@@ -145,7 +146,8 @@ def write_rehearsal_picture(campaign: Campaign, result: Rehearsal) -> Path:
 
 def write_relay_picture(campaign: Campaign, result: RelayTrial) -> Path:
     """Write `self_oscillation.svg`, atomically, and return its path: the test as it is expected at the prior means."""
-    path, loop = campaign.folder / "self_oscillation.svg", relay_loop(campaign)
+    path = campaign.folder / "self_oscillation.svg"
+    loop = relay_search(campaign).loop(design_problem(campaign))
     manoeuvre, output = loop.foreseen(result.amplitude, result.threshold)
     time, control = manoeuvre.sample(campaign.family.sample_time)
     of_output, of_control = shown_unit(result.output)[0], shown_unit(result.control)[0]

@@ -14,9 +14,10 @@ from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.data.mount_check import SENSORS, along_body, check_mounts
 from seatrial.campaign.data.record_cautions import empty_cells, record_cautions, unused_channels
 from seatrial.campaign.data.thruster_check import check_thrusters, mirrored_thrusters
-from seatrial.campaign.inference.posterior import initial_state, random_key
+from seatrial.campaign.inference.posterior import initial_state
 from seatrial.compiled.batching import bucket_length, filled
 from seatrial.compiled.programs import program
+from seatrial.compiled.random_keys import random_key
 from seatrial.core.findings import LEVELS, Finding, Message, accept
 from seatrial.core.record import SIMULATED, Record
 from seatrial.core.signals import GAUGE_CHANNELS, QUATERNION, RATES

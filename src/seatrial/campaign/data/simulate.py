@@ -13,7 +13,6 @@ from seatrial.campaign.data.no_record import no_record
 from seatrial.campaign.data.true_vehicle import FIRST, true_vehicle
 from seatrial.campaign.design.schedule import damaged_about, find_schedules, read_about
 from seatrial.campaign.design.sweep import design_first, design_key
-from seatrial.campaign.inference.posterior import random_key
 from seatrial.campaign.store.stored_result import (
     Store,
     is_current,
@@ -22,6 +21,7 @@ from seatrial.campaign.store.stored_result import (
     write_dataset,
     write_stamped_json,
 )
+from seatrial.compiled.random_keys import random_key
 from seatrial.core.errors import InputError, located, nearest
 from seatrial.core.files import depend_on
 from seatrial.core.record import SIMULATED, Channel, Provenance, Record, make_record

@@ -15,18 +15,16 @@ from jaxtyping import Bool, Float
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.design_table import PowerTable
 from seatrial.campaign.config.schema import Goal, PlanTable
-from seatrial.campaign.design.evaluate import check_whole_trials, plan_of
-from seatrial.campaign.design.prior_state_space import HALF, prior_draws
+from seatrial.campaign.design.problem import coefficient_draws, plan_of, prior_draws
 from seatrial.campaign.design.residual_noise import with_residual_noise
 from seatrial.campaign.design.schedule import commands_of, write_schedule
-from seatrial.campaign.design.sweep import coefficient_draws
-from seatrial.campaign.design.utility import UTILITY_DRAWS
 from seatrial.campaign.store.estimates import Drawn
 from seatrial.campaign.store.stored_result import Store
 from seatrial.core.errors import InputError
 from seatrial.core.record import Record
 from seatrial.core.reporter import SILENT, Reporter
 from seatrial.design.cost import PropellerPower
+from seatrial.design.design_problem import HALF, UTILITY_DRAWS, check_whole_trials
 from seatrial.design.goal_plan import MAX_TRIALS, PlannedTrial, Stage, StageGoal, choose_trials, find_stages, goals_met
 from seatrial.design.limit_conflicts import check_some_allowed
 from seatrial.design.robust import information_or_nan
@@ -112,7 +110,7 @@ def plan_trials(campaign: Campaign, so_far: SoFar | None = None, reporter: Repor
     Raises:
         InputError: no goal, designs that are ended early, or none inside the limits.
     """
-    check_whole_trials(campaign.design, campaign.where, "a plan", joules=True)
+    check_whole_trials(campaign.design.per, campaign.where, "a plan", joules=True)
     goal = goal_of(campaign.goal, campaign.model(campaign.full), campaign.where)
     if so_far is None:
         known, structure, basis = campaign, campaign.full, "the priors"

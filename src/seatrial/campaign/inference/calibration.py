@@ -15,11 +15,11 @@ from seatrial.campaign.compute.workers import Workers
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.estimate import estimate_key
-from seatrial.campaign.inference.posterior import random_key
 from seatrial.campaign.store.estimates import HasKey
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of, load_checkpoint, save_checkpoint
 from seatrial.compiled.batching import map_lanes
 from seatrial.compiled.programs import program
+from seatrial.compiled.random_keys import random_key
 from seatrial.core.errors import NumericalError
 from seatrial.core.reporter import SILENT, Progress, Reporter
 from seatrial.estimation.diagnostics.calibration import Calibration, ranks_of, spread_evenly

@@ -14,9 +14,10 @@ from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.error_models import ErrorModel, Scale, error_models, scale_of, with_error_model
 from seatrial.campaign.inference.estimate import estimate_key
 from seatrial.campaign.inference.modes import structure_modes
-from seatrial.campaign.inference.posterior import random_key, widest
+from seatrial.campaign.inference.posterior import widest
 from seatrial.campaign.store.estimates import HasKey
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
+from seatrial.compiled.random_keys import random_key
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.reporter import SILENT, Progress, Reporter
 from seatrial.selection.cross_validation import OWN, SMALL, Candidate, CrossValidation, gap

@@ -14,11 +14,11 @@ from seatrial.campaign.config.schema import EstimationTable
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.modes import check_prior_of, long_steps, structure_modes
 from seatrial.campaign.inference.omitted_effects import causes_of, findings_of, left_out, tried_effects
-from seatrial.campaign.inference.posterior import is_whole, random_key, widest
+from seatrial.campaign.inference.posterior import is_whole, widest
 from seatrial.campaign.store.estimates import Estimate, HasKey
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of, load_checkpoint, save_checkpoint
 from seatrial.compiled.programs import program
-from seatrial.compiled.random_keys import fold_in
+from seatrial.compiled.random_keys import fold_in, random_key
 from seatrial.core.argument_checks import check_kind
 from seatrial.core.dataset import Dataset
 from seatrial.core.errors import NumericalError

@@ -10,10 +10,11 @@ import numpy as np
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.import_table import ImportTable
 from seatrial.campaign.data.import_logs import Trials
-from seatrial.campaign.inference.posterior import first_sd, initial_state, posterior_of_one, random_key
+from seatrial.campaign.inference.posterior import first_sd, initial_state, posterior_of_one
 from seatrial.campaign.store.estimates import Drawn, Estimate, HasKey, OfStructure
 from seatrial.campaign.store.predictions import Fit, Predictions
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
+from seatrial.compiled.random_keys import random_key
 from seatrial.core.dataset import Dataset
 from seatrial.core.display_units import listed
 from seatrial.core.findings import Finding, Message

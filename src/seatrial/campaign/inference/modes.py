@@ -13,7 +13,7 @@ import numpy as np
 from seatrial.campaign.compute.shared_work import Study
 from seatrial.campaign.compute.workers import LocalWorkers, Workers
 from seatrial.campaign.data.check import likely_causes
-from seatrial.campaign.inference.posterior import random_key
+from seatrial.compiled.random_keys import random_key
 from seatrial.core.errors import InputError, NumericalError, SeatrialError
 from seatrial.core.findings import Finding
 from seatrial.core.record import SIMULATED, Record

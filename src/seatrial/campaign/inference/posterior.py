@@ -1,14 +1,11 @@
 """From a campaign and its records to the posterior of one structure."""
 
-import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
-import jax
 import numpy as np
 
 from seatrial.campaign.config.campaign import Campaign
-from seatrial.compiled.random_keys import seeded_key
 from seatrial.core.errors import InputError, located, too_few
 from seatrial.core.record import Record
 from seatrial.core.signals import ACTUAL, ANGLES, QUATERNION
@@ -29,11 +26,6 @@ WIDEST = 1e30  # Standard deviation of a prior, SI, beyond which squares of it l
 # share of them.
 FEW, SHARED = 12, 0.5
 NARROWEST = 1e-9  # Standard deviation over value of a prior below which rounding is felt
-
-
-def random_key(seed: int, purpose: str) -> jax.Array:
-    """Random key of one piece of work, from the campaign's seed and the work's name."""
-    return seeded_key(seed, zlib.crc32(purpose.encode()))
 
 
 def build_posterior(campaign: Campaign, structure: Structure, records: Sequence[Record]) -> Posterior:

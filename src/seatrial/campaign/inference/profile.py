@@ -6,9 +6,9 @@ from seatrial.campaign.compute.shared_work import Study
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.estimate import estimate_key
-from seatrial.campaign.inference.posterior import random_key
 from seatrial.campaign.store.estimates import HasKey
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
+from seatrial.compiled.random_keys import random_key
 from seatrial.core.errors import not_among
 from seatrial.core.reporter import SILENT, Reporter
 from seatrial.estimation.posterior.mode import find_mode

@@ -9,12 +9,11 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from seatrial.campaign.config.campaign import Campaign
-from seatrial.campaign.design.evaluate import plan_of
-from seatrial.campaign.design.prior_state_space import prior_draws
+from seatrial.campaign.design.problem import plan_of, prior_draws
 from seatrial.campaign.design.sweep import design_first
-from seatrial.campaign.design.utility import UTILITY_DRAWS
 from seatrial.compiled.programs import program
 from seatrial.core.reporter import SILENT, Reporter
+from seatrial.design.design_problem import UTILITY_DRAWS
 from seatrial.design.robust import information_table
 from seatrial.design.sweep import in_blocks
 from seatrial.design.trial_plan import TrialPlan

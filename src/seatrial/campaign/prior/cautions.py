@@ -7,7 +7,7 @@ import numpy as np
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.vehicle import WholeVehicle
-from seatrial.campaign.design.prior_state_space import prior_draws
+from seatrial.campaign.design.problem import prior_draws
 from seatrial.campaign.prior.predictive import steady_motion
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import plain, shown_unit

@@ -20,10 +20,11 @@ from seatrial.campaign.config.schema import EstimationTable
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.data.simulate import FIRST, record_keys
 from seatrial.campaign.design.sweep import design_first, is_designed
-from seatrial.campaign.inference.posterior import build_posterior, initial_state, random_key
+from seatrial.campaign.inference.posterior import build_posterior, initial_state
 from seatrial.campaign.store.stored_result import Store
 from seatrial.compiled.batching import bucket_length, filled
 from seatrial.compiled.programs import program
+from seatrial.compiled.random_keys import random_key
 from seatrial.core.argument_checks import check_kind
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import shown_as_written, shown_unit

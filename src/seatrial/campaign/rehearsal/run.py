@@ -23,20 +23,22 @@ from jaxtyping import Array, Float
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.schema import Goal
-from seatrial.campaign.design.evaluate import check_whole_trials, plan_of
 from seatrial.campaign.design.plan import goal_of
-from seatrial.campaign.design.sweep import Designs, design_first, design_key
-from seatrial.campaign.inference.posterior import random_key
+from seatrial.campaign.design.problem import plan_of
+from seatrial.campaign.design.sweep import design_first, design_key
 from seatrial.campaign.rehearsal.result import ADAPTIVE, Rehearsal
 from seatrial.campaign.rehearsal.vehicles import Vehicle, draw_vehicle, joint_posterior, run_trial
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.compiled.programs import program
+from seatrial.compiled.random_keys import random_key
 from seatrial.core.dataset import Dataset
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.record import Record
 from seatrial.core.reporter import SILENT, Reporter, run_side_by_side
+from seatrial.design.design_problem import check_whole_trials
 from seatrial.design.fisher_utilities import find_criterion
 from seatrial.design.sweep import Trim, all_controls, in_blocks
+from seatrial.design.trial_design import TrialDesign
 from seatrial.design.trial_plan import TrialPlan
 from seatrial.estimation.posterior.mode import find_mode
 from seatrial.estimation.simulation.disturbance import disturbance_name
@@ -87,7 +89,7 @@ class DesignSpace:
         """One of them."""
         return Design(self.kind[index], float(self.amplitude[index]), float(self.period[index]), self.control[index])
 
-    def best_of(self, designs: Designs, kind: str) -> Design:
+    def best_of(self, designs: TrialDesign, kind: str) -> Design:
         """The design of one family that was the most informative in a sweep."""
         sweep = next(sweep for sweep in designs.sweeps if sweep.family.kind == kind)
         row, column = sweep.best
@@ -166,7 +168,7 @@ class DesignSpace:
         return {family.control: 1.0, **{one.control: one.ratio for one in family.beside}}
 
 
-def design_space(campaign: Campaign, designs: Designs) -> DesignSpace:
+def design_space(campaign: Campaign, designs: TrialDesign) -> DesignSpace:
     """All designs that a first sweep found to fit and to keep inside the limits."""
     kinds, parts = [], []
     for sweep in designs.sweeps:
@@ -217,7 +219,7 @@ def rehearse(campaign: Campaign, vehicles: int, reporter: Reporter = SILENT) -> 
         InputError: no standard deviation is asked for, or too few vehicles.
         NumericalError: a prior of which hardly a draw can be simulated.
     """
-    check_whole_trials(campaign.design, campaign.where, "a rehearsal", joules=True)
+    check_whole_trials(campaign.design.per, campaign.where, "a rehearsal", joules=True)
     if any(name.startswith(disturbance_name("")) for name in campaign.priors):
         campaign.check_no_autopilot("a rehearsal of disturbances")
     goal = goal_of(campaign.goal, campaign.model(campaign.full), campaign.where)

@@ -14,9 +14,10 @@ import numpy as np
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.estimate import estimate_key
-from seatrial.campaign.inference.posterior import build_posterior, random_key
+from seatrial.campaign.inference.posterior import build_posterior
 from seatrial.campaign.store.estimates import Estimate, HasKey, OfStructure
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
+from seatrial.compiled.random_keys import random_key
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.reporter import SILENT, Progress, Reporter, no_progress, run_side_by_side
 from seatrial.estimation.posterior.mode import find_mode

@@ -15,11 +15,12 @@ from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.estimate import estimate_key
 from seatrial.campaign.inference.judge_predictions import residual_doubt
 from seatrial.campaign.inference.modes import exchange_modes
-from seatrial.campaign.inference.posterior import random_key, widest
+from seatrial.campaign.inference.posterior import widest
 from seatrial.campaign.inference.quick_estimates import draw_about_mode
 from seatrial.campaign.selection.screening import shortlist_of
 from seatrial.campaign.store.estimates import HasKey
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of, load_checkpoint, save_checkpoint
+from seatrial.compiled.random_keys import random_key
 from seatrial.core.argument_checks import check_kind
 from seatrial.core.display_units import listed
 from seatrial.core.errors import NumericalError

@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
-from seatrial.campaign.design.evaluate import applied_controls
+from seatrial.campaign.design.problem import applied_controls
 from seatrial.campaign.design.sweep import design_key, design_next
 from seatrial.campaign.inference.estimate import estimate_all
 from seatrial.campaign.inference.posterior import build_likelihood, shared_model

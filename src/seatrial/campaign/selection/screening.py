@@ -7,11 +7,12 @@ import numpy as np
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.schema import StructureTable
 from seatrial.campaign.data.import_logs import Trials
-from seatrial.campaign.inference.posterior import build_posterior, random_key
+from seatrial.campaign.inference.posterior import build_posterior
 from seatrial.campaign.inference.quick_estimates import ignored
 from seatrial.campaign.store.estimates import HasKey
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.campaign.store.structures import Screened
+from seatrial.compiled.random_keys import random_key
 from seatrial.core.dataset import Dataset
 from seatrial.core.errors import InputError
 from seatrial.core.reporter import SILENT, Reporter

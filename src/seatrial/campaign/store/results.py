@@ -14,13 +14,13 @@ from pathlib import Path
 from typing import Generic
 
 from seatrial.campaign.rehearsal.result import Rehearsal
-from seatrial.campaign.store.designs import FreeTrial, Measures, RelayTrial, Searched, SweptDesigns
 from seatrial.campaign.store.estimates import Estimate, Known
 from seatrial.campaign.store.predictions import FittedBaselines, Predictions
 from seatrial.campaign.store.stored_result import Result, Store, read_result
 from seatrial.campaign.store.structures import Contenders, Screened, StoredMode, Summary
 from seatrial.core.dataset import Dataset
 from seatrial.core.record import Record
+from seatrial.design.results import FreeTrial, Measures, RelayTrial, Searched, SweptDesigns
 from seatrial.estimation.diagnostics.calibration import Calibration
 from seatrial.estimation.posterior.profile_result import Profiles
 from seatrial.selection.criterion import Criteria

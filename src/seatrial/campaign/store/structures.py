@@ -12,6 +12,7 @@ from seatrial.campaign.store.predictions import Fit
 from seatrial.core.dataset import Dataset
 from seatrial.core.display_units import shown_unit
 from seatrial.core.findings import Message
+from seatrial.design.results import BestDesign
 from seatrial.estimation.prediction.baseline_comparison import Comparison
 from seatrial.estimation.prediction.pooled_coverage import Pooled
 from seatrial.selection.verdict import DECIDED, Selection, StructureRow
@@ -44,35 +45,6 @@ class StoredAverage:
     model_error_sd: float | None
     model_error_cause: str
     inclusion: float
-
-
-@dataclass(frozen=True)
-class BestDesign:
-    """The best design of a family, SI, and what it promises.
-
-    Attributes:
-        family: kind of the manoeuvre.
-        control: channel that is driven.
-        unit: SI unit of the control.
-        trim: value of the control about which it is driven.
-        amplitude: of the control about its trim.
-        period: of the shape, s.
-        gain_nat: entropy reduction of the coefficients.
-        worth: what makes it the best.
-        sd_before: standard deviation of each coefficient before the trial.
-        sd_after: expected after it.
-    """
-
-    family: str
-    control: str
-    unit: str
-    trim: float
-    amplitude: float
-    period: float
-    gain_nat: float
-    worth: float
-    sd_before: dict[str, float]
-    sd_after: dict[str, float]
 
 
 @dataclass(frozen=True)

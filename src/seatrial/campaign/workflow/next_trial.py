@@ -15,12 +15,12 @@ from seatrial.campaign.config.import_table import ImportTable
 from seatrial.campaign.config.schema import Goal
 from seatrial.campaign.data.simulate import Chosen, chosen_of
 from seatrial.campaign.design.residual_noise import noise_words
-from seatrial.campaign.design.sweep import Designs
 from seatrial.campaign.inference.judge_predictions import fitted_failures, held_back_alarms, hold_back_words
 from seatrial.campaign.inference.quick_estimates import FirstAnswer
 from seatrial.campaign.store.structures import BETTER_EVIDENCE, Contenders, condition_of
 from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.core.display_units import listed, percent
+from seatrial.design.trial_design import TrialDesign
 from seatrial.manoeuvres.family import design_words
 from seatrial.messages.render import sentences
 from seatrial.selection.verdict import DECIDED
@@ -143,7 +143,7 @@ def before_stop(imports: ImportTable | None, goal: Goal | None, is_tested: bool)
     return missing
 
 
-def propose_by_mode(campaign: Campaign, first: FirstAnswer, designs: Designs, trials: int) -> Proposal:
+def propose_by_mode(campaign: Campaign, first: FirstAnswer, designs: TrialDesign, trials: int) -> Proposal:
     """Weigh the goal and what the best designs promise, by the posterior mode of the most probable structure.
 
     Args:
@@ -179,7 +179,7 @@ def _within(outcome: Outcome) -> str:
 
 
 def _most_informative(
-    designs: Designs, known: Known, noise: str, standing: tuple[str, ...], counting: bool, within: str = ""
+    designs: TrialDesign, known: Known, noise: str, standing: tuple[str, ...], counting: bool, within: str = ""
 ) -> Proposal:
     gain = float(designs.best.gain[designs.best.best])
     if gain < MIN_GAIN and not counting:
@@ -286,7 +286,7 @@ def _wrong(outcome: Outcome) -> Proposal | None:
 
 
 def _run(
-    designs: Designs,
+    designs: TrialDesign,
     at: tuple[int, int],
     known: Known,
     noise: str,

@@ -5,7 +5,6 @@ from html import escape
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
-from seatrial.campaign.design.sweep import Designs
 from seatrial.campaign.inference.baselines import comparison_alarms
 from seatrial.campaign.inference.judge_predictions import disowned, held_back_alarms
 from seatrial.campaign.store.estimates import Estimate, Known
@@ -13,6 +12,7 @@ from seatrial.campaign.store.predictions import Fit, FittedBaselines
 from seatrial.campaign.store.structures import Contenders, Screened, Summary
 from seatrial.core.dataset import Dataset
 from seatrial.core.findings import Finding
+from seatrial.design.trial_design import TrialDesign
 from seatrial.estimation.prediction.baseline_comparison import Comparison
 from seatrial.estimation.prediction.pooled_coverage import Pooled
 from seatrial.messages.cross_validation import disagreement
@@ -63,8 +63,8 @@ class Outcome:
     compared: tuple[Comparison, ...]
     known: Known
     promised: Known | None
-    first: Designs | None
-    next: Designs | None
+    first: TrialDesign | None
+    next: TrialDesign | None
     screened: Screened | None
     screening_cautions: tuple[str, ...]
     contenders: Contenders | None

@@ -311,7 +311,7 @@ def _design() -> Work:
 
 
 def _own() -> Work:
-    from seatrial.campaign.design.evaluate_schedule import evaluate_own_schedule, stored_own
+    from seatrial.campaign.design.searches import evaluate_own_schedule, stored_own
 
     return Work(
         evaluate_own_schedule,
@@ -320,31 +320,31 @@ def _own() -> Work:
 
 
 def _free_form() -> Work:
-    from seatrial.campaign.design.free_form import design_free_trial, stored_free_trial
+    from seatrial.campaign.design.searches import design_free_trial, stored_free_trial
 
     return Work(design_free_trial, lambda campaign, levels: [stored_free_trial(campaign, levels)])
 
 
 def _relay() -> Work:
-    from seatrial.campaign.design.relay import design_relay_trial, stored_relay
+    from seatrial.campaign.design.searches import design_relay_trial, stored_relay
 
     return Work(design_relay_trial, lambda campaign: [stored_relay(campaign)])
 
 
 def _searched() -> Work:
-    from seatrial.campaign.design.global_search import search_design, stored_search
+    from seatrial.campaign.design.searches import search_design, stored_search
 
     return Work(search_design, lambda campaign, budget: [stored_search(campaign, budget)])
 
 
 def _measures() -> Work:
-    from seatrial.campaign.design.compare_utilities import compare_measures, stored_measures
+    from seatrial.campaign.design.searches import compare_measures, stored_measures
 
     return Work(compare_measures, lambda campaign, designs: [stored_measures(campaign, designs)])
 
 
 def _batch() -> Work:
-    from seatrial.campaign.design.batch import plan_together
+    from seatrial.campaign.design.searches import plan_together
 
     return Work(plan_together)
 
@@ -356,7 +356,7 @@ def _plan() -> Work:
 
 
 def _sensors() -> Work:
-    from seatrial.campaign.design.sensor_choice import sensor_table
+    from seatrial.campaign.design.searches import sensor_table
 
     return Work(sensor_table)
 

@@ -137,7 +137,7 @@ class _Found(NamedTuple):
 
 def _by_loop(campaign: Any, reporter: Any) -> _Found:
     """Propose by the whole loop."""
-    from seatrial.campaign.design.evaluate_schedule import evaluate_schedule_after
+    from seatrial.campaign.design.searches import evaluate_schedule_after
     from seatrial.campaign.workflow.loop import run_loop
     from seatrial.campaign.workflow.next_trial import propose
 
@@ -151,7 +151,7 @@ def _by_loop(campaign: Any, reporter: Any) -> _Found:
 
 def _by_mode(campaign: Any, reporter: Any) -> _Found:
     """Propose by the posterior mode of the most probable structure."""
-    from seatrial.campaign.design.evaluate_schedule import evaluate_schedule_after
+    from seatrial.campaign.design.searches import evaluate_schedule_after
     from seatrial.campaign.design.sweep import design_next_by_mode
     from seatrial.campaign.inference.quick_estimates import MODE, best_mode, posterior_modes
     from seatrial.campaign.workflow.next_trial import propose_by_mode

@@ -211,22 +211,24 @@ def _check_options(
     campaign: Any, free_form: int, self_oscillation: bool, trials: int, search: int, compare: int
 ) -> None:
     """Look for what each option needs before any work."""
-    from seatrial.campaign.design.compare_utilities import check_comparison
-    from seatrial.campaign.design.evaluate import check_whole_trials
-    from seatrial.campaign.design.free_form import check_free_trial
-    from seatrial.campaign.design.global_search import check_search
-    from seatrial.campaign.design.relay import check_relay
+    from seatrial.campaign.design.problem import design_problem
+    from seatrial.campaign.design.searches import relay_search
+    from seatrial.design.batch import BatchSearch
+    from seatrial.design.free_form import FreeFormSearch
+    from seatrial.design.global_search import GlobalSearch
+    from seatrial.design.measures import MeasureSearch
 
-    if free_form:
-        check_free_trial(campaign)
+    problem = design_problem(campaign)
+    for wanted, kind in (
+        (free_form, FreeFormSearch),
+        (trials, BatchSearch),
+        (search, GlobalSearch),
+        (compare, MeasureSearch),
+    ):
+        if wanted:
+            kind(wanted).check(problem)
     if self_oscillation:
-        check_relay(campaign)
-    if trials:
-        check_whole_trials(campaign.design, campaign.where, "--trials")
-    if search:
-        check_search(campaign.design, campaign.where, campaign.families, search)
-    if compare:
-        check_comparison(campaign)
+        relay_search(campaign)
 
 
 def _each(answer: Answer, options: list[Callable[[], list[str]]]) -> None:

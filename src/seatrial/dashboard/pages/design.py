@@ -10,7 +10,6 @@ import numpy as np
 from markupsafe import Markup
 from nicegui import ui
 
-from seatrial.campaign.store.designs import edge_words
 from seatrial.campaign.store.stored_result import Store
 from seatrial.cli.campaign_text import CAMPAIGN, written_units
 from seatrial.core.coefficients import CoefficientName
@@ -23,6 +22,7 @@ from seatrial.dashboard.result_charts import mark_chosen, schedule_chart, surfac
 from seatrial.dashboard.table_form import TableForm
 from seatrial.dashboard.view_models import Clicked, Swept
 from seatrial.dashboard.worker_pool import stamp
+from seatrial.design.results import edge_words
 from seatrial.report.numbers import percent, short, unit_html
 
 UNTAUGHT = 0.999

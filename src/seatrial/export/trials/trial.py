@@ -11,8 +11,8 @@ from jaxtyping import Float
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.design.schedule import damaged_about, find_schedules, read_about
-from seatrial.campaign.inference.posterior import random_key
 from seatrial.campaign.workflow.steps import LOOP, Workflow
+from seatrial.compiled.random_keys import random_key
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError, nearest

@@ -8,11 +8,11 @@ from markupsafe import Markup
 
 from seatrial.campaign.data.simulate import chosen_of
 from seatrial.campaign.data.true_vehicle import FIRST
-from seatrial.campaign.design.sweep import Designs
 from seatrial.campaign.workflow.next_trial import propose
 from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.core.display_units import shown_unit
 from seatrial.core.record import Record
+from seatrial.design.trial_design import TrialDesign
 from seatrial.manoeuvres.family import design_words
 from seatrial.manoeuvres.schedule import schedule_of
 from seatrial.report.drawing import (
@@ -66,7 +66,7 @@ def next_section(outcome: Outcome) -> dict[str, Any]:
     }
 
 
-def sweep_drawings(outcome: Outcome, designs: Designs, name: str) -> list[Drawing]:
+def sweep_drawings(outcome: Outcome, designs: TrialDesign, name: str) -> list[Drawing]:
     """Surface and chosen control of the best family's sweep."""
     sweep = designs.best
     control = sweep.family.control
@@ -103,7 +103,7 @@ def sweep_drawings(outcome: Outcome, designs: Designs, name: str) -> list[Drawin
     ]
 
 
-def best_words(designs: Designs) -> str:
+def best_words(designs: TrialDesign) -> str:
     """Name the best design, as a sentence begins."""
     sweep = designs.best
     row, column = sweep.best
@@ -127,7 +127,7 @@ def record_rows(outcome: Outcome) -> list[dict[str, Any]]:
     ]
 
 
-def _designed(outcome: Outcome, first: Designs) -> dict[str, Any]:
+def _designed(outcome: Outcome, first: TrialDesign) -> dict[str, Any]:
     """Return the trial as it was designed, beside what the records gave."""
     filtered = [str(name) for name in outcome.filter["coefficient"].values]
     full = outcome.estimates[0]
@@ -144,7 +144,7 @@ def _designed(outcome: Outcome, first: Designs) -> dict[str, Any]:
     }
 
 
-def _families(designs: Designs) -> list[str]:
+def _families(designs: TrialDesign) -> list[str]:
     """Return the best of every family, where there is more than one."""
     several = len(designs.sweeps) + len(designs.refused) > 1
     return designs.lines() if several else designs.diverging()

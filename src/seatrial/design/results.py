@@ -65,7 +65,37 @@ class SweptDesigns:
     unit: str
 
 
+@dataclass(frozen=True)
+class BestDesign:
+    """The best design of a family, SI, and what it promises.
+
+    Attributes:
+        family: kind of the manoeuvre.
+        control: channel that is driven.
+        unit: SI unit of the control.
+        trim: value of the control about which it is driven.
+        amplitude: of the control about its trim.
+        period: of the shape, s.
+        gain_nat: entropy reduction of the coefficients.
+        worth: what makes it the best.
+        sd_before: standard deviation of each coefficient before the trial.
+        sd_after: expected after it.
+    """
+
+    family: str
+    control: str
+    unit: str
+    trim: float
+    amplitude: float
+    period: float
+    gain_nat: float
+    worth: float
+    sd_before: dict[str, float]
+    sd_after: dict[str, float]
+
+
 EXPECTED = "expected information gain"
+POPULATION = 16  # Designs of one family that a global search evaluates at once
 
 
 @dataclass(frozen=True, eq=False)
