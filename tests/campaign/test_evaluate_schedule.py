@@ -72,7 +72,7 @@ def test_a_schedule_is_found_or_missed_like_every_file(tmp_path):
     (tmp_path / "mine.csv").unlink()
     with pytest.raises(InputError, match=r"key design.schedule[^$]*no file"):
         load_campaign(tmp_path)
-    assert made.design.own.label == "mine"
+    assert made.own_schedule.label == "mine"
 
 
 def test_another_control_keeps_its_own_limits(tmp_path):

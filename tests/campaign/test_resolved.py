@@ -13,7 +13,7 @@ import pytest
 
 import seatrial
 from seatrial.campaign.config.campaign import Campaign
-from seatrial.campaign.config.design_table import DesignSettings
+from seatrial.campaign.config.design_table import DesignTable
 from seatrial.campaign.config.import_table import ImportTable, LogColumn, LogFile
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.config.schema import ComputeTable, EstimationTable, Goal, SelectionTable, StructureTable
@@ -32,7 +32,6 @@ from seatrial.campaign.workflow.steps import TrialsKey
 from seatrial.core.errors import InputError
 from seatrial.core.record import Channel, Provenance, make_record
 from seatrial.estimation.priors import LogUniform, Uniform
-from seatrial.manoeuvres.family import Family
 from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.vehicles.catalogue import load_surge
 from tests.campaign.small import write_small
@@ -59,11 +58,15 @@ def by_hand() -> Campaign:
         structure=StructureTable(always=("X_uabsu", "T_nabsn"), optional=("X_u",)),
         priors={"X_u": Uniform(-3.6, 1.2), "X_uabsu": Uniform(-8.8, 0.0), "T_nabsn": Uniform(2e-4, 12e-4)},
         sensors={"u": SensorTable(noise=0.05)},
-        trial_design=DesignSettings(
-            Family("n", entry.hull.trim["n"], duration=30.0, active=20.0, sample_time=0.1),
-            ("repeated-doublet",),
-            amplitudes=(100 * rpm, 150 * rpm, 200 * rpm),
-            periods=(2.0, 8.0, 14.0, 20.0),
+        trial_design=DesignTable.model_validate(
+            {
+                "control": "n",
+                "duration": 30.0,
+                "active": 20.0,
+                "sample_time": 0.1,
+                "amplitude": {"from": 100 * rpm, "to": 200 * rpm, "points": 3},
+                "period": {"from": 2.0, "to": 20.0, "points": 4},
+            }
         ),
         control_limits={"n": Limits(0.0, 1500 * rpm)},
         truth={"X_u": -1.21, "X_uabsu": -2.93, "T_nabsn": 6.28e-4},

@@ -118,8 +118,7 @@ def _worked(home: Path, reporter: Any, work: Work, answer: Answer) -> Exit:
     from seatrial.campaign.config.named_files import folders_outside
 
     campaign = load_campaign(home)
-    stated = campaign.trial_design
-    own = [] if stated is None or stated.own is None else [Path(stated.own.source)]
+    own = [] if campaign.own_schedule is None else [Path(campaign.own_schedule.source)]
     for outside in folders_outside(campaign.folder, campaign.priors_from, campaign.imports, own):
         reporter.say(f"reads files outside the campaign's folder, in {outside}")
     answer.accepted = campaign.accepted

@@ -11,7 +11,7 @@ import numpy as np
 
 from seatrial.campaign.config.assumed_unknowns import assumed_unknowns, no_unknown_prior
 from seatrial.campaign.config.autopilot_table import AutopilotSettings
-from seatrial.campaign.config.design_table import DesignSettings, PowerTable
+from seatrial.campaign.config.design_table import DesignTable, OwnSchedule, PowerTable
 from seatrial.campaign.config.import_table import ImportTable
 from seatrial.campaign.config.quantities import Residuals
 from seatrial.campaign.config.schema import (
@@ -64,6 +64,7 @@ class Campaign:
         sensors: by the channel that each measures.
         mounts: where sensors sit, how they are turned, and their scale, by channel.
         trial_design: which trials are tried; None where imported runs are fitted, and none is designed.
+        own_schedule: schedule that is weighed beside the families, and run first; no design of a family depends on it.
         control_limits: of controls, by name, SI.
         motion_limits: of the motion.
         autopilot: through which trials run.
@@ -89,9 +90,10 @@ class Campaign:
     structure: StructureTable
     priors: Mapping[str, Prior]
     sensors: Mapping[str, SensorTable]
-    trial_design: DesignSettings | None
+    trial_design: DesignTable | None
     mounts: Mapping[str, Mount] = field(default_factory=dict)
     prior_units: Mapping[str, str] = field(default_factory=dict)
+    own_schedule: OwnSchedule | None = None
     control_limits: Mapping[str, Limits] = field(default_factory=dict)
     motion_limits: tuple[MotionLimit, ...] = ()
     autopilot: AutopilotSettings = AutopilotSettings()
@@ -278,7 +280,7 @@ class Campaign:
         return "delay" in self.priors
 
     @property
-    def design(self) -> DesignSettings:
+    def design(self) -> DesignTable:
         """Which trials are tried.
 
         Raises:
@@ -297,12 +299,12 @@ class Campaign:
     def families(self) -> tuple[Family, ...]:
         """Families that are swept; all of one control, trim and timing."""
         with located(self.where("design.families")):
-            return tuple(replace(self.family, kind=kind, seed=self.seed) for kind in self.design.kinds)
+            return tuple(replace(self.family, kind=kind, seed=self.seed) for kind in self.design.families)
 
-    @property
+    @cached_property
     def family(self) -> Family:
         """Control, trim and timing that all designs share."""
-        return self.design.family
+        return self.design.family({**self.hull.trim, **self.autopilot.trim})
 
     @property
     def limits(self) -> Limits:
@@ -312,8 +314,8 @@ class Campaign:
     @property
     def trim(self) -> Mapping[str, float]:
         """Trim values of states and controls that are stated, SI; that of a designed control where the design states another."""
-        stated = self.trial_design
-        return self.hull.trim if stated is None else {**self.hull.trim, stated.family.control: stated.family.trim}
+        trim = self.hull.trim
+        return trim if self.trial_design is None else {**trim, self.family.control: self.family.trim}
 
     @property
     def example_vehicle(self) -> str:

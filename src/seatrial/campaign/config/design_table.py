@@ -1,10 +1,10 @@
 """Reads `[design]`, `[limits]` and `[power]`: which designs are tried, inside which limits, and what makes one the best."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import inf
 from pathlib import Path, PurePath
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Self
 
 import numpy as np
 from pydantic import BeforeValidator, Field, ModelWrapValidatorHandler, model_validator
@@ -24,6 +24,7 @@ from seatrial.campaign.config.quantities import (
 from seatrial.campaign.config.toml import FileKeys
 from seatrial.core.errors import InputError, located, nearest
 from seatrial.core.signals import CONTROLS, is_thruster, signal_unit
+from seatrial.design.design_problem import DesignFilter, Over, Per, Utility
 from seatrial.design.integrals import motion_signals
 from seatrial.design.motion_limits import MotionLimit
 from seatrial.manoeuvres.family import Beside, Family
@@ -31,8 +32,6 @@ from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.manoeuvres.schedule import Schedule, read_rows
 from seatrial.vehicles.model import VehicleModel
 
-Utility = Literal["entropy", "fisher-d", "fisher-a", "fisher-e", "fisher-me", "fisher-c", "discrimination"]
-DesignFilter = Literal["square-root-unscented", "unscented", "extended"]
 Watts = Annotated[float, Unit("W")]
 OfLimited = Annotated[float, Unit("{limited}", "that of the quantity")]
 RateOfLimited = Annotated[float, Unit("({limited})/s", "that of the control, per second")]
@@ -150,11 +149,11 @@ class DesignTable(Table):
     filter: DesignFilter = Field(
         default="square-root-unscented", description="filter that computes the entropy reduction"
     )
-    over: Literal["mean", "local", "worst"] = Field(
+    over: Over = Field(
         default="mean",
         description="the utility is the mean over draws of the coefficients, the value at their mean (`local`), or the worst",
     )
-    per: Literal["trial", "joule", "second"] = Field(
+    per: Per = Field(
         default="trial", description="whether a trial counts as a whole, by the energy it takes, or by the time"
     )
     turnaround: Turnaround = Field(default=0.0, description='time between trials, counted with `per = "second"`')
@@ -197,6 +196,24 @@ class DesignTable(Table):
             )
         return self
 
+    def family(self, trims: Mapping[str, float]) -> Family:
+        """Return control, trim and timing that all designs share; each shape is a copy of it.
+
+        Args:
+            trims: of the vehicle and of the set-points, SI.
+        """
+        trim = trims.get(self.control, 0.0) if self.trim is None else self.trim
+        seconds = {key: getattr(self, key) for key in ("duration", "active", "sample_time", "start", "ramp")}
+        beside = (
+            Beside(name, trims.get(name, 0.0), other.amplitude / self.amplitude.stop, other.period)
+            for name, other in self.together.items()
+        )
+        return Family(self.control, trim, **seconds, beside=tuple(beside))
+
+    def grid(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return amplitudes, SI, and periods, s."""
+        return np.array(self.amplitude.values()), np.array(self.period.values())
+
 
 @dataclass(frozen=True, eq=False)
 class OwnSchedule:
@@ -218,49 +235,10 @@ class OwnSchedule:
         return PurePath(self.source).stem
 
 
-@dataclass(frozen=True)
-class DesignSettings:
-    """Designs to try, and what makes one of them the best.
-
-    Attributes:
-        family: control, trim and timing that all designs share.
-        kinds: shapes of the input that are tried.
-        amplitudes: of the control about its trim, SI.
-        periods: s.
-        utility: what is to be large.
-        filter: whose entropy reduction is predicted.
-        over: the mean of draws of what is believed, its mean alone, or the worst draw.
-        per: what a utility is counted by.
-        turnaround: time that a trial takes beside its own, s.
-        probability: with which limits of the motion are kept.
-        relay: the self-oscillating test.
-        prediction: what the coefficients are wanted for.
-        own: schedule that is weighed beside the families, and run first; no design of a family depends on it.
-    """
-
-    family: Family
-    kinds: tuple[str, ...]
-    amplitudes: tuple[float, ...]
-    periods: tuple[float, ...]
-    utility: Utility = "entropy"
-    filter: DesignFilter = "square-root-unscented"
-    over: Literal["mean", "local", "worst"] = "mean"
-    per: Literal["trial", "joule", "second"] = "trial"
-    turnaround: float = 0.0
-    probability: float = 0.95
-    relay: RelayTable | None = None
-    prediction: PredictionTable | None = None
-    own: OwnSchedule | None = field(default=None, compare=False)
-
-    def grid(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return amplitudes, SI, and periods, s."""
-        return np.array(self.amplitudes), np.array(self.periods)
-
-
-def read_design(
+def check_design(
     table: DesignTable, keys: FileKeys, commands: Sequence[str], trim: Mapping[str, float], channels: Sequence[str]
-) -> DesignSettings:
-    """Read what designs are tried.
+) -> None:
+    """Check which designs are tried.
 
     Args:
         table: as written.
@@ -287,24 +265,31 @@ def read_design(
             expected="a measured channel: " + ", ".join(channels),
             remedy=nearest(output, channels),
         )
-    family = _family(table, keys, commands, trim)
-    return DesignSettings(
-        family,
-        tuple(table.families),
-        table.amplitude.values(),
-        table.period.values(),
-        table.utility,
-        table.filter,
-        table.over,
-        table.per,
-        table.turnaround,
-        table.probability,
-        table.relay,
-        table.prediction,
-    )
+    if table.control not in commands:
+        raise InputError(
+            keys.where("design.control"),
+            found=f'"{table.control}"',
+            expected="a control of the vehicle, or a set-point of its autopilot: "
+            + (", ".join(commands) or "it has none"),
+            remedy=_control_remedy(table.control, commands),
+        )
+    others = [name for name in commands if name != table.control]
+    for name in table.together:
+        if name not in others:
+            raise InputError(
+                keys.where(f"design.together.{name}"),
+                found=f'"{name}"' + ", which is driven" * (name == table.control),
+                expected="another control of the vehicle: " + (", ".join(others) or "it has none"),
+                remedy=nearest(name, others) if others else "remove it",
+            )
+    try:
+        table.family(trim)
+    except InputError as error:
+        key = keys.where(f"design.{error.where.rpartition(' ')[2]}")
+        raise InputError(key, found=error.found, expected=error.expected, remedy=error.remedy) from None
 
 
-def check_utility(design: DesignSettings, keys: FileKeys, is_one_structure: bool, has_autopilot: bool) -> None:
+def check_utility(design: DesignTable, keys: FileKeys, is_one_structure: bool, has_autopilot: bool) -> None:
     """Check what makes a design the best: what the utility needs, and what is counted.
 
     Raises:
@@ -440,36 +425,6 @@ def read_power(table: PowerTable | None, keys: FileKeys, control: str) -> PowerT
             remedy="read one operating point off the battery's telemetry",
         )
     return table
-
-
-def _family(table: DesignTable, keys: FileKeys, controls: Sequence[str], trims: Mapping[str, float]) -> Family:
-    """Control, trim and timing; each shape is a copy of it."""
-    if table.control not in controls:
-        raise InputError(
-            keys.where("design.control"),
-            found=f'"{table.control}"',
-            expected="a control of the vehicle, or a set-point of its autopilot: "
-            + (", ".join(controls) or "it has none"),
-            remedy=_control_remedy(table.control, controls),
-        )
-    trim = trims.get(table.control, 0.0) if table.trim is None else table.trim
-    seconds = {key: getattr(table, key) for key in ("duration", "active", "sample_time", "start", "ramp")}
-    others = [name for name in controls if name != table.control]
-    beside = []
-    for name, other in table.together.items():
-        if name not in others:
-            raise InputError(
-                keys.where(f"design.together.{name}"),
-                found=f'"{name}"' + ", which is driven" * (name == table.control),
-                expected="another control of the vehicle: " + (", ".join(others) or "it has none"),
-                remedy=nearest(name, others) if others else "remove it",
-            )
-        beside.append(Beside(name, trims.get(name, 0.0), other.amplitude / table.amplitude.stop, other.period))
-    try:
-        return Family(table.control, trim, **seconds, beside=tuple(beside))
-    except InputError as error:
-        key = keys.where(f"design.{error.where.rpartition(' ')[2]}")
-        raise InputError(key, found=error.found, expected=error.expected, remedy=error.remedy) from None
 
 
 def _motion_limit(name: str, table: LimitsTable, keys: FileKeys) -> MotionLimit:

@@ -1,7 +1,6 @@
 """Reading a campaign's TOML file: whatever is wrong with it is found before any work is done."""
 
 from collections.abc import Collection, Mapping
-from dataclasses import replace
 from math import inf
 from pathlib import Path
 from textwrap import indent
@@ -9,7 +8,7 @@ from textwrap import indent
 from seatrial.campaign.config.assumed_unknowns import assumed_unknowns, check_disturbances
 from seatrial.campaign.config.autopilot_table import AutopilotSettings, read_autopilot
 from seatrial.campaign.config.campaign import Campaign, sensor_models
-from seatrial.campaign.config.design_table import check_utility, read_design, read_limits, read_own, read_power
+from seatrial.campaign.config.design_table import check_design, check_utility, read_limits, read_own, read_power
 from seatrial.campaign.config.earlier_campaigns import found_before, unknowns_before, with_fixed, with_known
 from seatrial.campaign.config.import_table import read_imports
 from seatrial.campaign.config.named_files import find
@@ -106,24 +105,20 @@ def _campaign(file: CampaignFile, keys: FileKeys) -> Campaign:
     priors = read_priors(tables, keys, units, unknown, rules.never, inertia)
     process_noise = _process_noise(file.filter, keys, units, model)
     _check_source(file, keys, model)
-    autopilot, design, power = AutopilotSettings(), None, None
-    if file.design is not None:
-        autopilot = read_autopilot(
-            file.autopilot, keys, model, tuple(sensors), vehicle.hull.trim, file.design.sample_time
-        )
+    autopilot, design, own, power = AutopilotSettings(), file.design, None, None
+    if design is not None:
+        autopilot = read_autopilot(file.autopilot, keys, model, tuple(sensors), vehicle.hull.trim, design.sample_time)
     commands = (*model.controls, *autopilot.trim)
     limits, motion_limits = read_limits(file.limits, keys, model, commands)
-    if file.design is not None:
-        trim = {**vehicle.hull.trim, **autopilot.trim}
-        design = read_design(file.design, keys, commands, trim, tuple(sensors))
+    if design is not None:
+        check_design(design, keys, commands, {**vehicle.hull.trim, **autopilot.trim}, tuple(sensors))
         check_utility(design, keys, is_one_structure=not rules.optional, has_autopilot=bool(autopilot.loops))
-        if file.design.schedule is not None:
+        if design.schedule is not None:
             where = keys.where("design.schedule")
             with located(where):
-                own = read_own(find(folder, file.design.schedule, where), commands, limits, design.family.sample_time)
-            design = replace(design, own=own)
+                own = read_own(find(folder, design.schedule, where), commands, limits, design.sample_time)
         if file.power is not None or design.per == "joule":
-            power = read_power(file.power, keys, file.design.control)
+            power = read_power(file.power, keys, design.control)
     for code in file.checks.accept:
         entry_of(code, keys.where("checks.accept"))  # refuses what the catalogue does not have
     laws = vehicle.laws if isinstance(vehicle, WholeVehicle) else ()
@@ -142,6 +137,7 @@ def _campaign(file: CampaignFile, keys: FileKeys) -> Campaign:
         sensors=sensors,
         mounts=mounts,
         trial_design=design,
+        own_schedule=own,
         control_limits=limits,
         motion_limits=motion_limits,
         autopilot=autopilot,
@@ -168,7 +164,7 @@ def _campaign(file: CampaignFile, keys: FileKeys) -> Campaign:
         )
     _ = campaign.full, campaign.prediction(model)
     check_truth(campaign)
-    _check_start(campaign, is_trim_stated=file.design is not None and file.design.trim is not None)
+    _check_start(campaign, is_trim_stated=design is not None and design.trim is not None)
     return campaign
 
 

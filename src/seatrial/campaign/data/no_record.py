@@ -9,7 +9,7 @@ from seatrial.core.errors import InputError
 def no_record(campaign: Campaign) -> InputError:
     """Return the error of what needs a record in a campaign that has neither [import] nor [truth]: both, ready to paste."""
     store, log = Store(campaign.folder), "`seatrial inspect LOG --map`"
-    schedule = store.schedule(store.design if campaign.design.own is None else store.own_design)
+    schedule = store.schedule(store.design if campaign.own_schedule is None else store.own_design)
     first = "" if schedule.is_file() else f"design it with `seatrial design {campaign.folder}`, "
     return InputError(
         campaign.where("import"),

@@ -150,7 +150,7 @@ def later_trials(campaign: Campaign) -> tuple[Later, ...]:
 def _all_trials(campaign: Campaign) -> tuple[Later | None, ...]:
     """Every trial in its order; None stands for the best design, which is the first where [design] names no schedule."""
     later, without_first = _sequence(campaign)
-    own = campaign.design.own
+    own = campaign.own_schedule
     first = None if own is None else _of_own(own, own.label)
     if without_first or (first is not None and first.label in [getattr(one, "label", None) for one in later]):
         return later
@@ -214,7 +214,7 @@ def check_simulated(campaign: Campaign) -> None:
 
 
 def _begun(campaign: Campaign) -> str:
-    own = campaign.design.own
+    own = campaign.own_schedule
     first = () if own is None else (_of_own(own, own.label).as_plain(),)
     return key_of("begun", design_key(campaign), campaign.truth, campaign.seed, *first)
 
@@ -249,7 +249,7 @@ def ask_for(
             remedy="name the trial that is to be run",
         )
     before = len(_all_trials(campaign))
-    if design == "design" and label is None and campaign.design.own is None:
+    if design == "design" and label is None and campaign.own_schedule is None:
         _write_sequence(campaign, () if alone else later_trials(campaign), False)
     else:
         asked = () if design is None else designed_trials(campaign, design, label, reporter)

@@ -212,7 +212,7 @@ def evaluate_own_schedule(campaign: Campaign, reporter: Reporter = SILENT) -> Ow
     Raises:
         NumericalError: the motion diverges at a draw of the priors.
     """
-    own = campaign.design.own
+    own = campaign.own_schedule
     if own is None:
         return None
     kept, name = stored_own(campaign, own), PurePath(own.source).name
@@ -222,7 +222,7 @@ def evaluate_own_schedule(campaign: Campaign, reporter: Reporter = SILENT) -> Ow
 
 def evaluate_schedule_after(campaign: Campaign, drawn: Drawn, designs: TrialDesign) -> OwnTrial | None:
     """Weigh the schedule that [design] names beside the best of designs that were swept from draws; None where it names none."""
-    own = campaign.design.own
+    own = campaign.own_schedule
     if own is None:
         return None
     problem = design_problem(with_residual_noise(campaign, drawn), believed_after(campaign, drawn))

@@ -25,10 +25,11 @@ from seatrial.manoeuvres.manoeuvre import Manoeuvre
 
 def design_key(campaign: Campaign) -> str:
     """Key of the first design."""
+    design = campaign.design.model_copy(update={"schedule": None})  # no design depends on a schedule of one's own
     others = {name: bounds for name, bounds in campaign.control_limits.items() if name != campaign.family.control}
     return key_of(
         "design",
-        *(campaign.vehicle, campaign.structure, campaign.design, campaign.power),
+        *(campaign.vehicle, campaign.structure, design, campaign.power),
         *(campaign.priors, campaign.sensors, campaign.mounts, campaign.limits, campaign.motion_limits, campaign.seed),
         *([others] if campaign.family.beside or campaign.autopilot.loops else []),
         *([campaign.autopilot] if campaign.autopilot.loops else []),

@@ -315,7 +315,7 @@ def _own() -> Work:
 
     return Work(
         evaluate_own_schedule,
-        lambda campaign: [] if (own := campaign.design.own) is None else [stored_own(campaign, own)],
+        lambda campaign: [] if (own := campaign.own_schedule) is None else [stored_own(campaign, own)],
     )
 
 

@@ -117,7 +117,7 @@ def design(
         answer.say("\n".join(promised.lines(campaign.shown)))
         own = flow.get("own")
         if own is not None:
-            answer.say("\n".join((*own.lines(campaign.shown), *own_lines(campaign, campaign.design.own))))
+            answer.say("\n".join((*own.lines(campaign.shown), *own_lines(campaign, campaign.own_schedule))))
         best = list(map(designs.design, designs.sweeps))
         answer.give(designs=best, refused=designs.refused, coefficients=promised.parameters)
         answer.name_file("schedule", Store(folder).schedule(Store(folder).design))
