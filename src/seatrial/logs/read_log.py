@@ -109,11 +109,11 @@ def read_log(
     if cautions:
         table = read_log_table(replace(source, channels=maps))
         table = replace(table, cautions=(*table.cautions, *cautions))
-    from seatrial.logs.align import align  # these two use JAX, which a record from memory does not need
-    from seatrial.logs.body_frame import to_body
+    from seatrial.logs.join_logs import body_tables, join_logs  # with JAX, which a record from memory does not need
 
-    tables = to_body([table], made | {name: roles[name] for name in channels if name not in (*OVER_EARTH, *QUATERNION)})
-    return align(tables, step=step, start=start, end=end, label=path.stem if label is None else label)
+    kept = made | {name: roles[name] for name in channels if name not in (*OVER_EARTH, *QUATERNION)}
+    tables = body_tables([table], kept)
+    return join_logs(tables, step=step, start=start, end=end, label=path.stem if label is None else label)
 
 
 def _columns(path: Path, channels: Any, time: Any) -> Mapping[str, tuple[str, str]]:

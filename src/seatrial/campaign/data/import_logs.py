@@ -3,7 +3,6 @@
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from decimal import Decimal
 from pathlib import Path
 
 import numpy as np
@@ -22,16 +21,13 @@ from seatrial.core.errors import InputError, located
 from seatrial.core.record import Record, Role
 from seatrial.core.reporter import SILENT, Reporter
 from seatrial.core.result_table import text_html
-from seatrial.core.signals import QUATERNION
 from seatrial.logs.align import align
-from seatrial.logs.body_frame import to_body
 from seatrial.logs.curve import CellCurve, Curve, check_within, read_curve
 from seatrial.logs.cut_record import cut, is_beyond
 from seatrial.logs.formats.protocol import NoColumn
 from seatrial.logs.formats.registry import format_of, hash_of_log
+from seatrial.logs.join_logs import Commanded, Condition, body_tables, join_logs, unchecked
 from seatrial.logs.log_table import read_log_table
-from seatrial.logs.run_conditions import longest, parse_condition, spans_of
-from seatrial.logs.schedule_match import match_schedule
 from seatrial.logs.source import ColumnMap, LogSource, LogTable
 from seatrial.manoeuvres.schedule import read_rows
 from seatrial.vehicles.model import VehicleModel
@@ -124,7 +120,7 @@ def read_untrimmed(campaign: Campaign, run: str) -> Record:
     imports = campaign.imports
     if imports is None:
         raise no_record(campaign)
-    return align(_unchecked(read_tables(campaign, run)), step=imports.step, label=run)
+    return align(unchecked(read_tables(campaign, run)), step=imports.step, label=run)
 
 
 def read_tables(campaign: Campaign, run: str) -> list[LogTable]:
@@ -155,38 +151,31 @@ def _import_run(campaign: Campaign, imports: ImportTable, run: str) -> tuple[Rec
 
     def read_files() -> Record:
         with located(campaign.where("import")):
-            aligned = _with_late_end(imports, run, _aligned(campaign, imports, run, imports.ends(run)))
-        return with_rebuilt_controls(campaign, aligned)
+            record = _with_late_end(imports, run, _joined(campaign, imports, run))
+        return with_rebuilt_controls(campaign, record)
 
     return kept.read_or_make(read_files), kept.key
 
 
-def _aligned(campaign: Campaign, imports: ImportTable, run: str, ends: Mapping[str, float]) -> Record:
-    """Read the files of a run, and put them on one axis between its ends: where none are stated, those of what was commanded."""
-    tables = _tables(campaign, imports, run)
-    if imports.keep:
-        ends = _kept(
-            campaign.folder,
-            campaign.where,
-            imports,
-            run,
-            align(_unchecked(tables), step=imports.step, **ends, label=run),
-        )
-    if imports.schedule is None:
-        return align(tables, step=imports.step, **ends, label=run)
-    path, whole = (
-        _commanded(campaign.folder, campaign.where, imports, run),
-        align(_unchecked(tables), step=imports.step, label=run),
-    )
-    with located(campaign.where("import.schedule")):
-        commands = [name for name, _ in campaign.control_trim(campaign.model(campaign.full))]
-        commanded = read_rows(path, commands).schedule(campaign.family.sample_time)
-        followed = match_schedule(whole, commanded.time, commanded.controls, path.name)
-    record = align(tables, step=imports.step, **(ends or followed.ends), label=run)
-    options = record.provenance.options
-    cautions = [*options["cautions"], *followed.cautions]
-    updated = {**options, "followed": f"{path.name}: {followed.words}", "cautions": cautions}
-    return replace(record, provenance=replace(record.provenance, options=updated))
+def _joined(campaign: Campaign, imports: ImportTable, run: str) -> Record:
+    """Read the files of a run, and put them on one axis."""
+    tables, where = _tables(campaign, imports, run), campaign.where
+    conditions = []
+    for index, (rule, path) in enumerate(
+        zip(imports.keep, _keep_paths(campaign.folder, where, imports, run), strict=True)
+    ):
+        column, unit = (None, None) if rule.time is None else (rule.time.column, rule.time.unit)
+        source = LogSource(path, column, unit, {}, delimiter=rule.delimiter, table=rule.table)
+        conditions.append(Condition(source, rule.when, where(f"import.keep[{index}].when")))
+    commanded = None
+    if imports.schedule is not None:
+        path, place = _commanded(campaign.folder, where, imports, run), where("import.schedule")
+        with located(place):
+            commands = [name for name, _ in campaign.control_trim(campaign.model(campaign.full))]
+            sent = read_rows(path, commands).schedule(campaign.family.sample_time)
+        commanded = Commanded(path.name, sent.time, sent.controls, place)
+    ends = imports.ends(run)
+    return join_logs(tables, step=imports.step, **ends, label=run, conditions=conditions, commanded=commanded)
 
 
 def available_of(trials: Trials) -> dict[str, float]:
@@ -213,38 +202,6 @@ def _with_late_end(imports: ImportTable, run: str, record: Record) -> Record:
     return replace(record, provenance=replace(record.provenance, options=updated))
 
 
-def _unchecked(tables: Sequence[LogTable]) -> list[LogTable]:
-    """Return the logs with rows that no curve reaches, for a look at all of them before some are cut away."""
-    return [replace(table, curved={}) for table in tables]
-
-
-def _kept(folder: Path, where: Callable[[str], str], imports: ImportTable, run: str, whole: Record) -> dict[str, float]:
-    """Return where the longest stretch of a record begins and ends in which every condition holds, s from the beginning of the record.
-
-    Raises:
-        InputError: a log or column that cannot be read, or no such stretch.
-    """
-    options = whole.provenance.options
-    begin = Decimal(options["begins_at"])
-    spans = []
-    for index, (rule, path) in enumerate(zip(imports.keep, _keep_paths(folder, where, imports, run), strict=True)):
-        with located(where(f"import.keep[{index}]")):
-            column, unit = (None, None) if rule.time is None else (rule.time.column, rule.time.unit)
-            source = LogSource(path, column, unit, {}, delimiter=rule.delimiter, table=rule.table)
-            spans.append(spans_of(source, parse_condition(rule.when, where(f"import.keep[{index}].when"))))
-    stretch = longest(spans, (begin, begin + Decimal(f"{whole.time[-1]:.9f}")))
-    if stretch is None:
-        conditions = " and ".join(rule.when for rule in imports.keep)
-        raise InputError(
-            where("import.keep[0].when"),
-            found=f'run "{run}", in which {conditions} never holds',
-            expected="a stretch in which every condition holds",
-            remedy="correct the condition, `start` and `end`; `seatrial inspect` shows the range of each column",
-        )
-    first, last = (float(instant - begin) + options["start"] for instant in stretch)
-    return {"start": first, "end": last}
-
-
 def _keep_paths(folder: Path, where: Callable[[str], str], imports: ImportTable, run: str) -> list[Path]:
     return [
         find(folder, rule.path, where(f"import.keep[{index}].path"), run) for index, rule in enumerate(imports.keep)
@@ -266,8 +223,7 @@ def _tables(campaign: Campaign, imports: ImportTable, run: str) -> list[LogTable
         source = log_source(campaign, file, path, index, roles)
         with located(campaign.where(f"import.files[{index}]")), _of_several_runs(imports, file, run):
             logs.append(read_log_table(source))
-    tables = [_without_idle(table, campaign.channels) for table in to_body(logs, roles)]
-    return [one for one in tables if one.channels]
+    return body_tables(logs, roles, campaign.channels)
 
 
 @contextmanager
@@ -288,25 +244,6 @@ def _of_several_runs(imports: ImportTable, file: LogFile, run: str) -> Iterator[
 
 def _written(runs: Sequence[str]) -> str:
     return "[" + ", ".join(f'"{run}"' for run in runs) + "]"
-
-
-def _without_idle(table: LogTable, wanted: Sequence[str]) -> LogTable:
-    """Leave out measurements that never move and that no sensor of the campaign reads, and say so."""
-    idle = {
-        one.name: float(known[0])
-        for one in table.channels
-        if one.role == "measurement" and one.name not in (*wanted, *QUATERNION)
-        if (known := table.columns[one.name][np.isfinite(table.columns[one.name])]).size and np.ptp(known) == 0
-    }
-    notes = (
-        f'channel "{name}": {value:g} in every sample; no sensor reads it: left out' for name, value in idle.items()
-    )
-    return replace(
-        table,
-        channels=tuple(one for one in table.channels if one.name not in idle),
-        columns={name: column for name, column in table.columns.items() if name not in idle},
-        notes=(*table.notes, *notes),
-    )
 
 
 def _located(folder: Path, where: Callable[[str], str], imports: ImportTable, run: str) -> list[Path]:
