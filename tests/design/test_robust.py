@@ -5,7 +5,7 @@ import pytest
 
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.design.fisher_utilities import find_criterion
-from seatrial.design.robust import UtilityTable, information_table, local_utility, utility_table
+from seatrial.design.robust import information_table, utility_table
 from tests.design.test_expected_gain import DECAY_SD, N_DECAY, decay_plan, decay_slope
 
 PUSH = np.linspace(0.2, 3.0, 29)
@@ -23,44 +23,20 @@ def exact(values):
 def test_table_against_the_formula():
     table = utility_table(decay_plan(), CONTROLS, DRAWS, find_criterion("fisher-d", PRIOR))
     expected = exact(DRAWS)
-    assert table.unit == "nat"
-    np.testing.assert_allclose(table.values, expected, rtol=1e-9)
-    np.testing.assert_allclose(table.mean, expected.mean(1), rtol=1e-9)
-    np.testing.assert_allclose(table.std_error, expected.std(1, ddof=1) / np.sqrt(40), rtol=1e-9)
-    np.testing.assert_allclose(table.worst(), expected.min(1), rtol=1e-9)
-    np.testing.assert_allclose(table.worst(0.1), np.quantile(expected, 0.1, axis=1), rtol=1e-9)
+    np.testing.assert_allclose(table, expected, rtol=1e-9)
 
 
 def test_best_local_design_is_the_known_one():
     """T exp(-T) is largest at T = 1: the information of a decay, seen once, when the signal has fallen to 1/e."""
-    local = local_utility(decay_plan(), CONTROLS, np.array([-1.0]), find_criterion("fisher-d", PRIOR))
+    local = utility_table(decay_plan(), CONTROLS, np.array([[-1.0]]), find_criterion("fisher-d", PRIOR))[:, 0]
     np.testing.assert_allclose(local, exact([[-1.0]])[:, 0], rtol=1e-9)
     assert PUSH[np.argmax(local)] == pytest.approx(1.0, abs=0.051)
-
-
-def test_error_of_the_mean_is_that_of_repeats():
-    """Means of 200 sets of 40 draws spread as one set says; a spread of 200 has a relative error of 0.05, its own one more."""
-    rng = np.random.default_rng(4)
-    means = [exact(rng.normal(-1.0, 0.3, size=(40, 1))).mean(1) for _ in range(200)]
-    told = UtilityTable(exact(rng.normal(-1.0, 0.3, size=(4000, 1))), "nat").std_error * 10
-    np.testing.assert_allclose(np.std(means, 0), told, rtol=0.25)
-
-
-def test_one_draw_has_no_error_and_two_have_half_their_difference():
-    assert np.isnan(UtilityTable(np.ones((2, 1)), "nat").std_error).all()
-    np.testing.assert_allclose(UtilityTable(np.array([[1.0, 3.0], [2.0, 2.0]]), "nat").std_error, [1.0, 0.0])
 
 
 def test_draws_that_diverge_are_counted():
     draws = np.vstack([DRAWS, [[800.0], [900.0]]])
     with pytest.raises(NumericalError, match=r"diverges for 2 of 42 draws .* in \d+ of 29 designs.*X_u = 800"):
         utility_table(decay_plan(200), np.repeat(CONTROLS[:, :1], 200, 1), draws, find_criterion("fisher-d", PRIOR))
-
-
-@pytest.mark.parametrize("quantile", [-0.1, 1.0, 0.01])
-def test_share_of_no_draw(quantile):
-    with pytest.raises(InputError, match="quantile"):
-        UtilityTable(np.ones((2, 40)), "nat").worst(quantile)
 
 
 @pytest.mark.parametrize(
@@ -88,15 +64,3 @@ def test_information_of_each_design_at_each_draw():
     found = information_table(decay_plan(), controls, DRAWS[:3])
     slopes = decay_slope(DRAWS[None, :3, 0], np.array([[0.5], [1.5]])) / DECAY_SD
     np.testing.assert_allclose(found[..., 0, 0], slopes**2, rtol=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("quantile", "fits"), [(0.0, True), (0.0249, False), (0.0251, True), (0.99, True), (1.0, False)]
-)
-def test_worst_case_needs_one_draw_at_least(quantile, fits):
-    table = UtilityTable(np.arange(80.0).reshape(2, 40), "nat")
-    if fits:
-        np.testing.assert_allclose(table.worst(quantile), [39 * quantile, 40 + 39 * quantile])
-    else:
-        with pytest.raises(InputError, match="of 40 draws"):
-            table.worst(quantile)

@@ -231,7 +231,7 @@ class DesignProblem:
         """
         criterion = self.criterion(draws if believed is None else believed)
         table = utility_table(plan, controls, self.few(draws), criterion)
-        return table.worst() if self.over == "worst" else table.mean
+        return table.min(1) if self.over == "worst" else table.mean(1)
 
     @property
     def utility_unit(self) -> str:

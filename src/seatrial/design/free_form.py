@@ -288,7 +288,7 @@ class FreeFormSearch:
         controls = np.stack([_commands(problem, plan.commands, one) for one in (optimum.manoeuvre, family)])
         # Both by the same measure, on draws that had no part in the search.
         fresh = draws[SAFE_DRAWS : SAFE_DRAWS + 64]
-        judged = utility_table(plan, controls, fresh, find_criterion("fisher-d", cov)).mean
+        judged = utility_table(plan, controls, fresh, find_criterion("fisher-d", cov)).mean(1)
         return FreeTrial(
             tuple(map(float, optimum.levels)),
             float(judged[0]),

@@ -212,7 +212,7 @@ class GlobalSearch:
         controls = np.stack([control, best.best_controls()])
         # On draws that had no part in the search, by their mean: of the worst of few draws little can be said.
         fresh = problem.fresh
-        utility, beside_it = utility_table(plan, controls, problem.few(fresh), problem.criterion(fresh)).mean
+        utility, beside_it = utility_table(plan, controls, problem.few(fresh), problem.criterion(fresh)).mean(1)
         row, column = best.best
         return Searched(
             family.kind,
@@ -254,6 +254,6 @@ def _worth_of(problem: DesignProblem, plan: TrialPlan, family: Family, draws: np
             held = np.where(allowed[:, None, None], controls, resting)
             allowed &= judge_safety(plan, held, draws, problem.motion, problem.probability).allowed
         table = utility_table(plan, np.where(allowed[:, None, None], controls, resting), few, criterion)
-        return np.where(allowed, table.worst() if problem.over == "worst" else table.mean, np.nan)
+        return np.where(allowed, table.min(1) if problem.over == "worst" else table.mean(1), np.nan)
 
     return worth

@@ -18,7 +18,7 @@ from seatrial.design.expected_gain import GainSettings, importance_gain
 from seatrial.design.fisher_utilities import find_criterion
 from seatrial.design.prior_belief import draw_values, prior_cov
 from seatrial.design.results import EXPECTED, Measures
-from seatrial.design.robust import local_utility, utility_table
+from seatrial.design.robust import utility_table
 from seatrial.design.trial_design import TrialDesign, design_trial
 from seatrial.estimation.posterior.filter_error import process_name
 from seatrial.manoeuvres.family import design_words
@@ -67,11 +67,11 @@ class MeasureSearch:
             entropy.append(float(sweep.gain[row, column]))
         held, key = np.stack(controls), random_key(problem.seed, "expected gain")
         measures = {"entropy of the filter": np.array(entropy)}
-        mean = np.asarray(problem.normal.mean)
+        mean = np.asarray(problem.normal.mean, float)[None]
         for name in FISHER_CRITERIA:
-            measures[f"{name} at the prior means"] = local_utility(plan, held, mean, find_criterion(name, cov))
+            measures[f"{name} at the prior means"] = utility_table(plan, held, mean, find_criterion(name, cov))[:, 0]
         draws = draw_values(priors, random_key(problem.seed, "draws of the measures"), UTILITY_DRAWS)
-        averaged = utility_table(plan, held, draws, find_criterion("fisher-d", cov)).mean
+        averaged = utility_table(plan, held, draws, find_criterion("fisher-d", cov)).mean(1)
         measures[f"fisher-d over {UTILITY_DRAWS} draws"] = averaged
         progress, gains, refused = reporter.progress(f"expected gain of {len(names)} designs"), [], []
         for done, control in enumerate(held):

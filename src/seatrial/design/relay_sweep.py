@@ -416,7 +416,7 @@ def _judged(
     (information,) = in_blocks(
         lambda control, values: (_information(loop.plan, control, values),), controls[few], draws[few]
     )
-    beside = utility_table(loop.plan, family[None], draws[few], criterion).mean[0]
+    beside = utility_table(loop.plan, family[None], draws[few], criterion).mean(1)[0]
     return float(np.mean(np.asarray(criterion(information)))), float(beside)
 
 

@@ -1,10 +1,8 @@
-"""A utility of many designs when the coefficients are uncertain: at one value, on average over the prior, and at its worst.
+"""A utility of many designs when the coefficients are uncertain, at every draw of them: their mean is that over the prior.
 
 The information of a nonlinear vehicle depends on the very coefficients the trial is to tell, so a design that is best at the
 mean may be poor where the truth lies (Pronzato and Walter, Math. Biosci. 75, 1985).
 """
-
-from dataclasses import dataclass
 
 import jax
 import numpy as np
@@ -17,52 +15,12 @@ from seatrial.design.sweep import in_blocks
 from seatrial.design.trial_plan import TrialPlan
 
 
-@dataclass(frozen=True, eq=False)
-class UtilityTable:
-    """Utility of D designs at S draws of the coefficients.
-
-    Attributes:
-        values: shape (D, S).
-        unit: of the utility.
-    """
-
-    values: Float[np.ndarray, "D S"]
-    unit: str
-
-    @property
-    def mean(self) -> Float[np.ndarray, " D"]:
-        """Average over the draws."""
-        return self.values.mean(1)
-
-    @property
-    def std_error(self) -> Float[np.ndarray, " D"]:
-        """Monte Carlo standard error of `mean`; between designs it is smaller, since all see the same draws."""
-        draws = self.values.shape[1]
-        return self.values.std(1, ddof=1) / np.sqrt(draws) if draws > 1 else np.full(len(self.values), np.nan)
-
-    def worst(self, quantile: float = 0.0) -> Float[np.ndarray, " D"]:
-        """Return the utility that all but a share `quantile` of the draws exceed; 0 for the minimum.
-
-        Raises:
-            InputError: a share outside [0, 1), or one of which fewer than one draw remains.
-        """
-        draws = self.values.shape[1]
-        if not 0.0 <= quantile < 1.0 or 0.0 < quantile * draws < 1.0:
-            raise InputError(
-                "worst case, quantile",
-                found=f"{quantile:g} of {draws} draws",
-                expected="0 for the minimum, or a share below 1 that holds one draw at least",
-                remedy="use more draws or another share",
-            )
-        return np.quantile(self.values, quantile, axis=1)
-
-
 def utility_table(
     plan: TrialPlan,
     controls: Float[np.ndarray, "D n c"],
     draws: Float[np.ndarray, "S k"],
     criterion: Criterion,
-) -> UtilityTable:
+) -> Float[np.ndarray, "D S"]:
     """Return the utility of every design at every draw.
 
     Args:
@@ -76,8 +34,7 @@ def utility_table(
         NumericalError: the simulation diverges; it says for how many draws. None is left out, since those left would look better
             than the prior is.
     """
-    information = information_table(plan, controls, draws)
-    return UtilityTable(np.asarray(criterion(information)), criterion.unit)
+    return np.asarray(criterion(information_table(plan, controls, draws)))
 
 
 def information_table(
@@ -116,20 +73,6 @@ def information_or_nan(
     held = jax.device_put(controls)
     information = in_blocks(lambda which, values: (_information(plan, held, which, values),), design, draws[draw])[0]
     return information.reshape(*shape, *information.shape[1:])
-
-
-def local_utility(
-    plan: TrialPlan, controls: Float[np.ndarray, "D n c"], values: Float[np.ndarray, " k"], criterion: Criterion
-) -> Float[np.ndarray, " D"]:
-    """Return the utility of every design were the coefficients `values`, SI; errors as `utility_table`.
-
-    Args:
-        plan: vehicle, start and sensors.
-        controls: designs, held from each sample to the next, SI, shape (D, n, c).
-        values: coefficients, SI, shape (k,).
-        criterion: number of an information matrix.
-    """
-    return utility_table(plan, controls, np.asarray(values, float)[None], criterion).values[:, 0]
 
 
 @program

@@ -99,10 +99,6 @@ class Safety:
         """Whether all limits together hold with the probability and confidence asked for."""
         return self.held.all(2).sum(1) >= self.needed
 
-    def quantile(self, share: float) -> Float[np.ndarray, "D m"]:
-        """Room below which the given share of the draws falls, in the unit of each limit."""
-        return np.quantile(self.room, share, axis=1, method="lower")
-
     def room_left(self, among: Bool[np.ndarray, "D S"]) -> Float[np.ndarray, "D m"]:
         """Margins where draws not `among` those given count as broken."""
         counted = np.where(among[..., None], self.room, -np.inf)
