@@ -25,7 +25,7 @@ from seatrial.core.reporter import SILENT, Reporter
 from seatrial.core.result_table import table_html, table_text
 from seatrial.core.signals import signal_unit
 from seatrial.design.cost import expected_cost, gain_per_cost
-from seatrial.design.design_problem import UTILITY_DRAWS, DesignProblem, Utility, covariance
+from seatrial.design.design_problem import HALF, UTILITY_DRAWS, DesignProblem, Utility, covariance
 from seatrial.design.fisher_utilities import CRITERIA, find_criterion
 from seatrial.design.limit_conflicts import check_some_allowed, remedy_of_any
 from seatrial.design.loop_stability import check_autopilot
@@ -377,7 +377,7 @@ def _belief(belief: Draws | Mapping[str, Prior], names: tuple[str, ...], seed: i
     """Return what is believed of the coefficients, SI, and draws of it where it is a posterior."""
     if isinstance(belief, Draws):
         draws = belief.array(names)
-        return normal_belief(draws), draws[np.random.default_rng(seed).permutation(len(draws))]
+        return normal_belief(draws), draws[np.random.default_rng(seed).permutation(len(draws))[: 2 * HALF]]
     check_priors(belief, "belief")
     if missing := [name for name in names if name not in belief]:
         raise InputError(
