@@ -72,15 +72,6 @@ def test_a_right_posterior_alarms_in_one_of_a_hundred_runs_whatever_the_quantiti
     assert alarms >= stats.binom(500, 0.01 if correlation == 0.0 else 0.0).ppf(0.001)
 
 
-@pytest.mark.parametrize(("replicates", "width"), [(30, 2.5), (100, 3.0)])
-def test_probability_of_the_band_against_simulated_ranks(replicates, width):
-    random, at = np.random.default_rng(1), np.arange(1, 100) / 100
-    drawn = random.multinomial(replicates, np.full(100, 0.01), 20_000)
-    away = np.abs(drawn.cumsum(1)[:, :-1] / replicates - at) / np.sqrt(at * (1 - at) / replicates)
-    expected = np.mean(away.max(1) <= width)
-    assert stays_within(replicates, width) == pytest.approx(expected, abs=4 * np.sqrt(0.25 / 20_000))
-
-
 def test_probability_of_a_band_by_hand():
     """One rank, R, is farthest off at R / 100, by sqrt(p / (1 - p)), or at the next place, by sqrt((1 - p) / p)."""
     assert stays_within(1, 1.0 - 1e-9) == 0.0

@@ -161,7 +161,10 @@ def turning_record(v, r):
     return make_record(TIME, {"delta_r": np.zeros(N), "v": v, "r": r}, channels, PROVENANCE, "turning")
 
 
-def test_two_axes_of_a_coupled_vehicle():
+@pytest.mark.parametrize(
+    "method", [None, LargeUnscentedKalmanFilter(), pytest.param(ExtendedKalmanFilter(), marks=pytest.mark.proof)]
+)
+def test_two_axes_of_a_coupled_vehicle(method):
     """Sway and yaw, joined by added mass and by damping, each pushed on its own."""
     rng = np.random.default_rng(5)
     v, r = 0.05 * rng.normal(size=(2, N))
@@ -175,17 +178,10 @@ def test_two_axes_of_a_coupled_vehicle():
     expected = stats.multivariate_normal(np.zeros(there.sum()), cov[np.ix_(there, there)]).logpdf(seen[there])
     values = {**TURNING, "sigma_v": 0.02, "sigma_r": 0.01, "disturbance_Y": 3.0, "disturbance_time_Y": 0.7}
     values |= {"disturbance_N": 0.8, "disturbance_time_N": 2.5}
-    for method in (None, ExtendedKalmanFilter(), LargeUnscentedKalmanFilter()):
-        likelihood, data = filter_error(
-            turning_model(),
-            [turning_record(v, r)],
-            ["v", "r"],
-            [(0.0, 0.0)],
-            [0.05, 0.03],
-            method=method,
-            disturbed="YN",
-        )
-        assert evaluate(likelihood, data, values) == pytest.approx(expected, abs=1e-8)
+    likelihood, data = filter_error(
+        turning_model(), [turning_record(v, r)], ["v", "r"], [(0.0, 0.0)], [0.05, 0.03], method=method, disturbed="YN"
+    )
+    assert evaluate(likelihood, data, values) == pytest.approx(expected, abs=1e-8)
 
 
 def test_an_accelerometer_feels_it():

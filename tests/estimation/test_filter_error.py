@@ -12,6 +12,7 @@ from seatrial.estimation.posterior.output_error import output_error
 from seatrial.estimation.simulation.sensor_errors import Sensor
 from seatrial.filters.square_root import SquareRootUnscentedKalmanFilter
 from tests.cases import MASS, TRUTH, U0, paper_model, surge_rate
+from tests.estimation.test_output_error import evaluate as compiled
 from tests.estimation_cases import make_trial, naive_speed
 
 RNG = np.random.default_rng(31)
@@ -28,7 +29,7 @@ def record(label="trial", u=MEASURED):
 
 
 def evaluate(likelihood, data, values):
-    return float(jax.jit(likelihood)({name: jnp.asarray(float(x)) for name, x in values.items()}, data))
+    return float(compiled(likelihood, {name: jnp.asarray(float(x)) for name, x in values.items()}, data))
 
 
 def log_likelihood(values, records=None, sensor="u", start=U0, initial_sd=0.05, **options):

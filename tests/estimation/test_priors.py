@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy import integrate, stats
+from scipy import stats
 
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError
@@ -232,36 +232,6 @@ def test_compiled_code_serves_all_of_a_kind(prior):
 def test_values_close_to_a_bound_of_zero_keep_their_digits(prior):
     value = np.sign(prior.mean) * prior.sd * 10.0 ** -np.arange(1, 12)
     assert np.allclose(prior.constrain(prior.unconstrain(value)), value, rtol=1e-8, atol=0)
-
-
-@pytest.mark.parametrize(
-    ("location", "scale", "lower", "upper"),
-    [
-        (0, 1, 0, inf),
-        (0, 1, 5, inf),
-        (0, 1, -inf, -4),
-        (1, 2, -1, 1.5),
-        (0, 1, -3, 9),
-        (0, 1, 0, 1e-6),
-        (0, 1, -8, 1e9),
-    ],
-)
-def test_moments_of_a_cut_normal_by_quadrature(location, scale, lower, upper):
-    prior = truncated_normal(location, scale, lower, upper)
-    ends = max(lower, location - 9 * scale), min(upper, location + 9 * scale)
-    share, mean = (
-        integrate.quad(
-            lambda x, k=k: x**k * stats.norm.pdf(x, location, scale),
-            *ends,
-            epsabs=0,
-            epsrel=1e-9,
-            limit=400,
-            points=[location] if ends[0] < location < ends[1] else None,
-        )[0]
-        for k in (0, 1)
-    )
-    assert prior.log_share == pytest.approx(np.log(share), abs=1e-9)
-    assert prior.mean == pytest.approx(mean / share, rel=1e-9, abs=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -249,13 +249,6 @@ def test_what_is_there_is_not_done_again():
     assert evidence.status.startswith("a higher peak; importance sampling failed: no mode; the value is that of")
 
 
-def test_progress_ends():
-    target, _ = one_peak()
-    seen = []
-    log_evidence(target, KEYS, SMALL, lambda done, total: seen.append(done / total))
-    assert seen[-1] == 1
-
-
 @pytest.mark.parametrize(
     ("given", "chosen", "words"),
     [

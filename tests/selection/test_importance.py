@@ -184,23 +184,6 @@ def test_the_density_of_a_cut_proposal_is_that_of_its_draws():
     assert stats.kstest(line[:, 0], below).pvalue > 1e-3
 
 
-def test_refit_recovers_from_a_proposal_beside_the_posterior():
-    """Two posterior standard deviations off and three times too wide.
-
-    The new scale is the posterior's covariance, known from e effective draws to a relative sqrt(2 / e), and d + 2 draws of
-    the old one.
-    """
-    mean, cov = PAIR.moments
-    centre, cov = (mean - PAIR.prior_mean) / PAIR.prior_sd, cov / PAIR.prior_sd**2
-    beside = ProposalComponent(centre + 2 * np.sqrt(np.diag(cov)), 3 * np.linalg.cholesky(cov))
-    before = weigh(PAIR.posterior, [beside], KEY, 4096)
-    (mended,) = refit([beside], before)
-    after = weigh(PAIR.posterior, [mended], KEY, 4096)
-    expected = (before.ess * cov + 4 * 9 * cov) / (before.ess + 4)
-    assert before.ess < 0.3 * after.ess
-    assert np.diag(mended.factor @ mended.factor.T) == pytest.approx(np.diag(expected), rel=4 * np.sqrt(2 / before.ess))
-
-
 def test_proposal_is_nowhere_wider_than_the_prior():
     """Precisions of 1e-4 and 100 along the axes: variances of 1, the prior's, and 0.01."""
     precision = np.diag([1e-4, 100.0])

@@ -212,6 +212,7 @@ def test_batch_over_parameters_equals_loops():
         )
 
 
+@pytest.mark.proof
 def test_sensitivity_is_that_of_differences():
     control, step = np.tile(FINS, (40, 1)), np.full(40, 0.02)
 
