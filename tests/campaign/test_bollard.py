@@ -341,32 +341,21 @@ def test_terms_about_another_voltage_are_refused(tmp_path, pull):
 
 
 REFUSED = {
-    "no force": ([('[sensors.force_X]\nnoise = "', '[sensors.u]\nnoise = "0.1 m/s"  # "')], ('channel "u"', "force_X")),
     "a force that is not in the log": ([('channels.force_X = { column = "gauge", unit = "N" }', "")], ("force_X",)),
     "a force in metres": ([('"gauge", unit = "N"', '"gauge", unit = "m"')], ("force_X", "N")),
     "no voltage": ([('channels.V = { column = "battery", unit = "V" }', "")], ("no column for V",)),
-    "no trim of the voltage": ([('trim = { V = "16 V" }\n', "")], ("T_fdV", "trim.V")),
-    "drag of a vehicle that is held": ([('"T_absf", "T_fdV"', '"X_u"')], ("X_u", "u is zero", "held")),
-    "inflow of a vehicle that is held": ([('"T_absf", "T_fdV"', '"T_uabsf"')], ("T_uabsf", "u is zero")),
-    "no lag": ([('lag = "0.25 s"\n', "")], ("no lag", "lag_f")),
     "no gain": ([('"T_f", ', "")], ("without T_f",)),
     "a gain that may be dropped": (
         [('"T_f", "T_absf", "T_fdV"]', '"T_absf"]\noptional = ["T_f", "T_fdV"]')],
         ("always",),
     ),
     "speed and force": ([('"T_f", ', '"T_f", "T_nabsn", ')], ("commanded force f",)),
-    "force on the hull": ([('"T_absf"', '"X_f"')], ("X_f", "axis T alone")),
-    "commands beyond the curve": (
-        [("polynomial = [0.0, 0.08]\nneutral = 1500", 'curve = "thrust.csv"')],
-        ("1450 to 1550",),
-    ),
 }
 
 
 @pytest.mark.parametrize("what", REFUSED)
 def test_impossible_force_gauge_is_refused_by_key(tmp_path, pull, what):
     changes, parts = REFUSED[what]
-    (tmp_path / "thrust.csv").write_text("pwm,thrust\n1450,-4\n1550,4\n")
     with pytest.raises(InputError) as refused:
         mode_of(campaign(tmp_path, np.column_stack(pull), *changes))
     for part in parts:

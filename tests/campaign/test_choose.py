@@ -21,7 +21,7 @@ from seatrial.selection.log_evidence import EvidenceRun, EvidenceTask, MethodRes
 from seatrial.selection.verdict import Evidence
 from tests.campaign.small import write_small
 from tests.estimation_cases import posterior
-from tests.selection.targets import far_peaks, one_peak, peaks, spike_on_slab
+from tests.selection.targets import one_peak, peaks
 
 
 def selection_of(folder: Path, monkeypatch, full, without):
@@ -32,14 +32,6 @@ def selection_of(folder: Path, monkeypatch, full, without):
     for name in ("draw_about_mode", "residual_doubt"):  # these posteriors are of no records
         monkeypatch.setattr(evidence, name, lambda *_: "")
     return select_structure(campaign, trials)
-
-
-def test_a_second_peak_is_weighed_and_the_methods_agree(tmp_path, monkeypatch):
-    (full, exact), (without, other) = far_peaks(), one_peak()
-    found = selection_of(tmp_path, monkeypatch, full, without)
-    assert [one.log_value for one in found.evidences] == pytest.approx([exact, other], abs=0.02)
-    assert "with which tempered SMC" in agreement_words(found.evidences[0])
-    assert (found.alarms, found.evidences[0].diagnostics["modes"]) == ((), 2)
 
 
 def test_a_structure_that_is_hopelessly_behind_is_given_up(tmp_path, monkeypatch):
@@ -73,16 +65,6 @@ def test_a_structure_is_no_lower_than_one_that_it_contains(tmp_path, monkeypatch
     exact = [40.0 + 2 * width + density - np.log(6.0), 40.0 + width + density]
     assert [one.log_value for one in found.evidences] == pytest.approx(exact, abs=0.05)
     assert "one of them misses part of the posterior" in found.alarms[0]
-
-
-@pytest.mark.proof
-def test_a_spike_on_a_slab_is_weighed_and_no_verdict_is_claimed(tmp_path, monkeypatch):
-    """By the slab alone, a hundredth of its evidence, the full structure would lose to one of evidence between the two."""
-    (full, exact), slab = spike_on_slab(), spike_on_slab(weight=np.exp(3.0), spike=0.1, away=0.0)
-    found = selection_of(tmp_path, monkeypatch, full, slab[0])
-    assert [one.log_value for one in found.evidences] == pytest.approx([exact, slab[1]], abs=0.05)
-    assert "not reliable: adaptive tempered SMC finds -4." in found.alarms[0]
-    assert found.verdicts[0].startswith("it cannot be said whether the data support X_u: its probability of 0.8")
 
 
 class InTurn:

@@ -106,16 +106,6 @@ def test_process_noise_that_correlates_a_free_simulation_is_no_finding(known):
     assert (found.white, found.sd_factor) == (1.0, 1.0)
 
 
-@pytest.mark.parametrize("factor", [57.29578, 60.0, 1000.0])
-def test_a_run_in_other_units_is_an_alarm(known, factor):
-    record = run(known, "2", WAVE, 1)
-    found, _ = predicted(known, replace(record, measurement=factor * record.measurement))
-    together, alone = held_back_alarms(found.fits, found.pooled)
-    assert (together.code, together.values["coverage"]) == ("bands-too-narrow", 0.0)
-    assert alone.remedies[-1] == "look-at-trial"
-    assert f"u up to {factor * record.measurement.max():.3g} m/s" in found.fits[0].reason
-
-
 def test_two_runs_of_the_same_input_are_told(known):
     _, trials, _ = known
     again = run(known, "2", trials.fit[0].control[:, 0], 7)

@@ -112,11 +112,3 @@ def test_a_disturbance_on_no_axis_that_moves(tmp_path, name, said):
     path.write_text(path.read_text().replace("[prior.process_u]", f"[prior.{name}]"))
     with pytest.raises(InputError, match=said):
         load_campaign(folder)
-
-
-def test_a_spread_below_zero_is_refused(tmp_path):
-    folder = campaign(tmp_path, "", 'varying = ["X_uabsu"]')
-    path = folder / "campaign.toml"
-    path.write_text(path.read_text().replace("lower = 0.0\nupper = 1.0", "lower = -1.0\nupper = 1.0"))
-    with pytest.raises(InputError, match="below 0"):
-        load_campaign(folder)

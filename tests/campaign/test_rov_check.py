@@ -92,6 +92,7 @@ def test_a_turned_doppler_log_is_named_with_its_mount(turned):
     assert "[prior.yaw_dvl]" in remedy(mounting)
 
 
+@pytest.mark.proof
 def test_a_mount_that_is_stated_is_believed(tmp_path, motion):
     found = findings(tmp_path, motion, yaw=45.0, more=MOUNT)
     assert not any(one.code == "sensor-turned" for one in found)

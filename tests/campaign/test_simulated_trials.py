@@ -135,11 +135,6 @@ def test_what_cannot_be_run_is_refused(tmp_path, design, schedule, label, alone,
     assert not store.sequence.exists()
 
 
-def test_a_schedule_beyond_the_limits_is_refused_by_its_row(tmp_path):
-    with pytest.raises(InputError, match=r"mine.csv:4[^$]*1600 rpm at 3 s[^$]*\[limits.n\]"):
-        ask_for(campaign(tmp_path), None, own(tmp_path, OWN.replace("1400", "1600")))
-
-
 def test_a_self_oscillation_switches_on_what_its_sensor_shows(tmp_path):
     """The hysteresis by a plain loop over the measured speed, which has noise, a bias, a delay of the control and gaps."""
     more = ("[truth]", "[truth]\nbias_u = 0.05\ndelay = 0.15\nlag_n = 0.3")

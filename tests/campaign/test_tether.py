@@ -13,7 +13,7 @@ from seatrial.estimation.diagnostics.identifiability import identifiability_of_f
 from seatrial.estimation.posterior.first_guess import first_guess
 from seatrial.estimation.posterior.mode import find_mode
 from seatrial.messages.identifiability import identifiability_cautions
-from tests.campaign.small import write_small, write_summary
+from tests.campaign.small import write_summary
 from tests.campaign.test_thrusters import CAMPAIGN, INERTIA, MASS, PLACES, PUSHES, TRUTH, law
 from tests.campaigns import write_campaign
 
@@ -125,22 +125,6 @@ REFUSED = {
         [(PRIORS, ""), ('linear = "2 N s/m"\n', "")],
         ("vehicle.tether", "a key without effect: it has no drag"),
     ),
-    "one axis": (
-        [
-            ('["u", "v", "r"]', '["u"]'),
-            ('["X_u", "Y_v", "N_r"]', '["X_u"]'),
-            (TOWED[TOWED.index("[prior.Y_v]") : TOWED.index("[prior.tether_linear]")], ""),
-        ],
-        ("where u of u moves its point", "seek damping such as X_u instead"),
-    ),
-    "damping of every entry": (
-        [
-            ('point = ["-60 cm", "0.1 m", "0 m"]\n', ""),
-            ('["X_u", "Y_v", "N_r"]', '["X_u", "Y_v"]'),
-            (TOWED[TOWED.index("[prior.N_r]") : TOWED.index("[prior.tether_linear]")], ""),
-        ],
-        ("tether_linear sought beside X_u, Y_v, which together are the same force", "prior.tether_linear"),
-    ),
 }
 
 
@@ -151,16 +135,6 @@ def test_impossible_tether_is_refused_by_key(tmp_path, what):
         campaign(tmp_path, *changes)
     for part in parts:
         assert part in str(refused.value)
-
-
-def test_a_campaign_without_axes_that_move_has_no_tether(tmp_path):
-    with pytest.raises(InputError, match=r"(?s)key vehicle\.tether.*of which `moves` says what is modelled"):
-        load_campaign(
-            write_small(
-                tmp_path,
-                ('catalogue = "remus100_surge"', 'catalogue = "remus100_surge"\ntether = { linear = "2 N s/m" }'),
-            )
-        )
 
 
 def test_what_an_earlier_campaign_found_of_it_is_sought_again(tmp_path):

@@ -187,14 +187,8 @@ def test_what_an_earlier_campaign_found_of_thrusters_and_balance_is_sought_again
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (("published_prior_sd", 'mass = "30 kg"\npublished_prior_sd'), "catalogue together with mass"),
         (('"remus100_prestero"', '"remus100_fossen"'), "no sum of named coefficients"),
-        (('"remus100_prestero"', '"remus"'), "no such vehicle"),
         (('"20 %"', '"0 %"'), "a positive share"),
-        (("published_prior_sd", 'priors_from = ["../none"]\npublished_prior_sd'), "vehicle.priors_from"),
-        (('"M_uw", "M_uudelta_s"', '"M_uw", "N_uudelta_r"'), "N_uudelta_r"),
-        (('published_prior_sd = "20 %"', ""), "a prior of M_u"),
-        (('catalogue = "remus100_prestero"', 'mass = "unknown"'), "a whole vehicle: a body with a mass"),
         (('moves = ["w", "q"]', 'moves = ["w", "yaw"]'), "moves"),
     ],
 )
