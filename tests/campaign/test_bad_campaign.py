@@ -6,8 +6,8 @@ import pytest
 
 from seatrial.campaign.config import toml as toml_file
 from seatrial.campaign.config.load import load_campaign
+from seatrial.campaign.config.toml_edit import with_values
 from seatrial.campaign.data.import_logs import import_trials
-from seatrial.cli.toml_edit import with_values
 from seatrial.core.errors import InputError
 from tests.campaign.small import SMALL, write_small
 from tests.campaign.test_whole_vehicle import pitch

@@ -7,8 +7,8 @@ import tomllib
 import pytest
 
 from seatrial.campaign.config.templates import init_campaign
+from seatrial.campaign.config.toml_edit import with_values
 from seatrial.cli.campaign_text import read_file, with_trim, write_file
-from seatrial.cli.toml_edit import with_values
 from seatrial.core.errors import InputError
 from seatrial.dashboard.channel_map import typed_map, with_map
 

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from seatrial.cli.toml_edit import with_values
+from seatrial.campaign.config.toml_edit import with_values
 from seatrial.core.errors import InputError, SeatrialError
 from seatrial.core.files import write_text
 

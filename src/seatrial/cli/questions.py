@@ -14,7 +14,7 @@ from typing import Any, Literal, NamedTuple, Union, get_args, get_origin
 from seatrial.campaign.config.schema import CampaignFile
 from seatrial.campaign.config.templates import example_of
 from seatrial.campaign.config.toml import field_at, parse_toml, toml_content
-from seatrial.cli.toml_edit import Key, with_values
+from seatrial.campaign.config.toml_edit import Key, with_values
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.signals import QUATERNION
 from seatrial.core.usual_priors import DRIFT_TIMES, SIZES, TIMES

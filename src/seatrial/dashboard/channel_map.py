@@ -10,8 +10,8 @@ import numpy as np
 
 from seatrial.campaign.config.named_files import place_of
 from seatrial.campaign.config.toml import toml_content
+from seatrial.campaign.config.toml_edit import Key, with_values
 from seatrial.cli.campaign_text import CAMPAIGN
-from seatrial.cli.toml_edit import Key, with_values
 from seatrial.core.errors import InputError
 from seatrial.logs.linear_sum import parse_sum
 

@@ -18,7 +18,7 @@ from seatrial.dashboard.channel_map import is_named, typed_map
 from seatrial.dashboard.view_models import plain_error
 from seatrial.logs.clock_shift import ClockShift, Samples, shift_between
 from seatrial.logs.formats.registry import FORMATS, stream
-from seatrial.logs.guess import best
+from seatrial.logs.guess import Guess, best
 from seatrial.logs.inspect import LogSummary, clock_doubt, inspect_log
 from seatrial.logs.log_table import read_stamped
 from seatrial.logs.source import LogSource
@@ -177,18 +177,6 @@ class PictureAxis(NamedTuple):
     length: float = 0.0
 
 
-class Guessed(NamedTuple):
-    """A channel that a column may be: the unit of its cells times `scale`, why, and what it does between samples, empty for the usual."""
-
-    channel: str
-    table: str
-    column: str
-    unit: str
-    scale: float
-    reason: str
-    between: str = ""
-
-
 class Looked(NamedTuple):
     """A log: its kind, what it holds, which column may be which channel, and what needs more than a map.
 
@@ -201,7 +189,7 @@ class Looked(NamedTuple):
     kind: str
     tables: tuple[str, ...]
     columns: tuple[Column, ...]
-    guesses: tuple[Guessed, ...]
+    guesses: tuple[Guess, ...]
     heads: dict[str, dict[str, Any]]
     remarks: tuple[str, ...]
     axes: dict[str, PictureAxis]
@@ -226,7 +214,7 @@ def look_into(
     return isolated(relative, _look, path, relative, only, clocks or {})
 
 
-class LogColumn(NamedTuple):
+class StampedColumn(NamedTuple):
     """A column of a log, and how it is read.
 
     Attributes:
@@ -244,15 +232,15 @@ class LogColumn(NamedTuple):
     shift: float = 0.0
 
 
-def column_of(path: str, name: str, file: Mapping[str, Any], shift: float) -> LogColumn:
+def column_of(path: str, name: str, file: Mapping[str, Any], shift: float) -> StampedColumn:
     """Return a column of a log as its `[[import.files]]` says how to read it, with a shift in s."""
     time = file["time"]
-    return LogColumn(
+    return StampedColumn(
         path, name, (time["column"], time["unit"]), tuple((key, file[key]) for key in LAYOUT if key in file), shift
     )
 
 
-def line_up(first: LogColumn, second: LogColumn) -> ClockShift:
+def line_up(first: StampedColumn, second: StampedColumn) -> ClockShift:
     """Find the shift of the second log's clock at which two columns correlate best, without letting the logs do harm.
 
     The shift that the first has stays, and that of the second is found again.
@@ -263,12 +251,12 @@ def line_up(first: LogColumn, second: LogColumn) -> ClockShift:
     return isolated(f"{Path(first.path).name}, {Path(second.path).name}", _lined_up, first, second)
 
 
-def _lined_up(first: LogColumn, second: LogColumn) -> ClockShift:
+def _lined_up(first: StampedColumn, second: StampedColumn) -> ClockShift:
     (epoch, one), (later, two) = samples_of(first), samples_of(second._replace(shift=0.0))
     return shift_between(one, two).later(float(epoch - later))
 
 
-def samples_of(column: LogColumn) -> tuple[Decimal, Samples]:
+def samples_of(column: StampedColumn) -> tuple[Decimal, Samples]:
     """Read a column of a log: its first stamp, shifted, and its samples, s from there.
 
     Raises:
@@ -282,10 +270,6 @@ def _look(path: str, relative: str, only: tuple[str, ...], clocks: Mapping[str |
     summary = inspect_log(Path(path))
     tables = [one for one in summary.tables if not one.info.trouble]
     heads = {one.info.name: typed_map(summary.head_toml(one, relative))[0] for one in tables}
-    guesses = tuple(
-        Guessed(one.channel, one.table, one.column, one.unit, one.scale, one.reason, one.between or "")
-        for one in best(summary.guesses, only)
-    )
     tables = tuple(_table_words(table) for table in summary.tables)
     columns = tuple(column for table in summary.tables for column in _columns(table))[:MOST_COLUMNS]
     if None in clocks and len(summary.tables) == 1:
@@ -294,6 +278,7 @@ def _look(path: str, relative: str, only: tuple[str, ...], clocks: Mapping[str |
     drawn = _pictures(summary, columns, axes)
     columns = tuple(one._replace(picture=drawn.get((one.table, one.name), "")) for one in columns)
     quantities = {(one.table, one.column): one.channel for one in best(summary.guesses)}
+    guesses = best(summary.guesses, only)
     return Looked(summary.kind, tables, columns, guesses, heads, tuple(summary.remarks), axes, quantities)
 
 

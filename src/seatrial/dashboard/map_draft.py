@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from seatrial.campaign.config.templates import has_placeholders
+from seatrial.campaign.config.toml_edit import written_tables
 from seatrial.cli.campaign_text import read_file
-from seatrial.cli.toml_edit import written_tables
 from seatrial.core.errors import SeatrialError
 from seatrial.dashboard import channel_map
 from seatrial.dashboard.channel_map import File
@@ -120,7 +120,7 @@ class MapDraft:
         for one in log.guesses:
             if one.channel not in mapped:
                 head = self.head(name, one.table)
-                column = channel_map.Mapped(head, one.column, one.unit, one.scale, 0.0, one.between)
+                column = channel_map.Mapped(head, one.column, one.unit, one.scale, 0.0, one.between or "")
                 self.files = channel_map.with_channel(self.files, one.channel, column)
         if is_begun_again:
             self.dropped = lost

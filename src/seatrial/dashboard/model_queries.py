@@ -37,7 +37,7 @@ from seatrial.core.signals import RATES
 from seatrial.core.units import quantity
 from seatrial.dashboard import result_plots as drawings
 from seatrial.dashboard.downsample import Envelope, Load
-from seatrial.dashboard.logs import LogColumn, samples_of
+from seatrial.dashboard.logs import StampedColumn, samples_of
 from seatrial.dashboard.record_views import Index, about, index_of, origin_of, view_of
 from seatrial.dashboard.view_models import (
     COMPARED,
@@ -282,7 +282,7 @@ def whole_log_view(folder: str, run: str, files: tuple, start: float, end: float
     return {name: _in_shown(name, curve) for name, curve in curves.items()}
 
 
-def axis_about(folder: str, text: str, run: str, files: tuple, compared: tuple[LogColumn, ...] = ()) -> AxisAbout:
+def axis_about(folder: str, text: str, run: str, files: tuple, compared: tuple[StampedColumn, ...] = ()) -> AxisAbout:
     """Say which channels the logs of a run would give, by a campaign file that is not saved yet, and when each was recorded.
 
     Args:
@@ -310,7 +310,7 @@ def axis_view(
     text: str,
     run: str,
     files: tuple,
-    compared: tuple[LogColumn, ...],
+    compared: tuple[StampedColumn, ...],
     start: float,
     end: float,
     columns: int,
@@ -362,7 +362,7 @@ class _Track(NamedTuple):
 
 
 @lru_cache(maxsize=1)
-def _tracks(folder: str, text: str, run: str, files: tuple, compared: tuple[LogColumn, ...]) -> dict[str, _Track]:
+def _tracks(folder: str, text: str, run: str, files: tuple, compared: tuple[StampedColumn, ...]) -> dict[str, _Track]:
     """What is compared, then the channels of the logs of a run, measurements first; s from the earliest stamp of these logs."""
     del files  # part of the key only
     tables = read_tables(check_text(Path(folder), text), run)

@@ -2,11 +2,12 @@
 
 from collections.abc import Mapping, Sequence
 from itertools import combinations
+from typing import Self
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
-from seatrial.campaign.config.quantities import Metres, Seconds, Several, Table
+from seatrial.campaign.config.quantities import Metres, Seconds, Several, Table, refused, without_effect
 from seatrial.campaign.config.toml import FileKeys
 from seatrial.core.errors import InputError, nearest
 from seatrial.vehicles.thrusters import Thruster, ThrustLaw
@@ -45,6 +46,28 @@ class ThrustLawTable(Table):
         "thrusters",
     )
 
+    @model_validator(mode="after")
+    def _check_law(self) -> Self:
+        if (self.curve is None) == (self.polynomial is None):
+            raise refused(
+                "both curve and polynomial" if self.curve else "neither curve nor polynomial",
+                "one of them",
+                'write curve = "t200.csv", or polynomial = [0.0, 0.1] for 0.1 N of each unit of the command',
+            )
+        if self.curve is not None and "neutral" in self.model_fields_set:
+            raise without_effect("neutral", "the curve says where there is no thrust")
+        if self.dead_zone is not None and not self.dead_zone[0] < self.dead_zone[1]:
+            raise refused(
+                f"{list(self.dead_zone)}", "the lower command first", "write for example [1475, 1525]", "dead_zone"
+            )
+        return self
+
+    @property
+    def law(self) -> ThrustLaw:
+        """The law, whose curve is yet to be read."""
+        zone = None if self.dead_zone is None else (self.dead_zone[0], self.dead_zone[1])
+        return ThrustLaw(self.curve or "", tuple(self.polynomial or ()), self.neutral, zone, self.reverse)
+
 
 class ThrusterTable(Table):
     """`[[vehicle.thrusters]]`: place from the body's origin and direction of positive thrust, forward, starboard and down.
@@ -60,6 +83,17 @@ class ThrusterTable(Table):
     )
     law: str | None = Field(default=None, description="name of its law of thrust; not needed if there is only one")
 
+    @model_validator(mode="after")
+    def _check_direction(self) -> Self:
+        if not (np.isfinite(self.direction).all() and np.linalg.norm(self.direction) > 0):
+            raise refused(
+                f"{list(self.direction)}",
+                "a direction of any length but none",
+                "write for example [1, 0, 0] for a thruster that pushes ahead",
+                "direction",
+            )
+        return self
+
 
 _CLOSE = 1e-6  # Distance, m, and sine of the angle, below which two thrusters are one
 
@@ -70,21 +104,12 @@ def read_thrusters(
     """Return the thrusters of a vehicle: those that are written, else those of the catalogue.
 
     Raises:
-        InputError: a direction of no length, or two thrusters in one place that push along one line.
+        InputError: two thrusters in one place that push along one line.
     """
     placed = []
-    for index, one in enumerate(tables):
-        key = f"vehicle.thrusters[{index}]"
-        x, y, z = one.place
-        if not (np.isfinite(one.direction).all() and np.linalg.norm(one.direction) > 0):
-            raise InputError(
-                keys.where(f"{key}.direction"),
-                found=f"{list(one.direction)}",
-                expected="a direction of any length but none",
-                remedy="write for example [1, 0, 0] for a thruster that pushes ahead",
-            )
-        forward, right, down = map(float, one.direction)
-        placed.append(Thruster((x, y, z), (forward, right, down)))
+    for one in tables:
+        (x, y, z), (forward, right, down) = one.place, one.direction
+        placed.append(Thruster((x, y, z), (float(forward), float(right), float(down))))
     for (i, one), (j, other) in combinations(enumerate(placed), 2):
         apart = np.linalg.norm(np.subtract(one.place, other.place))
         if apart < _CLOSE and np.linalg.norm(np.cross(one.column[:3], other.column[:3])) < _CLOSE:
@@ -109,10 +134,9 @@ def read_thrust_laws(
         count: thrusters of the vehicle.
 
     Raises:
-        InputError: a law that is none, one of which nothing is known, or a thruster without one beside others that have one.
+        InputError: a law of which nothing is known, or a thruster without one beside others that have one.
     """
-    laws = {name: _law(law, keys, f"vehicle.thrust_laws.{name}") for name, law in tables.items()}
-    if laws and not count:
+    if tables and not count:
         raise InputError(
             keys.where("vehicle.thrust_laws"),
             found="laws of thrust, and no thrusters",
@@ -120,7 +144,7 @@ def read_thrust_laws(
             remedy="give place and direction of every thruster",
         )
     names = _names(tables, thrusters, keys, count)
-    for name in laws:
+    for name in tables:
         if name not in names:
             raise InputError(
                 keys.where(f"vehicle.thrust_laws.{name}"),
@@ -128,7 +152,7 @@ def read_thrust_laws(
                 expected="law = of one thruster at least",
                 remedy=f'add law = "{name}" to those that follow it, or remove it',
             )
-    return tuple(laws[name] for name in names)
+    return tuple(tables[name].law for name in names)
 
 
 def thruster_lags(
@@ -156,29 +180,3 @@ def _names(
                 remedy=nearest(name, laws) if name else "add law = to every [[vehicle.thrusters]]",
             )
     return [name for name in names if name is not None]
-
-
-def _law(law: ThrustLawTable, keys: FileKeys, key: str) -> ThrustLaw:
-    if (law.curve is None) == (law.polynomial is None):
-        raise InputError(
-            keys.where(key),
-            found="both curve and polynomial" if law.curve else "neither curve nor polynomial",
-            expected="one of them",
-            remedy='write curve = "t200.csv", or polynomial = [0.0, 0.1] for 0.1 N of each unit of the command',
-        )
-    if law.curve is not None and "neutral" in law.model_fields_set:
-        raise InputError(
-            keys.where(f"{key}.neutral"),
-            found="a key without effect: the curve says where there is no thrust",
-            expected="neutral beside polynomial alone",
-            remedy="remove it",
-        )
-    if law.dead_zone is not None and not law.dead_zone[0] < law.dead_zone[1]:
-        raise InputError(
-            keys.where(f"{key}.dead_zone"),
-            found=f"{list(law.dead_zone)}",
-            expected="the lower command first",
-            remedy="write for example [1475, 1525]",
-        )
-    zone = None if law.dead_zone is None else (law.dead_zone[0], law.dead_zone[1])
-    return ThrustLaw(law.curve or "", tuple(law.polynomial or ()), law.neutral, zone, law.reverse)

@@ -7,7 +7,7 @@ by hand, of which `moves` says what is modelled; published coefficients that no 
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal, Protocol
+from typing import Literal
 
 from seatrial.core.coefficients import CoefficientName
 from seatrial.selection.structures import Structure
@@ -18,38 +18,6 @@ from seatrial.vehicles.hull import Hull
 from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.thrusters import ThrustLaw
 from seatrial.vehicles.whole import whole_vehicle
-
-
-class CampaignVehicle(Protocol):
-    """What every campaign asks of its vehicle."""
-
-    @property
-    def hull(self) -> Hull:
-        """What is known about the body: name, mass, fixed coefficients, trim."""
-        ...
-
-    @property
-    def published(self) -> Mapping[str, float]:
-        """Published coefficients, SI, of which priors and a simulated truth may be made."""
-        ...
-
-    @property
-    def catalogue(self) -> str:
-        """Its name in the catalogue; empty for one by hand."""
-        ...
-
-    @property
-    def is_surge(self) -> bool:
-        """Whether it only moves along X."""
-        ...
-
-    def model(self, structure: Structure) -> VehicleModel:
-        """Vehicle model of one candidate."""
-        ...
-
-    def equations(self, structure: Structure) -> tuple[AxisEquation, ...]:
-        """Equations of motion of one candidate, one for each axis, linear in the coefficients; none of a coupled body."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -70,17 +38,17 @@ class AxesVehicle:
 
     @property
     def is_surge(self) -> bool:
-        """See `CampaignVehicle`."""
+        """Whether it only moves along X."""
         return self.axes == ("X",)
 
     def model(self, structure: Structure) -> VehicleModel:
-        """See `CampaignVehicle`."""
+        """Return the vehicle model of one candidate."""
         if self.is_surge:
             return whole_vehicle(self.hull, structure.terms, moves=("u",))
         return axes_vehicle(self.hull.name, self.equations(structure))
 
     def equations(self, structure: Structure) -> tuple[AxisEquation, ...]:
-        """See `CampaignVehicle`."""
+        """Return the equations of motion of one candidate, one for each axis, linear in the coefficients."""
         hull, built = self.hull, []
         for axis in self.axes:
             own = ("X", "T") if axis == "X" else (axis,)
@@ -135,16 +103,16 @@ class WholeVehicle:
 
     @property
     def published(self) -> Mapping[str, float]:
-        """See `CampaignVehicle`."""
+        """Published coefficients, SI, of which priors and a simulated truth may be made."""
         return {**self.body.hull.fixed, **self.body.coefficients}
 
     @property
     def is_surge(self) -> bool:
-        """See `CampaignVehicle`."""
+        """Whether it only moves along X."""
         return self.moves == ("u",)
 
     def model(self, structure: Structure) -> VehicleModel:
-        """See `CampaignVehicle`."""
+        """Return the vehicle model of one candidate."""
         return whole_vehicle(
             self.hull,
             structure.terms,
@@ -165,4 +133,4 @@ class WholeVehicle:
         return ()
 
 
-# Where a vehicle's states are at the start of a trial: at trim, or where first measured.
+CampaignVehicle = AxesVehicle | WholeVehicle

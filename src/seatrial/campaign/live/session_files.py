@@ -7,10 +7,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import tomlkit
-
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.import_table import ImportTable
+from seatrial.campaign.config.toml_edit import Key, with_values
 from seatrial.campaign.live.channels import lined_controls
 from seatrial.core.errors import InputError
 from seatrial.core.files import begin_file, read_bytes, write_json
@@ -19,6 +18,7 @@ from seatrial.vehicles.model import VehicleModel
 
 SYNC_SECONDS = 1.0  # Seconds after which everything is on the disk
 SESSION_FOLDER = Path("results") / "live"  # Of the sessions, in a campaign's folder
+_PATH = f"{SESSION_FOLDER.as_posix()}/{{run}}.csv"
 # What the session that runs, or ran last, said last; in a folder of its own, so that the others do not change with it
 LAST_LOOK = SESSION_FOLDER / "now" / "look.json"
 LOOK = {"run", "at", "time_s", "samples", "coefficients", "innovations", "kind", "advice"}  # Keys of a look
@@ -106,19 +106,15 @@ def last_look(folder: Path) -> dict[str, Any] | None:
 
 def import_lines(imports: ImportTable | None, model: VehicleModel, channels: tuple[str, ...], run: str) -> str:
     """Return the lines of a campaign file that import a session."""
-    lined = lined_controls(imports)
-    lines = [
-        "[import]",
-        f'fit = ["{run}"]',
-        "",
-        "[[import.files]]",
-        f'path = "{SESSION_FOLDER.as_posix()}/{{run}}.csv"',
-    ]
-    lines += ['time = { column = "time_s", unit = "s" }']
-    for one in (*model.controls, *channels):
-        between = ', between = "line"' if one in lined else ""
-        lines.append(f'channels.{one} = {{ column = "{one}", unit = "{signal_unit(one)}"{between} }}')
-    return "\n".join(lines)
+    return with_values("", _import_of(imports, model, channels, run)).strip()
+
+
+def _import_of(imports: ImportTable | None, model: VehicleModel, channels: tuple[str, ...], run: str) -> dict[Key, Any]:
+    lined, columns = lined_controls(imports), {}
+    for name in (*model.controls, *channels):
+        columns[name] = {"column": name, "unit": signal_unit(name)} | ({"between": "line"} if name in lined else {})
+    file = {"path": _PATH, "time": {"column": "time_s", "unit": "s"}, "channels": columns}
+    return {("import", "fit"): [run], ("import", "files"): [file]}
 
 
 def with_session(campaign: Campaign, run: str) -> str:
@@ -127,7 +123,6 @@ def with_session(campaign: Campaign, run: str) -> str:
     Raises:
         InputError: a campaign whose trials are simulated, or whose runs are of other files.
     """
-    document = tomlkit.parse(campaign.text)
     if campaign.is_simulated:
         raise InputError(
             campaign.where("truth"),
@@ -135,23 +130,17 @@ def with_session(campaign: Campaign, run: str) -> str:
             expected="a campaign that imports",
             remedy="take a copy of its file without [truth] and [import] to another folder, or leave --import out",
         )
-    if "import" not in document:
-        return (
-            campaign.text.rstrip("\n")
-            + "\n\n"
-            + import_lines(campaign.imports, campaign.model(campaign.full), campaign.channels, run)
-            + "\n"
-        )
     imports = campaign.imports
-    assert imports is not None
-    if [file.path for file in imports.files] != [f"{SESSION_FOLDER.as_posix()}/{{run}}.csv"]:
+    whole = _import_of(imports, campaign.model(campaign.full), campaign.channels, run)
+    if imports is None:
+        return with_values(campaign.text, whole, str(campaign.path))
+    if [file.path for file in imports.files] != [_PATH]:
         raise InputError(
             campaign.where("import"),
             found="runs of other files",
             expected="an [import] of live sessions, or none",
-            remedy=f"copy the session to where [[import.files]] looks for a run, or put these lines into a campaign of their own:\n"
-            f"{import_lines(campaign.imports, campaign.model(campaign.full), campaign.channels, run)}",
+            remedy="copy the session to where [[import.files]] looks for a run, or put these lines into a campaign of their own:\n"
+            + with_values("", whole).strip(),
         )
-    table: object = document["import"]
-    table["fit"] = [*imports.fit, *([run] if run not in imports.fit else [])]  # pyright: ignore[reportIndexIssue]
-    return tomlkit.dumps(document)
+    fit = list(dict.fromkeys((*imports.fit, run)))
+    return with_values(campaign.text, {("import", "fit"): fit}, str(campaign.path))

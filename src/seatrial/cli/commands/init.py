@@ -1,7 +1,7 @@
 """A campaign file to begin from: a template, a published vehicle, a log of one, or answers in a terminal."""
 
 import sys
-from collections.abc import Iterable
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
@@ -111,12 +111,14 @@ def _write(folder: Path, text: str, subject: str, following: str) -> None:
 def _ask_all(folder: Path) -> None:
     """Ask for what a campaign begins from, then for the values of its template."""
     from seatrial.campaign.config.templates import TEMPLATES, template_text
+    from seatrial.core.argument_checks import check_choice
     from seatrial.vehicles.catalogue import vehicle_names
 
     echo("Begin with a published vehicle, your own vehicle, or a template. You can change every answer in the file.")
     echo("  published: " + ", ".join(vehicle_names()))
     echo("  templates: " + "; ".join(f"{name}, {meaning}" for name, meaning in TEMPLATES.items()))
-    first = _ask_one_of("vehicle, template or own", (*vehicle_names(), *TEMPLATES, "own"))
+    names, question = (*vehicle_names(), *TEMPLATES, "own"), "vehicle, template or own"
+    first = _ask_until(question, "own", lambda answer: check_choice(answer, names, question))
     if first in TEMPLATES:
         _write_template(folder, first)
     elif first != "own":
@@ -143,15 +145,9 @@ def _ask(text: str) -> str:
 def _ask_value(text: str, key: str) -> str:
     """Ask for one value until the answer can be read."""
     from seatrial.cli.questions import answered, questions
-    from seatrial.core.errors import InputError
 
     question = next(one for one in questions(text) if one.key == key)
-    while True:
-        answer = typer.prompt(f"{question.key}, {question.meaning}", default=question.value).strip()
-        try:
-            return answered(text, {key: answer})
-        except InputError as error:
-            echo(f"  {error.sentence()}")
+    return _ask_until(f"{key}, {question.meaning}", question.value, lambda answer: answered(text, {key: answer}))
 
 
 def _checked(folder: Path, text: str) -> str:
@@ -177,12 +173,12 @@ def _checked(folder: Path, text: str) -> str:
             return text
 
 
-def _ask_one_of(question: str, names: Iterable[str]) -> str:
-    from seatrial.core.argument_checks import check_choice
+def _ask_until(question: str, default: str, read: Callable[[str], str]) -> str:
+    """Ask until an answer can be read, and return what `read` makes of it."""
     from seatrial.core.errors import InputError
 
     while True:
         try:
-            return check_choice(typer.prompt(question, default="own").strip(), tuple(names), question)
+            return read(typer.prompt(question, default=default).strip())
         except InputError as error:
             echo(f"  {error.sentence()}")

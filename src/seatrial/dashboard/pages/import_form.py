@@ -11,8 +11,8 @@ from urllib.parse import urlencode
 from markupsafe import Markup
 from nicegui import ui
 
+from seatrial.campaign.config.toml_edit import written_tables
 from seatrial.cli.campaign_text import write_file
-from seatrial.cli.toml_edit import written_tables
 from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import SeatrialError
 from seatrial.dashboard import channel_map

@@ -23,7 +23,7 @@ from seatrial.dashboard.worker_pool import stamp
 from seatrial.logs.clock_shift import BEST_SHARE, ClockShift
 
 if TYPE_CHECKING:
-    from seatrial.dashboard.logs import LogColumn
+    from seatrial.dashboard.logs import StampedColumn
 
 COLOURS = ("blue", "orange", "purple", "good")
 """Of the logs, in turn."""
@@ -147,7 +147,7 @@ class OneAxis:
         alike = first == second or self.draft.quantity_of(keys[0]) == self.draft.quantity_of(keys[1])
         return "" if alike else delay_words(first, second)
 
-    def _chosen(self) -> "list[tuple[tuple[str, str | None], LogColumn]]":
+    def _chosen(self) -> "list[tuple[tuple[str, str | None], StampedColumn]]":
         """Return the columns that are chosen to be compared, each with its log in the map: two, or fewer where they are not of two logs."""
         from seatrial.dashboard.logs import column_of
 
