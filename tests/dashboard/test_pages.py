@@ -33,7 +33,8 @@ from seatrial.dashboard.pages.one_axis import (
 from seatrial.dashboard.pages.record_chart import RecordChart, ends_errors
 from seatrial.dashboard.pages.results import estimated_html, next_links, of_mode
 from seatrial.dashboard.result_plots import report_sections
-from seatrial.dashboard.view_models import AxisAbout, EstimatedStructure, Swept, beside
+from seatrial.dashboard.view_models import AxisAbout, EstimatedStructure, beside
+from seatrial.design.results import SweptDesigns
 from seatrial.logs.clock_shift import ClockShift
 from seatrial.report.page import CONTENTS, write_report
 from tests.report.outcomes import make_outcome
@@ -95,9 +96,10 @@ def test_a_design_names_the_coefficients_about_which_it_says_nothing():
     def told(after, held=("tau_N",)):
         sd = np.asarray(after)[None, None, None]
         gain = np.ones((1, 1, 1))
-        found = Swept(
-            *(("step",), "n", "rpm", (100.0,), (5.0,), gain, gain, (0, 0, 0), names, tuple(before), sd, gain, gain),
-            *("the priors", {}, (), (), held),
+        trim = tuple((name, 0.0) for name in ("n", *held))
+        found = SweptDesigns(
+            *(("step",), "n", trim, np.array([10.0]), np.array([5.0]), gain, gain, gain, sd, gain, names, before),
+            *("the priors", {}, (), (), "nat"),
         )
         return what_it_teaches(found, 0, 0, 0, shown_as_written({}))
 

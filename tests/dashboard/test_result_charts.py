@@ -19,7 +19,8 @@ from seatrial.dashboard import model_queries, prediction_views, result_charts, r
 from seatrial.dashboard.charts import Curve, Panel, TimeChart, _series, legend_lines
 from seatrial.dashboard.downsample import Envelope
 from seatrial.dashboard.pages.compare import joint_difference, side_by_side
-from seatrial.dashboard.view_models import FitAbout, Swept
+from seatrial.dashboard.view_models import FitAbout
+from seatrial.design.results import SweptDesigns
 from seatrial.selection.structures import Structure
 from tests.export.finished import finished
 
@@ -77,9 +78,9 @@ def test_the_axis_of_the_autocorrelation_holds_its_bars(shown, values):
 
 def test_the_surface_leaves_out_what_breaks_a_limit_and_shows_no_foreign_markup(shown):
     gain = np.array([[[1.0, 2.0], [np.nan, 3.0]]])
-    found = Swept(
-        *(("doublet",), "n", "rpm", (100.0, 200.0), (5.0, 10.0), gain, gain, (0, 1, 1), ("<b>X_u",), (1.0,)),
-        *(np.ones((1, 2, 2, 1)), gain, gain, "the priors", {}, (), (), ()),
+    found = SweptDesigns(
+        *(("doublet",), "n", (("n", 0.0),), np.array([10.0, 20.0]), np.array([5.0, 10.0]), gain, gain, gain),
+        *(np.ones((1, 2, 2, 1)), gain, ("<b>X_u",), np.ones(1), "the priors", {}, (), (), "nat"),
     )
     options = result_charts.surface_chart(found, 0, "gain", (0, 0))
     cells = options["series"][0]["data"]

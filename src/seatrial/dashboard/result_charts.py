@@ -22,7 +22,8 @@ from seatrial.dashboard.charts import (
     faint,
     tooltip,
 )
-from seatrial.dashboard.view_models import FitAbout, Swept
+from seatrial.dashboard.view_models import FitAbout
+from seatrial.design.results import SweptDesigns
 from seatrial.report.figures.style import unit_label
 
 CHOSEN = "chosen design"
@@ -36,7 +37,7 @@ _HOVER = f"""(all) => {{ {_NUMBERS} const plain = (text) => text.replace(/[&<>"]
   return [digits(all[0].axisValue), ...rows].join("<br>"); }}"""
 
 
-def surface_chart(sweep: Swept, family: int, measure: str, at: tuple[int, int]) -> ui.echart:
+def surface_chart(sweep: SweptDesigns, family: int, measure: str, at: tuple[int, int]) -> ui.echart:
     """Draw what every design of a family is worth: cells of amplitude and period, a line where only one of them varies.
 
     Args:
@@ -47,7 +48,8 @@ def surface_chart(sweep: Swept, family: int, measure: str, at: tuple[int, int]) 
     """
     values = (sweep.gain if measure == "gain" else sweep.worth)[family]
     what = "entropy reduction [nat]" if measure == "gain" else "utility"
-    names = unit_label(f"amplitude of {sweep.control}", sweep.unit), "period [s]"
+    amplitude, unit = sweep.shown_amplitude
+    names = unit_label(f"amplitude of {sweep.control}", unit), "period [s]"
     title = f"Information of each design: {sweep.families[family].replace('-', ' ')}"
     best = np.unravel_index(int(np.nanargmax(sweep.worth[family])), values.shape)
     if min(values.shape) == 1:
@@ -57,7 +59,7 @@ def surface_chart(sweep: Swept, family: int, measure: str, at: tuple[int, int]) 
         for i, j in np.ndindex(values.shape)
         if isfinite(values[i, j])
     ]
-    rows, columns = ([f"{one:.4g}" for one in grid] for grid in (sweep.amplitude, sweep.period))
+    rows, columns = ([f"{one:.4g}" for one in grid] for grid in (amplitude, sweep.period))
     top = float(np.nanmax(values))
     options = {
         "grid": {
@@ -96,10 +98,10 @@ def surface_chart(sweep: Swept, family: int, measure: str, at: tuple[int, int]) 
 
 
 def _sweep_line(
-    sweep: Swept, values: np.ndarray, at: int, best: int, names: tuple[str, str, str], title: str
+    sweep: SweptDesigns, values: np.ndarray, at: int, best: int, names: tuple[str, str, str], title: str
 ) -> ui.echart:
-    over_period = len(sweep.amplitude) == 1
-    grid = sweep.period if over_period else sweep.amplitude
+    over_period = sweep.amplitude.size == 1
+    grid = sweep.period if over_period else sweep.shown_amplitude[0]
     points = [[x, _value(y)] for x, y in zip(grid, values, strict=True)]
     options = {
         "grid": {"left": 60, "right": 20, "top": 34, "bottom": 46},
@@ -116,11 +118,11 @@ def _sweep_line(
     return chart(options, title, 300)
 
 
-def mark_chosen(element: ui.echart, sweep: Swept, family: int, measure: str, at: tuple[int, int]) -> None:
+def mark_chosen(element: ui.echart, sweep: SweptDesigns, family: int, measure: str, at: tuple[int, int]) -> None:
     """Move the mark of the chosen design; what is zoomed stays so."""
     values = (sweep.gain if measure == "gain" else sweep.worth)[family]
     if min(values.shape) == 1:
-        grid = sweep.period if len(sweep.amplitude) == 1 else sweep.amplitude
+        grid = sweep.period if sweep.amplitude.size == 1 else sweep.shown_amplitude[0]
         place = [grid[at[0] + at[1]], _value(values.ravel()[at[0] + at[1]])]
     else:
         place = [at[1], at[0]]
@@ -252,10 +254,10 @@ def _mark(name: str, at: Sequence[float | None], symbol: str, size: int, hollow:
     }
 
 
-def _words_of_cell(sweep: Swept, family: int, row: int, column: int, value: float, what: str) -> str:
-    after = sweep.final_sd[family, row, column]
+def _words_of_cell(sweep: SweptDesigns, family: int, row: int, column: int, value: float, what: str) -> str:
+    after, (amplitude, unit) = sweep.final_sd[family, row, column], sweep.shown_amplitude
     lines = [
-        f"{sweep.amplitude[row]:.4g} {sweep.unit}, {sweep.period[column]:.4g} s",
+        f"{amplitude[row]:.4g} {unit}, {sweep.period[column]:.4g} s",
         f"{what}: <b>{value:.4g}</b>",
         *(f"sd of {escape(name)}: {sd:.3g}" for name, sd in list(zip(sweep.names, after, strict=True))[:6]),
     ]

@@ -12,9 +12,8 @@ from seatrial.campaign.store.estimates import Estimate
 from seatrial.campaign.store.stored_result import decoding, read_result
 from seatrial.core.dataset import Dataset
 from seatrial.core.dataset_file import open_dataset, write_dataset
-from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError
-from seatrial.dashboard.view_models import EstimatedStructure, Swept
+from seatrial.dashboard.view_models import EstimatedStructure
 from seatrial.design.results import SweptDesigns
 from seatrial.messages.render import sentences
 
@@ -41,35 +40,13 @@ def ready() -> bool:
     return True
 
 
-def swept(path: Path) -> Swept:
+def swept(path: Path) -> SweptDesigns:
     """Read a sweep.
 
     Raises:
         InputError: missing or damaged.
     """
-    stored = read_result(SweptDesigns, path, "seatrial design")
-    factor, unit = shown_unit(stored.control)
-    best = np.unravel_index(np.nanargmax(stored.worth), stored.worth.shape)
-    return Swept(
-        stored.families,
-        stored.control,
-        unit,
-        tuple((stored.amplitude * factor).tolist()),
-        tuple(stored.period.tolist()),
-        stored.gain,
-        stored.worth,
-        (int(best[0]), int(best[1]), int(best[2])),
-        stored.names,
-        tuple(stored.sd_before.tolist()),
-        stored.final_sd,
-        stored.peak_speed,
-        stored.length,
-        stored.basis,
-        stored.refused,
-        stored.safety,
-        stored.prediction,
-        tuple(name for name, _ in stored.trim if name != stored.control),
-    )
+    return read_result(SweptDesigns, path, "seatrial design")
 
 
 def estimated(paths: tuple[Path, ...]) -> tuple[EstimatedStructure, ...]:

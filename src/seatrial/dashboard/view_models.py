@@ -113,30 +113,6 @@ class EstimatedStructure(NamedTuple):
     remarks: tuple[str, ...] = ()
 
 
-class Swept(NamedTuple):
-    """A stored sweep, for the forms beside its picture; numbers in the units in which they are shown, NaN where a limit is broken."""
-
-    families: tuple[str, ...]
-    control: str
-    unit: str
-    amplitude: tuple[float, ...]
-    period: tuple[float, ...]
-    gain: np.ndarray
-    worth: np.ndarray
-    best: tuple[int, int, int]
-    names: tuple[str, ...]
-    sd_before: tuple[float, ...]
-    final_sd: np.ndarray
-    peak_speed: np.ndarray
-    length: np.ndarray
-    basis: str
-    refused: dict[str, str]
-    safety: tuple[str, ...]
-    prediction: tuple[str, ...]
-    held: tuple[str, ...]
-    """Controls that stay at trim unless `together` moves them."""
-
-
 class FormData(NamedTuple):
     """What the forms need to know of a campaign."""
 

@@ -64,6 +64,18 @@ class SweptDesigns:
     prediction: tuple[str, ...]
     unit: str
 
+    @property
+    def best(self) -> tuple[int, int, int]:
+        """Family, row of the amplitude and column of the period of the best design."""
+        family, row, column = np.unravel_index(np.nanargmax(self.worth), self.worth.shape)
+        return int(family), int(row), int(column)
+
+    @property
+    def shown_amplitude(self) -> tuple[np.ndarray, str]:
+        """Amplitudes in the unit in which the control is shown, and that unit."""
+        factor, unit = shown_unit(self.control)
+        return self.amplitude * factor, unit
+
 
 @dataclass(frozen=True)
 class BestDesign:

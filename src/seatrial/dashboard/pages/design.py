@@ -20,9 +20,9 @@ from seatrial.dashboard.page_layout import LOOK, button, section, table
 from seatrial.dashboard.pages.work import Live, begin, made_part
 from seatrial.dashboard.result_charts import mark_chosen, schedule_chart, surface_chart
 from seatrial.dashboard.table_form import TableForm
-from seatrial.dashboard.view_models import Clicked, Swept
+from seatrial.dashboard.view_models import Clicked
 from seatrial.dashboard.worker_pool import stamp
-from seatrial.design.results import edge_words
+from seatrial.design.results import SweptDesigns, edge_words
 from seatrial.report.numbers import percent, short, unit_html
 
 UNTAUGHT = 0.999
@@ -109,7 +109,7 @@ class Surface:
         """Read the sweep and draw it, with its best design chosen."""
         path = self.paths[self.which]
         try:
-            sweep: Swept = await self.context.worker_pool.draw("swept", path, files=[path])
+            sweep: SweptDesigns = await self.context.worker_pool.draw("swept", path, files=[path])
         except (SeatrialError, OSError) as error:
             self.holder.clear()
             with self.holder:
@@ -124,7 +124,7 @@ class Surface:
         self.which = event.value
         await self.show()
 
-    def _family_form(self, sweep: Swept) -> None:
+    def _family_form(self, sweep: SweptDesigns) -> None:
         self.families.clear()
         with self.families:
             if len(sweep.families) > 1:
@@ -151,7 +151,8 @@ class Surface:
         self._surface()
         self.forms.clear()
         with self.forms:
-            amplitudes = {i: f"{value:.4g} {sweep.unit}" for i, value in enumerate(sweep.amplitude)}
+            values, unit = sweep.shown_amplitude
+            amplitudes = {i: f"{value:.4g} {unit}" for i, value in enumerate(values)}
             periods = {i: f"{value:.4g} s" for i, value in enumerate(sweep.period)}
             self.amplitude = ui.select(amplitudes, value=self.at[0], label=f"Amplitude of {sweep.control}").props(LOOK)
             self.period = ui.select(periods, value=self.at[1], label="Period").props(LOOK)
@@ -219,7 +220,7 @@ class Surface:
         assert sweep is not None
         markup(Markup("<p>{}</p>").format(clicked.words[:1].upper() + clicked.words[1:]))
         with ui.element("div").classes("figures"):
-            schedule_chart(clicked.time, clicked.control, sweep.control, sweep.unit)
+            schedule_chart(clicked.time, clicked.control, sweep.control, sweep.shown_amplitude[1])
         rows = [[one.what, _kept(one.kept), one.room, one.reached, one.bound] for one in clicked.margins]
         head = ["limit", "kept?", "room left", "reached", "bound"]
         markup(
@@ -238,7 +239,7 @@ def legend_html(gain: np.ndarray) -> Markup:
     )
 
 
-def what_it_teaches(sweep: Swept, family: int, row: int, column: int, shown: Shown) -> Markup:
+def what_it_teaches(sweep: SweptDesigns, family: int, row: int, column: int, shown: Shown) -> Markup:
     """What a design promises: entropy reduction, and each standard deviation before and after, in the unit in which it is `shown`."""
     gain = float(sweep.gain[family, row, column])
     if math.isnan(gain):
@@ -274,7 +275,7 @@ def what_it_teaches(sweep: Swept, family: int, row: int, column: int, shown: Sho
     )
 
 
-def _untaught(sweep: Swept, sd_after: np.ndarray) -> list[str]:
+def _untaught(sweep: SweptDesigns, sd_after: np.ndarray) -> list[str]:
     """Say about which coefficients a design says nothing, and what would; nothing where there is none such."""
     names = [
         name
@@ -286,7 +287,8 @@ def _untaught(sweep: Swept, sd_after: np.ndarray) -> list[str]:
     of = {name: {*CoefficientName.parse(name).signals} for name in sweep.names}
     wanted, moved = ({*chain(*(of[one] for one in some))} for some in (names, of.keys() - {*names}))
     signals = sorted(wanted - moved or wanted)
-    also = f" (`together` of [design] moves {listed(sweep.held)} as well)" if sweep.held else ""
+    held = [name for name, _ in sweep.trim if name != sweep.control]  # unless `together` moves them
+    also = f" (`together` of [design] moves {listed(held)} as well)" if held else ""
     them = "it" if len(names) == 1 else "them"
     words = f"the trial says nothing about {listed(names)}: no measurement changes with {them}"
     return [f"{words}. To learn about {them}, move {listed(signals)}{also}"]
