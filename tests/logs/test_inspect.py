@@ -164,6 +164,17 @@ def test_every_element_of_a_multiarray_is_listed(tmp_path):
     assert (caught.value.found, caught.value.expected) == ("no such element: data has 10", "data[0] to data[9]")
 
 
+RAMP = 0.1 * np.arange(9.0)
+
+
+def summed(name, columns, values=RAMP, **more):
+    """Summary of a table whose columns all hold the same values."""
+    info = TableInfo(name, (ColumnInfo("time", "s"), *map(ColumnInfo, columns)), ("time",), **more)
+    gathered = Gathered(info)
+    gathered.take(Block(name, {"time": np.arange(9.0), **dict.fromkeys(columns, values)}))
+    return gathered.summary()
+
+
 AUTOPILOT = {
     "LOCAL_POSITION_NED": (("vx", "vy", "vz"), "ATTITUDE", ("roll", "pitch", "yaw")),
     "XKF1": (("VN", "VE", "VD"), "ATT", ("Roll", "Pitch", "Yaw")),
@@ -173,13 +184,6 @@ AUTOPILOT = {
 @pytest.mark.parametrize("name", AUTOPILOT)
 def test_velocities_over_the_earth_bring_the_attitude_with_them(name):
     velocities, attitude, angles = AUTOPILOT[name]
-
-    def summed(kind, columns):
-        info = TableInfo(kind, (ColumnInfo("time", "s"), *map(ColumnInfo, columns)), ("time",))
-        gathered = Gathered(info)
-        gathered.take(Block(kind, {"time": np.arange(9.0), **{column: 0.1 * np.arange(9.0) for column in columns}}))
-        return gathered.summary()
-
     found = guesses([summed(name, velocities), summed(attitude, angles)])
     earth, turns = ["v_north", "v_east", "v_down"], ["phi", "theta", "psi"]
     assert {guess.channel for guess in best(found, ["u"])} == {*earth, *turns}
@@ -489,23 +493,6 @@ def test_the_ends_of_a_range_are_told_apart(tmp_path):
     assert any("1764010000 to 1764010089.5; mean" in line for line in found.lines())
 
 
-@pytest.mark.parametrize(
-    ("name", "values", "channel", "unit"),
-    [
-        ("thruster_1", (-1.0, 1.0), "f_1", "command"),
-        ("thruster_2_N", (-30.0, 40.0), "f_2", "N"),
-        ("thruster_3_rpm", (-900.0, 1200.0), "n_3", "rpm"),
-        ("motor_starboard", (1300.0, 1700.0), "f_2", "command"),
-        ("port_pwm", (1300.0, 1700.0), "f_1", "command"),
-        ("thruster_1_deg", (0.0, 40.0), None, None),
-    ],
-)
-def test_thrusters_by_their_number_or_side(tmp_path, name, values, channel, unit):
-    rows = "".join(f"{0.1 * k:.1f},{values[k % 2]}\n" for k in range(40))
-    found = best(inspect_log(written(tmp_path, f"t,{name}\n" + rows, "a.csv")).guesses)
-    assert [(one.channel, one.unit) for one in found] == ([(channel, unit)] if channel else [])
-
-
 def test_decimal_stamps_are_seconds_whatever_the_name(tmp_path):
     """`stamp` is nanoseconds where it is whole."""
     rows = "".join(f"{1_700_000_000 + 0.1 * k:.6f},{0.01 * k:.2f}\n" for k in range(50))
@@ -693,15 +680,6 @@ def test_thrusters_are_counted_from_the_first_number_that_a_log_has(tmp_path, ca
 
 
 @pytest.mark.parametrize(
-    ("left", "right"), [("PWM_L", "PWM_R"), ("thruster_l", "thruster_r"), ("motor_left", "motor_right")]
-)
-def test_two_thrusters_by_one_letter(tmp_path, left, right):
-    for ends in [(1510.0, 1700.0), (-100.0, 100.0)]:
-        found, _ = guessed(tmp_path, f"{left},{right}", ends, ends)
-        assert found == {left: ("f_1", "command"), right: ("f_2", "command")}
-
-
-@pytest.mark.parametrize(
     "name",
     [
         "channels[{}]",
@@ -719,10 +697,7 @@ def test_radio_control_is_of_axes_and_of_no_thruster(tmp_path, name):
     columns = [name.format(first + k) for k in range(8)]
     ends = [(1400.0, 1600.0)] * 8
     if name == "channels[{}]":  # only the topic tells
-        info = TableInfo("/mavros/rc/override", (ColumnInfo("time", "s"), *map(ColumnInfo, columns)), ("time",))
-        gathered = Gathered(info)
-        gathered.take(Block(info.name, {"time": np.arange(9.0)} | {one: 1500 + np.arange(9.0) for one in columns}))
-        tables = [gathered.summary()]
+        tables = [summed("/mavros/rc/override", columns, 1500 + np.arange(9.0))]
         assert guesses(tables) == ()
         said = remarks((), tables)
     else:
@@ -735,38 +710,49 @@ def test_radio_control_is_of_axes_and_of_no_thruster(tmp_path, name):
 
 
 NOTHING = {
-    "a path parameter": ("path/w", (0.0, 57.0)),
-    "one letter beyond any speed": ("w", (0.0, 57.0)),
-    "a reference": ("path_reference.u", (0.0, 1.0)),
-    "a gain": ("pid_gains.p", (0.0, 1.0)),
-    "a command": ("/cmd_vel/linear.x", (0.0, 1.0)),
-    "whole numbers of no unit": ("thruster_1", (-40.0, 40.0)),
-    "beyond the force of a thruster": ("motor_0", (0.5, 2999.5)),
-    "parts of a quaternion": ("orientation.x,orientation.y,orientation.z", *[(-0.5, 0.5)] * 3),
+    "thruster_1_deg": [(0.0, 40.0)],
+    "path/w": [(0.0, 57.0)],
+    "w": [(0.0, 57.0)],  # beyond any speed
+    "path_reference.u": [(0.0, 1.0)],
+    "pid_gains.p": [(0.0, 1.0)],
+    "/cmd_vel/linear.x": [(0.0, 1.0)],
+    "thruster_1": [(-40.0, 40.0)],  # whole numbers of no unit
+    "motor_0": [(0.5, 2999.5)],  # beyond the force of a thruster
+    "orientation.x,orientation.y,orientation.z": [(-0.5, 0.5)] * 3,  # parts of a quaternion
 }
+PORT_AND_STARBOARD = ("f_1 command", "f_2 command")
+BY_RANGE = [
+    ("thruster_1", [(-1.0, 1.0)], ("f_1 command",)),
+    ("thruster_2_N", [(-30.0, 40.0)], ("f_2 N",)),
+    ("thruster_3_rpm", [(-900.0, 1200.0)], ("n_3 rpm",)),
+    ("motor_starboard", [(1300.0, 1700.0)], ("f_2 command",)),
+    ("port_pwm", [(1300.0, 1700.0)], ("f_1 command",)),
+    *((pair, [(1510.0, 1700.0)] * 2, PORT_AND_STARBOARD) for pair in ("PWM_L,PWM_R", "thruster_l,thruster_r")),
+    *((pair, [(-100.0, 100.0)] * 2, PORT_AND_STARBOARD) for pair in ("PWM_L,PWM_R", "motor_left,motor_right")),
+    (
+        "a.orientation.x,a.orientation.y,a.orientation.z",
+        [(-0.1, 0.1), (-0.2, 0.1), (-3.0, 3.1)],
+        ("phi rad", "theta rad", "psi rad"),
+    ),
+    (
+        "a.orientation.w,a.orientation.x,a.orientation.y,a.orientation.z",
+        [(0.5, 1.0), *[(-0.5, 0.5)] * 3],
+        ("q_w 1", "q_x 1", "q_y 1", "q_z 1"),
+    ),
+]
+"""Columns, their least and greatest values, and channel and unit of each."""
 
 
-@pytest.mark.parametrize("case", NOTHING)
-def test_what_may_be_anything_is_not_guessed(tmp_path, case):
-    head, *ends = NOTHING[case]
-    assert guessed(tmp_path, head, *ends)[0] == {}
-
-
-def test_an_orientation_without_w_is_angles_where_it_can_be_no_quaternion(tmp_path):
-    head = "pose.orientation.x,pose.orientation.y,pose.orientation.z"
-    found, _ = guessed(tmp_path, head, (-0.1, 0.1), (-0.2, 0.1), (-3.0, 3.1))
-    assert [*found.values()] == [("phi", "rad"), ("theta", "rad"), ("psi", "rad")]
-    found, _ = guessed(tmp_path, f"pose.orientation.w,{head}", (0.5, 1.0), *[(-0.5, 0.5)] * 3)
-    assert [one for one, _ in found.values()] == ["q_w", "q_x", "q_y", "q_z"]
+@pytest.mark.parametrize(
+    ("head", "ends", "channels"), [*BY_RANGE, *((head, ends, ()) for head, ends in NOTHING.items())]
+)
+def test_columns_are_guessed_by_name_and_range_together(tmp_path, head, ends, channels):
+    assert [" ".join(one) for one in guessed(tmp_path, head, *ends)[0].values()] == [*channels]
 
 
 @pytest.mark.parametrize("topic", ["/rov/angle_radian", "/rov/rpy", "/rov/cmd_vel", "/rov/attitude_euler"])
 def test_the_type_of_a_velocity_that_holds_something_else_is_no_guess(topic):
     names = ("linear.x", "angular.x", "angular.y", "angular.z")
     for name, expected in ((topic, []), ("/rov/angular_velocity", ["u", "p", "q", "r"])):
-        info = TableInfo(
-            name, (ColumnInfo("time", "s"), *map(ColumnInfo, names)), ("time",), kind="geometry_msgs/msg/Twist"
-        )
-        gathered = Gathered(info)
-        gathered.take(Block(name, {"time": np.arange(9.0)} | {one: 0.1 * np.arange(9.0) for one in names}))
-        assert [one.channel for one in guesses([gathered.summary()])] == expected
+        table = summed(name, names, kind="geometry_msgs/msg/Twist")
+        assert [one.channel for one in guesses([table])] == expected
