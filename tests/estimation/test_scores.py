@@ -68,19 +68,6 @@ def autoregressive(rho, n, seed):
     return np.array(e)
 
 
-def test_a_gap_does_not_make_neighbours():
-    """Every other sample of an autoregressive series is missing, twice as often in the second half: lags keep their length."""
-    e = autoregressive(0.8, 40_000, 5)
-    kept = np.concatenate([np.arange(0, 20_000, 2), np.arange(20_000, 40_000, 6)])
-    found = whiteness(0.2 * kept, e[kept])
-    assert found.interval == pytest.approx(0.4)
-    np.testing.assert_allclose(found.correlation[:6], 0.64 ** np.arange(1, 7), atol=0.05)
-    assert found.pairs[0] == 10_000
-    assert found.pairs[2] == 9_998 + 3_333
-    assert found.neighbours == found.correlation[0]
-    assert found.p_value < 1e-6
-
-
 def test_jitter_of_the_clock_does_not_shift_lags():
     rng = np.random.default_rng(6)
     e = autoregressive(0.9, 20_000, 6)

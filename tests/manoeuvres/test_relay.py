@@ -75,14 +75,6 @@ def test_switching_times_by_riccati():
     assert THRESHOLD <= run.reached < THRESHOLD + 0.05 * abs(surge_rate(U0 + THRESHOLD, 12.5 + 200 / 60))
 
 
-def test_unreachable_threshold_is_a_step():
-    run = run_relay(surge_space(), FAMILY, AMPLITUDE, 0.6, START)
-    assert run.switches == 0
-    assert (run.control == N0 + AMPLITUDE).all()
-    steps = FAMILY.duration - FAMILY.sample_time
-    assert run.reached == pytest.approx(float(riccati_speed(steps, U0, 12.5 + 200 / 60)) - U0, abs=1e-7)
-
-
 def test_measured_noise_in_the_loop():
     noise = np.random.default_rng(5).normal(size=FAMILY.time().size) * 0.08
     run = run_relay(surge_space(), FAMILY, AMPLITUDE, 0.2, START, noise)

@@ -108,14 +108,6 @@ def test_stated_errors_are_honest():
     assert np.sqrt((errors**2).mean() / (stated**2).mean()) == pytest.approx(0.7, abs=0.3)
 
 
-def test_unit_of_the_data_shifts_the_log_evidence_by_its_jacobian():
-    """In millimetres, densities of 20 measurements in metres fall by 20 log 1000."""
-    metres = linear_gaussian(2)
-    millimetres = metres._replace(design=1e3 * metres.design, measured=1e3 * metres.measured, sd=1e3 * metres.sd)
-    one, other = (smc_evidence(problem.posterior, jax.random.key(1)) for problem in (metres, millimetres))
-    assert other.log_value == pytest.approx(one.log_value - 20 * np.log(1e3), abs=1e-6)
-
-
 def test_no_finite_likelihood():
     with pytest.raises(NumericalError, match="Narrow the prior"):
         smc_evidence(unit_square([0.5, 0.5], [0.1, 0.1], -1.0), jax.random.key(0))

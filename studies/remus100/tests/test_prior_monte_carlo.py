@@ -147,12 +147,6 @@ def test_a_parameter_keeps_its_draws_beside_others():
     assert abs(np.corrcoef(second.T)[0, 1]) < 0.4
 
 
-def test_prior_probabilities_multiply():
-    """Equal evidences: the probabilities are those given, normalised."""
-    found = listing_one([PAIR.posterior] * 2, KEY, draws=100, shared=True, prior_probability=[1.0, 3.0])
-    assert found.probability == pytest.approx(np.array([[0.25, 0.75]]))
-
-
 def test_any_other_likelihood_is_computed_in_full():
     draws = draw_by_name(PAIR.posterior, KEY, 70)
     assert (log_likelihoods(PAIR.posterior, draws) == log_likelihoods(PAIR.posterior, draws, early_stop=False)).all()
