@@ -16,6 +16,7 @@ from seatrial.campaign.store.structures import BestDesign, NextTrial, StoredMode
 from seatrial.core.display_units import shown_as_written
 from seatrial.core.errors import InputError
 from seatrial.dashboard.app_context import fill
+from seatrial.dashboard.channel_map import files_of
 from seatrial.dashboard.jobs import Jobs, log_of
 from seatrial.dashboard.logs import Column, Looked
 from seatrial.dashboard.map_draft import MapDraft
@@ -193,7 +194,7 @@ channels.u = { column = "dvl_vx", unit = "m/s" }
     quantities = {("b", "rate"): "r"}
     heads: dict[str, str] = {"a": "", "b": ""}
     logs = {f"{one.table}.csv": Looked("CSV", (), (one,), (), heads, (), {}, quantities) for one in columns}
-    draft = MapDraft(tmp_path, channel_map=channel_map, logs=logs)
+    draft = MapDraft(tmp_path, files=files_of(channel_map), logs=logs)
     axis = OneAxis(SimpleNamespace(), draft, SimpleNamespace(), SimpleNamespace())  # pyright: ignore[reportArgumentType]
     assert (axis._differ(*draft.columns) == "") == same
 

@@ -27,24 +27,6 @@ STRONG_EVIDENCE, LEAST_EVIDENCE = 3.0, -20.0
 """Nats, some 20 to 1, from which the data are said to decide; and below which a normal density says no more than that."""
 
 
-def identifiability_lines(result: Identifiability) -> list[str]:
-    """Return everything in plain words: each parameter, what is known together, and what to do."""
-    verb = _verb(result)
-    lines = [f"identifiability {result.stage} the data"]
-    for i, (name, value, sd, prior_sd) in enumerate(
-        zip(result.names, result.values, result.sd, result.prior_sd, strict=True)
-    ):
-        if name in result.untouched:
-            lines.append(f"{name} {verb} what the prior says: {_measured(result, i)}")
-            continue
-        size = f" to {percent(sd / abs(value))}" if sd < abs(value) else ""
-        share = f"{percent(sd / prior_sd)} of the prior's standard deviation"
-        lines.append(f"{name} {verb} known{size}: {_measured(result, i)}, {share}")
-    if np.isfinite(result.condition):
-        lines.append(f"condition number of the scaled information: {result.condition:.2g}")
-    return lines + identifiability_cautions(result)
-
-
 def identifiability_cautions(result: Identifiability) -> list[str]:
     """Return what a reader must know or do; empty where each parameter is known by itself."""
     together = [
