@@ -1,7 +1,6 @@
 import re
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -10,20 +9,13 @@ from seatrial.estimation.diagnostics.prior_checks import _gain_beyond, prior_exc
 from seatrial.estimation.posterior.mode import find_mode
 from seatrial.estimation.priors import LogUniform, Normal, Uniform
 from seatrial.messages.identifiability import identifiability_cautions
-from tests.estimation_cases import posterior
+from tests.estimation_cases import normal_about
 
 KEY = jax.random.key(0)
 
 
-def quadratic(values, data):
-    """Normal likelihood by its centre and precision, so that all tests of the same priors share compiled code."""
-    centre, precision = data
-    distance = jnp.stack(list(values.values())) - centre
-    return -0.5 * distance @ precision @ distance
-
-
 def problem(priors, centre, precision):
-    target = posterior(priors, quadratic, (jnp.asarray(centre, float), jnp.asarray(precision, float)))
+    target = normal_about(priors, centre, precision)
     return target, find_mode(target, KEY)
 
 
@@ -128,7 +120,7 @@ def test_gain_beyond_a_bound_is_along_the_ridge():
     cov = np.array([[1.0, 0.9, -0.3], [0.9, 1.0, -0.2], [-0.3, -0.2, 1.0]])
     centre = np.array([3.0, 2.0, 1.0])
     priors = {name: Uniform(-1.0, 1.0) for name in "abc"}
-    target = posterior(priors, quadratic, (jnp.asarray(centre), jnp.asarray(np.linalg.inv(cov))))
+    target = normal_about(priors, centre, np.linalg.inv(cov))
     values = centre + cov[:, 0] * (1.0 - centre[0])
     assert _gain_beyond(target, values, 0, 1.2) == pytest.approx((2.0**2 - 1.8**2) / 2, abs=1e-9)
 
@@ -139,6 +131,6 @@ def test_beyond_a_bound_nothing_follows_along_what_the_data_do_not_say(ratio):
     together = np.outer([5.0, 5.0 * ratio], [5.0, 5.0 * ratio])
     precision = np.block([[np.ones((1, 1)), np.zeros((1, 2))], [np.zeros((2, 1)), together]])
     priors = {name: Uniform(-1.0, 1.0) for name in "abc"}
-    target = posterior(priors, quadratic, (jnp.asarray([3.0, 0.0, 0.0]), jnp.asarray(precision)))
+    target = normal_about(priors, [3.0, 0.0, 0.0], precision)
     found = _gain_beyond(target, np.array([1.0, 0.0, 0.0]), 0, 1.2)
     assert found == pytest.approx((2.0**2 - 1.8**2) / 2, abs=1e-9)

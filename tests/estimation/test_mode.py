@@ -14,7 +14,14 @@ from seatrial.estimation.posterior.mode import draw_about, find_mode, higher_mod
 from seatrial.estimation.posterior.posterior import values_of
 from seatrial.estimation.priors import LogNormal, LogUniform, Normal, Uniform
 from seatrial.estimation.simulation.trial_data import first_samples, stack_trials
-from tests.estimation_cases import GOLDEN_LOG_EVIDENCE, THRUST_UNIT, golden_posterior, linear_gaussian, posterior
+from tests.estimation_cases import (
+    GOLDEN_LOG_EVIDENCE,
+    THRUST_UNIT,
+    golden_posterior,
+    linear_gaussian,
+    normal_about,
+    posterior,
+)
 
 KEY = jax.random.key(0)
 TWO_SD = float(Uniform(-10.0, 10.0).constrain(-2.0))
@@ -37,8 +44,7 @@ def test_laplace_is_exact_for_a_linear_gaussian_model(d):
 
 def test_sharp_peak_in_a_wide_box():
     """Ten sigma inside the box, the evidence is the likelihood's integral over the width."""
-    target = posterior({"a": Uniform(-10.0, 10.0)}, lambda v, data: -0.5 * ((v["a"] - 3.2) / 1e-3) ** 2)
-    mode = find_mode(target, KEY)
+    mode = find_mode(normal_about({"X_u": Uniform(-10.0, 10.0)}, [3.2], [[1e6]]), KEY)
     assert mode.values == pytest.approx([3.2], abs=1e-8)
     assert mode.sd == pytest.approx([1e-3], rel=1e-6)
     assert mode.log_evidence == pytest.approx(np.log(1e-3 * np.sqrt(2 * np.pi) / 20), abs=1e-6)
@@ -74,9 +80,7 @@ def test_mode_beside_a_region_of_zero_likelihood():
 
 @pytest.mark.parametrize("seed", range(4))
 def test_direction_the_data_do_not_see_keeps_the_spread_of_the_prior(seed):
-    target = posterior(
-        {"a": Uniform(0.0, 2.0), "b": Uniform(-6.0, 6.0)}, lambda v, data: -0.5 * ((v["a"] - 0.9) / 0.01) ** 2
-    )
+    target = normal_about({"a": Uniform(0.0, 2.0), "b": Uniform(-6.0, 6.0)}, [0.9, 0.0], np.diag([1e4, 0.0]))
     mode = find_mode(target, jax.random.key(seed))
     assert mode.flat
     assert mode.sd == pytest.approx([0.01, 12 / np.sqrt(12)], rel=1e-3)
@@ -168,15 +172,15 @@ def test_what_is_expected_of_the_others_if_some_are_known():
     assert list(found.values()) == pytest.approx(expected, abs=1e-7)
 
 
+def broad_and_sharp(values, data):
+    sharp = [-0.5 * ((values["a"] - at) / 1e-5) ** 2 + 20.0 for at in (7.0, TWO_SD)]
+    return jax.scipy.special.logsumexp(jnp.stack([*sharp, -0.5 * values["a"] ** 2]))
+
+
 @pytest.mark.parametrize(("near", "found"), [({"a": 7.0}, 7.0), ({"a": -11.0}, TWO_SD), ({}, 0.0), (None, 0.0)])
 def test_a_peak_that_is_told_of(near, found):
     """No draw meets a peak a millionth as wide as its box; what lies outside the box is moved to two standard deviations of z."""
-
-    def peaks(values, data):
-        sharp = [-0.5 * ((values["a"] - at) / 1e-5) ** 2 + 20.0 for at in (7.0, TWO_SD)]
-        return jax.scipy.special.logsumexp(jnp.stack([*sharp, -0.5 * values["a"] ** 2]))
-
-    mode = find_mode(posterior({"a": Uniform(-10.0, 10.0)}, peaks), KEY, near=near)
+    mode = find_mode(posterior({"a": Uniform(-10.0, 10.0)}, broad_and_sharp), KEY, near=near)
     # Beside a bound the density of z is steeper than a peak of this width: the mode lies within a width of it.
     assert mode.values == pytest.approx([found], abs=1.1e-5 if found == TWO_SD else 1e-6)
 
@@ -220,7 +224,7 @@ def test_a_structure_is_no_lower_than_the_mode_of_one_that_it_contains():
     ],
 )
 def test_a_parameter_at_a_bound_of_its_prior_is_named(prior, centre, sd, bound):
-    mode = find_mode(posterior({"X_u": prior}, lambda v, data: -0.5 * ((v["X_u"] - centre) / sd) ** 2), KEY)
+    mode = find_mode(normal_about({"X_u": prior}, [centre], [[sd**-2]]), KEY)
     bounds = [f"{one.values['value']:g}" for one in mode.at_bounds]
     assert bounds == ([bound] if bound else [])
     assert ("at-prior-bound: X_u" in repr(mode)) == bool(bound)

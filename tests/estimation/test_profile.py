@@ -23,7 +23,7 @@ from seatrial.estimation.posterior.profile import (
     profile_likelihood,
 )
 from seatrial.estimation.priors import Normal, Uniform
-from tests.estimation_cases import golden_posterior, linear_gaussian, posterior, short_posterior
+from tests.estimation_cases import golden_posterior, linear_gaussian, normal_about, posterior, short_posterior
 
 KEY = jax.random.key(0)
 
@@ -82,9 +82,8 @@ def test_golden_intervals_are_nearly_normal():
 
 
 def test_untouched_parameter_is_flat():
-    (known, unknown) = profiles(
-        posterior({"a": Uniform(-1.0, 1.0), "b": Uniform(-2.0, 3.0)}, lambda v, data: -0.5 * (v["a"] / 0.01) ** 2)
-    )
+    priors = {"a": Uniform(-1.0, 1.0), "b": Uniform(-2.0, 3.0)}
+    (known, unknown) = profiles(normal_about(priors, [0.0, 0.0], np.diag([1e4, 0.0])))
     assert known.kind == "closed"
     assert unknown.kind == "flat"
     assert unknown.values[[0, -1]] == pytest.approx([-2, 3], abs=1e-4)
@@ -92,13 +91,15 @@ def test_untouched_parameter_is_flat():
     assert "no value from -2 to 3 can be ruled out" in unknown.line
 
 
+def saturating(values, sign):
+    return -0.5 * (jnp.exp(-sign * values["a"]) / 0.05) ** 2
+
+
 @pytest.mark.parametrize(("sign", "kind"), [(1, "open above"), (-1, "open below")])
 def test_saturating_effect_is_known_on_one_side(sign, kind):
     """The data show exp(-a) = 0 +- 0.05: a is at least -log(1.96 * 0.05), and may be anything above."""
-    target = posterior(
-        {"a": Uniform(*sorted((0.1 * sign, 9.0 * sign)))}, lambda v, data: -0.5 * (jnp.exp(-sign * v["a"]) / 0.05) ** 2
-    )
-    (found,) = profiles(target)
+    prior = Uniform(*sorted((0.1 * sign, 9.0 * sign)))
+    (found,) = profiles(posterior({"a": prior}, saturating, jnp.asarray(float(sign))))
     assert found.kind == kind
     end = found.lower if sign > 0 else found.upper
     assert end == pytest.approx(-sign * np.log(1.96 * 0.05), abs=2e-3)
@@ -108,16 +109,14 @@ def test_saturating_effect_is_known_on_one_side(sign, kind):
 def test_only_the_sum_is_seen():
     """a + b is known and both lie in boxes: each is open on both sides of a likelihood ridge."""
     prior = Uniform(-1.0, 1.0)
-    target = posterior({"a": prior, "b": prior}, lambda v, data: -0.5 * ((v["a"] + v["b"]) / 0.01) ** 2)
+    target = normal_about({"a": prior, "b": prior}, [0.0, 0.0], np.full((2, 2), 1e4))
     assert [found.kind for found in profiles(target)] == ["flat", "flat"]
 
 
 def test_profile_ends_where_the_other_parameter_meets_its_bound():
     """a + b = 0 +- 0.01 with |b| < 0.5: beyond |a| = 0.5 the fit falls within 0.0196."""
-    target = posterior(
-        {"a": Uniform(-1.0, 1.0), "b": Uniform(-0.5, 0.5)}, lambda v, data: -0.5 * ((v["a"] + v["b"]) / 0.01) ** 2
-    )
-    (found,) = profiles(target, "a")
+    priors = {"a": Uniform(-1.0, 1.0), "b": Uniform(-0.5, 0.5)}
+    (found,) = profiles(normal_about(priors, [0.0, 0.0], np.full((2, 2), 1e4)), "a")
     assert (found.lower, found.upper) == pytest.approx((-0.5196, 0.5196), abs=1e-4)
 
 
@@ -156,10 +155,8 @@ def test_climbs_stay_a_hair_inside_the_prior():
 
 def test_climb_holds_what_is_held_and_goes_no_further_than_the_bounds():
     """-(a - 2 b)^2 - (b - 3)^2 in |a| < 4, |b| < 2: b is pushed to 2 and a follows to 4, or to twice the b that is held."""
-    target = posterior(
-        {"a": Uniform(-4.1, 4.1), "b": Uniform(-2.0, 2.0)},
-        lambda v, data: -((v["a"] - 2 * v["b"]) ** 2) - (v["b"] - 3.0) ** 2,
-    )
+    priors = {"a": Uniform(-4.1, 4.1), "b": Uniform(-2.0, 2.0)}
+    target = normal_about(priors, [6.0, 3.0], [[2.0, -4.0], [-4.0, 10.0]])
     slope = bounded_slope(target, find_mode(target, KEY))
     starts = np.array([[0.0, 0.0], [9.0, 1.0], [1.0, -9.0]])
     found = maximise_rows(slope, starts, [None, 1, 0])
