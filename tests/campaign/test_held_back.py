@@ -134,6 +134,14 @@ def test_a_run_beyond_the_fitted_range_is_named(known):
     assert fit_complaints(found.fits, found.pooled)[-1].startswith("held-back run 2 goes beyond what was fitted: ")
 
 
+def test_a_model_that_has_become_wrong_is_an_alarm_with_the_factor_that_would_mend_its_bands(known):
+    """A fifth of the thrust lost in the held-back runs, as by another propeller: the motion is explained, its bands do not hold."""
+    found, _ = predicted(known, *(run(known, label, WAVE, 1, thrust=0.8) for label in "23"))
+    assert found.pooled[0].level == "fail"
+    assert held_back_alarms(found.fits, found.pooled)[0].remedies[0] == "widen-bands"
+    assert found.pooled[0].widen > 1.5
+
+
 def test_what_the_campaign_has_is_not_said_to_be_missing(known):
     """With a delay and slow residuals there are left a term and a force disturbance."""
     campaign, _, _ = known
