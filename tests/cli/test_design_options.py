@@ -11,7 +11,6 @@ from tests.cli.test_cli import results, run
 
 UNBOUNDED = ('[limits.n]\nlower = "0 rpm"\nupper = "1500 rpm"\n', "")
 ONE_PERIOD = ('{ from = "2 s", to = "20 s", points = 4 }', '{ from = "5 s", to = "5 s", points = 1 }')
-BY_SECOND = ("[design]\n", '[design]\nper = "second"\n')
 
 
 @pytest.mark.parametrize(
@@ -21,8 +20,6 @@ BY_SECOND = ("[design]\n", '[design]\nper = "second"\n')
         (("--self-oscillation",), (), "design.relay"),
         (("--search", "100"), (ONE_PERIOD,), "design.period"),
         (("--search", "10"), (), "populations of 16"),
-        (("--trials", "2"), (BY_SECOND,), "design.per"),
-        (("--compare", "5"), (BY_SECOND,), "design.per"),
     ],
 )
 def test_what_an_option_needs_is_looked_for_before_any_work(monkeypatch, capsys, tmp_path, option, changes, place):

@@ -20,16 +20,3 @@ def test_the_priors_are_shown_in_metres_per_second(monkeypatch, capsys, tmp_path
     assert "90 % of draws" in picture
     run(monkeypatch, capsys, "prior", tmp_path, "--quiet")
     assert (tmp_path / "prior.svg").read_text() == picture
-
-
-def test_priors_that_are_no_vehicle_end_in_an_alarm(monkeypatch, capsys, tmp_path):
-    write_small(
-        tmp_path,
-        ("lower = -3.6\nupper = 1.2", "lower = 40.0\nupper = 60.0"),
-        ("lower = -8.8\nupper = 0.0", "lower = -1.0\nupper = 0.0"),
-    )
-    code, out, err = run(monkeypatch, capsys, "prior", tmp_path, "--quiet")
-    assert code == Exit.ALARMS
-    assert "alarm: most draws from the prior" in err
-    assert "dissipative = true" in err
-    assert "prior.svg" in out
