@@ -10,7 +10,6 @@ from typing import Any
 
 from typing_extensions import TypedDict
 
-from seatrial.campaign.design.plan import Plan
 from seatrial.campaign.prior.predictive import Believed
 from seatrial.campaign.store.estimates import Estimate, Known, KnownParameter
 from seatrial.campaign.store.predictions import Fit
@@ -18,6 +17,7 @@ from seatrial.campaign.store.structures import Summary
 from seatrial.cli.answer import SCHEMA
 from seatrial.core.serialise import schema_of
 from seatrial.design.batch import PlannedBatch
+from seatrial.design.plan_search import Plan
 from seatrial.design.results import BestDesign, FreeTrial, RelayTrial, Searched
 from seatrial.design.sensor_choice import SensorComparison
 from seatrial.design.utility_agreement import Agreement

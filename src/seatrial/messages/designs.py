@@ -9,8 +9,8 @@ from seatrial.design.results import POPULATION
 from seatrial.manoeuvres.family import Family, design_words
 
 if TYPE_CHECKING:
-    from seatrial.campaign.design.plan import Plan
     from seatrial.design.batch import PlannedBatch
+    from seatrial.design.plan_search import Plan
     from seatrial.design.results import Searched
     from seatrial.design.sensor_choice import SensorComparison
 
