@@ -17,7 +17,7 @@ from seatrial.campaign.config.schema import Goal
 from seatrial.campaign.live.innovations import InnovationMemory, discounted
 from seatrial.campaign.live.next_segment import Choice, Library
 from seatrial.campaign.live.recursion import Recursion, within_bounds
-from seatrial.core.display_units import Shown
+from seatrial.core.display_units import Shown, listed
 from seatrial.core.signals import RATES, SPEEDS
 from seatrial.estimation.diagnostics.record_checks import UNLIKE, unlike_trim
 from seatrial.messages.render import remedy, statement
@@ -223,13 +223,13 @@ class Adviser:
             return []
         is_near = np.min(np.abs(cut[:, None] - bounds), axis=1) < AT_EDGE * sd
         terms = [term for i, term in enumerate(self.recursion.model.coefficients) if is_near[i] or i in self.pushed]
-        names = _listed([term.text for term in terms])
+        names = listed([term.text for term in terms])
         where = "is at the edge of its prior" if len(terms) == 1 else "are at the edges of their priors"
         signals = {name for term in terms for name in (*term.signals, VELOCITY_OF_AXIS.get(term.axis, ""))}
         shown = [name for name in self.channels if name in signals] or list(self.channels)
         checked = [*shown, *(name for name in self.recursion.model.controls if name in signals)]
         return [
-            f"{names} {where}: check the unit and sign of {_listed(checked)}; if they are right, widen what the priors allow"
+            f"{names} {where}: check the unit and sign of {listed(checked)}; if they are right, widen what the priors allow"
         ]
 
     def _wanted(self, mean: np.ndarray) -> Float[np.ndarray, " k"]:
@@ -312,8 +312,3 @@ class Adviser:
             scales, self.asked = self.recursion.scales, time
             information = np.linalg.inv(honest) / np.outer(scales, scales)
             self.waiting = self.pool.submit(self.library.choose, mean, information, 1.0 / discount, wanted)
-
-
-def _listed(names: Sequence[str]) -> str:
-    """Return names in a sentence: `a, b and c`."""
-    return " and ".join([*([", ".join(names[:-1])] if names[1:] else []), names[-1]])
