@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+import seatrial as st
 from seatrial.campaign.config.load import load_campaign
-from seatrial.campaign.design.searches import compare_measures
+from seatrial.campaign.design.searches import compare_measures, search_design
 from seatrial.campaign.design.sweep import design_first
 from seatrial.campaign.store.stored_result import Store
 from seatrial.core.errors import InputError
@@ -165,3 +166,26 @@ def test_cheap_measures_are_held_against_the_expected_gain(tmp_path):
     assert "has the largest expected information gain" in found.lines()[0]
     assert len(found.agreements) == 6
     assert all(-1 <= one.correlation <= 1 for one in found.agreements)
+
+
+def test_library_designs_the_trial_of_a_campaign(tmp_path):
+    """Without a folder, by public functions, to the last bit."""
+    made = campaign(tmp_path, ["step", "repeated-doublet"])
+    model = made.model(made.full)
+    problem = st.make_design_problem(
+        model,
+        {name: made.priors[name] for name in made.full.terms},
+        made.families,
+        *made.design.grid(),
+        made.noise,
+        start=dict(zip(model.states, made.state_trim(model), strict=True)),
+        limits=made.control_limits,
+        seed=made.seed,
+    )
+    ours, theirs = st.design_trial(problem), design_first(made)
+    assert [sweep.family for sweep in ours.sweeps] == [sweep.family for sweep in theirs.sweeps]
+    for one, other in zip(ours.sweeps, theirs.sweeps, strict=True):
+        np.testing.assert_array_equal(one.gain, other.gain)
+        np.testing.assert_array_equal(one.final_sd, other.final_sd)
+    assert ours.lines() == theirs.lines()
+    assert st.design_trial(problem, st.GlobalSearch(32), ours) == search_design(made, 32)[0]
