@@ -14,8 +14,7 @@ from tools import ask
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.record import Channel, Provenance, Record, make_record
 from seatrial.manoeuvres.family import Family
-from seatrial.selection.library import TermLibrary
-from seatrial.selection.rules import compile_rules, parse_rules
+from seatrial.selection.rules import TermLibrary, compile_rules, parse_rules
 from seatrial.selection.screening import TermPrior, screen
 from seatrial.vehicles.axis_equation import axes_vehicle, axis_equation
 from seatrial.vehicles.simulate import simulate

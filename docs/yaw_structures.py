@@ -17,6 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import seatrial
+from seatrial.core.coefficients import CoefficientName
 from seatrial.core.files import write_text
 from seatrial.core.record import Channel, Provenance, Record, make_record
 from seatrial.estimation.posterior.mode import find_mode
@@ -24,8 +25,7 @@ from seatrial.estimation.posterior.output_error import output_error
 from seatrial.estimation.posterior.posterior import Parameter, Posterior
 from seatrial.estimation.priors import LogUniform, Normal
 from seatrial.estimation.simulation.sensor_errors import Sensor
-from seatrial.selection.library import TermLibrary, term_library
-from seatrial.selection.rules import compile_rules, parse_rules
+from seatrial.selection.rules import TermLibrary, compile_rules, parse_rules
 from seatrial.selection.screening import Screening, TermPrior, screen
 from seatrial.vehicles.axis_equation import AxisEquation, axes_vehicle, axis_equation
 from seatrial.vehicles.simulate import simulate
@@ -44,7 +44,11 @@ CHANNELS = tuple(
 )
 NOISE = {"u": 1.5e-4, "v": 1.8e-4, "r": 1e-5}
 """Of the optical tracking, by differences of neighbouring samples."""
-FAMILIES = ("constant", "linear", "quadratic", "cross_flow", "lift", "surface")
+# A constant, linear and quadratic damping, cross-flow drag, hull lift, and the rudder with and without speed.
+TERMS = {
+    "Y": ("0", "v", "r", "vabsv", "rabsr", "vabsr", "rabsv", "uv", "ur", "uudelta_r", "udelta_r", "delta_r"),
+    "N": ("0", "r", "v", "rabsr", "vabsv", "rabsv", "vabsr", "ur", "uv", "uudelta_r", "udelta_r", "delta_r"),
+}
 RULES = """
 at most one of Y_delta_r Y_udelta_r Y_uudelta_r
 at most one of N_delta_r N_udelta_r N_uudelta_r
@@ -103,12 +107,12 @@ def zigzag(run: str) -> Record:
 
 def screen_turning(records: Sequence[Record]) -> tuple[Screening, TermLibrary]:
     """All structures of sway and yaw together, in closed form; one propeller turns the ship a little, so it is not its own mirror image."""
-    signals = ("u", "v", "r", "delta_r")
-    libraries = {axis: term_library(axis, signals, FAMILIES, symmetric=False) for axis in "YN"}
-    library = libraries["Y"] + libraries["N"]
+    names = {axis: tuple(f"{axis}_{each}" for each in terms) for axis, terms in TERMS.items()}
+    every = tuple(CoefficientName.parse(name) for one in names.values() for name in one)
+    library = TermLibrary(every, ("u", "v", "r", "delta_r"))
     lines = [line for line in RULES.splitlines() if line.strip()]
     rules = compile_rules(library, parse_rules(lines, library))
-    equations = [axis_equation(axis, found.names) for axis, found in libraries.items()]
+    equations = [axis_equation(axis, one) for axis, one in names.items()]
     prior = {name: TermPrior(0.0, sd) for name, sd in prior_sds(equations, records).items()}
     return screen(equations, rules, records, NOISE, prior, jax.random.key(3)), library
 

@@ -25,7 +25,7 @@ from seatrial.export.target import Carried, Exporter
 from seatrial.export.vehicle import ExportedVehicle
 from seatrial.export.write import of_catalogue
 from seatrial.vehicles.actuators import Actuator
-from seatrial.vehicles.thrusters import commands_for
+from seatrial.vehicles.thrusters import allocation
 
 VEHICLES = (
     "remus100_hall_anstee",
@@ -460,7 +460,9 @@ def _change(
         axis, force = _FORCES[scenario]
         wanted = np.zeros(6)
         wanted[axis] = force
-        found = commands_for(vehicle.thrusters, wanted)
+        matrix = allocation(vehicle.thrusters)
+        found = np.linalg.pinv(matrix) @ wanted
+        assert np.allclose(matrix @ found, wanted), f"no thrusts make {scenario}"
         return {f"f_{number}": float(part) for number, part in enumerate(found, 1)}
     if control not in hold:
         return None

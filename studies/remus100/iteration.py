@@ -9,21 +9,25 @@ from textwrap import fill
 from typing import TYPE_CHECKING
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import xarray as xr
+from jaxtyping import Float
+from scipy.special import logsumexp
 
 from seatrial.design.sweep import sweep_family
 from seatrial.estimation.posterior.mode import find_mode
+from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.filters.square_root import SquareRootUnscentedKalmanFilter
 from seatrial.manoeuvres.family import Family
 from seatrial.numerics.integrate import euler_step
 from seatrial.report.figures.style import BLUE, DOTS, INK, MUTED, ORANGE, PURPLE, limit_ticks
 from seatrial.selection.importance import (
     ImportanceSettings,
+    Weights,
     evidence_of,
     importance_evidence,
     importance_sample,
-    weighted_sd,
 )
 from studies.remus100.designs import ACTIVE, PERIODS, POINTS, design_space, true_state
 from studies.remus100.filters import FIRST_SEED, filter_space, in_printed_units, make_trials, run_over_seeds
@@ -97,7 +101,7 @@ def iteration_part(study: Study) -> xr.Dataset:
         odds = evidences[1].log_value - evidences[0].log_value
         p = 1.0 / (1.0 + np.exp(odds))
         by_name = [
-            dict(zip(posterior.names, weighted_sd(posterior, weights), strict=True))
+            dict(zip(posterior.names, _weighted_sd(posterior, weights), strict=True))
             for posterior, weights in zip((full, reduced), weighted, strict=True)
         ]
         rows.append(
@@ -325,3 +329,10 @@ def _fits(upper: "Axes", lower: "Axes", data: xr.Dataset) -> None:
     lower.set_xticks(at, [fill(name, 12) for name in fits])
     name_axes(upper, y="sd of M-0,\none trial = 1")
     name_axes(lower, y="probability\nof M-0")
+
+
+def _weighted_sd(posterior: Posterior, weights: Weights) -> Float[np.ndarray, " d"]:
+    """Return the posterior standard deviations of the parameters in their own units, shape (d,)."""
+    share = np.exp(weights.smoothed - float(logsumexp(weights.smoothed)))
+    values = np.asarray(posterior.constrain(jnp.asarray(weights.z)))
+    return np.sqrt(share @ (values - share @ values) ** 2)

@@ -1,17 +1,18 @@
 """The page of the study, and its figures as files: every item with its verdict, in the order of the paper."""
 
+import io
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from markupsafe import Markup
 
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.files import atomic_path, write_text
 from seatrial.numerics.sigma_points import UnscentedRule
-from seatrial.report.drawing import Drawing, draw_pdf, draw_svg, inlined
+from seatrial.report.drawing import Drawing, draw_svg, inlined
 from seatrial.report.figures.style import POINT, own_settings
 from seatrial.report.html import render_html
 from seatrial.report.labels import name_html, sentence_html
@@ -26,6 +27,9 @@ from studies.remus100.run import FILE_NAME
 from studies.remus100.study import FULL, Item, Number, Study, Verdict
 from studies.remus100.trial import ACTIVE, DURATION, PERIOD, N
 from studies.remus100.vehicle_file import NAMES, RPM, Reading
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 # Class of the badge of each verdict.
 LOOKS: dict[Verdict, str] = {
@@ -239,7 +243,7 @@ def _draw_figures(study: Study, items: Sequence[Item]) -> Drawn:
         figure = FIGURES[key]
         with own_settings():
             drawn = figure.draw(study)
-            svg, pdf = draw_svg(drawn, key), draw_pdf(drawn)
+            svg, pdf = draw_svg(drawn, key), _draw_pdf(drawn)
         folder = study.folder / "figures"
         write_text(folder / f"{key}.svg", svg)
         with atomic_path(folder / f"{key}.pdf") as temporary:
@@ -249,6 +253,18 @@ def _draw_figures(study: Study, items: Sequence[Item]) -> Drawn:
         kind = "column" if drawn.get_figwidth() <= COLUMN * POINT else "wide"
         drawings.setdefault(item, []).append((Drawing(inline, caption), kind))
     return drawings
+
+
+def _draw_pdf(figure: "Figure") -> bytes:
+    """Draw a figure as a PDF file, in the light palette, its text embedded as TrueType, which journals accept."""
+    import matplotlib
+
+    stream = io.BytesIO()
+    with matplotlib.rc_context({"pdf.fonttype": 42}):
+        figure.savefig(
+            stream, format="pdf", transparent=True, metadata={"CreationDate": None, "Creator": None, "Producer": None}
+        )
+    return stream.getvalue()
 
 
 def _section(key: str) -> str:

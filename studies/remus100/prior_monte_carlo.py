@@ -28,7 +28,8 @@ from seatrial.core.reporter import Progress, no_progress
 from seatrial.estimation.posterior.output_error import OutputError
 from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.estimation.simulation.noise_models import White
-from seatrial.estimation.simulation.sensor_errors import noise_name
+from seatrial.estimation.simulation.sensor_errors import Sensor, noise_name
+from seatrial.estimation.simulation.simulator import Simulator
 from seatrial.estimation.simulation.trial_data import TrialData
 from seatrial.sampling.diagnostics import MIN_ESS
 from seatrial.sampling.target import LANES
@@ -61,7 +62,10 @@ def log_likelihoods(
         early_stop: whether a draw may stop once it can no longer matter.
     """
     likelihood = posterior.likelihood
-    if not (early_stop and isinstance(likelihood, OutputError) and likelihood.is_plain):
+    plain = isinstance(likelihood, OutputError) and likelihood == OutputError(
+        Simulator(likelihood.simulator.model, tuple(map(Sensor, likelihood.channels))), likelihood.labels
+    )
+    if not (early_stop and plain):
         return np.asarray(_log_likelihoods(posterior, values))
     pieces = _cut(posterior.data)
     rows, n = pieces.first.size, values.shape[0]

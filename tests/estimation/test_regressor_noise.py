@@ -49,7 +49,7 @@ def test_little_is_left_in_windows():
     rows = whitened_rows(SURGE, [noisy_surge(1.0, 3)], {"u": SIGMA})
     found = regressor_noise_bias(rows, jax.random.key(0))
     assert found.bias[0] == pytest.approx(0.014, abs=0.006)
-    assert np.abs(found.in_sds).max() < 0.3
+    assert np.abs(found.bias / found.sd).max() < 0.3
     assert found.error[0] < 0.003
     assert found.status == ""
     assert "screening" in found.verdict
@@ -73,7 +73,7 @@ def test_motion_that_no_control_made_is_named():
         signs.append(found.bias[[3, 4]])
         assert "unexplained motion" in found.status
         sensors = regressor_noise_bias(rows, jax.random.key(seed), pairs=2, forces=False)
-        assert np.abs(sensors.in_sds).max() < 0.1
+        assert np.abs(sensors.bias / sensors.sd).max() < 0.1
     assert np.min(signs) > 0
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from seatrial.core.errors import InputError
 from seatrial.estimation.regression.row_fit import fit_rows, independent_rows
-from seatrial.estimation.regression.rows import check_regressors, row_covariances, sensor_noise, solve, whitened_rows
+from seatrial.estimation.regression.rows import check_regressors, row_covariances, solve, whitened_rows
 from seatrial.estimation.regression.weak_form import RawRows, pointwise_trials, raw_rows, weak_trials
 from seatrial.vehicles.axis_equation import axis_equation
 from tests.cases import U0
@@ -154,11 +154,6 @@ def test_coloured_forces_are_noticed_and_wider_windows_taken():
     assert fit.status == ""
     assert rows.trials[0].windows.centre[0] == pytest.approx(8.0), "three doublings of 2 s"
     assert np.all(np.abs(fit.values - SHIP_TRUE) < 4 * fit.sd)
-
-
-def test_sensor_noise_is_read_from_the_record():
-    records = [surge_record(seed) for seed in (1, 2)]
-    assert sensor_noise(records, ["u"])["u"] == pytest.approx(SIGMA, rel=0.03)
 
 
 def test_what_rows_cannot_be_made_of():

@@ -9,7 +9,7 @@ from seatrial.report.drawing import draw_svg, schedule_figure
 from seatrial.report.figures.fit import DrawnChannel, Driven, autocorrelation, record_fit, record_residuals
 from seatrial.report.figures.parameters import Traced, belief_rows, chain_rows, corner
 from seatrial.report.figures.posterior import PriorShape, draw_marginal, draw_pair
-from seatrial.report.figures.records import control_over_time, covered
+from seatrial.report.figures.records import controls_over_time, covered
 from seatrial.report.figures.structures import probability_bars
 from seatrial.report.figures.style import NARROW, new_figure, thin, thin_steps
 from seatrial.report.figures.surface import design_surface
@@ -69,7 +69,7 @@ def test_the_surface_of_a_thin_or_flat_grid_is_drawn(shape):
 
 
 def test_a_control_shows_only_the_limits_that_are_near():
-    (axes,) = control_over_time(TIME, np.sign(np.sin(TIME)), "$n$ [rpm]", (-1.2, 50.0)).axes
+    (axes,) = controls_over_time(TIME, [(np.sign(np.sin(TIME)), "$n$ [rpm]", (-1.2, 50.0))]).axes
     assert labels_of(axes).count("limit") == 1
     assert axes.get_ylabel() == "$n$ [rpm]"
 

@@ -3,13 +3,13 @@ import re
 import numpy as np
 
 from seatrial.report.drawing import draw_svg, inline_svg
-from seatrial.report.figures.records import control_over_time
+from seatrial.report.figures.records import controls_over_time
 from seatrial.report.figures.style import PALETTE
 
 
 def figure(label="$n$ [rpm]"):
     time = np.arange(100) * 0.1
-    return control_over_time(time, np.sin(time) * 1.23456, label, (-1.3, 1.3))
+    return controls_over_time(time, [(np.sin(time) * 1.23456, label, (-1.3, 1.3))])
 
 
 def test_a_whole_file_is_the_same_each_time_and_names_no_date():
@@ -40,7 +40,7 @@ def test_two_figures_on_a_page_share_no_id():
 def test_tick_labels_keep_their_digits():
     time = np.linspace(0, 1, 50)
     svg = inline_svg(
-        control_over_time(time, 0.0725 + 0.0005 * np.sign(np.sin(40 * time)), "u", (None, None)), "digits", "t"
+        controls_over_time(time, [(0.0725 + 0.0005 * np.sign(np.sin(40 * time)), "u", (None, None))]), "digits", "t"
     )
     assert re.search(r">0\.072\d<", svg)
 

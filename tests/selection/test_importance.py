@@ -26,7 +26,6 @@ from seatrial.selection.importance import (
     refit,
     straightened,
     weigh,
-    weighted_sd,
 )
 from tests.estimation_cases import GOLDEN_LOG_EVIDENCE, golden_posterior, linear_gaussian, normal_about, posterior
 from tests.selection.test_evidence import box, half_forbidden, parabola, short_surge
@@ -352,14 +351,6 @@ def test_the_proposal_is_refitted_until_enough_draws_count(monkeypatch, efficien
     assert (found.refits, found.modes) == (refits, modes)
     assert [n for n, _ in asked] == [100] * (refits + 1) + [1000]
     assert asked[0][1] == [1 / modes] * modes
-
-
-def test_weighted_deviations_are_those_of_the_weighted_draws():
-    z, log_weight = np.random.default_rng(3).normal(size=(2, 500, 2))
-    weights = Weights(z, log_weight[:, 0], log_weight[:, 0] - 3.0, 0.1, 100.0)
-    values = np.asarray(PAIR.posterior.constrain(jnp.asarray(z)))
-    expected = np.sqrt(np.diag(np.cov(values.T, aweights=np.exp(log_weight[:, 0]), ddof=0)))
-    assert weighted_sd(PAIR.posterior, weights) == pytest.approx(expected)
 
 
 def test_proposal_without_draws_keeps_its_place_and_half_of_its_share():

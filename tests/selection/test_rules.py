@@ -1,16 +1,39 @@
 """Rules: read from text, compiled to masks that say what the sentences say, counted, and refused where they contradict."""
 
-from itertools import product
+from itertools import permutations, product
 
 import numpy as np
 import pytest
 
+from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError
-from seatrial.selection.library import TermLibrary, term_library
-from seatrial.selection.rules import Always, AtMostOne, Never, Requires, Together, compile_rules, heredity, parse_rules
+from seatrial.selection.rules import (
+    Always,
+    AtMostOne,
+    Never,
+    Requires,
+    TermLibrary,
+    Together,
+    compile_rules,
+    heredity,
+    parse_rules,
+)
 from seatrial.selection.structures import count_structures
 
-LIBRARY = term_library("N", ("u", "v", "r", "delta_r"))
+
+def library_of(names, signals):
+    return TermLibrary(tuple(map(CoefficientName.parse, names)), signals)
+
+
+def lateral_terms(axis, velocities):
+    """Linear, quadratic, cubic and cross-flow terms, lift, and the rudder."""
+    pairs = list(permutations(velocities, 2))
+    forms = [*velocities, *(f"{s}abs{s}" for s in velocities), *(f"{s}3" for s in velocities)]
+    forms += [*(f"{s}{s}{t}" for s, t in pairs), *(f"{s}abs{t}" for s, t in pairs), *(f"u{s}" for s in velocities)]
+    return [f"{axis}_{form}" for form in (*forms, "uudelta_r", "udelta_r", "delta_r")]
+
+
+LIBRARY = library_of(lateral_terms("N", "rv"), ("u", "v", "r", "delta_r"))
 SHORT = TermLibrary(
     tuple(term for term in LIBRARY.terms if term.text not in ("N_vabsv", "N_vabsr", "N_udelta_r")), LIBRARY.signals
 )
@@ -114,8 +137,8 @@ def test_counts_of_random_rules(seed):
 
 def test_a_large_library_is_counted_at_once():
     signals = ("u", "v", "p", "r", "delta_r")
-    free = term_library("N", signals) + term_library("Y", signals)
-    one, two = (term_library(axis, signals) for axis in ("N", "Y"))
+    names = [lateral_terms(axis, "rvp") for axis in "NY"]
+    free, one, two = (library_of(terms, signals) for terms in ([*names[0], *names[1]], *names))
     compiled = compile_rules(free, heredity(free))
     apart = [count_structures(compile_rules(library, heredity(library))) for library in (one, two)]
     assert len(compiled.optional) == 54
@@ -163,10 +186,10 @@ def test_a_parent_outside_the_library():
     with pytest.raises(
         InputError, match=r'rule "N_ur requires N_rrr"\n  found:    N_rrr, which is not in the library|N_r3'
     ):
-        compile_rules(term_library("N", ("u", "r"), ["linear", "lift"]), [Requires("N_ur", ("N_rrr",))])
+        compile_rules(library_of(("N_r", "N_ur"), ("u", "r")), [Requires("N_ur", ("N_rrr",))])
 
 
 def test_nothing_left():
-    small = term_library("N", ("r",), ["linear"])
+    small = library_of(("N_r",), ("r",))
     with pytest.raises(InputError, match="no term that may stand"):
         count_structures(compile_rules(small, [Never("N_r")]))

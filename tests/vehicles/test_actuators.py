@@ -1,11 +1,10 @@
 import numpy as np
 import pytest
 
-from seatrial.core.errors import InputError
 from seatrial.vehicles.actuators import Actuator, with_actuators
 from seatrial.vehicles.hull import whole_hull
 from seatrial.vehicles.simulate import simulate
-from seatrial.vehicles.thrusters import Thruster, allocation, commands_for
+from seatrial.vehicles.thrusters import Thruster, allocation
 from seatrial.vehicles.whole import whole_vehicle
 
 HULL = whole_hull("tug", 50.0, (None, None, None), thrust_deduction=0.2, wake=0.3)
@@ -58,10 +57,6 @@ def test_allocation_is_force_and_moment_of_each_thruster():
     for column, thruster in zip(matrix.T, CORNERS, strict=True):
         direction = np.array(thruster.direction) / np.sqrt(2)
         assert np.allclose(column, [*direction, *np.cross(thruster.place, direction)])
-    wanted = matrix @ np.array([1.0, -2.0, 3.0, 0.5])
-    assert np.allclose(matrix @ commands_for(CORNERS, wanted), wanted)
-    with pytest.raises(InputError, match="allocation"):
-        commands_for(CORNERS, np.array([0, 0, 1.0, 0, 0, 0]))
 
 
 def test_thrusters_by_force_and_by_speed():

@@ -3,7 +3,7 @@ import pytest
 
 from seatrial.core.errors import InputError
 from seatrial.vehicles.hull import whole_hull
-from seatrial.vehicles.linearise import linearise, linearise_outputs, trim
+from seatrial.vehicles.linearise import linearise, trim
 from tests.cases import DEDUCTION, MASS, N0, THRUST, TRUTH, U0, X_U, X_UU, paper_model
 from tests.vehicles.test_longitudinal import (
     ENTRY,
@@ -69,14 +69,6 @@ def test_longitudinal_by_hand(point):
     assert np.allclose(a[3:], kinematics, rtol=1e-13)
     assert np.allclose(b[:3], np.linalg.solve(matrix_by_hand(), by_control), rtol=1e-11, atol=1e-13)
     assert (np.asarray(b[3:]) == 0).all()
-
-
-def test_outputs_are_rows_of_the_state_and_of_its_rate():
-    state, control = (LEVEL[0], LEVEL[1], LEVEL[2], 0.0, LEVEL[3]), LEVEL[4:]
-    a, b = linearise(MODEL, ENTRY.coefficients, state, control)
-    c, d = linearise_outputs(MODEL, ("theta", "qdot", "u"), ENTRY.coefficients, state, control)
-    assert np.allclose(c, [[0, 0, 0, 0, 1], a[2], [1, 0, 0, 0, 0]], rtol=1e-13)
-    assert np.allclose(d, [[0, 0], b[2], [0, 0]], rtol=1e-13)
 
 
 def test_fins_of_the_thesis_linear_model():

@@ -1,7 +1,7 @@
-"""A Matplotlib figure as SVG in a page or as PDF for an article, with its caption, labels by name, and the look of one record.
+"""A Matplotlib figure as SVG in a page, with its caption, labels by name, and the look of one record.
 
-Text stays text, colours follow the page, ids are its own; PDF embeds fonts as outlines that journals accept. The same figure gives
-the same bytes, whatever else is on the page and whenever it is drawn.
+Text stays text, colours follow the page, ids are its own. The same figure gives the same bytes, whatever else is on the page and
+whenever it is drawn.
 """
 
 import io
@@ -102,18 +102,6 @@ def draw_svg(figure: "Figure", salt: str = "seatrial") -> str:
     text = re.sub(r"<metadata>.*?</metadata>\s*", "", stream.getvalue(), flags=re.DOTALL)
     text = _TAG.sub(lambda tag: _NUMBER.sub(_round, tag[0]), _PATH.sub(_short, text))
     return re.sub(r"\s*\n\s*", "\n", text)
-
-
-def draw_pdf(figure: "Figure") -> bytes:
-    """Draw a figure as a PDF file, in the light palette, its text embedded as TrueType."""
-    import matplotlib
-
-    stream = io.BytesIO()
-    with matplotlib.rc_context({"pdf.fonttype": 42}):
-        figure.savefig(
-            stream, format="pdf", transparent=True, metadata={"CreationDate": None, "Creator": None, "Producer": None}
-        )
-    return stream.getvalue()
 
 
 def draw(figure: "Figure", name: str, title: str, caption: str = "", heading: str = "") -> Drawing:
@@ -240,7 +228,7 @@ def record_curves(
 
 
 def schedule_figure(schedule: Schedule, limits: Mapping[str, Limits]) -> "Figure":
-    """Draw every control of a schedule, as `control_over_time`, in the unit in which it is shown; limits by name."""
+    """Draw every control of a schedule, in the unit in which it is shown; limits by name."""
     panels = []
     for name, values in schedule.controls.items():
         (factor, _), bounds = shown_unit(name), limits.get(name, Limits())

@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int
 from scipy.linalg import solve_triangular
@@ -163,13 +162,6 @@ def evidence_of(weights: Weights) -> Evidence:
         diagnostics,
         "; ".join(_complaints(weights)),
     )
-
-
-def weighted_sd(posterior: Posterior, weights: Weights) -> Float[np.ndarray, " d"]:
-    """Return the posterior standard deviations of the parameters in their own units, shape (d,)."""
-    share = np.exp(weights.smoothed - _log_sum(weights.smoothed))
-    values = np.asarray(posterior.constrain(jnp.asarray(weights.z)))
-    return np.sqrt(share @ (values - share @ values) ** 2)
 
 
 def edges_of(target: Target) -> Float[np.ndarray, "d 2"]:

@@ -17,14 +17,56 @@ from dataclasses import dataclass
 
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import listed
-from seatrial.core.errors import InputError, located
-from seatrial.selection.library import TermLibrary
+from seatrial.core.errors import InputError, located, nearest
+from seatrial.core.signals import SIGNALS
 from seatrial.selection.rule_masks import RuleMasks
 
 EXPECTED = (
     '"A requires B", "always A", "never A", "together A B", "at most one of A B", "heredity" or "heredity of powers", '
     "with names of terms"
 )
+
+
+@dataclass(frozen=True)
+class TermLibrary:
+    """Candidate terms of one or several axes.
+
+    Attributes:
+        terms: each regressor once on its axis.
+        signals: those that were measured or commanded.
+    """
+
+    terms: tuple[CoefficientName, ...]
+    signals: tuple[str, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the terms."""
+        return tuple(term.text for term in self.terms)
+
+    def find(self, text: str, place: str) -> str:
+        """Return the name under which the library has a term, whatever the order of its factors.
+
+        Raises:
+            InputError: malformed, of a signal that was not measured, or not in the library.
+        """
+        term = CoefficientName.parse(text)
+        for signal in term.signals:
+            if signal not in self.signals:
+                raise InputError(
+                    f"{place}, term {term}",
+                    found=f'signal "{signal}" ({SIGNALS[signal].meaning}), which was not measured',
+                    expected="one of " + ", ".join(self.signals),
+                    remedy="leave the term out, or map the channel when importing",
+                )
+        if term not in self.terms:
+            raise InputError(
+                place,
+                found=f"{term}, which is not in the library",
+                expected="one of " + ", ".join(self.names),
+                remedy=nearest(text, self.names) + " or add it to the library",
+            )
+        return self.names[self.terms.index(term)]
 
 
 @dataclass(frozen=True)

@@ -9,9 +9,8 @@ import numpy as np
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import listed
 from seatrial.core.errors import InputError
-from seatrial.selection.library import TermLibrary
 from seatrial.selection.rule_masks import allowed_mass
-from seatrial.selection.rules import Always, CompiledRules, compile_rules, parse_rules
+from seatrial.selection.rules import Always, CompiledRules, TermLibrary, compile_rules, parse_rules
 
 MAX_STRUCTURES = 64  # Structures beyond which simulating each takes too long, and a screening has to choose a shortlist
 # Speed along each axis, and what resists it.

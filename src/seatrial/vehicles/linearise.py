@@ -123,26 +123,15 @@ def linearise(
         state: in the model's order, SI.
         control: in the model's order, SI.
     """
-    return _jacobians(model, None, dict(params), jnp.asarray(state, float), jnp.asarray(control, float))
+    return _jacobians(model, dict(params), jnp.asarray(state, float), jnp.asarray(control, float))
 
 
-def linearise_outputs(
-    model: VehicleModel, outputs: Sequence[str], params: Params, state: Sequence[Any], control: Sequence[Any]
-) -> tuple[Float[Array, "m d"], Float[Array, "m c"]]:
-    """Return the Jacobians (C, D) of measured channels, states (`u`) or their rates (`udot`); arguments as `linearise`."""
-    return _jacobians(model, tuple(outputs), dict(params), jnp.asarray(state, float), jnp.asarray(control, float))
-
-
-@program(static_argnums=(0, 1))
-def _jacobians(
-    model: VehicleModel, outputs: tuple[str, ...] | None, params: dict, state: Array, control: Array
-) -> tuple[Array, Array]:
-    """Return the Jacobians of the rates of the states, or of outputs where they are named; compiled once for each model."""
+@program(static_argnums=0)
+def _jacobians(model: VehicleModel, params: dict, state: Array, control: Array) -> tuple[Array, Array]:
+    """Return the Jacobians of the rates of the states; compiled once for each model."""
 
     def stacked(x: Array, c: Array) -> Array:
-        at = params, tuple(x), tuple(c)
-        values = model.derivative(*at) if outputs is None else [model.output(name, *at) for name in outputs]
-        return jnp.stack([jnp.asarray(value, float) for value in values])
+        return jnp.stack([jnp.asarray(value, float) for value in model.derivative(params, tuple(x), tuple(c))])
 
     return jax.jacfwd(stacked, argnums=(0, 1))(state, control)
 

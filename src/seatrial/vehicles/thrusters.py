@@ -15,7 +15,6 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from seatrial.core.coefficients import CoefficientName
-from seatrial.core.errors import InputError
 from seatrial.core.signals import RATES, is_thruster, signal_unit, thruster_controls
 from seatrial.numerics.array_module import array_module
 from seatrial.numerics.rotations import cross, dot, total
@@ -193,29 +192,3 @@ def real_thrust(values: Mapping[str, Any], control: str, push: Any) -> Any:
             push = values[name] * push
     astern = values.get(f"reverse_{control[0]}")
     return push if astern is None else array_module(push, astern).where(push < 0, astern * push, push)
-
-
-def commands_for(
-    thrusters: Sequence[Thruster], wanted: Float[np.ndarray, " 6"], tolerance: float = 1e-9
-) -> Float[np.ndarray, " n"]:
-    """Return the least thrusts that make a wanted force and moment.
-
-    Args:
-        thrusters: of the frame.
-        wanted: force and moment, N and N m, shape (6,).
-        tolerance: what may be missed, as a share of the largest part wanted, or of 1 where that is more.
-
-    Raises:
-        InputError: no thrusts make it.
-    """
-    matrix = allocation(thrusters)
-    result = np.linalg.pinv(matrix) @ wanted
-    missing = np.abs(matrix @ result - wanted).max()
-    if missing > tolerance * max(1.0, float(np.abs(wanted).max())):
-        raise InputError(
-            "thruster allocation",
-            found=f"a force and moment that the thrusters miss by {missing:.3g}",
-            expected="one within the range of the allocation matrix",
-            remedy="ask for no force or moment on an axis that no thruster drives",
-        )
-    return result

@@ -82,12 +82,6 @@ class OutputError:
         return frozenset(name for sensor in self.simulator.sensors for name in sensor.noise_parameters)
 
     @property
-    def is_plain(self) -> bool:
-        """Whether residuals are white and nothing but coefficients and noise is unknown."""
-        plain = (Sensor(channel) for channel in self.channels)
-        return self == OutputError(Simulator(self.model, tuple(plain)), self.labels)
-
-    @property
     def independent(self) -> bool:
         """Whether measurements are independent given the parameters."""
         return all(sensor.noise in ("white", "heavy") for sensor in self.simulator.sensors)

@@ -55,11 +55,6 @@ class RegressorBias:
     verdict: str = SCREENING
 
     @property
-    def in_sds(self) -> Float[np.ndarray, " k"]:
-        """Bias in standard errors."""
-        return self.bias / self.sd
-
-    @property
     def percent(self) -> Float[np.ndarray, " k"]:
         """Bias in percent of the corrected value."""
         return 100.0 * self.bias / np.abs(self.corrected)

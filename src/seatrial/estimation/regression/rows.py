@@ -26,9 +26,7 @@ from scipy.linalg import LinAlgError, cholesky_banded, solve_banded
 
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError, NumericalError
-from seatrial.core.record import Record
 from seatrial.estimation.regression.weak_form import RawRows, TrialRows, coefficient_names, raw_rows
-from seatrial.filters.noise_from_differences import noise_from_high_pass
 from seatrial.vehicles.axis_equation import AxisEquation
 
 ROUNDS = 10  # Most rounds of weighting; the third changes estimates by little
@@ -83,19 +81,6 @@ class WhitenedRows:
     mixing: Float[np.ndarray, "e e"]
 
 
-def sensor_noise(records: Sequence[Record], channels: Sequence[str]) -> dict[str, float]:
-    """White noise of measured channels from the records themselves, by high-pass filtering: the root of the mean variance.
-
-    Raises:
-        InputError: too few samples, or a sensor whose steps are coarser than its noise.
-    """
-    results = {}
-    for name in channels:
-        sds = [noise_from_high_pass(record.time, record.channel(name)).sd for record in records]
-        results[name] = float(np.sqrt(np.mean(np.square(sds))))
-    return results
-
-
 def check_noise(equations: Sequence[AxisEquation], trial: TrialRows, noise: Mapping[str, float]) -> None:
     """Check that the noise of every measured signal is known, and that of accelerations or their velocities not zero.
 
@@ -109,7 +94,7 @@ def check_noise(equations: Sequence[AxisEquation], trial: TrialRows, noise: Mapp
                 f'noise of channel "{name}"',
                 found=f"{noise[name]}" if name in noise else "none given",
                 expected="a standard deviation" + (" above zero: rows are weighed by it" if name in rates else ""),
-                remedy="state it from the sensor's data sheet, or take it from the record with `sensor_noise`",
+                remedy="state it from the sensor's data sheet, or as `noise_from_high_pass` finds it in the record",
             )
 
 

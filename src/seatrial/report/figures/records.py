@@ -89,20 +89,13 @@ def covered(
 Ends = tuple[float | None, float | None]  # Lowest and highest value allowed, where there are any
 
 
-def control_over_time(time: np.ndarray, control: np.ndarray, label: str, limits: Ends = (None, None)) -> "Figure":
-    """Draw one control, and those of its limits that are near.
+def controls_over_time(time: np.ndarray, panels: Sequence[tuple[np.ndarray, str, Ends]]) -> "Figure":
+    """Draw controls below each other, with those of their limits that are near.
 
     Args:
         time: s, shape (n,).
-        control: in the unit of its label, shape (n,).
-        label: of the control, unit included.
-        limits: lowest and highest value allowed, where there are any.
+        panels: of each control its values in the unit of its label, shape (n,), its label with that unit, and its limits.
     """
-    return controls_over_time(time, [(control, label, limits)])
-
-
-def controls_over_time(time: np.ndarray, panels: Sequence[tuple[np.ndarray, str, Ends]]) -> "Figure":
-    """Draw several controls below each other, each as `control_over_time`: its values, label and limits."""
     figure, every = new_figure(WIDE, [190] * len(panels))
     for axes, (control, label, limits) in zip(every, panels, strict=True):
         _draw_control(axes, time, control, label, limits)

@@ -113,10 +113,6 @@ class SubsetPosterior:
         """Return the posterior of the coefficients of one of the best structures, in the order of its terms."""
         return evidence_of(self.stats, self.prior, self.numbers(rank))
 
-    def median_model(self) -> tuple[str, ...]:
-        """Return the terms more probable than not; they keep any rules, unless sampling errors push one across one half."""
-        return tuple(name for name, p in zip(self.names, self.inclusion, strict=True) if p > 0.5)
-
     def coefficients(self) -> Averaged:
         """Return the averaged coefficients; an absent one counts as zero."""
         return self.predict(np.eye(len(self.names)))

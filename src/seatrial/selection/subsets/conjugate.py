@@ -33,13 +33,11 @@ class SubsetFit(NamedTuple):
         log_evidence: log p(y | S), nats.
         mean: posterior means of its coefficients, shape (p,).
         cov: their covariance, noise variance integrated out, shape (p, p).
-        noise_variance: posterior mean of s^2.
     """
 
     log_evidence: float
     mean: Float[np.ndarray, " p"]
     cov: Float[np.ndarray, "p p"]
-    noise_variance: float
 
 
 class Precision(NamedTuple):
@@ -163,7 +161,7 @@ def evidence_of(stats: Gram, prior: Prior, terms: Sequence[int]) -> SubsetFit:
         )
     shape = prior.shape + 0.5 * stats.n
     log_value = evidence_constant(stats, prior) + 0.5 * ratio - shape * np.log(2 * rate)
-    return SubsetFit(float(log_value), mean, rate / (shape - 1) * inverse, rate / (shape - 1))
+    return SubsetFit(float(log_value), mean, rate / (shape - 1) * inverse)
 
 
 def evidence_constant(stats: Gram, prior: Prior) -> float:
