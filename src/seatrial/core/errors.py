@@ -49,11 +49,11 @@ def located(place: str) -> Iterator[None]:
         raise InputError(where, found=error.found, expected=error.expected, remedy=error.remedy) from error.__cause__
 
 
-def not_among(where: str, name: object, allowed: Iterable[str], *, found: str = "", remedy: str = "") -> InputError:
-    """Return the refusal of a name that is none of the allowed ones; the remedy is the nearest of them, unless another is given."""
+def not_among(where: str, name: object, allowed: Iterable[str], *, found: str = "") -> InputError:
+    """Return the refusal of a name that is none of the allowed ones; the remedy is the nearest of them."""
     names = list(allowed)
     expected = "one of " + (", ".join(names) or "none")
-    return InputError(where, found=found or f'"{name}"', expected=expected, remedy=remedy or nearest(name, names))
+    return InputError(where, found=found or f'"{name}"', expected=expected, remedy=nearest(name, names))
 
 
 def too_few(where: str, found: str, least: object, remedy: str) -> InputError:

@@ -108,10 +108,10 @@ def labels_of(kind: type) -> list[str]:
     return [dim for hint in _hints(kind).values() if (dim := _labelled(hint)) is not None]
 
 
-def schema_of(kinds: Mapping[str, Any], template: str = "#/$defs/{model}") -> tuple[dict[str, Any], dict[str, Any]]:
+def schema_of(kinds: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return the JSON Schemas of types by name, as `to_plain` writes them for others, and the definitions that they share."""
     inputs = [(name, "serialization", adapter_of(kind)) for name, kind in kinds.items()]
-    schemas, shared = TypeAdapter.json_schemas(inputs, schema_generator=_Schema, ref_template=template)  # pyright: ignore[reportArgumentType]
+    schemas, shared = TypeAdapter.json_schemas(inputs, schema_generator=_Schema)  # pyright: ignore[reportArgumentType]
     return {name: schema["prefixItems"][0] for (name, _), schema in schemas.items()}, shared.get("$defs", {})
 
 

@@ -95,16 +95,15 @@ def without(vehicle: ExportedVehicle, names: Iterable[str]) -> ExportedVehicle:
     return replace(vehicle, coefficients={name: x for name, x in vehicle.coefficients.items() if name not in gone})
 
 
-def term_losses(vehicle: ExportedVehicle, names: Iterable[str], why: str = "") -> tuple[str, ...]:
+def term_losses(vehicle: ExportedVehicle, names: Iterable[str]) -> tuple[str, ...]:
     """Return one sentence about terms that are left out; none where there are none.
 
     Args:
         vehicle: whose terms these are.
         names: of what is left out.
-        why: the reason, in words.
     """
     shown = [f"{name} = {vehicle.coefficients[name]:.5g} {CoefficientName.parse(name).unit}" for name in names]
-    return (", ".join(shown) + why,) if shown else ()
+    return (", ".join(shown),) if shown else ()
 
 
 def added_mass_losses(vehicle: ExportedVehicle, kept: Iterable[str] = ()) -> tuple[str, ...]:

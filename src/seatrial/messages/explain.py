@@ -9,13 +9,13 @@ from seatrial.messages.render import sentence
 _PLACES = {"command": "Command line", "python": "Python", "page": "Dashboard"}
 
 
-def explanation(code: str, where: str = "code", heading: str = "#") -> str:
+def explanation(code: str, heading: str = "#") -> str:
     """Return the page of one code, as Markdown that also reads well on a terminal.
 
     Raises:
         InputError: no such code.
     """
-    entry = entry_of(code, where)
+    entry = entry_of(code)
     example = entry.example
     limits = next(file.thresholds() for file in SUBJECTS.values() if code in file.ENTRIES)
     lines = [

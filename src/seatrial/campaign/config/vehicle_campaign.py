@@ -59,21 +59,20 @@ sd = 0.01""",
 }
 
 
-def vehicle_campaign_text(folder: Path, vehicle: str, log: Path | None = None, name: str = "") -> str:
+def vehicle_campaign_text(folder: Path, vehicle: str, log: Path | None = None) -> str:
     """Return the campaign file of a published vehicle, commented: of a log of it, or before there is any.
 
     Args:
         folder: of the campaign, which need not be there yet.
         vehicle: name in the catalogue.
         log: of a trial; the file names it relative to its folder, so that both can be moved together.
-        name: of the campaign; empty for one that is made up.
 
     Raises:
         InputError: a vehicle without named coefficients, or of surge alone with a log; a log that cannot be read, or one in which no
             control or nothing that it does can be told.
     """
     if log is None:
-        return _before_any_log(vehicle, name)
+        return _before_any_log(vehicle)
     if vehicle in surge_names():
         raise InputError(
             f"--vehicle {vehicle}",
@@ -98,7 +97,7 @@ def vehicle_campaign_text(folder: Path, vehicle: str, log: Path | None = None, n
     mapped = [*controls, *(name for name in sensors if name != "attitude"), *(ANGLES if "attitude" in sensors else ())]
     parts = [
         _head(
-            name or f"{vehicle}, {log.stem}",
+            f"{vehicle}, {log.stem}",
             f"from the log {log.name}: check the map at the end, the thrust, and the noise of the sensors",
             "seatrial import DIR; seatrial check DIR; seatrial estimate DIR --by mode. `seatrial inspect LOG` lists its columns",
         ),
@@ -116,7 +115,7 @@ def vehicle_campaign_text(folder: Path, vehicle: str, log: Path | None = None, n
     return "\n\n".join(parts) + "\n"
 
 
-def _before_any_log(vehicle: str, name: str) -> str:
+def _before_any_log(vehicle: str) -> str:
     """Return the campaign file of a vehicle of which nothing was recorded: the trial begins at rest unless a trim is published."""
     if vehicle in surge_names():
         entry = load_surge(vehicle)
@@ -142,7 +141,7 @@ def _before_any_log(vehicle: str, name: str) -> str:
         "\n\n".join(
             (
                 _head(
-                    name or f"{vehicle}, first trial",
+                    f"{vehicle}, first trial",
                     "before there are any data: check the trim, the noise of the sensors and the trial",
                     "seatrial prior DIR; seatrial design DIR. The trim is where a trial begins; limits stand under [limits.NAME]",
                 ),
