@@ -14,7 +14,7 @@ DOCS = Path(__file__).parent
 ROOT = DOCS.parent
 GENERATED = ("decisions", "vehicles", "reference", "_build")
 """Folders without claims of their own: choices with their numbers of the day, and pages that are written from the code."""
-SHOWN_BY = ("tests/", "src/", "benchmarks/", "make ", "python ", "seatrial ", "source: ")
+SHOWN_BY = ("tests/", "src/", "benchmarks/", "studies/", "make ", "python ", "seatrial ", "source: ")
 """How an entry begins: a test, the line of code that sets a limit, a command, or a reference."""
 _NAMES = (
     r"[A-Za-z]\w*_\w*|Apache 2\.0|WSL 2|ISO 8601|PX4|REMUS 100|ROS \d(?: and \d)?|BlueROV2|3-2-1-1"
@@ -71,7 +71,7 @@ def broken() -> list[str]:
 def _missing(shown: str) -> list[str]:
     """Return the files and names that an entry speaks of and that are not there."""
     missing = []
-    for path, name in re.findall(r"((?:tests|src|docs|examples|benchmarks|release)/[\w./-]+\.\w+)(?:::(\w+))?", shown):
+    for path, name in re.findall(r"((?:tests|src|studies|docs|examples|benchmarks|release)/[\w./-]+\.\w+)(?:::(\w+))?", shown):
         file = ROOT / path
         if not file.is_file():
             missing.append(path)
