@@ -71,7 +71,9 @@ def broken() -> list[str]:
 def _missing(shown: str) -> list[str]:
     """Return the files and names that an entry speaks of and that are not there."""
     missing = []
-    for path, name in re.findall(r"((?:tests|src|studies|docs|examples|benchmarks|release)/[\w./-]+\.\w+)(?:::(\w+))?", shown):
+    for path, name in re.findall(
+        r"((?:tests|src|studies|docs|examples|benchmarks|release)/[\w./-]+\.\w+)(?:::(\w+))?", shown
+    ):
         file = ROOT / path
         if not file.is_file():
             missing.append(path)

@@ -188,7 +188,6 @@ def test_a_share_of_the_draws_may_break_a_bound():
         assert found[risk].broken == (peaks > 2.0 + 1e-9).mean()
         assert found[risk].broken <= risk
     assert found[0.1].broken > 0
-    assert found[0.1].broken_error == pytest.approx(np.sqrt(found[0.1].broken * (1 - found[0.1].broken) / 20))
     assert found[0.1].utility > found[0.0].utility
 
 
@@ -206,7 +205,6 @@ def test_same_seed_same_design_and_what_is_said():
     assert names == ["best doublet", "best multisine", "random binary 1", "random binary 2"]
     for outcome in one.outcomes:
         assert outcome.before <= outcome.utility <= one.utility
-        assert outcome.climbed <= outcome.utility + 1e-9
     assert "of 4 starts end within" in one.status
 
 

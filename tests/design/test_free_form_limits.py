@@ -155,7 +155,7 @@ def test_margin_is_what_is_left_to_the_bound(side, reached, left, active):
 
 def test_status_counts_starts_that_end_alike_and_those_that_did_not_settle():
     outcomes = tuple(
-        ClimbOutcome(name, 1.0, 2.0, utility, np.zeros(1), 3, name != "c")
+        ClimbOutcome(name, 1.0, utility, np.zeros(1), 3, name != "c")
         for name, utility in (("a", 5.0), ("b", 5.0 - 0.9 * EQUAL_GAIN), ("c", 5.0 - 1.1 * EQUAL_GAIN), ("d", 4.0))
     )
     said = _status(outcomes[0], outcomes)

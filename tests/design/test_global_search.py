@@ -37,8 +37,7 @@ def test_the_higher_of_two_hills():
 
     found = search_globally(hills, np.zeros(2), np.ones(2), budget=6000, seed=0)
     np.testing.assert_allclose(found.settings, 0.85, atol=1e-2)
-    assert found.starts == found.peaks.size > 1
-    assert found.peaks.max() == found.utility
+    assert found.starts > 1
 
 
 def test_maximum_on_the_edge_of_what_is_allowed():
@@ -117,5 +116,5 @@ def test_impossible_searches(change, message):
 
 @pytest.mark.parametrize(("starts", "spread", "settled"), [(1, 0.011, False), (1, 0.009, True), (2, 0.5, True)])
 def test_a_search_has_settled_that_began_again_or_ends_within_a_hundredth_of_the_box(starts, spread, settled):
-    found = GlobalOptimum(PEAK, 3.0, 800, starts, np.zeros(starts), np.array([0.001, spread]), 1.0)
+    found = GlobalOptimum(PEAK, 3.0, 800, starts, np.array([0.001, spread]), 1.0)
     assert found.settled == settled

@@ -79,7 +79,6 @@ def test_trim_only():
     """At rest about trim only the balance of forces is seen: rank one, so two combinations are invisible."""
     found = golden_design(rpm=0, n=300)
     assert len(found.invisible) == 2
-    assert found.condition == np.inf
     drag = np.array([TRUTH["X_u"] * U0, TRUTH["X_uabsu"] * U0**2])
     drag = np.append(drag, -drag.sum())
     for item in found.invisible:
@@ -246,7 +245,6 @@ def test_every_channel_missing():
     found = identifiability_of_fit(target, find_mode(target, KEY), at=AT)
     assert found.untouched == target.names
     assert identifiability_cautions(found)[0].startswith("the data say nothing about any parameter")
-    assert found.condition == np.inf
 
 
 def test_model_that_diverges():
@@ -395,16 +393,13 @@ def test_what_the_data_say_nothing_about_is_named():
     assert judged().contraction == pytest.approx([0.1, 0.02, 0.1])
     assert judged().relative_sd == pytest.approx([0.1, 0.02, 0.1])
     untouched = judged(untouched=("sigma_u",))
-    assert untouched.condition == np.inf
     assert identifiability_cautions(untouched)[0].startswith("no measurement of u is left")
     said = identifiability_cautions(judged(untouched=("X_u",)))[0]
     assert said.startswith("the trial says nothing about X_u: no measurement changes with it; move u, fix it")
     (nothing,) = identifiability_cautions(judged(untouched=judged().names))
     assert nothing.startswith("the data say nothing about any parameter")
     blind = judged(eigenvalues=np.full(3, np.nan))
-    assert blind.condition == np.inf
     assert identifiability_cautions(blind)[0].startswith("not judged which parameters the data can determine")
-    assert judged(eigenvalues=np.array([0.0, 1.0, 2.0])).condition == np.inf
 
 
 def known(text, relative, meaning=""):

@@ -60,7 +60,6 @@ class ClimbOutcome(NamedTuple):
     Attributes:
         name: of the start.
         before: utility of the start, drawn towards trim where it broke a limit.
-        climbed: after the gradient search.
         utility: after rounding to the bounds.
         levels: final levels, SI, shape (m,).
         steps: of the gradient search.
@@ -69,7 +68,6 @@ class ClimbOutcome(NamedTuple):
 
     name: str
     before: float
-    climbed: float
     utility: float
     levels: Float[np.ndarray, " m"]
     steps: int
@@ -87,7 +85,6 @@ class FreeFormDesign:
         margins: of every limit.
         outcomes: of every start.
         broken: share of the draws that break a limit of motion or cost.
-        broken_error: its Monte Carlo error, if the draws are a sample from the prior.
         at_bounds: share of the levels at a bound of the amplitude.
         status: in words.
     """
@@ -98,7 +95,6 @@ class FreeFormDesign:
     margins: tuple[LimitMargin, ...]
     outcomes: tuple[ClimbOutcome, ...]
     broken: float
-    broken_error: float
     at_bounds: float
     status: str
 
@@ -148,11 +144,10 @@ def design_free_form(
         before, after = climb.utilities(np.array([begin, climbed]))
         final, gain = climb.rounded(climbed if after >= before else begin)
         levels = problem.form.trim + problem.span * final
-        results.append((ClimbOutcome(name, float(before), float(after), gain, levels, done, converged), climb, final))
+        results.append((ClimbOutcome(name, float(before), gain, levels, done, converged), climb, final))
         progress((i + 1) * steps, len(chosen) * steps)
     best, climb, x = max(results, key=lambda each: each[0].utility)
     outcomes = tuple(outcome for outcome, _, _ in results)
-    broken = float((climb.draw_excess(x) > ROUNDING).mean())
     low, high = problem.box
     return FreeFormDesign(
         problem.form.manoeuvre(best.levels),
@@ -160,8 +155,7 @@ def design_free_form(
         best.utility,
         _margins(climb, x),
         outcomes,
-        broken,
-        float(np.sqrt(broken * (1 - broken) / climb.kept.size)),
+        float((climb.draw_excess(x) > ROUNDING).mean()),
         float(((x <= low + ROUNDING) | (x >= high - ROUNDING)).mean()),
         _status(best, outcomes),
     )

@@ -36,7 +36,6 @@ class GlobalOptimum:
         utility: there.
         evaluations: designs evaluated.
         starts: how often the search began; more than one if it settled before its budget was spent.
-        peaks: best utility of each start, shape (starts,); -inf where it met no design that is allowed.
         spread: standard deviation of each setting over the last population, as a share of its range, shape (s,).
         allowed: share of the designs evaluated that were allowed.
     """
@@ -45,7 +44,6 @@ class GlobalOptimum:
     utility: float
     evaluations: int
     starts: int
-    peaks: Float[np.ndarray, " starts"]
     spread: Float[np.ndarray, " s"]
     allowed: float
 
@@ -83,13 +81,13 @@ def search_globally(
     rng = np.random.default_rng(seed)
     search = _fresh(np.full(lower.size, 0.5), rng, population)
     best, settings = -np.inf, lower
-    peaks, allowed, worst = [-np.inf], 0, np.inf
+    starts, allowed, worst = 1, 0, np.inf
     points = np.empty((population, lower.size))
     total = budget // population * population
     for done in range(0, total, population):
         if search.should_stop():
             search = _fresh(rng.random(lower.size), rng, population)
-            peaks.append(-np.inf)
+            starts += 1
         points = np.array([search.ask() for _ in range(population)])
         result = np.asarray(utility(lower + points * (upper - lower)), float)
         fine = np.isfinite(result)
@@ -97,7 +95,6 @@ def search_globally(
         if fine.any():
             worst = min(worst, float(result[fine].min()))
             top = int(np.nanargmax(np.where(fine, result, -np.inf)))
-            peaks[-1] = max(peaks[-1], float(result[top]))
             if result[top] > best:
                 best, settings = float(result[top]), lower + points[top] * (upper - lower)
         # A design that is not allowed ranks below all that are; by how much does not matter to ranks.
@@ -111,7 +108,7 @@ def search_globally(
             expected="some designs of the box inside the limits",
             remedy="widen the limits, or choose the box nearer to designs that are known to be allowed",
         )
-    return GlobalOptimum(settings, best, total, len(peaks), np.array(peaks), points.std(0), allowed / total)
+    return GlobalOptimum(settings, best, total, starts, points.std(0), allowed / total)
 
 
 def _fresh(mean: np.ndarray, rng: np.random.Generator, population: int):

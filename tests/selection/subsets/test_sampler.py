@@ -251,14 +251,11 @@ def test_rules_term_by_term_by_a_naive_twin():
     assert chain.decided(0, 0b1) == (0, 0b111)
 
 
-@pytest.mark.parametrize(("chains", "rungs", "walk"), [(4, 1, 4), (8, 1, 8), (4, 3, 8), (32, 3, 10)])
-def test_what_the_chains_did_is_counted(monkeypatch, chains, rungs, walk):
-    """Of so many chains, or ladders of them, at least 8, 300 of 400 moves after warm-up are visits; all 64 structures are held."""
+@pytest.mark.parametrize(("chains", "rungs"), [(4, 1), (8, 1), (4, 3), (32, 3)])
+def test_few_chains_or_ladders_hold_all_of_sixty_four_structures(monkeypatch, chains, rungs):
     monkeypatch.setattr(sampler, "rungs_between", lambda *_: rungs)
     stats, prior = problem(6)[2], some_prior(6)
     found = sample_subsets(stats, prior, NAMES[:6], chains=chains, moves=400).monte_carlo
-    assert found.visits == walk * 300
-    assert 2 < found.evaluated <= 2**6
     assert 0.999 < found.covered <= 1.0
     for errors in (found.inclusion_error, found.mean_error):
         assert (errors >= 0).all()

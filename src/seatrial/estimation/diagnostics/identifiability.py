@@ -100,13 +100,6 @@ class Identifiability:
         """Posterior over prior standard deviations."""
         return self.sd / self.prior_sd
 
-    @property
-    def condition(self) -> float:
-        """Largest over smallest eigenvalue of the scaled information, infinite where a combination is invisible."""
-        if self.untouched or self.invisible or not self.eigenvalues[0] > 0:
-            return float("inf")
-        return float(self.eigenvalues[-1] / self.eigenvalues[0])
-
 
 def identify(
     parameters: Sequence[Parameter],

@@ -44,7 +44,6 @@ class Regression:
         plain: estimates with the states as measured or smoothed in the regressors, shape (k,).
         plain_sd: their standard errors, as a script without this module would print them, shape (k,).
         acceleration_sd: standard deviation of what is left over, m/s^2.
-        rounds: rounds of refinement; 0 where the plain fit is all there is.
         status: empty if the two agree, else what is wrong with the plain fit, in words.
     """
 
@@ -54,7 +53,6 @@ class Regression:
     plain: Float[np.ndarray, " k"]
     plain_sd: Float[np.ndarray, " k"]
     acceleration_sd: float
-    rounds: int
     status: str
 
     @property
@@ -151,19 +149,19 @@ def fit_equation_error(model: VehicleModel, trials: Sequence[Accelerations], ref
         )
     names = tuple(term.text for term in model.coefficients)
     plain, cov, sd = _regress(model, trials, [trial.speed for trial in trials])
-    values, rounds, status = plain, 0, ""
+    values, status = plain, ""
     plain_sd = np.sqrt(np.diag(cov))
     if refine:
         scale = np.maximum(np.abs(plain), plain_sd)
-        while rounds < MAX_ROUNDS:
-            before, rounds = values, rounds + 1
+        for _ in range(MAX_ROUNDS):
+            before = values
             values, cov, sd = _regress(model, trials, [_motion(model, names, before, trial) for trial in trials])
             if (np.abs(values - before) <= ROUND_TOLERANCE * scale).all():
                 break
         else:
             status = f"the refinement still moves after {MAX_ROUNDS} rounds; "
         status += _complaint(names, plain, plain_sd, values)
-    return Regression(names, values, cov, plain, plain_sd, sd, rounds, status)
+    return Regression(names, values, cov, plain, plain_sd, sd, status)
 
 
 def _regress(

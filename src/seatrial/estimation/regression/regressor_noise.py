@@ -54,11 +54,6 @@ class RegressorBias:
     status: str
     verdict: str = SCREENING
 
-    @property
-    def percent(self) -> Float[np.ndarray, " k"]:
-        """Bias in percent of the corrected value."""
-        return 100.0 * self.bias / np.abs(self.corrected)
-
 
 def regressor_noise_bias(rows: WhitenedRows, key: Array, pairs: int = 16, forces: bool = True) -> RegressorBias:
     """Estimate the bias of each coefficient.

@@ -53,7 +53,6 @@ class WhitenedRows:
         equation: number of the equation of each row; rows of one window mix those before it, shape (n,).
         trial: number of the trial, shape (n,).
         index: place in the trial's sequence of windows, shape (n,).
-        inflation: factor on every standard deviation that gives residuals unit variance: about 1 where the noise is as stated, shape (e,).
         force_sd: root of the spectral density of the white force that no term explains, N sqrt(s) or by inertia, shape (e,).
         correlation: of the equations' residuals, shape (e, e).
         r2: part of the raw rows' sum of squares that all terms explain, for each equation, shape (e,).
@@ -70,7 +69,6 @@ class WhitenedRows:
     equation: Int[np.ndarray, " n"]
     trial: Int[np.ndarray, " n"]
     index: Int[np.ndarray, " n"]
-    inflation: Float[np.ndarray, " e"]
     force_sd: Float[np.ndarray, " e"]
     correlation: Float[np.ndarray, "e e"]
     r2: Float[np.ndarray, " e"]
@@ -202,7 +200,6 @@ def whitened_rows(
         np.repeat(np.arange(len(equations)), sum(count)),
         np.tile(np.repeat(np.arange(len(trials)), count), len(equations)),
         np.tile(np.concatenate([trial.windows.index for trial in trials]), len(equations)),
-        inflation,
         inflation * np.sqrt(density),
         sigma / np.outer(inflation, inflation),
         1 - unexplained / (whole.target**2).sum(1),

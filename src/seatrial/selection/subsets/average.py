@@ -38,8 +38,6 @@ class MonteCarlo(NamedTuple):
     lack where they are over the best structures.
 
     Attributes:
-        visits: structures that the chains stood at after warm-up, with repetition.
-        evaluated: number of different structures whose evidence was computed.
         covered: estimated probability of these.
         inclusion_error: of the inclusion probabilities, shape (d,).
         renormalised: inclusion probabilities from the evidences of the structures evaluated, as if there were no others, shape (d,).
@@ -49,8 +47,6 @@ class MonteCarlo(NamedTuple):
         status: empty if the chains agree, else what is wrong in words.
     """
 
-    visits: int
-    evaluated: int
     covered: float
     inclusion_error: Float[np.ndarray, " d"]
     renormalised: Float[np.ndarray, " d"]

@@ -209,8 +209,6 @@ def sample_subsets(
         count=count,
         log_evidence_total=log_total - float(np.log(mass)),
         monte_carlo=MonteCarlo(
-            visits=chains * (moves - moves // 4),
-            evaluated=evaluated.codes.size,
             covered=covered,
             renormalised=renormalised,
             log_evidence_total_error=share_error,
