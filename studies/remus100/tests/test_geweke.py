@@ -11,7 +11,7 @@ from studies.remus100.chains import geweke_scores
 def autoregressive(rho, shape):
     """Stationary chains of unit variance, x_k = rho x_{k-1} + e_k."""
     noise = np.random.default_rng(0).normal(size=(*shape[:-1], shape[-1] + 500))
-    return signal.lfilter([np.sqrt(1 - rho**2)], [1, -rho], noise, axis=-1)[..., 500:]
+    return np.asarray(signal.lfilter([np.sqrt(1 - rho**2)], [1, -rho], noise, axis=-1))[..., 500:]
 
 
 def test_drift_of_two_sds_fails_the_proper_score_and_passes_the_printed_one():
