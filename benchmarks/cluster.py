@@ -31,7 +31,6 @@ from seatrial.campaign.config.templates import init_campaign
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.inference.calibration import calibrate
 from seatrial.campaign.store.stored_result import Store
-from seatrial.core.reporter import SILENT
 
 REPLICATES, WORKERS, REPEATS, IDLE = 400, (1, 2, 4), 2, 2000
 METHOD = "independence-metropolis"
@@ -117,7 +116,7 @@ def _idle(address: str, study: Study) -> float:
     """Seconds that a task takes which does nothing, among many."""
     workers, found = DaskWorkers(address, address), []
     start = time.perf_counter()
-    workers.bound(SILENT).run(nothing, study, range(IDLE), lambda index, result: found.append(result))
+    workers.run(nothing, study, range(IDLE), lambda index, result: found.append(result))
     seconds = time.perf_counter() - start
     workers.close()
     if sorted(found) != list(range(IDLE)):

@@ -29,7 +29,6 @@ from seatrial.campaign.selection.evidence import evidence_key
 from seatrial.campaign.selection.screening import stored_screening
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.record import Channel, Provenance, make_record
-from seatrial.core.reporter import SILENT
 from tests.campaign.small import write_small
 from tests.campaign.tiny_work import mute, power, slowly
 
@@ -67,7 +66,7 @@ def joined(cluster):
 
 @pytest.fixture(params=["local", "dask"])
 def workers(request):
-    return LocalWorkers(2) if request.param == "local" else request.getfixturevalue("joined").bound(SILENT)
+    return LocalWorkers(2) if request.param == "local" else request.getfixturevalue("joined")
 
 
 def test_every_result_comes_once_and_pieces_go_on(workers):
@@ -120,7 +119,7 @@ def test_an_interrupt_cancels_what_is_left(cluster, joined):
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        joined.bound(SILENT).run(slowly, 0.05, list(range(50)), interrupted)
+        joined.run(slowly, 0.05, list(range(50)), interrupted)
     deadline = time.monotonic() + 20
     while any("slowly" in str(key) for key in cluster.scheduler.tasks):
         assert time.monotonic() < deadline
@@ -135,7 +134,7 @@ def test_a_killed_worker_costs_its_task_only(joined):
         if len(found) == 3:
             os.kill(victims[0], signal.SIGKILL)
 
-    joined.bound(SILENT).run(slowly, 0.1, list(range(20)), done)
+    joined.run(slowly, 0.1, list(range(20)), done)
     assert found == {i: i for i in range(20)}
     joined.client.wait_for_workers(2, timeout=60)
     assert victims[0] not in joined.client.run(os.getpid).values()
@@ -145,15 +144,16 @@ def test_how_many_and_how_much_memory_is_said(joined, monkeypatch):
     monkeypatch.setattr(dask_workers, "LOOK", 0.05)
     monkeypatch.setattr(dask_workers, "SAY", 0.1)
     heard = Heard()
-    joined.greet(heard)
-    joined.bound(heard).run(slowly, 0.6, [1, 2], lambda index, result: None)
+    monkeypatch.setattr(joined, "reporter", heard)
+    joined.greet()
+    joined.run(slowly, 0.6, [1, 2], lambda index, result: None)
     assert heard.lines[0].startswith("2 workers at the test's")
     assert any("of 2 tasks; 2 workers, memory of each" in line for line in heard.lines[1:])
 
 
 def test_another_version_is_refused_at_once_and_also_from_one_that_joins_late(joined, monkeypatch):
     monkeypatch.setattr(joined, "ours", {**joined.ours, "jax": "9.9"})
-    for attempt in (lambda: joined.greet(SILENT), lambda: joined.bound(SILENT).run(power, 2.0, [1], lambda *_: None)):
+    for attempt in (lambda: joined.greet(), lambda: joined.run(power, 2.0, [1], lambda *_: None)):
         with pytest.raises(InputError) as caught:
             attempt()
         assert caught.value.where.startswith("the worker tcp://")
@@ -163,14 +163,14 @@ def test_another_version_is_refused_at_once_and_also_from_one_that_joins_late(jo
 def test_another_version_of_ours_at_the_scheduler_is_refused(joined, monkeypatch):
     monkeypatch.setattr(joined, "ours", {**joined.ours, "seatrial": "9.9"})
     with pytest.raises(InputError, match=r"expected: seatrial 9\.9, as here") as caught:
-        joined.greet(SILENT)
+        joined.greet()
     assert caught.value.where == "the scheduler at the test's"
 
 
 def test_a_process_that_cannot_import_us_is_named(joined, monkeypatch):
     monkeypatch.setattr(dask_workers, "about", mute)
     with pytest.raises(InputError, match="No module named 'seatrial'") as caught:
-        joined.greet(SILENT)
+        joined.greet()
     assert caught.value.where == "the scheduler at the test's"
 
 

@@ -12,10 +12,8 @@ import queue
 import time
 import uuid
 import warnings
-from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence, Sized
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -28,37 +26,17 @@ from seatrial import __version__
 from seatrial.campaign.compute.workers import Done, OnProgress, Work, nobody
 from seatrial.compiled import engine
 from seatrial.compiled.batching import backend
-from seatrial.core.errors import InputError, NumericalError, SeatrialError, install_extra
-from seatrial.core.reporter import Reporter
+from seatrial.core.errors import InputError, NumericalError, install_extra
+from seatrial.core.reporter import SILENT, Reporter
 
 # What a process of the cluster runs: one piece of work, and what it reports sent on.
 
 REPORT_SECONDS = 0.5  # Seconds between two reports of one piece
 
 
-@dataclass(frozen=True)
-class Failed:
-    """An error that is meant for the user: a result, so that no worker tries again."""
-
-    error: SeatrialError
-
-
-@dataclass(frozen=True)
-class Stranger:
-    """A worker whose results might not be ours: its address, and versions and settings that differ, theirs and ours."""
-
-    address: str
-    differing: dict[str, tuple[str, str]]
-
-
 def about() -> tuple[dict[str, str], str]:
     """Environment and processor of this process."""
     return environment(), processor()
-
-
-def differing(ours: dict[str, str], theirs: dict[str, str]) -> dict[str, tuple[str, str]]:
-    """Versions and settings that are not the same: theirs and ours."""
-    return {name: (theirs.get(name, "missing"), mine) for name, mine in ours.items() if theirs.get(name) != mine}
 
 
 def load(content: bytes) -> Any:
@@ -67,15 +45,14 @@ def load(content: bytes) -> Any:
 
 
 def call(work: Work, shared: Any, item: Any, topic: str, index: int, ours: dict[str, str]) -> Any:
-    """Do one piece of work; `ours` is checked because workers may join at any time.
+    """Do one piece of work and return its result; `ours` is checked because workers may join at any time.
 
-    Returns:
-        What the work returns, `Failed`, or `Stranger`.
+    Raises:
+        InputError: results of this worker might not be ours.
     """
     engine.configure()
     worker, said = get_worker(), time.monotonic()
-    if other := differing(ours, environment()):
-        return Stranger(worker.address, other)
+    _check_same(f"the worker {worker.address}", environment(), ours)
 
     def report(done: int, total: int) -> None:
         nonlocal said
@@ -83,36 +60,31 @@ def call(work: Work, shared: Any, item: Any, topic: str, index: int, ours: dict[
             said = time.monotonic()
             worker.log_event(topic, (index, int(done), int(total)))
 
-    try:
-        return work(shared, item, report)
-    except SeatrialError as error:
-        return Failed(error)
+    return work(shared, item, report)
 
 
 CONNECT = 5.0  # Seconds in which a scheduler answers, if there is one
 LOOK = 1.0  # Seconds between two looks at whether the scheduler is still there
 PAUSE_SECONDS = 0.2  # Seconds before a result is asked for again
 SAY = 30.0  # Seconds between two lines about the workers
-# Tasks for each worker's thread that the scheduler holds: enough that none waits, few enough that millions are no
-# burden
-TASKS_AHEAD = 3
 NEEDED_VERSIONS = ("seatrial", "distributed", "Python")  # What a scheduler has to have as here; it computes nothing
 LOST_ERRORS = (OSError, CommClosedError, TimeoutError)  # How a call ends whose scheduler is gone
 
 
 class DaskWorkers:
-    """Processes at a scheduler's address.
+    """`Workers` that are processes at a scheduler's address.
 
     Args:
         address: of the scheduler, or a cluster object of Dask that has one.
         name: as messages call it.
+        reporter: is told how the workers are.
 
     Raises:
         InputError: nothing answers there, or it is another version of Dask.
     """
 
-    def __init__(self, address: Any, name: str):
-        self.name, self.ours = name, environment()
+    def __init__(self, address: Any, name: str, reporter: Reporter = SILENT):
+        self.name, self.reporter, self.ours = name, reporter, environment()
         _quieten()
         try:
             self.client: Any = Client(address, timeout=CONNECT, set_as_default=False, name="seatrial")
@@ -124,28 +96,26 @@ class DaskWorkers:
                 expected="the address of a Dask scheduler of the same version, as `dask scheduler` prints it",
                 remedy='start one with `dask scheduler`, correct the address, or set SEATRIAL_WORKERS="local"',
             ) from cause
-        if theirs["distributed"] != self.ours["distributed"]:
+        try:
+            _check_same(f"the scheduler at {name}", theirs, {"distributed": self.ours["distributed"]})
+        except InputError:
             self.client.close()
-            raise _stranger(
-                f"the scheduler at {name}", {"distributed": (theirs["distributed"], self.ours["distributed"])}
-            )
+            raise
 
     @property
     def is_there(self) -> bool:
         """Whether the scheduler still is, as far as is known."""
         return self.client.status == "running"
 
-    @property
-    def none_yet(self) -> str:
-        """What to say while there is no worker."""
-        mend = (
-            "SLURM has yet to start them"
-            if self.name == "slurm"
-            else f"start one with: dask worker {self.name} --nworkers auto --nthreads 1"
-        )
-        return f"no worker at {self.name}: waiting ({mend})"
+    def state(self, workers: Mapping[str, Any]) -> str:
+        """Return how the workers are, of which the scheduler says this: their number and memory, or what will start one."""
+        if workers:
+            used = sorted(one["metrics"]["memory"] / 2**20 for one in workers.values())
+            return f"{_counted(workers)}, memory of each {used[0]:.0f} to {used[-1]:.0f} MiB"
+        start = f"start one with: dask worker {self.name} --nworkers auto --nthreads 1"
+        return f"no worker at {self.name}: waiting ({'SLURM has yet to start them' if self.name == 'slurm' else start})"
 
-    def greet(self, reporter: Reporter) -> None:
+    def greet(self) -> None:
         """Check the scheduler, which reads what the tasks are made of, and the workers that are there; say where they are.
 
         Raises:
@@ -155,23 +125,20 @@ class DaskWorkers:
             answers = self.client.run(about, on_error="return")
             at_the_scheduler = self.client.run_on_scheduler(about)
         except LOST_ERRORS as cause:
-            raise self._gone(0, 0) from cause
+            raise self.gone(0, 0) from cause
         except Exception as cause:  # whatever keeps seatrial from being imported there
             raise self._mute(f"the scheduler at {self.name}", cause) from cause
-        versions = {name: self.ours[name] for name in NEEDED_VERSIONS}
-        if other := differing(versions, at_the_scheduler[0]):
-            raise _stranger(f"the scheduler at {self.name}", other)
+        needed = {name: self.ours[name] for name in NEEDED_VERSIONS}
+        _check_same(f"the scheduler at {self.name}", at_the_scheduler[0], needed)
         for address, answer in answers.items():
             if isinstance(answer, Exception):
                 raise self._mute(f"the worker {address}", answer)
-            if other := differing(self.ours, answer[0]):
-                raise _stranger(f"the worker {address}", other)
-        count = len(answers)
-        here = f"{count} worker{'s' * (count != 1)} at {self.name}" if count else self.none_yet
+            _check_same(f"the worker {address}", answer[0], self.ours)
+        here = f"{_counted(answers)} at {self.name}" if answers else self.state({})
         link = self.client.dashboard_link
-        reporter.say(here + (f"; the scheduler's page is {link}" if link else ""))
+        self.reporter.say(here + (f"; the scheduler's page is {link}" if link else ""))
         if others := {answer[1] for answer in answers.values()} - {processor()}:
-            reporter.say(
+            self.reporter.say(
                 f"caution: workers compute on {', '.join(sorted(others))}, this machine is {processor()}: results of two kinds of "
                 "processor may differ in their last bits"
             )
@@ -183,9 +150,9 @@ class DaskWorkers:
             if self.client.cluster is not None:
                 self.client.cluster.close(timeout=2)
 
-    def bound(self, reporter: Reporter) -> "WatchedDaskWorkers":
-        """These workers with a reporter that is told how they are."""
-        return WatchedDaskWorkers(self, reporter)
+    def run(self, work: Work, shared: Any, items: Sequence[Any], done: Done, on_progress: OnProgress = nobody) -> None:
+        """See `Workers.run`."""
+        _Run(self, work, items, on_progress).until_done(shared, done)
 
     def _mute(self, who: str, answer: Exception) -> InputError:
         return InputError(
@@ -195,7 +162,8 @@ class DaskWorkers:
             remedy=f"install the same versions there: {install_extra('cluster')}",
         )
 
-    def _gone(self, kept: int, total: int) -> InputError:
+    def gone(self, kept: int, total: int) -> InputError:
+        """Return the error of a scheduler that is no longer there."""
         return InputError(
             f"workers {self.name}",
             found=f"the scheduler is gone; {kept} of {total} tasks are kept" if total else "the scheduler is gone",
@@ -204,52 +172,27 @@ class DaskWorkers:
         )
 
 
-class WatchedDaskWorkers:
-    """`Workers` at a scheduler, telling one reporter."""
-
-    def __init__(self, cluster: DaskWorkers, reporter: Reporter):
-        self.cluster, self.reporter = cluster, reporter
-
-    def run(self, work: Work, shared: Any, items: Sequence[Any], done: Done, on_progress: OnProgress = nobody) -> None:
-        """See `Workers.run`."""
-        _Run(self.cluster, self.reporter, work, shared, items, on_progress).until_done(done)
-
-
 class _Run:
     """Pieces of one call of `run`."""
 
-    def __init__(
-        self,
-        cluster: DaskWorkers,
-        reporter: Reporter,
-        work: Work,
-        shared: Any,
-        items: Sequence[Any],
-        on_progress: OnProgress,
-    ):
-        self.cluster, self.client, self.reporter, self.work, self.on_progress = (
-            cluster,
-            cluster.client,
-            reporter,
-            work,
-            on_progress,
-        )
+    def __init__(self, cluster: DaskWorkers, work: Work, items: Sequence[Any], on_progress: OnProgress):
+        self.cluster, self.client, self.work, self.items = cluster, cluster.client, work, items
+        self.on_progress = on_progress
         self.name, self.total = f"{work.__name__.strip('_')}-{uuid.uuid4().hex[:12]}", len(items)
-        self.waiting, self.ended = deque(enumerate(items)), queue.SimpleQueue[Future]()
+        self.ended = queue.SimpleQueue[Future]()
         self.running: dict[str, tuple[int, Future]] = {}
         self.sent = self.kept = 0
         self.alone = False
-        self.width, self.looked, self.said = 1, 0.0, time.monotonic()
-        self.shared = pickle.dumps(shared, protocol=5)
+        self.looked, self.said = 0.0, time.monotonic()
 
-    def until_done(self, done: Done) -> None:
+    def until_done(self, shared: Any, done: Done) -> None:
         """Send pieces and hand over results until there are none left."""
         with self._listening():
-            loaded = self._sent(load, self.shared, key=f"{self.name}-shared")
+            loaded = self._sent(load, pickle.dumps(shared, protocol=5), key=f"{self.name}-shared")
             self._look()
-            while self.waiting or self.running:
-                while self.waiting and len(self.running) < TASKS_AHEAD * self.width:
-                    self._send(loaded, *self.waiting.popleft(), begun=False)
+            for index, item in enumerate(self.items):
+                self._send(loaded, index, item, begun=False)
+            while self.running:
                 if time.monotonic() - self.looked > LOOK:
                     self._look()
                 try:
@@ -259,10 +202,9 @@ class _Run:
                 index, _ = self.running.pop(future.key)
                 following = done(index, self._result(future))
                 self.kept += 1
-                if following is None:
-                    continue
-                self.total += 1
-                self._send(loaded, index, following, begun=True)
+                if following is not None:
+                    self.total += 1
+                    self._send(loaded, index, following, begun=True)
 
     def _send(self, loaded: Future, index: int, item: Any, begun: bool) -> None:
         self.sent += 1
@@ -283,7 +225,7 @@ class _Run:
         if future.status in ("cancelled", "lost"):
             raise self._lost()
         try:
-            outcome = self._fetched(future)
+            return self._fetched(future)
         except KilledWorker as cause:
             raise NumericalError(
                 f"every worker that ran one of the tasks has died, {cause.allowed_failures + 1} of them: most likely their memory is too "
@@ -293,11 +235,6 @@ class _Run:
             if "cancelled" in type(cause).__name__.lower():
                 raise self._lost() from cause
             raise
-        if isinstance(outcome, Failed):
-            raise outcome.error
-        if isinstance(outcome, Stranger):
-            raise _stranger(f"the worker {outcome.address}", outcome.differing)
-        return outcome
 
     def _fetched(self, future: Future) -> Any:
         """The result; where its worker ended before it was fetched, it is made again, which takes as long as it takes."""
@@ -319,14 +256,13 @@ class _Run:
             workers = self.client.scheduler_info(n_workers=-1)["workers"]
         except (*LOST_ERRORS, RuntimeError) as cause:
             raise self._lost() from cause
-        self.width = max(1, sum(one["nthreads"] for one in workers.values()))
         joined, self.alone = self.alone and bool(workers), not workers
         if joined or self.looked - self.said > SAY:
             self.said = self.looked
-            self.reporter.say(f"{self.kept} of {self.total} tasks; {_memory(workers) or self.cluster.none_yet}")
+            self.cluster.reporter.say(f"{self.kept} of {self.total} tasks; {self.cluster.state(workers)}")
 
     def _lost(self) -> InputError:
-        return self.cluster._gone(self.kept, self.total)
+        return self.cluster.gone(self.kept, self.total)
 
     @contextmanager
     def _listening(self) -> Iterator[None]:
@@ -342,22 +278,24 @@ class _Run:
             self.running.clear()
 
 
-def _memory(workers: dict[str, Any]) -> str:
-    used = sorted(one["metrics"]["memory"] / 2**20 for one in workers.values())
-    return (
-        f"{len(used)} worker{'s' * (len(used) != 1)}, memory of each {used[0]:.0f} to {used[-1]:.0f} MiB"
-        if used
-        else ""
-    )
+def _counted(workers: Sized) -> str:
+    return f"{len(workers)} worker{'s' * (len(workers) != 1)}"
 
 
-def _stranger(who: str, other: dict[str, tuple[str, str]]) -> InputError:
-    return InputError(
-        who,
-        found=", ".join(f"{name} {theirs or 'not set'}" for name, (theirs, _) in other.items()),
-        expected=", ".join(f"{name} {ours or 'not set'}" for name, (_, ours) in other.items()) + ", as here",
-        remedy=f"let it import nothing before seatrial, and install the same versions there: {install_extra('cluster')}",
-    )
+def _check_same(who: str, theirs: Mapping[str, str], ours: Mapping[str, str]) -> None:
+    """Check that a process has our versions and settings, without which its results might not be ours.
+
+    Raises:
+        InputError: those that differ.
+    """
+    other = {name: theirs.get(name, "missing") for name, mine in ours.items() if theirs.get(name) != mine}
+    if other:
+        raise InputError(
+            who,
+            found=", ".join(f"{name} {value or 'not set'}" for name, value in other.items()),
+            expected=", ".join(f"{name} {ours[name] or 'not set'}" for name in other) + ", as here",
+            remedy=f"let it import nothing before seatrial, and install the same versions there: {install_extra('cluster')}",
+        )
 
 
 def _quieten() -> None:

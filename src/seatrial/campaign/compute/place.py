@@ -81,9 +81,9 @@ def workers_of(campaign: Campaign, reporter: Reporter = SILENT) -> Workers:
                 expected="what to ask SLURM for",
                 remedy='add [compute.slurm] with memory = "8GB", walltime = "02:00:00", cores and jobs',
             )
-        return _joined("slurm", asked, reporter).bound(reporter)
+        return _joined("slurm", asked, reporter)
     if ADDRESS.fullmatch(place):
-        return _joined(place, None, reporter).bound(reporter)
+        return _joined(place, None, reporter)
     raise InputError(
         where,
         found=f'"{place}"',
@@ -130,8 +130,9 @@ def _joined(place: str, asked: SlurmTable | None, reporter: Reporter) -> Any:
         ) from cause
     workers = _JOINED.get((place, asked))
     if workers is None or not workers.is_there:
-        workers = DaskWorkers(place if asked is None else submit_jobs(asked), place)
+        workers = DaskWorkers(place if asked is None else submit_jobs(asked), place, reporter)
         atexit.register(workers.close)
-        workers.greet(reporter)
+        workers.greet()
         _JOINED[place, asked] = workers
+    workers.reporter = reporter
     return workers
