@@ -17,7 +17,6 @@ from seatrial.campaign.workflow.status import standing
 from seatrial.campaign.workflow.steps import NotCurrent
 from seatrial.core.dataset_file import write_dataset
 from seatrial.core.errors import InputError
-from seatrial.dashboard.view_models import Stage
 from seatrial.selection.structures import Structure
 from seatrial.selection.verdict import Evidence, select
 from tests.campaign.small import write_small
@@ -97,7 +96,7 @@ def test_a_current_step_that_failed_a_check_says_so(tmp_path, monkeypatch):
     assert found["estimate"].alarms == ("M-0: the chains disagree about X_u",)
     assert found["select"].alarms == ("the evidence of M-0 is not reliable: nested sampling <differs>",)
     assert found["predict"].alarms == ()
-    html = steps_html(tuple(Stage(*step) for step in found.values()))
+    html = steps_html(tuple(found.values()))
     assert html.count('class="failed"') == 2
     assert "nested sampling &lt;differs&gt;." in html
 

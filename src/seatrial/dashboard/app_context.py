@@ -12,13 +12,13 @@ from weakref import WeakKeyDictionary
 from markupsafe import Markup, escape
 from nicegui import ui
 
-from seatrial.campaign.store.stored_result import Store
+from seatrial.campaign.store.stored_result import StepState, Store
 from seatrial.cli.campaign_text import CAMPAIGN
 from seatrial.core.errors import SeatrialError
 from seatrial.core.visible import visible
 from seatrial.dashboard.campaign_paths import CampaignPaths
 from seatrial.dashboard.jobs import LOGS, Job, Jobs
-from seatrial.dashboard.view_models import FormData, Stage, words_of
+from seatrial.dashboard.view_models import FormData, words_of
 from seatrial.dashboard.worker_pool import WorkerPool, stamp
 from seatrial.report.numbers import with_percent_signs_kept
 
@@ -57,7 +57,7 @@ class AppContext:
             self.glances[folder] = seen
         return seen[1]
 
-    async def steps(self, folder: Path) -> tuple[Stage, ...]:
+    async def steps(self, folder: Path) -> tuple[StepState, ...]:
         """Which steps of a campaign are current."""
         files = await asyncio.to_thread(evidence_of, folder)
         return await self.worker_pool.think("steps", str(folder), files=files)

@@ -227,14 +227,6 @@ class TimeChart:
         self.element.options["series"] = self._shaded(self.element.options["series"])
         self.element.run_chart_method("setOption", {"series": self._shaded([{} for _ in self._curves()])})
 
-    async def refresh(self, panels: Sequence[Panel] | None = None) -> None:
-        """Draw again what is shown, with other panels where they are given; as many as before."""
-        if panels is not None:
-            self.panels = tuple(panels)
-            self.element.options.update(self._options(await self.view(*self.span, COLUMNS)))
-            self.element.update()
-        await self._draw(*self.shown)
-
     def _tool(self, words: str, meaning: str, action: Callable[[], Any]) -> None:
         ui.button(words, on_click=action).props(f'flat dense no-caps aria-label="{meaning}"').classes("chart-tool")
 

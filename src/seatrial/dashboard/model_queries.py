@@ -24,7 +24,7 @@ from seatrial.campaign.design.sweep import designs_of
 from seatrial.campaign.inference.judge_predictions import predict_held_back
 from seatrial.campaign.prior.cautions import file_cautions
 from seatrial.campaign.store.results import Results
-from seatrial.campaign.store.stored_result import Store, read_result
+from seatrial.campaign.store.stored_result import StepState, Store, read_result
 from seatrial.campaign.workflow.status import standing
 from seatrial.cli.campaign_text import CAMPAIGN, read_file
 from seatrial.cli.questions import Question, answered, questions
@@ -47,7 +47,6 @@ from seatrial.dashboard.view_models import (
     FormData,
     Margin,
     RecordAbout,
-    Stage,
 )
 from seatrial.design.integrals import motion_signals
 from seatrial.design.results import SweptDesigns
@@ -74,9 +73,9 @@ OF_CHAINS = ("initial", "residuals", "sampler", "chains", "warmup", "draws", "th
 Answers = tuple[tuple[str, str], ...]  # As they are typed, by key
 
 
-def steps(folder: str) -> tuple[Stage, ...]:
+def steps(folder: str) -> tuple[StepState, ...]:
     """Which steps are current."""
-    return tuple(Stage(*step) for step in standing(Path(folder)))
+    return standing(Path(folder))
 
 
 def ready() -> bool:

@@ -27,15 +27,6 @@ def beside(error: SeatrialError | OSError) -> str:
     return f"{plain.found}: expected {plain.expected}; {plain.remedy}" if isinstance(plain, InputError) else str(plain)
 
 
-class Stage(NamedTuple):
-    """One step of a campaign: its name, whether its results are current, stale or missing, the command that makes them, and its alarms."""
-
-    name: str
-    state: str
-    command: str
-    alarms: tuple[str, ...] = ()
-
-
 class RecordAbout(NamedTuple):
     """What a record holds: channels with unit and role, samples, its ends in seconds from the beginning of the record, and its origin."""
 

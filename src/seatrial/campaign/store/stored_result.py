@@ -167,6 +167,22 @@ Result = TypeVar("Result")
 State = Literal["current", "stale", "missing"]
 
 
+class StepState(NamedTuple):
+    """One step of a campaign.
+
+    Attributes:
+        name: of the step.
+        state: whether its results are current.
+        command: that makes them so.
+        alarms: why current results are not to be used: checks of the chains or of the evidence that they have failed.
+    """
+
+    name: str
+    state: State
+    command: str
+    alarms: tuple[str, ...] = ()
+
+
 @dataclass(frozen=True)
 class StoredResult(Generic[Result]):
     """One result of a step: where it is kept, what it depends on, and its type, by which it is read and written.

@@ -2,30 +2,13 @@
 
 import re
 from pathlib import Path
-from typing import NamedTuple
 
 from seatrial.campaign.config.load import load_campaign
-from seatrial.campaign.store.stored_result import State, Store, seal_of
+from seatrial.campaign.store.stored_result import StepState, Store, seal_of
 from seatrial.campaign.workflow.steps import LOOP, Workflow, stored_summary
 from seatrial.core.files import is_there
 
 HEAD_CHARACTERS = 4096  # Characters of a page in which its head says what it was drawn from
-
-
-class StepState(NamedTuple):
-    """One step of a campaign.
-
-    Attributes:
-        name: of the step.
-        state: whether its results are current.
-        command: that makes them so.
-        alarms: why current results are not to be used: checks of the chains or of the evidence that they have failed.
-    """
-
-    name: str
-    state: State
-    command: str
-    alarms: tuple[str, ...] = ()
 
 
 def standing(folder: Path) -> tuple[StepState, ...]:

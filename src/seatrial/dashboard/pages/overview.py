@@ -9,12 +9,12 @@ from markupsafe import Markup
 from nicegui import ui
 
 from seatrial.campaign.config.toml import toml_content
+from seatrial.campaign.store.stored_result import StepState
 from seatrial.cli.campaign_text import CAMPAIGN, read_file
 from seatrial.core.errors import SeatrialError
 from seatrial.dashboard.app_context import PATIENCE, AppContext, change_of, fill, keep_current, markup
 from seatrial.dashboard.page_layout import VIEWS, button, frame, link
 from seatrial.dashboard.run_bar import standing_of
-from seatrial.dashboard.view_models import Stage
 
 EVERY = 2.0
 """Seconds between looks at what is running."""
@@ -63,7 +63,7 @@ def _new_button() -> None:
 
 
 async def _card(
-    context: AppContext, name: str, folder: Path, standing: Awaitable[tuple[Stage, ...]]
+    context: AppContext, name: str, folder: Path, standing: Awaitable[tuple[StepState, ...]]
 ) -> Callable[[], None]:
     """Build the card of a campaign; returns what brings it up to date."""
     with ui.element("article").classes("card"):
@@ -94,7 +94,7 @@ async def _card(
     return look
 
 
-def steps_html(steps: tuple[Stage, ...]) -> Markup:
+def steps_html(steps: tuple[StepState, ...]) -> Markup:
     """Steps as a list, state told by word and sign, not by colour alone; those that failed a check are marked, and the alarms follow."""
     rows = Markup("").join(
         Markup('<li class="{}">{}<span class="unseen"> is {}</span></li>').format(
