@@ -67,6 +67,24 @@ def test_slower_sensors_and_limits_count(found):
         design(limits=Limits(upper=1250 * RPM))
 
 
+def test_own_utility_is_averaged_over_the_belief():
+    """The D criterion, written by hand, is worth what the one of the library is."""
+    covariance = np.cov(problem().draws.T)
+
+    def entropy(information):
+        return 0.5 * np.linalg.slogdet(np.eye(2) + covariance @ information)[1]
+
+    entropy.unit = "nat"
+    own, theirs = design(utility=entropy), design(utility="fisher-d")
+    np.testing.assert_allclose(own.sweeps[0].worth, theirs.sweeps[0].worth, rtol=1e-9)
+    assert str(own).splitlines()[0] == str(theirs).splitlines()[0]
+
+
+def test_own_utility_keeps_a_number_for_each_design():
+    with pytest.raises(st.InputError, match="a number for each matrix"):
+        design(utility=lambda information: information.sum())
+
+
 def test_families_compete(found):
     step = st.Family("n", 1200 * RPM, duration=20.0, active=16.0, sample_time=0.1, kind="step")
     both = design(families=[step, FAMILY])

@@ -6,13 +6,13 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Float
 
 from seatrial.compiled.random_keys import random_key
 from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError
 from seatrial.design.cost import TrialCost
-from seatrial.design.fisher_utilities import Criterion, Discrimination, find_criterion
+from seatrial.design.fisher_utilities import Discrimination, find_criterion
 from seatrial.design.motion_limits import MotionLimit
 from seatrial.design.prior_belief import Belief, coefficient_space, draw_values, normal_of
 from seatrial.design.robust import utility_table
@@ -60,7 +60,7 @@ class DesignProblem:
         probability: with which these are kept.
         autopilot: through which designs act; None where they act on the controls.
         process: standard deviation that each state gains in one second, SI; None for none.
-        utility: what is to be large.
+        utility: what is to be large; a function of one's own takes information matrices, SI, shape (..., k, k), and may have a `unit`.
         over: the mean of draws of what is believed, its mean alone, or the worst draw.
         per: what a utility is counted by.
         turnaround: time that a trial takes beside its own, s, counted by the second.
@@ -87,7 +87,7 @@ class DesignProblem:
     probability: float = 0.95
     autopilot: Autopilot | None = None
     process: tuple[float, ...] | None = None
-    utility: Utility = "entropy"
+    utility: Utility | Callable[[Array], Array] = "entropy"
     over: Over = "mean"
     per: Per = "trial"
     turnaround: float = 0.0
@@ -192,12 +192,14 @@ class DesignProblem:
         """Return the draws over which a utility is taken: their mean alone where it is local."""
         return draws.mean(0)[None] if self.over == "local" else draws[:UTILITY_DRAWS]
 
-    def criterion(self, draws: Float[np.ndarray, "S k"]) -> Criterion | Discrimination:
+    def criterion(self, draws: Float[np.ndarray, "S k"]) -> Callable[[Array], Array]:
         """Return the criterion of the information about the coefficients, as they are believed by some draws of them, SI.
 
         Raises:
             InputError: `fisher-c` without a prediction.
         """
+        if not isinstance(self.utility, str):
+            return self.utility
         cov, name = covariance(draws), "fisher-d" if self.utility == "entropy" else self.utility
         if name == "discrimination":
             absent = [[name in lost for name in self.names] for lost in self.rivals]
@@ -236,6 +238,8 @@ class DesignProblem:
     @property
     def utility_unit(self) -> str:
         """Unit of the utility of one trial."""
+        if not isinstance(self.utility, str):
+            return getattr(self.utility, "unit", "")
         return "" if self.utility in _WITHOUT_UNIT else "nat"
 
     @property

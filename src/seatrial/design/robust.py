@@ -34,7 +34,15 @@ def utility_table(
         NumericalError: the simulation diverges; it says for how many draws. None is left out, since those left would look better
             than the prior is.
     """
-    return np.asarray(criterion(information_table(plan, controls, draws)))
+    table = np.asarray(criterion(information_table(plan, controls, draws)))
+    if table.shape != (expected := (len(controls), len(draws))):
+        raise InputError(
+            "utility",
+            found=f"shape {table.shape} for information matrices of shape {(*expected, len(plan.names), len(plan.names))}",
+            expected=f"a number for each matrix, shape {expected}",
+            remedy="let the function reduce the last two axes, and keep all others",
+        )
+    return table
 
 
 def information_table(

@@ -289,7 +289,7 @@ def make_design_problem(
     rates: Mapping[str, float] | None = None,
     motion: Sequence[MotionLimit] = (),
     probability: float = 0.95,
-    utility: Utility = "entropy",
+    utility: Utility | Callable[[Array], Array] = "entropy",
     seed: int = 0,
 ) -> DesignProblem:
     """State which trial is to be designed, for `design_trial`.
@@ -307,7 +307,9 @@ def make_design_problem(
         rates: samples a second of sensors that are slower than the families' sample time, 1/s.
         motion: limits of the motion.
         probability: with which these are to be kept.
-        utility: what is to be large: "entropy" of the filter, or a criterion of Fisher information, such as "fisher-d".
+        utility: what is to be large: "entropy" of the filter; a criterion of Fisher information, such as "fisher-d"; or a function of your
+            own, which takes information matrices of the k coefficients, SI, shape (..., k, k), and returns shape (...). It is averaged
+            over draws of the belief, and an attribute `unit` of it is printed.
         seed: of all draws.
 
     Raises:
@@ -353,7 +355,8 @@ def make_design_problem(
         check_kind(one, Limits, "limits", "write for example Limits(upper=150.0)")
     if motion:
         check_motion_limits(model, motion)
-    check_choice(utility, ("entropy", *(name for name in CRITERIA if name != "fisher-c")), "utility")
+    if isinstance(utility, str) or not callable(utility):
+        check_choice(utility, ("entropy", *(name for name in CRITERIA if name != "fisher-c")), "utility")
     believed, drawn = _belief(belief, tuple(term.text for term in model.coefficients), seed)
     return DesignProblem(
         model,
