@@ -364,9 +364,18 @@ class ImportForm:
 
     async def _save(self) -> None:
         text, draft = await self._checked(self.said), self.draft
-        if text is None or not await self._is_whole(text) or not await self._is_one_run(text):
+        if text is None:
             return
         try:
+            missing = await self.context.worker_pool.think("channels_without_column", str(self.folder), text)
+            for channel, why in missing.items():
+                if channel in self.rows:
+                    self.rows[channel].complain(f"Choose a column: {channel} {why}.", "column")
+            names = f"See above what needs a column: {', '.join(missing)}."
+            if refusal := names if missing else await self.axis.apart(text):
+                with self.said:
+                    say(f"Nothing was written. {refusal}")
+                return
             write_file(self.folder, text, draft.saved)
         except (SeatrialError, OSError) as error:
             with self.said:
@@ -388,32 +397,3 @@ class ImportForm:
         self.replaced.set_content("")
         self.axis.tell()
         self._offer_import(self.said, words)
-
-    async def _is_one_run(self, text: str) -> bool:
-        """Return whether the logs of the map have a common time; if not, that is said."""
-        try:
-            words = await self.axis.apart(text)
-        except (SeatrialError, OSError) as error:
-            with self.said:
-                say(error)
-            return False
-        if words:
-            with self.said:
-                say(f"Nothing was written. {words}")
-        return not words
-
-    async def _is_whole(self, text: str) -> bool:
-        """Return whether every channel that the campaign needs has a column; what is missing is said beside its row."""
-        try:
-            missing = await self.context.worker_pool.think("channels_without_column", str(self.folder), text)
-        except (SeatrialError, OSError) as error:
-            with self.said:
-                say(error)
-            return False
-        for channel, why in missing.items():
-            if channel in self.rows:
-                self.rows[channel].complain(f"Choose a column: {channel} {why}.", "column")
-        if missing:
-            with self.said:
-                say(f"Nothing was written. See above what needs a column: {', '.join(missing)}.")
-        return not missing
