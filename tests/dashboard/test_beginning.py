@@ -62,7 +62,7 @@ def test_a_log_is_looked_into_and_mapped_before_there_is_an_import(tmp_path):
     assert all(one.picture.startswith("M") for one in found.columns[1:])
     channel_map = []
     for one in found.guesses:
-        mapped = Mapped(found.heads[one.table], one.column, one.unit, one.scale, 0.0)
+        mapped = Mapped(found.heads[one.table], one.column, {"unit": one.unit, "scale": one.scale})
         channel_map = with_channel(channel_map, one.channel, mapped)
     mapped = with_map(tmp_path, text, "dive", channel_map)
     thinking.check(str(tmp_path), mapped)
@@ -113,21 +113,20 @@ def test_a_channel_changes_and_all_else_of_the_map_is_kept():
         }
     ]
     a, b = {"path": "a.csv"}, {"path": "b.csv", "time": {"column": "t", "unit": "s"}}
-    after = with_channel(before, "n", Mapped(a, "rps", "Hz", -2.0, 1.5))
-    lined = with_channel(after, "n", Mapped(a, "rps", "Hz", -2.0, 1.5, "line"))
+    after = with_channel(before, "n", Mapped(a, "rps", {"unit": "Hz", "scale": -2.0, "offset": 1.5}))
+    lined = with_channel(after, "n", Mapped(a, "rps", {"unit": "Hz", "scale": -2.0, "offset": 1.5, "between": "line"}))
     assert channels_of(lined)["n"]["between"] == "line"
-    held = Mapped(a, "rps", "Hz", -2.0, 1.5, "held")
-    assert channels_of(with_channel(lined, "n", held))["n"]["between"] == "held"
-    assert "between" not in channels_of(with_channel(after, "n", held))["n"]
-    after = with_channel(after, "u", Mapped(b, "speed", "m/s", 1.0, 0.0))
+    held = Mapped(a, "rps", {"unit": "Hz", "between": None})
+    assert "between" not in channels_of(with_channel(lined, "n", held))["n"]
+    after = with_channel(after, "u", Mapped(b, "speed", {"unit": "m/s"}))
     n = {"column": "rps", "unit": "Hz", "own": 3, "scale": -2.0, "offset": 1.5}
     assert after[0] == {**before[0], "channels": {**before[0]["channels"], "n": n}}
     assert after[1] == {**b, "channels": {"u": {"column": "speed", "unit": "m/s"}}}
-    moved = with_channel(after, "u", Mapped(a, "v", "kn", 1.0, 0.0))
+    moved = with_channel(after, "u", Mapped(a, "v", {"unit": "kn"}))
     assert channels_of(moved)["u"] == {"column": "v", "unit": "kn", "path": "a.csv", "table": None}
     assert len(moved) == 1
     assert "u" not in channels_of(with_channel(moved, "u", None))
-    kept = with_channel(before, "tau_X", Mapped(a, "", "kN", 1.0, 0.0))
+    kept = with_channel(before, "tau_X", Mapped(a, "", {"unit": "kN"}))
     assert channels_of(kept)["tau_X"]["sum"] == "0.1 'left one' - 0.1 right"
     assert before[0]["channels"]["n"]["column"] == "rpm"
 
@@ -187,9 +186,9 @@ def test_comments_of_other_tables_and_unknown_keys_survive_every_edit_of_the_for
     files, a, b = files_of(COMMENTED), {"path": "a.csv"}, {"path": "b.csv"}
     known = COMMENTED.replace("[truth]\nX_u = -3.0", "[known]\nX_u = 3")
     assert with_map(tmp_path, known, "a", files) == known
-    edited = with_channel(files, "n", Mapped(a, "rps", "Hz", -1.0, 0.0))
-    edited = with_channel(edited, "r", Mapped(b, "yaw", "rad/s", 1.0, 0.0))
-    edited = with_channel(edited, "psi", Mapped(b, "head", "deg", 1.0, 0.0))
+    edited = with_channel(files, "n", Mapped(a, "rps", {"unit": "Hz", "scale": -1.0}))
+    edited = with_channel(edited, "r", Mapped(b, "yaw", {"unit": "rad/s", "scale": None}))
+    edited = with_channel(edited, "psi", Mapped(b, "head", {"unit": "deg"}))
     edited = with_shift(edited, "b.csv", None, 12.5)
     text = with_map(tmp_path, COMMENTED, "a", edited)
     of_others = {"of the whole file", "of the import", "the best run", "a key of somebody's own", "why this step"}
@@ -239,7 +238,7 @@ def test_a_log_whose_time_has_a_strange_name_is_mapped_once_its_column_is_chosen
     assert head == {"path": "dive.csv", "time": {"column": "", "unit": "s"}}
     with pytest.raises(InputError, match="no column of a log"):
         with_map(tmp_path, text, "dive", [])
-    one = with_channel([], "u", Mapped(head, "Fahrt", "kn", 1.0, 0.0))
+    one = with_channel([], "u", Mapped(head, "Fahrt", {"unit": "kn"}))
     (file,) = with_time(one, "dive.csv", None, "Zeit", "ms")
     assert file == {
         "path": "dive.csv",

@@ -64,10 +64,11 @@ def questions(text: str, tables: Mapping[str, Iterable[str]] | None = None) -> t
             for part in path:
                 here = here.get(part, {})
             values |= dict.fromkeys((*path, key) for key in keys) | dict(_values(path, here))
-    return tuple(_question(path, value) for path, value in values.items() if field_at(CampaignFile, path) is not None)
+    return tuple(question(path, value) for path, value in values.items() if field_at(CampaignFile, path) is not None)
 
 
-def _question(path: Key, value: Any) -> Question:
+def question(path: Key, value: Any) -> Question:
+    """Return the question about a key of the schema; its value is None where the file lacks it."""
     field: Any = field_at(CampaignFile, path)
     is_union = get_origin(field.annotation) in (Union, UnionType)
     kinds = get_args(field.annotation) if is_union else (field.annotation,)
@@ -100,7 +101,7 @@ def answered(text: str, answers: Mapping[str, str]) -> str:
     for key, answer in answers.items():
         path, answer = tuple(key.split(".")), answer.strip()
         if answer != _typed(stated.get(path, "")):
-            values[path] = _read(answer, stated.get(path), path) if answer else None
+            values[path] = read_answer(answer, stated.get(path), path) if answer else None
     of_priors = {path: value for path, value in values.items() if path[0] == "prior"}
     edited = with_values(text, {path: value for path, value in values.items() if path not in of_priors})
     edited = with_priors(before, edited)
@@ -177,12 +178,12 @@ def _typed(value: Any) -> str:
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
-def _read(answer: str, before: Any, path: Key) -> Any:
+def read_answer(answer: str, before: Any, path: Key) -> Any:
     """Read an answer: text where text stood, else a number or a truth value where it is one; whether it may be is for the schema."""
     field = field_at(CampaignFile, path)
     if isinstance(before, list) or (before is None and field is not None and get_origin(field.annotation) is tuple):
         example = before[0] if before else None
-        return [_read(one.strip(), example, ()) for one in answer.split(",") if one.strip()]
+        return [read_answer(one.strip(), example, ()) for one in answer.split(",") if one.strip()]
     if isinstance(before, str):
         return answer
     if answer in ("true", "false"):

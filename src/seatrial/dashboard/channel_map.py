@@ -198,16 +198,13 @@ def map_of_run(files: list[File], run: str) -> tuple[list[File], list[File]]:
 
 
 class Mapped(NamedTuple):
-    """The column of a channel as the form has it: its table's `[[import.files]]` without channels, its name, what is done to its cells,
-    and what a control does between its samples: "line" or "held"; empty for what the map says of it.
+    """The column of a channel as the form has it: its table's `[[import.files]]` without channels, its name, empty for what the map says,
+    and other keys of `[import.files.channels.CHANNEL]`; None removes one.
     """
 
     head: File
     column: str
-    unit: str
-    scale: float
-    offset: float
-    between: str = ""
+    values: Mapping[str, Any]
 
 
 def with_channel(files: list[File], name: str, mapped: Mapped | None) -> list[File]:
@@ -226,13 +223,9 @@ def with_channel(files: list[File], name: str, mapped: Mapped | None) -> list[Fi
         if mapped.column:
             column.pop("sum", None)
             column["column"] = mapped.column
-        column["unit"] = mapped.unit
-        for key, value, usual in (("scale", mapped.scale, 1.0), ("offset", mapped.offset, 0.0)):
-            column.pop(key, None)
-            if value != usual:
-                column[key] = value
-        if mapped.between == "line" or (mapped.between and "between" in column):
-            column["between"] = mapped.between
+        column |= mapped.values
+        for key in [key for key, value in column.items() if value is None]:
+            del column[key]
     return [one for one in files if one.get("channels") != {}]
 
 

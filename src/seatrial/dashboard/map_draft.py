@@ -120,8 +120,9 @@ class MapDraft:
         for one in log.guesses:
             if one.channel not in mapped:
                 head = self.head(name, one.table)
-                column = channel_map.Mapped(head, one.column, one.unit, one.scale, 0.0, one.between or "")
-                self.files = channel_map.with_channel(self.files, one.channel, column)
+                values = {"unit": one.unit, "scale": None if one.scale == 1.0 else one.scale, "between": one.between}
+                mapped_column = channel_map.Mapped(head, one.column, values)
+                self.files = channel_map.with_channel(self.files, one.channel, mapped_column)
         if is_begun_again:
             self.dropped = lost
             self.keep(is_chosen=purpose is not None)

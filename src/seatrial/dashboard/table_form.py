@@ -23,6 +23,17 @@ _TO_THE_FIRST = 'document.querySelector(".q-field--error")?.scrollIntoView({ blo
 Answers = tuple[tuple[str, str], ...]  # As they are typed, by key
 
 
+def field_of(question: Question, label: str) -> ui.input | ui.select:
+    """Return a field for a value: a choice where only some values are possible."""
+    if question.choices:
+        options = {"": f"not stated: {question.default}" if question.default else "not stated"}
+        options |= {one: one for one in question.choices}
+        field = ui.select(options, value=question.value, label=label)
+    else:
+        field = ui.input(label, value=question.value, placeholder=question.default)
+    return field.props(LOOK).tooltip(question.meaning)
+
+
 class TableForm:
     """Fields for values of a campaign file; nothing is written before the whole file was checked.
 
@@ -76,15 +87,12 @@ class TableForm:
             for question in questions:
                 *tables, name = question.key.split(".")
                 label = f"{tables[-1]}: {name}" if len(tables) > 1 else name
+                field = self.fields[question.key] = field_of(question, label)
+                left = partial(self._left, question.key)
                 if question.choices:
-                    options = {"": f"not stated: {question.default}" if question.default else "not stated"}
-                    options |= {one: one for one in question.choices}
-                    field = ui.select(options, value=question.value, label=label)
-                    field.on_value_change(partial(self._left, question.key))
+                    field.on_value_change(left)
                 else:
-                    field = ui.input(label, value=question.value, placeholder=question.default)
-                    field.on("blur", partial(self._left, question.key))
-                self.fields[question.key] = field.props(LOOK).tooltip(question.meaning)
+                    field.on("blur", left)
 
     async def _left(self, key: str) -> None:
         """Forget what was wrong with a value; one such as a list of terms adds questions and removes others."""

@@ -7,21 +7,23 @@ from typing import TYPE_CHECKING, Any
 from markupsafe import Markup
 from nicegui import ui
 
+from seatrial.cli.questions import question, read_answer
 from seatrial.core.units import to_si
 from seatrial.dashboard.app_context import markup, say
 from seatrial.dashboard.channel_map import Mapped
 from seatrial.dashboard.map_draft import MapDraft
-from seatrial.dashboard.page_layout import LOOK, table
+from seatrial.dashboard.page_layout import table
+from seatrial.dashboard.table_form import LOOK, field_of
 from seatrial.logs.formats.protocol import TIME_UNITS
 from seatrial.logs.guess import unit_by_name
 
 if TYPE_CHECKING:
     from seatrial.dashboard.logs import Column
 
+OF_CHANNELS = ("import", "files", "0", "channels")
+"""Where the schema has the keys of a channel."""
 NONE, KEPT = "", "as in campaign.toml"
 """Choices of a row: no column, and what stands in the campaign file."""
-BETWEEN = {"held": "held", "line": "along a line"}
-"""What a control does between its samples: a command is held, what was measured changes along a line."""
 
 
 class MapRow:
@@ -82,7 +84,7 @@ class ClockRow(MapRow):
 
 
 class ChannelRow(MapRow):
-    """One channel: its column with a small picture, unit, sign and offset, and of a control what it does between its samples.
+    """One channel: its column with a small picture, and a field for each other key, as the schema has them.
 
     Args:
         draft: of the map.
@@ -108,30 +110,18 @@ class ChannelRow(MapRow):
         value = NONE if there is None else self._key(there)
         if value == KEPT:
             options[KEPT] = KEPT
-        scale = float(entry.get("scale", 1.0))
+        keys = ("unit", "scale", "offset", *["between"] * is_control)  # only of a control it has a meaning
         with ui.element("div").classes("line channel"):
-            self.column = ui.select(options, value=value, label=f"{channel}: column", on_change=self._chosen)
-            self.picture = markup("")
-            self.unit = ui.input("unit", value=str(entry.get("unit", "")), on_change=self._changed)
-            self.factor = ui.number("factor", value=abs(scale), on_change=self._changed)
-            self.sign = ui.select({1: "+", -1: "− reversed"}, value=-1 if scale < 0 else 1, label="sign")
-            self.offset = ui.number(
-                "offset, in the unit", value=float(entry.get("offset", 0.0)), on_change=self._changed
+            self.column = ui.select(options, value=value, label=f"{channel}: column", on_change=self._chosen).props(
+                LOOK
             )
-            fields = [self.column, self.unit, self.factor, self.sign, self.offset]
-            self.between = None
-            if is_control:
-                value = str(entry.get("between") or "held")
-                self.between = ui.select(BETWEEN, value=value, label=f"{channel}: between samples").classes("between")
-                self.between.on_value_change(self._changed)
-                fields.append(self.between)
+            self.picture = markup("")
+            asked = {key: question((*OF_CHANNELS, channel, key), entry.get(key)) for key in keys}
+            self.fields = {key: field_of(one, f"{channel}: {key}") for key, one in asked.items()}
+            for key, field in self.fields.items():
+                field.classes(key).on_value_change(self._changed)
             self.said = ui.element("div").classes("beside")
-        for field in fields:
-            field.props(LOOK)
-        self.unit.props(f'aria-label="{channel}: unit"')
-        self.sign.on_value_change(self._changed)
-        self.offset.classes("offset")
-        self.parts = {"column": self.column, "unit": self.unit, "scale": self.factor, "offset": self.offset}
+        self.parts = {"column": self.column, **self.fields}
         self.draw()
 
     def _key(self, there: Mapping[str, Any]) -> str:
@@ -144,7 +134,7 @@ class ChannelRow(MapRow):
     @property
     def lacks_unit(self) -> bool:
         """Whether a column was chosen, and no unit."""
-        return str(self.column.value or "") not in (NONE, KEPT) and not (self.unit.value or "").strip()
+        return str(self.column.value or "") not in (NONE, KEPT) and not (self.fields["unit"].value or "").strip()
 
     def draw(self) -> None:
         """Draw the small picture of the column that is chosen."""
@@ -156,9 +146,10 @@ class ChannelRow(MapRow):
         _, column = self.choices.get(str(self.column.value), ("", None))
         by_name = unit_by_name(column.name, self.channel) if column else None
         if column and column.unit:
-            self.unit.value = column.unit
+            self.fields["unit"].value = column.unit
         elif by_name is not None:
-            self.unit.value, self.factor.value = by_name
+            unit, scale = by_name
+            self.fields["unit"].value, self.fields["scale"].value = unit, "" if scale == 1.0 else f"{scale:g}"
         self._changed()
 
     def _changed(self) -> None:
@@ -166,20 +157,19 @@ class ChannelRow(MapRow):
         if key == NONE:
             self.change(self.channel, None)
             return
-        factor, offset = self.factor.value, self.offset.value
-        if not factor or offset is None:
-            words = "factor: a number other than 0; offset: a number"
-            self.complain(words, "offset" if offset is None else "scale")
-            return
         self.complain("")
-        scale = float(factor) * float(self.sign.value)
-        between = "" if self.between is None else str(self.between.value)
+        typed = {name: str(field.value or "").strip() for name, field in self.fields.items()}
+        values = {
+            name: read_answer(text, None, (*OF_CHANNELS, self.channel, name)) if text else None
+            for name, text in typed.items()
+        }
+        values["unit"] = typed["unit"]
         if key == KEPT:
             head, column = self.draft.head_of(self.channel), ""
         else:
             log, one = self.choices[key]
             head, column = self.draft.head(log, one.table), one.name
-        self.change(self.channel, Mapped(head, column, str(self.unit.value), scale, float(offset), between))
+        self.change(self.channel, Mapped(head, column, values))
 
 
 def axis_words(draft: MapDraft, log: str, table: str) -> str:
