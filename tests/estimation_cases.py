@@ -100,6 +100,15 @@ def posterior(priors, likelihood, data=None) -> Posterior:
     return Posterior(tuple(Parameter(name, "1", name, prior) for name, prior in priors.items()), likelihood, data)
 
 
+def slow_noise(rng, time, tau):
+    """Draw an Ornstein-Uhlenbeck process of variance one and correlation time tau at any times."""
+    values, normal = np.empty(time.size), rng.normal(size=time.size)
+    values[0] = normal[0]
+    for k, rho in enumerate(np.exp(-np.diff(time) / tau), 1):
+        values[k] = rho * values[k - 1] + np.sqrt(1 - rho**2) * normal[k]
+    return values
+
+
 def quadratic(values, data):
     """Log of a normal density by its centre and precision, so that tests of the same kinds of priors share compiled code."""
     centre, precision = data

@@ -144,7 +144,7 @@ GOLDEN = Family("n", N0, duration=60.0, active=40.0, sample_time=0.01)
 @pytest.mark.parametrize(
     ("method", "tolerance"),
     [
-        (ExtendedKalmanFilter(), 0.05),
+        pytest.param(ExtendedKalmanFilter(), 0.05, marks=pytest.mark.proof),
         (LargeUnscentedKalmanFilter(), 1e-3),
         pytest.param(SquareRootUnscentedKalmanFilter(), 1e-3, marks=pytest.mark.proof),
     ],

@@ -5,6 +5,7 @@ import pytest
 
 from seatrial.estimation.prediction.fit_verdict import LIKELY, UNDERSTATED, judge_fit
 from seatrial.estimation.prediction.prediction_scores import integrated_correlation, score_channel, whiteness
+from tests.estimation_cases import slow_noise
 
 
 def even(seconds, step=0.1):
@@ -23,15 +24,6 @@ def at_random(rng):
 
 def in_bursts(rng):
     return np.concatenate([5.0 * burst + 0.05 * np.arange(20) for burst in range(20)])
-
-
-def slow(rng, time, tau=5.0):
-    """An Ornstein-Uhlenbeck process of variance one at any times."""
-    values, normal = np.empty(time.size), rng.normal(size=time.size)
-    values[0] = normal[0]
-    for k, rho in enumerate(np.exp(-np.diff(time) / tau), 1):
-        values[k] = rho * values[k - 1] + np.sqrt(1 - rho**2) * normal[k]
-    return values
 
 
 def is_called_correlated(runs):
@@ -69,7 +61,7 @@ def test_white_residuals_are_rarely_called_correlated_and_small_slow_errors_ofte
     assert false <= 0.01 + 3 * np.sqrt(0.01 / runs)
     both = [
         [
-            (time, 0.1 * rng.normal(size=time.size) + 0.03 * slow(rng, time))
+            (time, 0.1 * rng.normal(size=time.size) + 0.03 * slow_noise(rng, time, 5.0))
             for time in (times(rng) for _ in range(count))
         ]
         for _ in range(60)
@@ -81,7 +73,7 @@ def test_a_small_slow_error_is_a_caution_with_its_factor():
     """Neighbours have r = 0.0826 exp(-0.02) = 0.081; the sum of 0.081 x 0.98^k over all lags makes the factor sqrt(1 + 2 x 4.1) = 3.0."""
     rng, time = np.random.default_rng(2), np.arange(0.0, 600.0, 0.1)
     motion = np.sin(0.4 * time)
-    measured = motion + 0.1 * rng.normal(size=time.size) + 0.03 * slow(rng, time)
+    measured = motion + 0.1 * rng.normal(size=time.size) + 0.03 * slow_noise(rng, time, 5.0)
     score = score_channel(time, measured, motion, np.full(time.size, 0.002), float(np.hypot(0.1, 0.03)))
     assert abs(score.correlation) < 0.1
     assert whiteness(time, measured - motion).neighbours == pytest.approx(0.081, abs=0.03)

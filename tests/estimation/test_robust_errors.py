@@ -13,7 +13,7 @@ from seatrial.estimation.posterior.record_posterior import make_posterior
 from seatrial.estimation.priors import Normal, Uniform, truncated_normal
 from seatrial.messages.predictions import model_error_text
 from seatrial.vehicles.whole import whole_vehicle
-from tests.estimation_cases import make_trial
+from tests.estimation_cases import make_trial, slow_noise
 from tests.selection.run_cases import (
     FIXED_DRAG,
     NOISE,
@@ -197,12 +197,7 @@ def test_what_tells_nothing():
 
 def coloured(rng, n, memory):
     """Unit noise with a correlation time, s; white for 0."""
-    if not memory:
-        return rng.normal(size=n)
-    rho, found = np.exp(-STEP / memory), [rng.normal()]
-    for e in rng.normal(size=n - 1):
-        found.append(rho * found[-1] + np.sqrt(1 - rho**2) * e)
-    return np.array(found)
+    return slow_noise(rng, STEP * np.arange(n), memory) if memory else rng.normal(size=n)
 
 
 def slow_runs(count, seed):

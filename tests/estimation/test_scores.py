@@ -16,6 +16,7 @@ from seatrial.estimation.prediction.prediction_scores import (
     pit_shares,
     whiteness,
 )
+from tests.estimation_cases import slow_noise
 
 
 @pytest.mark.parametrize(("y", "mean", "sd"), [(0.3, 0.0, 1.0), (-4.0, 1.0, 0.5), (2.0, 2.0, 3.0), (1e-3, 0.0, 1e-4)])
@@ -61,11 +62,7 @@ def test_portmanteau_is_calibrated_across_gaps():
 
 
 def autoregressive(rho, n, seed):
-    rng = np.random.default_rng(seed)
-    e = [rng.normal()]
-    for _ in range(n - 1):
-        e.append(rho * e[-1] + np.sqrt(1 - rho**2) * rng.normal())
-    return np.array(e)
+    return slow_noise(np.random.default_rng(seed), np.arange(n), -1 / np.log(rho))
 
 
 def test_jitter_of_the_clock_does_not_shift_lags():

@@ -11,15 +11,10 @@ from seatrial.selection.evidence import EvidenceSettings, combine_runs, smc_evid
 from tests.estimation_cases import (
     GOLDEN_LOG_EVIDENCE,
     golden_posterior,
-    linear_gaussian,
     posterior,
     short_posterior,
 )
-
-
-def linear(d):
-    problem = linear_gaussian(d)
-    return problem.posterior, problem.log_evidence
+from tests.selection.targets import linear
 
 
 def normal_below(values, data):

@@ -28,15 +28,11 @@ from seatrial.selection.importance import (
     weigh,
 )
 from tests.estimation_cases import GOLDEN_LOG_EVIDENCE, golden_posterior, linear_gaussian, normal_about, posterior
+from tests.selection.targets import linear
 from tests.selection.test_evidence import box, half_forbidden, parabola, short_surge
 
 KEY = jax.random.key(1)
 PAIR = linear_gaussian(2)
-
-
-def linear(d):
-    problem = linear_gaussian(d)
-    return problem.posterior, problem.log_evidence
 
 
 @pytest.mark.parametrize(
