@@ -126,25 +126,6 @@ FILES: dict[str, File] = {
             "log_bayes_factor": ("nat", "best structure against the runner-up"),
         },
     ),
-    "contenders.nc": File(
-        "select",
-        "the best structure beside the runner-up",
-        {
-            "time": ("s", "of each sample"),
-            "which": ("", "index of the manoeuvre"),
-            "manoeuvre": ("", "names"),
-            "best": (SI, "velocity by the best structure; the attribute `channel` says which"),
-            "difference": (SI, "what the runner-up changes"),
-            "lower": (SI, "lower bound of that difference"),
-            "upper": (SI, "upper bound"),
-            "largest": (SI, "largest difference"),
-            "rms": (SI, "root mean square difference"),
-            "excitation": ("SI of the control", "standard deviation of the control"),
-            "amplitude": ("SI of the control", "of the designs that would decide"),
-            "period": ("s", "of these"),
-            "nats": ("nat", "evidence expected from each"),
-        },
-    ),
 }
 PLAIN = """## Text files
 
@@ -155,6 +136,9 @@ PLAIN = """## Text files
 | `known/LABEL.json` | estimate | how well each parameter of a structure is known, and which combinations are |
 | `known/LABEL-left-out.json` | run | what the structure may leave out, and what that would do to its coefficients |
 | `selection.json` | select | evidence, error and probability of each structure, inclusion of each term, verdicts |
+| `contenders.json` | select, run | the best structure beside the runner-up: their motions, and what each design would tell |
+| `criteria/LABEL.json`, `criteria/LABEL-future.json` | criteria | information criteria of a structure, and its leave-future-out |
+| `cross_validation.json` | crossvalidate | how each structure and model of the error predicts runs left out |
 | `summary.json` | run, report | coefficients with mean, sd and unit, verdicts, cautions, alarms, next trial |
 | `mode.json` | estimate --by mode | posterior mode of the most probable structure: value and sd of each parameter, SI, for `priors_from` |
 | `mode_predictions.nc` | estimate --by mode | as `predictions.nc`: the held-back records, as that mode predicts them |

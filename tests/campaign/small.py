@@ -5,9 +5,10 @@ import sys
 from contextlib import contextmanager
 from pathlib import Path
 
-from seatrial.campaign.store.estimates import Known, KnownParameter, StoredCoefficient
+from seatrial.campaign.store.estimates import StoredCoefficient
 from seatrial.campaign.store.stored_result import Store, StoredResult
-from seatrial.campaign.store.structures import NextTrial, Summary
+from seatrial.campaign.workflow.summary import NextTrial, Summary
+from seatrial.estimation.diagnostics.known import Known, KnownParameter
 from tests.campaigns import joined, priors, sensors, uniform, write_campaign
 
 SMALL = joined(

@@ -13,8 +13,9 @@ from seatrial.campaign.compute.shared_work import Study
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.selection import evidence
-from seatrial.campaign.selection.evidence import agreement_counts, agreement_words, select_structure
+from seatrial.campaign.selection.evidence import select_structure
 from seatrial.estimation.priors import Normal, Uniform
+from seatrial.messages.selection import agreement_counts, agreement_words
 from seatrial.sampling.nested import NestedRun
 from seatrial.selection import log_evidence
 from seatrial.selection.log_evidence import EvidenceRun, EvidenceTask, MethodResult

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from seatrial.campaign.selection.runner_up import absorbed, change_words, contending
-from seatrial.campaign.store.structures import undecided_words
+from seatrial.campaign.selection.runner_up import absorbed, contending
+from seatrial.messages.selection import change_words, difference_words, trial_words, undecided_words
 from seatrial.vehicles.hull import Hull
 from seatrial.vehicles.simulate import simulate
 from seatrial.vehicles.whole import whole_vehicle
@@ -62,7 +62,7 @@ def test_the_runner_up_is_named_by_what_it_does_otherwise(outcome):
     assert change_words(("a", "b"), ("a",)) == "without b"
     assert change_words(("a",), ("a", "b", "c")) == "with b and c"
     assert change_words(("a", "b"), ("a", "c")) == "with c, without b"
-    words = outcome.contenders.difference_words()
+    words = difference_words(outcome.contenders)
     assert f"M-1, {change_words(best.terms, runner.terms)}" in words
     assert "at most 0.03 m/s (rms 0.021) in the next trial and 0.02 m/s" in words
     assert "residuals of the fit are 0.02 m/s" in words
@@ -73,21 +73,21 @@ def test_the_trial_that_decides_is_inside_the_limits_or_there_is_none(outcome):
     doubtful = replace(selection, probability=np.array([0.5, 0.4, 0.05, 0.05]), inclusion={"X_u": 0.5, "X_uabsu": 0.99})
     one = outcome.contenders
     assert one.decisive == (3, 3)
-    assert one.nats == pytest.approx(np.nanmax(one.data["nats"].values))
-    assert one.trial_words(doubtful).startswith("to decide between M-0 and M-1, run a repeated doublet of")
+    assert one.nats == pytest.approx(np.nanmax(one.expected_nats))
+    assert trial_words(one, doubtful).startswith("to decide between M-0 and M-1, run a repeated doublet of")
     weak = make_contenders(campaign, selection, nats=0.5)
-    assert weak.trial_words(doubtful).startswith("no design of this family would decide between M-0 and M-1")
+    assert trial_words(weak, doubtful).startswith("no design of this family would decide between M-0 and M-1")
     sure = replace(selection, probability=np.array([0.97, 0.01, 0.01, 0.01]))
-    assert "have decided between M-0 and M-1" in one.trial_words(sure)
+    assert "have decided between M-0 and M-1" in trial_words(one, sure)
     in_doubt = tuple(replace(one, status="in doubt") for one in selection.evidences)
     shaken = replace(selection, evidences=in_doubt, alarms=("x",), probability=np.array([0.96, 0.04, 0.0, 0.0]))
-    assert one.trial_words(shaken).startswith(
+    assert trial_words(one, shaken).startswith(
         "whether these data decide between M-0 and M-1 cannot be said before the evidence is reliable"
     )
     noisy = replace(
         sure, probability_error=np.array([0.1, 0.1, 0.0, 0.0]), inclusion={"X_u": 0.97}, inclusion_error={"X_u": 0.1}
     )
-    assert "cannot be said before the evidence is reliable: raise `particles`" in one.trial_words(noisy)
+    assert "cannot be said before the evidence is reliable: raise `particles`" in trial_words(one, noisy)
     assert undecided_words(noisy).startswith("not decided: X_u (0.97)")
     assert undecided_words(doubtful) == ("not decided: X_u (0.50); in brackets the probability that it is needed")
     assert "every optional term" in undecided_words(replace(selection, inclusion={"X_u": 0.999}))

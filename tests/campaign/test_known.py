@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 
 from seatrial.campaign.inference.identifiability import _known
-from seatrial.campaign.store.estimates import BY_ITSELF, Known
 from seatrial.core.display_units import shown_as_written
 from seatrial.core.serialise import from_plain, to_plain
 from seatrial.estimation.diagnostics.identifiability import identify
+from seatrial.estimation.diagnostics.known import Known
 from seatrial.estimation.posterior.posterior import Parameter
 from seatrial.estimation.priors import Normal
+from seatrial.messages.known import BY_ITSELF, known_lines, parts_of, verdict_of
 
 AT = {"u": 1.5}
 NAMES, UNITS = ("X_u", "X_uabsu", "T_nabsn"), ("kg/s", "kg/m", "kg m/rad^2")
@@ -60,12 +61,12 @@ def test_a_direction_is_a_change_of_one_standard_error():
         if len(direction.moves) == 3:
             assert change @ information @ change == pytest.approx(1.0)
     assert dict(known.directions[-1].moves).keys() >= {"X_u", "X_uabsu"}
-    assert "%" in known.directions[-1].words
+    assert "%" in parts_of(known.directions[-1])[0][1]
 
 
 def test_the_table_names_the_verdict_or_says_that_there_is_none():
     known, _, _ = judged(regressors())
-    said = "\n".join(known.lines(shown_as_written({})))
+    said = "\n".join(known_lines(known, shown_as_written({})))
     for word in (
         "known to",
         "strongest correlation",
@@ -76,14 +77,12 @@ def test_the_table_names_the_verdict_or_says_that_there_is_none():
         assert word in said
     alone, _, _ = judged(np.kron(np.eye(3), np.ones((4, 1))) * np.array([10.0, 10.0, 1e5]))
     assert alone.verdict == ()
-    assert alone.lines(shown_as_written({}))[-1].strip() == BY_ITSELF
+    assert known_lines(alone, shown_as_written({}))[-1].strip() == BY_ITSELF
     first, *others = alone.parameters
-    assert (
-        replace(alone, parameters=(replace(first, model_error_sd=0.4 * abs(first.value)), *others)).separately
-        == BY_ITSELF
-    )
+    sure = replace(alone, parameters=(replace(first, model_error_sd=0.4 * abs(first.value)), *others))
+    assert verdict_of(sure) == (BY_ITSELF,)
     unsure = replace(alone, parameters=(replace(first, model_error_sd=0.9 * abs(first.value)), *others))
-    assert "with model error not X_u:" in unsure.separately
+    assert "with model error not X_u:" in verdict_of(unsure)[0]
 
 
 def test_what_is_sharp_by_itself_is_not_called_known_only_in_combination():

@@ -111,7 +111,7 @@ def test_the_next_trial_needs_few_programs(finished, tmp_path, programs):
     folder, _ = finished
     copy = tmp_path / "copy"
     subprocess.run(["cp", "-r", str(folder), str(copy)], check=True)
-    for name in ("filter.nc", "predictions.nc", "next.nc", "contenders.nc"):
+    for name in ("filter.nc", "predictions.nc", "next.nc", "contenders.json"):
         (copy / "results" / name).unlink(missing_ok=True)
     campaign = load_campaign(copy)
     jax.clear_caches()

@@ -6,6 +6,7 @@ from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.selection.screening import can_be_screened, screen_terms, with_shortlist
 from seatrial.core.errors import InputError
+from seatrial.messages.selection import screening_lines
 from seatrial.vehicles.catalogue import load_surge
 from seatrial.vehicles.simulate import simulate
 from seatrial.vehicles.whole import whole_vehicle
@@ -90,7 +91,7 @@ def test_a_screening_is_kept_and_read_again(campaign, trials):
     assert set(first.optional) == {"X_u", *EXTRA}
     np.testing.assert_array_equal(first.data["inclusion"], again.data["inclusion"])
     assert first.data["probability"].values.sum() <= 1.0 + 1e-9
-    said = "\n".join(first.lines())
+    said = "\n".join(screening_lines(first))
     assert "screening of 128 structures in closed form" in said
     assert said.endswith("output-error or filter-error likelihood")
 
@@ -101,7 +102,7 @@ def test_a_g_prior_by_file_is_the_closed_form(tmp_path, campaign, trials):
     rows = many(tmp_path / "rows", g='\ng = "rows"')
     found = screen_terms(rows, get_trials(rows))
     np.testing.assert_allclose(found.data["inclusion"], beside, rtol=1e-9)
-    assert "in closed form, under a g-prior, g = rows (" in found.lines()[0]
+    assert "in closed form, under a g-prior, g = rows (" in screening_lines(found)[0]
     few = many(tmp_path / "few", g="\ng = 20")
     other = screen_terms(few, get_trials(few)).data
     assert np.abs(other["inclusion"] - beside).max() > 0.05

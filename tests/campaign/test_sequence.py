@@ -13,12 +13,12 @@ from seatrial.campaign.config.templates import init_campaign
 from seatrial.campaign.data import simulate as simulated
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.data.simulate import Chosen, add_trial, later_trials
-from seatrial.campaign.store.structures import IF_NOISE, undecided_words
 from seatrial.campaign.workflow import loop as sequence
 from seatrial.campaign.workflow.loop import run_sequence, summarise
 from seatrial.campaign.workflow.next_trial import Proposal, propose, settling
 from seatrial.core.errors import InputError
 from seatrial.messages.catalogue import ENTRIES
+from seatrial.messages.selection import IF_NOISE, undecided_words
 from seatrial.report.sections.summary import answer, summary_section
 from seatrial.selection.verdict import OTHER_NOISE_VERDICT, select
 from tests.campaign.small import SMALL

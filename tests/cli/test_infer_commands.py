@@ -10,6 +10,7 @@ import pytest
 from seatrial.campaign.config import templates
 from seatrial.campaign.selection import evidence
 from seatrial.cli.running import Exit
+from seatrial.messages import selection as messages
 from seatrial.selection.verdict import Evidence
 from tests.campaign.small import write_small
 from tests.cli.test_cli import results, run
@@ -65,7 +66,7 @@ def test_a_slow_error_fitted_as_white_is_an_alarm_of_select_and_its_remedy_works
     """Evidences are given, so that the mode is all that is computed; what the alarm asks for is put into the file word by word."""
     given = {"method": "given", "diagnostics": {"methods": {}, "notes": []}, "status": ""}
     monkeypatch.setattr(evidence, "_evidences", lambda *_: [Evidence(x, 0.01, **given) for x in (5.0, 0.0)])
-    monkeypatch.setattr(evidence, "agreement_words", lambda _: "")
+    monkeypatch.setattr(messages, "agreement_words", lambda _: "")
     write_slow(tmp_path)
     code, out, err = run(monkeypatch, capsys, "select", tmp_path, "-q")
     assert code == Exit.ALARMS

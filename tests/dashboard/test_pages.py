@@ -11,8 +11,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from seatrial.campaign.store.estimates import StoredMode
 from seatrial.campaign.store.stored_result import Store
-from seatrial.campaign.store.structures import BestDesign, NextTrial, StoredMode
+from seatrial.campaign.workflow.summary import NextTrial
 from seatrial.core.display_units import shown_as_written
 from seatrial.core.errors import InputError
 from seatrial.dashboard.app_context import fill
@@ -35,7 +36,7 @@ from seatrial.dashboard.pages.record_chart import RecordChart, ends_errors
 from seatrial.dashboard.pages.results import estimated_html, next_links, of_mode
 from seatrial.dashboard.result_plots import report_sections
 from seatrial.dashboard.view_models import AxisAbout, EstimatedStructure, beside
-from seatrial.design.results import SweptDesigns
+from seatrial.design.results import BestDesign, SweptDesigns
 from seatrial.logs.clock_shift import ClockShift
 from seatrial.report.page import CONTENTS, write_report
 from tests.report.outcomes import make_outcome

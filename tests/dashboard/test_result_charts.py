@@ -9,9 +9,8 @@ import xarray as xr
 
 pytest.importorskip("nicegui", reason="the dashboard needs NiceGUI: pip install -e '.[dashboard]'")
 
-from seatrial.campaign.store.estimates import Estimate
+from seatrial.campaign.store.estimates import Estimate, StoredCoefficient
 from seatrial.campaign.store.stored_result import StoredResult
-from seatrial.campaign.store.structures import StoredCoefficient
 from seatrial.core.dataset import Dataset
 from seatrial.core.dataset_file import write_dataset
 from seatrial.core.errors import InputError

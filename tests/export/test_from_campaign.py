@@ -7,13 +7,13 @@ import pytest
 
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.store.stored_result import SEAL, Store, write_stamped_json
-from seatrial.campaign.store.structures import QUOTED
 from seatrial.core.dataset_file import open_dataset
 from seatrial.core.errors import InputError
 from seatrial.core.signals import RATES
 from seatrial.export.from_campaign import of_campaign
 from seatrial.export.targets.own_json import OwnJson
 from seatrial.export.write import of_catalogue, state
+from seatrial.messages.selection import QUOTED
 from seatrial.vehicles.tether import Tether
 from tests.export.finished import finished
 

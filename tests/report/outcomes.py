@@ -11,21 +11,24 @@ from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.coefficient_csv import averaged_rows
-from seatrial.campaign.selection.runner_up import NEXT, change_words, contending
-from seatrial.campaign.store.estimates import Direction, Estimate, Known, KnownParameter, StoredCoefficient
+from seatrial.campaign.selection.runner_up import NEXT, contending
+from seatrial.campaign.store.estimates import Estimate, StoredCoefficient
 from seatrial.campaign.store.predictions import Fit, FittedBaselines
-from seatrial.campaign.store.structures import Contenders, NextTrial, Screened, Summary
 from seatrial.campaign.workflow.outcome import Outcome
+from seatrial.campaign.workflow.summary import NextTrial, Summary
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.findings import Finding
 from seatrial.core.record import Channel, Provenance, Record, make_record
 from seatrial.design.sweep import Sweep
 from seatrial.design.trial_design import TrialDesign
+from seatrial.estimation.diagnostics.known import Direction, Known, KnownParameter
 from seatrial.estimation.prediction.baseline_comparison import Comparison, Predicted, Run, compare
 from seatrial.estimation.prediction.fit_verdict import judge_fit
 from seatrial.estimation.prediction.pooled_coverage import Pooled, pooled_verdict, run_residuals
 from seatrial.estimation.prediction.prediction_scores import Score, unscored
+from seatrial.selection.contenders import Contenders, SpeedDifference
 from seatrial.selection.cross_validation import OWN, Candidate, CrossValidation, LeaveOneRunOut, LeftOutRun
+from seatrial.selection.screened import Screened
 from seatrial.selection.structures import Structure
 from seatrial.selection.verdict import Evidence, Selection, select
 
@@ -225,36 +228,15 @@ def make_contenders(campaign: Campaign, selection: Selection, nats: float = 5.0)
     """Two structures whose speeds differ by a sine, and a grid whose last column breaks a limit."""
     best, runner = contending(selection)
     time, (amplitude, period) = np.arange(100) * 0.3, campaign.design.grid()
-    labels = [*FITTED, NEXT]
-    gap = np.concatenate([0.01 * (1 + i) * np.sin(time) for i in range(len(labels))])
     told = nats * np.linspace(0.1, 1.0, amplitude.size * period.size).reshape(amplitude.size, period.size)
     told[-1] = np.nan
-    return Contenders(
-        xr.Dataset(
-            {
-                "time": ("sample", np.tile(time, len(labels))),
-                "best": ("sample", 1.0 + gap),
-                "difference": ("sample", gap),
-                "lower": ("sample", gap - 0.004),
-                "upper": ("sample", gap + 0.004),
-                "which": ("sample", np.repeat(np.arange(len(labels)), time.size)),
-                "largest": ("manoeuvre", 0.01 * np.arange(1, 1 + len(labels))),
-                "rms": ("manoeuvre", 0.007 * np.arange(1, 1 + len(labels))),
-                "excitation": ("manoeuvre", [1.0, 2.0, 3.0]),
-                "nats": (("amplitude", "period"), told),
-            },
-            coords={"manoeuvre": labels, "amplitude": amplitude, "period": period},
-            attrs={
-                "best": best.label,
-                "runner_up": runner.label,
-                "channel": "u",
-                "change": change_words(best.terms, runner.terms),
-                "noise": 0.02,
-                "control": "tau_X",
-                "trial": "repeated doublet of ±20 N",
-            },
-        )
-    )
+    differences = []
+    for i, words in enumerate([*(f"run {label}" for label in FITTED), NEXT], 1):
+        gap = 0.01 * i * np.sin(time)
+        curves = time, 1.0 + gap, gap, gap - 0.004, gap + 0.004
+        differences.append(SpeedDifference(words, float(i), *curves, largest=0.01 * i, rms=0.007 * i))
+    grid = amplitude, period, told
+    return Contenders(best, runner, "u", 0.02, tuple(differences), *grid, "repeated doublet of ±20 N")
 
 
 def make_baselines() -> FittedBaselines:

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from seatrial.campaign.inference.judge_predictions import fit_complaints
-from seatrial.campaign.store.structures import QUOTED
 from seatrial.campaign.workflow.loop import summarise
 from seatrial.campaign.workflow.next_trial import propose
 from seatrial.cli.answer import Answer
@@ -20,6 +19,7 @@ from seatrial.core.findings import Finding
 from seatrial.messages.catalogue import ENTRIES
 from seatrial.messages.predictions import comparison_text
 from seatrial.messages.render import sentences
+from seatrial.messages.selection import QUOTED
 from seatrial.report import drawing
 from seatrial.report.drawing import digits_of, moments_of
 from seatrial.report.page import CONTENTS, render, write_report

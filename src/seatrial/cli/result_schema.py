@@ -11,9 +11,9 @@ from typing import Any
 from typing_extensions import TypedDict
 
 from seatrial.campaign.prior.predictive import Believed
-from seatrial.campaign.store.estimates import Estimate, Known, KnownParameter
+from seatrial.campaign.store.estimates import Estimate
 from seatrial.campaign.store.predictions import Fit
-from seatrial.campaign.store.structures import Summary
+from seatrial.campaign.workflow.summary import Summary
 from seatrial.cli.answer import SCHEMA
 from seatrial.core.serialise import schema_of
 from seatrial.design.batch import PlannedBatch
@@ -21,6 +21,7 @@ from seatrial.design.plan_search import Plan
 from seatrial.design.results import BestDesign, FreeTrial, RelayTrial, Searched
 from seatrial.design.sensor_choice import SensorComparison
 from seatrial.design.utility_agreement import Agreement
+from seatrial.estimation.diagnostics.known import Known, KnownParameter
 from seatrial.estimation.posterior.profile_result import Profiles
 from seatrial.estimation.prediction.baseline_comparison import Comparison
 from seatrial.export.target import MotionChange

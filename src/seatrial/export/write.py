@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from seatrial import __version__
-from seatrial.campaign.store.structures import QUOTED
 from seatrial.core.argument_checks import check_number
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError, nearest, not_among
@@ -24,6 +23,7 @@ from seatrial.export.targets.holoocean import HoloOcean
 from seatrial.export.targets.own_json import OwnJson
 from seatrial.export.targets.stonefish import Stonefish
 from seatrial.export.vehicle import ExportedVehicle, ExportProvenance, of_published
+from seatrial.messages.selection import QUOTED
 from seatrial.vehicles.catalogue import load_vehicle, vehicle_names
 
 # What an export says of itself, in its header and on the terminal: where it comes from, how well it is known, what is

@@ -153,3 +153,14 @@ REMEDIES = {
     ),
     "compare-blocks": Remedy(command="look for what changed during the run, or fit more runs"),
 }
+
+
+def with_model_error(wider: float | None, cause: str, factor: float) -> str:
+    """Return what follows a value and its standard deviation where a wider one survives an error of the model; empty for none.
+
+    Args:
+        wider: that standard deviation, SI.
+        cause: what makes most of it.
+        factor: from SI to the unit in which it is shown.
+    """
+    return "" if wider is None else f", ± {factor * wider:.3g} with model error (mostly {cause})"

@@ -13,7 +13,6 @@ from seatrial.campaign.design.problem import design_problem
 from seatrial.campaign.design.searches import relay_search
 from seatrial.campaign.prior.predictive import PriorPredictive
 from seatrial.campaign.rehearsal.result import Rehearsal
-from seatrial.campaign.store.structures import Contenders, Screened
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import shown_unit
 from seatrial.core.files import write_text
@@ -31,6 +30,8 @@ from seatrial.report.figures.style import INK, MUTED, PAPER, WIDE, own_settings,
 from seatrial.report.labels import label_mathtext
 from seatrial.report.numbers import typeset
 from seatrial.report.term_figures import TermFigure, term_figures
+from seatrial.selection.contenders import Contenders
+from seatrial.selection.screened import Screened
 from seatrial.selection.verdict import Selection
 
 

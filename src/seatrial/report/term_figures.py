@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from seatrial.campaign.store.structures import Contenders, Screened
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import shown_unit
 from seatrial.core.record import Record
@@ -22,6 +21,8 @@ from seatrial.report.figures.structures import (
 )
 from seatrial.report.figures.style import thin
 from seatrial.report.labels import label_mathtext
+from seatrial.selection.contenders import Contenders
+from seatrial.selection.screened import Screened
 from seatrial.selection.structures import structure_names
 from seatrial.selection.verdict import Selection
 
@@ -118,19 +119,17 @@ def contenders_figure(contenders: Contenders, names: Mapping[str, str], records:
         records: fitted ones, of which one is drawn with what was measured; without, the next trial is drawn too.
     """
     best, runner = (names[label] for label in contenders.labels)
-    channel = contenders.data.attrs["channel"]
+    channel = contenders.channel
     factor = shown_unit(channel)[0]
     measured = {f"run {record.label}": _measured(record, channel, factor) for record in records}
     gaps = []
-    for index in contenders.shown[: 1 if records else None]:
-        curve, words = contenders.curve(index), contenders.where(index)
-        columns = {name: curve[name].values * factor for name in ("best", "difference", "lower", "upper")}
-        gaps.append(
-            MotionGap(words[:1].upper() + words[1:], curve["time"].values, **columns, measured=measured.get(words))
-        )
+    for one in contenders.shown[: 1 if records else None]:
+        columns = {name: getattr(one, name) * factor for name in ("best", "difference", "lower", "upper")}
+        title = one.words[:1].upper() + one.words[1:]
+        gaps.append(MotionGap(title, one.time, **columns, measured=measured.get(one.words)))
     return TermFigure(
         "contenders",
-        structure_gaps(gaps, factor * float(contenders.data.attrs["noise"]), signal_axis(channel)),
+        structure_gaps(gaps, factor * contenders.noise, signal_axis(channel)),
         "The two most probable models over one plot",
         f"Blue: {best}. Orange, dashed: {runner}. Dots: measured. Below, by how much they differ: at the posterior means (line), "
         "and the 90 % band of both posteriors. Dashed, where it is in sight: the standard deviation of the residuals.",

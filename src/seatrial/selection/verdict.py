@@ -94,6 +94,35 @@ class StructureRow:
 
 
 @dataclass(frozen=True)
+class StoredAverage:
+    """One parameter averaged over all structures by their probabilities, SI; a structure without it counts as zero.
+
+    Attributes:
+        name: of the parameter.
+        unit: SI unit.
+        label: in LaTeX.
+        mean: of the mixture.
+        sd: likewise, within the structures.
+        lower_95: begin of its shortest 95 % interval.
+        upper_95: its end.
+        model_error_sd: standard deviation with model error; None where it is not larger by more than a half.
+        model_error_cause: what makes most of that.
+        inclusion: probability of the structures that have it.
+    """
+
+    name: str
+    unit: str
+    label: str
+    mean: float
+    sd: float
+    lower_95: float
+    upper_95: float
+    model_error_sd: float | None
+    model_error_cause: str
+    inclusion: float
+
+
+@dataclass(frozen=True)
 class Selection:
     """Which terms the data support.
 

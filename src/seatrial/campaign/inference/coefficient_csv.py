@@ -24,11 +24,10 @@ import numpy as np
 
 from seatrial.campaign.store.estimates import Estimate
 from seatrial.campaign.store.stored_result import Store
-from seatrial.campaign.store.structures import StoredAverage
 from seatrial.core.display_units import Shown
 from seatrial.core.files import write_text
 from seatrial.estimation.diagnostics.robust_errors import MIN_SD_RATIO
-from seatrial.selection.verdict import Selection, averaged
+from seatrial.selection.verdict import Selection, StoredAverage, averaged
 
 OF_STRUCTURES = (
     "structure",

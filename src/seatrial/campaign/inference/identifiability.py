@@ -14,11 +14,12 @@ from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.vehicle import CampaignVehicle, WholeVehicle
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.design.sweep import design_key
-from seatrial.campaign.store.estimates import Direction, Drawn, Estimate, Known, KnownParameter, OfStructure
+from seatrial.campaign.store.estimates import Drawn, Estimate, OfStructure
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.core.coefficients import CoefficientName
 from seatrial.design.sweep import Sweep
 from seatrial.estimation.diagnostics.identifiability import Identifiability, identifiability_of_design, identify
+from seatrial.estimation.diagnostics.known import Direction, Known, KnownParameter
 from seatrial.estimation.diagnostics.symmetry import PriorCurve, symmetries
 from seatrial.estimation.posterior.information import likelihood_information
 from seatrial.estimation.posterior.output_error import is_deviation

@@ -28,10 +28,9 @@ from seatrial.campaign.inference.judge_predictions import (
 from seatrial.campaign.inference.modes import check_prior_of, exchange_modes, long_steps
 from seatrial.campaign.inference.omitted_effects import causes_of, findings_of, left_out
 from seatrial.campaign.inference.posterior import is_whole
-from seatrial.campaign.store.estimates import with_model_error
+from seatrial.campaign.store.estimates import StoredMode
 from seatrial.campaign.store.predictions import Predictions
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
-from seatrial.campaign.store.structures import StoredMode
 from seatrial.compiled.random_keys import random_key
 from seatrial.core.errors import NumericalError
 from seatrial.core.findings import Finding, Message
@@ -54,6 +53,7 @@ from seatrial.estimation.simulation.sensor_errors import (
     drift_time_name,
     noise_name,
 )
+from seatrial.messages.effects import with_model_error
 from seatrial.messages.predictions import model_error_text
 from seatrial.messages.render import sentence
 from seatrial.selection.structures import Structure

@@ -22,7 +22,6 @@ from seatrial.campaign.store.estimates import HasKey
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of, load_checkpoint, save_checkpoint
 from seatrial.compiled.random_keys import random_key
 from seatrial.core.argument_checks import check_kind
-from seatrial.core.display_units import listed
 from seatrial.core.errors import NumericalError
 from seatrial.core.reporter import SILENT, Progress, Reporter
 from seatrial.estimation.posterior.mode import find_mode
@@ -39,7 +38,7 @@ from seatrial.selection.log_evidence import (
     MethodResult,
     run_task,
 )
-from seatrial.selection.method_agreement import METHOD_LABELS, Method, agrees, value_of
+from seatrial.selection.method_agreement import Method
 from seatrial.selection.structures import Structure
 from seatrial.selection.verdict import Evidence, Selection, blunt_deciders, select
 
@@ -82,47 +81,6 @@ def current_selection(campaign: Campaign, trials: Trials) -> Selection | None:
     """The selection if it has been made and is current; nothing is computed."""
     kept = stored_selection(campaign, trials)
     return kept.read() if kept.is_current() else None
-
-
-def agreement_words(evidence: Evidence) -> str:
-    """Which methods gave this evidence, which of them agree, and what is known of the others."""
-    table = evidence.diagnostics["methods"]
-    if len(table) == 1 and not evidence.status:
-        why = evidence.diagnostics["notes"] or ["there is no other structure to compare with"]
-        return f"by {METHOD_LABELS[next(iter(table))]} alone: {why[0]}"
-    value = value_of(table)
-    others = {name: one for name, one in table.items() if name != value and not one["status"]}
-    agree = [
-        f"{METHOD_LABELS[name]} ({abs(one['joint_errors']):.1f} joint errors away)"
-        for name, one in others.items()
-        if agrees(one)
-    ]
-    sentence = f"by {METHOD_LABELS[value]}, " + (
-        f"with which {' and '.join(agree)} agree{'s' * (len(agree) == 1)}; {evidence.check_words}"
-        if agree
-        else "which no other method confirms"
-    )
-    return "; ".join([sentence, *evidence.diagnostics["notes"], *([evidence.status] if evidence.status else [])])
-
-
-def agreement_counts(labels: Sequence[str], evidences: Sequence[Evidence]) -> str:
-    """Say on how many evidences two methods agree without a third, which nested sampling decided, and how many are hopelessly behind.
-
-    Nothing where none is sound.
-    """
-    tables = {label: one.diagnostics["methods"] for label, one in zip(labels, evidences, strict=True) if not one.status}
-    sound = {label: table for label, table in tables.items() if len(table) > 1}
-    decided = [label for label, table in sound.items() if "nested" in table]
-    agreed, count, behind = len(sound) - len(decided), len(evidences), len(tables) - len(sound)
-    if agreed == count:
-        return "Every evidence was computed by importance sampling and by tempered SMC, and the two agree."
-    parts = [f"Importance sampling and tempered SMC agree on {agreed} of {count} evidences"] if sound else []
-    parts += [f"nested sampling decided that of {listed(decided)}"] if decided else []
-    if behind:
-        parts.append(
-            f"{behind} {'is' if behind == 1 else 'are'} so far behind that one repeat of tempered SMC was enough"
-        )
-    return f"{'; '.join(parts)}." if parts else ""
 
 
 def evidence_key(campaign: Campaign, structure: Structure, trials: HasKey) -> str:

@@ -1,8 +1,7 @@
 """The two most probable structures side by side: what choosing between them changes in motion, and which trial would decide."""
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import ClassVar
+from dataclasses import replace
 
 import jax
 import jax.numpy as jnp
@@ -19,9 +18,7 @@ from seatrial.campaign.inference.posterior import build_likelihood, shared_model
 from seatrial.campaign.prior.predictive import speeds
 from seatrial.campaign.store.estimates import Estimate, HasKey, OfStructure
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
-from seatrial.campaign.store.structures import Contenders, largest_of
 from seatrial.compiled.programs import program
-from seatrial.core.dataset import Dataset
 from seatrial.core.errors import NumericalError
 from seatrial.core.reporter import SILENT, Reporter
 from seatrial.core.signals import GAUGE_CHANNELS, RATES
@@ -32,6 +29,7 @@ from seatrial.estimation.simulation.sensor_errors import Sensor
 from seatrial.estimation.simulation.simulator import Simulator
 from seatrial.estimation.simulation.trial_data import TrialData
 from seatrial.manoeuvres.family import design_words
+from seatrial.selection.contenders import Contenders, SpeedDifference, largest_of
 from seatrial.selection.structures import Structure
 from seatrial.selection.verdict import Selection
 from seatrial.vehicles.model import VehicleModel
@@ -47,31 +45,6 @@ from seatrial.vehicles.model import VehicleModel
 DRAWS, POINTS = 100, 400  # Draws of each posterior behind a band, and points of a curve, at most
 BAND = (0.05, 0.95)
 DEPENDENT = 1e-9  # Share of a sensitivity that has to be its own for it to count beside the others
-
-
-@dataclass(frozen=True, eq=False)
-class SpeedDifference:
-    """By how much a velocity of the best structure exceeds the runner-up's in one manoeuvre, SI.
-
-    Attributes:
-        time: samples that are kept, shape (n,).
-        best: velocity through the water of the best, posterior mean, shape (n,).
-        difference: excess at the posterior means, shape (n,).
-        lower: lower end of its 90 % band, both posteriors drawn independently, shape (n,).
-        upper: upper end, shape (n,).
-        largest: largest difference at any sample.
-        rms: its root mean square.
-    """
-
-    CURVES: ClassVar = ("time", "best", "difference", "lower", "upper")
-
-    time: Float[np.ndarray, " n"]
-    best: Float[np.ndarray, " n"]
-    difference: Float[np.ndarray, " n"]
-    lower: Float[np.ndarray, " n"]
-    upper: Float[np.ndarray, " n"]
-    largest: float
-    rms: float
 
 
 def compare_speeds(
@@ -101,7 +74,14 @@ def compare_speeds(
         strict=True,
     )
     runs = [(time, mine, other) for (time, mine), (_, other) in pairs]
-    speeds = [[_difference(time, a[..., i], b[..., i]) for time, a, b in runs] for i in range(len(channels))]
+    control = sweep.family.control
+    commands = {f"run {record.label}": record.channel(control) for record in trials.fit}
+    commands[NEXT] = sweep.best_manoeuvre().sample(sweep.family.sample_time)[1]
+    driven = [(words, float(np.nanstd(command))) for words, command in commands.items()]
+    speeds = [
+        [_difference(*which, time, a[..., i], b[..., i]) for which, (time, a, b) in zip(driven, runs, strict=True)]
+        for i in range(len(channels))
+    ]
     noise = [noise_of(sensors[name], campaign.own, best) if name in sensors else 1.0 for name in channels]
     most = np.argmax([max(one.largest for one in each) / own for each, own in zip(speeds, noise, strict=True)])
     return channels[most], speeds[most]
@@ -208,12 +188,22 @@ def _apart_and_starts(output: OutputError, values: dict[str, Array], data: Trial
     return jax.vmap(lambda one: (output.apart(one), output.starts(one, data)))(values)
 
 
-def _difference(time: np.ndarray, best: np.ndarray, runner: np.ndarray) -> SpeedDifference:
+def _difference(
+    words: str, excitation: float, time: np.ndarray, best: np.ndarray, runner: np.ndarray
+) -> SpeedDifference:
     excess, keep = best - runner, np.unique(np.linspace(0, time.size - 1, min(time.size, POINTS)).round().astype(int))
     lower, upper = np.nanquantile(excess[1:, keep], BAND, axis=0)
     mean = excess[0]
     return SpeedDifference(
-        time[keep], best[0, keep], mean[keep], lower, upper, float(np.abs(mean).max()), float(np.sqrt((mean**2).mean()))
+        words,
+        excitation,
+        time[keep],
+        best[0, keep],
+        mean[keep],
+        lower,
+        upper,
+        float(np.abs(mean).max()),
+        float(np.sqrt((mean**2).mean())),
     )
 
 
@@ -326,12 +316,6 @@ def contending(selection: Selection) -> tuple[Structure, ...]:
     return tuple(selection.structures[index] for index in order)
 
 
-def change_words(best: Sequence[str], other: Sequence[str]) -> str:
-    """How another set of terms differs: `with X_u, without X_du3`."""
-    more, fewer = ([term for term in a if term not in b] for a, b in ((other, best), (best, other)))
-    return ", ".join(f"{word} {' and '.join(terms)}" for word, terms in (("with", more), ("without", fewer)) if terms)
-
-
 def find_contenders(
     campaign: Campaign, selection: Selection, trials: Trials, reporter: Reporter = SILENT
 ) -> Contenders | None:
@@ -345,9 +329,9 @@ def find_contenders(
     def compute() -> Contenders:
         progress = reporter.progress("compare the best structure with the runner-up")
         progress(0, 1)
-        data = _dataset(campaign, best, runner, trials, sweep)
+        contenders = _compare(campaign, best, runner, trials, sweep)
         progress(1, 1)
-        return Contenders(data)
+        return contenders
 
     return stored_contenders(campaign, best, runner, trials).read_or_make(compute)
 
@@ -360,43 +344,19 @@ def stored_contenders(
     return StoredResult(Store(campaign.folder).contenders, key, Contenders, f"seatrial select {campaign.folder}")
 
 
-def _dataset(campaign: Campaign, best: Estimate, runner: Estimate, trials: Trials, sweep: Sweep) -> Dataset:
-    channel, speed_differences = compare_speeds(campaign, best, runner, trials, sweep)
+def _compare(campaign: Campaign, best: Estimate, runner: Estimate, trials: Trials, sweep: Sweep) -> Contenders:
+    channel, manoeuvres = compare_speeds(campaign, best, runner, trials, sweep)
     sensor = next((one for one in campaign.sensor_models if one.channel == channel), None)
-    join = {
-        name: np.concatenate([getattr(one, name) for one in speed_differences]) for name in speed_differences[0].CURVES
-    }
-    control = sweep.family.control
-    commands, nats = (
-        [record.channel(control) for record in trials.fit],
-        expected_nats(campaign, best, runner, trials, sweep),
-    )
+    nats = expected_nats(campaign, best, runner, trials, sweep)
     row, column = largest_of(nats)
-    commands.append(sweep.best_manoeuvre().sample(sweep.family.sample_time)[1])
-    return Dataset(
-        {
-            **{name: ("sample", column) for name, column in join.items()},
-            "which": (
-                "sample",
-                np.repeat(np.arange(len(speed_differences)), [one.time.size for one in speed_differences]),
-            ),
-            "largest": ("manoeuvre", [one.largest for one in speed_differences]),
-            "rms": ("manoeuvre", [one.rms for one in speed_differences]),
-            "excitation": ("manoeuvre", [float(np.nanstd(command)) for command in commands]),
-            "nats": (("amplitude", "period"), nats),
-        },
-        coords={
-            "manoeuvre": [*(record.label for record in trials.fit), NEXT],
-            "amplitude": sweep.amplitude,
-            "period": sweep.period,
-        },
-        attrs={
-            "best": best.structure.label,
-            "runner_up": runner.structure.label,
-            "channel": channel,
-            "change": change_words(best.structure.terms, runner.structure.terms),
-            "noise": float("nan") if sensor is None else noise_of(sensor, campaign.own, best),
-            "control": control,
-            "trial": design_words(sweep.family, float(sweep.amplitude[row]), float(sweep.period[column])),
-        },
+    return Contenders(
+        best=best.structure,
+        runner_up=runner.structure,
+        channel=channel,
+        noise=float("nan") if sensor is None else noise_of(sensor, campaign.own, best),
+        manoeuvres=tuple(manoeuvres),
+        amplitude=sweep.amplitude,
+        period=sweep.period,
+        expected_nats=nats,
+        trial=design_words(sweep.family, float(sweep.amplitude[row]), float(sweep.period[column])),
     )

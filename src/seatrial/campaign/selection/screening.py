@@ -11,7 +11,6 @@ from seatrial.campaign.inference.posterior import build_posterior
 from seatrial.campaign.inference.quick_estimates import ignored
 from seatrial.campaign.store.estimates import HasKey
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
-from seatrial.campaign.store.structures import Screened
 from seatrial.compiled.random_keys import random_key
 from seatrial.core.dataset import Dataset
 from seatrial.core.errors import InputError
@@ -19,6 +18,7 @@ from seatrial.core.reporter import SILENT, Reporter
 from seatrial.estimation.posterior.mode import find_mode
 from seatrial.estimation.regression.row_fit import delayed, likely_delay
 from seatrial.estimation.regression.weak_form import MIN_WINDOW_STEPS, where_measured
+from seatrial.selection.screened import Screened
 from seatrial.selection.screening import ModeScreening, Screening, TermPrior, screen, screen_about_mode
 from seatrial.selection.structures import count_structures, label_structures
 from seatrial.selection.verdict import Shortlist

@@ -7,23 +7,14 @@ from typing import TYPE_CHECKING, Annotated, Protocol
 import numpy as np
 from pydantic import Field, computed_field
 
-from seatrial.core.coefficients import is_coefficient
 from seatrial.core.dataset import Dataset
-from seatrial.core.display_units import Shown, listed, measured, percent
 from seatrial.core.findings import Finding, Message
-from seatrial.core.result_table import aligned, table_html, table_text
+from seatrial.core.result_table import table_html, table_text
 from seatrial.messages.render import sentences
 from seatrial.selection.structures import Structure
 
 if TYPE_CHECKING:
     from pandas import DataFrame
-
-
-VAIN = 10.0  # Standard deviation over the value from which a percentage says nothing
-BY_ITSELF = "each parameter is known separately"
-# Share of a coefficient that its ± with model error may be for it to be called known: `VAGUE` of
-# `identifiability.py`.
-UNSURE = 0.5
 
 
 class HasKey(Protocol):
@@ -225,144 +216,20 @@ class Estimate:
         return values
 
 
-def with_model_error(wider: float | None, cause: str, factor: float) -> str:
-    """Return what follows a value and its standard deviation where a wider one survives an error of the model; empty for none.
-
-    Args:
-        wider: that standard deviation, SI.
-        cause: what makes most of it.
-        factor: from SI to the unit in which it is shown.
-    """
-    return "" if wider is None else f", ± {factor * wider:.3g} with model error (mostly {cause})"
-
-
 @dataclass(frozen=True)
-class KnownParameter:
-    """One parameter: its value, what is known of it, and what it is confused with.
+class StoredMode:
+    """Posterior mode of the most probable structure as a later campaign takes it over, SI.
 
     Attributes:
-        name: parameter.
-        unit: SI unit.
-        value: prior mean before the data, posterior mode after.
-        sd: its standard deviation, expected before the data.
-        relative: `sd` over the size of the value.
-        left: `sd` over the prior's.
-        partner: the parameter it is most strongly correlated with; empty if it is the only one.
-        correlation: with that one.
-        model_error_sd: standard deviation that survives an error of the model; None where it is not larger by more than a half.
+        terms: its coefficients.
+        found: value and standard deviation of each parameter, those of a normal approximation.
+        correlations: each pair of parameters with its correlation.
+        units: SI unit of each parameter; none where an older version stored the mode.
+        wider: standard deviation that survives an error of the model, and what makes most of it, of those where it is much larger.
     """
 
-    name: str
-    unit: str
-    value: float
-    sd: float
-    relative: float
-    left: float
-    partner: str
-    correlation: float
-    model_error_sd: float | None = None
-
-    @property
-    def is_unsure(self) -> bool:
-        """Whether an error of the model leaves little more than the sign of a coefficient."""
-        return is_coefficient(self.name) and (self.model_error_sd or 0.0) > UNSURE * abs(self.value)
-
-    @property
-    def known_to(self) -> str:
-        """`relative` in words, and what it is with an error of the model where that is more."""
-        shares = [self.relative]
-        if self.model_error_sd and self.sd > 0:
-            shares.append(self.relative * self.model_error_sd / self.sd)
-        words = ["not at all" if share >= VAIN else percent(share) for share in shares]
-        return words[0] if len(words) == 1 or words[0] == words[1] else f"{words[0]}, {words[1]} with model error"
-
-
-@dataclass(frozen=True)
-class Direction:
-    """A change of several parameters at once that the data alone know to one standard error.
-
-    Attributes:
-        sd: length of the change, 1 / sqrt(eigenvalue).
-        moves: parameters and their changes, the largest first: shares of the value, or of the prior's standard deviation.
-        relative: of each, whether it is a share of the value.
-    """
-
-    sd: float
-    moves: tuple[tuple[str, float], ...]
-    relative: tuple[bool, ...]
-
-    @property
-    def parts(self) -> tuple[tuple[str, str], ...]:
-        """Each parameter with its change in words."""
-        return tuple(
-            (name, _share(move) if share else f"{move:+.2g} prior sd")
-            for (name, move), share in zip(self.moves, self.relative, strict=True)
-        )
-
-    @property
-    def words(self) -> str:
-        """`X_u +25 %, X_uabsu -11 %`."""
-        return ", ".join(f"{name} {size}" for name, size in self.parts)
-
-
-@dataclass(frozen=True)
-class Known:
-    """What is known, before or after the data.
-
-    Attributes:
-        stage: `before` or `after`.
-        structure: label of the structure.
-        parameters: one by one.
-        directions: together, what is known best first; empty where the model has no derivatives.
-        verdict: sentences that name what is known although its parts are not, and what would separate them.
-        symmetry: sentences on which sides of the vehicle the data find alike.
-    """
-
-    stage: str
-    structure: str
-    parameters: tuple[KnownParameter, ...]
-    directions: tuple[Direction, ...]
-    verdict: tuple[str, ...]
-    symmetry: tuple[str, ...] = ()
-
-    @property
-    def unsure(self) -> list[str]:
-        """Coefficients that an error of the model leaves unknown."""
-        return [item.name for item in self.parameters if item.is_unsure]
-
-    @property
-    def cautions(self) -> tuple[str, ...]:
-        """Parameters that are not known separately, or only if the model is right; empty if each is known."""
-        return self.verdict or ((self.separately,) if self.unsure else ())
-
-    @property
-    def separately(self) -> str:
-        """What is said where no verdict is: each parameter is known, within the model alone if its error leaves one unknown."""
-        if not self.unsure:
-            return BY_ITSELF
-        return f"{BY_ITSELF} within the model, but with model error not {listed(self.unsure)}: that ± is over half of the value"
-
-    def lines(self, shown: Shown) -> list[str]:
-        """A table, its values in the units in which they are `shown`, the combinations known best and least, and the verdict."""
-        before = self.stage == "before"
-        rows = [
-            (
-                item.name,
-                *([measured(factor * item.value, factor * item.sd, unit)] if before else []),
-                item.known_to,
-                percent(item.left),
-                f"{item.correlation:+.3f} with {item.partner}" if item.partner else "-",
-            )
-            for item in self.parameters
-            for factor, unit in [shown(item.name, item.unit)]
-        ]
-        heads = ("", *(["expected"] if before else []), "known to", "prior sd left", "strongest correlation")
-        rows_shown = aligned((heads, *rows), left=(0, -1))
-        if len(self.directions) > 1:
-            rows_shown.append(f"the combination known best, one standard error of the data: {self.directions[0].words}")
-            rows_shown.append(f"the combination known least: {self.directions[-1].words}")
-        return [f"  {line}" for line in (*rows_shown, *(self.verdict or (self.separately,)), *self.symmetry)]
-
-
-def _share(move: float) -> str:
-    return f"{100 * move:+.0f} %" if abs(move) >= 0.1 else f"{100 * move:+.2g} %"
+    terms: tuple[str, ...]
+    found: dict[str, tuple[float, float]]
+    correlations: tuple[tuple[str, str, float], ...]
+    units: dict[str, str]
+    wider: dict[str, tuple[float, str]]

@@ -14,17 +14,20 @@ from pathlib import Path
 from typing import Generic
 
 from seatrial.campaign.rehearsal.result import Rehearsal
-from seatrial.campaign.store.estimates import Estimate, Known
+from seatrial.campaign.store.estimates import Estimate, StoredMode
 from seatrial.campaign.store.predictions import FittedBaselines, Predictions
 from seatrial.campaign.store.stored_result import Result, Store, read_result
-from seatrial.campaign.store.structures import Contenders, Screened, StoredMode, Summary
+from seatrial.campaign.workflow.summary import Summary
 from seatrial.core.dataset import Dataset
 from seatrial.core.record import Record
 from seatrial.design.results import FreeTrial, Measures, RelayTrial, Searched, SweptDesigns
 from seatrial.estimation.diagnostics.calibration import Calibration
+from seatrial.estimation.diagnostics.known import Known
 from seatrial.estimation.posterior.profile_result import Profiles
+from seatrial.selection.contenders import Contenders
 from seatrial.selection.criterion import Criteria
 from seatrial.selection.cross_validation import CrossValidation
+from seatrial.selection.screened import Screened
 from seatrial.selection.verdict import Selection
 
 

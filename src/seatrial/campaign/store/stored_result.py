@@ -91,7 +91,7 @@ class Store:
     mode_predictions = ResultFile("mode_predictions.nc")  # held-back records, as the posterior mode predicts them
     baselines = ResultFile("baselines.nc")  # held-back records as baselines predict them
     screening = ResultFile("screening.nc")  # all structures in closed form
-    contenders = ResultFile("contenders.nc")  # the best structure beside the runner-up
+    contenders = ResultFile("contenders.json")  # the best structure beside the runner-up
     selection = ResultFile("selection.json")  # evidences, probabilities and verdicts
     summary = ResultFile("summary.json")  # everything an engineer copies out
     answer = LabelledFile("answers/{}.json")  # what a command said last

@@ -18,10 +18,10 @@ from seatrial.campaign.inference.judge_predictions import (
 )
 from seatrial.campaign.store.predictions import Predictions
 from seatrial.campaign.store.stored_result import seal_of
-from seatrial.campaign.store.structures import NextTrial, Summary
 from seatrial.campaign.workflow.next_trial import Proposal, propose
 from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.campaign.workflow.steps import LOOP, Workflow, stored_summary
+from seatrial.campaign.workflow.summary import NextTrial, Summary
 from seatrial.campaign.workflow.whole_run import WholeRun, size_of
 from seatrial.core.argument_checks import check_kind
 from seatrial.core.errors import InputError
@@ -29,7 +29,9 @@ from seatrial.core.findings import Finding, Message, accept
 from seatrial.core.reporter import SILENT, Reporter
 from seatrial.estimation.simulation.sensor_errors import noise_name
 from seatrial.messages.cross_validation import complaints
+from seatrial.messages.known import known_cautions
 from seatrial.messages.render import sentences
+from seatrial.messages.selection import contenders_cautions
 
 OF_NEXT_TRIAL = ("next", "contenders")  # Steps without which all that was found so far still holds
 
@@ -121,9 +123,9 @@ def summarise(outcome: Outcome) -> Summary:
     # In order of gravity: what touches the values that are printed, then the records, then what nothing rests on.
     # Every surface takes its cautions from here, so that one that prints none has none further down.
     cautions: list[Message] = [*fit_complaints(outcome.fits, outcome.pooled), *comparison_cautions(outcome.compared)]
-    cautions += [*chosen.left_out, *chosen.cautions, *outcome.known.cautions]
+    cautions += [*chosen.left_out, *chosen.cautions, *known_cautions(outcome.known)]
     cautions += selection.cautions
-    cautions += [] if outcome.contenders is None else outcome.contenders.cautions(selection)
+    cautions += [] if outcome.contenders is None else contenders_cautions(outcome.contenders, selection)
     cautions += [] if outcome.cross_validation is None else complaints(outcome.cross_validation)
     cautions += [text for record in records for text in record_doubts(campaign, record)]
     cautions += held_back_cautions(campaign.imports, outcome.trials)

@@ -17,12 +17,13 @@ from seatrial.campaign.data.simulate import Chosen, chosen_of
 from seatrial.campaign.design.residual_noise import noise_words
 from seatrial.campaign.inference.judge_predictions import fitted_failures, held_back_alarms, hold_back_words
 from seatrial.campaign.inference.quick_estimates import FirstAnswer
-from seatrial.campaign.store.structures import BETTER_EVIDENCE, Contenders, condition_of
 from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.core.display_units import listed, percent
 from seatrial.design.trial_design import TrialDesign
 from seatrial.manoeuvres.family import design_words
 from seatrial.messages.render import sentences
+from seatrial.messages.selection import BETTER_EVIDENCE, condition_of
+from seatrial.selection.contenders import Contenders
 from seatrial.selection.verdict import DECIDED
 
 EXAMPLE_GOAL = Goal({"X_uabsu": 0.03}, trials=4)  # That of the template `design`

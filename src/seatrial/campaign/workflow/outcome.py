@@ -7,17 +7,20 @@ from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.baselines import comparison_alarms
 from seatrial.campaign.inference.judge_predictions import disowned, held_back_alarms
-from seatrial.campaign.store.estimates import Estimate, Known
+from seatrial.campaign.store.estimates import Estimate
 from seatrial.campaign.store.predictions import Fit, FittedBaselines
-from seatrial.campaign.store.structures import Contenders, Screened, Summary
+from seatrial.campaign.workflow.summary import Summary
 from seatrial.core.dataset import Dataset
 from seatrial.core.findings import Finding
 from seatrial.design.trial_design import TrialDesign
+from seatrial.estimation.diagnostics.known import Known
 from seatrial.estimation.prediction.baseline_comparison import Comparison
 from seatrial.estimation.prediction.pooled_coverage import Pooled
 from seatrial.messages.cross_validation import disagreement
 from seatrial.messages.render import sentences
+from seatrial.selection.contenders import Contenders
 from seatrial.selection.cross_validation import CrossValidation
+from seatrial.selection.screened import Screened
 from seatrial.selection.verdict import DECIDED, Selection
 
 

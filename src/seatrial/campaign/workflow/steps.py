@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.store.stored_result import State, Store, StoredResult, key_of
-from seatrial.campaign.store.structures import Summary
+from seatrial.campaign.workflow.summary import Summary
 from seatrial.core.errors import InputError
 from seatrial.core.files import depend_on
 from seatrial.core.record import Record
@@ -445,7 +445,7 @@ LOOP = (
     ),
     Step("baselines", ("campaign", "trials", "reporter"), _baselines, "baselines.nc"),
     Step("next", ("candidates", "chosen", "reporter"), _next, "next.nc", listed="next", command="next"),
-    Step("contenders", ("candidates", "selection", "trials", "reporter"), _contenders, "contenders.nc"),
+    Step("contenders", ("candidates", "selection", "trials", "reporter"), _contenders, "contenders.json"),
 )
 # Steps that are made when they are asked for
 OTHER_STEPS = (

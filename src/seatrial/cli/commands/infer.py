@@ -74,14 +74,14 @@ def select(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None
     """Decide which terms the data support."""
 
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
-        from seatrial.campaign.selection.evidence import agreement_words
         from seatrial.campaign.workflow.steps import Workflow
+        from seatrial.messages.selection import agreement_words, contenders_lines, screening_lines
         from seatrial.report.figure_files import write_select_picture
 
         flow = Workflow(campaign, reporter)
         screened, cautions = flow.get("screening")
         if screened is not None:
-            answer.say("\n".join(screened.lines()))
+            answer.say("\n".join(screening_lines(screened)))
         campaign, selection = flow.get("candidates"), flow.get("selection")
         for structure, evidence, probability in zip(
             selection.structures, selection.evidences, selection.probability, strict=True
@@ -94,7 +94,7 @@ def select(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None
         answer.give_result(selection)
         contenders = flow.get("contenders")
         if contenders is not None:
-            answer.say("\n".join(contenders.lines(selection)))
+            answer.say("\n".join(contenders_lines(contenders, selection)))
         if screened is not None or contenders is not None:
             answer.wrote("picture", write_select_picture(campaign, selection, screened, contenders))
         never = [term for term in campaign.rules.never if term in campaign.structure.optional]
@@ -184,8 +184,9 @@ def _by_chains(campaign: Any, reporter: Any, answer: Answer) -> Exit:
     from seatrial.campaign.inference.coefficient_csv import write_coefficients
     from seatrial.campaign.inference.identifiability import known_after
     from seatrial.campaign.inference.judge_predictions import held_back_cautions, held_back_lines, predict_held_back
-    from seatrial.campaign.store.estimates import with_model_error
     from seatrial.campaign.workflow.steps import Workflow
+    from seatrial.messages.effects import with_model_error
+    from seatrial.messages.known import known_lines
     from seatrial.messages.render import sentence
 
     flow = Workflow(campaign, reporter)
@@ -210,7 +211,7 @@ def _by_chains(campaign: Any, reporter: Any, answer: Answer) -> Exit:
         for line in held_back_lines(held_back[-1]):
             answer.say(f"  {line}")
         known = known_after(flow.get("candidates"), item, trials)
-        answer.say("\n".join(known.lines(campaign.shown)))
+        answer.say("\n".join(known_lines(known, campaign.shown)))
         verdicts += known.verdict
         structures.append({"estimate": item, "model_error": words, "known": known, "held_back": held_back[-1].fits})
     exact = taken_as_exact(campaign)

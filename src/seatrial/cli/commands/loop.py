@@ -171,10 +171,10 @@ def _tell_and_report(answer: Answer, outcome: Any, proposal: Any) -> Exit:
     from seatrial.campaign.inference.baselines import comparison_lines
     from seatrial.campaign.inference.coefficient_csv import write_averaged, write_coefficients
     from seatrial.campaign.inference.judge_predictions import fit_complaints
-    from seatrial.campaign.store.estimates import with_model_error
-    from seatrial.campaign.store.structures import QUOTED
+    from seatrial.messages.effects import with_model_error
     from seatrial.messages.predictions import comparison_text
     from seatrial.messages.render import sentence, sentences
+    from seatrial.messages.selection import QUOTED
     from seatrial.report.page import write_report
 
     summary = outcome.summary

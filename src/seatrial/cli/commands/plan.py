@@ -103,6 +103,7 @@ def design(
         from seatrial.campaign.prior.cautions import file_cautions
         from seatrial.campaign.store.stored_result import Store
         from seatrial.campaign.workflow.steps import Workflow
+        from seatrial.messages.known import known_lines
 
         _check_options(campaign, free_form, self_oscillation, trials, search, compare)
         settings = {"levels": free_form, "together": trials, "budget": search, "designs": max(compare, 5)}
@@ -114,7 +115,7 @@ def design(
             answer.say(f"  {line}")
         promised = flow.get("promised")
         answer.say(f"expected precision of each coefficient of {promised.structure} at the prior means:")
-        answer.say("\n".join(promised.lines(campaign.shown)))
+        answer.say("\n".join(known_lines(promised, campaign.shown)))
         own = flow.get("own")
         if own is not None:
             answer.say("\n".join((*own.lines(campaign.shown), *own_lines(campaign, campaign.own_schedule))))

@@ -8,10 +8,11 @@ from typing import Any
 from markupsafe import Markup
 from nicegui import ui
 
+from seatrial.campaign.store.estimates import StoredMode
 from seatrial.campaign.store.predictions import Predictions
 from seatrial.campaign.store.results import Results
 from seatrial.campaign.store.stored_result import Store
-from seatrial.campaign.store.structures import NextTrial, StoredMode
+from seatrial.campaign.workflow.summary import NextTrial
 from seatrial.cli.campaign_text import written_units
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import Shown, shown_as_written

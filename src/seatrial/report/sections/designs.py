@@ -32,7 +32,7 @@ from seatrial.report.figures.style import unit_label
 from seatrial.report.figures.surface import design_surface
 from seatrial.report.labels import label_html
 from seatrial.report.numbers import common_exponent, decimals, percent, short, times_ten, unit_html
-from seatrial.report.sections.parameters import verdict_of
+from seatrial.report.sections.parameters import verdict_findings
 
 
 def trial_section(outcome: Outcome) -> dict[str, Any]:
@@ -140,7 +140,7 @@ def _designed(outcome: Outcome, first: TrialDesign) -> dict[str, Any]:
         "families": _families(first),
         "model": model_said(outcome, full.structure.label),
         "rows": _sd_rows(outcome, filtered, before, [promised[name] for name in filtered], reached),
-        "foreseen": [] if outcome.promised is None else verdict_of(outcome, outcome.promised),
+        "foreseen": [] if outcome.promised is None else verdict_findings(outcome, outcome.promised),
     }
 
 

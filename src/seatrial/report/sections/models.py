@@ -4,11 +4,11 @@ from typing import Any
 
 import numpy as np
 
-from seatrial.campaign.selection.evidence import agreement_counts
 from seatrial.campaign.store.estimates import Estimate
 from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.estimation.regression.row_fit import SCREENING
 from seatrial.messages.cross_validation import complaints, disagreement, headline, heads, rows
+from seatrial.messages.selection import agreement_counts, difference_words, trial_words
 from seatrial.report.drawing import (
     digits_of,
     draw,
@@ -89,7 +89,7 @@ def _contenders(outcome: Outcome) -> dict[str, Any]:
     if result is None:
         return {}
     item = contenders_figure(result, names_of(outcome), outcome.trials.fit)
-    texts = result.difference_words(), result.trial_words(outcome.selection)
+    texts = difference_words(result), trial_words(result, outcome.selection)
     return {
         "decided": outcome.selection.is_settled,
         "findings": [finding_of(outcome, text) for text in texts],

@@ -6,9 +6,11 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from seatrial.campaign.store.estimates import Direction, Known, KnownParameter, StoredCoefficient
+from seatrial.campaign.store.estimates import StoredCoefficient
 from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.core.coefficients import CoefficientName, is_coefficient
+from seatrial.estimation.diagnostics.known import Direction, Known, KnownParameter
+from seatrial.messages.known import parts_of, verdict_of
 from seatrial.report.drawing import (
     Drawing,
     digits_of,
@@ -60,7 +62,7 @@ def parameters_section(outcome: Outcome) -> dict[str, Any]:
         "tried_effects": [name_html(effect, labels) for effect in effects],
         "verdict": []
         if set(known.verdict) <= set(outcome.summary.cautions) and known.verdict
-        else verdict_of(outcome, known),
+        else verdict_findings(outcome, known),
         "directions": [_direction(item, labels_of(outcome)) for item in known.directions] if several else [],
         "corner": _corner(outcome, paired),
         "pairs_left_out": len(chosen.names) - len(paired),
@@ -109,9 +111,9 @@ def correlation(draws: np.ndarray) -> np.ndarray:
     return (centred / sd).T @ (centred / sd) / draws.shape[0]
 
 
-def verdict_of(outcome: Outcome, known: Known) -> list[dict[str, Any]]:
+def verdict_findings(outcome: Outcome, known: Known) -> list[dict[str, Any]]:
     """Sentences as findings of the page; one that all is well if there are none. Those of a design are no cautions: data followed it."""
-    return [finding_of(outcome, text) for text in (*(known.verdict or (known.separately,)), *known.symmetry)]
+    return [finding_of(outcome, text) for text in (*verdict_of(known), *known.symmetry)]
 
 
 def _row(outcome: Outcome, item: StoredCoefficient, known: KnownParameter) -> dict[str, Any]:
@@ -145,7 +147,7 @@ def _direction(item: Direction, labels: dict[str, str]) -> Markup:
         Markup('<span class="whole">{} {}</span>').format(
             label_html(labels.get(name, name)), typeset(f" {size}").strip()
         )
-        for name, size in item.parts
+        for name, size in parts_of(item)
     ]
     return Markup(", ").join(parts)
 

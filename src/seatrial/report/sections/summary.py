@@ -10,7 +10,6 @@ from markupsafe import Markup
 from seatrial.campaign.config.taken_as_exact import taken_as_exact
 from seatrial.campaign.inference.coefficient_csv import averaged_rows
 from seatrial.campaign.inference.judge_predictions import held_back_alarms
-from seatrial.campaign.store.structures import QUOTED, RARE, StoredAverage, condition_of
 from seatrial.campaign.workflow.next_trial import propose
 from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.core.display_units import listed
@@ -18,6 +17,7 @@ from seatrial.core.findings import Finding
 from seatrial.estimation.prediction.baseline_comparison import CLEAR_RATIO
 from seatrial.messages.predictions import WORSE_THAN_MEAN, explained_text
 from seatrial.messages.render import sentence, sentences
+from seatrial.messages.selection import QUOTED, condition_of
 from seatrial.report.drawing import (
     digits_of,
     factors_of,
@@ -29,7 +29,9 @@ from seatrial.report.drawing import (
 )
 from seatrial.report.labels import label_html, name_html
 from seatrial.report.numbers import DASH, percent, probability, typeset
+from seatrial.selection.verdict import StoredAverage
 
+RARE = 0.01  # Probability below which a term that the chosen model lacks is not worth a row
 MAX_MODELS = 5  # Models that the first screen names
 # What a parameter that is no coefficient is, by the first word of its name.
 KINDS = {

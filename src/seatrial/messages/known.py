@@ -1,0 +1,63 @@
+"""What is known of each parameter, and of several together, in words; without JAX."""
+
+from seatrial.core.display_units import Shown, listed, measured, percent
+from seatrial.core.result_table import aligned
+from seatrial.estimation.diagnostics.known import Direction, Known, KnownParameter
+
+VAIN = 10.0  # Standard deviation over the value from which a percentage says nothing
+BY_ITSELF = "each parameter is known separately"
+
+
+def known_lines(known: Known, shown: Shown) -> list[str]:
+    """Return a table, its values in the units in which they are `shown`, the combinations known best and least, and the verdict."""
+    before = known.stage == "before"
+    rows = [
+        (
+            item.name,
+            *([measured(factor * item.value, factor * item.sd, unit)] if before else []),
+            known_to(item),
+            percent(item.left),
+            f"{item.correlation:+.3f} with {item.partner}" if item.partner else "-",
+        )
+        for item in known.parameters
+        for factor, unit in [shown(item.name, item.unit)]
+    ]
+    heads = ("", *(["expected"] if before else []), "known to", "prior sd left", "strongest correlation")
+    lines = aligned((heads, *rows), left=(0, -1))
+    if len(known.directions) > 1:
+        best, least = (", ".join(f"{name} {size}" for name, size in parts_of(known.directions[at])) for at in (0, -1))
+        lines.append(f"the combination known best, one standard error of the data: {best}")
+        lines.append(f"the combination known least: {least}")
+    return [f"  {line}" for line in (*lines, *verdict_of(known), *known.symmetry)]
+
+
+def verdict_of(known: Known) -> tuple[str, ...]:
+    """Return the verdict; where there is none, that each parameter is known, within the model alone if its error leaves one unknown."""
+    if known.verdict:
+        return known.verdict
+    if not known.unsure:
+        return (BY_ITSELF,)
+    doubt = f"with model error not {listed(known.unsure)}: that ± is over half of the value"
+    return (f"{BY_ITSELF} within the model, but {doubt}",)
+
+
+def known_cautions(known: Known) -> tuple[str, ...]:
+    """Return which parameters are not known separately, or only if the model is right; empty if each is known."""
+    return verdict_of(known) if known.verdict or known.unsure else ()
+
+
+def known_to(item: KnownParameter) -> str:
+    """Return the relative standard deviation in words, and what it is with an error of the model where that is more."""
+    shares = [item.relative]
+    if item.model_error_sd and item.sd > 0:
+        shares.append(item.relative * item.model_error_sd / item.sd)
+    words = ["not at all" if share >= VAIN else percent(share) for share in shares]
+    return words[0] if len(words) == 1 or words[0] == words[1] else f"{words[0]}, {words[1]} with model error"
+
+
+def parts_of(direction: Direction) -> tuple[tuple[str, str], ...]:
+    """Return each parameter of a direction with its change in words: `X_u`, `+25 %`."""
+    return tuple(
+        (name, f"{100 * move:{'+.0f' if abs(move) >= 0.1 else '+.2g'}} %" if share else f"{move:+.2g} prior sd")
+        for (name, move), share in zip(direction.moves, direction.relative, strict=True)
+    )
