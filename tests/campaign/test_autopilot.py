@@ -6,16 +6,18 @@ import numpy as np
 import pytest
 from jax.random import key
 
+import seatrial as st
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import import_trials
 from seatrial.campaign.data.rebuilt_controls import with_rebuilt_controls
 from seatrial.campaign.data.simulate import Scheduled, run_trial
-from seatrial.campaign.data.true_vehicle import _pushes, true_vehicle
+from seatrial.campaign.data.true_vehicle import true_vehicle
 from seatrial.campaign.design.problem import design_problem, plan_of, prior_draws
 from seatrial.campaign.design.searches import relay_search
 from seatrial.campaign.design.sweep import design_first
 from seatrial.campaign.inference.quick_estimates import posterior_modes
 from seatrial.campaign.rehearsal.run import rehearse
+from seatrial.compiled.random_keys import random_key
 from seatrial.core.errors import InputError
 from seatrial.core.record import make_record
 from seatrial.core.reporter import SILENT
@@ -24,6 +26,7 @@ from seatrial.design.loop_stability import GainChange, _advice, check_autopilot
 from seatrial.design.measures import MeasureSearch
 from seatrial.design.motion_limits import MotionLimit
 from seatrial.design.safety import judge_safety
+from seatrial.estimation.posterior.simulated_record import _pushes, with_pushes
 from seatrial.manoeuvres.schedule import Schedule
 from tests.campaigns import write_campaign
 
@@ -185,14 +188,38 @@ def test_process_noise_of_the_truth_has_the_size_that_is_stated(tmp_path):
     """A vehicle whose rate is noise alone: the increments of a random walk."""
     made = campaign(tmp_path, ("process_r = 0.01", "process_r = 0.02"))
     vehicle = true_vehicle(made)
-    assert vehicle.shaken == ("v", "r")
-    model = vehicle.simulator.model
+    step = np.full(20_000, 0.1)
+    pushes = _pushes(vehicle.simulator.model, vehicle.values, step, key(0))
+    assert list(pushes) == ["process_v", "process_r"]
+    model = with_pushes(vehicle.simulator.model, tuple(pushes))
     still = model.derivative(vehicle.values, (0.0, 0.0, 0.0), (1.5, 0.0, 0.0, 0.0))
     pushed = model.derivative(vehicle.values, (0.0, 0.0, 0.0), (1.5, 0.0, 0.3, 0.7))
     np.testing.assert_allclose(np.subtract(pushed, still), [0.3, 0.7, 0.0], atol=1e-12)
-    step = np.full(20_000, 0.1)
-    sizes = [np.std(one * step) / np.sqrt(0.1) for one in _pushes(("v", "r"), vehicle.values, step, key(0))]
+    sizes = [np.std(one * step) / np.sqrt(0.1) for one in pushes.values()]
     np.testing.assert_allclose(sizes, [0.01, 0.02], rtol=4 / np.sqrt(2 * 20_000))
+
+
+def test_python_simulates_the_same_trial_under_the_autopilot(tmp_path):
+    made = campaign(tmp_path)
+    time = np.arange(200) * 0.1
+    record = run_trial(made, Scheduled("a", "a.csv", turns(time)), "a", "key")
+    vehicle = true_vehicle(made)
+    model = vehicle.simulator.model
+    same = st.simulate(
+        model,
+        {**vehicle.values, "process_psi": 0.0},
+        Schedule(time, turns(time).columns(vehicle.trim)),
+        vehicle.simulator.sensors,
+        feedback=made.pilot(model.controls),
+        start=vehicle.start,
+        rates={"psi": 5.0},
+        key=[random_key(made.seed, f"noise {channel} a") for channel in made.channels],
+    )
+    assert same.channels == record.channels
+    for channel in record.channels:
+        np.testing.assert_array_equal(same.channel(channel.name), record.channel(channel.name))
+    with pytest.raises(InputError, match="feedback"):
+        st.simulate(model, vehicle.values, turns(time), ["v"], feedback=made.pilot(model.controls), start=vehicle.start)
 
 
 def test_safety_is_that_of_each_closed_loop(tmp_path):

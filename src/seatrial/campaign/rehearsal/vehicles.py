@@ -14,10 +14,10 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from seatrial.campaign.config.campaign import Campaign
-from seatrial.campaign.data.true_vehicle import simulated_vehicle
+from seatrial.campaign.data.true_vehicle import at_first_command
 from seatrial.campaign.inference.posterior import build_posterior, posterior_of_one
 from seatrial.compiled.programs import program
-from seatrial.core.errors import InputError, NumericalError
+from seatrial.core.errors import NumericalError
 from seatrial.core.record import Channel, Provenance, Record, make_record
 from seatrial.core.signals import signal_unit
 from seatrial.design.sweep import in_blocks
@@ -25,9 +25,9 @@ from seatrial.design.trial_plan import TrialPlan
 from seatrial.estimation.posterior.output_error import initial_name
 from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.estimation.posterior.replicate import replicate
+from seatrial.estimation.posterior.simulated_record import simulate_trial
 from seatrial.estimation.simulation.sensor_errors import noise_name
 from seatrial.estimation.simulation.trial_data import FOREVER
-from seatrial.manoeuvres.schedule import Schedule
 
 MAX_PRIOR_DRAWS = 200  # Draws from the prior until one is a vehicle that does not run away
 RUNAWAY_SPEED = 20.0  # Speed from which a vehicle has run away, m/s
@@ -129,17 +129,21 @@ def _run_through_autopilot(
     key: jax.Array,
 ) -> dict[str, Float[np.ndarray, " n"]]:
     """Return controls, set-points and measurements of a trial that runs through the autopilot."""
-    likelihood = posterior.likelihood
-    output = likelihood.output
+    simulator = posterior.likelihood.output.simulator
     here = {name.removesuffix(f"[{TRIAL_LABEL}]"): value for name, value in values.items()}
-    start, trim = tuple(_trim(campaign)), campaign.control_trim(output.model)
-    vehicle = simulated_vehicle(campaign, output.simulator, here, start, trim)
-    keys = jax.random.split(key, len(campaign.channels))
+    time = campaign.family.time()
     try:
-        return vehicle.show(
-            Schedule(campaign.family.time(), commands), campaign.measured_mask(campaign.family.time()) > 0, tuple(keys)
+        return simulate_trial(
+            simulator,
+            here,
+            time,
+            commands,
+            at_first_command(simulator.model, _trim(campaign).tolist(), commands),
+            campaign.measured_mask(time) > 0,
+            tuple(jax.random.split(key, len(campaign.channels))),
+            campaign.pilot(simulator.model.controls),
         )
-    except InputError as cause:
+    except NumericalError as cause:
         raise NumericalError(
             "a vehicle drawn from the prior runs away under the autopilot: narrow the priors"
         ) from cause

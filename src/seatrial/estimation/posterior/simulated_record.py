@@ -1,7 +1,14 @@
-"""A record as a vehicle's sensors would give it: motion under a schedule, noise of each sensor's kind, gaps between its samples."""
+"""A record as a vehicle's sensors would give it: motion under a schedule or a pilot, noise of each sensor's kind, gaps between its samples.
 
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import replace
+What pushes the vehicle beside its controls is drawn before and held over each step: process noise as a rate of change of a state,
+
+    dx/dt = f(x, c) + s e / sqrt(h),  e standard normal, h the step, s what the state gains in one second
+
+and a disturbance as the mean of its force over the step (`seatrial.estimation.simulation.disturbance`).
+"""
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from math import inf
 from typing import Any
@@ -9,9 +16,10 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from seatrial.compiled.engine import check_precision
+from seatrial.compiled.programs import program
 from seatrial.core.argument_checks import check_kind, check_known, check_number, check_numbers, check_text
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError, NumericalError
@@ -19,21 +27,28 @@ from seatrial.core.files import sha256_of_json
 from seatrial.core.record import SIMULATED, Channel, Provenance, Record, make_record
 from seatrial.core.signals import ANGLES, QUATERNION, SPEEDS, signal_unit
 from seatrial.estimation.posterior.filter_error import process_name
+from seatrial.estimation.posterior.output_error import output_error
 from seatrial.estimation.posterior.posterior import as_key
-from seatrial.estimation.posterior.record_posterior import (
-    check_model,
-    likelihood_of,
-    stated_sensors,
-)
-from seatrial.estimation.posterior.replicate import replicate
+from seatrial.estimation.posterior.record_posterior import check_model, starts_of, stated_sensors
+from seatrial.estimation.posterior.replicate import draw_noise
 from seatrial.estimation.posterior.unknowns import noisy_states
 from seatrial.estimation.simulation.delayed_control import DELAY
-from seatrial.estimation.simulation.disturbance import disturbance_name, disturbance_time_name, disturbed_axes
+from seatrial.estimation.simulation.disturbance import (
+    OverStep,
+    disturbance_name,
+    disturbance_time_name,
+    disturbed_axes,
+    over_step,
+)
 from seatrial.estimation.simulation.sensor_errors import Sensor, bias_name, correlation_name, dof_name, drift_time_name
-from seatrial.estimation.simulation.simulator import CURRENT
+from seatrial.estimation.simulation.simulator import CURRENT, Feedback, Simulator
 from seatrial.estimation.simulation.starts import start_of
+from seatrial.estimation.simulation.trial_data import ChannelData, channel_data
+from seatrial.manoeuvres.autopilot import Autopilot
+from seatrial.manoeuvres.pilot import Moment, Pilot
+from seatrial.manoeuvres.relay import Relay
 from seatrial.manoeuvres.schedule import Schedule
-from seatrial.vehicles.model import VehicleModel
+from seatrial.vehicles.model import VehicleModel, cached_model, outside_force
 from seatrial.vehicles.simulate import simulate as motion
 
 
@@ -43,9 +58,10 @@ def simulate(
     schedule: Schedule,
     sensors: Sequence[Sensor | str],
     *,
-    start: Mapping[str, float] | None = None,
+    feedback: Autopilot | Relay | None = None,
+    start: Mapping[str, float] | Sequence[float] | None = None,
     rates: Mapping[str, float] | None = None,
-    key: jax.Array | int = 0,
+    key: jax.Array | int | Sequence[jax.Array] = 0,
     label: str = "trial",
 ) -> Record:
     """Simulate a trial.
@@ -54,11 +70,13 @@ def simulate(
         model: vehicle.
         values: true value of every coefficient and of what the sensors need (`sigma_u`, and `bias_u` and the like where a sensor has
             them), SI; also `delay`, `current`, `process_u`, and `disturbance_X` with `disturbance_time_X` where they are to be.
-        schedule: controls over time, SI.
+        schedule: controls over time, SI, and set-points of an autopilot.
         sensors: measured channels; a name alone is a sensor of white noise.
-        start: state at the first sample, signal name to SI value; velocities are needed, angles and positions begin at 0.
+        feedback: an autopilot or a relay, which decides the controls at each sample; the schedule does where not given.
+        start: state at the first sample, signal name to SI value; velocities are needed, angles and positions begin at 0. Or the whole
+            state, SI, in the order of the states of the vehicle.
         rates: samples a second of sensors that are slower than the schedule, by channel, 1/s.
-        key: random key of the noise, or a seed.
+        key: random key of the noise, or a seed; or a key of the noise of each sensor.
         label: short name of the record.
 
     Returns:
@@ -73,25 +91,203 @@ def simulate(
     check_model(model)
     check_kind(schedule, Schedule, "schedule", "take one of `Family.schedule`, or build it of times and controls")
     check_text(label, "label", "give a short name")
-    controls = {name: _control(schedule, name) for name in model.controls}
     time = schedule.time
     chosen = stated_sensors(model, sensors)
+    if feedback is not None:
+        _check_feedback(feedback, model, [one.channel for one in chosen])
+    names = feedback.commands if isinstance(feedback, Autopilot) else model.controls
+    commands = {name: _control(schedule, name) for name in names}
     values = _checked_values(model, chosen, values)
-    blank = _blank(time, controls, chosen, checked_rates(rates, [one.channel for one in chosen], time), label)
-    starts = [start_of(model, replace(blank, measurement=np.full_like(blank.measurement, np.nan)), start)]
-    likelihood, data = likelihood_of(model, [blank], chosen, values, starts)
-    made = replicate(likelihood, values, data, as_key(key))
-    columns = dict(controls)
-    for sensor, channel in zip(chosen, made.channels, strict=True):
-        shown, present = (np.asarray(column[0])[: time.size] for column in (channel.measured, channel.present))
-        if not np.isfinite(shown).all():
+    blank = _blank(time, commands, chosen, checked_rates(rates, [one.channel for one in chosen], time), label)
+    stated = start if start is None or isinstance(start, Mapping) else [start]
+    (first,) = starts_of(
+        model, [replace(blank, measurement=np.full_like(blank.measurement, np.nan))], stated, free=False
+    )
+    likelihood, _ = output_error(model, [blank], chosen, [first], delay=DELAY in values, current=CURRENT in values)
+    # The second of two keys, as `replicate` has it, so that a record and its replicates differ in nothing but their keys.
+    keys = (
+        key if isinstance(key, Sequence) else jax.random.split(jax.random.split(as_key(key), 2)[1], (1, len(chosen)))[0]
+    )
+    columns = simulate_trial(
+        likelihood.simulator, values, time, commands, first, np.isfinite(blank.measurement), keys, feedback
+    )
+    if set(QUATERNION) <= set(columns):  # of length 1, as an attitude filter gives it
+        length = np.sqrt(sum(columns[part] ** 2 for part in QUATERNION))
+        columns |= {part: columns[part] / length for part in QUATERNION}
+    begun = dict(start or {}) if start is None or isinstance(start, Mapping) else list(start)
+    about = {"values": values, "start": begun, "rates": dict(rates or {})}
+    about |= {} if feedback is None else {"feedback": repr(feedback)}
+    return make_record(time, columns, blank.channels, Provenance(SIMULATED, sha256_of_json(about), about), label)
+
+
+def simulate_trial(
+    simulator: Simulator,
+    values: Mapping[str, float],
+    time: Float[np.ndarray, " n"],
+    commands: Mapping[str, Float[np.ndarray, " n"]],
+    start: Sequence[float],
+    measured: Bool[np.ndarray, "n m"],
+    keys: Sequence[Array],
+    feedback: Pilot | None = None,
+) -> dict[str, Float[np.ndarray, " n"]]:
+    """Return every command and what every sensor shows of a trial, SI, NaN where it does not measure.
+
+    Args:
+        simulator: vehicle and sensors.
+        values: of all parameters, SI, those of process noise and disturbances among them where they are to be.
+        time: of each sample, s.
+        commands: every control of the vehicle, then what else a pilot is given, SI, each of shape (n,).
+        start: state at the first sample, SI.
+        measured: whether each sensor gives a sample.
+        keys: of each sensor's noise; that of the pushes follows from the first.
+        feedback: that decides the controls; they are as commanded without.
+
+    Raises:
+        NumericalError: a vehicle that runs away.
+    """
+    sensors, model = simulator.sensors, simulator.model
+    blank = np.where(measured, 0.0, np.nan)
+    channels = tuple(channel_data(time, column) for column in blank.T)
+    noise = [np.asarray(one) for one in _noise(sensors, dict(values), channels, tuple(keys))]
+    # Differences of even times differ by rounding, and each other step would be another number to integrate with.
+    step = np.diff(time, append=2 * time[-1] - time[-2])
+    step = np.full(time.size, time[1]) if np.ptp(step) <= 1e-9 * time[1] else step
+    pushes = _pushes(model, values, step, keys[0])
+    pushed = replace(simulator, model=with_pushes(model, tuple(pushes)))
+    count, held = len(model.controls), list(commands.values())
+    if feedback is None:
+        shown, end = _follow(pushed, dict(values), np.asarray(start, float), (*held[:count], *pushes.values()), step)
+    else:
+        errors = {sensor.channel: noise[i] + blank[:, i] for i, sensor in enumerate(sensors)}
+        moments = Moment(time, (*pushes.values(), *held), tuple(errors[name] for name in feedback.outputs))
+        run = _closed_loop(pushed, _Pushed(feedback, len(pushes)), values, step)
+        shown, end, command = run(np.asarray(start, float), moments)
+        commands = {**commands, **dict(zip(model.controls, map(np.asarray, command), strict=False))}
+    exact = np.asarray(shown)
+    for sensor, column in zip(sensors, exact.T, strict=True):
+        if not np.isfinite(column).all():
             raise NumericalError(
-                f"the simulated vehicle runs away: {sensor.channel} is no number from {time[np.argmin(np.isfinite(shown))]:g} s on; "
+                f"the simulated vehicle runs away: {sensor.channel} is no number from {time[np.argmin(np.isfinite(column))]:g} s on; "
                 "check the signs of the damping: negative coefficients dissipate"
             )
-        columns[sensor.channel] = np.where(present > 0, shown, np.nan)
-    stated = {"values": values, "start": dict(start or {}), "rates": dict(rates or {})}
-    return make_record(time, columns, blank.channels, Provenance(SIMULATED, sha256_of_json(stated), stated), label)
+    if not np.isfinite(end).all():
+        raise NumericalError(f"the simulated vehicle runs away after {time[-1]:g} s")
+    return {
+        **commands,
+        **{one.channel: np.where(measured[:, i], exact[:, i] + noise[i], np.nan) for i, one in enumerate(sensors)},
+    }
+
+
+@dataclass(frozen=True, eq=False)
+class _Pushed:
+    """A pilot of a vehicle on which some last controls act that it does not decide; it is told them first."""
+
+    pilot: Pilot
+    count: int
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        return self.pilot.outputs
+
+    def begin(self) -> Any:
+        return self.pilot.begin()
+
+    def decide(self, memory: Any, time: Any, seen: tuple, told: tuple) -> Any:
+        return self.pilot.decide(memory, time, seen, told[self.count :])
+
+    def controls(self, memory: Any, told: tuple) -> tuple:
+        return (*self.pilot.controls(memory, told[self.count :]), *told[: self.count])
+
+
+@cached_model
+def with_pushes(model: VehicleModel, pushes: Sequence[str]) -> VehicleModel:
+    """Return the vehicle with further controls: `process_u`, added to the rate of a state, and `outside_X`, a force on an axis."""
+    if not pushes:
+        return model
+    count = len(model.controls)
+    places = {process_name(state): place for place, state in enumerate(model.states)}
+
+    def under(params: Any, control: tuple) -> dict[str, Any]:
+        given = zip(pushes, control[count:], strict=True)
+        return {**params, **{name: push for name, push in given if name not in places}}
+
+    def derivative(params: Any, state: tuple, control: tuple) -> tuple:
+        rates = list(model.derivative(under(params, control), state, control[:count]))
+        for name, push in zip(pushes, control[count:], strict=True):
+            if name in places:
+                rates[places[name]] = rates[places[name]] + push
+        return tuple(rates)
+
+    outputs = {
+        name: lambda params, state, control, view=view: view(under(params, control), state, control[:count])
+        for name, view in model.outputs.items()
+    }
+    return replace(model, controls=(*model.controls, *pushes), derivative=derivative, outputs=outputs)
+
+
+def _pushes(
+    model: VehicleModel, values: Mapping[str, float], step: Float[np.ndarray, " n"], key: Array
+) -> dict[str, Float[np.ndarray, " n"]]:
+    """Draw what acts on a vehicle over each step beside its controls, by the names of `with_pushes`."""
+    noisy = [state for state in model.states if values.get(process_name(state), 0.0) > 0]
+    result = {}
+    if noisy:
+        draws = np.asarray(jax.random.normal(jax.random.fold_in(key, 1), (len(noisy), step.size)))
+        result = {
+            process_name(state): values[process_name(state)] * one / np.sqrt(step)
+            for state, one in zip(noisy, draws, strict=True)
+        }
+    for number, axis in enumerate(disturbed_axes(values, model), 2):
+        sd = values[disturbance_name(axis)]
+        part = OverStep(*map(np.asarray, over_step(sd, values[disturbance_time_name(axis)], step)))
+        first, gained, apart = np.asarray(jax.random.normal(jax.random.fold_in(key, number), (3, step.size)))
+        gained, force = part.gained * gained, np.empty(step.size)
+        force[0] = sd * first[0]
+        for k in range(1, step.size):
+            force[k] = part.memory[k - 1] * force[k - 1] + gained[k - 1]
+        result[outside_force(axis)] = part.mean * force + part.with_gained * gained + part.apart * apart
+    return result
+
+
+@program(static_argnums=0)
+def _noise(
+    sensors: tuple[Sensor, ...], values: Mapping[str, Any], channels: tuple[ChannelData, ...], keys: tuple[Array, ...]
+) -> tuple[Array, ...]:
+    return tuple(
+        draw_noise(sensor, values, channel, key) for sensor, channel, key in zip(sensors, channels, keys, strict=True)
+    )
+
+
+@program(static_argnums=0)
+def _follow(
+    simulator: Simulator, values: Mapping[str, Any], start: Any, control: tuple, step: Any
+) -> tuple[Array, Array]:
+    followed = simulator.simulate(values, start, control, step)
+    return jnp.stack(followed.kept, -1), jnp.stack(followed.end)
+
+
+def _closed_loop(
+    simulator: Simulator, pilot: Pilot, values: Mapping[str, float], step: Float[np.ndarray, " n"]
+) -> Callable[[Array, Moment], tuple[Array, Array, tuple]]:
+    """Return what a trial under a pilot shows, its last state and its controls; compiled."""
+
+    @program
+    def run(start: Array, moments: Moment) -> tuple[Array, Array, tuple]:
+        followed = simulator.simulate(values, start, Feedback(pilot, moments), step)
+        return jnp.stack(followed.kept, -1), jnp.stack(followed.end), followed.command
+
+    return run
+
+
+def _check_feedback(feedback: Autopilot | Relay, model: VehicleModel, channels: Sequence[str]) -> None:
+    drives = feedback.vehicle if isinstance(feedback, Autopilot) else tuple(name for name, _ in feedback.family.trim)
+    if drives != model.controls or not set(feedback.outputs) <= set(channels):
+        raise InputError(
+            "feedback",
+            found=f"a pilot that feeds {', '.join(feedback.outputs)} back and drives {', '.join(drives)}",
+            expected=f"sensors {', '.join(channels)} and controls {', '.join(model.controls)}",
+            remedy="measure what is fed back, and name every control of the vehicle in its order",
+        )
 
 
 def simulate_motion(
@@ -192,7 +388,9 @@ def _checked_values(model: VehicleModel, sensors: Sequence[Sensor], values: Mapp
     pushed = [process_name(state) for state in noisy_states(given, model)]
     times = [disturbance_time_name(axis) for axis in disturbed_axes(given, model)]
     pushed += [*map(disturbance_name, disturbed_axes(given, model)), *times]
-    needed = [*(term.text for term in model.coefficients), *of_sensors, *pushed]
+    of_mounts = dict.fromkeys(name for one in sensors if one.mount for name in one.mount.unknown)
+    of_vehicle = [*(term.text for term in model.coefficients), *(one.name for one in model.unknowns)]
+    needed = [*of_vehicle, *of_mounts, *of_sensors, *pushed]
     if missing := [name for name in needed if name not in given]:
         raise InputError(
             "values",
