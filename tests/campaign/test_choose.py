@@ -15,7 +15,7 @@ from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.selection import evidence
 from seatrial.campaign.selection.evidence import select_structure
 from seatrial.estimation.priors import Normal, Uniform
-from seatrial.messages.selection import agreement_counts, agreement_words
+from seatrial.messages.structures import agreement_counts, agreement_words
 from seatrial.sampling.nested import NestedRun
 from seatrial.selection import log_evidence
 from seatrial.selection.log_evidence import EvidenceRun, EvidenceTask, MethodResult

@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import least_squares
 
 from seatrial.campaign.selection.runner_up import absorbed, contending
-from seatrial.messages.selection import change_words, difference_words, trial_words, undecided_words
+from seatrial.messages.structures import change_words, difference_words, trial_words, undecided_words
 from seatrial.vehicles.hull import Hull
 from seatrial.vehicles.simulate import simulate
 from seatrial.vehicles.whole import whole_vehicle

@@ -6,7 +6,7 @@ from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.selection.screening import can_be_screened, screen_terms, with_shortlist
 from seatrial.core.errors import InputError
-from seatrial.messages.selection import screening_lines
+from seatrial.messages.structures import screening_lines
 from seatrial.vehicles.catalogue import load_surge
 from seatrial.vehicles.simulate import simulate
 from seatrial.vehicles.whole import whole_vehicle

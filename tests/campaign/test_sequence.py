@@ -18,7 +18,7 @@ from seatrial.campaign.workflow.loop import run_sequence, summarise
 from seatrial.campaign.workflow.next_trial import Proposal, propose, settling
 from seatrial.core.errors import InputError
 from seatrial.messages.catalogue import ENTRIES
-from seatrial.messages.selection import IF_NOISE, undecided_words
+from seatrial.messages.structures import IF_NOISE, undecided_words
 from seatrial.report.sections.summary import answer, summary_section
 from seatrial.selection.verdict import OTHER_NOISE_VERDICT, select
 from tests.campaign.small import SMALL

@@ -10,7 +10,7 @@ import pytest
 from seatrial.campaign.config import templates
 from seatrial.campaign.selection import evidence
 from seatrial.cli.running import Exit
-from seatrial.messages import selection as messages
+from seatrial.messages import structures as messages
 from seatrial.selection.verdict import Evidence
 from tests.campaign.small import write_small
 from tests.cli.test_cli import results, run

@@ -13,7 +13,7 @@ from seatrial.core.signals import RATES
 from seatrial.export.from_campaign import of_campaign
 from seatrial.export.targets.own_json import OwnJson
 from seatrial.export.write import of_catalogue, state
-from seatrial.messages.selection import QUOTED
+from seatrial.messages.structures import QUOTED
 from seatrial.vehicles.tether import Tether
 from tests.export.finished import finished
 

@@ -19,7 +19,7 @@ from seatrial.core.findings import Finding
 from seatrial.messages.catalogue import ENTRIES
 from seatrial.messages.predictions import comparison_text
 from seatrial.messages.render import sentences
-from seatrial.messages.selection import QUOTED
+from seatrial.messages.structures import QUOTED
 from seatrial.report import drawing
 from seatrial.report.drawing import digits_of, moments_of
 from seatrial.report.page import CONTENTS, render, write_report

@@ -23,7 +23,7 @@ from seatrial.export.targets.holoocean import HoloOcean
 from seatrial.export.targets.own_json import OwnJson
 from seatrial.export.targets.stonefish import Stonefish
 from seatrial.export.vehicle import ExportedVehicle, ExportProvenance, of_published
-from seatrial.messages.selection import QUOTED
+from seatrial.messages.structures import QUOTED
 from seatrial.vehicles.catalogue import load_vehicle, vehicle_names
 
 # What an export says of itself, in its header and on the terminal: where it comes from, how well it is known, what is

@@ -31,7 +31,7 @@ from seatrial.estimation.simulation.sensor_errors import noise_name
 from seatrial.messages.cross_validation import complaints
 from seatrial.messages.known import known_cautions
 from seatrial.messages.render import sentences
-from seatrial.messages.selection import contenders_cautions
+from seatrial.messages.structures import contenders_cautions
 
 OF_NEXT_TRIAL = ("next", "contenders")  # Steps without which all that was found so far still holds
 

@@ -22,7 +22,7 @@ from seatrial.core.display_units import listed, percent
 from seatrial.design.trial_design import TrialDesign
 from seatrial.manoeuvres.family import design_words
 from seatrial.messages.render import sentences
-from seatrial.messages.selection import BETTER_EVIDENCE, condition_of
+from seatrial.messages.structures import BETTER_EVIDENCE, condition_of
 from seatrial.selection.contenders import Contenders
 from seatrial.selection.verdict import DECIDED
 

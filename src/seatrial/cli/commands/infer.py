@@ -75,7 +75,7 @@ def select(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None
 
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
         from seatrial.campaign.workflow.steps import Workflow
-        from seatrial.messages.selection import agreement_words, contenders_lines, screening_lines
+        from seatrial.messages.structures import agreement_words, contenders_lines, screening_lines
         from seatrial.report.figure_files import write_select_picture
 
         flow = Workflow(campaign, reporter)

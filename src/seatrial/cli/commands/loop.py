@@ -174,7 +174,7 @@ def _tell_and_report(answer: Answer, outcome: Any, proposal: Any) -> Exit:
     from seatrial.messages.effects import with_model_error
     from seatrial.messages.predictions import comparison_text
     from seatrial.messages.render import sentence, sentences
-    from seatrial.messages.selection import QUOTED
+    from seatrial.messages.structures import QUOTED
     from seatrial.report.page import write_report
 
     summary = outcome.summary

@@ -8,7 +8,7 @@ from seatrial.campaign.store.estimates import Estimate
 from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.estimation.regression.row_fit import SCREENING
 from seatrial.messages.cross_validation import complaints, disagreement, headline, heads, rows
-from seatrial.messages.selection import agreement_counts, difference_words, trial_words
+from seatrial.messages.structures import agreement_counts, difference_words, trial_words
 from seatrial.report.drawing import (
     digits_of,
     draw,

@@ -17,7 +17,7 @@ from seatrial.core.findings import Finding
 from seatrial.estimation.prediction.baseline_comparison import CLEAR_RATIO
 from seatrial.messages.predictions import WORSE_THAN_MEAN, explained_text
 from seatrial.messages.render import sentence, sentences
-from seatrial.messages.selection import QUOTED, condition_of
+from seatrial.messages.structures import QUOTED, condition_of
 from seatrial.report.drawing import (
     digits_of,
     factors_of,
