@@ -70,7 +70,7 @@ def short_surge():
     "problem",
     [
         lambda: linear(2),
-        lambda: linear(5),
+        pytest.param(lambda: linear(5), marks=pytest.mark.proof),
         box,
         half_forbidden,
     ],
