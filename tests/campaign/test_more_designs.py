@@ -64,18 +64,18 @@ def test_a_single_structure_has_nothing_to_be_told_apart(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("per", "option", "work"),
+    ("per", "search", "work"),
     [
-        ("second", "--free-form", lambda campaign: design_free_trial(campaign, 6)),
-        ("second", "--search", lambda campaign: search_design(campaign, 60)),
-        ("second", "--trials", lambda campaign: plan_together(campaign, 2)),
-        ("second", "--compare", lambda campaign: compare_measures(campaign, 5)),
-        ("joule", "--search", lambda campaign: search_design(campaign, 60)),
+        ("second", "a free form", lambda campaign: design_free_trial(campaign, 6)),
+        ("second", "a global search", lambda campaign: search_design(campaign, 60)),
+        ("second", "trials that are planned together", lambda campaign: plan_together(campaign, 2)),
+        ("second", "a comparison of measures", lambda campaign: compare_measures(campaign, 5)),
+        ("joule", "a global search", lambda campaign: search_design(campaign, 60)),
     ],
 )
-def test_options_that_know_whole_trials_only(tmp_path, per, option, work):
+def test_searches_that_know_whole_trials_only(tmp_path, per, search, work):
     campaign = asked(tmp_path, f'per = "{per}"', POWER)
-    with pytest.raises(InputError, match=f"design.per[^$]*{option}"):
+    with pytest.raises(InputError, match=f"design.per[^$]*{search}"):
         work(campaign)
     assert not list(tmp_path.rglob("*.nc"))
 
