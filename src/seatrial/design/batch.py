@@ -16,7 +16,7 @@ from pydantic import Field
 from seatrial.core.reporter import Reporter
 from seatrial.design.design_problem import DesignProblem, check_whole_trials
 from seatrial.design.robust import information_table
-from seatrial.design.trial_design import TrialDesign, design_trial
+from seatrial.design.trial_design import Beside
 from seatrial.manoeuvres.family import design_words
 from seatrial.manoeuvres.manoeuvre import Manoeuvre
 
@@ -113,12 +113,12 @@ class BatchSearch:
         """Check that a trial counts as a whole, before any work."""
         check_whole_trials(problem.per, problem.place, "trials that are planned together")
 
-    def find(self, problem: DesignProblem, beside: TrialDesign | None, reporter: Reporter) -> PlannedBatch:
+    def find(self, problem: DesignProblem, beside: Beside, reporter: Reporter) -> PlannedBatch:
         """See `Search`."""
         self.check(problem)
         places, information = [], []
         few = problem.few(problem.draws)
-        sweeps = [(sweep, *sweep.inside()) for sweep in (beside or design_trial(problem, reporter=reporter)).sweeps]
+        sweeps = [(sweep, *sweep.inside()) for sweep in beside().sweeps]
         total, done = sum(rows.size for _, rows, _, _ in sweeps), 0
         report = reporter.progress(f"information of {total} design{'s' * (total != 1)}")
         for sweep, rows, columns, controls in sweeps:

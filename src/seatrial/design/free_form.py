@@ -25,7 +25,7 @@ from seatrial.design.free_form_problem import FreeFormProblem, check_problem
 from seatrial.design.prior_belief import prior_cov
 from seatrial.design.results import FreeTrial
 from seatrial.design.robust import utility_table
-from seatrial.design.trial_design import TrialDesign, design_trial
+from seatrial.design.trial_design import Beside
 from seatrial.manoeuvres.free_form import SteppedInput, nearest_levels
 from seatrial.manoeuvres.manoeuvre import Manoeuvre
 
@@ -255,12 +255,12 @@ class FreeFormSearch:
                 remedy=f'for example lower = "800 {unit}"',
             )
 
-    def find(self, problem: DesignProblem, beside: TrialDesign | None, reporter: Reporter) -> FreeTrial:
+    def find(self, problem: DesignProblem, beside: Beside, reporter: Reporter) -> FreeTrial:
         """See `Search`."""
         self.check(problem)
         form, plan, cov = self._form(problem), problem.plan(), prior_cov(problem.belief)
         draws = problem.draws_for("draws of the free form")
-        best = (beside or design_trial(problem, reporter=reporter)).best
+        best = beside().best
         family = best.best_manoeuvre()
         search = FreeFormProblem(
             plan,

@@ -17,7 +17,7 @@ from seatrial.design.results import POPULATION, Searched
 from seatrial.design.robust import utility_table
 from seatrial.design.safety import judge_safety
 from seatrial.design.sweep import all_controls, inside_limits
-from seatrial.design.trial_design import TrialDesign, design_trial
+from seatrial.design.trial_design import Beside
 from seatrial.design.trial_plan import TrialPlan
 from seatrial.manoeuvres.family import Family, design_words
 from seatrial.manoeuvres.manoeuvre import Manoeuvre
@@ -177,10 +177,10 @@ class GlobalSearch:
                 remedy=f"ask for some {20 * fewest}",
             )
 
-    def find(self, problem: DesignProblem, beside: TrialDesign | None, reporter: Reporter) -> Searched:
+    def find(self, problem: DesignProblem, beside: Beside, reporter: Reporter) -> Searched:
         """See `Search`."""
         self.check(problem)
-        best, count = (beside or design_trial(problem, reporter=reporter)).best, len(problem.families)
+        best, count = beside().best, len(problem.families)
         choosing = problem.draws[: len(problem.draws) // 2]
         optima, refused = [], []
         for family in problem.families:

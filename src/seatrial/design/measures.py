@@ -19,7 +19,7 @@ from seatrial.design.fisher_utilities import find_criterion
 from seatrial.design.prior_belief import draw_values, prior_cov
 from seatrial.design.results import EXPECTED, Measures
 from seatrial.design.robust import utility_table
-from seatrial.design.trial_design import TrialDesign, design_trial
+from seatrial.design.trial_design import Beside
 from seatrial.estimation.posterior.filter_error import process_name
 from seatrial.manoeuvres.family import design_words
 
@@ -54,10 +54,10 @@ class MeasureSearch:
                 remedy="compare measures without the priors of process noise, or not at all",
             )
 
-    def find(self, problem: DesignProblem, beside: TrialDesign | None, reporter: Reporter) -> Measures:
+    def find(self, problem: DesignProblem, beside: Beside, reporter: Reporter) -> Measures:
         """See `Search`."""
         self.check(problem)
-        designs, priors = beside or design_trial(problem, reporter=reporter), problem.belief
+        designs, priors = beside(), problem.belief
         plan, cov = problem.plan(), prior_cov(priors)
         names, controls, entropy = [], [], []
         for sweep, row, column in _spread(designs.sweeps, self.count):

@@ -8,7 +8,7 @@ from seatrial.core.reporter import Reporter
 from seatrial.design.design_problem import HALF, DesignProblem, covariance
 from seatrial.design.results import OwnTrial
 from seatrial.design.safety import judge_safety
-from seatrial.design.trial_design import TrialDesign, design_trial, plan_as_run
+from seatrial.design.trial_design import Beside, plan_as_run
 from seatrial.design.trial_plan import TrialPlan
 from seatrial.manoeuvres.family import design_words
 from seatrial.manoeuvres.schedule import Schedule
@@ -26,9 +26,9 @@ class OwnSearch:
     schedule: Schedule
     source: str
 
-    def find(self, problem: DesignProblem, beside: TrialDesign | None, reporter: Reporter) -> OwnTrial:
+    def find(self, problem: DesignProblem, beside: Beside, reporter: Reporter) -> OwnTrial:
         """See `Search`; the half of the draws that has no part in a choice judges both."""
-        designs = beside or design_trial(problem, reporter=reporter)
+        designs = beside()
         best, draws, fresh, time = designs.best, problem.draws, problem.fresh, self.schedule.time
         trim = problem.trim_of(problem.family)
         plan = problem.plan_of(time.size, float(time[1]))

@@ -23,7 +23,7 @@ from seatrial.design.limit_conflicts import check_some_allowed
 from seatrial.design.robust import information_or_nan
 from seatrial.design.safety import judge_safety
 from seatrial.design.sweep import all_controls, inside_limits
-from seatrial.design.trial_design import TrialDesign
+from seatrial.design.trial_design import Beside
 from seatrial.design.trial_plan import TrialPlan
 from seatrial.manoeuvres.family import Family, design_words
 from seatrial.manoeuvres.manoeuvre import Limits, Manoeuvre
@@ -116,7 +116,7 @@ class PlanSearch:
     power: TrialCost | None = None
     basis: str = "the priors"
 
-    def find(self, problem: DesignProblem, beside: TrialDesign | None, reporter: Reporter) -> Plan:
+    def find(self, problem: DesignProblem, beside: Beside, reporter: Reporter) -> Plan:
         """See `Search`; no design of the families stands beside a plan."""
         check_whole_trials(problem.per, problem.place, "a plan", joules=True)
         plan, draws, wanted = problem.plan(), problem.draws, {**self.shares, **self.sds}

@@ -22,7 +22,7 @@ from seatrial.design.results import RelayTrial
 from seatrial.design.robust import utility_table
 from seatrial.design.safety import judge_runs, probability_at_least
 from seatrial.design.sweep import in_blocks
-from seatrial.design.trial_design import TrialDesign, design_trial
+from seatrial.design.trial_design import Beside
 from seatrial.design.trial_plan import TrialPlan
 from seatrial.filters.belief import Filter
 from seatrial.filters.run import summarise_filter
@@ -284,7 +284,7 @@ class RelaySearch:
         )
         return RelayLoop(family, space, scales, plan)
 
-    def find(self, problem: DesignProblem, beside: TrialDesign | None, reporter: Reporter) -> RelayTrial:
+    def find(self, problem: DesignProblem, beside: Beside, reporter: Reporter) -> RelayTrial:
         """See `Search`."""
         loop, thresholds = self.loop(problem), np.array(self.thresholds)
         draws = problem.draws_for("draws of the self-oscillation")
@@ -302,7 +302,7 @@ class RelaySearch:
             safety = tuple(judge_runs(loop.plan, controls, fresh, problem.motion, problem.probability).words(0))
         shown = oscillation(loop.family, outputs, outputs + errors, chosen[1])
         oscillates = shown.reversals >= 2
-        best = (beside or design_trial(problem, reporter=reporter)).best
+        best = beside().best
         utility, of_best = _judged(loop, prior_cov(problem.belief), fresh, controls, best.best_controls())
         return RelayTrial(
             loop.family.control,

@@ -18,7 +18,7 @@ from seatrial.core.signals import signal_unit
 from seatrial.design.design_problem import UTILITY_DRAWS, DesignProblem, covariance
 from seatrial.design.fisher_utilities import Criterion, find_criterion
 from seatrial.design.sweep import in_blocks
-from seatrial.design.trial_design import TrialDesign, design_trial
+from seatrial.design.trial_design import Beside
 from seatrial.design.trial_plan import TrialPlan
 
 TRIED_RATES = (0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)  # Hz; those up to the sample rate are tried
@@ -118,9 +118,9 @@ class SensorComparison:
 class SensorSearch:
     """Other sensors on the best design of the families, over draws of what is believed; see `Search`."""
 
-    def find(self, problem: DesignProblem, beside: TrialDesign | None, reporter: Reporter) -> SensorComparison:
+    def find(self, problem: DesignProblem, beside: Beside, reporter: Reporter) -> SensorComparison:
         """See `Search`."""
-        best = (beside or design_trial(problem, reporter=reporter)).best
+        best = beside().best
         controls, step = best.best_controls(), best.family.sample_time
         plan = problem.plan_of(len(controls), step, every_sample=True)
         choices = _choices(problem.noise, problem.measured(problem.family.time().size, step), step)

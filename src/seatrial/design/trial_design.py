@@ -173,15 +173,19 @@ class TrialDesign:
     _repr_html_ = table_html
 
 
+Beside = Callable[[], TrialDesign]
+"""Designs of the families, the best of which the result of another search is compared with; swept or read when they are needed."""
+
+
 class Search(Protocol[FoundT]):
     """A way to find a trial; implementations are frozen dataclasses of what is asked for."""
 
-    def find(self, problem: DesignProblem, beside: TrialDesign | None, reporter: Reporter) -> FoundT:
+    def find(self, problem: DesignProblem, beside: Beside, reporter: Reporter) -> FoundT:
         """Return what was found.
 
         Args:
             problem: what is to be designed.
-            beside: designs of the families, the best of which the result is compared with; None to sweep them here.
+            beside: see `Beside`.
             reporter: told how far the work has come.
 
         Raises:
@@ -214,7 +218,7 @@ class GridSearch:
 
     run: Runner | None = None
 
-    def find(self, problem: DesignProblem, beside: TrialDesign | None, reporter: Reporter) -> TrialDesign:
+    def find(self, problem: DesignProblem, beside: Beside, reporter: Reporter) -> TrialDesign:
         """See `Search`."""
         check_autopilot(problem, reporter)
         families, scales = problem.families, np.asarray(problem.normal.sd)
@@ -254,7 +258,7 @@ class GridSearch:
 def design_trial(
     problem: DesignProblem,
     search: Search[Any] = GridSearch(),
-    beside: TrialDesign | None = None,
+    beside: TrialDesign | Beside | None = None,
     reporter: Reporter = SILENT,
 ) -> Any:
     """Design a trial: predict how much every design would tell, or search one in another way.
@@ -262,7 +266,7 @@ def design_trial(
     Args:
         problem: of `make_design_problem`.
         search: how; by default every design of the families' grid, by running a filter over the motion that is expected.
-        beside: result of the default search, the best of which that of another search is compared with; found here if not given.
+        beside: result of the default search, or what returns it, which that of another search is compared with; found here if not given.
         reporter: told how far the work has come.
 
     Returns:
@@ -272,7 +276,8 @@ def design_trial(
         InputError: no design inside the limits, or a problem that the search does not do for.
         NumericalError: the expected motion diverges for a design inside the limits.
     """
-    return search.find(problem, beside, reporter)
+    swept = partial(design_trial, problem, reporter=reporter) if beside is None else beside
+    return search.find(problem, (lambda: swept) if isinstance(swept, TrialDesign) else swept, reporter)
 
 
 def make_design_problem(

@@ -1,6 +1,7 @@
 """The other searches of a trial, each its key and one call of `design_trial`; a current result is read, and its schedule written."""
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path, PurePath
 from typing import Any, TypeVar
 
@@ -32,7 +33,7 @@ FoundT = TypeVar("FoundT")
 def _searched(campaign: Campaign, kept: StoredResult[FoundT], search: Search[FoundT], reporter: Reporter) -> FoundT:
     """Read what a search found, or search."""
     return kept.read_or_make(
-        lambda: design_trial(design_problem(campaign), search, design_first(campaign, reporter), reporter)
+        lambda: design_trial(design_problem(campaign), search, partial(design_first, campaign, reporter), reporter)
     )
 
 
@@ -155,7 +156,7 @@ def plan_together(campaign: Campaign, trials: int, reporter: Reporter = SILENT) 
     """
     problem, search = design_problem(campaign), BatchSearch(trials)
     search.check(problem)
-    batch = design_trial(problem, search, design_first(campaign, reporter), reporter)
+    batch = design_trial(problem, search, partial(design_first, campaign, reporter), reporter)
     paths = (
         write_design(campaign, Store(campaign.folder).batch_schedule(number), manoeuvre)
         for number, manoeuvre in enumerate(batch.manoeuvres, 1)
@@ -169,7 +170,7 @@ def sensor_table(campaign: Campaign, reporter: Reporter = SILENT) -> SensorCompa
     Raises:
         NumericalError: the motion diverges at a draw of the priors.
     """
-    table = design_trial(design_problem(campaign), SensorSearch(), design_first(campaign, reporter), reporter)
+    table = design_trial(design_problem(campaign), SensorSearch(), partial(design_first, campaign, reporter), reporter)
     goal = campaign.goal
     if goal is None or not (goal.shares or goal.sds):
         return table
