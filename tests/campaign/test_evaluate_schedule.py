@@ -183,7 +183,7 @@ def test_every_kind_of_trial_goes_through_the_loop(designed, tmp_path, kind):
     following = design_next_by_mode(made, first.drawn)
     assert following.basis == "the posterior mode of M-0"
     for name, before, after in zip(
-        following.names, following.sd_before, following.best.final_sd[following.best.best], strict=True
+        following.names, following.sd_before.values(), following.best.final_sd[following.best.best], strict=True
     ):
         assert after < before == pytest.approx(known[name][1], rel=0.15)
     proposal = propose_by_mode(made, first, following, len(trials.fit))
