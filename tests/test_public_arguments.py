@@ -81,6 +81,7 @@ def refused(message, function, *arguments, **named):
         ({"rates": 5.0}, "rates\n"),
         ({"key": None}, "key"),
         ({"key": 1.5}, "key"),
+        ({"key": [1, 2]}, r"key\n.*2 keys"),
         ({"label": None}, "label"),
     ],
 )

@@ -104,10 +104,17 @@ def simulate(
         model, [replace(blank, measurement=np.full_like(blank.measurement, np.nan))], stated, free=False
     )
     likelihood, _ = output_error(model, [blank], chosen, [first], delay=DELAY in values, current=CURRENT in values)
-    # The second of two keys, as `replicate` has it, so that a record and its replicates differ in nothing but their keys.
-    keys = (
-        key if isinstance(key, Sequence) else jax.random.split(jax.random.split(as_key(key), 2)[1], (1, len(chosen)))[0]
-    )
+    if isinstance(key, list | tuple):
+        keys = [as_key(one) for one in key]
+    else:  # the second of two keys, as `replicate` has it, so that a record and its replicates differ in nothing but their keys
+        keys = list(jax.random.split(jax.random.split(as_key(key), 2)[1], (1, len(chosen)))[0])
+    if len(keys) != len(chosen):
+        raise InputError(
+            "key",
+            found=f"{len(keys)} keys",
+            expected=f"one for each of {len(chosen)} sensors, or one for all",
+            remedy="give a whole number, for example 0",
+        )
     columns = simulate_trial(
         likelihood.simulator, values, time, commands, first, np.isfinite(blank.measurement), keys, feedback
     )
