@@ -2,7 +2,7 @@
 
 A result is current when its stamp equals the key computed from today's configuration, data and version; otherwise the
 step runs again, as it does where the result is damaged. There is no other memory of what has been done, so a kill at any
-moment loses only work in flight.
+moment loses only work in flight. What a result depends on stands beside its work: `estimate_key` in `inference/estimate.py`.
 """
 
 import hashlib
