@@ -7,7 +7,7 @@ from pathlib import Path
 
 from seatrial.campaign.store.estimates import StoredCoefficient
 from seatrial.campaign.store.stored_result import Store, StoredResult
-from seatrial.campaign.workflow.summary import NextTrial, Summary
+from seatrial.campaign.store.summary import NextTrial, Summary
 from seatrial.estimation.diagnostics.known import Known, KnownParameter
 from tests.campaigns import joined, priors, sensors, uniform, write_campaign
 

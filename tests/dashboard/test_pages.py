@@ -13,7 +13,7 @@ import pytest
 
 from seatrial.campaign.store.estimates import StoredMode
 from seatrial.campaign.store.stored_result import Store
-from seatrial.campaign.workflow.summary import NextTrial
+from seatrial.campaign.store.summary import NextTrial
 from seatrial.core.display_units import shown_as_written
 from seatrial.core.errors import InputError
 from seatrial.dashboard.app_context import fill

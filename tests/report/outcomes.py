@@ -14,8 +14,8 @@ from seatrial.campaign.inference.coefficient_csv import averaged_rows
 from seatrial.campaign.selection.runner_up import NEXT, contending
 from seatrial.campaign.store.estimates import Estimate, StoredCoefficient
 from seatrial.campaign.store.predictions import Fit, FittedBaselines
+from seatrial.campaign.store.summary import NextTrial, Summary
 from seatrial.campaign.workflow.outcome import Outcome
-from seatrial.campaign.workflow.summary import NextTrial, Summary
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.findings import Finding
 from seatrial.core.record import Channel, Provenance, Record, make_record

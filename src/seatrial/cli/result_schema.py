@@ -13,7 +13,7 @@ from typing_extensions import TypedDict
 from seatrial.campaign.prior.predictive import Believed
 from seatrial.campaign.store.estimates import Estimate
 from seatrial.campaign.store.predictions import Fit
-from seatrial.campaign.workflow.summary import Summary
+from seatrial.campaign.store.summary import Summary
 from seatrial.cli.answer import SCHEMA
 from seatrial.core.serialise import schema_of
 from seatrial.design.batch import PlannedBatch

@@ -18,8 +18,8 @@ from seatrial.campaign.config.vehicle import CampaignVehicle, WholeVehicle
 from seatrial.campaign.inference.estimate import stored_estimates
 from seatrial.campaign.store.estimates import Estimate
 from seatrial.campaign.store.stored_result import Store, read_result
+from seatrial.campaign.store.summary import Summary
 from seatrial.campaign.workflow.steps import NotCurrent, Workflow
-from seatrial.campaign.workflow.summary import Summary
 from seatrial.core.argument_checks import check_choice, check_kind, check_path
 from seatrial.core.coefficients import CoefficientName, is_coefficient
 from seatrial.core.errors import InputError, nearest

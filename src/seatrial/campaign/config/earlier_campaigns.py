@@ -18,7 +18,7 @@ from seatrial.campaign.config.toml import FileKeys, parse_toml, read_text
 from seatrial.campaign.config.vehicle_table import UNKNOWN, VehicleTable
 from seatrial.campaign.store.estimates import StoredMode
 from seatrial.campaign.store.stored_result import FILE_NAME, Store, read_result
-from seatrial.campaign.workflow.summary import Summary
+from seatrial.campaign.store.summary import Summary
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError
 from seatrial.core.files import is_there

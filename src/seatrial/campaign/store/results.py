@@ -17,7 +17,7 @@ from seatrial.campaign.rehearsal.result import Rehearsal
 from seatrial.campaign.store.estimates import Estimate, StoredMode
 from seatrial.campaign.store.predictions import FittedBaselines, Predictions
 from seatrial.campaign.store.stored_result import Result, Store, read_result
-from seatrial.campaign.workflow.summary import Summary
+from seatrial.campaign.store.summary import Summary
 from seatrial.core.dataset import Dataset
 from seatrial.core.record import Record
 from seatrial.design.results import FreeTrial, Measures, RelayTrial, Searched, SweptDesigns

@@ -18,10 +18,10 @@ from seatrial.campaign.inference.judge_predictions import (
 )
 from seatrial.campaign.store.predictions import Predictions
 from seatrial.campaign.store.stored_result import seal_of
+from seatrial.campaign.store.summary import NextTrial, Summary
 from seatrial.campaign.workflow.next_trial import Proposal, propose
 from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.campaign.workflow.steps import LOOP, Workflow, stored_summary
-from seatrial.campaign.workflow.summary import NextTrial, Summary
 from seatrial.campaign.workflow.whole_run import WholeRun, size_of
 from seatrial.core.argument_checks import check_kind
 from seatrial.core.errors import InputError

@@ -9,7 +9,7 @@ from seatrial.campaign.inference.baselines import comparison_alarms
 from seatrial.campaign.inference.judge_predictions import disowned, held_back_alarms
 from seatrial.campaign.store.estimates import Estimate
 from seatrial.campaign.store.predictions import Fit, FittedBaselines
-from seatrial.campaign.workflow.summary import Summary
+from seatrial.campaign.store.summary import Summary
 from seatrial.core.dataset import Dataset
 from seatrial.core.findings import Finding
 from seatrial.design.trial_design import TrialDesign

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.store.stored_result import State, Store, StoredResult, key_of
-from seatrial.campaign.workflow.summary import Summary
+from seatrial.campaign.store.summary import Summary
 from seatrial.core.errors import InputError
 from seatrial.core.files import depend_on
 from seatrial.core.record import Record

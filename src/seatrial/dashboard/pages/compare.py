@@ -13,7 +13,7 @@ from nicegui import ui
 from seatrial.campaign.store.estimates import StoredCoefficient
 from seatrial.campaign.store.results import Results
 from seatrial.campaign.store.stored_result import Store
-from seatrial.campaign.workflow.summary import Summary
+from seatrial.campaign.store.summary import Summary
 from seatrial.cli.campaign_text import written_units
 from seatrial.core.coefficients import is_coefficient
 from seatrial.core.display_units import shown_as_written

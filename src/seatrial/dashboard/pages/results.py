@@ -12,7 +12,7 @@ from seatrial.campaign.store.estimates import StoredMode
 from seatrial.campaign.store.predictions import Predictions
 from seatrial.campaign.store.results import Results
 from seatrial.campaign.store.stored_result import Store
-from seatrial.campaign.workflow.summary import NextTrial
+from seatrial.campaign.store.summary import NextTrial
 from seatrial.cli.campaign_text import written_units
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import Shown, shown_as_written
