@@ -185,7 +185,7 @@ def test_what_is_missing_stands_in_place_of_stop(tmp_path):
     outcome = make_outcome(tmp_path)
     alone = replace(outcome.trials, predict=())
     for fit, remedy in ((("1",), "record another run, and name it in `predict`"), (("1", "2"), "move a run from fit")):
-        imports = replace(outcome.campaign.imports, fit=fit)
+        imports = outcome.campaign.imports.model_copy(update={"fit": fit})
         met = with_goal(replace(outcome, campaign=replace(outcome.campaign, imports=imports)), Goal({"X_u": 9.0}))
         assert propose(met).lines[-1] == "stop: the goal is met: X_u to 900 %"
         found = propose(replace(met, trials=alone))

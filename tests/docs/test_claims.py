@@ -37,7 +37,7 @@ def test_what_would_be_found(claims, tmp_path, monkeypatch):
     assert [line.split(": ", 1)[1] for line in claims.broken()] == [
         '"8 s" is not on the page',
         '"8 s": there is no tests/none.py',
-        '"3 s": somebody said so begins with none of tests/, src/, make , python , seatrial , source: ',
+        '"3 s": somebody said so begins with none of tests/, src/, benchmarks/, studies/, make , python , seatrial , source: ',
     ]
     del registered["README.md"]["## Two"], registered["README.md"]["3 s"]
     assert claims.unshown() == ["README.md:2: It takes 3 s.", "README.md:4: All of 5 % and `7`."]

@@ -1,6 +1,7 @@
 """The vehicle of a campaign: posterior means with their covariance, and the rest from where it is said to come."""
 
 import json
+from dataclasses import astuple
 
 import numpy as np
 import pytest
@@ -55,7 +56,8 @@ def test_a_standard_deviation_with_model_error_goes_along_as_a_caution(tmp_path)
     write_stamped_json(summary, {name: value for name, value in content.items() if name != SEAL}, "any")
     vehicle, provenance = of_campaign(folder)
     assert vehicle.estimated.model_error_sd == {"X_u": 0.5}
-    assert vehicle.estimated.averaged == (("X_u", -1.0, 0.6, 0.8, 0.7),)
+    (averaged,) = vehicle.estimated.averaged
+    assert astuple(averaged) == ("X_u", -1.0, 0.6, 0.8, 0.7)
     lines = state(OwnJson(), vehicle, provenance).lines
     assert any(line.startswith("  X_u = ") and line.endswith("kg/s, ± 0.5 with model error") for line in lines)
     assert lines[lines.index(f"to quote: {QUOTED['averaged']}:") + 1] == "  X_u = -1 ± 0.8 kg/s"

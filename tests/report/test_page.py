@@ -337,7 +337,7 @@ def test_a_caution_about_the_noise_is_told_once(outcome):
     summary = replace(outcome.summary, cautions=tuple(sentences(fit_complaints(fits))))
     noise = Finding("model-error-wide", "note", ("X_u",), {"effects": (), "differ": "blocks"}, ("better-noise",))
     outcome = replace(outcome, chosen=replace(outcome.chosen, model_error_findings=(noise,)))
-    html = render(replace(outcome, summary=summary, fits=fits))
+    html = render(replace(outcome, summary=summary, fits=fits, cross_validation=None))
     assert html.lower().count("set estimation.residuals") == 1
     assert "most of the ± with model error is from blocks. Set estimation.residuals" in render(outcome)
 
