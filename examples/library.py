@@ -42,7 +42,8 @@ def main() -> None:
     print(st.compare({"with X_u": posterior, "without": rival}, size))
 
     amplitudes, periods = np.linspace(100, 300, 5) * RPM, [5.0, 10.0, 15.0, 20.0]
-    design = st.design_trial(full, draws, family, amplitudes, periods, NOISE, start=START, rates=RATES)
+    problem = st.make_design_problem(full, draws, family, amplitudes, periods, NOISE, start=START, rates=RATES)
+    design = st.design_trial(problem)
     print(f"next: {design}")
     assert draws.findings() == []
     assert all(abs(draws[name].mean() - truth[name]) < 4 * draws[name].std() for name in draws.names)

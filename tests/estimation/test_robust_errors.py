@@ -192,7 +192,7 @@ def test_what_tells_nothing():
     short = robust_errors(joint, find_mode(joint, 0))
     assert short.pieces.count == 0
     assert "6 are needed" in short.pieces.basis
-    assert "effects that the model may lack" in short.words
+    assert "effects that the model may lack" in model_error_text(short)
 
 
 def coloured(rng, n, memory):
