@@ -55,7 +55,7 @@ class Watchman:
         if event == "open" and isinstance(arguments[0], str | bytes):
             path, mode, flags = os.fsdecode(arguments[0]), str(arguments[1] or ""), arguments[2] or 0
             written = any(letter in mode for letter in "wax+") or flags & (os.O_WRONLY | os.O_RDWR | os.O_CREAT)
-            own = (str(self.place), *ALLOWED, os.path.expanduser("~/.cache"))
+            own = (str(self.place), *ALLOWED, os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"))
             if written and not os.path.abspath(path).startswith(own):
                 self.seen.append(f"wrote {path}")
         elif event in ("os.system", "os.exec", "os.posix_spawn", "socket.connect"):
