@@ -106,6 +106,13 @@ def test_equations_that_cannot_be_a_model(changes, words):
     assert words in str(error.value)
 
 
+def test_equation_may_divide_by_a_difference_of_states():
+    model = st.make_model(
+        "pole", lambda p, state, control: (p["k"] / (state[0] - state[1]), 0.0 * state[0]), STATES, {}, {"k": "m^2/s^3"}
+    )
+    assert [str(one) for one in model.coefficients] == ["k"]
+
+
 def test_a_signal_keeps_the_unit_it_was_declared_with():
     declare_signal("bubble", "m")
     declare_signal("bubble", "m")

@@ -90,11 +90,12 @@ PROPULSION = ("n", "tau_X")  # Controls that drive a vehicle ahead, and hold its
 OVER_EARTH = ("v_north", "v_east", "v_down")
 ACTUAL = "_act"  # Ending of an actuator's state, where the bare name is the command: `n_act` follows `n`
 SET = "_set"  # Ending of a set-point of an autopilot: `psi_set` is the heading that it is told to hold
-# Signals of models with an equation of their own, which is why a process has one list: records and plots know only names.
+# Dimensions of signals that models of one's own declare. One list for the process, because records and plots know a
+# signal by its name alone.
 _OWN_SIGNALS: dict[str, Dimension] = {}
+# Signals whose time derivative may be written, as in `X_udot`.
 RATES = ("u", "v", "w", "p", "q", "r")
 SPEEDS = dict(zip("XYZKMN", RATES, strict=True))  # Velocity along or about each axis, by its force or moment
-# Signals whose time derivative may be written, as in `X_udot`.
 CONTROLS = ("n", "delta_r", "delta_s", "tau_X", "tau_Y", "tau_Z", "tau_K", "tau_M", "tau_N")
 
 

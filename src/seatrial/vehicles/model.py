@@ -129,7 +129,8 @@ def make_model(
     Args:
         name: short name.
         derivative: `derivative(params, state, control)` returns the rate of each state in SI, as a tuple. `params` has a number for each
-            coefficient by name; `state` and `control` are tuples in the orders below. Write it with `jax.numpy`.
+            coefficient by name; `state` and `control` are tuples in the orders below. Write it with `jax.numpy`. Programs are compiled
+            for each function object: define it once.
         states: SI unit of each state by name. Names that seatrial has (`u`, `r`, `z`) have its units; others are your own.
         controls: SI unit of each control by name, likewise.
         coefficients: SI unit of each coefficient by name; a name of the grammar (`X_u`) has its unit.
@@ -146,9 +147,13 @@ def make_model(
     )
     for term, unit in zip(names, coefficients.values(), strict=True):
         to_si(1.0, unit, term.unit, f'coefficient "{term}", unit')
+    import jax
+
     where = f'model "{name}", derivative'
-    try:
-        rates = derivative(dict.fromkeys(coefficients, 1.0), (1.0,) * len(states), (1.0,) * len(controls))
+    try:  # traced, because an equation may divide by what is 0 at any values tried here
+        rates = jax.eval_shape(
+            derivative, dict.fromkeys(coefficients, 1.0), (1.0,) * len(states), (1.0,) * len(controls)
+        )
     except KeyError as missing:
         raise InputError(
             where,

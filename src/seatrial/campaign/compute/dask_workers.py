@@ -294,7 +294,8 @@ def _check_same(who: str, theirs: Mapping[str, str], ours: Mapping[str, str]) ->
             who,
             found=", ".join(f"{name} {value or 'not set'}" for name, value in other.items()),
             expected=", ".join(f"{name} {ours[name] or 'not set'}" for name in other) + ", as here",
-            remedy=f"let it import nothing before seatrial, and install the same versions there: {install_extra('cluster')}",
+            remedy="let it import nothing before seatrial, set the same JAX_PLATFORMS, and install the same versions there: "
+            + install_extra("cluster"),
         )
 
 
