@@ -21,7 +21,7 @@ from seatrial.core.errors import InputError
 from seatrial.core.files import watching_files
 from seatrial.core.reporter import SilentReporter
 from seatrial.report.page import write_report
-from tests.campaign.small import NO_X_U, SMALL, hearing_of_files
+from tests.campaign.small import SMALL, hearing_of_files
 
 
 def test_truth_is_inside_the_stated_uncertainty(finished):
@@ -134,10 +134,8 @@ def test_an_edited_key_recomputes_what_depends_on_it(finished, tmp_path):
 
 
 def log_campaign(folder, record):
-    """Write a campaign on the log of a record."""
+    """Write a campaign on the log of a record; its programs are those of the simulated one."""
     text = SMALL[: SMALL.index("[truth]")] + SMALL[SMALL.index("[estimation]") :]
-    for old, new in NO_X_U[:2]:
-        text = text.replace(old, new)
     rows = [
         f"{t},{n},{u}" for t, n, u in zip(record["time"].values, record["n"].values, record["u"].values, strict=True)
     ]

@@ -35,6 +35,11 @@ def waits(seconds):
     time.sleep(seconds)
 
 
+def computes():
+    yield os.getpid()
+    yield 3**3**19  # one instruction, which never lets another thread run
+
+
 def fills():
     yield bytearray(1 << 34)
 
@@ -126,8 +131,8 @@ def test_a_question_within_is_answered_there():
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux tells a process that its parent has ended")
 def test_it_ends_with_its_parent():
-    code = "from seatrial.core.processes import apart; from tests.core.test_apart import waits\n"
-    code += "for one in apart('x', waits, 60.0): print(one, flush=True)"
+    code = "from seatrial.core.processes import apart; from tests.core.test_apart import computes\n"
+    code += "for one in apart('x', computes): print(one, flush=True)"
     parent = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
     assert parent.stdout is not None
     child = int(parent.stdout.readline())

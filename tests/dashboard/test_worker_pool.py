@@ -19,14 +19,8 @@ from seatrial.dashboard.worker_pool import WorkerPool, answered, stamp
 from seatrial.logs.formats.protocol import NoColumn
 
 COMPUTES = """
-import asyncio, os, subprocess, sys
+import asyncio, os
 from seatrial.dashboard.worker_pool import WorkerPool
-from seatrial.dashboard.logs import isolated
-
-PLAIN = "from seatrial.core.processes import end_with_parent; end_with_parent(); from asks import hold; hold()"
-
-def plain():
-    subprocess.run([sys.executable, "-c", PLAIN], cwd=os.path.dirname(__file__))
 
 def hold():
     part = os.path.join(os.path.dirname(__file__), "part")
@@ -44,8 +38,7 @@ async def in_a_pool():
 if __name__ == "__main__":
     from asks import hold  # by a name that other processes know too
 
-    kind = sys.argv[1]
-    plain() if kind == "plain" else asyncio.run(in_a_pool()) if kind == "pool" else isolated("a log", hold)
+    asyncio.run(in_a_pool())
 """
 
 
@@ -91,9 +84,10 @@ def test_no_thread_watches_processes_that_were_ended():
     assert future.done()
 
 
-@pytest.mark.parametrize("kind", ["result_plots", "prediction_views", "record_views"])
-def test_who_reads_results_loads_neither_jax_nor_xarray(kind):
-    code = f"import sys; from seatrial.dashboard import {kind}; {kind}.ready(); print({{'jax', 'xarray'}} & {{*sys.modules}})"
+def test_who_reads_results_loads_neither_jax_nor_xarray():
+    kinds = "result_plots", "prediction_views", "record_views"
+    ready = "; ".join(f"{kind}.ready()" for kind in kinds)
+    code = f"import sys; from seatrial.dashboard import {', '.join(kinds)}; {ready}; print({{'jax', 'xarray'}} & {{*sys.modules}})"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout == "set()\n"
 
 
@@ -108,11 +102,10 @@ def test_errors_pass_between_processes_with_their_fields(tmp_path):
     assert type(plain_error(NumericalError("singular"))) is SeatrialError
 
 
-@pytest.mark.parametrize("kind", ["pool", "isolated", "plain"])
-def test_a_process_that_computes_ends_with_the_one_that_asked(tmp_path, kind):
+def test_a_process_that_computes_ends_with_the_one_that_asked(tmp_path):
     script = tmp_path / "asks.py"
     script.write_text(COMPUTES)
-    parent, told = subprocess.Popen([sys.executable, str(script), kind]), tmp_path / "child"
+    parent, told = subprocess.Popen([sys.executable, str(script)]), tmp_path / "child"
     deadline = time.monotonic() + 60
     while not told.exists() and time.monotonic() < deadline:
         time.sleep(0.05)
