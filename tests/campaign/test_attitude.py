@@ -103,6 +103,7 @@ def folder(tmp_path_factory):
     return path
 
 
+@pytest.mark.proof
 def test_attitude_is_continuous_and_a_tumbling_body_is_identified(folder):
     campaign = load_campaign(folder)
     (record,) = get_trials(campaign).fit

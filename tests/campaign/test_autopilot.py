@@ -222,6 +222,7 @@ def test_python_simulates_the_same_trial_under_the_autopilot(tmp_path):
         st.simulate(model, vehicle.values, turns(time), ["v"], feedback=made.pilot(model.controls), start=vehicle.start)
 
 
+@pytest.mark.proof
 def test_safety_is_that_of_each_closed_loop(tmp_path):
     """Room by the motions themselves, with sensors so good that their noise moves nothing."""
     made = campaign(tmp_path)

@@ -188,6 +188,7 @@ lag = "0.25 s"
 """
 
 
+@pytest.mark.proof
 def test_a_vehicle_that_is_towed_shows_drag_and_the_loss_of_thrust_with_speed(tmp_path):
     """At a given velocity the gauge shows sum T_f f + T_uabsf u |f| + X_uabsu u|u|; least squares has the same numbers."""
     command, volt = pulls()
@@ -211,6 +212,7 @@ def test_a_vehicle_that_is_towed_shows_drag_and_the_loss_of_thrust_with_speed(tm
         assert abs(at[name][0] - exact) < 4 * at[name][1], name
 
 
+@pytest.mark.proof
 def test_a_simulated_pull_is_that_of_plain_formulas(tmp_path):
     truth = {"T_f": GAIN, "T_absf": ASTERN, "T_fdV": PER_VOLT, "bias_force_X": OFFSET, "dead_f": DEAD}
     text = (VEHICLE + REST[: REST.index("[import]")]).replace('V = "16 V"', 'V = "16 V", f_2 = "0 N"')

@@ -35,6 +35,7 @@ def selection_of(folder: Path, monkeypatch, full, without):
     return select_structure(campaign, trials)
 
 
+@pytest.mark.proof
 def test_a_structure_that_is_hopelessly_behind_is_given_up(tmp_path, monkeypatch):
     """Its peak is twelve standard deviations of the prior away: 72 nats; one repeat and importance sampling know that, and are right."""
     (full, exact), (without, other) = one_peak(), peaks((12.0, 12.0))

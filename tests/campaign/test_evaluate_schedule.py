@@ -132,6 +132,7 @@ def test_it_is_the_first_trial_that_is_run(designed):
     np.testing.assert_allclose(record.channel("n") / RPM, wanted, rtol=1e-6)
 
 
+@pytest.mark.proof
 def test_the_command_says_what_it_is_worth_and_that_it_leaves_the_limits(monkeypatch, capsys, tmp_path):
     limit = ("[limits.n]", '[limits.distance]\nupper = "90 m"\n\n[limits.n]')
     campaign(tmp_path, limit, ("[design]", "[design]\nprobability = 0.5"), own=MINE + "90,1194\n")

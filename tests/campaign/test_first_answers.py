@@ -86,6 +86,7 @@ def test_a_structure_that_lacks_a_needed_term_ends_nothing(tmp_path):
     assert full.log_evidence > without.log_evidence + 20
 
 
+@pytest.mark.proof
 def test_a_prior_that_the_data_contradict_is_told_beside_the_mode(tmp_path):
     """X_uabsu is -2.93; its prior is about -9 ± 0.2."""
     wrong = 'distribution = "uniform"\nlower = -8.8\nupper = 0.0', 'distribution = "normal"\nmean = -9.0\nsd = 0.2'

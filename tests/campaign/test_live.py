@@ -273,6 +273,7 @@ def test_a_speed_that_contradicts_the_trim_is_told(campaign):
     assert "knots" not in looks[-1].advice
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(
     ("factor", "is_told"), [(1.0, False), (1.94384, True), (3.6, True)], ids=["m/s", "knots", "km/h"]
 )
@@ -298,6 +299,7 @@ def test_a_true_value_on_the_edge_of_its_prior_meets_the_goal(campaign, seed):
     assert not any(look.kind in ("check", "wrong") for look in looks)
 
 
+@pytest.mark.proof
 def test_a_control_that_changes_smoothly_and_is_taken_as_held_is_told_once(tmp_path):
     smooth = (1000 + 300 * np.sin(2 * np.pi * np.arange(600) * STEP / 20)) * RPM
     told = {}
@@ -403,6 +405,7 @@ def test_rows_become_channels_as_an_import_makes_them_and_the_session_is_importe
     np.testing.assert_allclose(again.channel("n")[:30], record.channel("n"), rtol=1e-12)
 
 
+@pytest.mark.proof
 def test_a_control_measured_while_it_changed_follows_a_straight_line_where_the_map_says_so(tmp_path):
     """Held from each sample to the next, such a control is half a sample late, and what the innovations repeat widens the ±."""
     fine, n = 0.005, (1000 + 300 * np.sin(2 * np.pi * np.arange(12000) * 0.005 / 3)) * RPM

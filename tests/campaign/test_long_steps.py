@@ -44,6 +44,7 @@ def fitted(folder, step):
     return posterior, find_mode(posterior, 0), record
 
 
+@pytest.mark.proof
 def test_steps_that_move_a_fit_are_reported_and_shorter_ones_confirm_it(tmp_path):
     """Means over 0.1 s of a motion of 0.3 s: the linear step to half the steps foretells the fit at 0.02 s, to a fifth of the shift."""
     posterior, mode, record = fitted(tmp_path / "coarse", 0.1)

@@ -185,6 +185,7 @@ def test_check_finds_a_turned_or_mirrored_log(tmp_path, columns, turned, level, 
         assert abs((angle - remedy + 180.0) % 360.0 - 180.0) < 8.0
 
 
+@pytest.mark.proof
 def test_a_scale_and_the_gain_of_every_force_are_said_not_to_be_separable(tmp_path):
     """Speeds s times as large by forces of a gain s times as large, and drag s times less: no record of u and v tells s."""
     write_log(tmp_path, {"scale_dvl": 1.02})

@@ -66,6 +66,7 @@ def yaw(folder, *changes):
     return load_campaign(folder)
 
 
+@pytest.mark.proof
 def test_other_controls_stay_at_trim(tmp_path):
     campaign = yaw(tmp_path)
     best = design_first(campaign).best

@@ -82,6 +82,7 @@ def test_depth_is_not_judged_where_the_priors_allow_it(tmp_path, motion):
     assert size.level == "alarm"
 
 
+@pytest.mark.proof
 def test_a_turned_doppler_log_is_named_with_its_mount(turned):
     (judged,) = check_records(*turned)
     (mounting,) = [one for one in judged.findings if one.code == "sensor-turned"]

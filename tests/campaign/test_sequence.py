@@ -79,6 +79,7 @@ def test_a_current_faster_than_the_vehicle_is_told(tmp_path, monkeypatch, curren
     assert all(f"current of {current:g} m/s is faster than the vehicle at trim" in line for line in lines)
 
 
+@pytest.mark.proof
 def test_a_changed_campaign_begins_anew(tmp_path):
     campaign = written(tmp_path, ONE)
     assert [record.label for record in get_trials(campaign).fit] == ["trial"]

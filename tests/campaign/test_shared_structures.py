@@ -84,6 +84,7 @@ def test_first_answers_are_the_modes_of_each_by_itself(study):
             assert sd == pytest.approx(alone.sd[i], rel=1e-3)
 
 
+@pytest.mark.proof
 def test_evidence_is_that_of_its_own(study):
     own, shared, _ = pair(study, 3)
     here, there = (importance_evidence(one, KEY) for one in (own, shared))

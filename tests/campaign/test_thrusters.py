@@ -120,6 +120,7 @@ def test_commands_become_thrust_and_a_worn_thruster_is_found(tmp_path, log):
         assert guess[name] == pytest.approx(value, rel=0.03), name
 
 
+@pytest.mark.proof
 def test_a_prior_of_several_axes_that_is_right_expects_the_log(tmp_path, log):
     """Priors a thousandth wide about the truth leave one motion, that of plain mechanics; half the thrust reaches less far."""
     known = campaign(
@@ -280,6 +281,7 @@ channels = ["u", "v"]
 )
 
 
+@pytest.mark.proof
 def test_library_has_the_same_posterior_of_gain_mount_and_start(tmp_path, log):
     """All three without a campaign: the same parameters, priors and first guess, and the same density bit for bit."""
     estimated = ('initial = "measured"', 'initial = "estimated"')

@@ -81,6 +81,7 @@ def test_what_computes_computes_in_double_precision(tmp_path, use):
     assert run_python(f"import jax, seatrial; {use}; {ONES}", tmp_path) == "float64"
 
 
+@pytest.mark.proof
 def test_switching_a_jax_that_was_there_is_said(tmp_path):
     said = warning_of("import jax, seatrial; seatrial.load_campaign", tmp_path)
     assert "has switched JAX to it" in said

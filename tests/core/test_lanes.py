@@ -191,17 +191,13 @@ CASES = {
     "sweep, arrays": lambda: sweep_of(LargeUnscentedKalmanFilter()),
     "whole vehicle": whole_vehicle,
 }
-SLOW = set(CASES) - {"sweep"}
 BLOCKS = "sweep", "sweep, arrays"
 """Cases that are also cut into blocks of a few; how blocks are cut and joined is that of the tests above."""
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(
-    ("case", "memory"),
-    [
-        *(pytest.param(case, lanes.MEMORY, marks=[pytest.mark.proof] * (case in SLOW)) for case in CASES),
-        *(pytest.param(case, 1 << 20, marks=pytest.mark.proof) for case in BLOCKS),
-    ],
+    ("case", "memory"), [*((case, lanes.MEMORY) for case in CASES), *((case, 1 << 20) for case in BLOCKS)]
 )
 def test_numbers_are_those_of_the_processor(accelerator, case, memory):
     """All lanes at once, and in blocks of a few."""

@@ -91,6 +91,7 @@ def dribble(here, parts):
     return False
 
 
+@pytest.mark.proof
 def test_a_head_that_never_ends_is_ended(port):
     with connected(port) as here:
         here.sendall(b"GET / HTTP/1.1\r\nhost:")
@@ -111,6 +112,7 @@ def test_a_head_that_is_huge_is_ended(port):
         assert dribble(here, [b"GET / HTTP/1.1\r\n", *[b"a: " + b"b" * (LARGEST_HEAD // 2) + b"\r\n"] * 20])
 
 
+@pytest.mark.proof
 def test_a_body_that_dribbles_is_cut_off(port):
     for length in (b"content-length: 5000\r\n\r\n", b"transfer-encoding: chunked\r\n\r\n"):
         with connected(port) as here:
