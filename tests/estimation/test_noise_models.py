@@ -1,35 +1,98 @@
 """Residuals of one channel, sample by sample, against the joint density of all of them."""
 
+from functools import partial
+
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy import stats
 
-from seatrial.estimation.simulation.noise_models import Coloured, Drifting, Heavy, White
+from seatrial.compiled.batching import filled
+from seatrial.estimation.posterior.output_error import OutputError
+from seatrial.estimation.simulation.noise_models import Drifting, Heavy, White
+from seatrial.estimation.simulation.sensor_errors import Sensor
+from seatrial.estimation.simulation.simulator import Simulator
 from seatrial.estimation.simulation.trial_data import FOREVER, channel_data
 
+PATTERNS = {
+    "complete": np.ones(30),
+    "some missing": (np.arange(30) % 7 != 3).astype(float),
+    "every third": (np.arange(30) % 3 == 0).astype(float),
+    "first missing": (np.arange(30) > 3).astype(float),
+    "one": (np.arange(30) == 4).astype(float),
+}
+EVEN, UNEVEN = np.arange(30) * 0.2, np.cumsum(np.random.default_rng(5).uniform(0.05, 0.5, 30))
+RESIDUALS = np.random.default_rng(2).normal(size=30)
+POINTS = [(0.3, 0.7, 0.5), (0.5, 0.5, 2.0), (1e-3, 0.7, 40.0), (0.7, 1e-3, 0.02), (0.7, 0.1, 1e4)]
 
-@pytest.mark.parametrize("complete", [True, False])
-@pytest.mark.parametrize("noise", [0.0, 0.3])
-def test_slow_residuals_are_jointly_normal(complete, noise):
-    """Against the dense covariance sd^2 exp(-|t - s| / tau), white noise added where it drifts, of the samples that are there."""
-    random = np.random.default_rng(2)
-    present = np.ones(30) if complete else (random.uniform(size=30) < 0.6).astype(float)
-    present[0] = 1.0
-    time, e, sd, tau = np.arange(30) * 0.2, random.normal(size=30), 0.7, 0.5
-    at = np.flatnonzero(present)
-    gaps = np.append(np.inf, np.diff(time[at]))
-    distinct, kinds = np.unique(gaps.round(9), return_inverse=True)
-    memory = np.exp(-distinct / tau)
-    kind = np.zeros(30, int)
-    kind[at] = kinds
-    shape = Drifting(noise, sd, memory) if noise else Coloured(sd, np.bincount(kinds), memory, 1 / (1 - memory**2))
-    carry = shape.empty()
-    for k in range(30):
-        carry = shape.absorb(carry, e[k], present[k], kind[k])
-    cov = sd**2 * np.exp(-np.abs(np.subtract.outer(time[at], time[at])) / tau)
-    cov += noise**2 * np.eye(at.size)
-    exact = stats.multivariate_normal(np.zeros(at.size), cov).logpdf(e[at])
-    assert float(shape.log_likelihood(carry)) == pytest.approx(exact, abs=1e-9)
+
+def slow_density(kind, logs, channel):
+    """Log density of `RESIDUALS` by the model of the noise, sample by sample."""
+    sensor = Sensor("u", kind)
+    values = dict(
+        zip(("sigma_u", "drift_u", f"{'drift_time' if kind == 'drifting' else 'tau'}_u"), jnp.exp(logs), strict=True)
+    )
+    noise = OutputError(Simulator(None, (sensor,)), ("a",)).noise(values, sensor, channel)
+    samples = (RESIDUALS, channel.present, channel.kind)
+    carry, _ = jax.lax.scan(lambda carry, sample: (noise.absorb(carry, *sample), None), noise.empty(), samples)
+    return noise.log_likelihood(carry)
+
+
+def dense_density(kind, logs, time, present):
+    """The same by the covariance sd^2 exp(-|t - s| / tau), white noise added where it drifts, of the samples that are there."""
+    sd, drift, tau = jnp.exp(logs)
+    slow = (drift if kind == "drifting" else sd) ** 2 * jnp.exp(-jnp.abs(time[:, None] - time) / tau)
+    cov = slow + (sd**2 * jnp.eye(time.size) if kind == "drifting" else 0.0)
+    there = present[:, None] * present > 0
+    density = jax.scipy.stats.multivariate_normal.logpdf
+    # What is missing is of unit variance here, and 0.
+    whole = density(RESIDUALS * present, jnp.zeros(time.size), jnp.where(there, cov, jnp.eye(time.size)))
+    return whole + 0.5 * jnp.log(2 * jnp.pi) * jnp.sum(1.0 - present)
+
+
+@partial(jax.jit, static_argnums=(0, 1))
+def expansion(density, kind, point, *data):
+    """Value, gradient and Hessian, forward over reverse, along the logarithms of the parameters."""
+
+    def gradient_and_value(logs):
+        value, gradient = jax.value_and_grad(lambda logs: density(kind, logs, *data))(logs)
+        return gradient, (gradient, value)
+
+    hessian, (gradient, value) = jax.jacfwd(gradient_and_value, has_aux=True)(jnp.log(point))
+    return value, gradient, hessian
+
+
+@pytest.mark.parametrize("present", PATTERNS.values(), ids=PATTERNS)
+@pytest.mark.parametrize("time", [EVEN, UNEVEN], ids=["even", "uneven"])
+@pytest.mark.parametrize("kind", ["coloured", "drifting"])
+def test_slow_residuals_are_jointly_normal(kind, time, present):
+    channel = channel_data(time, np.where(present > 0, RESIDUALS, np.nan))
+    if channel.gaps.size > 2:  # of one shape, so that it is compiled once
+        channel = channel._replace(gaps=filled(channel.gaps, 30, FOREVER), counts=filled(channel.counts, 30, 0.0))
+    for point in POINTS:
+        found = expansion(slow_density, kind, np.array(point), channel)
+        exact = expansion(dense_density, kind, np.array(point), time, present)
+        size = max(1.0, np.abs(exact[2]).max())
+        for one, other in zip(found, exact, strict=True):
+            np.testing.assert_allclose(one, other, rtol=1e-7, atol=1e-7 * size)
+
+
+def test_a_long_product_of_variances_does_not_overflow():
+    """Of 20 000 samples after two gaps by turns, against the plain recursion of variances: their product is e^282 000."""
+    time = np.cumsum(np.where(np.arange(20_000) % 2, 1.0, 2.0))
+    channel = channel_data(time, np.zeros(time.size))
+    sd, drift, tau = 1e-4, 1.0, 10.0
+    noise = Drifting(sd, (drift / sd) ** 2, time.size, -channel.gaps / tau, jnp.exp(-channel.gaps / tau))
+    carry, _ = jax.lax.scan(
+        lambda carry, kind: (noise.absorb(carry, 0.0, 1.0, kind), None), noise.empty(), jnp.asarray(channel.kind)
+    )
+    before, total = drift**2, 0.0
+    for memory in np.exp(-np.diff(time, append=np.inf) / tau):
+        total -= 0.5 * np.log(2 * np.pi * (before + sd**2))
+        after = before * sd**2 / (before + sd**2)
+        before = memory**2 * after + drift**2 * (1 - memory**2)
+    assert float(noise.log_likelihood(carry)) == pytest.approx(total, rel=1e-11)
 
 
 @pytest.mark.parametrize("complete", [True, False])

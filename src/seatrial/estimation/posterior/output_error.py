@@ -145,8 +145,11 @@ class OutputError:
                 memory = jnp.exp(-data.gaps / values[correlation_name(sensor.channel)])
                 return Coloured(sd, counts, memory, 1.0 / (1.0 - memory * memory))
             case "drifting":
-                memory = jnp.exp(-data.gaps / values[drift_time_name(sensor.channel)])
-                return Drifting(sd, values[drift_name(sensor.channel)], memory)
+                # Of two distinct gaps one is that before the first sample.
+                gaps = data.gaps[0] if data.gaps.size <= 2 else data.gaps
+                rate = -gaps / values[drift_time_name(sensor.channel)]
+                ratio = (values[drift_name(sensor.channel)] / sd) ** 2
+                return Drifting(sd, ratio, jnp.sum(data.counts), rate, jnp.exp(rate))
 
     def of_tangent(
         self,
