@@ -45,6 +45,7 @@ def test_the_environment_is_set_up_by_hashes():
     assert "--generate-hashes" in makefile
 
 
+@pytest.mark.proof
 def test_extras_are_imported_where_they_are_used():
     """Every module imports without the extras, but for the dashboard's and the cluster's own."""
     code = """

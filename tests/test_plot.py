@@ -205,6 +205,7 @@ def test_a_tree_for_arviz_has_groups_coordinates_and_units(fitted):
         st.to_arviz(draws, None, record)
 
 
+@pytest.mark.proof
 def test_the_log_likelihood_in_a_tree_is_that_of_each_measurement(fitted):
     """Two records of two channels, given in another order than fitted: each density by hand about the motion of one draw."""
     _, _, model, family = fitted

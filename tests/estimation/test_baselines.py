@@ -174,6 +174,7 @@ def test_persistence_and_mean_by_hand():
     assert held.predict(record, start=3)[-1, 0] == 4.0
 
 
+@pytest.mark.proof
 def test_stated_noise_covers_new_runs():
     """Of ten runs of 400 samples with white noise 90 % lie inside the band, within four binomial errors."""
     fitted = BASELINES["nomoto"].fit([yaw_record(*lag_run(s, noise=0.003)) for s in range(3)], ["r"], ["delta_r"])

@@ -233,6 +233,7 @@ def unseen_case(*lost):
     return posterior({**priors, **noises}, likelihood, data._replace(channels=blank))
 
 
+@pytest.mark.proof
 def test_one_channel_all_missing():
     target = unseen_case("udot")
     found = identifiability_of_fit(target, find_mode(target, KEY), at=AT)

@@ -235,6 +235,7 @@ def test_inertia_that_stonefish_exceeds_is_said():
     assert "K_pdot" not in words
 
 
+@pytest.mark.proof
 def test_the_laboratory_tells_the_driver_our_commands_by_the_names_of_the_scenario(tmp_path):
     """With a driver of our own that answers the start at each sample."""
     spec = importlib.util.spec_from_file_location("stonefish_laboratory", FILE)

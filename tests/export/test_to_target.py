@@ -36,6 +36,7 @@ def test_means_of_draws_take_their_places(tmp_path):
     assert "-2.93" in json.dumps(content)
 
 
+@pytest.mark.proof
 def test_means_of_a_tether_s_draws_take_their_places_too(tmp_path):
     frame = st.load_vehicle("bluerov2_heavy")
     towed = replace(frame, hull=replace(frame.hull, tether=Tether((-0.2, 0.0, 0.0), 1.0, 2.0)))

@@ -76,6 +76,7 @@ def test_every_shape_keeps_to_its_amplitude_and_comes_home(kind):
     assert np.allclose(held[(time < 1.0 - 1e-6) | (time > 41.0 + 1e-6)], TRIM, rtol=1e-13)
 
 
+@pytest.mark.proof
 @EVERY
 def test_every_shape_is_the_same_in_batches(kind):
     member, amplitudes, periods = family(kind=kind), np.array([5.0, 20.0]), np.array([2.0, 2.3])

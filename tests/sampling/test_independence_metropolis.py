@@ -43,6 +43,7 @@ def test_nearly_normal_posterior_takes_fresh_draws_and_forgets_at_once():
     assert 0.6 < float(run.state.fresh) <= MAX_SHARE
 
 
+@pytest.mark.proof
 def test_two_far_modes_leave_it_to_the_walk_and_jump_all_the_same():
     """0.3 N(-6, 1) + 0.7 N(6, 1) in each of two parameters: fresh draws are rarely accepted, and set the shares right."""
 

@@ -35,6 +35,7 @@ def test_temperatures_rise_to_one():
     assert ((result.acceptance > 0.1) & (result.acceptance < 0.9)).all()
 
 
+@pytest.mark.proof
 def test_first_temperature_keeps_the_stated_share():
     """Weights L^b of prior draws have the effective size asked for, up to that number's scatter."""
     first = sample_tempered_smc(PAIR.posterior, KEY, SMCSettings()).temperatures[0]

@@ -38,6 +38,7 @@ def evidences(**given):
     return {name: Evidence(value, error, name, status=status) for name, (value, error, status) in given.items()}
 
 
+@pytest.mark.proof
 def test_agreement_on_a_known_evidence():
     (target, exact), told = one_peak(), []
     found = log_evidence(target, KEYS, SMALL, lambda done, total: told.append(done / total))

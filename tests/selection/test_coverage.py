@@ -30,6 +30,7 @@ def test_exact_values_of_two_parameters(problem):
     assert np.log(total) + 2 * np.log(0.01) == pytest.approx(problem.log_evidence, abs=1e-5)
 
 
+@pytest.mark.proof
 def test_exact_value_of_the_regression():
     """At each noise the posterior of the coefficients is normal, so that its peak and its curvature give the integral."""
     problem = known.regression()

@@ -64,6 +64,7 @@ def predicted(d: int, max_k_hat=0.7, seed=0):
     return leave_future_out(past_of_series(d), EDGES, jax.random.key(seed), max_k_hat=max_k_hat)
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("d", [2, 4])
 def test_closed_form(d):
     found, exact = predicted(d), -2 * exact_blocks(d)
@@ -81,6 +82,7 @@ def test_refits_happen_only_when_needed():
     assert 1 < len(predicted(4).refits) < len(predicted(2).refits) < 10
 
 
+@pytest.mark.proof
 def test_exact_refits_agree():
     often, seldom = predicted(4, -np.inf), predicted(4)
     assert often.refits == tuple(map(float, EDGES[:-1]))

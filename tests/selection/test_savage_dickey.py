@@ -21,6 +21,7 @@ def of_shape(z):
     return posterior({"a": Uniform(-1.0, 1.0)}, lambda v, data: 0.0), np.asarray(z)[..., None]
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("shape", ["kernel", "normal", "t"])
 @pytest.mark.parametrize("d", [3, 9])
 def test_nested_pair_in_closed_form(d, shape):
@@ -89,6 +90,7 @@ def test_chains_that_never_moved():
         savage_dickey(target, "a", z)
 
 
+@pytest.mark.proof
 def test_the_kernel_s_bias_is_part_of_the_stated_error():
     """At the peak of a Laplace density: a kernel narrower by sqrt 2 is higher by more than chance, and the error states that much."""
     draws = np.random.default_rng(5).laplace(scale=0.1, size=(4, 10_000))

@@ -51,6 +51,7 @@ def test_motion_of_an_own_equation_is_its_closed_form():
     np.testing.assert_allclose(slope, exact, atol=1e-5)
 
 
+@pytest.mark.proof
 def test_coefficients_of_an_own_equation_are_found_with_their_units():
     model = own()
     record = record_of(model, sensors=("u", "lagging"))

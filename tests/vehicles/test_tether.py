@@ -78,6 +78,7 @@ FINITE = st.floats(-10.0, 10.0)
 DRAG = st.floats(0.0, 1e3)
 
 
+@pytest.mark.proof
 @given(st.tuples(*[FINITE] * 3), DRAG, DRAG, st.tuples(*[FINITE] * 6))
 def test_it_only_takes_energy(point, k1, k2, nu):
     """Its power, by the force on the point as by force and moment on the body, is never above 0, and both are the same."""

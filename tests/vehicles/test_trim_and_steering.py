@@ -51,6 +51,7 @@ def test_speed_and_depth_rate_of_the_whole_vehicle():
     assert heel == pytest.approx(-1.121e-5 * at["n"] ** 2 / (0.0196 * 30.48 * 9.81), rel=0.05)
 
 
+@pytest.mark.proof
 def test_a_steady_turn_for_given_controls():
     held = {"n": 120.0, "delta_r": -0.05, "delta_s": 0.02}
     model = REMUS.build(attitude="euler")

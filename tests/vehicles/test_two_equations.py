@@ -89,6 +89,7 @@ def designed(model):
     return list(st.design_trial(asked).sd_after.values())
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(
     "path",
     [
@@ -98,7 +99,7 @@ def designed(model):
         record_drawn,
         mode,
         designed,
-        pytest.param(drawn_and_predicted, marks=pytest.mark.proof),
+        drawn_and_predicted,
     ],
 )
 def test_each_has_its_own_answer(path):

@@ -92,6 +92,7 @@ def test_quaternion_moves_as_euler_angles_do():
     assert np.abs(found - euler).max() < 1e-6
 
 
+@pytest.mark.proof
 def test_both_forms_of_the_integrator_agree():
     control, step = np.tile(FINS, (50, 1)), np.full(50, 0.05)
     one, other = (
@@ -101,6 +102,7 @@ def test_both_forms_of_the_integrator_agree():
     assert np.allclose(one, other, rtol=1e-12, atol=1e-13)
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("current", ["state", "given", (0.4, -0.3, 0.1)])
 def test_a_uniform_current_carries_the_vehicle_along(current):
     """The twin has its velocities over ground and the current inside its forces; here they are through the water.

@@ -136,6 +136,7 @@ def two_valleys():
     return stats, physical_prior(np.ones(8), 0.01), NAMES[:8], rules
 
 
+@pytest.mark.proof
 def test_ladders_lead_over_a_valley(monkeypatch):
     """By the visits alone, of which averages over the best structures would make nothing."""
     monkeypatch.setattr(sampler, "MIN_HELD_PROBABILITY", 2.0)
