@@ -5,6 +5,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy import signal
 
 import seatrial as st
 from seatrial.core.errors import InputError, NumericalError
@@ -266,14 +267,19 @@ def test_a_step_to_where_the_density_is_zero_is_refused():
         maximise(expanded, np.array([6.0]), str)
 
 
-def surge_posterior(samples=400, sigma=(1e-4, 10.0)):
+def surge_posterior(samples=400, sigma=(1e-4, 10.0), slow=None):
     truth = {"X_u": -1.21, "X_uabsu": -2.93, "T_nabsn": 6.28e-4, "sigma_u": 0.02}
     model = st.load_vehicle("remus100_surge").build(free=[name for name in truth if name != "sigma_u"])
     levels = np.repeat(np.random.default_rng(3).uniform(65.0, 185.0, samples // 8), 8)
     schedule = st.Schedule(np.arange(samples) * 0.1, {"n": levels})
     record = st.simulate(model, truth, schedule, ["u"], start={"u": 1.5}, key=4)
     priors = {"X_u": st.Normal(-1.2, 1.5), "X_uabsu": st.Normal(-3.0, 3.0), "T_nabsn": st.Normal(6e-4, 3e-4)}
-    return st.make_posterior(model, record, priors | {"sigma_u": st.LogUniform(*sigma)}), record
+    priors["sigma_u"] = st.LogUniform(*sigma)
+    if slow is None:
+        return st.make_posterior(model, record, priors), record
+    record = replace(record, measurement=record.measurement + slow[:, None])
+    priors |= {"drift_u": st.LogUniform(2e-5, 0.1), "drift_time_u": st.LogUniform(0.3, 40.0)}
+    return st.make_posterior(model, record, priors, [st.Sensor("u", "drifting")]), record
 
 
 def test_noise_begins_at_the_size_of_the_residuals():
@@ -290,6 +296,30 @@ def test_noise_begins_at_the_size_of_the_residuals():
     assert found[target.names.index("sigma_u")] == pytest.approx(np.sqrt(np.mean(missed**2)), rel=1e-6)
     kept = [name != "sigma_u" for name in target.names]
     assert np.array_equal(found[kept], values_of(target, start)[kept])
+
+
+@pytest.mark.parametrize("drift", [0.0, 0.05])
+def test_no_start_leads_higher_with_slow_noise(drift, monkeypatch):
+    """On white data and on a slow error of two and a half times the noise, from the truth and from draws of the prior."""
+    rng, memory = np.random.default_rng(6), np.exp(-0.1 / 8.0)
+    slow = signal.lfilter([drift * np.sqrt(1 - memory**2)], [1.0, -memory], rng.normal(size=400))
+    target, _ = surge_posterior(slow=slow)
+    climbs, expand = [], module._expand
+    monkeypatch.setattr(module, "_expand", lambda *a, **k: climbs.append(0) or expand(*a, **k))
+    found = find_mode(target, KEY)
+    assert len(climbs) < 50
+    draws = np.array(target.sample_prior(KEY, 200))
+    best = draws[np.argsort(-module._heights(target, draws))[:3]]
+    known = {
+        "X_u": -1.21,
+        "X_uabsu": -2.93,
+        "T_nabsn": 6.28e-4,
+        "sigma_u": 0.02,
+        "drift_u": drift + 1e-3,
+        "drift_time_u": 8.0,
+    }
+    for start in (module._inside(target, known)[0], *best):
+        assert found.log_density > module.maximise_from(target, start).log_density - 1e-4
 
 
 def test_a_long_record_has_the_mode_that_a_search_of_all_of_it_finds(monkeypatch):

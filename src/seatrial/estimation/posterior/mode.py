@@ -4,7 +4,7 @@ A likelihood of records is climbed with its information in place of second deriv
 at the mode alone.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache, partial
@@ -30,7 +30,7 @@ from seatrial.estimation.posterior.posterior import Posterior, as_key, check_pos
 from seatrial.estimation.posterior.prior_bounds import bound_finding
 from seatrial.estimation.posterior.slopes import likelihood_slopes
 from seatrial.estimation.simulation.delayed_control import DELAY
-from seatrial.estimation.simulation.sensor_errors import noise_name
+from seatrial.estimation.simulation.sensor_errors import drift_name, drift_time_name, noise_name
 from seatrial.estimation.simulation.trial_data import first_samples
 from seatrial.sampling.target import AT_ONCE, LANES, evaluate
 
@@ -59,6 +59,11 @@ MAX_SAME_DISTANCE, MAX_SAME_GAIN = 0.01, 1.0
 PATIENCE_STEPS, MIN_GAIN_SHARE = 5, 0.2
 # Looks at what a start leaves over, and the least share of the variance of the noise that one of them leaves.
 NOISE_ROUNDS, MIN_NOISE_SHARE = 4, 1e-3
+# Size of a slow part beside that of the white noise that does not matter, and what is left to climb, nats, where the motion is first found
+# with it.
+FAINT_DRIFT, ROUGH_GAIN = 1e-2, 1e-2
+# White noise and slow part that are tried, in shares of what a fit with white noise leaves over, and levels of each at least.
+WHITE_SHARES, DRIFT_SHARES, MIN_LEVELS = (1.0, 0.1), (0.03, 2.0), 3
 MAX_FOLLOWED, MAX_ROUNDS = (
     3,
     3,
@@ -256,17 +261,34 @@ def _highest(
             f"none of {len(candidates)} draws from the prior gives a finite likelihood: under this prior the model diverges, for example "
             f"at {_point(posterior, candidates[0])}. Narrow the prior to damping that dissipates (negative coefficients), or check units."
         )
-    results: list[tuple[np.ndarray, float]] = []
+    held = [i for _, drift, time in _slow_noise(posterior) for i in (*drift, *time)]
+    tops = _climbed(posterior, (_with_noise(posterior, _nearly_white(posterior, one)) for one in followed), held)
+    if held:
+        # A wrong motion leaves slow residuals over: with the noise of these the motion is found in three times as many steps.
+        starts = sorted((_with_slow_noise(posterior, z) for z, _ in tops), key=lambda pair: -pair[1])
+        tops = _climbed(posterior, (z for z, _ in starts))
+    return max(tops, key=lambda pair: pair[1])
+
+
+def _climbed(
+    posterior: Posterior, starts: Iterable[np.ndarray], held: Sequence[int] = ()
+) -> list[tuple[np.ndarray, float]]:
+    """Return the different maxima above some starts, parameters at some places being held."""
+    tops: list[tuple[np.ndarray, float]] = []
     lost = None
-    for start in (_with_noise(posterior, one) for one in followed):
-        if not any(is_uphill(posterior, start, top) for top, _ in results):
-            try:
-                results.append(_maximise(posterior, start, results))
-            except NumericalError as error:
-                lost = error
-    if lost is not None and not results:
+    for start in starts:
+        if any(is_uphill(posterior, start, top) for top, _ in tops):
+            continue
+        try:
+            top = _maximise(posterior, start, tops, held)
+        except NumericalError as error:
+            lost = error
+            continue
+        if not any(np.array_equal(top[0], known) for known, _ in tops):
+            tops.append(top)
+    if lost is not None and not tops:
         raise lost
-    return max(results, key=lambda pair: pair[1])
+    return tops
 
 
 def _first_part(posterior: Posterior) -> Posterior | None:
@@ -420,14 +442,18 @@ def _with_profile(posterior: Posterior, mode: Mode, at: int) -> Mode:
 
 
 def _inside(posterior: Posterior, values: Mapping[str, float]) -> np.ndarray:
-    """Return where parameters have such values, moved inside their bounds, shape (1, d), in the middle of the prior where one is not told;
-    none where one has no place."""
-    stated = np.array([values.get(name, np.nan) for name in posterior.names])
-    low, high = np.array([parameter.prior.bounds for parameter in posterior.parameters], float).T
-    z = np.asarray(posterior.unconstrain(np.clip(stated, np.nextafter(low, np.inf), np.nextafter(high, -np.inf))))[None]
-    z = np.where(np.isfinite(high - low), z.clip(-MAX_INSIDE_SDS, MAX_INSIDE_SDS), z)
-    z = np.where(np.isnan(stated), 0.0, z)
+    """Return where parameters have such values, shape (1, d), in the middle of the prior where one is not told; none where one has no
+    place."""
+    z = _moved_inside(posterior, np.array([[values.get(name, np.nan) for name in posterior.names]]))
     return z[np.isfinite(z).all(1)]
+
+
+def _moved_inside(posterior: Posterior, values: Float[np.ndarray, "n d"]) -> Float[np.ndarray, "n d"]:
+    """Return where parameters have such values, moved inside their bounds; in the middle of the prior for NaN."""
+    low, high = np.array([parameter.prior.bounds for parameter in posterior.parameters], float).T
+    z = np.asarray(posterior.unconstrain(np.clip(values, np.nextafter(low, np.inf), np.nextafter(high, -np.inf))))
+    z = np.where(np.isfinite(high - low), z.clip(-MAX_INSIDE_SDS, MAX_INSIDE_SDS), z)
+    return np.where(np.isnan(values), 0.0, z)
 
 
 def _best(densities: np.ndarray) -> np.ndarray:
@@ -473,6 +499,59 @@ def _with_noise(posterior: Posterior, start: np.ndarray) -> np.ndarray:
         moved = best.copy()
         moved[at] = _inside(posterior, dict(zip(posterior.names, values, strict=True)))[0, at]
     return best
+
+
+def _slow_noise(posterior: Posterior) -> list[tuple[list[int], list[int], list[int]]]:
+    """Return of each channel with drifting residuals the places of its white noise, of the size of its slow part, and of its time."""
+    if not isinstance(posterior.likelihood, OutputError):
+        return []
+    kinds = [name.partition("[")[0] for name in posterior.names]
+
+    def places(name: str) -> list[int]:
+        return [i for i, kind in enumerate(kinds) if kind == name]
+
+    return [
+        (places(noise_name(one.channel)), places(drift_name(one.channel)), places(drift_time_name(one.channel)))
+        for one in posterior.likelihood.simulator.sensors
+        if one.noise == "drifting"
+    ]
+
+
+def _nearly_white(posterior: Posterior, start: np.ndarray) -> np.ndarray:
+    """Return a start whose slow noise is too small to matter."""
+    values, moved = values_of(posterior, start)[None], start.copy()
+    for white, drift, _ in _slow_noise(posterior):
+        values[:, drift] = FAINT_DRIFT * values[:, white].min()
+        moved[drift] = _moved_inside(posterior, values)[0, drift]
+    return moved
+
+
+def _with_slow_noise(posterior: Posterior, start: np.ndarray) -> tuple[np.ndarray, float]:
+    """Return a start with the best of many noises of each channel that drifts, and the log density there.
+
+    Given the motion the channels are independent, so that all but one may keep their noise.
+    """
+    channels = _slow_noise(posterior)
+    levels = max(MIN_LEVELS, int(((AT_ONCE - 1) / len(channels)) ** (1 / 3)))
+    axes = np.geomspace(*WHITE_SHARES, levels), np.geomspace(*DRIFT_SHARES, levels), np.linspace(-1.5, 1.5, levels)
+    of_white, of_drift, time = (one.reshape(-1, 1) for one in np.meshgrid(*axes))
+    values, tried = values_of(posterior, start), []
+    for white, drift, times in channels:
+        rows, wanted = np.tile(start, (time.size, 1)), np.tile(values, (time.size, 1))
+        wanted[:, white] = of_white * values[white]
+        wanted[:, drift] = of_drift * values[white].mean()
+        rows[:, white + drift] = _moved_inside(posterior, wanted)[:, white + drift]
+        rows[:, times] = time
+        tried.append(rows)
+    height, *heights = np.split(
+        _heights(posterior, np.concatenate([start[None], *tried])), 1 + time.size * np.arange(len(channels))
+    )
+    moved = start.copy()
+    for places, rows, of_rows in zip(channels, tried, heights, strict=True):
+        if of_rows.max() > height[0]:
+            changed = [i for part in places for i in part]
+            moved[changed] = rows[np.argmax(of_rows), changed]
+    return moved, float(_heights(posterior, moved[None])[0])
 
 
 class _Expansion(NamedTuple):
@@ -536,11 +615,32 @@ def expand_prior(posterior: Posterior, z: Array) -> tuple[Array, Array, Array, A
 
 
 def _maximise(
-    posterior: Posterior, start: np.ndarray, known_modes: Sequence[tuple[np.ndarray, float]] = ()
+    posterior: Posterior,
+    start: np.ndarray,
+    known_modes: Sequence[tuple[np.ndarray, float]] = (),
+    held: Sequence[int] = (),
 ) -> tuple[np.ndarray, float]:
-    return maximise(
-        lambda z: _expand(posterior, z, climbing=True), start, partial(_point, posterior), known_modes=known_modes
+    """Follow one start to its maximum; where parameters at some places are held, roughly."""
+    if not held:
+        return maximise(
+            lambda z: _expand(posterior, z, climbing=True), start, partial(_point, posterior), known_modes=known_modes
+        )
+    free = np.setdiff1d(np.arange(start.size), held)
+
+    def whole(part: np.ndarray) -> np.ndarray:
+        z = start.copy()
+        z[free] = part
+        return z
+
+    def expand_at(part: np.ndarray) -> _Expansion:
+        there = _expand(posterior, whole(part), climbing=True)
+        return there._replace(gradient=there.gradient[free], hessian=there.hessian[np.ix_(free, free)])
+
+    tops = [(top[free], height) for top, height in known_modes]
+    part, height = maximise(
+        expand_at, start[free], lambda part: _point(posterior, whole(part)), known_modes=tops, least_gain=ROUGH_GAIN
     )
+    return whole(part), height
 
 
 class Expanded(Protocol):
@@ -568,6 +668,7 @@ def maximise(
     words: Callable[[np.ndarray], str],
     most: int = 300,
     known_modes: Sequence[tuple[np.ndarray, float]] = (),
+    least_gain: float = 0.0,
 ) -> tuple[Float[np.ndarray, " d"], float]:
     """Follow one start to its maximum; steps that end where the density is zero or has no derivative are refused by the trust region.
 
@@ -579,10 +680,11 @@ def maximise(
         start: where it begins, shape (d,).
         words: names a point, for the error.
         most: steps.
-        tops: maxima that are known, each with the log density there; one whose slope is reached is not climbed again.
+        known_modes: maxima that are known, each with the log density there; one whose slope is reached is not climbed again.
+        least_gain: it ends where less is left to climb, nats.
 
     Returns:
-        where it ended, shape (d,), and the log density there.
+        where it ended, or the known maximum on whose slope it did, shape (d,), and the log density there.
 
     Raises:
         NumericalError: the density has no finite derivative at the start.
@@ -599,6 +701,7 @@ def maximise(
         )
 
     heights: list[float] = []
+    reached: list[tuple[np.ndarray, float]] = []
     highest = max((height for _, height in known_modes), default=-np.inf)
 
     def stop_if_there(intermediate_result: scipy.optimize.OptimizeResult) -> None:
@@ -613,9 +716,12 @@ def maximise(
             return
         step = np.linalg.solve(curvature, there.gradient)
         gain = 0.5 * there.gradient @ step
-        missed = [top - intermediate_result.x - step for top, _ in known_modes]
-        known = any(off @ curvature @ off < MAX_SAME_DISTANCE for off in missed) and gain < MAX_SAME_GAIN
-        if known or gain < np.finfo(float).eps * abs(there.value):
+        for top, height in known_modes if gain < MAX_SAME_GAIN else ():
+            missed = top - intermediate_result.x - step
+            if missed @ curvature @ missed < MAX_SAME_DISTANCE:
+                reached.append((top, height))
+                raise StopIteration
+        if gain < max(least_gain, np.finfo(float).eps * abs(there.value)):
             raise StopIteration
 
     latest = start
@@ -641,7 +747,7 @@ def maximise(
             f"the posterior density has no maximum that can be computed: its curvature breaks down near {words(latest)}, where the "
             "density may rise without bound. Write parameters that share a spread as mean + spread * z, or bound the spread away from 0"
         ) from error
-    return result.x, -float(result.fun)
+    return reached[0] if reached else (result.x, -float(result.fun))
 
 
 def _point(posterior: Posterior, z: np.ndarray) -> str:
