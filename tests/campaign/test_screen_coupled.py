@@ -7,6 +7,7 @@ from seatrial.campaign.inference.posterior import build_posterior
 from seatrial.campaign.selection.screening import screening_of, with_shortlist
 from seatrial.compiled.random_keys import random_key
 from seatrial.estimation.posterior.mode import find_mode
+from seatrial.messages.structures import screening_lines
 from seatrial.selection.structures import Structure
 from tests.campaign.test_thrusters import CAMPAIGN, campaign, log  # noqa: F401
 
@@ -40,7 +41,7 @@ def test_terms_of_three_axes_are_screened_about_the_mode_of_all(tmp_path, log): 
     assert inclusion["Y_v"] > 0.99
     assert max(inclusion[name] for name in OPTIONAL if name != "Y_v") < 0.5
     assert set(screened.terms(0)) == TRUE
-    said = "\n".join(screened.lines())
+    said = "\n".join(screening_lines(screened))
     assert "axis Y: needed: Y_v" in said
     assert "axis X: " in said and "axis N: " in said  # noqa: PT018
     best, second = (screened.terms(rank) for rank in (0, 1))

@@ -78,7 +78,7 @@ def test_a_campaign_with_a_worker_killed_in_every_part(here, there, monkeypatch)
         killed = []
 
         def kill_one():
-            pids = place.workers_of(there).cluster.client.run(os.getpid, on_error="return").values()
+            pids = place.workers_of(there).client.run(os.getpid, on_error="return").values()
             killed.append(max(pid for pid in pids if isinstance(pid, int)))
             os.kill(killed[-1], signal.SIGKILL)
 

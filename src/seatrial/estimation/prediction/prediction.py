@@ -12,6 +12,7 @@ from jaxtyping import Float, Int
 from scipy.special import ndtr, ndtri
 
 from seatrial.compiled.programs import program
+from seatrial.compiled.random_keys import fold_in
 from seatrial.core.argument_checks import check_count, check_kind
 from seatrial.core.errors import InputError
 from seatrial.core.record import Record
@@ -317,10 +318,9 @@ def _ready(
         for name, column in table.items()
         if "[" not in name or name.endswith(f"[{record.label}]")
     }
-    count = len(next(iter(known.values())))
     alone = of_any_trial(posterior, own, places, data)
-    # Beside the keys of `outputs_of_draws`.
-    return alone, values_of_draws(alone, known, jax.random.split(key, 1 + count)[0], first_sd)
+    # Beside the keys of `outputs_of_draws`: the first of `split`, without a program compiled for it.
+    return alone, values_of_draws(alone, known, fold_in(key, 0), first_sd)
 
 
 def of_any_trial(posterior: Posterior, label: str, places: Int[np.ndarray, " k"], data: TrialData) -> Posterior:
