@@ -151,35 +151,26 @@ class OutputError:
                 ratio = (values[drift_name(sensor.channel)] / sd) ** 2
                 return Drifting(sd, ratio, jnp.sum(data.counts), rate, jnp.exp(rate))
 
-    def of_tangent(
-        self,
-        values: Mapping[str, Any],
-        trial: TrialData,
-        shown: tuple[Float[Array, " n"], ...],
-        slopes: tuple[Float[Array, "n d"], ...],
-        step: Float[Array, " d"],
+    def of_shown(
+        self, values: Mapping[str, Any], trial: TrialData, shown: tuple[Float[Array, " n"], ...]
     ) -> Float[Array, ""]:
-        """Return the log-likelihood of one trial if each sensor, but for its noise, had shown `shown + slopes @ step`.
+        """Return the log-likelihood of one trial if each sensor, but for its noise, had shown this.
 
         Its derivatives need the memory of a block of samples: of each block only the sums before it are kept.
 
         Args:
-            values: parameters by name, SI.
+            values: parameters by name, SI, of which those of noise are used.
             trial: of n samples.
             shown: by each sensor, SI.
-            slopes: of each of these along d parameters.
-            step: along these.
         """
         absorb, begin, end = self._sums(values, trial)
 
         @jax.checkpoint
         def absorb_block(sums: tuple, block: tuple) -> tuple[tuple, None]:
-            shown, slopes, measured = block
-            moved = tuple(x + slope @ step for x, slope in zip(shown, slopes, strict=True))
-            return jax.lax.scan(lambda sums, sample: absorb(sums, *sample), sums, (moved, measured))
+            return jax.lax.scan(lambda sums, sample: absorb(sums, *sample), sums, block)
 
         length = gcd(trial.step.size, BLOCK)
-        blocks = jax.tree.map(lambda x: x.reshape(-1, length, *x.shape[1:]), (shown, slopes, _measured(trial)))
+        blocks = jax.tree.map(lambda x: x.reshape(-1, length), (shown, _measured(trial)))
         return end(jax.lax.scan(absorb_block, begin, blocks)[0])
 
     def _trial(self, values: dict[str, Any], trial: TrialData, start: Array) -> Any:

@@ -75,7 +75,7 @@ def _of_density(posterior: Posterior, point: Array) -> Slopes:
 def _along_simulation(likelihood: OutputError, names: tuple[str, ...], point: Array, data: Any, index: Array) -> Slopes:
     """Return the slopes of one trial that is simulated."""
     trial = jax.tree.map(lambda x: x[index], data)
-    along, still = jnp.eye(len(names)), jnp.zeros(len(names))
+    along = jnp.eye(len(names))
     moving = jnp.array([i for i, name in enumerate(names) if name not in likelihood.noise_parameters], int)
 
     def values_at(theta: Array) -> dict[str, Any]:
@@ -88,16 +88,20 @@ def _along_simulation(likelihood: OutputError, names: tuple[str, ...], point: Ar
 
     shown, by_theta = jax.vmap(lambda way: jax.jvp(shown_at, (point,), (way,)), out_axes=(None, -1))(along[moving])
 
-    def gradient_and_value(step: Array) -> tuple[Array, Array]:
-        def density(step: Array) -> Array:
-            return likelihood.of_tangent(values_at(point + step), trial, shown, by_theta, step[moving])
+    def gradient_and_value(shown: tuple[Array, ...], theta: Array) -> tuple[Array, Array]:
+        def density(shown: tuple[Array, ...], theta: Array) -> Array:
+            return likelihood.of_shown(values_at(theta), trial, shown)
 
-        value, gradient = jax.value_and_grad(density)(step)
-        return gradient, value
+        value, (by_shown, of_noise) = jax.value_and_grad(density, (0, 1))(shown, theta)
+        # What is shown enters the time loop as one number a sample, not as one for each parameter.
+        of_motion = sum(slope.T @ pull for slope, pull in zip(by_theta, by_shown, strict=True))
+        return of_noise.at[moving].add(of_motion), value
 
-    gradient, curvature, value = jax.vmap(
-        lambda way: jax.jvp(gradient_and_value, (still,), (way,), has_aux=True), out_axes=(None, 0, None)
-    )(along)
+    def along_way(way: Array) -> tuple[Array, Array, Array]:
+        moved = tuple(slope @ way[moving] for slope in by_theta)
+        return jax.jvp(gradient_and_value, (shown, point), (moved, way), has_aux=True)
+
+    gradient, curvature, value = jax.vmap(along_way, out_axes=(None, 0, None))(along)
     return Slopes(value, gradient, -0.5 * (curvature + curvature.T))
 
 
