@@ -1,5 +1,6 @@
 """Trials through an autopilot: what the file may say, what is simulated, designed, kept safe, imported and fitted in closed loop."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -22,7 +23,7 @@ from seatrial.core.errors import InputError
 from seatrial.core.record import make_record
 from seatrial.core.reporter import SILENT
 from seatrial.design.free_form import FreeFormSearch
-from seatrial.design.loop_stability import GainChange, _advice, check_autopilot
+from seatrial.design.loop_stability import VEHICLES, GainChange, _advice, check_autopilot, loop_growth
 from seatrial.design.measures import MeasureSearch
 from seatrial.design.motion_limits import MotionLimit
 from seatrial.design.safety import judge_safety
@@ -242,12 +243,16 @@ def test_safety_is_that_of_each_closed_loop(tmp_path):
 
 
 def test_an_autopilot_that_is_too_weak_is_refused_in_words_to_act_on(tmp_path):
-    made = campaign(tmp_path, ('kd = "3 rad s/rad"', 'kd = "0.6 rad s/rad"'))
+    problem = design_problem(campaign(tmp_path, ('kd = "3 rad s/rad"', 'kd = "0.6 rad s/rad"')))
     with pytest.raises(
         InputError,
         match=r"% of the vehicles [^$]*yaw \(heading\)[^$]*double kd \(derivative gain\) of \[autopilot.psi\]",
-    ):
-        check_autopilot(design_problem(made), SILENT)
+    ) as refused:
+        check_autopilot(problem, SILENT)
+    trim = np.array([value for _, value in problem.trim_of(problem.family)])
+    growth = loop_growth(problem.plan(), trim, problem.draws[:VEHICLES])
+    (doubling,) = re.findall(r"a small motion there doubles in (\S+) s", str(refused.value))
+    assert np.exp(float(doubling) * np.median(growth.rate[growth.unstable])) == pytest.approx(2, rel=0.05)
 
 
 def test_an_autopilot_that_no_change_of_one_gain_mends_is_at_fault_and_not_the_priors():

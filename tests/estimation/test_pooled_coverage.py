@@ -86,15 +86,16 @@ def test_false_alarms_of_slow_residuals_are_rare():
 
 
 def test_an_error_of_the_motion_that_runs_share_counts_once():
-    """The same input twice: coefficients that are off move both runs alike; of half the variance 1 / 0.25 samples are left."""
+    """The same input twice: coefficients that are off move both runs alike; of half the variance 1 / 0.25 samples are left.
+
+    Apart, each run is shifted as a whole: 1 / 0.25 samples of each, and of both the square of the sum over the sum of squares.
+    """
     random = np.random.default_rng(5)
-    runs = [run(random.normal(size=400) + 1.0, motion_sd=1.0) for _ in range(2)]
+    runs = [run(random.normal(size=size) + 1.0, motion_sd=1.0) for size in (400, 200)]
     found = pooled_verdict(runs, "u")
     assert found.effective == pytest.approx(4, abs=0.1)
     assert found.level == "unjudged"
-    assert pooled_verdict(runs, "u", shared=0.0).effective == pytest.approx(8, rel=0.1), (
-        "each run is shifted as a whole"
-    )
+    assert pooled_verdict(runs, "u", shared=0.0).effective == pytest.approx(4 * 600**2 / (400**2 + 200**2), rel=0.1)
 
 
 def test_three_runs_are_worth_what_their_shares_scatter_by():

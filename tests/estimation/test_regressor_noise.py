@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from seatrial.core.errors import InputError
-from seatrial.estimation.regression.regressor_noise import LEVELS, _extrapolation, regressor_noise_bias
+from seatrial.estimation.regression.regressor_noise import LEVELS, _extrapolation, _solved, regressor_noise_bias
 from seatrial.estimation.regression.rows import whitened_rows
 from seatrial.estimation.regression.weak_form import pointwise_trials, weak_trials
 from seatrial.vehicles.axis_equation import axis_equation
@@ -59,6 +59,13 @@ def test_monte_carlo_error_is_what_repetitions_spread_by():
     found = [regressor_noise_bias(rows, jax.random.key(seed), pairs=4) for seed in range(12)]
     spread = np.std([one.bias for one in found], axis=0, ddof=1)
     assert np.sqrt(np.mean([one.error**2 for one in found], axis=0)) == pytest.approx(spread, rel=0.7)
+
+
+def test_the_error_of_two_pairs_is_half_of_what_they_differ_by():
+    random = np.random.default_rng(7)
+    slopes, right, scale = random.uniform(1.0, 2.0, (2, 1)), random.normal(size=(2, 1)), np.array([3.0])
+    _, error = _solved(np.stack([slopes, right], -1), scale)
+    assert error == pytest.approx(0.5 * abs(np.subtract(*(right / slopes / scale))))
 
 
 def test_motion_that_no_control_made_is_named():

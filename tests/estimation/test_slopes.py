@@ -92,7 +92,7 @@ def test_a_delay_has_a_slope():
 
 def test_information_is_that_of_the_normal_density():
     """On average over data that the model makes: 200 replicates, within five standard errors of their mean."""
-    values, varied = dict(PUSHED), ("disturbance_X", "disturbance_time_X")
+    values, varied = dict(PUSHED), ("disturbance_X", "disturbance_time_X", "sigma_u")
     posterior = posterior_of(values, [record()])
     at = [posterior.names.index(name) for name in varied]
     point = jnp.array(list(values.values()))
@@ -110,6 +110,7 @@ def test_information_is_that_of_the_normal_density():
         up, down = ({**size, name: size[name] * (1 + sign * 1e-5)} for sign in (1, -1))
         change = (surge_law(**up)[1] - surge_law(**down)[1]) / (2e-5 * size[name])
         solved.append(np.linalg.solve(cov, change))
+    solved.append(np.linalg.solve(cov, 2 * values["sigma_u"] * np.eye(N)))
     expected = np.array([[0.5 * np.trace(a @ b) for b in solved] for a in solved])
     error = found.std(0) / np.sqrt(len(found))
     assert (np.abs(found.mean(0) - expected) < 5 * error + 1e-6 * np.abs(expected)).all()

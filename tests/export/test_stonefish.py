@@ -164,6 +164,8 @@ def test_net_force_and_righting_moment_are_the_vehicles():
     total = solid.mass + solid.added
     push = total * (motion[:3] + np.cross(motion[3:], solid.centre))
     np.testing.assert_allclose(push, own[:3, 0], atol=1e-9)
+    about_centre = (solid.inertia + solid.turned) * motion[3:]
+    np.testing.assert_allclose(about_centre + np.cross(solid.centre, push), own[3:, 0], atol=1e-9)
 
 
 def test_thrusters_push_along_their_axis():
