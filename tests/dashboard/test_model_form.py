@@ -23,9 +23,7 @@ def test_questions_have_meanings_choices_and_defaults(tmp_path):
     assert of["prior.X_u.unit"].value == ""
 
 
-@pytest.mark.parametrize(
-    ("kind", "priors"), [("coloured", ["tau_u"]), ("heavy", []), ("drifting", ["drift_u", "drift_time_u"])]
-)
+@pytest.mark.parametrize(("kind", "priors"), [("coloured", ["tau_u"]), ("heavy", []), ("drifting", [])])
 def test_noise_gets_the_priors_that_it_needs_and_loses_them_again(tmp_path, kind, priors):
     text, _ = edited(str(tmp_path), COMMENTED, (("estimation.residuals", kind),))
     added = tomllib.loads(text)["prior"].keys() - tomllib.loads(COMMENTED)["prior"].keys()

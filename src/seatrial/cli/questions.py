@@ -17,7 +17,7 @@ from seatrial.campaign.config.toml import field_at, parse_toml, toml_content
 from seatrial.campaign.config.toml_edit import Key, with_values
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.signals import QUATERNION
-from seatrial.core.usual_priors import DRIFT_TIMES, SIZES, TIMES
+from seatrial.core.usual_priors import TIMES
 
 _NOT_ASKED = ("seed", "distribution")  # Keys whose value nobody has to think about at the beginning
 CHANGING = (
@@ -136,7 +136,7 @@ def with_priors(before: Mapping[str, Any], text: str) -> str:
 
 def _priors_of(content: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
     """Return a usual prior of all for which a campaign file has to state one: its terms, and the noise of its sensors."""
-    from seatrial.estimation.simulation.sensor_errors import correlation_name, drift_name, drift_time_name
+    from seatrial.estimation.simulation.sensor_errors import correlation_name
     from seatrial.vehicles.catalogue import load_surge, load_vehicle, surge_names
 
     vehicle, structure = content.get("vehicle", {}), content.get("structure", {})
@@ -154,9 +154,6 @@ def _priors_of(content: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
         for channel in QUATERNION if sensor == "attitude" else (sensor,):
             if kind == "coloured":
                 ranges[correlation_name(channel)] = "log-uniform", TIMES
-            elif kind == "drifting":
-                ranges[drift_name(channel)] = "log-uniform", SIZES
-                ranges[drift_time_name(channel)] = "log-uniform", DRIFT_TIMES
     return {
         name: {"distribution": distribution, "lower": lower, "upper": upper}
         for name, (distribution, (lower, upper)) in ranges.items()

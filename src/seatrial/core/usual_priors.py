@@ -5,6 +5,6 @@ TIMES = (0.05, 10.0)  # Ends of a prior of a time constant, s
 # Ends of a prior of the correlation time of a slow error, s: up to three times a run of 100 s, or it is cut off there.
 DRIFT_TIMES = (0.05, 300.0)
 # Each as keys of a campaign file, in a sentence.
-SIZE_PRIOR, TIME_PRIOR, DRIFT_TIME_PRIOR = (
-    f'distribution = "log-uniform", lower = {lower} and upper = {upper}' for lower, upper in (SIZES, TIMES, DRIFT_TIMES)
+SIZE_PRIOR, TIME_PRIOR = (
+    f'distribution = "log-uniform", lower = {lower} and upper = {upper}' for lower, upper in (SIZES, TIMES)
 )

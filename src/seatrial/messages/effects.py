@@ -139,13 +139,12 @@ REMEDIES = {
         python="compare the structures, as others have this force",
     ),
     "better-noise": Remedy(
-        command='set estimation.residuals = "coloured", or "drifting" if there is white noise too, with priors: the residuals are '
-        "correlated",
-        python='give the sensors noise="coloured" or "drifting", with priors: the residuals are correlated',
+        command='set estimation.residuals = "drifting": the residuals are correlated',
+        python='give the sensors noise="drifting": the residuals are correlated',
     ),
     "drifting-too": Remedy(
-        command='set estimation.residuals = "drifting", with priors: there is white noise on slow residuals',
-        python='give the sensors noise="drifting", with priors: there is white noise on slow residuals',
+        command='set estimation.residuals = "drifting": there is white noise on slow residuals',
+        python='give the sensors noise="drifting": there is white noise on slow residuals',
     ),
     "compare-runs": Remedy(
         command="look for what changed between the runs, or let a coefficient vary by estimation.varying",

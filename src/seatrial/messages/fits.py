@@ -5,7 +5,7 @@ from typing import Any
 
 from seatrial.core.display_units import shown_unit
 from seatrial.core.findings import Finding
-from seatrial.core.usual_priors import DRIFT_TIME_PRIOR, SIZE_PRIOR, TIME_PRIOR
+from seatrial.core.usual_priors import TIME_PRIOR
 from seatrial.messages.entry import Entry, Remedy
 
 
@@ -396,11 +396,8 @@ REMEDIES = {
         page="choose coloured residuals on the model page",
     ),
     "drifting-noise": Remedy(
-        command='set estimation.residuals = "drifting", white noise on a slow error, and for each channel add sections of the size and of '
-        f"the correlation time of the slow one, here [prior.drift_{{subject[0]}}], for example with {SIZE_PRIOR}, and "
-        f"[prior.drift_time_{{subject[0]}}], in s, up to three times the duration of a run, for example with {DRIFT_TIME_PRIOR}, "
-        "in place of [prior.tau_{subject[0]}] where there is one",
-        python='give the sensors noise="drifting", and priors of drift_{subject[0]} and drift_time_{subject[0]}',
+        command='set estimation.residuals = "drifting", white noise on a slow error; remove [prior.tau_{subject[0]}] where there is one',
+        python='give the sensors noise="drifting"',
         page="choose drifting residuals on the model page",
     ),
     "missing-term": Remedy(command="look for a missing term"),

@@ -18,7 +18,6 @@ from seatrial.estimation.prediction.fit_verdict import LIKELY as LIKELY_CORRELAT
 from seatrial.estimation.prediction.fit_verdict import UNDERSTATED
 from seatrial.estimation.prediction.prediction import noise_sd, slow_noise
 from seatrial.estimation.prediction.prediction_scores import integrated_correlation, new_residuals
-from seatrial.estimation.simulation.sensor_errors import drift_name, drift_time_name
 from seatrial.estimation.simulation.trial_data import TrialData
 from seatrial.selection.evidence import EvidenceSettings
 from seatrial.selection.log_evidence import EvidenceSchedule, Keys, find_own_mode, keys_of, run_schedule
@@ -96,11 +95,7 @@ def _residual_doubt(posterior: Posterior, mode: Mode | None, key: jax.Array) -> 
             runs.append((time, new_residuals(time, (measured - shown[trial, is_present, column]) / sd, slow)))
         correlation = integrated_correlation(runs)
         if correlation.p_value < LIKELY_CORRELATED and correlation.sd_factor > UNDERSTATED:
-            remedy = (
-                "look for a missing term"
-                if sensor.noise == "drifting"
-                else f'give the sensor noise="drifting", and priors to {drift_name(sensor.channel)} and {drift_time_name(sensor.channel)}'
-            )
+            remedy = "look for a missing term" if sensor.noise == "drifting" else 'give the sensor noise="drifting"'
             return (
                 f"residuals of {sensor.channel} are correlated, and the stated standard deviations are too small, by a factor of "
                 f"about {correlation.sd_factor:.1f}; {remedy}"

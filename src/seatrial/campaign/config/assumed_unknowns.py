@@ -4,7 +4,7 @@ from collections.abc import Callable, Collection, Sequence
 
 from seatrial.campaign.config.schema import EstimationTable
 from seatrial.core.errors import InputError
-from seatrial.core.usual_priors import DRIFT_TIME_PRIOR, SIZE_PRIOR, TIME_PRIOR
+from seatrial.core.usual_priors import SIZE_PRIOR, TIME_PRIOR
 from seatrial.estimation.posterior.filter_error import process_name
 from seatrial.estimation.posterior.output_error import spread_name
 from seatrial.estimation.posterior.unknowns import Unknown, may_vary
@@ -108,5 +108,5 @@ def _example(one: Unknown) -> str:
     if kind == "lag":
         return 'distribution = "half-normal", scale = 1.0 and lower = 0.0'
     if one.unit == "s":
-        return DRIFT_TIME_PRIOR if kind == "drift" else TIME_PRIOR
+        return TIME_PRIOR
     return SIZE_PRIOR

@@ -35,7 +35,7 @@ from seatrial.design.prior_belief import ACTUATOR_SD
 from seatrial.design.stated_prediction import Prediction, prediction
 from seatrial.design.sweep import Trim
 from seatrial.estimation.posterior.filter_error import process_name
-from seatrial.estimation.posterior.unknowns import Unknown, unknowns_of
+from seatrial.estimation.posterior.unknowns import Unknown, slow_noise_priors, unknowns_of
 from seatrial.estimation.priors import Prior
 from seatrial.estimation.simulation.mounts import Mount
 from seatrial.estimation.simulation.sensor_errors import Sensor, bias_name
@@ -259,7 +259,8 @@ class Campaign:
         """
         assumed = assumed_unknowns(self.estimation, model, self.priors)
         every = unknowns_of(model, self.sensor_models, assumed, self.noise)[len(model.coefficients) :]
-        unknowns = [(one, prior) for one in every if (prior := self.priors.get(one.name, one.default)) is not None]
+        stated = {**slow_noise_priors(self.sensor_models, self.priors), **self.priors}
+        unknowns = [(one, prior) for one in every if (prior := stated.get(one.name, one.default)) is not None]
         if missing := [one for one in every if one.name not in self.priors and one.default is None]:
             raise no_unknown_prior(self.where, missing)
         return unknowns

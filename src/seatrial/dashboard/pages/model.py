@@ -16,7 +16,7 @@ NOTES = {
     "decide. A term that is in neither keeps its published value, or is zero. A new term gets a prior below: correct its range.",
     "prior": "Without a distribution the prior is removed.",
     "sensors": "If the report says that residuals are correlated, choose the noise that it names; drifting is white noise on a slow error. "
-    "The priors that it needs appear above.",
+    "Priors that have to be stated appear above.",
     "estimation": "residuals are those of all sensors that state none. If an alarm asks for longer chains, type warm-up and draws twice as "
     "large: multiples of 100.",
 }

@@ -19,7 +19,7 @@ from seatrial.estimation.posterior.output_error import (
     spread_name,
 )
 from seatrial.estimation.posterior.posterior import Parameter, Posterior, check_priors
-from seatrial.estimation.posterior.unknowns import Unknown, deviations, may_vary, unknowns_of
+from seatrial.estimation.posterior.unknowns import Unknown, deviations, may_vary, slow_noise_priors, unknowns_of
 from seatrial.estimation.priors import Prior
 from seatrial.estimation.simulation.delayed_control import DELAY
 from seatrial.estimation.simulation.disturbance import disturbed_axes
@@ -56,7 +56,8 @@ def make_posterior(
         records: trials, each with a label of its own.
         priors: of each unknown by name, SI: coefficients of the vehicle; `sigma_u`, `tau_u`, `dof_u`, `bias_u` and `lag_u` of a
             sensor; `delay`, `current`, `process_u`, `disturbance_X` with `disturbance_time_X`, `spread_X_u` and `u_0`. What each
-            trial has of its own may have a prior of its own, as `u_0[trial]`.
+            trial has of its own may have a prior of its own, as `u_0[trial]`. The slow part of a noise that drifts has usual priors where
+            none is stated (`slow_noise_priors`).
         sensors: measured channels; a name alone is a sensor of white noise. All channels of the first record where not given.
         start: state at the first sample, as far as it is known better than by its first measurement; signal name to SI value. Or the
             whole state of each record, SI, in the order of the states of the vehicle, shape (records, n_states).
@@ -80,6 +81,7 @@ def make_posterior(
         raise InputError("records", found="none", expected="one record at least", remedy=_A_RECORD)
     chosen = sensors_of(model, records, sensors)
     check_priors(priors)
+    priors = {**priors, **slow_noise_priors(chosen, priors)}
     own = check_names(own, "own", "bias_u")
     check_numbers(start_sd, "start_sd", known=model.states, above=0.0)
     parameters = parameters_of(model, chosen, priors, [record.label for record in records], own)

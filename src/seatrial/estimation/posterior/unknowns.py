@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.signals import ACTUAL, signal_label, signal_unit
+from seatrial.core.usual_priors import DRIFT_TIMES
 from seatrial.estimation.posterior.filter_error import process_name
 from seatrial.estimation.posterior.output_error import deviation_name, own_name, spread_name
 from seatrial.estimation.posterior.posterior import Parameter
@@ -38,6 +39,9 @@ from seatrial.vehicles.model import VehicleModel
 
 DOF_PRIOR = LogUniform(1.5, 200.0)  # Usual prior of degrees of freedom: from tails without a variance to the normal
 MAX_NOISE_RATIO = 5.0  # Upper end of the usual prior of a sensor's noise, over its nominal noise
+# Ends of the usual prior of the slow part of that noise, over the middle of the prior of its white part: from what no record shows to a
+# slow error that hides the white noise.
+SLOW_SHARES = (1e-3, 5.0)
 
 
 class Unknown(NamedTuple):
@@ -110,9 +114,10 @@ def unknowns_of_sensor(sensor: Sensor, noise: float | None = None) -> list[Unkno
     """Return the unknowns of a sensor, whose nominal noise is given in SI if it is known."""
     channel, label = sensor.channel, signal_label(sensor.channel)
     unit, slow = signal_unit(channel), f"the residuals of {channel} are {sensor.noise}"
-    usual = None if noise is None else Uniform(0.0, MAX_NOISE_RATIO * noise)
+    usual = {} if noise is None else {noise_name(channel): Uniform(0.0, MAX_NOISE_RATIO * noise)}
+    usual |= slow_noise_priors([sensor], usual)
     known = {
-        noise_name(channel): Unknown("", unit, rf"\sigma_{{{label}}}", default=usual, why=f"{channel} is measured"),
+        noise_name(channel): Unknown("", unit, rf"\sigma_{{{label}}}", why=f"{channel} is measured"),
         correlation_name(channel): Unknown("", "s", rf"\tau_{{{label}}}", why=slow),
         dof_name(channel): Unknown("", "1", rf"\nu_{{{label}}}", default=DOF_PRIOR, why=slow),
         drift_name(channel): Unknown("", unit, rf"\sigma_{{\mathrm{{drift}},{label}}}", why=slow),
@@ -120,7 +125,25 @@ def unknowns_of_sensor(sensor: Sensor, noise: float | None = None) -> list[Unkno
         bias_name(channel): Unknown("", unit, rf"b_{{{label}}}", True, why=f"the sensor of {channel} has a bias"),
         lag_name(channel): Unknown("", "s", rf"t_{{\mathrm{{lag}},{label}}}", why=f"the sensor of {channel} lags"),
     }
-    return [known[name]._replace(name=name) for name in sensor.parameters]
+    defaults = {name: usual.get(name, one.default) for name, one in known.items()}
+    return [known[name]._replace(name=name, default=defaults[name]) for name in sensor.parameters]
+
+
+def slow_noise_priors(sensors: Sequence[Sensor], priors: Mapping[str, Prior]) -> dict[str, Prior]:
+    """Return a usual prior of the size and of the time of each sensor's slow noise that has none.
+
+    Args:
+        sensors: of the measured channels.
+        priors: of the unknowns, those of white noise among them.
+    """
+    stated, usual = {name.partition("[")[0] for name in priors}, {}
+    for sensor in sensors:
+        white = priors.get(noise_name(sensor.channel))
+        if sensor.noise == "drifting" and white is not None:
+            middle = float(white.constrain(0.0))
+            usual[drift_name(sensor.channel)] = LogUniform(*(share * middle for share in SLOW_SHARES))
+            usual[drift_time_name(sensor.channel)] = LogUniform(*DRIFT_TIMES)
+    return {name: prior for name, prior in usual.items() if name not in stated}
 
 
 def noisy_states(stated: Collection[str], model: VehicleModel) -> tuple[str, ...]:
