@@ -93,6 +93,9 @@ EQUIVALENT: dict[str, str] = {
     "self.period[column : column + 2]": "one design more, of which the first is taken",
     "src/seatrial/selection/subsets/sampler.py, walk: if now == half - 1: => if now == (half):": "the same structures, taken one move "
     "later, before those of that move are merged",
+    "src/seatrial/selection/subsets/sampler.py, walk: if now == half - 1 or now == moves - 1 or (now + 1) % REFRESH_MOVES == 0: => "
+    "if now == half - 1 or now == moves - 1 or ((now)) % REFRESH_MOVES == 0:": "the same matrices made anew, and the same structures "
+    "merged, one move later",
     "src/seatrial/selection/log_evidence.py, run_task: cold = sample_cold(posterior, smc, fold_in(key, 1), settings.smc) => "
     "cold = sample_cold(posterior, smc, fold_in(key, 2), settings.smc)": "another stream of random numbers",
     "src/seatrial/filters/unscented.py, UnscentedKalmanFilter.predict: tuple(plus(p, dot(noise[i], noise[j])) for j, p in "
