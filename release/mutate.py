@@ -96,6 +96,11 @@ EQUIVALENT: dict[str, str] = {
     "src/seatrial/selection/subsets/sampler.py, walk: if now == half - 1 or now == moves - 1 or (now + 1) % REFRESH_MOVES == 0: => "
     "if now == half - 1 or now == moves - 1 or ((now)) % REFRESH_MOVES == 0:": "the same matrices made anew, and the same structures "
     "merged, one move later",
+    "src/seatrial/selection/subsets/sampler.py, walk: if now == half - 1 or now == moves - 1 or (now + 1) % REFRESH_MOVES == 0: => "
+    "if now == half - 1 or now == moves - 1 or (now + 1) % REFRESH_MOVES != 0:": "the same, made anew and merged at nearly every move",
+    "src/seatrial/estimation/prediction/fitted_range.py, _samples: return np.remainder(values + np.pi, 2 * np.pi) - np.pi if name == "
+    '"phi" else values => return np.remainder(values - np.pi, 2 * np.pi) - np.pi if name == "phi" else values': "a full turn "
+    "less, of which the remainder knows nothing",
     "src/seatrial/selection/log_evidence.py, run_task: cold = sample_cold(posterior, smc, fold_in(key, 1), settings.smc) => "
     "cold = sample_cold(posterior, smc, fold_in(key, 2), settings.smc)": "another stream of random numbers",
     "src/seatrial/filters/unscented.py, UnscentedKalmanFilter.predict: tuple(plus(p, dot(noise[i], noise[j])) for j, p in "

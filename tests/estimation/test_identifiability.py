@@ -19,7 +19,7 @@ from seatrial.estimation.posterior.information import expand_likelihood, is_nois
 from seatrial.estimation.posterior.mode import find_mode
 from seatrial.estimation.posterior.output_error import output_error
 from seatrial.estimation.posterior.posterior import Parameter
-from seatrial.estimation.priors import Normal, Uniform
+from seatrial.estimation.priors import LogUniform, Normal, Uniform
 from seatrial.estimation.simulation.sensor_errors import Sensor
 from seatrial.messages.identifiability import (
     identifiability_cautions,
@@ -328,6 +328,14 @@ def test_covariance_of_a_fit_has_the_signs_of_the_information():
     cov = fit.correlation * np.outer(mode.sd, mode.sd)
     draws = np.random.default_rng(0).multivariate_normal(mode.values, 4 * cov, 20_000)
     assert identifiability_of_fit(target, mode, draws).sd == pytest.approx(2 * mode.sd, rel=0.03)
+
+
+def test_a_fit_knows_no_less_than_its_prior():
+    """Where a hardly informed coefficient of three decades lies near its upper end, the slope of its logarithm promises five times more."""
+    target = posterior({"a": LogUniform(1.0, 1e3)}, lambda v, data: -0.5 * ((v["a"] - 900.0) / 3e3) ** 2)
+    mode = find_mode(target, KEY)
+    assert mode.sd > 2 * target.parameters[0].prior.sd
+    assert identifiability_of_fit(target, mode).contraction == pytest.approx([1.0])
 
 
 def test_expansion_of_a_density_of_ones_own_is_exact():
