@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import seatrial as st
+from seatrial.design import trial_design
 from seatrial.design.sweep import sweep_family
 from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.numerics.gaussian import Gaussian
@@ -59,12 +60,17 @@ def test_the_schedule_is_that_of_the_best(found):
     assert f"period {best.period[column]:.3g} s: {found.gain:.2f} nat" in str(found)
 
 
-def test_slower_sensors_and_limits_count(found):
+def test_slower_sensors_and_limits_count(found, monkeypatch):
     assert design(rates={"u": 1.0}).gain < found.gain
     inside = design(limits=Limits(upper=1350 * RPM))
     assert np.isnan(inside.sweeps[0].gain[1]).all()
     with pytest.raises(st.InputError, match="no design of 4 inside the limits"):
         design(limits=Limits(upper=1250 * RPM))
+    monkeypatch.setattr(trial_design, "LANES", 2)
+    row_by_row = trial_design.design_trial(problem(limits=Limits(upper=1350 * RPM)), trial_design.GridSearch())
+    for name in ("gain", "peak_speed", "final_sd"):
+        np.testing.assert_allclose(getattr(row_by_row.sweeps[0], name)[0], getattr(inside.sweeps[0], name)[0])
+        assert getattr(row_by_row.sweeps[0], name).shape == getattr(inside.sweeps[0], name).shape
 
 
 def test_own_utility_is_averaged_over_the_belief():
