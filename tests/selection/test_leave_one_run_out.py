@@ -121,8 +121,18 @@ def test_bands_and_scores():
     assert found().bands["u"].level in ("pass", "unjudged")
 
 
-def test_fewer_draws_give_the_same_score():
-    assert found(draws=256).elpd == pytest.approx(found().elpd, abs=1.0)
+def test_fewer_draws_give_the_same_score_and_predict_as_often_as_they_weigh(monkeypatch):
+    """Systematic resampling takes each draw its weight's share of times, rounded up or down."""
+    wanted = found().elpd
+    drawn, taken, draw, predict = [], [], module._draw, module.predict_run
+    monkeypatch.setattr(module, "_draw", lambda *args: drawn.append(draw(*args)) or drawn[-1])
+    monkeypatch.setattr(module, "predict_run", lambda runs, r, z, key: taken.append(z) or predict(runs, r, z, key))
+    assert found(draws=256).elpd == pytest.approx(wanted, abs=1.0)
+    ((known, (*without, _), _),) = drawn
+    for (weights, _), z in zip(without, taken, strict=True):
+        times = (z[None] == known.z[:, None]).all(2).sum(1)
+        assert times.sum() == len(z) == module.PREDICTION_DRAWS
+        assert (np.abs(times - len(z) * np.exp(weights) / np.exp(weights).sum()) < 1).all()
 
 
 def test_refusals():
