@@ -11,6 +11,7 @@ from seatrial.campaign.design.problem import design_problem
 from seatrial.campaign.design.searches import design_relay_trial, relay_search
 from seatrial.campaign.design.sweep import design_first
 from seatrial.core.errors import InputError
+from seatrial.design.relay_sweep import RANGE_QUANTILES
 from tests.campaigns import joined, normal, priors, write_campaign
 
 YAW = joined(
@@ -84,6 +85,21 @@ def test_a_control_without_a_trim_value(tmp_path):
         design_first(yaw(tmp_path, ('u = "1.5 m/s"', 'v = "0 m/s"')))
 
 
+def plain_steps(amplitude, threshold, draws, noise):
+    """Rate and rudder of every vehicle, shape (S, n), and how often each relay reverses."""
+    h, (a, b) = 0.1, draws.T * 1.5**2
+    r, applied, side, reversals, course = *np.zeros((2, len(a))), np.ones(len(a)), np.zeros(len(a)), []
+    for k, error in enumerate(noise.T):
+        acts, seen = 1.0 <= k * h + 1e-9 < 16.0, -(r + error)
+        turned = np.where(seen >= threshold, -1.0, np.where(seen <= -threshold, 1.0, side)) if acts else side
+        reversals, side = reversals + (turned != side), turned
+        wanted = side * amplitude if acts else np.zeros(len(a))
+        applied = applied + np.clip(wanted - applied, -np.deg2rad(40) * h, np.deg2rad(40) * h)
+        course.append((r, applied))
+        r = np.exp(a * h) * r + (np.exp(a * h) - 1) / a * b * applied
+    return *np.array(course).transpose(1, 2, 0), reversals
+
+
 @pytest.mark.proof
 def test_the_relay_is_closed_on_every_vehicle_by_itself(tmp_path):
     """With each draw's own loop, r goes to the threshold and back; the rule is kept with the schedule."""
@@ -92,6 +108,13 @@ def test_the_relay_is_closed_on_every_vehicle_by_itself(tmp_path):
     assert found.effect == -1.0
     assert found.oscillates > 0.95
     assert found.first_overshoot[0] > -0.03
+    problem, search = design_problem(campaign), relay_search(campaign)
+    draws = problem.draws_for("draws of the self-oscillation")
+    fresh = slice(len(draws) // 2, None)
+    noise = search._noise(problem, len(draws))[fresh]
+    *_, reversals = plain_steps(found.amplitude, found.threshold, draws[fresh], noise)
+    assert found.oscillates == (reversals >= 2).mean()
+    np.testing.assert_array_equal(found.reversals, np.quantile(reversals[reversals >= 2], RANGE_QUANTILES))
     rule = json.loads(schedule.with_suffix(".json").read_text())["rule"]
     assert rule == found.rule
     assert "below trim once r is -" in rule
@@ -103,22 +126,12 @@ def test_the_loop_against_plain_steps_of_the_exact_solution(tmp_path):
     """r' = a r + b delta, held from sample to sample, has an exact step; without noise the relay sees r every other sample."""
     campaign = yaw(tmp_path)
     loop = relay_search(campaign).loop(design_problem(campaign))
-    h, a, b = 0.1, -0.55 * 1.5**2, -0.35 * 1.5**2
-    amplitude, threshold, n = np.deg2rad(12.5), np.deg2rad(4.0), 200
-    measured = np.arange(n) % 2 == 0
-    noise = np.where(measured, 0.0, np.nan)[None]
+    amplitude, threshold = np.deg2rad(12.5), np.deg2rad(4.0)
+    noise = np.where(np.arange(200) % 2 == 0, 0.0, np.nan)[None]
     controls, outputs = loop.runs(amplitude, threshold, np.array([[-0.55, -0.35]]), noise)
-    r, side, applied, expected = 0.0, 1.0, 0.0, []
-    for k in range(n):
-        if measured[k] and 1.0 <= k * h + 1e-9 < 16.0:
-            side = -1.0 if -r >= threshold else 1.0 if -r <= -threshold else side
-        wanted = side * amplitude if 1.0 <= k * h + 1e-9 < 16.0 else 0.0
-        applied += np.clip(wanted - applied, -np.deg2rad(40) * h, np.deg2rad(40) * h)
-        expected.append((r, applied))
-        r = np.exp(a * h) * r + (np.exp(a * h) - 1) / a * b * applied
-    expected = np.array(expected)
-    np.testing.assert_allclose(outputs[0], expected[:, 0], atol=2e-6)
-    np.testing.assert_allclose(controls[0][:, 1], expected[:, 1], atol=1e-12)
+    r, rudder, _ = plain_steps(amplitude, threshold, np.array([[-0.55, -0.35]]), noise)
+    np.testing.assert_allclose(outputs, r, atol=2e-6)
+    np.testing.assert_allclose(controls[..., 1], rudder, atol=1e-12)
 
 
 @pytest.mark.parametrize(
